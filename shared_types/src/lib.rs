@@ -1,0 +1,24 @@
+//! What travels between Gerono's services and what everyone agrees on.
+//!
+//! * [`sample`]: the macro that declares a sample once (struct, `.msg` text, layout proof, layout hash);
+//! * [`samples`]: the samples of the flight;
+//! * [`wiring`]: which service publishes and consumes which topic, written once;
+//! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
+//! * [`schedule`]: who steps when, and which sample is due where, computable by everyone;
+//! * [`scenario`]: the parameters of a flight, with their validation;
+//! * [`rotation`]: the conventions of attitude.
+//!
+//! Nothing in this crate does input or output.
+
+pub mod rotation;
+pub mod sample;
+pub mod samples;
+pub mod scenario;
+pub mod schedule;
+pub mod service;
+pub mod wiring;
+
+pub use sample::{Header, Sample};
+pub use schedule::Schedule;
+pub use service::{Input, Now, Output, Service};
+pub use wiring::{ServiceId, Topic};

@@ -1,0 +1,131 @@
+//! Attitude: R maps body {B} to inertial {I}; {I} has z down. Rotations travel row-major.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// S(x), the skew-symmetric matrix with S(x) y = x × y.
+#[must_use]
+#[inline]
+pub fn skew(x: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::new(0.0, -x.z, x.y, x.z, 0.0, -x.x, -x.y, x.x, 0.0)
+}
+
+/// exp S(θ) ∈ SO(3), Rodrigues' formula; `theta` is axis times angle, rad.
+///
+/// Below 1e−4 rad the two coefficients come from their series, which are then exact to the last bit.
+#[must_use]
+#[inline]
+pub fn exp(theta: &Vector3<f64>) -> Matrix3<f64> {
+    let angle_squared = theta.norm_squared();
+    let (sine_ratio, cosine_ratio) = if angle_squared < 1e-8 {
+        (1.0 - angle_squared / 6.0, 0.5 - angle_squared / 24.0)
+    } else {
+        let angle = angle_squared.sqrt();
+        let half_sine = libm::sin(0.5 * angle);
+        (
+            libm::sin(angle) / angle,
+            2.0 * half_sine * half_sine / angle_squared,
+        )
+    };
+    let s = skew(theta);
+    Matrix3::identity() + s * sine_ratio + s * s * cosine_ratio
+}
+
+/// Rx(a) of the paper, eq. (27): the rotation about x by −a in the right-handed sense.
+#[must_use]
+pub fn paper_rx(angle: f64) -> Matrix3<f64> {
+    let (sine, cosine) = libm::sincos(angle);
+    Matrix3::new(1.0, 0.0, 0.0, 0.0, cosine, sine, 0.0, -sine, cosine)
+}
+
+/// One step of the polar iteration R ← R (3I − RᵀR)/2, which pulls a nearly orthogonal matrix back to SO(3)
+/// with quadratic convergence.
+#[must_use]
+#[inline]
+pub fn orthonormalized(r: &Matrix3<f64>) -> Matrix3<f64> {
+    r * (Matrix3::identity() * 3.0 - r.transpose() * r) * 0.5
+}
+
+/// Distance of a matrix from SO(3): ‖RᵀR − I‖F, and infinite for a reflection.
+#[must_use]
+pub fn defect(r: &Matrix3<f64>) -> f64 {
+    if r.determinant() <= 0.0 {
+        return f64::INFINITY;
+    }
+    (r.transpose() * r - Matrix3::identity()).norm()
+}
+
+/// Roll, pitch and yaw (rad) with R = Rz(yaw) Ry(pitch) Rx(roll), right-handed about z down.
+#[must_use]
+pub fn roll_pitch_yaw(r: &Matrix3<f64>) -> [f64; 3] {
+    [
+        libm::atan2(r[(2, 1)], r[(2, 2)]),
+        -libm::asin(r[(2, 0)].clamp(-1.0, 1.0)),
+        libm::atan2(r[(1, 0)], r[(0, 0)]),
+    ]
+}
+
+/// R = Rz(yaw) Ry(pitch) Rx(roll), the inverse of [`roll_pitch_yaw`].
+#[must_use]
+pub fn from_roll_pitch_yaw([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
+    exp(&Vector3::new(0.0, 0.0, yaw))
+        * exp(&Vector3::new(0.0, pitch, 0.0))
+        * exp(&Vector3::new(roll, 0.0, 0.0))
+}
+
+/// A rotation as it travels: row-major.
+#[must_use]
+#[inline]
+pub fn to_row_major(r: &Matrix3<f64>) -> [f64; 9] {
+    let t = r.transpose();
+    let mut elements = [0.0; 9];
+    elements.copy_from_slice(t.as_slice());
+    elements
+}
+
+/// A rotation as it is computed with, from its row-major form.
+#[must_use]
+#[inline]
+pub fn from_row_major(elements: &[f64; 9]) -> Matrix3<f64> {
+    Matrix3::from_row_slice(elements)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector(bound: f64) -> impl Strategy<Value = Vector3<f64>> {
+        [-bound..bound, -bound..bound, -bound..bound].prop_map(Vector3::from)
+    }
+
+    proptest! {
+        #[test]
+        fn exp_is_a_rotation_about_its_axis(theta in vector(4.0)) {
+            let r = exp(&theta);
+            prop_assert!(defect(&r) < 1e-14);
+            prop_assert!((r * theta - theta).norm() < 1e-14 * (1.0 + theta.norm()));
+        }
+
+        #[test]
+        fn exp_agrees_with_its_series_across_the_switch(direction in vector(1.0), size in 1e-6..1e-3f64) {
+            let theta = direction * size;
+            let s = skew(&theta);
+            let series = Matrix3::identity() + s + s * s / 2.0 + s * s * s / 6.0 + s * s * s * s / 24.0;
+            prop_assert!((exp(&theta) - series).norm() < 1e-15);
+        }
+
+        #[test]
+        fn orthonormalization_converges_quadratically(theta in vector(3.0), noise in vector(1e-4)) {
+            let r = exp(&theta) + Matrix3::from_diagonal(&noise);
+            prop_assert!(defect(&orthonormalized(&r)) < 10.0 * defect(&r) * defect(&r) + 1e-15);
+        }
+
+        #[test]
+        fn angles_round_trip(roll in -3.1..3.1f64, pitch in -1.5..1.5f64, yaw in -3.1..3.1f64) {
+            let angles = roll_pitch_yaw(&from_roll_pitch_yaw([roll, pitch, yaw]));
+            for (got, wanted) in angles.iter().zip([roll, pitch, yaw]) {
+                prop_assert!((got - wanted).abs() < 1e-12);
+            }
+        }
+    }
+}

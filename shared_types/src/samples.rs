@@ -1,0 +1,192 @@
+//! The samples of the flight. Frames: {I} ("world", z down) and {B} ("body"). SI units, radians.
+
+use crate::sample::{Flag, Header};
+
+crate::sample! {
+    /// The plant's true state at the sample's tick.
+    pub struct VehicleTruth {
+        /// Common header.
+        pub header: Header,
+        /// p, position in {I}, m.
+        pub position_world: [f64; 3],
+        /// R, body to inertial, row-major.
+        pub world_from_body: [f64; 9],
+        /// v, linear velocity in {B}, m/s.
+        pub velocity_body: [f64; 3],
+        /// ω, angular velocity in {B}, rad/s.
+        pub angular_velocity_body: [f64; 3],
+        /// T, thrust that acted up to this tick, N.
+        pub thrust: f64,
+        /// τ, torque that acted up to this tick, in {B}, N m.
+        pub torque_body: [f64; 3],
+        /// m, mass from this tick on, kg.
+        pub mass: f64,
+        /// Diagonal of J from this tick on, kg m².
+        pub inertia: [f64; 3],
+        /// b, disturbance from this tick on, an acceleration in {I}, m/s².
+        pub disturbance_world: [f64; 3],
+    }
+
+    /// A pose as the motion-capture system saw it.
+    pub struct MocapPose {
+        /// Common header.
+        pub header: Header,
+        /// Time of the exposure, ns since the start of the flight.
+        pub capture_time_ns: u64,
+        /// Position of the body in {I}, m.
+        pub position_world: [f64; 3],
+        /// Attitude, body to inertial, row-major.
+        pub world_from_body: [f64; 9],
+        /// Linear velocity in {B}, m/s; only with `velocities_measured`.
+        pub velocity_body: [f64; 3],
+        /// Angular velocity in {B}, rad/s; only with `velocities_measured`.
+        pub angular_velocity_body: [f64; 3],
+        /// Whether the body was seen; if not, all else is zero.
+        pub tracked: Flag,
+        /// Whether the velocities are measured (ideal cameras) or zero.
+        pub velocities_measured: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 6],
+    }
+
+    /// The vehicle's state as estimated.
+    pub struct VehicleState {
+        /// Common header.
+        pub header: Header,
+        /// The time that the state speaks of, ns since the start of the flight.
+        pub state_time_ns: u64,
+        /// p, position in {I}, m.
+        pub position_world: [f64; 3],
+        /// R, body to inertial, row-major.
+        pub world_from_body: [f64; 9],
+        /// v, linear velocity in {B}, m/s.
+        pub velocity_body: [f64; 3],
+        /// ω, angular velocity in {B}, rad/s.
+        pub angular_velocity_body: [f64; 3],
+        /// Standard deviation of the position, the largest axis, m.
+        pub position_sigma: f64,
+        /// Whether the state rests on a measurement of the body.
+        pub tracked: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
+    }
+
+    /// Where the vehicle should be: the point of the path, its γ-derivatives and the timing law's terms.
+    pub struct PathReference {
+        /// Common header.
+        pub header: Header,
+        /// γ, path parameter.
+        pub gamma: f64,
+        /// γ̇, 1/s.
+        pub gamma_dot: f64,
+        /// γ̈ of the timing law (25), 1/s².
+        pub gamma_ddot: f64,
+        /// γ̇d = vd ψ(‖z1‖), 1/s.
+        pub gamma_dot_desired: f64,
+        /// Constant part of γ⃛ = c0 + c1 d²‖z1‖/dt², 1/s³.
+        pub gamma_dddot_constant: f64,
+        /// Coefficient c1 of d²‖z1‖/dt² in γ⃛, 1/(m s).
+        pub gamma_dddot_slope: f64,
+        /// pd(γ) in {I}, m.
+        pub position_world: [f64; 3],
+        /// dpd/dγ in {I}, m.
+        pub derivative1_world: [f64; 3],
+        /// d²pd/dγ² in {I}, m.
+        pub derivative2_world: [f64; 3],
+        /// d³pd/dγ³ in {I}, m.
+        pub derivative3_world: [f64; 3],
+        /// ψd, desired yaw, rad.
+        pub yaw: f64,
+        /// Rate of the desired yaw, rad/s.
+        pub yaw_rate: f64,
+    }
+
+    /// What the controller commands.
+    pub struct ControlCommand {
+        /// Common header.
+        pub header: Header,
+        /// T, thrust along −R e3, N.
+        pub thrust: f64,
+        /// τ, torque in {B}, N m; with `MODE_TORQUE`.
+        pub torque_body: [f64; 3],
+        /// Body rates in {B}, rad/s; with `MODE_RATES`.
+        pub rates_body: [f64; 3],
+        #[values(MODE_TORQUE = 0, MODE_RATES = 1)]
+        /// What the vehicle is to follow.
+        pub mode: u32,
+        /// Explicit padding.
+        pub pad0: u32,
+    }
+
+    /// The estimates of the unknown parameters, for people to look at.
+    pub struct ControlAdaptation {
+        /// Common header.
+        pub header: Header,
+        /// η̂, estimate of 1/m before projection, 1/kg.
+        pub eta_hat: f64,
+        /// π(η̂), 1/kg.
+        pub eta_projected: f64,
+        /// m̂ = 1/π(η̂), kg.
+        pub mass_estimate: f64,
+        /// b̂ in {I} before projection, m/s².
+        pub disturbance_hat_world: [f64; 3],
+        /// π(b̂) in {I}, m/s².
+        pub disturbance_projected_world: [f64; 3],
+        /// ŵ: Diag(J), η Diag(J), J1 b, J2 b, J3 b.
+        pub w_hat: [f64; 15],
+    }
+
+    /// The errors of the backstepping design.
+    pub struct ControlErrors {
+        /// Common header.
+        pub header: Header,
+        /// z1 = p − pd(γ), eq. (7), m.
+        pub z1: [f64; 3],
+        /// z2, eq. (9), m/s.
+        pub z2: [f64; 3],
+        /// z3 = ω − ωd, eq. (18), rad/s.
+        pub z3: [f64; 3],
+        /// z4 = γ̇ − γ̇d, eq. (22), 1/s.
+        pub z4: f64,
+        /// ζ of section IV, m/s².
+        pub zeta: [f64; 3],
+        /// ωd, virtual angular velocity, rad/s.
+        pub omega_desired: [f64; 3],
+    }
+
+    /// A frame of the radio link and what it means.
+    pub struct RcFrame {
+        /// Common header.
+        pub header: Header,
+        /// Channels as sent, in the link's own units; all zero on the ideal link.
+        pub channels: [u16; 16],
+        /// T that the frame asks for, N.
+        pub thrust: f64,
+        /// τ that the frame asks for in {B}, N m; with `MODE_TORQUE`.
+        pub torque_body: [f64; 3],
+        /// Body rates that the frame asks for in {B}, rad/s; with `MODE_RATES`.
+        pub rates_body: [f64; 3],
+        #[values(MODE_TORQUE = 0, MODE_RATES = 1)]
+        /// What the vehicle is to follow.
+        pub mode: u32,
+        /// Whether this is a failsafe frame.
+        pub failsafe: Flag,
+        /// Whether a limit changed what the controller asked for.
+        pub saturated: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 2],
+    }
+
+    /// Something that the scenario schedules. Never something that happened to the machine.
+    pub struct RunEvent {
+        /// Common header.
+        pub header: Header,
+        #[values(KIND_FLIGHT_STARTS = 1, KIND_VEHICLE_CHANGES = 2, KIND_FLIGHT_ENDS = 3)]
+        /// What happens.
+        pub kind: u32,
+        /// Length of `text`, bytes.
+        pub text_length: u32,
+        /// What happens, in words, UTF-8, filled up with zeros.
+        pub text: [u8; 120],
+    }
+}

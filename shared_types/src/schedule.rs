@@ -1,0 +1,446 @@
+//! Who steps when, and which sample is due where: a timed dataflow that everyone can compute.
+//!
+//! A service steps at the ticks `phase + n·period`; a topic is published at such ticks of its own, each of
+//! them a step of its publisher; an edge (topic → consumer) delivers `latency` ticks after publication. So at
+//! any tick each consumer knows which sample of each input is due, and in lock-step waits for exactly that
+//! one: results cannot depend on how processes are scheduled. Every cycle of edges holds a tick of delay.
+
+use crate::sample::Header;
+use crate::wiring::{ServiceId, Topic};
+
+/// The ticks `phase + n·period`, n ≥ 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rate {
+    /// Distance of two occurrences, base ticks, at least 1.
+    pub period: u64,
+    /// First occurrence, base tick.
+    pub phase: u64,
+}
+
+impl Rate {
+    /// At every base tick.
+    pub const EVERY_TICK: Self = Self { period: 1, phase: 0 };
+
+    /// Whether `tick` is one of the ticks.
+    #[must_use]
+    #[inline]
+    pub fn occurs_at(self, tick: u64) -> bool {
+        // Most rates are one: spare them the division.
+        if self.period == 1 {
+            tick >= self.phase
+        } else {
+            tick >= self.phase && (tick - self.phase).is_multiple_of(self.period)
+        }
+    }
+
+    /// The last of the ticks that is not after `tick`.
+    #[must_use]
+    #[inline]
+    pub fn last_at_or_before(self, tick: u64) -> Option<u64> {
+        let since = tick.checked_sub(self.phase)?;
+        Some(if self.period == 1 {
+            tick
+        } else {
+            tick - since % self.period
+        })
+    }
+
+    /// How many of the ticks lie before `tick`: the sequence number of an occurrence at `tick`.
+    #[must_use]
+    #[inline]
+    pub fn count_before(self, tick: u64) -> u64 {
+        let since = tick.saturating_sub(self.phase);
+        if self.period == 1 {
+            since
+        } else {
+            since.div_ceil(self.period)
+        }
+    }
+
+    /// Whether every tick of `self` is one of `other`.
+    #[must_use]
+    pub fn is_within(self, other: Self) -> bool {
+        other.occurs_at(self.phase) && self.period.is_multiple_of(other.period)
+    }
+}
+
+/// Why a set of rates and latencies is no schedule.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ScheduleError {
+    /// Services that wait for each other within one tick, in the order of the cycle.
+    CycleWithoutDelay(Vec<ServiceId>),
+    /// A topic is due at ticks at which its publisher does not step.
+    TopicWithoutStep {
+        /// The topic.
+        topic: Topic,
+        /// Who should publish it.
+        publisher: ServiceId,
+    },
+    /// The controller joins the state and the reference of equal tick, but gets them of different ticks.
+    UnequalJoin {
+        /// First tick at which that happens.
+        tick: u64,
+    },
+}
+
+impl std::fmt::Display for ScheduleError {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::CycleWithoutDelay(services) => {
+                let names: Vec<_> = services.iter().map(|service| service.name()).collect();
+                write!(
+                    formatter,
+                    "the services {} wait for each other within one tick: give one edge of the cycle a latency of at least a tick",
+                    names.join(" → ")
+                )
+            }
+            Self::TopicWithoutStep { topic, publisher } => write!(
+                formatter,
+                "`{topic}` is due at ticks at which `{publisher}` does not step: make its period a multiple of the service's and let it begin on one of its steps"
+            ),
+            Self::UnequalJoin { tick } => write!(
+                formatter,
+                "at tick {tick} the controller would join a state and a reference of different ticks: give `path_generator` and `controller` the same period, phase and input latencies"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for ScheduleError {}
+
+const SERVICES: usize = ServiceId::ALL.len();
+const TOPICS: usize = Topic::ALL.len();
+
+/// Most inputs or outputs that a service has.
+pub const MAX_PORTS: usize = 4;
+
+/// The resolved schedule of a flight.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Schedule {
+    tick_ns: u64,
+    last_tick: u64,
+    services: [Rate; SERVICES],
+    topics: [Rate; TOPICS],
+    latencies: [[u64; MAX_PORTS]; SERVICES],
+    order: [ServiceId; SERVICES],
+}
+
+impl Schedule {
+    /// Resolves and checks a schedule: `services` and `topics` by index, `latencies[service][input]` in ticks.
+    ///
+    /// # Errors
+    /// [`ScheduleError`] if the rates and latencies do not fit together.
+    pub fn new(
+        tick_ns: u64,
+        last_tick: u64,
+        services: [Rate; SERVICES],
+        topics: [Rate; TOPICS],
+        latencies: [[u64; MAX_PORTS]; SERVICES],
+    ) -> Result<Self, ScheduleError> {
+        let order = topological_order(&latencies)?;
+        let schedule = Self {
+            tick_ns,
+            last_tick,
+            services,
+            topics,
+            latencies,
+            order,
+        };
+        for topic in Topic::ALL {
+            if let Some(publisher) = topic.publisher()
+                && !schedule
+                    .topic_rate(topic)
+                    .is_within(schedule.service_rate(publisher))
+            {
+                return Err(ScheduleError::TopicWithoutStep { topic, publisher });
+            }
+        }
+        schedule.check_controller_join()?;
+        Ok(schedule)
+    }
+
+    /// Every service steps and every topic is published at every tick, latencies as in the wiring table.
+    ///
+    /// # Panics
+    /// Never: the wiring table itself has no cycle without delay.
+    #[must_use]
+    pub fn ideal(tick_ns: u64, last_tick: u64) -> Self {
+        let every = Rate::EVERY_TICK;
+        Self::new(
+            tick_ns,
+            last_tick,
+            [every; SERVICES],
+            [every; TOPICS],
+            default_latencies(),
+        )
+        .expect("the wiring table has no cycle without delay")
+    }
+
+    /// Length of a base tick, ns.
+    #[must_use]
+    pub fn tick_ns(&self) -> u64 {
+        self.tick_ns
+    }
+
+    /// The flight's last tick; it begins with tick 0.
+    #[must_use]
+    pub fn last_tick(&self) -> u64 {
+        self.last_tick
+    }
+
+    /// Time of a tick since the start of the flight, ns.
+    #[must_use]
+    #[inline]
+    pub fn time_ns(&self, tick: u64) -> u64 {
+        tick * self.tick_ns
+    }
+
+    /// When a service steps.
+    #[must_use]
+    #[inline]
+    pub fn service_rate(&self, service: ServiceId) -> Rate {
+        self.services[service.index()]
+    }
+
+    /// When a topic is published.
+    #[must_use]
+    #[inline]
+    pub fn topic_rate(&self, topic: Topic) -> Rate {
+        self.topics[topic.index()]
+    }
+
+    /// Transport latency of an input, ticks.
+    #[must_use]
+    #[inline]
+    pub fn latency(&self, service: ServiceId, input: usize) -> u64 {
+        self.latencies[service.index()][input]
+    }
+
+    /// The services in an order in which none waits for a later one within a tick.
+    #[must_use]
+    pub fn order(&self) -> &[ServiceId; SERVICES] {
+        &self.order
+    }
+
+    /// Tick of the sample that is due at a service's input at `tick`; `None` before the first.
+    #[must_use]
+    #[inline]
+    pub fn due_sample(&self, service: ServiceId, input: usize, tick: u64) -> Option<u64> {
+        let published_by = tick.checked_sub(self.latency(service, input))?;
+        self.topic_rate(service.inputs()[input].topic)
+            .last_at_or_before(published_by)
+    }
+
+    /// Header of the sample of a topic that is published at `tick`.
+    #[must_use]
+    #[inline]
+    pub fn header(&self, topic: Topic, tick: u64) -> Header {
+        Header {
+            tick,
+            stamp_ns: self.time_ns(tick),
+            seq: self.topic_rate(topic).count_before(tick),
+        }
+    }
+
+    /// How many samples of a topic the flight has.
+    #[must_use]
+    pub fn sample_count(&self, topic: Topic) -> u64 {
+        self.topic_rate(topic).count_before(self.last_tick + 1)
+    }
+
+    /// How far, in ticks, the publisher of an input may run ahead of its consumer at most: no further than the
+    /// delays and periods around any cycle of edges through both.
+    #[must_use]
+    pub fn run_ahead_ticks(&self) -> u64 {
+        let latencies: u64 = self.latencies.iter().flatten().sum();
+        let periods: u64 = self
+            .services
+            .iter()
+            .chain(&self.topics)
+            .map(|rate| rate.period + rate.phase)
+            .sum();
+        latencies + periods
+    }
+
+    /// Places that an input's buffer needs, so that no publisher waits for its consumer.
+    #[must_use]
+    pub fn buffer_size(&self, topic: Topic) -> u64 {
+        self.run_ahead_ticks() / self.topic_rate(topic).period + 2
+    }
+
+    fn check_controller_join(&self) -> Result<(), ScheduleError> {
+        const CONTROLLER: ServiceId = ServiceId::Controller;
+        let longest = [
+            self.services.map(|rate| rate.period),
+            self.services.map(|rate| rate.phase),
+        ];
+        let horizon = self.run_ahead_ticks() + 2 * longest.iter().flatten().sum::<u64>();
+        let steps =
+            (0..=horizon.min(self.last_tick)).filter(|&tick| self.service_rate(CONTROLLER).occurs_at(tick));
+        for tick in steps {
+            let reference = self.due_sample(CONTROLLER, 1, tick);
+            // The reference speaks of the state that the path generator had, not of its own tick.
+            let referred = reference.and_then(|at| self.due_sample(ServiceId::PathGenerator, 0, at));
+            if reference.is_some() && referred != self.due_sample(CONTROLLER, 0, tick) {
+                return Err(ScheduleError::UnequalJoin { tick });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The latencies of the wiring table, ticks.
+#[must_use]
+pub fn default_latencies() -> [[u64; MAX_PORTS]; SERVICES] {
+    let mut latencies = [[0; MAX_PORTS]; SERVICES];
+    for service in ServiceId::ALL {
+        for (latency, input) in latencies[service.index()].iter_mut().zip(service.inputs()) {
+            *latency = input.default_latency_ticks;
+        }
+    }
+    latencies
+}
+
+/// Orders the services along the edges without latency, or finds the services of a cycle of such edges.
+fn topological_order(
+    latencies: &[[u64; MAX_PORTS]; SERVICES],
+) -> Result<[ServiceId; SERVICES], ScheduleError> {
+    let waits_for = |service: ServiceId| {
+        let inputs = service.inputs().iter().zip(&latencies[service.index()]);
+        inputs
+            .filter(|(_, latency)| **latency == 0)
+            .filter_map(|(input, _)| input.topic.publisher())
+    };
+    let mut order = Vec::with_capacity(SERVICES);
+    while order.len() < SERVICES {
+        let mut left = ServiceId::ALL
+            .into_iter()
+            .filter(|service| !order.contains(service));
+        match left
+            .clone()
+            .find(|&service| waits_for(service).all(|publisher| order.contains(&publisher)))
+        {
+            Some(service) => order.push(service),
+            None => {
+                let start = left.next().expect("some service is left");
+                return Err(ScheduleError::CycleWithoutDelay(cycle_from(
+                    start, &order, waits_for,
+                )));
+            }
+        }
+    }
+    Ok(order.try_into().expect("every service once"))
+}
+
+fn cycle_from<I: Iterator<Item = ServiceId>>(
+    start: ServiceId,
+    done: &[ServiceId],
+    waits_for: impl Fn(ServiceId) -> I,
+) -> Vec<ServiceId> {
+    let mut walk = vec![start];
+    loop {
+        let last = walk[walk.len() - 1];
+        let next = waits_for(last)
+            .find(|publisher| !done.contains(publisher))
+            .expect("everyone left waits for someone left");
+        if let Some(begin) = walk.iter().position(|&service| service == next) {
+            let mut cycle = walk.split_off(begin);
+            cycle.push(next);
+            cycle.reverse();
+            return cycle;
+        }
+        walk.push(next);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_rate_agrees_with_counting(period in 1..30u64, phase in 0..30u64, tick in 0..500u64) {
+            let rate = Rate { period, phase };
+            let ticks: Vec<u64> = (0..500).map(|n| phase + n * period).collect();
+            prop_assert_eq!(rate.occurs_at(tick), ticks.contains(&tick));
+            prop_assert_eq!(rate.last_at_or_before(tick), ticks.iter().copied().rfind(|&at| at <= tick));
+            prop_assert_eq!(rate.count_before(tick), ticks.iter().filter(|&&at| at < tick).count() as u64);
+        }
+
+        #[test]
+        fn an_order_lets_nobody_wait_for_a_later_one(latencies in proptest::array::uniform5(proptest::array::uniform4(0..2u64))) {
+            if let Ok(order) = topological_order(&latencies) {
+                let place = |service| order.iter().position(|&other| other == service).unwrap();
+                for service in ServiceId::ALL {
+                    for (input, latency) in service.inputs().iter().zip(latencies[service.index()]) {
+                        if latency == 0 {
+                            prop_assert!(place(input.topic.publisher().unwrap()) < place(service));
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_ideal_order_is_the_ring() {
+        assert_eq!(Schedule::ideal(1_000_000, 10).order(), &ServiceId::ALL);
+    }
+
+    #[test]
+    fn a_cycle_without_delay_is_named() {
+        let mut latencies = default_latencies();
+        latencies[ServiceId::Plant.index()][0] = 0;
+        let every = Rate::EVERY_TICK;
+        let error = Schedule::new(1, 10, [every; SERVICES], [every; TOPICS], latencies).unwrap_err();
+        let ScheduleError::CycleWithoutDelay(cycle) = &error else {
+            panic!("{error}")
+        };
+        assert_eq!(cycle.first(), cycle.last());
+        assert!(error.to_string().contains("plant → estimator → "), "{error}");
+    }
+
+    #[test]
+    fn a_topic_is_due_only_when_its_publisher_steps() {
+        let mut services = [Rate::EVERY_TICK; SERVICES];
+        services[ServiceId::Plant.index()] = Rate { period: 2, phase: 0 };
+        let error =
+            Schedule::new(1, 10, services, [Rate::EVERY_TICK; TOPICS], default_latencies()).unwrap_err();
+        assert!(
+            matches!(
+                error,
+                ScheduleError::TopicWithoutStep {
+                    publisher: ServiceId::Plant,
+                    ..
+                }
+            ),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_join_of_unequal_ticks_is_refused() {
+        let mut services = [Rate::EVERY_TICK; SERVICES];
+        let mut topics = [Rate::EVERY_TICK; TOPICS];
+        services[ServiceId::PathGenerator.index()].period = 2;
+        topics[Topic::PathReference.index()].period = 2;
+        let error = Schedule::new(1, 100, services, topics, default_latencies()).unwrap_err();
+        assert_eq!(error, ScheduleError::UnequalJoin { tick: 1 });
+    }
+
+    #[test]
+    fn a_due_sample_is_the_newest_one_delivered() {
+        let mut topics = [Rate::EVERY_TICK; TOPICS];
+        topics[Topic::MocapPose.index()] = Rate { period: 10, phase: 0 };
+        let mut latencies = default_latencies();
+        latencies[ServiceId::Estimator.index()][0] = 5;
+        let schedule = Schedule::new(1, 100, [Rate::EVERY_TICK; SERVICES], topics, latencies).unwrap();
+        let due = |tick| schedule.due_sample(ServiceId::Estimator, 0, tick);
+        assert_eq!(
+            [due(4), due(5), due(14), due(15), due(25)],
+            [None, Some(0), Some(0), Some(10), Some(20)]
+        );
+        assert_eq!(schedule.sample_count(Topic::MocapPose), 11);
+    }
+}

@@ -1,0 +1,363 @@
+//! The wiring table: which service publishes and consumes which topic. Nothing about wiring is written twice.
+//!
+//! From the one table at the end of this file come the ports, the schedule's edges, the in-process wiring,
+//! the recorder's channels and the picture in the documentation.
+
+use crate::sample::{Header, Sample, layout_hash, msg_definition};
+use crate::samples::{
+    ControlAdaptation, ControlCommand, ControlErrors, MocapPose, PathReference, RcFrame, RunEvent,
+    VehicleState, VehicleTruth,
+};
+use crate::service::{Input, InputView, Inputs, Output, OutputSlot, Outputs, SampleKind};
+
+/// An input of a service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputSpec {
+    /// Name of the input in the step logic.
+    pub name: &'static str,
+    /// Where its samples come from.
+    pub topic: Topic,
+    /// Transport latency unless the scenario says otherwise, in base ticks.
+    pub default_latency_ticks: u64,
+}
+
+/// An output of a service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutputSpec {
+    /// Name of the output in the step logic.
+    pub name: &'static str,
+    /// Where its samples go.
+    pub topic: Topic,
+}
+
+/// Something to be done with the sample type of a topic, see [`Topic::dispatch`].
+pub trait TopicVisitor {
+    /// What comes of it.
+    type Result;
+
+    /// Does it with the sample type `T`.
+    fn visit<T: Sample>(self) -> Self::Result;
+}
+
+impl Topic {
+    /// Position in [`Topic::ALL`], which is also the order of topics within a tick of a log.
+    #[must_use]
+    #[inline]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Name of the sample type on the wire and in logs.
+    #[must_use]
+    pub fn msg_name(self) -> &'static str {
+        struct Name;
+        impl TopicVisitor for Name {
+            type Result = &'static str;
+            fn visit<T: Sample>(self) -> &'static str {
+                T::MSG_NAME
+            }
+        }
+        self.dispatch(Name)
+    }
+
+    /// Message definition of the sample type, as logs carry it.
+    #[must_use]
+    pub fn msg_definition(self) -> String {
+        struct Definition;
+        impl TopicVisitor for Definition {
+            type Result = String;
+            fn visit<T: Sample>(self) -> String {
+                msg_definition::<T>()
+            }
+        }
+        self.dispatch(Definition)
+    }
+
+    /// Layout hash of the sample type.
+    #[must_use]
+    pub fn layout_hash(self) -> String {
+        struct Hash;
+        impl TopicVisitor for Hash {
+            type Result = String;
+            fn visit<T: Sample>(self) -> String {
+                layout_hash::<T>()
+            }
+        }
+        self.dispatch(Hash)
+    }
+
+    /// How hosts move samples of this topic around as bytes.
+    #[must_use]
+    pub fn kind(self) -> SampleKind {
+        struct Kind;
+        impl TopicVisitor for Kind {
+            type Result = SampleKind;
+            fn visit<T: Sample>(self) -> SampleKind {
+                SampleKind::of::<T>()
+            }
+        }
+        self.dispatch(Kind)
+    }
+
+    /// The topic of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|topic| topic.name() == name)
+    }
+
+    /// The service that publishes the topic; `None` for what the orchestrator itself writes.
+    #[must_use]
+    pub fn publisher(self) -> Option<ServiceId> {
+        ServiceId::ALL
+            .into_iter()
+            .find(|service| service.outputs().iter().any(|output| output.topic == self))
+    }
+
+    /// The services that consume the topic, with the position of the input in each.
+    pub fn consumers(self) -> impl Iterator<Item = (ServiceId, usize)> {
+        ServiceId::ALL.into_iter().flat_map(move |service| {
+            let inputs = service.inputs().iter().enumerate();
+            inputs
+                .filter(move |(_, input)| input.topic == self)
+                .map(move |(index, _)| (service, index))
+        })
+    }
+}
+
+impl ServiceId {
+    /// Position in [`ServiceId::ALL`].
+    #[must_use]
+    #[inline]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The service of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|service| service.name() == name)
+    }
+}
+
+impl std::fmt::Display for Topic {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.pad(self.name())
+    }
+}
+
+impl std::fmt::Display for ServiceId {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.pad(self.name())
+    }
+}
+
+macro_rules! wiring {
+    (
+        topics {$(
+            $(#[doc = $topic_doc:literal])*
+            $topic:ident = $topic_name:literal;
+        )+}
+        services {$(
+            $(#[doc = $service_doc:literal])*
+            $service:ident = $service_name:literal {
+                $inputs:ident {$($input:ident: $input_topic:ident $(after $latency:literal)?),* $(,)?}
+                $outputs:ident {$($output:ident: $output_topic:ident),* $(,)?}
+            }
+        )+}
+    ) => {
+        /// A topic; each has a sample type of the same name.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum Topic {$(
+            $(#[doc = $topic_doc])*
+            $topic,
+        )+}
+
+        impl Topic {
+            /// All topics, in the order in which a log holds the samples of one tick.
+            pub const ALL: [Self; [$(Self::$topic),+].len()] = [$(Self::$topic),+];
+
+            /// Name on the wire and in logs.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {$(Self::$topic => $topic_name,)+}
+            }
+
+            /// Does something with the topic's sample type.
+            pub fn dispatch<V: TopicVisitor>(self, visitor: V) -> V::Result {
+                match self {$(Self::$topic => visitor.visit::<$topic>(),)+}
+            }
+        }
+
+        $(impl Sample for $topic {
+            const TOPIC: Topic = Topic::$topic;
+
+            #[inline]
+            fn header(&self) -> &Header {
+                &self.header
+            }
+
+            #[inline]
+            fn header_mut(&mut self) -> &mut Header {
+                &mut self.header
+            }
+        })+
+
+        /// A service of the flight.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum ServiceId {$(
+            $(#[doc = $service_doc])*
+            $service,
+        )+}
+
+        impl ServiceId {
+            /// All services, in the order of the ring.
+            pub const ALL: [Self; [$(Self::$service),+].len()] = [$(Self::$service),+];
+
+            /// Name in scenarios, in reports and on the command line.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {$(Self::$service => $service_name,)+}
+            }
+
+            /// What the service consumes.
+            #[must_use]
+            pub const fn inputs(self) -> &'static [InputSpec] {
+                match self {$(Self::$service => &[$(InputSpec {
+                    name: stringify!($input),
+                    topic: Topic::$input_topic,
+                    default_latency_ticks: 0 $(+ $latency)?,
+                }),*],)+}
+            }
+
+            /// What the service publishes.
+            #[must_use]
+            pub const fn outputs(self) -> &'static [OutputSpec] {
+                match self {$(Self::$service => &[$(OutputSpec {
+                    name: stringify!($output),
+                    topic: Topic::$output_topic,
+                }),*],)+}
+            }
+        }
+
+        $(
+            #[doc = concat!("Inputs of the service `", $service_name, "`.")]
+            #[derive(Debug)]
+            pub struct $inputs<'a> {$(
+                #[doc = concat!("Newest sample of `", stringify!($input_topic), "`.")]
+                pub $input: Input<'a, $input_topic>,
+            )*}
+
+            impl<'a> Inputs<'a> for $inputs<'a> {
+                #[inline]
+                fn from_views(views: &[InputView<'a>]) -> Self {
+                    let mut views = views.iter().copied();
+                    Self {$($input: Input::from_view(views.next().expect("one view an input")),)*}
+                }
+            }
+
+            #[doc = concat!("Outputs of the service `", $service_name, "`.")]
+            #[derive(Debug)]
+            pub struct $outputs<'a> {$(
+                #[doc = concat!("Place for a sample of `", stringify!($output_topic), "`.")]
+                pub $output: Output<'a, $output_topic>,
+            )*}
+
+            impl<'a> Outputs<'a> for $outputs<'a> {
+                #[inline]
+                fn from_slots(slots: &'a mut [OutputSlot<'_>]) -> Self {
+                    let mut slots = slots.iter_mut();
+                    Self {$($output: Output::from_slot(slots.next().expect("one slot an output")),)*}
+                }
+            }
+        )+
+    };
+}
+
+wiring! {
+    topics {
+        /// The plant's true state; for the log, never for a controller.
+        VehicleTruth = "vehicle/truth";
+        /// What the cameras saw.
+        MocapPose = "mocap/pose";
+        /// What the estimator believes.
+        VehicleState = "vehicle/state";
+        /// Where the path wants the vehicle.
+        PathReference = "path/reference";
+        /// What the controller commands.
+        ControlCommand = "control/command";
+        /// The controller's estimates, telemetry.
+        ControlAdaptation = "control/adaptation";
+        /// The controller's errors, telemetry.
+        ControlErrors = "control/errors";
+        /// What the radio sends.
+        RcFrame = "rc/frame";
+        /// What the scenario schedules, written by the orchestrator.
+        RunEvent = "run/events";
+    }
+    services {
+        /// Rigid body, actuators, disturbances and the simulated cameras.
+        Plant = "plant" {
+            PlantInputs { frame: RcFrame after 1 }
+            PlantOutputs { truth: VehicleTruth, pose: MocapPose }
+        }
+        /// Motion-capture feed and state estimator.
+        Estimator = "estimator" {
+            EstimatorInputs { pose: MocapPose, frame: RcFrame after 1 }
+            EstimatorOutputs { state: VehicleState }
+        }
+        /// The path and its timing law.
+        PathGenerator = "path_generator" {
+            PathGeneratorInputs { state: VehicleState }
+            PathGeneratorOutputs { reference: PathReference }
+        }
+        /// The adaptive control law.
+        Controller = "controller" {
+            ControllerInputs { state: VehicleState, reference: PathReference }
+            ControllerOutputs { command: ControlCommand, adaptation: ControlAdaptation, errors: ControlErrors }
+        }
+        /// The radio link's transmitter.
+        RcOutput = "rc_output" {
+            RcOutputInputs { command: ControlCommand }
+            RcOutputOutputs { frame: RcFrame }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_found_again() {
+        for topic in Topic::ALL {
+            assert_eq!(Topic::from_name(topic.name()), Some(topic));
+        }
+        for service in ServiceId::ALL {
+            assert_eq!(ServiceId::from_name(service.name()), Some(service));
+        }
+        assert_eq!(Topic::from_name("no/such"), None);
+    }
+
+    #[test]
+    fn every_topic_but_the_orchestrators_own_has_one_publisher() {
+        for topic in Topic::ALL {
+            let outputs = ServiceId::ALL.into_iter().flat_map(ServiceId::outputs);
+            let publishers = outputs.filter(|output| output.topic == topic).count();
+            assert_eq!(publishers, usize::from(topic != Topic::RunEvent), "{topic}");
+        }
+    }
+
+    #[test]
+    fn the_truth_is_consumed_by_no_service() {
+        assert_eq!(Topic::VehicleTruth.consumers().count(), 0);
+    }
+
+    #[test]
+    fn an_unused_record_name_is_not_a_topic_name() {
+        assert!(
+            Topic::ALL
+                .iter()
+                .all(|topic| topic.msg_name().starts_with("gerono_msgs/msg/"))
+        );
+    }
+}
