@@ -1,1 +1,27 @@
-//! x
+//! The frame every service runs in. It knows no control theory.
+//!
+//! A service's step logic ([`shared_types::Service`]) is pure; hosts decide which samples are delivered by
+//! now, and they must agree to the byte:
+//! * [`in_process`]: all services in one thread, no shared memory: sweeps, tests, and the reference that the
+//!   others must equal;
+//! * [`lock_step`]: one process per service, simulated time, no sample ever lost.
+//!
+//! Under them lie [`ports`] (iceoryx2, in bytes), [`wait`] (yield once, then block on a doorbell),
+//! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`control`] (the
+//! orchestrator's line to each service), [`deployment`] (core, scheduler, parent's death) and [`process`]
+//! (what `gerono service NAME` runs).
+//!
+//! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the
+//! control channel closes, or when its parent dies; a number that is not finite is stopped at the service
+//! that made it and never published.
+
+pub mod control;
+pub mod deployment;
+pub mod doorbell;
+pub mod in_process;
+pub mod lock_step;
+pub mod ports;
+pub mod process;
+pub mod shared_page;
+pub mod step;
+pub mod wait;

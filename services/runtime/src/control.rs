@@ -1,0 +1,192 @@
+//! The control channel: the orchestrator's line to each service, a `SOCK_SEQPACKET` socket that the service
+//! inherits. Its end means that the orchestrator is gone.
+//!
+//! A message is one packet of JSON, so that a service in another language needs no more than a JSON parser.
+
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::path::PathBuf;
+
+use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use shared_types::scenario::Scenario;
+
+use crate::deployment::Scheduler;
+use crate::step::NonFinite;
+
+/// File descriptor of the control channel in a service.
+pub const CONTROL_FD: i32 = 3;
+/// File descriptor of the shared page in a service.
+pub const SHARED_PAGE_FD: i32 = 4;
+/// File descriptor of the first service's doorbell in a service; the others' follow in the table's order.
+pub const FIRST_DOORBELL_FD: i32 = 5;
+
+/// Largest message, bytes; a scenario is far below.
+const MESSAGE_LIMIT: usize = 128 * 1024;
+
+/// What the orchestrator says to a service.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ToService {
+    /// The first message: what to fly and where.
+    Start(Box<Start>),
+    /// Everyone is ready: fly.
+    Go {
+        /// Ids of the run's own receivers (a number beyond 64 bit, hence as text).
+        receivers: Vec<String>,
+    },
+    /// The run ends: stop at once.
+    Stop,
+}
+
+/// What a service needs to know to take part in a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Start {
+    /// The resolved scenario.
+    pub scenario: Scenario,
+    /// The run's iceoryx2 configuration file.
+    pub iceoryx2_configuration: PathBuf,
+    /// Core to run on, if any.
+    pub core: Option<usize>,
+    /// How the core is shared.
+    pub scheduler: Scheduler,
+}
+
+/// What a service says to the orchestrator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ToOrchestrator {
+    /// All ports are made.
+    Ready {
+        /// Ids of the service's receivers.
+        receivers: Vec<String>,
+        /// What could not be had of the deployment that was asked for, in words.
+        warnings: Vec<String>,
+    },
+    /// All steps of the flight are done.
+    Finished,
+    /// A number that is not finite came up; the service has stopped.
+    NonFinite(NonFinite),
+    /// The service cannot go on.
+    Failed {
+        /// Why, in words.
+        reason: String,
+    },
+}
+
+/// Why a message could not be exchanged.
+#[derive(Debug, thiserror::Error)]
+pub enum ControlError {
+    /// The other side is gone.
+    #[error("the other end of the control channel is closed")]
+    Closed,
+    /// The system refused.
+    #[error("the control channel failed: {0}")]
+    Io(#[from] rustix::io::Errno),
+    /// The message is not one of this version.
+    #[error("a message of the control channel cannot be understood: {0}; are both ends of one build?")]
+    Message(#[from] serde_json::Error),
+}
+
+/// One end of a control channel.
+#[derive(Debug)]
+pub struct Channel(OwnedFd);
+
+impl Channel {
+    /// Makes a channel; both ends close on exec unless they are handed over.
+    ///
+    /// # Errors
+    /// If no file descriptor is left.
+    pub fn pair() -> std::io::Result<(Self, OwnedFd)> {
+        let (mine, theirs) = rustix::net::socketpair(
+            AddressFamily::UNIX,
+            SocketType::SEQPACKET,
+            SocketFlags::CLOEXEC,
+            None,
+        )?;
+        Ok((Self(mine), theirs))
+    }
+
+    /// Takes over an inherited end.
+    #[must_use]
+    pub fn inherited(file: OwnedFd) -> Self {
+        Self(file)
+    }
+
+    /// Sends a message.
+    ///
+    /// # Errors
+    /// [`ControlError`].
+    pub fn send<M: Serialize>(&self, message: &M) -> Result<(), ControlError> {
+        let text = serde_json::to_vec(message)?;
+        match rustix::io::retry_on_intr(|| rustix::net::send(&self.0, &text, SendFlags::NOSIGNAL)) {
+            Ok(_) => Ok(()),
+            Err(rustix::io::Errno::PIPE | rustix::io::Errno::CONNRESET) => Err(ControlError::Closed),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Waits for a message.
+    ///
+    /// # Errors
+    /// [`ControlError`].
+    pub fn receive<M: DeserializeOwned>(&self) -> Result<M, ControlError> {
+        self.receive_with(RecvFlags::empty())
+    }
+
+    /// Takes a message if there is one.
+    ///
+    /// # Errors
+    /// [`ControlError`].
+    pub fn try_receive<M: DeserializeOwned>(&self) -> Result<Option<M>, ControlError> {
+        match self.receive_with(RecvFlags::DONTWAIT) {
+            Ok(message) => Ok(Some(message)),
+            Err(ControlError::Io(rustix::io::Errno::AGAIN)) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn receive_with<M: DeserializeOwned>(&self, flags: RecvFlags) -> Result<M, ControlError> {
+        let mut buffer = vec![0; MESSAGE_LIMIT];
+        let received = rustix::io::retry_on_intr(|| rustix::net::recv(&self.0, &mut *buffer, flags));
+        match received {
+            Ok((0, _)) | Err(rustix::io::Errno::CONNRESET) => Err(ControlError::Closed),
+            Ok((length, _)) => Ok(serde_json::from_slice(&buffer[..length])?),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+impl AsFd for Channel {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.0.as_fd()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_closed_end_is_noticed_by_the_other() {
+        let (mine, theirs) = Channel::pair().unwrap();
+        drop(theirs);
+        assert!(matches!(
+            mine.receive::<ToOrchestrator>(),
+            Err(ControlError::Closed)
+        ));
+        assert!(matches!(mine.send(&ToService::Stop), Err(ControlError::Closed)));
+    }
+
+    #[test]
+    fn messages_arrive_whole_and_in_order() {
+        let (mine, theirs) = Channel::pair().unwrap();
+        let theirs = Channel::inherited(theirs);
+        assert!(theirs.try_receive::<ToService>().unwrap().is_none());
+        let go = ToService::Go {
+            receivers: vec!["x".repeat(10_000)],
+        };
+        mine.send(&go).unwrap();
+        mine.send(&ToService::Stop).unwrap();
+        assert_eq!(theirs.receive::<ToService>().unwrap(), go);
+        assert_eq!(theirs.receive::<ToService>().unwrap(), ToService::Stop);
+    }
+}

@@ -1,0 +1,110 @@
+//! Where and how a process runs: its core, its scheduler, its fate when its parent dies.
+#![expect(
+    unsafe_code,
+    reason = "the scheduler of a thread can only be set by a call of libc"
+)]
+
+use rustix::thread::CpuSet;
+use serde::{Deserialize, Serialize};
+
+/// How a core is shared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Scheduler {
+    /// The system's ordinary, fair scheduler.
+    #[default]
+    Fair,
+    /// `SCHED_FIFO`: above everything else on the core. Needs a privilege.
+    Fifo,
+}
+
+/// `SCHED_FIFO` priority of services: above ordinary work, below the kernel's own threads.
+const FIFO_PRIORITY: i32 = 20;
+
+/// The cores that this process may use.
+#[must_use]
+pub fn allowed_cores() -> Vec<usize> {
+    let Ok(set) = rustix::thread::sched_getaffinity(None) else {
+        return Vec::new();
+    };
+    (0..CpuSet::MAX_CPU).filter(|&core| set.is_set(core)).collect()
+}
+
+/// Lets this thread run on these cores only.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn pin_to(cores: &[usize]) -> std::io::Result<()> {
+    let mut set = CpuSet::new();
+    for &core in cores {
+        set.set(core);
+    }
+    Ok(rustix::thread::sched_setaffinity(None, &set)?)
+}
+
+/// Puts this thread under `SCHED_FIFO`.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn use_fifo() -> std::io::Result<()> {
+    let parameters = libc::sched_param {
+        sched_priority: FIFO_PRIORITY,
+    };
+    // SAFETY: the parameters are valid and outlive the call; 0 is the calling thread.
+    let result = unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) };
+    if result == 0 {
+        Ok(())
+    } else {
+        Err(std::io::Error::last_os_error())
+    }
+}
+
+/// Lets the system kill this process when the thread that started it ends.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn die_with_parent() -> std::io::Result<()> {
+    Ok(rustix::process::set_parent_process_death_signal(Some(
+        rustix::process::Signal::KILL,
+    ))?)
+}
+
+/// Of the allowed cores the one that has been idlest over a few hundredths of a second.
+#[must_use]
+pub fn idlest(allowed: &[usize]) -> Option<usize> {
+    let before = idle_ticks();
+    rustix::thread::nanosleep(&rustix::thread::Timespec {
+        tv_sec: 0,
+        tv_nsec: 30_000_000,
+    });
+    let after = idle_ticks();
+    let idle = |core: usize| {
+        after
+            .get(core)
+            .copied()
+            .flatten()
+            .zip(before.get(core).copied().flatten())
+    };
+    allowed
+        .iter()
+        .copied()
+        // The last of equals: interrupts tend to land on the first.
+        .max_by_key(|&core| idle(core).map_or(0, |(after, before)| after.saturating_sub(before)))
+}
+
+/// Idle time of each core so far, in the system's ticks.
+fn idle_ticks() -> Vec<Option<u64>> {
+    let text = std::fs::read_to_string("/proc/stat").unwrap_or_default();
+    let mut ticks = Vec::new();
+    for line in text.lines() {
+        let mut words = line.split_whitespace();
+        let Some(core) = words
+            .next()
+            .and_then(|name| name.strip_prefix("cpu")?.parse::<usize>().ok())
+        else {
+            continue;
+        };
+        ticks.resize(ticks.len().max(core + 1), None);
+        ticks[core] = words.nth(3).and_then(|word| word.parse().ok());
+    }
+    ticks
+}

@@ -1,0 +1,496 @@
+//! iceoryx2 ports, seen as bytes: a host moves samples of every topic with the same code.
+//!
+//! Samples travel without a copy: an output is written in loaned shared memory, an input is read there and
+//! held until a newer one takes its place. Delivery is lossless for the run's own receivers; any other
+//! subscriber (somebody looking at the flight) loses samples instead of blocking it.
+#![expect(
+    unsafe_code,
+    reason = "iceoryx2 asks for promises about memory layout that only `unsafe` can give"
+)]
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::{BackpressureAction, BackpressureInfo};
+use iceoryx2::prelude::*;
+use iceoryx2::sample::Sample as Received;
+use iceoryx2::sample_mut::SampleMut as Loaned;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
+use shared_types::wiring::TopicVisitor;
+use shared_types::{Sample, Schedule, Topic};
+
+/// Places of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
+pub const RECORDER_BUFFER: usize = 1024;
+
+/// Subscribers of a topic beside the run's own: for people who look at a flight with other tools.
+const OBSERVERS: usize = 2;
+
+/// Name of the service attribute that carries the layout hash.
+const LAYOUT_ATTRIBUTE: &str = "layout";
+
+/// Why a port cannot be made or used.
+#[derive(Debug, thiserror::Error)]
+pub enum PortError {
+    /// The run's iceoryx2 configuration cannot be loaded.
+    #[error("cannot load the iceoryx2 configuration of the run from {path}: {reason}")]
+    Configuration {
+        /// The file.
+        path: String,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// The process cannot take part in the run.
+    #[error("cannot join the run's shared memory: {0}; is /dev/shm full or not writable?")]
+    Node(String),
+    /// The topic cannot be made or opened.
+    #[error(
+        "cannot open the topic `{topic}`: {reason}; \
+         if the types differ, all processes of a run must come from one build"
+    )]
+    Open {
+        /// The topic.
+        topic: Topic,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// A port of the topic cannot be made.
+    #[error("cannot make a port of the topic `{topic}`: {reason}")]
+    Create {
+        /// The topic.
+        topic: Topic,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// A sample could not be loaned, sent or received.
+    #[error("the topic `{topic}` failed in flight: {reason}")]
+    Transport {
+        /// The topic.
+        topic: Topic,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// The run is ending while a receiver's buffer is full.
+    #[error("the run is ending")]
+    Stopping,
+}
+
+/// A sample type as iceoryx2 sees it: with its name in the log instead of its path in Rust.
+#[repr(transparent)]
+struct Wire<T>(T);
+
+impl<T: Sample> std::fmt::Debug for Wire<T> {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(T::MSG_NAME)
+    }
+}
+
+// SAFETY: a `Sample` is `repr(C)`, without padding, pointers or invalid bit patterns (zerocopy's derives prove
+// it), and the name stands for exactly this layout: the layout hash is compared besides.
+unsafe impl<T: Sample> ZeroCopySend for Wire<T> {
+    unsafe fn type_name() -> &'static str {
+        T::MSG_NAME
+    }
+}
+
+/// The iceoryx2 subscribers that belong to the run, learnt once everyone is ready.
+#[derive(Clone, Debug, Default)]
+pub struct OwnReceivers(Arc<Mutex<BTreeSet<u128>>>);
+
+impl OwnReceivers {
+    /// Adds receivers of the run.
+    pub fn extend(&self, ids: impl IntoIterator<Item = u128>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(ids);
+    }
+
+    fn contains(&self, id: u128) -> bool {
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .contains(&id)
+    }
+}
+
+/// A process's membership in the run.
+pub struct Member {
+    node: Node<ipc::Service>,
+}
+
+impl Member {
+    /// Joins the run of the given iceoryx2 configuration file. Must be the process's first use of iceoryx2:
+    /// cleaning up after the dead falls back to the global configuration, whatever a node was given.
+    ///
+    /// # Errors
+    /// [`PortError::Configuration`] or [`PortError::Node`].
+    pub fn join(configuration: &Path, name: &str) -> Result<Self, PortError> {
+        set_log_level_from_env_or(LogLevel::Fatal);
+        let bad_configuration = |reason: String| PortError::Configuration {
+            path: configuration.display().to_string(),
+            reason,
+        };
+        let path = FilePath::new(configuration.as_os_str().as_encoded_bytes())
+            .map_err(|error| bad_configuration(format!("{error:?}")))?;
+        let config = Config::setup_global_config_from_file(&path)
+            .map_err(|error| bad_configuration(format!("{error:?}")))?;
+        let name = NodeName::new(name).map_err(|error| PortError::Node(format!("{error:?}")))?;
+        let node = NodeBuilder::new()
+            .name(&name)
+            .config(config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<ipc::Service>()
+            .map_err(|error| PortError::Node(error.to_string()))?;
+        Ok(Self { node })
+    }
+
+    /// Makes the topic; the orchestrator does so before any service starts.
+    ///
+    /// # Errors
+    /// [`PortError::Open`].
+    pub fn create_topic(&self, topic: Topic, schedule: &Schedule) -> Result<Box<dyn TopicPorts>, PortError> {
+        topic.dispatch(Create {
+            member: self,
+            topic,
+            consumer_buffer: consumer_buffer(schedule, topic),
+        })
+    }
+
+    /// Opens a topic that the orchestrator has made, if its layout is the one of this build.
+    ///
+    /// # Errors
+    /// [`PortError::Open`].
+    pub fn open_topic(&self, topic: Topic, schedule: &Schedule) -> Result<Box<dyn TopicPorts>, PortError> {
+        topic.dispatch(Open {
+            member: self,
+            topic,
+            consumer_buffer: consumer_buffer(schedule, topic),
+        })
+    }
+}
+
+fn consumer_buffer(schedule: &Schedule, topic: Topic) -> usize {
+    usize::try_from(schedule.buffer_size(topic)).map_or(RECORDER_BUFFER, |size| size.min(RECORDER_BUFFER))
+}
+
+/// A topic that has been opened, ready to make ports of it.
+pub trait TopicPorts {
+    /// Makes the publisher. `stopping` tells that the run is ending and nobody shall wait for a full buffer.
+    ///
+    /// # Errors
+    /// [`PortError::Create`].
+    fn sender(
+        &self,
+        receivers: OwnReceivers,
+        stopping: Arc<dyn Fn() -> bool + Send + Sync>,
+    ) -> Result<Box<dyn Sender>, PortError>;
+
+    /// Makes a consumer's subscriber, its buffer sized by the schedule.
+    ///
+    /// # Errors
+    /// [`PortError::Create`].
+    fn receiver(&self) -> Result<Box<dyn Receiver>, PortError>;
+
+    /// Makes the recorder's subscriber, with the largest buffer.
+    ///
+    /// # Errors
+    /// [`PortError::Create`].
+    fn recorder(&self) -> Result<Box<dyn Receiver>, PortError>;
+}
+
+/// A publisher, in bytes.
+pub trait Sender {
+    /// Loans the place of the next sample. Its content is that of some earlier sample.
+    ///
+    /// # Errors
+    /// [`PortError::Transport`].
+    fn loan(&mut self) -> Result<&mut [u8], PortError>;
+
+    /// Sends the loaned sample, waiting for the run's own receivers.
+    ///
+    /// # Errors
+    /// [`PortError::Transport`], or [`PortError::Stopping`] if the run ends while a buffer is full.
+    fn send(&mut self) -> Result<(), PortError>;
+
+    /// Connects to all receivers that exist by now.
+    ///
+    /// # Errors
+    /// [`PortError::Transport`].
+    fn connect(&mut self) -> Result<(), PortError>;
+}
+
+/// A subscriber, in bytes.
+pub trait Receiver {
+    /// Takes the next sample, if there is one; it replaces the held one.
+    ///
+    /// # Errors
+    /// [`PortError::Transport`].
+    fn receive(&mut self) -> Result<bool, PortError>;
+
+    /// The sample held.
+    fn held(&self) -> Option<&[u8]>;
+
+    /// The port's id, by which publishers know the run's own receivers.
+    fn id(&self) -> u128;
+
+    /// Connects to all publishers that exist by now.
+    ///
+    /// # Errors
+    /// [`PortError::Transport`].
+    fn connect(&mut self) -> Result<(), PortError>;
+}
+
+struct Create<'a> {
+    member: &'a Member,
+    topic: Topic,
+    consumer_buffer: usize,
+}
+
+struct Open<'a> {
+    member: &'a Member,
+    topic: Topic,
+    consumer_buffer: usize,
+}
+
+struct Ports<T: Sample> {
+    service: TopicService<ipc::Service, Wire<T>, ()>,
+    topic: Topic,
+    consumer_buffer: usize,
+}
+
+fn open_error(topic: Topic) -> impl Fn(&dyn std::fmt::Debug) -> PortError {
+    move |reason| PortError::Open {
+        topic,
+        reason: format!("{reason:?}"),
+    }
+}
+
+impl TopicVisitor for Create<'_> {
+    type Result = Result<Box<dyn TopicPorts>, PortError>;
+
+    fn visit<T: Sample>(self) -> Self::Result {
+        let Self {
+            member,
+            topic,
+            consumer_buffer,
+        } = self;
+        let error = open_error(topic);
+        let name = ServiceName::new(topic.name()).map_err(|reason| error(&reason))?;
+        let layout = layout_attribute::<T>(&error)?;
+        let attributes = AttributeSpecifier::new()
+            .define(&layout.0, &layout.1)
+            .map_err(|reason| error(&reason))?;
+        let consumers = topic.consumers().count();
+        let service = member
+            .node
+            .service_builder(&name)
+            .publish_subscribe::<Wire<T>>()
+            .enable_safe_overflow(false)
+            .history_size(0)
+            .max_publishers(1)
+            .max_subscribers(consumers + 1 + OBSERVERS)
+            .max_nodes(consumers + 2 + OBSERVERS)
+            .subscriber_max_buffer_size(RECORDER_BUFFER)
+            .subscriber_max_borrowed_samples(2)
+            .create_with_attributes(&attributes)
+            .map_err(|reason| error(&reason))?;
+        Ok(Box::new(Ports::<T> {
+            service,
+            topic,
+            consumer_buffer,
+        }))
+    }
+}
+
+impl TopicVisitor for Open<'_> {
+    type Result = Result<Box<dyn TopicPorts>, PortError>;
+
+    fn visit<T: Sample>(self) -> Self::Result {
+        let Self {
+            member,
+            topic,
+            consumer_buffer,
+        } = self;
+        let error = open_error(topic);
+        let name = ServiceName::new(topic.name()).map_err(|reason| error(&reason))?;
+        let layout = layout_attribute::<T>(&error)?;
+        let attributes = AttributeVerifier::new()
+            .require(&layout.0, &layout.1)
+            .map_err(|reason| error(&reason))?;
+        let service = member
+            .node
+            .service_builder(&name)
+            .publish_subscribe::<Wire<T>>()
+            .open_with_attributes(&attributes)
+            .map_err(|reason| error(&reason))?;
+        Ok(Box::new(Ports::<T> {
+            service,
+            topic,
+            consumer_buffer,
+        }))
+    }
+}
+
+type Attribute = (
+    iceoryx2::service::attribute::AttributeKey,
+    iceoryx2::service::attribute::AttributeValue,
+);
+
+fn layout_attribute<T: Sample>(
+    error: &dyn Fn(&dyn std::fmt::Debug) -> PortError,
+) -> Result<Attribute, PortError> {
+    let hash = shared_types::sample::layout_hash::<T>();
+    Ok((
+        LAYOUT_ATTRIBUTE.try_into().map_err(|reason| error(&reason))?,
+        hash.as_str().try_into().map_err(|reason| error(&reason))?,
+    ))
+}
+
+impl<T: Sample> Ports<T> {
+    fn receiver_of_size(&self, buffer_size: usize) -> Result<Box<dyn Receiver>, PortError> {
+        let subscriber = self
+            .service
+            .subscriber_builder()
+            .buffer_size(buffer_size)
+            .create()
+            .map_err(|reason| PortError::Create {
+                topic: self.topic,
+                reason: reason.to_string(),
+            })?;
+        Ok(Box::new(TypedReceiver::<T> {
+            subscriber,
+            held: None,
+            topic: self.topic,
+        }))
+    }
+}
+
+impl<T: Sample> TopicPorts for Ports<T> {
+    fn sender(
+        &self,
+        receivers: OwnReceivers,
+        stopping: Arc<dyn Fn() -> bool + Send + Sync>,
+    ) -> Result<Box<dyn Sender>, PortError> {
+        let publisher = self
+            .service
+            .publisher_builder()
+            .max_loaned_samples(2)
+            .backpressure_strategy(BackpressureStrategy::RetryUntilDelivered)
+            .set_backpressure_handler(move |full: &BackpressureInfo| {
+                if !receivers.contains(full.receiver_port_id) {
+                    BackpressureAction::DiscardData
+                } else if stopping() {
+                    BackpressureAction::DiscardDataAndFail
+                } else {
+                    BackpressureAction::Retry
+                }
+            })
+            .create()
+            .map_err(|reason| PortError::Create {
+                topic: self.topic,
+                reason: reason.to_string(),
+            })?;
+        Ok(Box::new(TypedSender::<T> {
+            publisher,
+            loaned: None,
+            topic: self.topic,
+        }))
+    }
+
+    fn receiver(&self) -> Result<Box<dyn Receiver>, PortError> {
+        self.receiver_of_size(self.consumer_buffer)
+    }
+
+    fn recorder(&self) -> Result<Box<dyn Receiver>, PortError> {
+        self.receiver_of_size(RECORDER_BUFFER)
+    }
+}
+
+struct TypedSender<T: Sample> {
+    // Before the publisher, so that a loaned sample is returned to a publisher that still is.
+    loaned: Option<Loaned<ipc::Service, Wire<T>, ()>>,
+    publisher: Publisher<ipc::Service, Wire<T>, ()>,
+    topic: Topic,
+}
+
+impl<T: Sample> Sender for TypedSender<T> {
+    #[inline]
+    fn loan(&mut self) -> Result<&mut [u8], PortError> {
+        let sample = self
+            .publisher
+            .loan_uninit()
+            .map_err(|reason| PortError::Transport {
+                topic: self.topic,
+                reason: reason.to_string(),
+            })?;
+        // SAFETY: mapped shared memory always holds some bytes, and a `Sample` is valid for any (`FromBytes`).
+        let sample = unsafe { sample.assume_init() };
+        Ok(self.loaned.insert(sample).payload_mut().0.as_mut_bytes())
+    }
+
+    #[inline]
+    fn send(&mut self) -> Result<(), PortError> {
+        use iceoryx2::port::SendError;
+        let Some(sample) = self.loaned.take() else {
+            return Ok(());
+        };
+        sample.send().map(drop).map_err(|reason| match reason {
+            SendError::UnableToDeliver => PortError::Stopping,
+            reason => PortError::Transport {
+                topic: self.topic,
+                reason: reason.to_string(),
+            },
+        })
+    }
+
+    fn connect(&mut self) -> Result<(), PortError> {
+        self.publisher
+            .update_connections()
+            .map_err(|reason| PortError::Transport {
+                topic: self.topic,
+                reason: reason.to_string(),
+            })
+    }
+}
+
+struct TypedReceiver<T: Sample> {
+    held: Option<Received<ipc::Service, Wire<T>, ()>>,
+    subscriber: Subscriber<ipc::Service, Wire<T>, ()>,
+    topic: Topic,
+}
+
+impl<T: Sample> Receiver for TypedReceiver<T> {
+    #[inline]
+    fn receive(&mut self) -> Result<bool, PortError> {
+        match self.subscriber.receive() {
+            Ok(None) => Ok(false),
+            Ok(sample) => {
+                self.held = sample;
+                Ok(true)
+            }
+            Err(reason) => Err(PortError::Transport {
+                topic: self.topic,
+                reason: reason.to_string(),
+            }),
+        }
+    }
+
+    #[inline]
+    fn held(&self) -> Option<&[u8]> {
+        self.held.as_ref().map(|sample| sample.payload().0.as_bytes())
+    }
+
+    fn id(&self) -> u128 {
+        self.subscriber.id().value()
+    }
+
+    fn connect(&mut self) -> Result<(), PortError> {
+        self.subscriber
+            .update_connections()
+            .map_err(|reason| PortError::Transport {
+                topic: self.topic,
+                reason: reason.to_string(),
+            })
+    }
+}

@@ -1,0 +1,174 @@
+//! What a service process does: join the run, make its ports, say that it is ready, fly, wait for the end.
+#![expect(
+    unsafe_code,
+    reason = "inherited file descriptors are taken over by their numbers"
+)]
+
+use std::os::fd::{FromRawFd, OwnedFd};
+use std::sync::Arc;
+
+use shared_types::ServiceId;
+use shared_types::scenario::Scenario;
+use shared_types::service::ErasedService;
+
+use crate::control::{
+    CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, Start, ToOrchestrator, ToService,
+};
+use crate::deployment::{self, Scheduler};
+use crate::doorbell::Doorbell;
+use crate::lock_step::{self, FlightError, ServicePorts};
+use crate::ports::{Member, PortError};
+use crate::shared_page::SharedPage;
+use crate::wait::Waiter;
+
+/// Why a service process could not do its work. It has told the orchestrator if that was still there.
+#[derive(Debug, thiserror::Error)]
+pub enum ProcessError {
+    /// Nobody has handed the process its descriptors.
+    #[error(
+        "a service is started by `gerono run`, which hands it a control channel; it cannot be started by hand"
+    )]
+    NotSpawned,
+    /// The control channel failed.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    /// A port could not be made.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// The scenario does not make a service or schedule.
+    #[error("the scenario cannot be flown: {0}")]
+    Scenario(String),
+    /// The system refused something.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// The flight ended early.
+    #[error(transparent)]
+    Flight(#[from] FlightError),
+}
+
+/// Runs a service that `gerono run` has spawned, from its first message to its last.
+///
+/// # Errors
+/// [`ProcessError`].
+pub fn run(
+    id: ServiceId,
+    build: impl FnOnce(&Scenario) -> Result<Box<dyn ErasedService>, String>,
+) -> Result<(), ProcessError> {
+    let inherited = Inherited::take()?;
+    deployment::die_with_parent()?;
+    let Inherited {
+        channel,
+        page,
+        doorbells,
+    } = inherited;
+    let start = match channel.receive()? {
+        ToService::Start(start) => *start,
+        // Ended before it began.
+        ToService::Stop | ToService::Go { .. } => return Ok(()),
+    };
+    let page = Arc::new(page);
+    let (scheduler, warnings) = deploy(&start);
+    let mut waiter = Waiter::new(id, Arc::clone(&page), doorbells, channel, scheduler);
+    let result = fly(id, build, &start, warnings, &page, &mut waiter);
+    report(waiter.channel(), result)
+}
+
+/// Pins the process and sets its scheduler, as far as the system permits.
+fn deploy(start: &Start) -> (Scheduler, Vec<String>) {
+    let mut warnings = Vec::new();
+    if let Some(core) = start.core
+        && let Err(error) = deployment::pin_to(&[core])
+    {
+        warnings.push(format!("cannot pin to core {core}: {error}"));
+    }
+    let mut scheduler = start.scheduler;
+    if scheduler == Scheduler::Fifo
+        && let Err(error) = deployment::use_fifo()
+    {
+        warnings.push(format!(
+            "SCHED_FIFO is not permitted ({error}): flying with the ordinary scheduler. \
+             Grant CAP_SYS_NICE or raise `rtprio` in /etc/security/limits.conf"
+        ));
+        scheduler = Scheduler::Fair;
+    }
+    (scheduler, warnings)
+}
+
+fn fly(
+    id: ServiceId,
+    build: impl FnOnce(&Scenario) -> Result<Box<dyn ErasedService>, String>,
+    start: &Start,
+    warnings: Vec<String>,
+    page: &Arc<SharedPage>,
+    waiter: &mut Waiter,
+) -> Result<(), ProcessError> {
+    let schedule = start
+        .scenario
+        .schedule()
+        .map_err(|problems| ProcessError::Scenario(format!("{problems:?}")))?;
+    let mut service = build(&start.scenario).map_err(ProcessError::Scenario)?;
+    let member = Member::join(&start.iceoryx2_configuration, id.name())?;
+    let mut ports = ServicePorts::open(&member, id, &schedule, page)?;
+    let receivers = ports.receiver_ids().iter().map(ToString::to_string).collect();
+    waiter
+        .channel()
+        .send(&ToOrchestrator::Ready { receivers, warnings })?;
+    let ToService::Go { receivers } = waiter.channel().receive()? else {
+        return Ok(());
+    };
+    ports.connect(receivers.iter().filter_map(|id| id.parse().ok()))?;
+    lock_step::fly(service.as_mut(), &schedule, &mut ports, waiter)?;
+    waiter.channel().send(&ToOrchestrator::Finished)?;
+    // The last samples stay mapped until everyone has read them.
+    match waiter.channel().receive::<ToService>() {
+        Ok(_) | Err(ControlError::Closed) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Tells the orchestrator how it went, if it is still there.
+fn report(channel: &Channel, result: Result<(), ProcessError>) -> Result<(), ProcessError> {
+    let Err(error) = result else { return Ok(()) };
+    let message = match &error {
+        ProcessError::Flight(FlightError::Stopping) => return Ok(()),
+        ProcessError::Flight(FlightError::NonFinite(found)) => ToOrchestrator::NonFinite(found.clone()),
+        error => ToOrchestrator::Failed {
+            reason: error.to_string(),
+        },
+    };
+    // If nobody listens any more, the error itself is all that can be said.
+    let _ = channel.send(&message);
+    Err(error)
+}
+
+/// What the orchestrator hands to a service, by number.
+struct Inherited {
+    channel: Channel,
+    page: SharedPage,
+    doorbells: Vec<Doorbell>,
+}
+
+impl Inherited {
+    fn take() -> Result<Self, ProcessError> {
+        let channel = Channel::inherited(inherited(CONTROL_FD)?);
+        let page = SharedPage::open(inherited(SHARED_PAGE_FD)?).map_err(|_| ProcessError::NotSpawned)?;
+        let numbers = (FIRST_DOORBELL_FD..).take(ServiceId::ALL.len());
+        let doorbells = numbers
+            .map(|number| inherited(number).map(Doorbell::inherited))
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            channel,
+            page,
+            doorbells,
+        })
+    }
+}
+
+/// Takes over an inherited descriptor; everything that is started from here closes it.
+fn inherited(number: i32) -> Result<OwnedFd, ProcessError> {
+    // SAFETY: only looks whether the number is open.
+    let borrowed = unsafe { std::os::fd::BorrowedFd::borrow_raw(number) };
+    rustix::io::fcntl_setfd(borrowed, rustix::io::FdFlags::CLOEXEC).map_err(|_| ProcessError::NotSpawned)?;
+    // SAFETY: the number is open, and by the contract with `gerono run` nothing else in this process owns it.
+    Ok(unsafe { OwnedFd::from_raw_fd(number) })
+}

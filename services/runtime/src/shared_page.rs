@@ -1,0 +1,104 @@
+//! One page of shared words by which the processes of a run coordinate their waiting.
+//!
+//! It carries no data of the experiment: losing or corrupting it can only cost time or end the run. The
+//! orchestrator makes it as an anonymous file that every service inherits.
+#![expect(
+    unsafe_code,
+    reason = "a page shared by several processes can only be reached by mapping it"
+)]
+
+use std::os::fd::{AsFd, OwnedFd};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+
+use memmap2::MmapRaw;
+use shared_types::ServiceId;
+
+/// What the page holds. All words begin as 0.
+#[repr(C)]
+#[derive(Debug, Default)]
+pub struct Words {
+    /// Not 0 when the run is to end: nobody shall wait any longer.
+    pub stopping: AtomicU32,
+    /// Not 0 while yielding does not pay and everyone shall block at once.
+    pub block_only: AtomicU32,
+    /// Yields that gave the core away for nothing or for too long, since the last verdict.
+    pub misses: AtomicU32,
+    pad0: u32,
+    /// One cell a service.
+    pub cells: [Cell; ServiceId::ALL.len()],
+}
+
+/// A service's words, on a cache line of their own.
+#[repr(C, align(64))]
+#[derive(Debug, Default)]
+pub struct Cell {
+    /// 0, or 1 + the index of the service whose publication this service sleeps for.
+    pub waiting_for: AtomicU32,
+    pad0: u32,
+    /// 1 + the last tick that the service has stepped, 0 before the first.
+    pub steps_until: AtomicU64,
+    /// Waits that ended without sleeping.
+    pub yields: AtomicU64,
+    /// Waits that slept.
+    pub blocks: AtomicU64,
+}
+
+impl Cell {
+    /// Adds one to a count that only this process writes.
+    #[inline]
+    pub fn count(counter: &AtomicU64) {
+        counter.store(counter.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
+    }
+}
+
+/// A mapping of the shared page.
+#[derive(Debug)]
+pub struct SharedPage {
+    file: OwnedFd,
+    mapping: MmapRaw,
+}
+
+impl SharedPage {
+    /// Makes a page for a run.
+    ///
+    /// # Errors
+    /// If the system has no memory or no file descriptor left.
+    pub fn create() -> std::io::Result<Self> {
+        let file = rustix::fs::memfd_create("gerono", rustix::fs::MemfdFlags::CLOEXEC)?;
+        rustix::fs::ftruncate(&file, size_of::<Words>() as u64)?;
+        Self::open(file)
+    }
+
+    /// Maps a page that was inherited.
+    ///
+    /// # Errors
+    /// If the file is not such a page.
+    pub fn open(file: OwnedFd) -> std::io::Result<Self> {
+        let size = rustix::fs::fstat(&file)?.st_size;
+        if size != i64::try_from(size_of::<Words>()).expect("a page is small") {
+            return Err(std::io::Error::other(
+                "the inherited file is not the shared page of this version",
+            ));
+        }
+        let mapping = memmap2::MmapOptions::new()
+            .len(size_of::<Words>())
+            .map_raw(&file)?;
+        Ok(Self { file, mapping })
+    }
+
+    /// The file, to be inherited by a service.
+    #[must_use]
+    pub fn file(&self) -> impl AsFd {
+        &self.file
+    }
+
+    /// The words.
+    #[must_use]
+    #[inline]
+    pub fn words(&self) -> &Words {
+        // SAFETY: the mapping lives as long as `self`, is page-aligned, holds `size_of::<Words>()` bytes
+        // (checked in `open`), and `Words` consists of atomics and padding, valid for every bit pattern and
+        // safe to be written by other processes meanwhile.
+        unsafe { &*self.mapping.as_ptr().cast::<Words>() }
+    }
+}

@@ -1,0 +1,339 @@
+//! Waiting for a sample in lock-step: look first, yield once, then sleep on the doorbell.
+//!
+//! With the processes of the ring on one core, one `sched_yield` usually lets the publisher run and costs a
+//! third of a sleep. With a foreign load on the core every yield gives away a slice of milliseconds instead.
+//! Hence an adaptive verdict that one process, the leader, passes for all through the shared page: everybody
+//! counts misses (a fruitless yield counts 1, a slow one 16); over [`MISS_LIMIT`] of them within
+//! [`VERDICT_WAITS`] waits of the leader, all only sleep for a while that doubles each time.
+//!
+//! A wake-up is never lost: the consumer announces whom it sleeps for, then looks again; a publisher
+//! publishes, then looks for the announcement. Only the consumer takes its announcement back.
+
+use std::os::fd::AsFd;
+use std::sync::Arc;
+use std::sync::atomic::{Ordering, fence};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use shared_types::ServiceId;
+
+use crate::control::{Channel, ControlError, ToService};
+use crate::deployment::Scheduler;
+use crate::doorbell::Doorbell;
+use crate::shared_page::{Cell, SharedPage};
+
+const MISS_LIMIT: u32 = 40;
+const SLOW_YIELD: Duration = Duration::from_micros(300);
+const SLOW_YIELD_MISSES: u32 = 16;
+const VERDICT_WAITS: u32 = 256;
+const LONGEST_BLOCKING: u32 = 65_536;
+/// Under `SCHED_FIFO` the ring's order is strict and yields never leave it: a few more pay.
+const FIFO_YIELDS: u32 = 16;
+/// A sleep looks again after this long, whatever happened to its wake-up.
+const LONGEST_SLEEP: Timespec = Timespec {
+    tv_sec: 1,
+    tv_nsec: 0,
+};
+
+/// Why a wait ended without what was waited for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interrupted {
+    /// The run ends.
+    Stopping,
+    /// The orchestrator is gone.
+    Orphaned,
+}
+
+/// A service's place in the ring of those who wait for each other.
+pub struct Waiter {
+    me: ServiceId,
+    page: Arc<SharedPage>,
+    doorbells: Vec<Doorbell>,
+    channel: Channel,
+    scheduler: Scheduler,
+    leader: Option<Leader>,
+}
+
+impl Waiter {
+    /// Joins the ring. `doorbells` are those of all services, in the order of the wiring table.
+    #[must_use]
+    pub fn new(
+        me: ServiceId,
+        page: Arc<SharedPage>,
+        doorbells: Vec<Doorbell>,
+        channel: Channel,
+        scheduler: Scheduler,
+    ) -> Self {
+        let leader = (me == ServiceId::ALL[0]).then(Leader::default);
+        Self {
+            me,
+            page,
+            doorbells,
+            channel,
+            scheduler,
+            leader,
+        }
+    }
+
+    /// The line to the orchestrator.
+    #[must_use]
+    pub fn channel(&self) -> &Channel {
+        &self.channel
+    }
+
+    /// This service's words of the shared page.
+    #[must_use]
+    #[inline]
+    pub fn cell(&self) -> &Cell {
+        &self.page.words().cells[self.me.index()]
+    }
+
+    /// Whether the run is to end.
+    #[must_use]
+    #[inline]
+    pub fn is_stopping(&self) -> bool {
+        self.page.words().stopping.load(Ordering::Relaxed) != 0
+    }
+
+    /// Rings the doorbells of those services that sleep for a publication of this one.
+    #[inline]
+    pub fn wake(&self, consumers: &[ServiceId]) {
+        // Publications before, announcements after: pairs with the fence in `sleep`.
+        fence(Ordering::SeqCst);
+        let mine = announcement(self.me);
+        for consumer in consumers {
+            if self.page.words().cells[consumer.index()]
+                .waiting_for
+                .load(Ordering::Relaxed)
+                == mine
+            {
+                self.doorbells[consumer.index()].ring();
+            }
+        }
+    }
+
+    /// Waits until `arrived` says that the sample of `publisher` is here.
+    ///
+    /// # Errors
+    /// What `arrived` says, or that the wait was [`Interrupted`].
+    pub fn wait<E: From<Interrupted>>(
+        &mut self,
+        publisher: ServiceId,
+        mut arrived: impl FnMut() -> Result<bool, E>,
+    ) -> Result<(), E> {
+        if arrived()? {
+            return Ok(());
+        }
+        if let Some(leader) = &mut self.leader {
+            leader.pass_verdict(&self.page);
+        }
+        if self.yield_for(&mut arrived)? {
+            Cell::count(&self.cell().yields);
+            return Ok(());
+        }
+        Cell::count(&self.cell().blocks);
+        let result = self.sleep_for(publisher, &mut arrived);
+        self.cell().waiting_for.store(0, Ordering::Relaxed);
+        result
+    }
+
+    #[inline]
+    fn yield_for<E>(&self, arrived: &mut impl FnMut() -> Result<bool, E>) -> Result<bool, E> {
+        if self.scheduler == Scheduler::Fifo {
+            return self.yield_under_fifo(arrived);
+        }
+        let words = self.page.words();
+        if words.block_only.load(Ordering::Relaxed) != 0 {
+            return Ok(false);
+        }
+        let before = Instant::now();
+        rustix::thread::sched_yield();
+        let slow = before.elapsed() > SLOW_YIELD;
+        let here = arrived()?;
+        if slow {
+            words.misses.fetch_add(SLOW_YIELD_MISSES, Ordering::Relaxed);
+        } else if !here {
+            words.misses.fetch_add(1, Ordering::Relaxed);
+        }
+        Ok(here)
+    }
+
+    fn yield_under_fifo<E>(&self, arrived: &mut impl FnMut() -> Result<bool, E>) -> Result<bool, E> {
+        for _ in 0..FIFO_YIELDS {
+            rustix::thread::sched_yield();
+            if arrived()? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn sleep_for<E: From<Interrupted>>(
+        &self,
+        publisher: ServiceId,
+        arrived: &mut impl FnMut() -> Result<bool, E>,
+    ) -> Result<(), E> {
+        loop {
+            self.cell()
+                .waiting_for
+                .store(announcement(publisher), Ordering::Relaxed);
+            // Announcement before, the look after: pairs with the fence in `wake`.
+            fence(Ordering::SeqCst);
+            if arrived()? {
+                return Ok(());
+            }
+            self.sleep()?;
+        }
+    }
+
+    /// Sleeps until the doorbell or the orchestrator calls.
+    fn sleep(&self) -> Result<(), Interrupted> {
+        if self.is_stopping() {
+            return Err(Interrupted::Stopping);
+        }
+        let doorbell = &self.doorbells[self.me.index()];
+        let mut files = [
+            PollFd::from_borrowed_fd(doorbell.as_fd(), PollFlags::IN),
+            PollFd::from_borrowed_fd(self.channel.as_fd(), PollFlags::IN),
+        ];
+        // An interrupted or failed poll is a wake-up like any other: everything is looked at again.
+        let _ = poll(&mut files, Some(&LONGEST_SLEEP));
+        let called = !files[1].revents().is_empty();
+        doorbell.silence();
+        if called { self.answer_call() } else { Ok(()) }
+    }
+
+    fn answer_call(&self) -> Result<(), Interrupted> {
+        match self.channel.try_receive::<ToService>() {
+            Ok(Some(ToService::Stop)) => Err(Interrupted::Stopping),
+            Ok(_) => Ok(()),
+            Err(ControlError::Closed | ControlError::Io(_) | ControlError::Message(_)) => {
+                Err(Interrupted::Orphaned)
+            }
+        }
+    }
+}
+
+/// What a service announces while it sleeps for a publication of `publisher`.
+#[inline]
+fn announcement(publisher: ServiceId) -> u32 {
+    1 + u32::try_from(publisher.index()).expect("few services")
+}
+
+/// Decides for all whether yielding pays.
+#[derive(Debug)]
+struct Leader {
+    waits_left: u32,
+    blocking_waits: u32,
+}
+
+impl Default for Leader {
+    fn default() -> Self {
+        Self {
+            waits_left: VERDICT_WAITS,
+            blocking_waits: VERDICT_WAITS,
+        }
+    }
+}
+
+impl Leader {
+    #[inline]
+    fn pass_verdict(&mut self, page: &SharedPage) {
+        let words = page.words();
+        if words.misses.load(Ordering::Relaxed) > MISS_LIMIT {
+            words.block_only.store(1, Ordering::Relaxed);
+            words.misses.store(0, Ordering::Relaxed);
+            self.waits_left = self.blocking_waits;
+            self.blocking_waits = (2 * self.blocking_waits).min(LONGEST_BLOCKING);
+        }
+        self.waits_left -= 1;
+        if self.waits_left == 0 {
+            let was_blocking = words.block_only.swap(0, Ordering::Relaxed) != 0;
+            words.misses.store(0, Ordering::Relaxed);
+            if !was_blocking {
+                // A quiet spell is over: the next load is a new one.
+                self.blocking_waits = (self.blocking_waits / 2).max(VERDICT_WAITS);
+            }
+            self.waits_left = VERDICT_WAITS;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_misses_stop_everyone_from_yielding_for_ever_longer_whiles() {
+        let page = SharedPage::create().unwrap();
+        let mut leader = Leader::default();
+        let mut spells = Vec::new();
+        for _ in 0..3 {
+            page.words().misses.store(MISS_LIMIT + 1, Ordering::Relaxed);
+            let mut waits = 0;
+            loop {
+                leader.pass_verdict(&page);
+                waits += 1;
+                if page.words().block_only.load(Ordering::Relaxed) == 0 {
+                    break;
+                }
+            }
+            spells.push(waits);
+        }
+        assert_eq!(spells, [VERDICT_WAITS, 2 * VERDICT_WAITS, 4 * VERDICT_WAITS]);
+    }
+
+    #[test]
+    fn a_few_misses_do_not() {
+        let page = SharedPage::create().unwrap();
+        let mut leader = Leader::default();
+        for _ in 0..10 * VERDICT_WAITS {
+            page.words().misses.store(MISS_LIMIT, Ordering::Relaxed);
+            leader.pass_verdict(&page);
+            assert_eq!(page.words().block_only.load(Ordering::Relaxed), 0);
+        }
+    }
+
+    #[test]
+    fn a_wake_up_between_the_announcement_and_the_sleep_is_not_lost() {
+        let page = Arc::new(SharedPage::create().unwrap());
+        let (channel, _orchestrator) = Channel::pair().unwrap();
+        let doorbells = ServiceId::ALL
+            .iter()
+            .map(|_| Doorbell::create().unwrap())
+            .collect();
+        let mut waiter = Waiter::new(ServiceId::Estimator, page, doorbells, channel, Scheduler::Fair);
+        let started = Instant::now();
+        let mut looks = 0;
+        // Arrives right after the last look before the sleep; the doorbell has rung by then.
+        waiter.doorbells[ServiceId::Estimator.index()].ring();
+        waiter
+            .wait::<Interrupted>(ServiceId::Plant, || {
+                looks += 1;
+                Ok(looks > 3)
+            })
+            .unwrap();
+        assert_eq!(looks, 4);
+        assert!(
+            started.elapsed() < Duration::from_millis(900),
+            "slept through the ring"
+        );
+        assert_eq!(waiter.cell().waiting_for.load(Ordering::Relaxed), 0);
+    }
+
+    #[test]
+    fn a_sleeper_notices_that_the_orchestrator_is_gone() {
+        let page = Arc::new(SharedPage::create().unwrap());
+        let (channel, orchestrator) = Channel::pair().unwrap();
+        let doorbells = ServiceId::ALL
+            .iter()
+            .map(|_| Doorbell::create().unwrap())
+            .collect();
+        let mut waiter = Waiter::new(ServiceId::Plant, page, doorbells, channel, Scheduler::Fair);
+        drop(orchestrator);
+        assert_eq!(
+            waiter.wait(ServiceId::RcOutput, || Ok(false)),
+            Err(Interrupted::Orphaned)
+        );
+    }
+}
