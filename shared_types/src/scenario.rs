@@ -5,6 +5,10 @@
 //! give its results.
 
 mod check;
+mod problem;
+pub mod suggest;
+#[cfg(test)]
+mod tests_support;
 mod timing;
 
 use std::collections::BTreeMap;
@@ -13,7 +17,7 @@ use std::f64::consts::PI;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use check::Problem;
+pub use problem::{Key, Problem};
 
 /// A vector of three numbers.
 pub type Vector = [f64; 3];
@@ -243,11 +247,11 @@ pub struct Controller {
     pub delta: f64,
     /// σmax, level of the saturation; above δ/k1.
     pub sigma_max: f64,
-    /// λm, adaptation gain of η̂.
+    /// λm, adaptation gain of η̂; with 0 the estimate stays where it begins.
     pub lambda_mass: f64,
-    /// Diagonal of Λb, adaptation gains of b̂.
+    /// Diagonal of Λb, adaptation gains of b̂; with 0 the estimate stays where it begins.
     pub lambda_disturbance: Vector,
-    /// Λw is this times the identity: adaptation gain of ŵ.
+    /// Λw is this times the identity: adaptation gain of ŵ; with 0 the estimate stays where it begins.
     pub lambda_inertia: f64,
     /// Where the unknown parameters are known to lie.
     pub bounds: Bounds,

@@ -1,65 +1,94 @@
 //! What a scenario must satisfy beyond its types: each violation with its place, the reason and the fix.
 
-use super::{Curve, Path, Scenario, Vector, Vehicle};
+mod assumption;
+mod controller;
+mod path;
+mod vehicle;
 
-/// Something in a scenario that cannot be flown.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Problem {
-    /// Dotted key of the place, such as `controller.sigma_max` or `vehicle.change.0.at`.
-    pub key: String,
-    /// What is wrong.
-    pub reason: String,
-    /// What to do about it.
-    pub fix: String,
-}
+use super::{Key, Problem, Scenario, Vector};
 
-impl Problem {
-    /// A problem at a key.
-    #[must_use]
-    pub fn new(key: impl Into<String>, reason: impl Into<String>, fix: impl Into<String>) -> Self {
-        Self {
-            key: key.into(),
-            reason: reason.into(),
-            fix: fix.into(),
-        }
-    }
-
-    /// A name that nothing has.
-    #[must_use]
-    pub(super) fn unknown_name(key: String, name: &str, what: &str, known: Vec<String>) -> Self {
-        Self::new(
-            key,
-            format!("there is no {what} `{name}`"),
-            format!("known are: {}", known.join(", ")),
-        )
-    }
-}
+/// Magnitude above which a number of a scenario is a slip of the pen; products of several stay finite.
+const LARGEST: f64 = 1e9;
 
 impl Scenario {
     /// Everything in the scenario that cannot be flown; empty for a good one.
     #[must_use]
     pub fn problems(&self) -> Vec<Problem> {
-        let mut problems = Vec::new();
-        self.vehicle.check(self.duration, &mut problems);
-        self.path.check(&mut problems);
-        problems
+        let root = Key::root();
+        let mut found = Findings::default();
+        self.vehicle
+            .check(self.duration, &root.then("vehicle"), &mut found);
+        self.path.check(&root.then("path"), &mut found);
+        self.controller.check(&root.then("controller"), &mut found);
+        self.check_assumption_1(&mut found);
+        found.problems.extend(self.schedule().err().unwrap_or_default());
+        found.problems
     }
 }
 
-impl Vehicle {
-    fn check(&self, _duration: f64, _problems: &mut [Problem]) {}
+/// The problems found so far, and the rules that many values share. A rule returns whether the value keeps
+/// it, so that what depends on the value is asked only then.
+#[derive(Debug, Default)]
+struct Findings {
+    problems: Vec<Problem>,
 }
 
-impl Path {
-    fn check(&self, _problems: &mut [Problem]) {
-        match &self.curve {
-            Curve::TiltedEight(_)
-            | Curve::Hover(_)
-            | Curve::Circle(_)
-            | Curve::Line(_)
-            | Curve::Waypoints(_) => {}
+impl Findings {
+    fn add(&mut self, key: Key, reason: impl Into<String>, fix: impl Into<String>) {
+        self.problems.push(Problem::new(key, reason, fix));
+    }
+
+    /// A number that can be computed with.
+    fn number(&mut self, key: &Key, value: f64) -> bool {
+        let good = value.abs() <= LARGEST;
+        if !good {
+            let reason = if value.is_finite() {
+                format!("{value:?} is beyond anything that can be flown")
+            } else {
+                format!("{value:?} is not a finite number")
+            };
+            let fix = format!("give a finite number of at most {LARGEST:?} in magnitude");
+            self.add(key.clone(), reason, fix);
         }
+        good
+    }
+
+    /// Three numbers that can be computed with.
+    fn vector(&mut self, key: &Key, value: &Vector) -> bool {
+        let components = value.iter().enumerate();
+        components.fold(true, |good, (index, &component)| {
+            self.number(&key.then(index), component) && good
+        })
+    }
+
+    fn positive(&mut self, key: &Key, symbol: &str, value: f64) -> bool {
+        if !self.number(key, value) {
+            return false;
+        }
+        if value <= 0.0 {
+            let reason = format!("{symbol} = {value:?} is not above 0");
+            self.add(key.clone(), reason, "give a number above 0");
+        }
+        value > 0.0
+    }
+
+    fn not_negative(&mut self, key: &Key, symbol: &str, value: f64) -> bool {
+        if !self.number(key, value) {
+            return false;
+        }
+        if value < 0.0 {
+            let reason = format!("{symbol} = {value:?} is below 0");
+            self.add(key.clone(), reason, "give 0 or a number above it");
+        }
+        value >= 0.0
     }
 }
 
-const _: Option<Vector> = None;
+/// A computed number with the six digits that a reader needs of it.
+fn six_digits(value: f64) -> String {
+    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    format!("{rounded:?}")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,23 @@
-//! From the times of a scenario to the resolved schedule.
+//! From the times of a scenario, in seconds, to the resolved schedule, in whole base ticks.
 
-use super::{Problem, Scenario};
-use crate::schedule::{MAX_PORTS, Rate, Schedule, default_latencies};
+mod names;
+mod ticks;
+
+use ticks::TickReader;
+
+use super::{Key, Problem, Scenario, Timing};
+use crate::schedule::{MAX_PORTS, Rate, Schedule, ScheduleError, default_latencies};
 use crate::wiring::{ServiceId, Topic};
+
+const SERVICES: usize = ServiceId::ALL.len();
+const TOPICS: usize = Topic::ALL.len();
+
+/// Longest flight, base ticks: more than a day at the default tick.
+const LONGEST_FLIGHT: u64 = 100_000_000;
+
+/// Largest period, phase and latency, base ticks: they set how far services run ahead and so how much
+/// shared memory their buffers take.
+const LONGEST_DELAY: u64 = 10_000;
 
 impl Scenario {
     /// The schedule that the scenario's times make.
@@ -10,202 +25,164 @@ impl Scenario {
     /// # Errors
     /// Every time that is not a whole number of ticks, every unknown name, and rates that do not fit together.
     pub fn schedule(&self) -> Result<Schedule, Vec<Problem>> {
-        let mut problems = Vec::new();
-        let timing = &self.schedule;
-        if !(timing.tick >= 1e-6 && timing.tick <= 1.0) {
-            return Err(vec![Problem::new(
-                "schedule.tick",
-                format!("the base tick is {} s", timing.tick),
-                "choose a tick from 1e-6 s to 1 s; the paper's simulation uses 0.001",
-            )]);
-        }
-        let tick_ns = to_nanoseconds(timing.tick);
-        let mut ticks = |key: String, time: f64, least: u64| {
-            whole_ticks(tick_ns, &key, time, least).unwrap_or_else(|problem| {
-                problems.push(problem);
-                least
-            })
-        };
-
-        let last_tick = ticks("duration".to_owned(), self.duration, 1);
+        let mut reader = TickReader::new(self.schedule.tick).map_err(|problem| vec![problem])?;
+        let root = Key::root();
+        let last_tick = reader.read(root.then("duration"), self.duration, 1..=LONGEST_FLIGHT);
         for (index, change) in self.vehicle.change.iter().enumerate() {
-            ticks(format!("vehicle.change.{index}.at"), change.at, 0);
+            let key = root.then("vehicle").then("change").then(index).then("at");
+            reader.read(key, change.at, 0..=LONGEST_FLIGHT);
         }
-        let mut services = [Rate::EVERY_TICK; ServiceId::ALL.len()];
-        let mut topics = [None; Topic::ALL.len()];
-        let mut unknown = Vec::new();
-        for (table, name, time, is_period) in timing
-            .period
-            .iter()
-            .map(|(name, time)| ("period", name, *time, true))
-            .chain(
-                timing
-                    .phase
-                    .iter()
-                    .map(|(name, time)| ("phase", name, *time, false)),
-            )
-        {
-            let key = format!("schedule.{table}.{name}");
-            let value = ticks(key.clone(), time, u64::from(is_period));
-            let set = |rate: &mut Rate| {
-                if is_period {
-                    rate.period = value
-                } else {
-                    rate.phase = value
-                }
-            };
-            if let Some(service) = ServiceId::from_name(name) {
-                set(&mut services[service.index()]);
-            } else if let Some(topic) = Topic::from_name(name).filter(|topic| topic.publisher().is_some()) {
-                set(topics[topic.index()].get_or_insert(Rate {
-                    period: 0,
-                    phase: u64::MAX,
-                }));
-            } else {
-                unknown.push(Problem::unknown_name(
-                    key,
-                    name,
-                    "service or topic",
-                    schedulable_names(),
-                ));
-            }
-        }
-        let mut latencies = default_latencies();
-        for (edge, time) in &timing.latency {
-            let key = format!("schedule.latency.{edge}");
-            let value = ticks(key.clone(), *time, 0);
-            match find_edge(edge) {
-                Some((service, input)) => latencies[service.index()][input] = value,
-                None => unknown.push(Problem::unknown_name(key, edge, "edge", edge_names())),
-            }
-        }
-        problems.extend(unknown);
-        if !problems.is_empty() {
-            return Err(problems);
-        }
-        let topics = resolve_topics(topics, &services);
-        Schedule::new(tick_ns, last_tick, services, topics, latencies).map_err(|error| {
-            vec![Problem::new(
-                "schedule",
-                error.to_string(),
-                "see `gerono check` for the schedule of a working scenario",
-            )]
-        })
+        let (services, topics) = self.schedule.rates(&mut reader).resolved();
+        let latencies = self.schedule.latencies(&mut reader);
+        let tick_ns = reader.finish()?;
+        Schedule::new(tick_ns, last_tick, services, topics, latencies)
+            .map_err(|error| vec![self.schedule.explain(&error)])
     }
 
     /// Base tick of a time of this scenario that has been checked, such as that of a change.
     #[must_use]
     pub fn tick_of(&self, time: f64) -> u64 {
-        whole_ticks(to_nanoseconds(self.schedule.tick), "", time, 0).unwrap_or(u64::MAX)
+        TickReader::new(self.schedule.tick)
+            .and_then(|reader| reader.whole_ticks(&Key::root(), time, &(0..=LONGEST_FLIGHT)))
+            .unwrap_or(u64::MAX)
     }
 }
 
-/// A topic's rate is its publisher's unless the scenario states another.
-fn resolve_topics(
-    stated: [Option<Rate>; Topic::ALL.len()],
-    services: &[Rate; ServiceId::ALL.len()],
-) -> [Rate; Topic::ALL.len()] {
-    Topic::ALL.map(|topic| {
-        let inherited = topic
-            .publisher()
-            .map_or(Rate::EVERY_TICK, |publisher| services[publisher.index()]);
-        stated[topic.index()].map_or(inherited, |rate| Rate {
-            period: if rate.period == 0 {
-                inherited.period
-            } else {
-                rate.period
-            },
-            phase: if rate.phase == u64::MAX {
-                inherited.phase
-            } else {
-                rate.phase
-            },
-        })
-    })
+/// What a scenario says of the rate of a service or topic.
+#[derive(Clone, Copy, Debug, Default)]
+struct StatedRate {
+    period: Option<u64>,
+    phase: Option<u64>,
 }
 
-/// Name of an edge in a scenario.
-fn edge_name(topic: Topic, service: ServiceId) -> String {
-    format!("{topic} -> {service}")
-}
-
-fn edges() -> impl Iterator<Item = (ServiceId, usize, Topic)> {
-    ServiceId::ALL.into_iter().flat_map(|service| {
-        service
-            .inputs()
-            .iter()
-            .enumerate()
-            .map(move |(input, spec)| (service, input, spec.topic))
-    })
-}
-
-fn find_edge(name: &str) -> Option<(ServiceId, usize)> {
-    edges()
-        .find(|&(service, _, topic)| edge_name(topic, service) == name)
-        .map(|(service, input, _)| (service, input))
-}
-
-fn edge_names() -> Vec<String> {
-    edges()
-        .map(|(service, _, topic)| edge_name(topic, service))
-        .collect()
-}
-
-fn schedulable_names() -> Vec<String> {
-    let services = ServiceId::ALL.iter().map(ToString::to_string);
-    services
-        .chain(
-            Topic::ALL
-                .iter()
-                .filter(|topic| topic.publisher().is_some())
-                .map(ToString::to_string),
-        )
-        .collect()
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "callers check that the time is small and not negative"
-)]
-fn to_nanoseconds(time: f64) -> u64 {
-    libm::round(time * 1e9) as u64
-}
-
-/// A time as a whole number of ticks, at least `least` of them.
-fn whole_ticks(tick_ns: u64, key: &str, time: f64, least: u64) -> Result<u64, Problem> {
-    // A century in seconds: beyond it nanoseconds do not fit.
-    if !(0.0..=3.2e9).contains(&time) {
-        return Err(Problem::new(
-            key,
-            format!("{time} s is not a time of a flight"),
-            "give a time of 0 s or more",
-        ));
+impl StatedRate {
+    fn or(self, inherited: Rate) -> Rate {
+        Rate {
+            period: self.period.unwrap_or(inherited.period),
+            phase: self.phase.unwrap_or(inherited.phase),
+        }
     }
-    let nanoseconds = to_nanoseconds(time);
-    let ticks = nanoseconds / tick_ns;
-    let exact = nanoseconds.is_multiple_of(tick_ns) && (time * 1e9 - libm::round(time * 1e9)).abs() < 1e-3;
-    if !exact {
-        let tick = crate::service::seconds(tick_ns);
-        let below = crate::service::seconds(ticks * tick_ns);
-        let above = crate::service::seconds((ticks + 1) * tick_ns);
-        return Err(Problem::new(
-            key,
-            format!("{time} s is not a whole number of base ticks of {tick} s"),
-            format!("use {below} or {above}, or another `schedule.tick`"),
-        ));
-    }
-    if ticks < least {
-        return Err(Problem::new(
-            key,
-            format!("{time} s is less than one base tick"),
-            "make it at least one tick long",
-        ));
-    }
-    Ok(ticks)
 }
 
-const _: () = assert!(
-    MAX_PORTS >= 4,
-    "a service of the wiring table has up to four inputs"
-);
+/// What a scenario says of all rates.
+#[derive(Debug, Default)]
+struct StatedRates {
+    services: [StatedRate; SERVICES],
+    topics: [StatedRate; TOPICS],
+}
+
+impl StatedRates {
+    /// The place of a service or topic that a scenario may schedule, by name.
+    fn of(&mut self, name: &str) -> Option<&mut StatedRate> {
+        if let Some(service) = ServiceId::from_name(name) {
+            return Some(&mut self.services[service.index()]);
+        }
+        let topic = Topic::from_name(name).filter(|topic| topic.publisher().is_some())?;
+        Some(&mut self.topics[topic.index()])
+    }
+
+    /// A service steps at every tick, and a topic's rate is its publisher's, unless the scenario states another.
+    fn resolved(self) -> ([Rate; SERVICES], [Rate; TOPICS]) {
+        let services = self.services.map(|stated| stated.or(Rate::EVERY_TICK));
+        let topics = Topic::ALL.map(|topic| {
+            let inherited = topic
+                .publisher()
+                .map_or(Rate::EVERY_TICK, |publisher| services[publisher.index()]);
+            self.topics[topic.index()].or(inherited)
+        });
+        (services, topics)
+    }
+}
+
+impl Timing {
+    fn rates(&self, reader: &mut TickReader) -> StatedRates {
+        let mut rates = StatedRates::default();
+        for (name, &time) in &self.period {
+            let key = key_of("period", name);
+            match rates.of(name) {
+                Some(rate) => rate.period = Some(reader.read(key, time, 1..=LONGEST_DELAY)),
+                None => reader.refuse(names::unknown_schedulable(key, name)),
+            }
+        }
+        for (name, &time) in &self.phase {
+            let key = key_of("phase", name);
+            match rates.of(name) {
+                Some(rate) => rate.phase = Some(reader.read(key, time, 0..=LONGEST_DELAY)),
+                None => reader.refuse(names::unknown_schedulable(key, name)),
+            }
+        }
+        rates
+    }
+
+    fn latencies(&self, reader: &mut TickReader) -> [[u64; MAX_PORTS]; SERVICES] {
+        let mut latencies = default_latencies();
+        for (name, &time) in &self.latency {
+            let key = key_of("latency", name);
+            match names::find_edge(name) {
+                Some(edge) => {
+                    latencies[edge.service.index()][edge.input] = reader.read(key, time, 0..=LONGEST_DELAY);
+                }
+                None => reader.refuse(names::unknown_edge(key, name)),
+            }
+        }
+        latencies
+    }
+
+    /// A schedule's error, at the stated time that is the likeliest to be meant otherwise.
+    fn explain(&self, error: &ScheduleError) -> Problem {
+        let (key, fix) = match error {
+            ScheduleError::CycleWithoutDelay(cycle) => {
+                let edges = names::edges_between(cycle).map(|edge| edge.name());
+                let key = self.first_stated(edges.map(|name| ("latency", name)));
+                (key, "give this edge a latency of at least one tick".to_owned())
+            }
+            ScheduleError::TopicWithoutStep { topic, publisher } => {
+                let names = [topic.to_string(), publisher.to_string()];
+                let tables = ["period", "phase"];
+                let places = names
+                    .into_iter()
+                    .flat_map(|name| tables.map(|table| (table, name.clone())));
+                let fix = format!("make the period of `{topic}` a multiple of that of `{publisher}`");
+                (self.first_stated(places), fix)
+            }
+            ScheduleError::UnequalJoin { .. } => {
+                let services = [ServiceId::PathGenerator, ServiceId::Controller];
+                let topics = [Topic::VehicleState, Topic::PathReference];
+                let names = services
+                    .map(ServiceId::name)
+                    .into_iter()
+                    .chain(topics.map(Topic::name));
+                let rates = names.flat_map(|name| ["period", "phase"].map(|table| (table, name.to_owned())));
+                let edges = names::edges_into(&services).map(|edge| ("latency", edge.name()));
+                (
+                    self.first_stated(rates.chain(edges)),
+                    "give both services the same times, or state none for them".to_owned(),
+                )
+            }
+        };
+        Problem::new(key, error.to_string(), fix)
+    }
+
+    /// Key of the first of these times that the scenario states.
+    fn first_stated(&self, mut times: impl Iterator<Item = (&'static str, String)>) -> Key {
+        let is_stated = |(table, name): &(&str, String)| match *table {
+            "period" => self.period.contains_key(name),
+            "phase" => self.phase.contains_key(name),
+            _ => self.latency.contains_key(name),
+        };
+        times
+            .find(is_stated)
+            .map_or_else(schedule_key, |(table, name)| key_of(table, &name))
+    }
+}
+
+fn schedule_key() -> Key {
+    Key::root().then("schedule")
+}
+
+fn key_of(table: &str, name: &str) -> Key {
+    schedule_key().then(table).then(name)
+}
+
+#[cfg(test)]
+mod tests;

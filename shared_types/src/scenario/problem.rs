@@ -1,0 +1,120 @@
+//! What cannot be flown: the place in the scenario, the reason, the fix.
+
+use super::suggest;
+
+/// Place of a value in a scenario: the names of tables and keys and the positions in arrays that lead to it.
+///
+/// Displayed as TOML writes it, such as `vehicle.change.0.at` or `schedule.latency."rc/frame -> plant"`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Key {
+    segments: Vec<String>,
+}
+
+impl Key {
+    /// The scenario itself.
+    #[must_use]
+    pub fn root() -> Self {
+        Self::default()
+    }
+
+    /// The value of a name, or at a position, inside this one.
+    #[must_use]
+    pub fn then(&self, segment: impl ToString) -> Self {
+        let mut segments = self.segments.clone();
+        segments.push(segment.to_string());
+        Self { segments }
+    }
+
+    /// The names and positions, from the outside in.
+    #[must_use]
+    pub fn segments(&self) -> &[String] {
+        &self.segments
+    }
+}
+
+impl<S: Into<String>> FromIterator<S> for Key {
+    fn from_iter<I: IntoIterator<Item = S>>(segments: I) -> Self {
+        Self {
+            segments: segments.into_iter().map(Into::into).collect(),
+        }
+    }
+}
+
+impl std::fmt::Display for Key {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for (index, segment) in self.segments.iter().enumerate() {
+            if index > 0 {
+                formatter.write_str(".")?;
+            }
+            if is_bare(segment) {
+                formatter.write_str(segment)?;
+            } else {
+                write!(formatter, "{segment:?}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether TOML takes a key without quotes.
+fn is_bare(segment: &str) -> bool {
+    let bare = |character: char| character.is_ascii_alphanumeric() || matches!(character, '_' | '-');
+    !segment.is_empty() && segment.chars().all(bare)
+}
+
+/// Something in a scenario that cannot be flown.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// The place.
+    pub key: Key,
+    /// What is wrong.
+    pub reason: String,
+    /// What to do about it.
+    pub fix: String,
+}
+
+impl Problem {
+    /// A problem at a place.
+    #[must_use]
+    pub fn new(key: Key, reason: impl Into<String>, fix: impl Into<String>) -> Self {
+        Self {
+            key,
+            reason: reason.into(),
+            fix: fix.into(),
+        }
+    }
+
+    /// A name that nothing has.
+    #[must_use]
+    pub(super) fn unknown_name(key: Key, name: &str, what: &str, known: &[String]) -> Self {
+        Self::new(
+            key,
+            format!("there is no {what} `{name}`"),
+            suggest::known_names(name, known),
+        )
+    }
+}
+
+impl std::fmt::Display for Problem {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "`{}`: {}; {}", self.key, self.reason, self.fix)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_is_displayed_as_toml_writes_it() {
+        let key = Key::root()
+            .then("schedule")
+            .then("latency")
+            .then("rc/frame -> plant");
+        assert_eq!(key.to_string(), "schedule.latency.\"rc/frame -> plant\"");
+        assert_eq!(
+            Key::root().then("a.b").then("").then(3).to_string(),
+            "\"a.b\".\"\".3"
+        );
+    }
+}
