@@ -12,7 +12,7 @@ pub fn capture(motion: &Motion, now: &Now, pose: &mut MocapPose) {
     pose.capture_time_ns = now.time_ns;
     pose.position_world = motion.position_world.into();
     pose.world_from_body = to_row_major(&motion.world_from_body);
-    pose.velocity_body = motion.velocity_body.into();
+    pose.velocity_body = motion.velocity_body().into();
     pose.angular_velocity_body = motion.angular_velocity_body.into();
     pose.tracked = true.into();
     pose.velocities_measured = true.into();

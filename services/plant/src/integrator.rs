@@ -1,24 +1,36 @@
-//! One step along the vector field: the classical Runge–Kutta method of fourth order, and R back to SO(3).
+//! One step along the vector field: Runge–Kutta–Munthe-Kaas of fourth order, in the Cayley chart.
 //!
-//! The four stages treat R as any matrix. That leaves SO(3) by O(h⁵), so one polar iteration at the end moves R
-//! by no more than the method's own error: the order stays four, and what is left of the defect is the square
-//! of O(h⁵), far below rounding at any step that flies. Runge–Kutta–Munthe-Kaas methods reach the same order
-//! with sines and cosines in every stage, at several times the cost and with no smaller an error here.
+//! It is the classical Runge–Kutta method, with the rotation of the step written as R0 cay(θ), so that the
+//! method works on θ, in a vector space, and every stage is a rotation (H. Munthe-Kaas, "High order
+//! Runge–Kutta methods on manifolds", 1999; A. Iserles et al., "Lie-group methods", 2000, section 4.6). The
+//! chart is rational: a step takes no sine, costs a third of one in the exponential chart, and gives the same
+//! bits on any machine.
 
 use shared_types::rotation::orthonormalized;
 
+use crate::cayley;
 use crate::rigid_body::{Motion, MotionRate};
 
-/// The motion `h` s later along the field ẋ = `rate`(x); a negative `h` goes back in time.
+/// The motion `h` s later along the field `rate`; a negative `h` goes back in time.
 #[must_use]
 #[inline]
-pub fn advanced(motion: &Motion, h: f64, rate: impl Fn(&Motion) -> MotionRate) -> Motion {
-    let k1 = rate(motion);
-    let k2 = rate(&motion.moved(&k1, 0.5 * h));
-    let k3 = rate(&motion.moved(&k2, 0.5 * h));
-    let k4 = rate(&motion.moved(&k3, h));
-    let end = motion.moved(&(k1 + (k2 + k3) * 2.0 + k4), h / 6.0);
+pub fn advanced(start: &Motion, h: f64, rate: impl Fn(&Motion) -> MotionRate) -> Motion {
+    // The field after moving along `slope`, its angular velocity as θ̇ in the chart at `start`.
+    let slope_along = |slope: &MotionRate, duration: f64| {
+        let rate = rate(&start.moved(slope, duration));
+        let theta = slope.angular_velocity_body * duration;
+        MotionRate {
+            angular_velocity_body: cayley::chart_rate(&theta, &rate.angular_velocity_body),
+            ..rate
+        }
+    };
+    let k1 = rate(start);
+    let k2 = slope_along(&k1, 0.5 * h);
+    let k3 = slope_along(&k2, 0.5 * h);
+    let k4 = slope_along(&k3, h);
+    let end = start.moved(&(k1 + (k2 + k3) * 2.0 + k4), h / 6.0);
     Motion {
+        // A product of rotations is one but for rounding, which would add up over a million steps.
         world_from_body: orthonormalized(&end.world_from_body),
         ..end
     }

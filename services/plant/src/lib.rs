@@ -2,6 +2,7 @@
 //!
 //! * [`rigid_body`]: equations (1)–(4) as a pure vector field;
 //! * [`integrator`]: a fourth-order step along it that keeps R in SO(3);
+//! * [`cayley`]: the chart of SO(3) that it works in;
 //! * [`actuators`]: from a radio frame to the thrust and torque that act on the body;
 //! * [`changes`]: which mass, inertia and disturbance are in force at a tick;
 //! * [`cameras`]: from the motion to what the motion-capture system reports;
@@ -11,6 +12,7 @@
 
 pub mod actuators;
 pub mod cameras;
+pub mod cayley;
 pub mod changes;
 pub mod integrator;
 pub mod rigid_body;

@@ -4,6 +4,7 @@
 //! and torque held, on the body that is in force from tick k−1. A change at tick k is published in `truth(k)`
 //! and acts from k·h on.
 
+use nalgebra::Vector3;
 use shared_types::rotation::{from_roll_pitch_yaw, from_row_major, to_row_major};
 use shared_types::samples::VehicleTruth;
 use shared_types::scenario::{InitialState, Scenario};
@@ -23,8 +24,8 @@ shared_types::sample! {
         pub position_world: [f64; 3],
         /// R, body to inertial, row-major.
         pub world_from_body: [f64; 9],
-        /// v, linear velocity in {B}, m/s.
-        pub velocity_body: [f64; 3],
+        /// Rv, linear velocity in {I}, m/s.
+        pub velocity_world: [f64; 3],
         /// ω, angular velocity in {B}, rad/s.
         pub angular_velocity_body: [f64; 3],
     }
@@ -89,7 +90,7 @@ impl Service for PlantService {
         PlantState {
             position_world: self.motion.position_world.into(),
             world_from_body: to_row_major(&self.motion.world_from_body),
-            velocity_body: self.motion.velocity_body.into(),
+            velocity_world: self.motion.velocity_world.into(),
             angular_velocity_body: self.motion.angular_velocity_body.into(),
         }
     }
@@ -98,17 +99,18 @@ impl Service for PlantService {
         self.motion = Motion {
             position_world: state.position_world.into(),
             world_from_body: from_row_major(&state.world_from_body),
-            velocity_body: state.velocity_body.into(),
+            velocity_world: state.velocity_world.into(),
             angular_velocity_body: state.angular_velocity_body.into(),
         };
     }
 }
 
 fn initial_motion(initial: &InitialState) -> Motion {
+    let world_from_body = from_roll_pitch_yaw(initial.roll_pitch_yaw);
     Motion {
         position_world: initial.position.into(),
-        world_from_body: from_roll_pitch_yaw(initial.roll_pitch_yaw),
-        velocity_body: initial.velocity_body.into(),
+        world_from_body,
+        velocity_world: world_from_body * Vector3::from(initial.velocity_body),
         angular_velocity_body: initial.angular_velocity_body.into(),
     }
 }
@@ -117,7 +119,7 @@ fn initial_motion(initial: &InitialState) -> Motion {
 fn write_truth(motion: &Motion, acted: &Wrench, body: &Body, truth: &mut VehicleTruth) {
     truth.position_world = motion.position_world.into();
     truth.world_from_body = to_row_major(&motion.world_from_body);
-    truth.velocity_body = motion.velocity_body.into();
+    truth.velocity_body = motion.velocity_body().into();
     truth.angular_velocity_body = motion.angular_velocity_body.into();
     truth.thrust = acted.thrust;
     truth.torque_body = acted.torque_body.into();
