@@ -1,0 +1,45 @@
+//! A step of the transmitter allocates nothing.
+
+#[path = "../../plant/tests/support/allocations.rs"]
+mod allocations;
+
+use rc_output::RcOutputService;
+use shared_types::Now;
+use shared_types::samples::{ControlCommand, RcFrame};
+use shared_types::service::{ErasedService, InputView, OutputSlot};
+use zerocopy::{FromZeros, IntoBytes};
+
+#[test]
+fn a_step_of_the_transmitter_does_not_allocate() {
+    let scenario = toml::from_str(
+        "duration = 1.0\n\
+         vehicle = { mass = 0.2, inertia = [6.5e-4, 6.5e-4, 13.0e-4] }\n\
+         path.curve.hover.position = [0.0, 0.0, -1.0]",
+    );
+    let mut service = RcOutputService::new(&scenario.unwrap());
+    let command = ControlCommand::new_zeroed();
+    let mut frame = RcFrame::new_zeroed();
+    let mut state = vec![0; service.state_size()];
+    let mut failsafes = 0;
+    let count = allocations::allocations_during(|| {
+        for tick in 0..100 {
+            let now = Now {
+                tick,
+                time_ns: tick * 1_000_000,
+                elapsed_ns: tick.min(1) * 1_000_000,
+            };
+            let inputs = [InputView {
+                bytes: (tick % 2 == 0).then_some(command.as_bytes()),
+                fresh: true,
+            }];
+            let mut outputs = [OutputSlot {
+                bytes: Some(frame.as_mut_bytes()),
+            }];
+            ErasedService::step(&mut service, &now, &inputs, &mut outputs);
+            ErasedService::save(&service, &mut state);
+            ErasedService::restore(&mut service, &state);
+            failsafes += u32::from(frame.failsafe.is_set());
+        }
+    });
+    assert_eq!((count, failsafes), (0, 50));
+}
