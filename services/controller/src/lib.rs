@@ -1,1 +1,32 @@
-//! controller
+//! The paper's adaptive control law, as step logic and as a pure function.
+//!
+//! * [`projection`]: the smooth projection π (5) and the potential V(s, s̃) (6);
+//! * [`saturation`]: σ and its derivatives;
+//! * [`parameters`]: gains and bounds;
+//! * [`signals`]: what the law is a function of;
+//! * [`law`]: errors, thrust, torque and the estimators' rates, (7) to (21), as one pure function;
+//! * [`zeta_rate`]: ζ̇ as an affine function of the unknown acceleration;
+//! * [`regressor`]: W of (20), kept structured;
+//! * [`lyapunov`]: the Lyapunov function that the law makes decrease;
+//! * [`service`]: the law and its estimators as a service of the flight.
+//!
+//! The controller knows nothing of the path or of its timing law: what it needs of them comes with
+//! [`PathReference`](shared_types::samples::PathReference).
+//!
+//! Where it differs from the paper: k1 d²σ(z1)/dt² and d³γ/dt³ contain the unknown acceleration as well, and
+//! both are part of W here, which the paper leaves to the reader.
+
+pub mod law;
+pub mod lyapunov;
+pub mod parameters;
+pub mod projection;
+pub mod regressor;
+pub mod saturation;
+pub mod service;
+pub mod signals;
+pub mod zeta_rate;
+
+pub use law::{Evaluation, evaluate};
+pub use parameters::Parameters;
+pub use service::ControllerService;
+pub use signals::{Estimates, Measured, Reference};

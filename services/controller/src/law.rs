@@ -1,0 +1,168 @@
+//! The control law: errors, thrust, torque and the estimators' rates, equations (7) to (22).
+//!
+//! {I} has z down: gravity points along +e3, thrust along −R e3. Everything here is a pure function of its arguments.
+
+use nalgebra::{Vector2, Vector3};
+use shared_types::scenario::GRAVITY;
+
+use crate::parameters::Parameters;
+use crate::regressor::{Regressor, delta_m_times};
+use crate::saturation::Saturated;
+use crate::signals::{EstimateRates, Estimates, Measured, Reference};
+use crate::zeta_rate::ZetaRate;
+
+/// Everything that the law says at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Evaluation {
+    /// z1 = p − pd(γ), eq. (7), in {I}, m.
+    pub z1: Vector3<f64>,
+    /// z2, eq. (9), in {I}, m/s.
+    pub z2: Vector3<f64>,
+    /// z3 = ω − ωd, eq. (18), in {B}, rad/s.
+    pub z3: Vector3<f64>,
+    /// z4 = γ̇ − γ̇d, eq. (22), 1/s.
+    pub z4: f64,
+    /// ζ, the acceleration asked of the thrust, in {B}, m/s².
+    pub zeta: Vector3<f64>,
+    /// ωd, the virtual angular velocity, eq. (18), in {B}, rad/s.
+    pub omega_desired: Vector3<f64>,
+    /// T along −R e3, eq. (16), N; any real number.
+    pub thrust: f64,
+    /// τ, eq. (20), in {B}, N m.
+    pub torque: Vector3<f64>,
+    /// Rates of the estimators, eqs. (14), (15), (21).
+    pub rates: EstimateRates,
+    /// W of (20).
+    pub regressor: Regressor,
+}
+
+/// The errors of position and velocity, with what follows from them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Errors {
+    /// z1 = p − pd(γ), eq. (7), in {I}, m.
+    pub z1: Vector3<f64>,
+    /// ż1 = R v − ṗd in {I}, m/s.
+    pub z1_dot: Vector3<f64>,
+    /// σ at z1.
+    pub sigma_z1: Saturated,
+    /// dσ(z1)/dt = σ′(z1)∘ż1.
+    pub sigma_z1_dot: Vector3<f64>,
+    /// z2 = ż1 + k1 σ(z1) − Rδ, eq. (9), in {I}, m/s.
+    pub z2: Vector3<f64>,
+    /// σ at z2.
+    pub sigma_z2: Saturated,
+    /// g e3 − p̈d in {I}, m/s²: z̈1 but for the unknown acceleration A = −ηT R e3 + b.
+    pub free_acceleration: Vector3<f64>,
+}
+
+impl Errors {
+    /// The errors of a measured state against a reference.
+    #[must_use]
+    #[inline]
+    pub fn new(parameters: &Parameters, measured: &Measured, reference: &Reference) -> Self {
+        let Parameters {
+            k1,
+            delta,
+            saturation: sigma,
+            ..
+        } = parameters;
+        let r = &measured.world_from_body;
+        let z1 = measured.position_world - reference.position_world; // (7)
+        let z1_dot = r * measured.velocity_body - reference.velocity_world();
+        let sigma_z1 = sigma.at(&z1);
+        let z2 = z1_dot + sigma_z1.value() * *k1 - r.column(2) * *delta; // (9)
+        Self {
+            z1,
+            z1_dot,
+            sigma_z1,
+            sigma_z1_dot: sigma_z1.slope().component_mul(&z1_dot),
+            z2,
+            sigma_z2: sigma.at(&z2),
+            free_acceleration: Vector3::new(0.0, 0.0, GRAVITY) - reference.acceleration_world(),
+        }
+    }
+}
+
+/// The law at one moment.
+#[must_use]
+#[inline]
+pub fn evaluate(
+    parameters: &Parameters,
+    measured: &Measured,
+    reference: &Reference,
+    estimates: &Estimates,
+) -> Evaluation {
+    let Parameters {
+        k1,
+        k2,
+        k3,
+        beta,
+        delta,
+        ..
+    } = *parameters;
+    let r = &measured.world_from_body;
+    let omega = &measured.angular_velocity_body;
+    let pi_b = parameters.disturbance_projection;
+
+    let errors = Errors::new(parameters, measured, reference);
+    let z2 = errors.z2;
+    let z2_body = r.tr_mul(&z2);
+
+    // Thrust (16); e3ᵀS(ω)δ = 0.
+    let u = errors.free_acceleration
+        + errors.sigma_z1_dot * k1
+        + errors.sigma_z2.value() * k2
+        + estimates.disturbance_world.map(|b| pi_b.value(b));
+    let zeta = r.tr_mul(&u);
+    let thrust = zeta.z / parameters.eta_projection.value(estimates.eta);
+
+    // Virtual angular velocity (18).
+    let omega_desired = with_third(-delta_m_times(delta, &zeta));
+    let z3 = omega - omega_desired;
+
+    // Estimators of η and b.
+    let eta_rate = -parameters.lambda_mass * thrust * z2_body.z; // (14)
+    let disturbance_rate = parameters.lambda_disturbance.component_mul(&z2); // (15)
+
+    // Torque (20), and the estimator of w (21).
+    let disturbance_projected_rate = estimates
+        .disturbance_world
+        .map(|b| pi_b.slope(b))
+        .component_mul(&disturbance_rate);
+    let zeta_rate = ZetaRate::new(
+        parameters,
+        measured,
+        reference,
+        &errors,
+        &zeta,
+        &disturbance_projected_rate,
+    );
+    let regressor = Regressor::new(omega, delta, &(r.column(2) * thrust), &zeta_rate);
+    let coupling = Vector3::new(delta * z2_body.y, -delta * z2_body.x, 0.0); // δnᵀ Π12 Rᵀ z2
+    let sigma_z3 = parameters.saturation.at(&z3).value();
+    let torque = -regressor.times(&estimates.w) - (coupling + sigma_z3 * k3) / beta;
+    let w_rate = regressor.transpose_times(&z3) * (beta * parameters.lambda_inertia);
+
+    Evaluation {
+        z1: errors.z1,
+        z2,
+        z3,
+        z4: reference.gamma_dot - reference.gamma_dot_desired, // (22)
+        zeta,
+        omega_desired,
+        thrust,
+        torque,
+        rates: EstimateRates {
+            eta: eta_rate,
+            disturbance_world: disturbance_rate,
+            w: w_rate,
+        },
+        regressor,
+    }
+}
+
+/// A vector whose third element is zero, as is the third row of δm.
+#[inline]
+fn with_third(y: Vector2<f64>) -> Vector3<f64> {
+    Vector3::new(y.x, y.y, 0.0)
+}

@@ -1,0 +1,63 @@
+//! Gains and bounds of the law, as the law computes with them.
+
+use nalgebra::Vector3;
+use shared_types::scenario;
+
+use crate::projection::Projection;
+use crate::saturation::Saturation;
+
+/// Gains and bounds of the law, with the paper's symbols.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// k1, gain on the position error, 1/s.
+    pub k1: f64,
+    /// k2, gain on the velocity error, 1/s.
+    pub k2: f64,
+    /// k3, gain on the angular velocity error.
+    pub k3: f64,
+    /// β, weight of the angular velocity error in the Lyapunov function; positive.
+    pub beta: f64,
+    /// δ, what the velocity error is driven to along the thrust axis, m/s; not 0.
+    pub delta: f64,
+    /// σ, with σmax above δ/k1.
+    pub saturation: Saturation,
+    /// λm, gain of the estimator of η (14).
+    pub lambda_mass: f64,
+    /// Diagonal of Λb, gains of the estimator of b (15).
+    pub lambda_disturbance: Vector3<f64>,
+    /// Λw is this times the identity, gain of the estimator of w (21).
+    pub lambda_inertia: f64,
+    /// π for η̂, 1/kg.
+    pub eta_projection: Projection,
+    /// π for each component of b̂, m/s².
+    pub disturbance_projection: Projection,
+}
+
+impl From<&scenario::Controller> for Parameters {
+    fn from(controller: &scenario::Controller) -> Self {
+        let bounds = &controller.bounds;
+        Self {
+            k1: controller.k1,
+            k2: controller.k2,
+            k3: controller.k3,
+            beta: controller.beta,
+            delta: controller.delta,
+            saturation: Saturation {
+                level: controller.sigma_max,
+            },
+            lambda_mass: controller.lambda_mass,
+            lambda_disturbance: Vector3::from(controller.lambda_disturbance),
+            lambda_inertia: controller.lambda_inertia,
+            eta_projection: Projection {
+                minimum: 1.0 / bounds.mass_max,
+                maximum: 1.0 / bounds.mass_min,
+                epsilon: bounds.epsilon_eta,
+            },
+            disturbance_projection: Projection {
+                minimum: -bounds.disturbance,
+                maximum: bounds.disturbance,
+                epsilon: bounds.epsilon_disturbance,
+            },
+        }
+    }
+}
