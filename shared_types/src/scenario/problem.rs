@@ -19,6 +19,10 @@ impl Key {
 
     /// The value of a name, or at a position, inside this one.
     #[must_use]
+    #[expect(
+        clippy::needless_pass_by_value,
+        reason = "names and positions stand as literals at the call"
+    )]
     pub fn then(&self, segment: impl ToString) -> Self {
         let mut segments = self.segments.clone();
         segments.push(segment.to_string());

@@ -27,10 +27,10 @@ impl Scenario {
     pub fn schedule(&self) -> Result<Schedule, Vec<Problem>> {
         let mut reader = TickReader::new(self.schedule.tick).map_err(|problem| vec![problem])?;
         let root = Key::root();
-        let last_tick = reader.read(root.then("duration"), self.duration, 1..=LONGEST_FLIGHT);
+        let last_tick = reader.read(&root.then("duration"), self.duration, 1..=LONGEST_FLIGHT);
         for (index, change) in self.vehicle.change.iter().enumerate() {
             let key = root.then("vehicle").then("change").then(index).then("at");
-            reader.read(key, change.at, 0..=LONGEST_FLIGHT);
+            reader.read(&key, change.at, 0..=LONGEST_FLIGHT);
         }
         let (services, topics) = self.schedule.rates(&mut reader).resolved();
         let latencies = self.schedule.latencies(&mut reader);
@@ -100,14 +100,14 @@ impl Timing {
         for (name, &time) in &self.period {
             let key = key_of("period", name);
             match rates.of(name) {
-                Some(rate) => rate.period = Some(reader.read(key, time, 1..=LONGEST_DELAY)),
+                Some(rate) => rate.period = Some(reader.read(&key, time, 1..=LONGEST_DELAY)),
                 None => reader.refuse(names::unknown_schedulable(key, name)),
             }
         }
         for (name, &time) in &self.phase {
             let key = key_of("phase", name);
             match rates.of(name) {
-                Some(rate) => rate.phase = Some(reader.read(key, time, 0..=LONGEST_DELAY)),
+                Some(rate) => rate.phase = Some(reader.read(&key, time, 0..=LONGEST_DELAY)),
                 None => reader.refuse(names::unknown_schedulable(key, name)),
             }
         }
@@ -120,7 +120,7 @@ impl Timing {
             let key = key_of("latency", name);
             match names::find_edge(name) {
                 Some(edge) => {
-                    latencies[edge.service.index()][edge.input] = reader.read(key, time, 0..=LONGEST_DELAY);
+                    latencies[edge.service.index()][edge.input] = reader.read(&key, time, 0..=LONGEST_DELAY);
                 }
                 None => reader.refuse(names::unknown_edge(key, name)),
             }
@@ -132,7 +132,7 @@ impl Timing {
     fn explain(&self, error: &ScheduleError) -> Problem {
         let (key, fix) = match error {
             ScheduleError::CycleWithoutDelay(cycle) => {
-                let edges = names::edges_between(cycle).map(|edge| edge.name());
+                let edges = names::edges_between(cycle).map(names::Edge::name);
                 let key = self.first_stated(edges.map(|name| ("latency", name)));
                 (key, "give this edge a latency of at least one tick".to_owned())
             }

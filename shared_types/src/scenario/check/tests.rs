@@ -476,7 +476,7 @@ fn numbers_that_are_none_are_refused_at_their_place() {
             |scenario| {
                 scenario.path.curve = Curve::Hover(Hover {
                     position: [0.0, value, 0.0],
-                })
+                });
             },
             "path.curve.hover.position.1",
             reason,
