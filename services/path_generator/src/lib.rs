@@ -1,1 +1,18 @@
-//! path_generator
+//! The path and its timing law: where the vehicle should be, and how fast the path moves on.
+//!
+//! A [`curve`] is pd(γ) with its γ-derivatives. The [`timing_law`] of the paper, (22)–(25), moves γ: at full
+//! speed while the vehicle is close, not at all while it is far, by a smooth [`bump`] between. The
+//! [`service`] joins both at every tick.
+//!
+//! Failure policy: without a tracked vehicle the path stands still. A scenario that makes no path is refused
+//! at construction; a step never fails.
+
+pub mod bump;
+pub mod curve;
+pub mod service;
+#[cfg(test)]
+mod taylor;
+pub mod timing_law;
+
+pub use curve::{Curve, CurveError, CurvePoint};
+pub use service::{PathGeneratorError, PathGeneratorService, PathGeneratorState};

@@ -1,0 +1,167 @@
+//! The service `path_generator`: the newest state in, the reference of the same tick out.
+//!
+//! At tick k it holds γₖ and γ̇ₖ, and evaluates curve and timing law there. γ and γ̇ move on by explicit Euler
+//! at the next step, over the time that has then passed: γₖ₊₁ = γₖ + hγ̇ₖ, γ̇ₖ₊₁ = γ̇ₖ + hγ̈ₖ.
+//!
+//! Failure policy: while there is no state, or one that rests on no measurement (`tracked` not set), the path
+//! stands still at once: γ̇ = γ̈ = 0 from that step on, in both modes, and the reference says so. When the
+//! vehicle is seen again, the timing law starts γ̇ from 0, as at the start of a flight; trajectory tracking goes
+//! on at full speed from where it stood.
+
+use nalgebra::Vector3;
+use shared_types::rotation::from_row_major;
+use shared_types::samples::{PathReference, VehicleState};
+use shared_types::scenario::{self, PathMode, Scenario};
+use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
+use shared_types::{Now, Service, ServiceId};
+
+use crate::bump::TransitionError;
+use crate::curve::{Curve, CurveError, CurvePoint};
+use crate::timing_law::{PathRates, TimingLaw};
+
+shared_types::sample! {
+    /// What the next step depends on besides its inputs.
+    pub struct PathGeneratorState {
+        /// γ.
+        pub gamma: f64,
+        /// γ̇, 1/s.
+        pub gamma_dot: f64,
+        /// γ̈, 1/s².
+        pub gamma_ddot: f64,
+    }
+}
+
+/// Why a scenario makes no path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PathGeneratorError {
+    /// The curve's parameters make no curve.
+    Curve(CurveError),
+    /// α1 and α2 leave no room to slow down in.
+    Transition(TransitionError),
+}
+
+impl std::fmt::Display for PathGeneratorError {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Curve(error) => error.fmt(formatter),
+            Self::Transition(error) => error.fmt(formatter),
+        }
+    }
+}
+
+impl std::error::Error for PathGeneratorError {}
+
+/// What moves γ.
+#[derive(Clone, Copy, Debug)]
+enum Mover {
+    /// The path waits for the vehicle.
+    TimingLaw(TimingLaw),
+    /// The path does not wait: γ̇ = vd, 1/s.
+    Trajectory { speed: f64 },
+}
+
+/// The path generator's step logic.
+#[derive(Clone, Debug)]
+pub struct PathGeneratorService {
+    curve: Curve,
+    mover: Mover,
+    /// ψd, rad.
+    yaw: f64,
+    state: PathGeneratorState,
+}
+
+impl PathGeneratorService {
+    /// The path generator of a scenario, at the start of the flight.
+    ///
+    /// # Errors
+    /// [`PathGeneratorError`] if the scenario's curve is none, or its timing law.
+    pub fn new(scenario: &Scenario) -> Result<Self, PathGeneratorError> {
+        let path = &scenario.path;
+        let curve = Curve::new(&path.curve).map_err(PathGeneratorError::Curve)?;
+        Ok(Self {
+            curve,
+            mover: Mover::new(path).map_err(PathGeneratorError::Transition)?,
+            yaw: path.yaw,
+            state: PathGeneratorState {
+                gamma: path.initial_gamma,
+                gamma_dot: path.initial_gamma_dot,
+                gamma_ddot: 0.0,
+            },
+        })
+    }
+}
+
+impl Mover {
+    fn new(path: &scenario::Path) -> Result<Self, TransitionError> {
+        Ok(match path.mode {
+            PathMode::Following => Self::TimingLaw(TimingLaw::new(path)?),
+            PathMode::TrajectoryTracking => Self::Trajectory { speed: path.speed },
+        })
+    }
+
+    /// How γ moves with the vehicle at `vehicle` and the path at `point`.
+    fn rates(&self, vehicle: &VehicleState, point: &CurvePoint, gamma_dot: f64) -> PathRates {
+        match self {
+            Self::TimingLaw(law) => {
+                let p = Vector3::from(vehicle.position_world);
+                let world_from_body = from_row_major(&vehicle.world_from_body);
+                let p_dot = world_from_body * Vector3::from(vehicle.velocity_body); // (1)
+                let z1 = p - point.position; // (7)
+                let z1_dot = p_dot - point.derivative1 * gamma_dot;
+                law.rates(&z1, &z1_dot, gamma_dot)
+            }
+            Self::Trajectory { speed } => PathRates::steady(*speed),
+        }
+    }
+}
+
+impl PathGeneratorState {
+    /// Explicit Euler over `h` seconds.
+    fn advance(&mut self, h: f64) {
+        self.gamma += h * self.gamma_dot;
+        self.gamma_dot += h * self.gamma_ddot;
+    }
+}
+
+impl Service for PathGeneratorService {
+    const ID: ServiceId = ServiceId::PathGenerator;
+    type Inputs<'a> = PathGeneratorInputs<'a>;
+    type Outputs<'a> = PathGeneratorOutputs<'a>;
+    type State = PathGeneratorState;
+
+    fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
+        self.state.advance(now.elapsed());
+        let point = self.curve.at(self.state.gamma);
+        let rates = match inputs.state.newest().filter(|vehicle| vehicle.tracked.is_set()) {
+            Some(vehicle) => self.mover.rates(vehicle, &point, self.state.gamma_dot),
+            None => PathRates::steady(0.0),
+        };
+        self.state.gamma_dot = rates.gamma_dot;
+        self.state.gamma_ddot = rates.gamma_ddot;
+        if let Some(reference) = outputs.reference.due() {
+            *reference = PathReference {
+                header: reference.header,
+                gamma: self.state.gamma,
+                gamma_dot: rates.gamma_dot,
+                gamma_ddot: rates.gamma_ddot,
+                gamma_dot_desired: rates.gamma_dot_desired,
+                gamma_dddot_constant: rates.gamma_dddot_constant,
+                gamma_dddot_slope: rates.gamma_dddot_slope,
+                position_world: point.position.into(),
+                derivative1_world: point.derivative1.into(),
+                derivative2_world: point.derivative2.into(),
+                derivative3_world: point.derivative3.into(),
+                yaw: self.yaw,
+                yaw_rate: 0.0,
+            };
+        }
+    }
+
+    fn save(&self) -> PathGeneratorState {
+        self.state
+    }
+
+    fn restore(&mut self, state: &PathGeneratorState) {
+        self.state = *state;
+    }
+}

@@ -1,0 +1,90 @@
+//! A path generator in the air, driven as a host would drive it.
+
+use path_generator::PathGeneratorService;
+use shared_types::samples::{PathReference, VehicleState};
+use shared_types::scenario::{Controller, Curve, Path, PathMode, Scenario, TiltedEight, Timing, Vehicle};
+use shared_types::service::{ErasedService, InputView, Now, OutputSlot};
+use zerocopy::{FromZeros, IntoBytes};
+
+pub(crate) const TICK_NS: u64 = 1_000_000;
+
+/// The paper's path with its timing law; nothing else in a scenario concerns the path generator.
+pub(crate) fn paper_path() -> Path {
+    Path {
+        mode: PathMode::Following,
+        speed: 1.0,
+        k4: 1.0,
+        alpha1: 0.5,
+        alpha2: 1.5,
+        initial_gamma: 0.0,
+        initial_gamma_dot: 0.0,
+        yaw: 0.0,
+        curve: Curve::TiltedEight(TiltedEight::default()),
+    }
+}
+
+pub(crate) fn scenario(path: Path) -> Scenario {
+    Scenario {
+        description: String::new(),
+        seed: 1,
+        duration: 60.0,
+        schedule: Timing::default(),
+        vehicle: Vehicle {
+            mass: 0.2,
+            inertia: [6.5e-4, 6.5e-4, 13.0e-4],
+            disturbance: [0.0; 3],
+            initial: Default::default(),
+            change: Vec::new(),
+        },
+        path,
+        controller: Controller::default(),
+    }
+}
+
+pub(crate) fn generator(path: Path) -> PathGeneratorService {
+    PathGeneratorService::new(&scenario(path)).expect("the path can be flown")
+}
+
+/// A level vehicle, seen at a place with a velocity, both in {I}.
+pub(crate) fn vehicle(position_world: [f64; 3], velocity_world: [f64; 3]) -> VehicleState {
+    VehicleState {
+        position_world,
+        velocity_body: velocity_world,
+        world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        tracked: true.into(),
+        ..VehicleState::new_zeroed()
+    }
+}
+
+/// One step at a base tick, `elapsed_ticks` after the one before.
+pub(crate) fn step(
+    generator: &mut PathGeneratorService,
+    tick: u64,
+    elapsed_ticks: u64,
+    state: Option<&VehicleState>,
+) -> PathReference {
+    let mut reference = PathReference::new_zeroed();
+    let now = Now {
+        tick,
+        time_ns: tick * TICK_NS,
+        elapsed_ns: elapsed_ticks * TICK_NS,
+    };
+    let input = InputView {
+        bytes: state.map(IntoBytes::as_bytes),
+        fresh: true,
+    };
+    let output = OutputSlot {
+        bytes: Some(reference.as_mut_bytes()),
+    };
+    ErasedService::step(generator, &now, &[input], &mut [output]);
+    reference
+}
+
+/// One step at a base tick, the next after the one before.
+pub(crate) fn step_at(
+    generator: &mut PathGeneratorService,
+    tick: u64,
+    state: Option<&VehicleState>,
+) -> PathReference {
+    step(generator, tick, tick.min(1), state)
+}
