@@ -94,7 +94,9 @@ impl Motion {
 
     /// The motion after `duration` s of a rate; R turns by the Cayley map and so stays in SO(3).
     #[must_use]
-    #[inline]
+    // Called four times a step, which the compiler takes for too much to inline by itself: the whole step of
+    // the plant takes half as long again without.
+    #[inline(always)]
     pub fn moved(&self, rate: &MotionRate, duration: f64) -> Self {
         let turn = cayley::rotation(&(rate.angular_velocity_body * duration));
         Self {

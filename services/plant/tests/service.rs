@@ -158,15 +158,21 @@ fn what_is_due_has_no_influence_on_the_flight() {
 
 #[test]
 fn a_change_states_only_what_it_changes() {
-    let changes =
-        "{ at = 0.002, inertia = [7e-4, 8e-4, 9e-4] }, { at = 0.003, disturbance = [1.0, 2.0, 3.0] }";
-    let truths = truths(&scenario("", changes), None, 3);
-    assert_eq!(truths[1].inertia, [6.5e-4, 9.0e-4, 13.0e-4]);
-    assert_eq!((truths[3].mass, truths[3].inertia), (0.25, [7e-4, 8e-4, 9e-4]));
-    assert_eq!(
-        (truths[2].disturbance_world, truths[3].disturbance_world),
-        ([0.0; 3], [1.0, 2.0, 3.0])
-    );
+    let changes = "{ at = 0.001, mass = 0.5 }, { at = 0.002, inertia = [7e-4, 8e-4, 9e-4] }, \
+         { at = 0.003, disturbance = [1.0, 2.0, 3.0] }";
+    let before = [6.5e-4, 9.0e-4, 13.0e-4];
+    let after = [7e-4, 8e-4, 9e-4];
+    let bodies: Vec<_> = truths(&scenario("", changes), None, 3)
+        .iter()
+        .map(|truth| (truth.mass, truth.inertia, truth.disturbance_world))
+        .collect();
+    let expected = [
+        (0.25, before, [0.0; 3]),
+        (0.5, before, [0.0; 3]),
+        (0.5, after, [0.0; 3]),
+        (0.5, after, [1.0, 2.0, 3.0]),
+    ];
+    assert_eq!(bodies, expected);
 }
 
 #[test]
