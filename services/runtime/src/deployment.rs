@@ -72,7 +72,7 @@ pub fn die_with_parent() -> std::io::Result<()> {
 #[must_use]
 pub fn idlest(allowed: &[usize]) -> Option<usize> {
     let before = idle_ticks();
-    rustix::thread::nanosleep(&rustix::thread::Timespec {
+    let _interrupted = rustix::thread::nanosleep(&rustix::thread::Timespec {
         tv_sec: 0,
         tv_nsec: 30_000_000,
     });

@@ -22,6 +22,9 @@ use crate::deployment::Scheduler;
 use crate::doorbell::Doorbell;
 use crate::shared_page::{Cell, SharedPage};
 
+/// Value of the shared page's `block_only` with which no verdict lets anybody yield again.
+pub const BLOCK_ALWAYS: u32 = 2;
+
 const MISS_LIMIT: u32 = 40;
 const SLOW_YIELD: Duration = Duration::from_micros(300);
 const SLOW_YIELD_MISSES: u32 = 16;
@@ -240,6 +243,9 @@ impl Leader {
     #[inline]
     fn pass_verdict(&mut self, page: &SharedPage) {
         let words = page.words();
+        if words.block_only.load(Ordering::Relaxed) == BLOCK_ALWAYS {
+            return;
+        }
         if words.misses.load(Ordering::Relaxed) > MISS_LIMIT {
             words.block_only.store(1, Ordering::Relaxed);
             words.misses.store(0, Ordering::Relaxed);

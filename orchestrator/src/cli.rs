@@ -1,0 +1,223 @@
+//! The command line of `gerono`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
+use shared_types::ServiceId;
+
+use crate::exit::Exit;
+use crate::log::Compression;
+
+/// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
+#[derive(Debug, Parser)]
+#[command(name = "gerono", version, propagate_version = true, after_help = Exit::HELP)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What `gerono` can do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Fly a scenario and record it.
+    ///
+    /// Starts one process a service, flies the scenario in simulated time and writes run.mcap (the experiment:
+    /// the same bytes for the same scenario and seed), host.mcap (the machine) and summary.json.
+    Run(Run),
+    /// Check a scenario and show its schedule and wiring, without flying it.
+    Check(Check),
+    /// Draw ‖z1‖ over time of one or several logs as an SVG figure.
+    Plot(Plot),
+    /// Write the samples of a log as JSON lines, for other programs.
+    Export(Export),
+    /// Print the SHA-256 of a log's messages (topic, time, payload): equal logs of equal experiments.
+    Digest(Digest),
+    /// Measure this machine: simulated seconds per wall second of every host, beside bare rings as floors.
+    Bench(Bench),
+    /// Print the JSON Schema of scenario files; editors complete and check them with it.
+    Schema,
+    /// Print the completion script of a shell: `gerono completions bash > /etc/bash_completion.d/gerono`.
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+    /// Run one service; only `gerono run` can start it.
+    #[command(hide = true)]
+    Service {
+        /// Name of the service.
+        #[arg(value_parser = service)]
+        name: ServiceId,
+    },
+    /// Take part in a bare ring; only `gerono bench` can start it.
+    #[command(hide = true)]
+    RingMember(RingMember),
+    /// Keep a core busy; only `gerono bench` can start it.
+    #[command(hide = true)]
+    Load {
+        /// The core.
+        core: usize,
+    },
+}
+
+fn service(name: &str) -> Result<ServiceId, String> {
+    ServiceId::from_name(name).ok_or_else(|| {
+        let names: Vec<_> = ServiceId::ALL.iter().map(|service| service.name()).collect();
+        format!("there is no such service; there are {}", names.join(", "))
+    })
+}
+
+/// What a scenario is made of: a file and what is changed of it.
+#[derive(Debug, Args)]
+pub struct ScenarioArguments {
+    /// The scenario file.
+    pub scenario: PathBuf,
+    /// Seed of every random draw, in place of the scenario's.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Change a value of the scenario, for example `--set controller.k1=5`; may be given several times.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub sets: Vec<String>,
+}
+
+/// Arguments of `gerono run`.
+#[derive(Debug, Args)]
+pub struct Run {
+    /// What to fly.
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// Where the services run; the log is the same.
+    #[arg(long, value_enum, default_value_t)]
+    pub host: Host,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/<scenario>-<n>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Compression of the logs' chunks.
+    #[arg(long, value_enum, default_value_t)]
+    pub compression: Compression,
+    /// Say nothing unless something is wrong.
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// How the services use the machine.
+    #[command(flatten)]
+    pub deployment: DeploymentArguments,
+}
+
+/// How the processes of a run use the machine. Nothing of it changes run.mcap.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Use of the machine (lock-step)")]
+pub struct DeploymentArguments {
+    /// Put the services under SCHED_FIFO, above all ordinary work; flies without if it is not permitted.
+    #[arg(long)]
+    pub fifo: bool,
+    /// Let the system place the services instead of keeping them together on the idlest core.
+    #[arg(long)]
+    pub no_pin: bool,
+    /// Let a waiting service always sleep instead of yielding once first.
+    #[arg(long)]
+    pub no_yield: bool,
+}
+
+/// Where the services of a flight run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Host {
+    /// One process a service, simulated time, no sample ever lost.
+    #[default]
+    Lockstep,
+    /// All services in one thread of this process.
+    Inprocess,
+}
+
+impl Host {
+    /// Name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lockstep => "lockstep",
+            Self::Inprocess => "inprocess",
+        }
+    }
+}
+
+/// Arguments of `gerono check`.
+#[derive(Debug, Args)]
+pub struct Check {
+    /// What to check.
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// Print the wiring as a Mermaid diagram instead.
+    #[arg(long)]
+    pub mermaid: bool,
+}
+
+/// Arguments of `gerono plot`.
+#[derive(Debug, Args)]
+pub struct Plot {
+    /// The logs (run.mcap), or the folders that hold them.
+    #[arg(required = true)]
+    pub logs: Vec<PathBuf>,
+    /// The SVG file to write.
+    #[arg(long, short)]
+    pub output: PathBuf,
+}
+
+/// Arguments of `gerono export`.
+#[derive(Debug, Args)]
+pub struct Export {
+    /// The log (run.mcap), or the folder that holds it.
+    pub log: PathBuf,
+    /// The file to write [default: standard output].
+    #[arg(long, short)]
+    pub output: Option<PathBuf>,
+    /// Write only every n-th tick.
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub every: u64,
+}
+
+/// Arguments of `gerono digest`.
+#[derive(Debug, Args)]
+pub struct Digest {
+    /// The log (run.mcap), or the folder that holds it.
+    pub log: PathBuf,
+}
+
+/// Arguments of `gerono bench`.
+#[derive(Debug, Args)]
+pub struct Bench {
+    /// Repetitions of each measurement; medians are shown.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repetitions: u32,
+    /// Simulated seconds of each lock-step flight.
+    #[arg(long, default_value_t = 20.0)]
+    pub duration: f64,
+    /// Write the figures as JSON to this file as well.
+    #[arg(long)]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of a member of a bare ring.
+#[derive(Debug, Args)]
+pub struct RingMember {
+    /// Place in the ring.
+    pub place: usize,
+    /// Rounds to go.
+    pub rounds: u64,
+    /// How to wait for the neighbour.
+    #[arg(value_enum)]
+    pub wait: RingWait,
+    /// Core to run on.
+    pub core: usize,
+    /// Whether to run under SCHED_FIFO.
+    #[arg(long)]
+    pub fifo: bool,
+}
+
+/// How the members of a bare ring wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RingWait {
+    /// Yield the core until the neighbour has been there.
+    Yield,
+    /// Block on an eventfd.
+    Eventfd,
+}

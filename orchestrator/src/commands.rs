@@ -1,0 +1,41 @@
+//! The commands of `gerono`, one module each.
+
+pub mod bench;
+pub mod check;
+pub mod run;
+pub mod small;
+
+use std::path::{Path, PathBuf};
+
+use miette::Report;
+use shared_types::scenario::Scenario;
+
+use crate::cli::ScenarioArguments;
+use crate::exit::Exit;
+use crate::scenario_file;
+
+/// What ends a command early: what to tell the user and the exit code.
+#[derive(Debug)]
+pub struct Failure {
+    /// What to tell the user.
+    pub report: Report,
+    /// The exit code.
+    pub exit: Exit,
+}
+
+impl Failure {
+    fn new(exit: Exit, error: impl std::fmt::Display) -> Self {
+        Self { report: miette::miette!("{error}"), exit }
+    }
+}
+
+/// Loads the scenario that the command line asks for.
+fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
+    scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed)
+        .map_err(|error| Failure { report: error.into(), exit: Exit::BadInput })
+}
+
+/// The log that a path means: the file itself, or `run.mcap` in the folder.
+fn log_path(path: &Path) -> PathBuf {
+    if path.is_dir() { path.join("run.mcap") } else { path.to_owned() }
+}

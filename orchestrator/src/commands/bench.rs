@@ -1,0 +1,82 @@
+//! `gerono bench`: what this machine can do, as ratios against floors measured in the same run.
+//!
+//! Machines are shared and wander by tens of percent, so every figure stands beside a floor that was measured
+//! in turn with it: a bare ring of five processes that hand nothing on but the turn itself.
+
+mod measure;
+mod ring;
+
+use comfy_table::{Table, presets};
+use serde::Serialize;
+use shared_types::scenario::Scenario;
+
+use super::Failure;
+use crate::cli::Bench;
+use crate::exit::Exit;
+use crate::scenario_file;
+
+pub use measure::load;
+pub use ring::ring_member;
+
+/// The scenario that is measured: the paper's Fig. 1.
+const SCENARIO: &str = include_str!("../../../scenarios/fig1.toml");
+
+/// A figure and what it stands beside.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    what: &'static str,
+    /// Simulated seconds per wall second, or thousand rounds per second of a ring, which compares to it at 1 kHz.
+    median: Option<f64>,
+    /// Median of the ratios to the floor, pair by pair.
+    ratio: Option<f64>,
+    floor: Option<&'static str>,
+    note: Option<String>,
+}
+
+/// `gerono bench`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn bench(arguments: &Bench) -> Result<(), Failure> {
+    let scenario = scenario_file::parse("fig1.toml", SCENARIO)
+        .map_err(|error| Failure { report: error.into(), exit: Exit::Trouble })?;
+    let flight = Scenario { duration: arguments.duration, ..scenario.clone() };
+    let flight = Scenario { vehicle: clipped(&flight), ..flight };
+    let rows = measure::all(&scenario, &flight, arguments.repetitions)
+        .map_err(|error| Failure::new(Exit::Trouble, error))?;
+    println!("{}", table(&rows));
+    if let Some(path) = &arguments.json {
+        let text = serde_json::to_string_pretty(&rows).map_err(|error| Failure::new(Exit::Trouble, error))?;
+        std::fs::write(path, text + "\n")
+            .map_err(|error| Failure::new(Exit::NotWritten, format!("cannot write {}: {error}", path.display())))?;
+    }
+    Ok(())
+}
+
+/// The vehicle without the changes that a shorter flight does not reach.
+fn clipped(scenario: &Scenario) -> shared_types::scenario::Vehicle {
+    let mut vehicle = scenario.vehicle.clone();
+    vehicle.change.retain(|change| change.at <= scenario.duration);
+    vehicle
+}
+
+fn table(rows: &[Row]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        "Fig. 1 at 1 kHz",
+        "simulated s per wall s",
+        "ratio",
+        "to",
+        "note",
+    ]);
+    for row in rows {
+        table.add_row([
+            row.what.to_owned(),
+            row.median.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}")),
+            row.ratio.map_or_else(String::new, |value| format!("{value:.2}")),
+            row.floor.unwrap_or_default().to_owned(),
+            row.note.clone().unwrap_or_default(),
+        ]);
+    }
+    table
+}

@@ -1,0 +1,254 @@
+//! The measurements of `gerono bench`.
+
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use runtime::deployment::{self, Scheduler};
+use runtime::in_process::TickSink;
+use shared_types::Topic;
+use shared_types::scenario::Scenario;
+
+use super::{Row, ring};
+use crate::cli::RingWait;
+use crate::commands::Failure;
+use crate::exit::Exit;
+use crate::flight::lock_step::Deployment;
+use crate::flight::tape::Tape;
+use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step};
+use crate::host_record::Unrecorded;
+use crate::interrupt::Interrupt;
+use crate::log::{Compression, Manifest, RunLogWriter};
+use crate::progress::Progress;
+
+type Result<T> = std::result::Result<T, FlightFailure>;
+
+/// Rounds of a bare ring in one measurement.
+const RING_ROUNDS: u64 = 50_000;
+
+/// All measurements, in turns, `repetitions` times.
+pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Result<Vec<Row>> {
+    let folder = Scratch::create()?;
+    let mut series = Series::new();
+    let bar = ProgressBar::new(u64::from(repetitions));
+    bar.set_style(
+        ProgressStyle::with_template("repetition {pos} of {len} {wide_bar} {elapsed}")
+            .expect("the template is well-formed"),
+    );
+    bar.tick();
+    let core = deployment::idlest(&deployment::allowed_cores()).unwrap_or(0);
+    for _ in 0..repetitions {
+        series.repeat(whole, flight, core, folder.path())?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(series.rows())
+}
+
+/// What was measured, one list a row, pairs at equal places.
+#[derive(Default)]
+struct Series {
+    yield_ring: Vec<f64>,
+    fifo_ring: Vec<f64>,
+    eventfd_ring: Vec<f64>,
+    lock_step: Vec<f64>,
+    lock_step_fifo: Vec<f64>,
+    lock_step_blocking: Vec<f64>,
+    lock_step_loaded: Vec<f64>,
+    in_process: Vec<f64>,
+    in_process_recorded: Vec<f64>,
+    fifo_refused: Option<String>,
+}
+
+impl Series {
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn repeat(&mut self, whole: &Scenario, flight: &Scenario, core: usize, folder: &Path) -> Result<()> {
+        let fair = Deployment::default();
+        let blocking = Deployment { yielding: false, ..fair };
+        let fifo = Deployment { scheduler: Scheduler::Fifo, ..fair };
+
+        self.yield_ring.push(bare(RingWait::Yield, false, core)?);
+        self.lock_step.push(fly_processes(flight, fair, folder)?);
+        self.eventfd_ring.push(bare(RingWait::Eventfd, false, core)?);
+        self.lock_step_blocking.push(fly_processes(flight, blocking, folder)?);
+        if self.fifo_refused.is_none() {
+            match ring::thousand_rounds_per_second(RingWait::Yield, true, core, RING_ROUNDS) {
+                Ok(rate) => {
+                    self.fifo_ring.push(rate);
+                    self.lock_step_fifo.push(fly_processes(flight, fifo, folder)?);
+                }
+                Err(error) => self.fifo_refused = Some(format!("SCHED_FIFO is not permitted here: {error}")),
+            }
+        }
+        {
+            let _load = Load::on_every_core()?;
+            self.lock_step_loaded.push(fly_processes(flight, fair, folder)?);
+        }
+        self.in_process.push(rate(&in_process::fly(whole, &mut Nowhere, &Interrupt::never())?)?);
+        self.in_process_recorded.push(recorded(whole, folder, |tape| {
+            in_process::fly(whole, tape, &Interrupt::never())
+        })?);
+        Ok(())
+    }
+
+    fn rows(self) -> Vec<Row> {
+        let row = |what, values: &[f64], floor: Option<(&'static str, &[f64])>, note| Row {
+            what,
+            median: median(values.to_vec()),
+            ratio: floor.and_then(|(_, floor)| median(values.iter().zip(floor).map(|(a, b)| a / b).collect())),
+            floor: floor.map(|(name, _)| name),
+            note,
+        };
+        let yield_ring = ("bare yield ring", &*self.yield_ring);
+        vec![
+            row("bare ring of five, yield", &self.yield_ring, None, None),
+            row("bare ring of five, eventfd", &self.eventfd_ring, None, None),
+            row("bare ring of five, yield, SCHED_FIFO", &self.fifo_ring, None, self.fifo_refused.clone()),
+            row("lock-step, six processes, recorded", &self.lock_step, Some(yield_ring), None),
+            row(
+                "the same, always sleeping",
+                &self.lock_step_blocking,
+                Some(("bare eventfd ring", &self.eventfd_ring)),
+                None,
+            ),
+            row(
+                "the same, SCHED_FIFO",
+                &self.lock_step_fifo,
+                Some(("bare yield ring, SCHED_FIFO", &self.fifo_ring)),
+                self.fifo_refused.clone(),
+            ),
+            row("the same, a foreign load on every core", &self.lock_step_loaded, Some(yield_ring), None),
+            row("in-process, not recorded", &self.in_process, None, None),
+            row("in-process, recorded, uncompressed", &self.in_process_recorded, None, None),
+        ]
+    }
+}
+
+fn bare(wait: RingWait, fifo: bool, core: usize) -> Result<f64> {
+    ring::thousand_rounds_per_second(wait, fifo, core, RING_ROUNDS)
+        .map_err(|error| FlightFailure::Setup(error.to_string()))
+}
+
+fn fly_processes(flight: &Scenario, deployment: Deployment, folder: &Path) -> Result<f64> {
+    recorded(flight, folder, |tape| {
+        lock_step::fly(flight, deployment, tape, &Interrupt::never(), &mut Unrecorded)
+    })
+}
+
+fn recorded(
+    scenario: &Scenario,
+    folder: &Path,
+    fly: impl FnOnce(&mut Tape<'_>) -> Result<Ending>,
+) -> Result<f64> {
+    let schedule = scenario.schedule().map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
+    let path = folder.join("run.mcap");
+    let log = RunLogWriter::create(&path, &Manifest::new(scenario), Compression::None)?;
+    let mut progress = Progress::hidden();
+    let mut tape = Tape::new(scenario, &schedule, Some(log), &mut progress);
+    let ending = fly(&mut tape)?;
+    tape.finish().1?;
+    // Overwritten by the next measurement at the latest.
+    let _ = std::fs::remove_file(path);
+    rate(&ending)
+}
+
+/// Simulated seconds per wall second.
+fn rate(ending: &Ending) -> Result<f64> {
+    match &ending.outcome {
+        Outcome::Completed => {
+            #[expect(clippy::cast_precision_loss, reason = "few ticks")]
+            Ok(ending.ticks as f64 / 1000.0 / ending.wall_time.as_secs_f64())
+        }
+        outcome => Err(FlightFailure::Setup(format!("a measurement ended early: {outcome:?}"))),
+    }
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// A sink that keeps nothing.
+struct Nowhere;
+
+impl TickSink for Nowhere {
+    type Error = Infallible;
+
+    fn sample(&mut self, _topic: Topic, bytes: &[u8]) -> std::result::Result<(), Infallible> {
+        std::hint::black_box(bytes);
+        Ok(())
+    }
+
+    fn end_tick(&mut self, _tick: u64) -> std::result::Result<ControlFlow<()>, Infallible> {
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// A folder for the logs of measurements: in memory where there is such a place, since a disk's write-back
+/// would be measured otherwise.
+struct Scratch(std::path::PathBuf);
+
+impl Scratch {
+    fn create() -> Result<Self> {
+        let shared_memory = Path::new("/dev/shm");
+        let base = if shared_memory.is_dir() { shared_memory.to_owned() } else { std::env::temp_dir() };
+        let path = base.join(format!("gerono-bench-{}", std::process::id()));
+        std::fs::create_dir_all(&path).map_err(|error| FlightFailure::Setup(error.to_string()))?;
+        Ok(Self(path))
+    }
+
+    fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // Only a log of a measurement is in it.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Busy processes, one pinned to every core, until dropped.
+struct Load(Vec<std::process::Child>);
+
+impl Load {
+    fn on_every_core() -> Result<Self> {
+        let mut load = Self(Vec::new());
+        for core in deployment::allowed_cores() {
+            let child = std::process::Command::new("/proc/self/exe")
+                .args(["load", &core.to_string()])
+                .spawn()
+                .map_err(|error| FlightFailure::Setup(error.to_string()))?;
+            load.0.push(child);
+        }
+        Ok(load)
+    }
+}
+
+impl Drop for Load {
+    fn drop(&mut self) {
+        for child in &mut self.0 {
+            // Both fail only for a process that is gone.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// `gerono load`: keeps a core busy until its parent ends.
+///
+/// # Errors
+/// [`Failure`] if the system does not permit it.
+pub fn load(core: usize) -> std::result::Result<(), Failure> {
+    let trouble = |error: std::io::Error| Failure::new(Exit::Trouble, error);
+    deployment::die_with_parent().map_err(trouble)?;
+    deployment::pin_to(&[core]).map_err(trouble)?;
+    loop {
+        std::hint::spin_loop();
+    }
+}

@@ -1,0 +1,157 @@
+//! Bare rings: five processes on one core that hand on nothing but the turn. The floor of lock-step flight.
+
+use std::os::fd::{AsFd, BorrowedFd, FromRawFd, OwnedFd};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+use command_fds::{CommandFdExt, FdMapping};
+use runtime::deployment;
+use runtime::shared_page::SharedPage;
+use rustix::event::{EventfdFlags, eventfd};
+use shared_types::ServiceId;
+
+use crate::cli::{RingMember, RingWait};
+use crate::commands::Failure;
+use crate::exit::Exit;
+
+const MEMBERS: usize = ServiceId::ALL.len();
+const PAGE_FD: i32 = 3;
+const FIRST_EVENT_FD: i32 = 4;
+
+/// Thousands of rounds per second of a bare ring on `core`.
+///
+/// # Errors
+/// If the system does not permit it.
+pub(super) fn thousand_rounds_per_second(wait: RingWait, fifo: bool, core: usize, rounds: u64) -> std::io::Result<f64> {
+    let page = SharedPage::create()?;
+    let events = (0..MEMBERS).map(|_| eventfd(0, EventfdFlags::CLOEXEC)).collect::<Result<Vec<_>, _>>()?;
+    let mut members = Members(Vec::new());
+    for place in 0..MEMBERS {
+        members.0.push(spawn(place, wait, fifo, core, rounds, &page, &events)?);
+    }
+    // Everyone has arrived: the first may begin.
+    let words = page.words();
+    while words.misses.load(Ordering::Acquire) < u32::try_from(MEMBERS).expect("few members") {
+        members.check()?;
+        std::thread::yield_now();
+    }
+    let started = Instant::now();
+    words.stopping.store(1, Ordering::Release);
+    rustix::io::write(&events[0], &1u64.to_ne_bytes())?;
+    members.wait()?;
+    #[expect(clippy::cast_precision_loss, reason = "few rounds")]
+    Ok(rounds as f64 / 1000.0 / started.elapsed().as_secs_f64())
+}
+
+/// The processes of a ring; killed if the measurement is given up.
+struct Members(Vec<Child>);
+
+impl Members {
+    fn check(&mut self) -> std::io::Result<()> {
+        for child in &mut self.0 {
+            if let Some(status) = child.try_wait()? {
+                return Err(std::io::Error::other(format!("a member of the ring ended early: {status}")));
+            }
+        }
+        Ok(())
+    }
+
+    fn wait(&mut self) -> std::io::Result<()> {
+        for child in &mut self.0 {
+            let status = child.wait()?;
+            if !status.success() {
+                return Err(std::io::Error::other(format!("a member of the ring failed: {status}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Members {
+    fn drop(&mut self) {
+        for child in &mut self.0 {
+            // Both fail only for a process that is gone.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+fn spawn(
+    place: usize,
+    wait: RingWait,
+    fifo: bool,
+    core: usize,
+    rounds: u64,
+    page: &SharedPage,
+    events: &[OwnedFd],
+) -> std::io::Result<Child> {
+    let mut mappings = vec![FdMapping { parent_fd: page.file().as_fd().try_clone_to_owned()?, child_fd: PAGE_FD }];
+    for (event, child_fd) in events.iter().zip(FIRST_EVENT_FD..) {
+        mappings.push(FdMapping { parent_fd: event.try_clone()?, child_fd });
+    }
+    let mut command = Command::new("/proc/self/exe");
+    command.args(["ring-member", &place.to_string(), &rounds.to_string()]);
+    command.arg(match wait {
+        RingWait::Yield => "yield",
+        RingWait::Eventfd => "eventfd",
+    });
+    command.arg(core.to_string()).stdin(Stdio::null()).stdout(Stdio::null());
+    if fifo {
+        command.arg("--fifo");
+    }
+    command.fd_mappings(mappings).map_err(std::io::Error::other)?;
+    command.spawn()
+}
+
+/// `gerono ring-member`: waits for its neighbour, takes its turn, and so on.
+///
+/// # Errors
+/// [`Failure`].
+pub fn ring_member(arguments: &RingMember) -> Result<(), Failure> {
+    go_around(arguments).map_err(|error| Failure::new(Exit::Trouble, error))
+}
+
+fn go_around(arguments: &RingMember) -> std::io::Result<()> {
+    deployment::die_with_parent()?;
+    deployment::pin_to(&[arguments.core])?;
+    if arguments.fifo {
+        deployment::use_fifo()?;
+    }
+    let page = SharedPage::open(inherited(PAGE_FD)?)?;
+    let events =
+        (FIRST_EVENT_FD..).take(MEMBERS).map(inherited).collect::<std::io::Result<Vec<_>>>()?;
+    let (me, before, after) =
+        (arguments.place, (arguments.place + MEMBERS - 1) % MEMBERS, (arguments.place + 1) % MEMBERS);
+    let words = page.words();
+    words.misses.fetch_add(1, Ordering::AcqRel);
+    let turns = |place: usize| words.cells[place].steps_until.load(Ordering::Acquire);
+    for round in 0..arguments.rounds {
+        let needed = if me == 0 { round } else { round + 1 };
+        match arguments.wait {
+            RingWait::Yield => {
+                while turns(before) < needed || words.stopping.load(Ordering::Acquire) == 0 {
+                    rustix::thread::sched_yield();
+                }
+            }
+            RingWait::Eventfd => {
+                rustix::io::retry_on_intr(|| rustix::io::read(&events[me], &mut [0u8; 8]))?;
+            }
+        }
+        words.cells[me].steps_until.store(round + 1, Ordering::Release);
+        if arguments.wait == RingWait::Eventfd {
+            rustix::io::write(&events[after], &1u64.to_ne_bytes())?;
+        }
+    }
+    Ok(())
+}
+
+#[expect(unsafe_code, reason = "inherited file descriptors are taken over by their numbers")]
+fn inherited(number: i32) -> std::io::Result<OwnedFd> {
+    // SAFETY: only looks whether the number is open.
+    let borrowed = unsafe { BorrowedFd::borrow_raw(number) };
+    rustix::io::fcntl_setfd(borrowed, rustix::io::FdFlags::CLOEXEC)?;
+    // SAFETY: the number is open, and by the contract with the parent nothing else in this process owns it.
+    Ok(unsafe { OwnedFd::from_raw_fd(number) })
+}

@@ -1,0 +1,113 @@
+//! `gerono check`: the resolved schedule and wiring of a scenario.
+
+use comfy_table::{Table, presets};
+use shared_types::scenario::Scenario;
+use shared_types::service::seconds;
+use shared_types::{Schedule, ServiceId, Topic};
+
+use super::{Failure, load};
+use crate::cli::Check;
+use crate::exit::Exit;
+
+/// `gerono check`.
+///
+/// # Errors
+/// [`Failure`] if the scenario cannot be flown.
+pub fn check(arguments: &Check) -> Result<(), Failure> {
+    let scenario = load(&arguments.scenario)?;
+    let schedule =
+        scenario.schedule().map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
+    crate::services::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    if arguments.mermaid {
+        print!("{}", mermaid());
+    } else {
+        print!("{}", describe(&scenario, &schedule));
+    }
+    Ok(())
+}
+
+/// The schedule and wiring of a scenario, for people.
+#[must_use]
+pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
+    let order: Vec<_> = schedule.order().iter().map(|service| service.name()).collect();
+    format!(
+        "{}\nbase tick {} s, {} ticks, {} s; theorem's bound on ‖z1‖ {:.4} m\norder within a tick: {}\n\n{}\n\n{}\n\n{}\n",
+        if scenario.description.is_empty() { "the scenario can be flown" } else { &scenario.description },
+        seconds(schedule.tick_ns()),
+        schedule.last_tick() + 1,
+        seconds(schedule.time_ns(schedule.last_tick())),
+        scenario.controller.ultimate_bound(),
+        order.join(" → "),
+        services(schedule),
+        topics(schedule),
+        edges(schedule),
+    )
+}
+
+fn table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
+    table
+}
+
+fn services(schedule: &Schedule) -> Table {
+    let mut table = table(&["service", "period, s", "first step, s"]);
+    for service in ServiceId::ALL {
+        let rate = schedule.service_rate(service);
+        let time = |ticks| seconds(schedule.time_ns(ticks)).to_string();
+        table.add_row([service.to_string(), time(rate.period), time(rate.phase)]);
+    }
+    table
+}
+
+fn topics(schedule: &Schedule) -> Table {
+    let mut table = table(&["topic", "publisher", "period, s", "samples", "bytes each"]);
+    for topic in Topic::ALL {
+        let publisher = topic.publisher().map_or("orchestrator", ServiceId::name).to_owned();
+        let (period, samples) = match topic.publisher() {
+            Some(_) => (
+                seconds(schedule.time_ns(schedule.topic_rate(topic).period)).to_string(),
+                schedule.sample_count(topic).to_string(),
+            ),
+            None => ("as scheduled".to_owned(), "as scheduled".to_owned()),
+        };
+        table.add_row([topic.to_string(), publisher, period, samples, topic.kind().size.to_string()]);
+    }
+    table
+}
+
+fn edges(schedule: &Schedule) -> Table {
+    let mut table = table(&["edge", "latency, s", "buffer, samples"]);
+    for topic in Topic::ALL {
+        for (service, input) in topic.consumers() {
+            table.add_row([
+                format!("{topic} -> {service}"),
+                seconds(schedule.time_ns(schedule.latency(service, input))).to_string(),
+                schedule.buffer_size(topic).to_string(),
+            ]);
+        }
+    }
+    table
+}
+
+/// The wiring table as a Mermaid diagram.
+#[must_use]
+pub fn mermaid() -> String {
+    let mut text = String::from("flowchart LR\n");
+    for service in ServiceId::ALL {
+        text.push_str(&format!("    {service}[{service}]\n"));
+    }
+    text.push_str("    recorder[(orchestrator: run.mcap)]\n");
+    for topic in Topic::ALL {
+        let Some(publisher) = topic.publisher() else { continue };
+        for (consumer, input) in topic.consumers() {
+            let latency = consumer.inputs()[input].default_latency_ticks;
+            let note = if latency == 0 { String::new() } else { format!(", {latency} tick later") };
+            text.push_str(&format!("    {publisher} -- \"{topic}{note}\" --> {consumer}\n"));
+        }
+        if topic.consumers().next().is_none() {
+            text.push_str(&format!("    {publisher} -. {topic} .-> recorder\n"));
+        }
+    }
+    text
+}

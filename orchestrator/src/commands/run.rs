@@ -1,0 +1,142 @@
+//! `gerono run`: flies a scenario, records it, and says how it went.
+
+use std::path::Path;
+use std::time::Duration;
+
+use miette::Report;
+use runtime::deployment::Scheduler;
+use shared_types::Schedule;
+use shared_types::scenario::Scenario;
+
+use super::{Failure, load};
+use crate::cli::{DeploymentArguments, Host, Run};
+use crate::exit::Exit;
+use crate::flight::lock_step::Deployment;
+use crate::flight::tape::Tape;
+use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step};
+use crate::host_record::HostRecord;
+use crate::interrupt::Interrupt;
+use crate::log::{Manifest, RunLogWriter};
+use crate::progress::Progress;
+use crate::run_folder::RunFolder;
+use crate::summary::{RunFacts, Summary};
+
+/// `gerono run`.
+///
+/// # Errors
+/// [`Failure`] if nothing was flown; a flight that ends badly is an [`Exit`].
+pub fn run(arguments: &Run) -> Result<Exit, Failure> {
+    let scenario = load(&arguments.scenario)?;
+    let schedule = scenario
+        .schedule()
+        .map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
+    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let name = scenario_name(&arguments.scenario.scenario);
+    let folder = RunFolder::create(arguments.out.as_deref(), &name)
+        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    let log = RunLogWriter::create(&folder.run_log(), &Manifest::new(&scenario), arguments.compression)
+        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+
+    let mut progress = Progress::new(&schedule, &name, arguments.quiet);
+    let mut tape = Tape::new(&scenario, &schedule, Some(log), &mut progress);
+    let ending = fly(arguments, &scenario, &folder, &mut tape, &interrupt);
+    let log_lost = matches!(&ending.outcome, Outcome::Failed(FlightFailure::Log(_)));
+    let (summary, written) = if log_lost { (tape.abandon(), Ok(None)) } else { tape.finish() };
+    progress.clear();
+
+    let ending = match written {
+        Ok(_) => ending,
+        Err(error) => Ending { outcome: Outcome::Failed(error.into()), ..ending },
+    };
+    let summary = summary.finish(&facts(&name, arguments.host, &schedule, &ending));
+    let saved = save(&summary, &folder);
+    report(&summary, &ending, &folder, arguments.quiet);
+    saved?;
+    Ok(exit(&ending.outcome))
+}
+
+/// Name of the flight: that of its scenario's file.
+fn scenario_name(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "flight".to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
+
+fn fly(
+    arguments: &Run,
+    scenario: &Scenario,
+    folder: &RunFolder,
+    tape: &mut Tape<'_>,
+    interrupt: &Interrupt,
+) -> Ending {
+    let result = match arguments.host {
+        Host::Inprocess => in_process::fly(scenario, tape, interrupt),
+        Host::Lockstep => HostRecord::create(&folder.host_log(), arguments.compression)
+            .map_err(FlightFailure::from)
+            .and_then(|mut record| {
+                let deployment = deployment(&arguments.deployment);
+                let ending = lock_step::fly(scenario, deployment, tape, interrupt, &mut record)?;
+                record.finish()?;
+                Ok(ending)
+            }),
+    };
+    result.unwrap_or_else(|failure| Ending {
+        outcome: Outcome::Failed(failure),
+        ticks: 0,
+        wall_time: Duration::ZERO,
+        warnings: Vec::new(),
+    })
+}
+
+fn deployment(arguments: &DeploymentArguments) -> Deployment {
+    Deployment {
+        pinned: !arguments.no_pin,
+        scheduler: if arguments.fifo { Scheduler::Fifo } else { Scheduler::Fair },
+        yielding: !arguments.no_yield,
+    }
+}
+
+fn facts(name: &str, host: Host, schedule: &Schedule, ending: &Ending) -> RunFacts {
+    let simulated = shared_types::service::seconds(schedule.time_ns(ending.ticks.saturating_sub(1)));
+    let (outcome, reason) = match &ending.outcome {
+        Outcome::Completed => ("completed", None),
+        Outcome::Interrupted { signal } => ("interrupted", Some(format!("by signal {signal}"))),
+        Outcome::Failed(failure) => ("failed", Some(failure.to_string())),
+    };
+    RunFacts {
+        scenario: name.to_owned(),
+        host: host.name().to_owned(),
+        simulated_seconds: simulated,
+        wall_seconds: ending.wall_time.as_secs_f64(),
+        outcome: outcome.to_owned(),
+        reason,
+    }
+}
+
+fn save(summary: &Summary, folder: &RunFolder) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(summary).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let path = folder.summary();
+    std::fs::write(&path, text + "\n")
+        .map_err(|error| Failure::new(Exit::NotWritten, format!("cannot write {}: {error}", path.display())))
+}
+
+fn report(summary: &Summary, ending: &Ending, folder: &RunFolder, quiet: bool) {
+    if !quiet {
+        for warning in &ending.warnings {
+            eprintln!("note: {warning}");
+        }
+        println!("{summary}");
+        println!("results: {}", folder.path().display());
+    }
+    if let Outcome::Failed(failure) = &ending.outcome {
+        eprintln!("{:?}", Report::msg(failure.to_string()));
+    }
+}
+
+fn exit(outcome: &Outcome) -> Exit {
+    match outcome {
+        Outcome::Completed => Exit::Success,
+        Outcome::Interrupted { signal } => Exit::Signal(*signal),
+        Outcome::Failed(FlightFailure::Log(_)) => Exit::NotWritten,
+        Outcome::Failed(FlightFailure::Setup(_) | FlightFailure::NotReady { .. }) => Exit::Trouble,
+        Outcome::Failed(_) => Exit::FlightFailed,
+    }
+}

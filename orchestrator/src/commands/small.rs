@@ -1,0 +1,70 @@
+//! The commands of a few lines.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+
+use clap::CommandFactory;
+use clap_complete::Shell;
+use shared_types::ServiceId;
+
+use super::{Failure, log_path};
+use crate::cli::{Cli, Digest, Export, Plot};
+use crate::exit::Exit;
+use crate::{log, plot, scenario_file, services};
+
+/// `gerono plot`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn plot(arguments: &Plot) -> Result<(), Failure> {
+    let logs: Vec<_> = arguments.logs.iter().map(|path| log_path(path)).collect();
+    plot::z1(&logs, &arguments.output).map_err(|error| Failure::new(Exit::Trouble, error))
+}
+
+/// `gerono export`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn export(arguments: &Export) -> Result<(), Failure> {
+    let trouble = |error: &dyn std::fmt::Display| Failure::new(Exit::Trouble, error);
+    let mut output: Box<dyn Write> = match &arguments.output {
+        Some(path) => Box::new(File::create(path).map_err(|error| {
+            Failure::new(Exit::NotWritten, format!("cannot write {}: {error}", path.display()))
+        })?),
+        None => Box::new(io::stdout().lock()),
+    };
+    let mut buffered = BufWriter::new(&mut output);
+    log::export_json(&log_path(&arguments.log), arguments.every, &mut buffered).map_err(|error| trouble(&error))?;
+    buffered.flush().map_err(|error| trouble(&error))
+}
+
+/// `gerono digest`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn digest(arguments: &Digest) -> Result<(), Failure> {
+    let digest = log::digest(&log_path(&arguments.log)).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    println!("{digest}");
+    Ok(())
+}
+
+/// `gerono schema`.
+pub fn schema() {
+    print!("{}", scenario_file::json_schema());
+}
+
+/// `gerono completions`.
+pub fn completions(shell: Shell) {
+    clap_complete::generate(shell, &mut Cli::command(), "gerono", &mut io::stdout());
+}
+
+/// `gerono service`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn service(id: ServiceId) -> Result<(), Failure> {
+    runtime::process::run(id, |scenario| services::build(id, scenario)).map_err(|error| match error {
+        runtime::process::ProcessError::NotSpawned => Failure::new(Exit::BadInput, error),
+        error => Failure::new(Exit::FlightFailed, error),
+    })
+}

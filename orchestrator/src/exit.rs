@@ -1,0 +1,41 @@
+//! What the exit code of `gerono` means.
+
+use std::process::ExitCode;
+
+/// How a command ended, as other programs see it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// It did what it was asked to.
+    Success,
+    /// It could not, for a reason that has nothing to do with the flight.
+    Trouble,
+    /// The command line or the scenario is wrong; nothing was started.
+    BadInput,
+    /// The flight failed: a service died, gave up or computed nonsense.
+    FlightFailed,
+    /// The results could not be written.
+    NotWritten,
+    /// A signal ended the run in good order.
+    Signal(i32),
+}
+
+impl Exit {
+    /// What `gerono help` says about exit codes.
+    pub const HELP: &str = "Exit codes: 0 done; 1 trouble with the machine; 2 wrong command line or scenario, nothing was \
+        started; 3 the flight failed; 4 the results could not be written; 130 or 143 ended by Ctrl-C or SIGTERM, \
+        the log complete up to there.";
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(match exit {
+            Exit::Success => 0,
+            Exit::Trouble => 1,
+            Exit::BadInput => 2,
+            Exit::FlightFailed => 3,
+            Exit::NotWritten => 4,
+            // As shells report it.
+            Exit::Signal(number) => u8::try_from(128 + number).unwrap_or(u8::MAX),
+        })
+    }
+}

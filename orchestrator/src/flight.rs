@@ -1,0 +1,96 @@
+//! Flying a scenario: the hosts, what they have in common, and how a flight ends.
+
+pub mod crew;
+pub mod in_process;
+pub mod lock_step;
+pub mod recorder;
+pub mod tape;
+
+use std::time::Duration;
+
+use runtime::step::NonFinite;
+
+/// How a flight ended.
+#[derive(Debug)]
+pub struct Ending {
+    /// Why.
+    pub outcome: Outcome,
+    /// Ticks that are whole in the log, from tick 0.
+    pub ticks: u64,
+    /// Wall time from the first tick to the last.
+    pub wall_time: Duration,
+    /// What the user should know about the machine, once.
+    pub warnings: Vec<String>,
+}
+
+/// Why a flight ended.
+#[derive(Debug)]
+pub enum Outcome {
+    /// The last tick was flown.
+    Completed,
+    /// Somebody asked for the end, by this signal.
+    Interrupted {
+        /// Number of the signal.
+        signal: i32,
+    },
+    /// It could not go on.
+    Failed(FlightFailure),
+}
+
+/// Why a flight could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum FlightFailure {
+    /// A service computed a number that is not finite.
+    #[error(transparent)]
+    NonFinite(#[from] NonFinite),
+    /// A service process died.
+    #[error("the service `{service}` (process {pid}) died after tick {tick}: {how}; the log ends with the last whole tick")]
+    Died {
+        /// Name of the service.
+        service: String,
+        /// Its process id.
+        pid: u32,
+        /// The last tick that it had stepped.
+        tick: u64,
+        /// How it ended.
+        how: String,
+    },
+    /// A service could not do its work and said so.
+    #[error("the service `{service}` gave up: {reason}")]
+    GaveUp {
+        /// Name of the service.
+        service: String,
+        /// What it said.
+        reason: String,
+    },
+    /// A service did not become ready.
+    #[error("the services {} did not become ready within {} s; is the machine overloaded?", .services.join(", "), .limit.as_secs())]
+    NotReady {
+        /// Their names.
+        services: Vec<String>,
+        /// How long they had.
+        limit: Duration,
+    },
+    /// A sample did not reach the recorder.
+    #[error("a sample of `{topic}` was lost: tick {due} was due and {got} came")]
+    Lost {
+        /// Name of the topic.
+        topic: String,
+        /// Tick that was due.
+        due: u64,
+        /// Tick that came.
+        got: u64,
+    },
+    /// The log cannot be written.
+    #[error(transparent)]
+    Log(#[from] crate::log::LogError),
+    /// The machine refused something that every run needs.
+    #[error("cannot set the run up: {0}")]
+    Setup(String),
+}
+
+impl From<std::convert::Infallible> for FlightFailure {
+    fn from(never: std::convert::Infallible) -> Self {
+        match never {}
+    }
+}

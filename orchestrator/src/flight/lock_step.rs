@@ -1,0 +1,172 @@
+//! Flies a scenario as processes in lock-step: one a service, and this one, which supervises and records.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use runtime::control::Start;
+use runtime::deployment::{self, Scheduler};
+use runtime::in_process::TickSink;
+use runtime::ports::{Member, PortError};
+use runtime::wait::BLOCK_ALWAYS;
+use shared_types::scenario::Scenario;
+
+use super::crew::{Crew, CrewEvent};
+use super::recorder::{Progress, Recorder};
+use super::{Ending, FlightFailure, Outcome};
+use crate::interrupt::Interrupt;
+use crate::run_root::RunRoot;
+
+/// How often the recorder looks: between two looks the fastest flight fills a tenth of its buffers.
+const RECORDER_PERIOD: Duration = Duration::from_millis(1);
+
+/// How the processes of a run use the machine. Nothing of it changes the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Deployment {
+    /// Whether the services share one core, the fastest way, and the recorder takes the others.
+    pub pinned: bool,
+    /// How the services' core is shared.
+    pub scheduler: Scheduler,
+    /// Whether a waiting service may yield first or always sleeps at once.
+    pub yielding: bool,
+}
+
+impl Default for Deployment {
+    fn default() -> Self {
+        Self { pinned: true, scheduler: Scheduler::Fair, yielding: true }
+    }
+}
+
+/// What happens to the processes of a run, for whoever keeps a record of the machine.
+pub trait CrewObserver {
+    /// The processes have been started and are ready.
+    fn ready(&mut self, crew: &Crew, core: Option<usize>);
+    /// About a second of the flight has passed, or it has ended.
+    fn health(&mut self, crew: &Crew);
+    /// The flight has ended, and this is how.
+    fn ended(&mut self, crew: &Crew, outcome: &Outcome);
+}
+
+/// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
+///
+/// # Errors
+/// [`FlightFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
+pub fn fly<S: TickSink>(
+    scenario: &Scenario,
+    deployment: Deployment,
+    sink: &mut S,
+    interrupt: &Interrupt,
+    observer: &mut dyn CrewObserver,
+) -> Result<Ending, FlightFailure>
+where
+    FlightFailure: From<S::Error>,
+{
+    let schedule = scenario.schedule().map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
+    let root = RunRoot::create().map_err(|error| FlightFailure::Setup(error.to_string()))?;
+    let cores = Cores::choose(deployment);
+    cores.keep_off();
+    let member = Member::join(&root.configuration(), "orchestrator").map_err(port_failure)?;
+    let (mut recorder, _topics) = Recorder::create(&member, &schedule).map_err(port_failure)?;
+    let mut crew = Crew::start(&Start {
+        scenario: scenario.clone(),
+        iceoryx2_configuration: root.configuration(),
+        core: cores.ring,
+        scheduler: deployment.scheduler,
+    })?;
+    if !deployment.yielding {
+        crew.page().words().block_only.store(BLOCK_ALWAYS, Ordering::Relaxed);
+    }
+    let (mut receivers, warnings) = crew.await_ready()?;
+    receivers.extend(recorder.receiver_ids().map(|id| id.to_string()));
+    observer.ready(&crew, cores.ring);
+
+    let started = Instant::now();
+    crew.go(&receivers)?;
+    recorder.connect().map_err(port_failure)?;
+    let outcome = supervise(&mut crew, &mut recorder, sink, interrupt, observer);
+    let wall_time = started.elapsed();
+    let outcome = wind_up(&mut crew, &mut recorder, sink, outcome);
+    observer.ended(&crew, &outcome);
+    Ok(Ending { outcome, ticks: recorder.ticks(), wall_time, warnings })
+}
+
+/// Records and watches until the flight is over, one way or the other.
+fn supervise<S: TickSink>(
+    crew: &mut Crew,
+    recorder: &mut Recorder,
+    sink: &mut S,
+    interrupt: &Interrupt,
+    observer: &mut dyn CrewObserver,
+) -> Outcome
+where
+    FlightFailure: From<S::Error>,
+{
+    let mut next_health = Instant::now() + Duration::from_secs(1);
+    loop {
+        match recorder.drain(sink) {
+            Ok(Progress::Done) => return Outcome::Completed,
+            Ok(Progress::Waiting) => {}
+            Err(failure) => return Outcome::Failed(failure),
+        }
+        if let Some(signal) = interrupt.signal() {
+            return Outcome::Interrupted { signal };
+        }
+        for event in crew.watch(RECORDER_PERIOD) {
+            if let CrewEvent::Lost(failure) = event {
+                return Outcome::Failed(failure);
+            }
+        }
+        if Instant::now() >= next_health {
+            observer.health(crew);
+            next_health += Duration::from_secs(1);
+        }
+    }
+}
+
+/// Ends the services and records the whole ticks that they had published.
+fn wind_up<S: TickSink>(crew: &mut Crew, recorder: &mut Recorder, sink: &mut S, outcome: Outcome) -> Outcome
+where
+    FlightFailure: From<S::Error>,
+{
+    crew.stop();
+    match outcome {
+        Outcome::Completed => Outcome::Completed,
+        // The sink itself has failed: it takes no more.
+        Outcome::Failed(failure @ (FlightFailure::Log(_) | FlightFailure::Lost { .. })) => Outcome::Failed(failure),
+        outcome => match recorder.drain(sink) {
+            Ok(_) => outcome,
+            // Why the flight ended matters more, unless it was on request.
+            Err(failure) => match outcome {
+                Outcome::Failed(first) => Outcome::Failed(first),
+                Outcome::Completed | Outcome::Interrupted { .. } => Outcome::Failed(failure),
+            },
+        },
+    }
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "used to map errors, which come by value")]
+fn port_failure(error: PortError) -> FlightFailure {
+    FlightFailure::Setup(error.to_string())
+}
+
+/// Which cores the services and the recorder use.
+struct Cores {
+    ring: Option<usize>,
+    others: Vec<usize>,
+}
+
+impl Cores {
+    fn choose(deployment: Deployment) -> Self {
+        let allowed = deployment::allowed_cores();
+        let ring = if deployment.pinned { deployment::idlest(&allowed) } else { None };
+        let others = allowed.into_iter().filter(|&core| Some(core) != ring).collect();
+        Self { ring, others }
+    }
+
+    /// Keeps this process off the services' core, if there is another.
+    fn keep_off(&self) {
+        if self.ring.is_some() && !self.others.is_empty() {
+            // Only slower if it is refused.
+            let _ = deployment::pin_to(&self.others);
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! Where a flight's samples go: into the log, into the summary, and as progress before the user's eyes.
+
+use std::ops::ControlFlow;
+
+use runtime::in_process::TickSink;
+use shared_types::samples::RunEvent;
+use shared_types::scenario::{Scenario, VehicleChange};
+use shared_types::{Header, Schedule, Topic};
+use zerocopy::{FromZeros, IntoBytes};
+
+use crate::log::{LogError, RunLogWriter, Written};
+use crate::progress::Progress;
+use crate::summary::FlightSummary;
+
+/// Takes a flight's samples in the order of the log.
+pub struct Tape<'a> {
+    log: Option<RunLogWriter>,
+    summary: FlightSummary,
+    events: std::iter::Peekable<std::vec::IntoIter<RunEvent>>,
+    progress: &'a mut Progress,
+}
+
+impl<'a> Tape<'a> {
+    /// A tape for a flight of `scenario`, recorded to `log` if there is one.
+    #[must_use]
+    pub fn new(
+        scenario: &Scenario,
+        schedule: &Schedule,
+        log: Option<RunLogWriter>,
+        progress: &'a mut Progress,
+    ) -> Self {
+        Self {
+            log,
+            summary: FlightSummary::new(scenario, schedule),
+            events: scheduled_events(scenario, schedule).into_iter().peekable(),
+            progress,
+        }
+    }
+
+    /// Closes the log and hands the summary over.
+    ///
+    /// # Errors
+    /// [`LogError`] if the log cannot be closed: it then keeps the name of an incomplete one.
+    pub fn finish(self) -> (FlightSummary, Result<Option<Written>, LogError>) {
+        (self.summary, self.log.map(RunLogWriter::finish).transpose())
+    }
+
+    /// Leaves the log as it is, with the name of an incomplete one.
+    #[must_use]
+    pub fn abandon(self) -> FlightSummary {
+        self.summary
+    }
+
+    #[inline]
+    fn keep(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), LogError> {
+        if let Some(log) = &mut self.log {
+            log.write(topic, bytes)?;
+        }
+        self.summary.observe(topic, bytes);
+        Ok(())
+    }
+}
+
+impl TickSink for Tape<'_> {
+    type Error = LogError;
+
+    #[inline]
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), LogError> {
+        self.keep(topic, bytes)
+    }
+
+    #[inline]
+    fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, LogError> {
+        // Events are the last topic of a tick.
+        while let Some(event) = self.events.next_if(|event| event.header.tick == tick) {
+            self.keep(Topic::RunEvent, event.as_bytes())?;
+        }
+        if let Some(log) = &mut self.log {
+            log.end_tick(tick)?;
+        }
+        self.progress.tick(tick);
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// The events that a scenario schedules, in the order of time: a function of the scenario alone.
+fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<RunEvent> {
+    let mut events = vec![(0, RunEvent::KIND_FLIGHT_STARTS, scenario.description.clone())];
+    for change in &scenario.vehicle.change {
+        events.push((scenario.tick_of(change.at), RunEvent::KIND_VEHICLE_CHANGES, describe(change)));
+    }
+    events.push((schedule.last_tick(), RunEvent::KIND_FLIGHT_ENDS, String::new()));
+    let numbered = events.into_iter().zip(0..);
+    numbered
+        .map(|((tick, kind, text), seq)| {
+            event(Header { tick, stamp_ns: schedule.time_ns(tick), seq }, kind, &text)
+        })
+        .collect()
+}
+
+fn event(header: Header, kind: u32, text: &str) -> RunEvent {
+    let mut event = RunEvent { header, kind, ..RunEvent::new_zeroed() };
+    let length = text.floor_char_boundary(event.text.len());
+    event.text[..length].copy_from_slice(&text.as_bytes()[..length]);
+    event.text_length = u32::try_from(length).expect("the text is short");
+    event
+}
+
+fn describe(change: &VehicleChange) -> String {
+    let mut parts = Vec::new();
+    if let Some(mass) = change.mass {
+        parts.push(format!("mass {mass} kg"));
+    }
+    if let Some([x, y, z]) = change.inertia {
+        parts.push(format!("inertia [{x}, {y}, {z}] kg m²"));
+    }
+    if let Some([x, y, z]) = change.disturbance {
+        parts.push(format!("disturbance [{x}, {y}, {z}] m/s²"));
+    }
+    parts.join(", ")
+}

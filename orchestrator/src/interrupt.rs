@@ -1,0 +1,40 @@
+//! Ctrl-C and SIGTERM end a run in good order: the log is closed, nothing is left behind.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+/// Tells whether somebody wants the run to end.
+#[derive(Clone, Debug)]
+pub struct Interrupt(Arc<AtomicUsize>);
+
+impl Interrupt {
+    /// Listens to SIGINT and SIGTERM from now on.
+    ///
+    /// # Errors
+    /// If the system does not permit it.
+    pub fn install() -> std::io::Result<Self> {
+        let signal = Arc::new(AtomicUsize::new(0));
+        for number in [SIGINT, SIGTERM] {
+            let value = usize::try_from(number).expect("signal numbers are positive");
+            signal_hook::flag::register_usize(number, Arc::clone(&signal), value)?;
+        }
+        Ok(Self(signal))
+    }
+
+    /// Never raised: for flights that nobody can interrupt.
+    #[must_use]
+    pub fn never() -> Self {
+        Self(Arc::new(AtomicUsize::new(0)))
+    }
+
+    /// Number of the signal that asked for the end.
+    #[must_use]
+    pub fn signal(&self) -> Option<i32> {
+        match self.0.load(Ordering::Relaxed) {
+            0 => None,
+            number => i32::try_from(number).ok(),
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Where a run's results go; never over an earlier run's.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why there is no folder for the results.
+#[derive(Debug, thiserror::Error)]
+pub enum RunFolderError {
+    /// The folder named holds something already.
+    #[error("{} is not empty; name another folder with `--out`, or leave it out for a new one in `runs/`", .0.display())]
+    NotEmpty(PathBuf),
+    /// The folder cannot be made or read.
+    #[error("cannot make the folder {} for the results: {reason}; name a writable one with `--out`", .path.display())]
+    Io {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        reason: io::Error,
+    },
+}
+
+/// The folder of a run's results.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunFolder(PathBuf);
+
+impl RunFolder {
+    /// Makes the folder that was asked for, which must be empty if it exists, or else the next free
+    /// `runs/<name>-<n>`.
+    ///
+    /// # Errors
+    /// [`RunFolderError`].
+    pub fn create(asked: Option<&Path>, name: &str) -> Result<Self, RunFolderError> {
+        match asked {
+            Some(path) => Self::create_named(path),
+            None => Self::create_numbered(Path::new("runs"), name),
+        }
+    }
+
+    fn create_named(path: &Path) -> Result<Self, RunFolderError> {
+        let failed = |reason| RunFolderError::Io { path: path.to_owned(), reason };
+        fs::create_dir_all(path).map_err(failed)?;
+        if fs::read_dir(path).map_err(failed)?.next().is_some() {
+            return Err(RunFolderError::NotEmpty(path.to_owned()));
+        }
+        Ok(Self(path.to_owned()))
+    }
+
+    fn create_numbered(parent: &Path, name: &str) -> Result<Self, RunFolderError> {
+        let failed = |path: &Path, reason| RunFolderError::Io { path: path.to_owned(), reason };
+        fs::create_dir_all(parent).map_err(|reason| failed(parent, reason))?;
+        for number in 1.. {
+            let path = parent.join(format!("{name}-{number}"));
+            match fs::create_dir(&path) {
+                Ok(()) => return Ok(Self(path)),
+                Err(reason) if reason.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(reason) => return Err(failed(&path, reason)),
+            }
+        }
+        unreachable!("some number is free")
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// The log of the experiment.
+    #[must_use]
+    pub fn run_log(&self) -> PathBuf {
+        self.0.join("run.mcap")
+    }
+
+    /// The log of the machine.
+    #[must_use]
+    pub fn host_log(&self) -> PathBuf {
+        self.0.join("host.mcap")
+    }
+
+    /// The summary, for programs.
+    #[must_use]
+    pub fn summary(&self) -> PathBuf {
+        self.0.join("summary.json")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbered_folders_never_meet() {
+        let parent = tempfile::tempdir().unwrap();
+        let first = RunFolder::create_numbered(parent.path(), "fig1").unwrap();
+        let second = RunFolder::create_numbered(parent.path(), "fig1").unwrap();
+        assert_eq!(first.path(), parent.path().join("fig1-1"));
+        assert_eq!(second.path(), parent.path().join("fig1-2"));
+    }
+
+    #[test]
+    fn a_folder_with_something_in_it_is_refused() {
+        let parent = tempfile::tempdir().unwrap();
+        let out = parent.path().join("deep/out");
+        let folder = RunFolder::create(Some(&out), "fig1").unwrap();
+        assert!(RunFolder::create(Some(&out), "fig1").is_ok(), "an empty folder is fine");
+        fs::write(folder.summary(), "{}").unwrap();
+        let error = RunFolder::create(Some(&out), "fig1").unwrap_err();
+        assert!(error.to_string().contains("--out"), "{error}");
+    }
+
+    #[test]
+    fn an_impossible_folder_is_an_error_that_names_it() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let error = RunFolder::create(Some(&file.path().join("out")), "fig1").unwrap_err();
+        assert!(error.to_string().contains("--out"), "{error}");
+    }
+}

@@ -1,0 +1,170 @@
+//! A run's own place in the machine: a folder for iceoryx2's bookkeeping and a prefix for its shared memory.
+//!
+//! Two runs on one host never see each other. Whoever makes a place holds a lock on it for as long as it
+//! lives; a place whose lock is free belongs to a dead run and is swept by the next one that starts.
+
+use std::fs::{self, File};
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FlockOperation, flock};
+
+/// Where Linux keeps named shared memory.
+const SHARED_MEMORY: &str = "/dev/shm";
+
+/// A live run's place; removed, with all its shared memory, when dropped.
+#[derive(Debug)]
+pub struct RunRoot {
+    folder: PathBuf,
+    prefix: String,
+    lock: File,
+}
+
+impl RunRoot {
+    /// Makes a place for a run, after sweeping those of dead runs.
+    ///
+    /// # Errors
+    /// If the folder for temporary files cannot be written.
+    pub fn create() -> io::Result<Self> {
+        let base = base_folder();
+        fs::create_dir_all(&base)?;
+        // Held while places come and go, so that nobody sweeps one that is just being made.
+        let door = File::create(base.join("door"))?;
+        flock(&door, FlockOperation::LockExclusive)?;
+        sweep(&base)?;
+
+        let id = unused_id(&base);
+        let folder = base.join(&id);
+        fs::create_dir(&folder)?;
+        let lock = File::create(lock_path(&folder))?;
+        flock(&lock, FlockOperation::NonBlockingLockExclusive)?;
+        let root = Self { prefix: prefix_of(&id), folder, lock };
+        root.write_configuration()?;
+        Ok(root)
+    }
+
+    /// The iceoryx2 configuration file that every process of the run loads first.
+    #[must_use]
+    pub fn configuration(&self) -> PathBuf {
+        self.folder.join("iceoryx2.toml")
+    }
+
+    /// The folder of the run's bookkeeping.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// What the names of all shared memory of the run begin with.
+    #[must_use]
+    pub fn prefix(&self) -> &str {
+        &self.prefix
+    }
+
+    fn write_configuration(&self) -> io::Result<()> {
+        let text = format!(
+            "[global]\nroot-path = {:?}\nprefix = {:?}\n",
+            self.folder.join("iceoryx2").display().to_string(),
+            self.prefix,
+        );
+        fs::write(self.configuration(), text)
+    }
+}
+
+impl Drop for RunRoot {
+    fn drop(&mut self) {
+        // What cannot be removed now is swept by the next run, once the lock is free.
+        let _ = remove(&self.folder, &self.prefix);
+        let _ = flock(&self.lock, FlockOperation::Unlock);
+    }
+}
+
+fn base_folder() -> PathBuf {
+    std::env::temp_dir().join(format!("gerono-{}", rustix::process::getuid().as_raw()))
+}
+
+fn lock_path(folder: &Path) -> PathBuf {
+    folder.join("lock")
+}
+
+fn prefix_of(id: &str) -> String {
+    format!("gerono_{id}_")
+}
+
+/// An id that no place of this base has, short enough for the names of shared memory.
+fn unused_id(base: &Path) -> String {
+    let process = std::process::id();
+    (0u32..)
+        .map(|number| format!("{process}-{number}"))
+        .find(|id| !base.join(id).exists() && shared_memory_of(&prefix_of(id)).is_empty())
+        .expect("some number is free")
+}
+
+/// Removes the places of dead runs.
+fn sweep(base: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(base)?.flatten() {
+        let folder = entry.path();
+        if !folder.is_dir() {
+            continue;
+        }
+        // A place without a lock died while it was being made: behind the closed door nobody makes one now.
+        let is_live = File::open(lock_path(&folder))
+            .is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err());
+        if !is_live {
+            remove(&folder, &prefix_of(&entry.file_name().to_string_lossy()))?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes a place and all shared memory with its prefix.
+fn remove(folder: &Path, prefix: &str) -> io::Result<()> {
+    for path in shared_memory_of(prefix) {
+        fs::remove_file(path)?;
+    }
+    fs::remove_dir_all(folder)
+}
+
+/// The shared memory files of this user whose names begin with a run's prefix.
+fn shared_memory_of(prefix: &str) -> Vec<PathBuf> {
+    let mine = |entry: &fs::DirEntry| {
+        entry.file_name().to_string_lossy().starts_with(prefix)
+            && entry.metadata().is_ok_and(|metadata| metadata.uid() == rustix::process::getuid().as_raw())
+    };
+    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+    entries.filter(mine).map(|entry| entry.path()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_distinct_and_vanish_with_their_run() {
+        let (first, second) = (RunRoot::create().unwrap(), RunRoot::create().unwrap());
+        assert_ne!(first.folder(), second.folder());
+        assert_ne!(first.prefix(), second.prefix());
+        let folder = first.folder().to_owned();
+        drop(first);
+        assert!(!folder.exists() && second.folder().exists());
+    }
+
+    #[test]
+    fn a_dead_runs_leavings_are_swept_and_a_live_runs_are_not() {
+        let live = RunRoot::create().unwrap();
+        let dead = base_folder().join("dead-test-0");
+        fs::create_dir_all(&dead).unwrap();
+        File::create(lock_path(&dead)).unwrap();
+        let memory = Path::new(SHARED_MEMORY).join(format!("{}segment", prefix_of("dead-test-0")));
+        fs::write(&memory, b"left").unwrap();
+        let kept = Path::new(SHARED_MEMORY).join(format!("{}segment", live.prefix()));
+        fs::write(&kept, b"in use").unwrap();
+
+        drop(RunRoot::create().unwrap());
+        assert!(!dead.exists() && !memory.exists());
+        assert!(live.folder().exists() && kept.exists());
+        drop(live);
+        assert!(!kept.exists());
+    }
+}
