@@ -69,6 +69,7 @@ impl Waypoints {
             if closed {
                 control[index % control.len()]
             } else {
+                // The rest at the end repeats its last control point.
                 control[index.min(control.len() - 1)]
             }
         };
