@@ -88,7 +88,11 @@ fn service_step(bencher: Bencher<'_, '_>) {
 
 fn scenario() -> Scenario {
     serde_json::from_str(
-        r#"{"duration": 1, "vehicle": {"mass": 0.2, "inertia": [6.5e-4, 6.5e-4, 13e-4]}, "path": {"curve": {"tilted_eight": {}}}}"#,
+        r#"{
+            "duration": 1,
+            "vehicle": {"mass": 0.2, "inertia": [6.5e-4, 6.5e-4, 13e-4]},
+            "path": {"curve": {"tilted_eight": {}}}
+        }"#,
     )
     .expect("this scenario is complete")
 }

@@ -1,6 +1,6 @@
 //! The control law: errors, thrust, torque and the estimators' rates, equations (7) to (22).
 //!
-//! {I} has z down: gravity points along +e3, thrust along −R e3. Everything here is a pure function of its arguments.
+//! {I} has z down: gravity points along +e3, thrust along −R e3. All is a pure function of its arguments.
 
 use nalgebra::{Vector2, Vector3};
 use shared_types::scenario::GRAVITY;

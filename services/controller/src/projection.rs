@@ -75,7 +75,9 @@ mod tests {
     use proptest::prelude::*;
 
     prop_compose! {
-        fn projection()(minimum in -5.0..5.0f64, width in 0.01..10.0f64, epsilon in 0.01..1.0f64) -> Projection {
+        fn projection()(
+            minimum in -5.0..5.0f64, width in 0.01..10.0f64, epsilon in 0.01..1.0f64,
+        ) -> Projection {
             Projection { minimum, maximum: minimum + width, epsilon }
         }
     }
@@ -128,7 +130,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_value_is_the_identity_inside_and_stays_within_epsilon_outside((projection, s) in projection_and_place()) {
+        fn the_value_is_the_identity_inside_and_stays_within_epsilon_outside(
+            (projection, s) in projection_and_place(),
+        ) {
             let Projection { minimum, maximum, epsilon } = projection;
             let value = projection.value(s);
             if (minimum..=maximum).contains(&s) {
@@ -142,7 +146,8 @@ mod tests {
         #[test]
         fn the_slope_is_the_derivative_of_the_value((projection, s) in projection_and_place()) {
             let step = 1e-3 * projection.epsilon;
-            let near_a_kink = [projection.minimum, projection.maximum].iter().any(|bound| (s - bound).abs() < 3.0 * step);
+            let bounds = [projection.minimum, projection.maximum];
+            let near_a_kink = bounds.iter().any(|bound| (s - bound).abs() < 3.0 * step);
             prop_assume!(!near_a_kink);
             let difference = |h: f64| (projection.value(s + h) - projection.value(s - h)) / (2.0 * h);
             let extrapolated = (4.0 * difference(step) - difference(2.0 * step)) / 3.0;
@@ -160,7 +165,9 @@ mod tests {
         }
 
         #[test]
-        fn the_potential_is_the_integral((projection, estimate) in projection_and_place(), part in -0.1..1.1f64) {
+        fn the_potential_is_the_integral(
+            (projection, estimate) in projection_and_place(), part in -0.1..1.1f64,
+        ) {
             let actual = projection.minimum + part * (projection.maximum - projection.minimum);
             let (got, wanted) = (
                 projection.potential(actual, estimate),
@@ -172,7 +179,9 @@ mod tests {
 
         #[test]
         fn the_potential_is_positive_for_a_value_within_the_bounds(
-            projection in projection(), part in 0.0..=1.0f64, error in prop_oneof![-20.0..-1e-6f64, 1e-6..20.0f64],
+            projection in projection(),
+            part in 0.0..=1.0f64,
+            error in prop_oneof![-20.0..-1e-6f64, 1e-6..20.0f64],
         ) {
             let actual = projection.minimum + part * (projection.maximum - projection.minimum);
             prop_assert!(projection.potential(actual, actual + error) > 0.0);

@@ -165,7 +165,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_products_agree_with_the_dense_matrix(w_matrix in regressor(), w in parameters(), z in vector(10.0)) {
+        fn the_products_agree_with_the_dense_matrix(
+            w_matrix in regressor(), w in parameters(), z in vector(10.0),
+        ) {
             let dense = w_matrix.to_matrix();
             let scale = 1e-14 * dense.norm();
             prop_assert!((w_matrix.times(&w) - dense * w).norm() < scale * w.norm());

@@ -65,7 +65,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn slope_and_curvature_are_the_derivatives(level in 0.1..5.0f64, x in [-20.0..20.0f64, -2.0..2.0, -0.1..0.1]) {
+        fn slope_and_curvature_are_the_derivatives(
+            level in 0.1..5.0f64, x in [-20.0..20.0f64, -2.0..2.0, -0.1..0.1],
+        ) {
             let saturation = Saturation { level };
             let at = |x: f64| saturation.at(&Vector3::repeat(x));
             let here = saturation.at(&Vector3::from(x));

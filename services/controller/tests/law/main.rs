@@ -1,0 +1,9 @@
+//! What the law promises, proven along the closed loop with exact derivatives.
+
+mod closed_loop;
+mod dual;
+mod lyapunov;
+mod path;
+mod regressor;
+mod timing_law;
+mod vectors;

@@ -1,0 +1,290 @@
+//! What the controller promises as a service: estimators between the steps, silence without inputs, restarts,
+//! and no allocation.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use controller::regressor::ParameterVector;
+use controller::{ControllerService, Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
+use nalgebra::Vector3;
+use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
+use shared_types::scenario::{Controller, Scenario};
+use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::{Now, Service, rotation};
+use zerocopy::{FromZeros, IntoBytes};
+
+const TICK_NS: u64 = 1_000_000;
+
+fn scenario() -> Scenario {
+    serde_json::from_str(
+        r#"{
+            "duration": 1,
+            "vehicle": {"mass": 0.2, "inertia": [6.5e-4, 6.5e-4, 13e-4]},
+            "path": {"curve": {"tilted_eight": {}}}
+        }"#,
+    )
+    .unwrap()
+}
+
+/// A state that changes with the tick, in the zone where every term of the law is active.
+fn state(tick: u64) -> VehicleState {
+    let phase = 0.01 * f64::from(u32::try_from(tick).unwrap());
+    let mut state = VehicleState::new_zeroed();
+    state.position_world = [0.6, -0.5 + 0.1 * libm::sin(phase), -0.9];
+    state.world_from_body = rotation::to_row_major(&rotation::from_roll_pitch_yaw([
+        0.2 * libm::cos(phase),
+        -0.1,
+        0.4,
+    ]));
+    state.velocity_body = [0.3, 0.4 * libm::sin(3.0 * phase), -0.2];
+    state.angular_velocity_body = [0.5, -0.7, 0.1 + phase];
+    state.tracked = true.into();
+    state
+}
+
+fn reference() -> PathReference {
+    let mut reference = PathReference::new_zeroed();
+    reference.gamma_dot = 0.7;
+    reference.gamma_ddot = -0.3;
+    reference.gamma_dot_desired = 0.4;
+    reference.gamma_dddot_constant = 0.5;
+    reference.gamma_dddot_slope = -1.8;
+    reference.position_world = [0.1, 0.2, -1.2];
+    reference.derivative1_world = [0.7, 0.7, 0.1];
+    reference.derivative2_world = [-0.3, -0.1, 0.2];
+    reference.derivative3_world = [-0.9, -0.2, 0.1];
+    reference
+}
+
+/// What a step published.
+#[derive(Debug, PartialEq)]
+struct Published {
+    command: ControlCommand,
+    adaptation: ControlAdaptation,
+    errors: ControlErrors,
+}
+
+/// One step as a host makes it.
+fn step(
+    service: &mut ControllerService,
+    tick: u64,
+    state: Option<&VehicleState>,
+    reference: Option<&PathReference>,
+) -> Published {
+    let mut published = Published {
+        command: ControlCommand::new_zeroed(),
+        adaptation: ControlAdaptation::new_zeroed(),
+        errors: ControlErrors::new_zeroed(),
+    };
+    let inputs = [
+        InputView {
+            bytes: state.map(IntoBytes::as_bytes),
+            fresh: true,
+        },
+        InputView {
+            bytes: reference.map(IntoBytes::as_bytes),
+            fresh: true,
+        },
+    ];
+    let mut outputs = [
+        OutputSlot {
+            bytes: Some(published.command.as_mut_bytes()),
+        },
+        OutputSlot {
+            bytes: Some(published.adaptation.as_mut_bytes()),
+        },
+        OutputSlot {
+            bytes: Some(published.errors.as_mut_bytes()),
+        },
+    ];
+    let now = Now {
+        tick,
+        time_ns: tick * TICK_NS,
+        elapsed_ns: if tick == 0 { 0 } else { TICK_NS },
+    };
+    ErasedService::step(service, &now, &inputs, &mut outputs);
+    published
+}
+
+fn step_with_both(service: &mut ControllerService, tick: u64) -> Published {
+    step(service, tick, Some(&state(tick)), Some(&reference()))
+}
+
+fn law(tick: u64, estimates: &Estimates) -> Evaluation {
+    evaluate(
+        &Parameters::from(&Controller::default()),
+        &Measured::from(&state(tick)),
+        &Reference::from(&reference()),
+        estimates,
+    )
+}
+
+fn estimates_in(adaptation: &ControlAdaptation) -> Estimates {
+    Estimates {
+        eta: adaptation.eta_hat,
+        disturbance_world: Vector3::from(adaptation.disturbance_hat_world),
+        w: ParameterVector::from(adaptation.w_hat),
+    }
+}
+
+#[test]
+fn a_step_publishes_the_law_at_the_estimates_of_the_tick() {
+    let mut service = ControllerService::new(&scenario());
+    for tick in 0..20 {
+        let Published {
+            command,
+            adaptation,
+            errors,
+        } = step_with_both(&mut service, tick);
+        let law = law(tick, &estimates_in(&adaptation));
+        assert_eq!(command.mode, ControlCommand::MODE_TORQUE);
+        assert_eq!(command.thrust, law.thrust);
+        assert_eq!(Vector3::from(command.torque_body), law.torque);
+        assert_eq!(Vector3::from(errors.z1), law.z1);
+        assert_eq!(Vector3::from(errors.z2), law.z2);
+        assert_eq!(Vector3::from(errors.z3), law.z3);
+        assert_eq!(errors.z4, 0.7 - 0.4);
+        assert_eq!(Vector3::from(errors.zeta), law.zeta);
+        assert_eq!(Vector3::from(errors.omega_desired), law.omega_desired);
+    }
+}
+
+#[test]
+fn the_estimates_begin_as_the_scenario_says_and_advance_by_the_rates_of_the_previous_step() {
+    let mut service = ControllerService::new(&scenario());
+    let mut expected = Estimates::from(&Controller::default().initial);
+    for tick in 0..20 {
+        let adaptation = step_with_both(&mut service, tick).adaptation;
+        assert_eq!(estimates_in(&adaptation), expected, "tick {tick}");
+        expected = expected.advanced(&law(tick, &expected).rates, 1e-3);
+    }
+    assert_ne!(expected, Estimates::from(&Controller::default().initial));
+}
+
+#[test]
+fn the_telemetry_holds_the_projected_estimates_and_the_mass_they_mean() {
+    let mut scenario = scenario();
+    scenario.controller.initial.mass = 0.05; // η̂ = 20 is above 1/mmin = 10
+    scenario.controller.initial.disturbance = [0.5, -4.0, 9.0];
+    let mut service = ControllerService::new(&scenario);
+    let adaptation = step_with_both(&mut service, 0).adaptation;
+    assert_eq!(adaptation.eta_hat, 20.0);
+    assert!((adaptation.eta_projected - 10.01).abs() < 1e-12);
+    assert!((adaptation.mass_estimate - 1.0 / 10.01).abs() < 1e-12);
+    assert_eq!(adaptation.disturbance_hat_world, [0.5, -4.0, 9.0]);
+    for (projected, wanted) in adaptation
+        .disturbance_projected_world
+        .iter()
+        .zip([0.5, -3.1, 3.1])
+    {
+        assert!((projected - wanted).abs() < 1e-4, "{projected} for {wanted}");
+    }
+}
+
+#[test]
+fn a_step_without_state_or_reference_commands_nothing_and_lets_the_estimates_rest() {
+    let (some_state, some_reference) = (state(2), reference());
+    for (state, reference) in [
+        (None, None),
+        (Some(&some_state), None),
+        (None, Some(&some_reference)),
+    ] {
+        let mut service = ControllerService::new(&scenario());
+        step_with_both(&mut service, 0);
+        step_with_both(&mut service, 1);
+        let silent = step(&mut service, 2, state, reference);
+        assert_eq!(silent.command, ControlCommand::new_zeroed());
+        assert_eq!(silent.errors, ControlErrors::new_zeroed());
+        // The rates of tick 1 still act up to tick 2; from there on the estimates rest.
+        let next = step_with_both(&mut service, 3);
+        assert_eq!(next.adaptation, silent.adaptation);
+        assert_ne!(step_with_both(&mut service, 4).adaptation, next.adaptation);
+    }
+}
+
+#[test]
+fn on_a_predicted_state_the_law_commands_but_does_not_learn() {
+    let mut service = ControllerService::new(&scenario());
+    let mut predicted = state(0);
+    predicted.tracked = false.into();
+    let first = step(&mut service, 0, Some(&predicted), Some(&reference()));
+    assert_eq!(
+        first.command.thrust,
+        law(0, &estimates_in(&first.adaptation)).thrust
+    );
+    let second = step_with_both(&mut service, 1);
+    assert_eq!(second.adaptation, first.adaptation);
+}
+
+#[test]
+fn a_restored_service_continues_with_equal_bytes() {
+    let mut original = ControllerService::new(&scenario());
+    for tick in 0..50 {
+        step_with_both(&mut original, tick);
+    }
+    let mut saved = vec![0; ErasedService::state_size(&original)];
+    ErasedService::save(&original, &mut saved);
+
+    // Another start, so that whatever is not restored shows.
+    let mut other = scenario();
+    other.controller.initial.mass = 0.4;
+    let mut reborn = ControllerService::new(&other);
+    step_with_both(&mut reborn, 7);
+    ErasedService::restore(&mut reborn, &saved);
+    assert_eq!(Service::save(&reborn), Service::save(&original));
+    for tick in 50..100 {
+        let (from_original, from_reborn) = (
+            step_with_both(&mut original, tick),
+            step_with_both(&mut reborn, tick),
+        );
+        assert_eq!(from_original.command.as_bytes(), from_reborn.command.as_bytes());
+        assert_eq!(
+            from_original.adaptation.as_bytes(),
+            from_reborn.adaptation.as_bytes()
+        );
+        assert_eq!(from_original.errors.as_bytes(), from_reborn.errors.as_bytes());
+    }
+}
+
+/// The system's allocator, counting the calls of each thread.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+#[expect(unsafe_code, reason = "a global allocator is unsafe by its trait")]
+// SAFETY: every call is passed on to the system's allocator as it is.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`, and `pointer` came from `System`.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn steps_saves_and_restores_do_not_allocate() {
+    let mut service = ControllerService::new(&scenario());
+    let mut saved = vec![0; ErasedService::state_size(&service)];
+    let before = ALLOCATIONS.get();
+    for tick in 0..100 {
+        step_with_both(&mut service, tick);
+        step(&mut service, tick, None, None);
+        ErasedService::save(&service, &mut saved);
+        ErasedService::restore(&mut service, &saved);
+    }
+    assert_eq!(ALLOCATIONS.get(), before);
+
+    // The counter counts.
+    drop(Box::new(std::hint::black_box(before)));
+    assert!(ALLOCATIONS.get() > before);
+}
