@@ -1,0 +1,34 @@
+//! The two logs of a run.
+//!
+//! * `run.mcap` ([`RunLogWriter`], [`LogReader`]) is what happened in the experiment: every sample of every topic,
+//!   as a function of scenario and seed alone.
+//! * `host.mcap` ([`HostLogWriter`]) is what the machine did meanwhile.
+//!
+//! Both are MCAP files of the profile `ros2`, so that any tool that knows MCAP and CDR reads them. A sample's
+//! bytes in shared memory are its bytes in the log (see [`shared_types::sample`]).
+//!
+//! Failure policy: a log has the name `<name>.partial` until it is complete. A failed write is reported once,
+//! with what to do; later writes report that the log is closed. A reader hands out nothing of a damaged chunk.
+
+mod digest;
+mod export;
+mod framing;
+mod host_samples;
+mod host_writer;
+mod manifest;
+mod reader;
+mod records;
+mod schema;
+mod writer;
+
+pub use digest::{LogDigest, digest};
+pub use export::{ExportError, export_json};
+pub use framing::{Compression, LogError, Written, partial_path};
+pub use host_samples::{HostEvent, HostSample, ServiceHealth};
+pub use host_writer::HostLogWriter;
+pub use manifest::{FORMAT_VERSION, Manifest};
+pub use reader::{LogReadError, LogReader, LoggedSample};
+pub use writer::RunLogWriter;
+
+#[cfg(test)]
+pub(crate) mod test_flight;

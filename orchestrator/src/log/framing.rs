@@ -1,0 +1,264 @@
+//! An MCAP file that takes samples as they are and that is never called complete before it is.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use mcap::{McapError, McapResult, WriteOptions, Writer};
+use shared_types::sample::{Record, layout_hash, msg_definition};
+
+/// What precedes a sample's bytes in a message: CDR as of XCDR1, little-endian, no options.
+pub(super) const CDR_HEADER: [u8; 4] = [0, 1, 0, 0];
+
+/// Key of a channel's metadata under which the layout hash of its samples stands.
+pub(super) const LAYOUT_KEY: &str = "layout";
+
+/// What the logs name as their library: the bytes are to depend on no version of any.
+pub(super) const LIBRARY: &str = "gerono";
+
+/// Only small records go through this buffer: a chunk is larger and is handed to the system in one piece.
+const BUFFER_BYTES: usize = 64 * 1024;
+
+/// How the chunks of a log are compressed. The digest of a log does not depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Compression {
+    /// Not at all: the least work.
+    #[default]
+    None,
+    /// LZ4: about twice the work; finds little in numbers of full precision.
+    Lz4,
+    /// Zstandard: several times the work, the smallest files.
+    Zstd,
+}
+
+impl Compression {
+    /// The levels are fixed, because the library's default may move.
+    fn apply(self, options: WriteOptions) -> WriteOptions {
+        match self {
+            Self::None => options.compression(None),
+            Self::Lz4 => options
+                .compression(Some(mcap::Compression::Lz4))
+                .compression_level(1),
+            Self::Zstd => options
+                .compression(Some(mcap::Compression::Zstd))
+                .compression_level(3),
+        }
+    }
+}
+
+/// Why a log cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum LogError {
+    /// The file cannot be made.
+    #[error("cannot create the log {}: {source}; choose a folder that exists and that you may write to", .path.display())]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The file cannot be written further.
+    #[error("cannot write the log {}: {source}; make room on its file system or record elsewhere. What was written before is kept under this name", .path.display())]
+    Write {
+        /// The file, with the name of an incomplete log.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The finished file cannot be given its name.
+    #[error("cannot rename the log {} to {}: {source}; it is complete, rename it by hand", .partial.display(), .path.display())]
+    Rename {
+        /// The name it has.
+        partial: PathBuf,
+        /// The name it should have.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// An earlier write failed.
+    #[error("the log {} takes no more samples after the failure reported before", .path.display())]
+    Closed {
+        /// The file, with the name of an incomplete log.
+        path: PathBuf,
+    },
+}
+
+/// What a finished log holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Written {
+    /// Messages in the log.
+    pub messages: u64,
+    /// Size of the file.
+    pub bytes: u64,
+}
+
+/// The name of a log while it is incomplete.
+#[must_use]
+pub fn partial_path(path: &Path) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(".partial");
+    name.into()
+}
+
+/// An MCAP file in the making.
+///
+/// A chunk is gathered in memory and handed to the system whole, so that the file at any time consists of whole
+/// chunks but for a crash within that one write.
+pub(super) struct McapFile {
+    path: PathBuf,
+    /// `None` after a failed write.
+    writer: Option<Writer<NoSeek<BufWriter<File>>>>,
+    /// A message's bytes; kept to spare an allocation.
+    payload: Vec<u8>,
+    messages: u64,
+}
+
+impl McapFile {
+    /// Creates the file under the name of an incomplete one.
+    ///
+    /// `chunk_bytes` closes a chunk by size; without it only [`flush`](Self::flush) does.
+    pub(super) fn create(
+        path: &Path,
+        compression: Compression,
+        chunk_bytes: Option<u64>,
+    ) -> Result<Self, LogError> {
+        let partial = partial_path(path);
+        let failed = |source| LogError::Create {
+            path: partial.clone(),
+            source,
+        };
+        let file = File::create(&partial).map_err(failed)?;
+        let options = WriteOptions::new()
+            .profile("ros2")
+            .library(LIBRARY)
+            .disable_seeking(true)
+            .chunk_size(chunk_bytes)
+            .compression_threads(0);
+        let writer = compression
+            .apply(options)
+            .create(NoSeek::new(BufWriter::with_capacity(BUFFER_BYTES, file)))
+            .map_err(|error| failed(io_error(error)))?;
+        Ok(Self {
+            path: path.to_owned(),
+            writer: Some(writer),
+            payload: CDR_HEADER.to_vec(),
+            messages: 0,
+        })
+    }
+
+    /// Writes facts about the whole log.
+    pub(super) fn write_metadata(
+        &mut self,
+        name: &str,
+        metadata: BTreeMap<String, String>,
+    ) -> Result<(), LogError> {
+        let name = name.to_owned();
+        self.attempt(|writer| writer.write_metadata(&Metadata { name, metadata }))
+    }
+
+    /// Adds a channel for samples of type `R` and says its number.
+    pub(super) fn add_channel<R: Record>(&mut self, name: &str) -> Result<u16, LogError> {
+        self.attempt(|writer| {
+            let schema = writer.add_schema(R::MSG_NAME, "ros2msg", msg_definition::<R>().as_bytes())?;
+            let metadata = BTreeMap::from([(LAYOUT_KEY.to_owned(), layout_hash::<R>())]);
+            writer.add_channel(schema, name, "cdr", &metadata)
+        })
+    }
+
+    /// Writes one sample.
+    #[inline]
+    pub(super) fn write(
+        &mut self,
+        channel_id: u16,
+        sequence: u32,
+        time_ns: u64,
+        sample: &[u8],
+    ) -> Result<(), LogError> {
+        let mut payload = std::mem::take(&mut self.payload);
+        payload.truncate(CDR_HEADER.len());
+        payload.extend_from_slice(sample);
+        let header = MessageHeader {
+            channel_id,
+            sequence,
+            log_time: time_ns,
+            publish_time: time_ns,
+        };
+        let result = self.attempt(|writer| writer.write_to_known_channel(&header, &payload));
+        self.payload = payload;
+        self.messages += u64::from(result.is_ok());
+        result
+    }
+
+    /// Closes the chunk and hands it to the system.
+    pub(super) fn flush(&mut self) -> Result<(), LogError> {
+        self.attempt(Writer::flush)
+    }
+
+    /// Writes index and end of the file and gives it its name.
+    ///
+    /// It is not forced to the disk, which takes longer than many a flight. A reader recognises a file whose
+    /// end was lost to a power failure.
+    pub(super) fn finish(mut self) -> Result<Written, LogError> {
+        self.attempt(Writer::finish)?;
+        let partial = partial_path(&self.path);
+        let written = |source| LogError::Write {
+            path: partial.clone(),
+            source,
+        };
+        let bytes = fs::metadata(&partial).map_err(written)?.len();
+        fs::rename(&partial, &self.path).map_err(|source| LogError::Rename {
+            partial,
+            path: self.path.clone(),
+            source,
+        })?;
+        Ok(Written {
+            messages: self.messages,
+            bytes,
+        })
+    }
+
+    /// Does something with the file, for the last time if it fails.
+    #[inline]
+    fn attempt<T>(
+        &mut self,
+        action: impl FnOnce(&mut Writer<NoSeek<BufWriter<File>>>) -> McapResult<T>,
+    ) -> Result<T, LogError> {
+        let Some(writer) = &mut self.writer else {
+            return Err(LogError::Closed {
+                path: partial_path(&self.path),
+            });
+        };
+        action(writer).map_err(|error| {
+            self.abandon();
+            LogError::Write {
+                path: partial_path(&self.path),
+                source: io_error(error),
+            }
+        })
+    }
+
+    /// Leaves the file as it is. Dropping the writer instead would write an end and make the file look complete.
+    fn abandon(&mut self) {
+        if let Some(writer) = self.writer.take() {
+            drop(writer.into_inner());
+        }
+    }
+}
+
+impl Drop for McapFile {
+    fn drop(&mut self) {
+        self.abandon();
+    }
+}
+
+/// The system's error, where there is one behind the library's.
+fn io_error(error: McapError) -> io::Error {
+    match error {
+        McapError::Io(source) => source,
+        other => io::Error::other(other),
+    }
+}

@@ -1,0 +1,372 @@
+//! Reads `run.mcap`: the manifest, then every sample in the order of the file.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
+
+use mcap::McapError;
+use mcap::records::{Record, op};
+use shared_types::service::header_of;
+use shared_types::{Header, Sample, Topic};
+use zerocopy::IntoBytes;
+
+use super::framing::{CDR_HEADER, LAYOUT_KEY};
+use super::manifest::{FORMAT_VERSION, Manifest, ManifestProblem};
+use super::records::{RawRecord, Records};
+
+/// Why a log cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum LogReadError {
+    /// The file cannot be opened or read.
+    #[error("cannot read the log {}: {source}; check the path and your permissions", .path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The file is no run log.
+    #[error("{} is not a run log: {reason}; give a `run.mcap` that `gerono run` has written", .path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What gives it away.
+        reason: String,
+    },
+    /// The log is arranged in another way.
+    #[error("the log {} is of format version {found}, this program reads version {FORMAT_VERSION}; use the program that wrote it", .path.display())]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Its version.
+        found: String,
+    },
+    /// Samples in the log are laid out in another way.
+    #[error("the log {} holds samples of another layout of {}; use the program that wrote it, or fly its scenario again", .path.display(), .types.join(", "))]
+    Layouts {
+        /// The file.
+        path: PathBuf,
+        /// Names of the types that differ.
+        types: Vec<&'static str>,
+    },
+    /// The log was never completed.
+    #[error("the log {} was never completed; its {samples} samples before the break are whole{}", .path.display(), last_tick_in_words(.last_tick))]
+    Unclosed {
+        /// The file.
+        path: PathBuf,
+        /// Samples before the break.
+        samples: u64,
+        /// Tick of the last of them.
+        last_tick: Option<u64>,
+    },
+    /// The log is not what was written.
+    #[error("the log {} is damaged after {samples} samples: {reason}; what was read before is whole", .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Samples before the damage.
+        samples: u64,
+        /// What does not hold.
+        reason: String,
+    },
+}
+
+fn last_tick_in_words(last_tick: &Option<u64>) -> String {
+    last_tick.map_or_else(String::new, |tick| format!(", the last of tick {tick}"))
+}
+
+/// A sample as it was logged.
+#[derive(Clone, Copy, Debug)]
+pub struct LoggedSample<'a> {
+    /// The topic it travelled on.
+    pub topic: Topic,
+    /// Its header.
+    pub header: Header,
+    /// Its bytes, header included, aligned for its type.
+    pub bytes: &'a [u8],
+}
+
+/// Reads a run log from begin to end; memory does not grow with the log.
+pub struct LogReader {
+    path: PathBuf,
+    manifest: Manifest,
+    records: Records<BufReader<File>>,
+    record: RawRecord,
+    channels: BTreeMap<u16, Topic>,
+    schemas: BTreeMap<u16, String>,
+    /// The sample's bytes in words, which are aligned for any sample.
+    sample: Vec<u64>,
+    samples: u64,
+    last_tick: Option<u64>,
+    /// Whether only the summary is left.
+    is_in_summary: bool,
+    has_ended: bool,
+}
+
+impl LogReader {
+    /// Opens a log and reads its manifest.
+    ///
+    /// # Errors
+    /// [`LogReadError`]; in particular [`LogReadError::Layouts`] for the log of a program whose samples differ.
+    pub fn open(path: &Path) -> Result<Self, LogReadError> {
+        let failed = |source| LogReadError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let file = File::open(path).map_err(failed)?;
+        let file_bytes = file.metadata().map_err(failed)?.len();
+        let mut records = Records::new(BufReader::with_capacity(1 << 16, file), file_bytes);
+        let manifest = read_manifest(path, &mut records)?;
+        Ok(Self {
+            path: path.to_owned(),
+            manifest,
+            records,
+            record: RawRecord::default(),
+            channels: BTreeMap::new(),
+            schemas: BTreeMap::new(),
+            sample: Vec::new(),
+            samples: 0,
+            last_tick: None,
+            is_in_summary: false,
+            has_ended: false,
+        })
+    }
+
+    /// What determined the results in the log.
+    #[must_use]
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// The next sample in the order of the file; `None` at the end of a complete log.
+    ///
+    /// # Errors
+    /// [`LogReadError::Unclosed`] after the last sample of an incomplete log; [`LogReadError::Damaged`] and
+    /// [`LogReadError::Io`] wherever they happen. Nothing follows an error.
+    pub fn next_sample(&mut self) -> Result<Option<LoggedSample<'_>>, LogReadError> {
+        if self.has_ended {
+            return Ok(None);
+        }
+        let found = self.advance();
+        self.has_ended = !matches!(found, Ok(Some(_)));
+        Ok(found?.map(|(topic, header)| LoggedSample {
+            topic,
+            header,
+            bytes: &self.sample.as_bytes()[..topic.kind().size],
+        }))
+    }
+
+    /// The samples of one topic, in the order of the file.
+    pub fn samples<T: Sample>(self) -> impl Iterator<Item = Result<T, LogReadError>> {
+        let mut reader = self;
+        std::iter::from_fn(move || {
+            loop {
+                match reader.next_sample() {
+                    Ok(Some(logged)) if logged.topic == T::TOPIC => {
+                        return Some(Ok(
+                            T::read_from_bytes(logged.bytes).expect("the reader has checked the size")
+                        ));
+                    }
+                    Ok(Some(_)) => {}
+                    Ok(None) => return None,
+                    Err(error) => return Some(Err(error)),
+                }
+            }
+        })
+    }
+
+    /// Reads on to the next sample and puts it into `self.sample`.
+    fn advance(&mut self) -> Result<Option<(Topic, Header)>, LogReadError> {
+        loop {
+            if !self
+                .records
+                .next(&mut self.record)
+                .map_err(|error| self.explain(error))?
+            {
+                return Ok(None);
+            }
+            // Nothing but what the writer writes: of a chunk whose kind was damaged, the samples would be missing
+            // without a word until the checksum at the end.
+            match (self.record.opcode, self.place()) {
+                (op::MESSAGE, Place::Chunk) => return self.take_message().map(Some),
+                (op::CHANNEL | op::SCHEMA, Place::Chunk) => self.take_declaration()?,
+                (op::MESSAGE_INDEX, Place::Data) if is_message_index(&self.record.body) => {}
+                (op::DATA_END, Place::Data) => self.is_in_summary = true,
+                (
+                    op::CHANNEL
+                    | op::SCHEMA
+                    | op::STATISTICS
+                    | op::CHUNK_INDEX
+                    | op::METADATA_INDEX
+                    | op::SUMMARY_OFFSET
+                    | op::FOOTER,
+                    Place::Summary,
+                ) => {}
+                (opcode, _) => return Err(self.damaged(format!("a record of kind {opcode} is out of place"))),
+            }
+        }
+    }
+
+    /// Where `self.record` stands.
+    fn place(&self) -> Place {
+        match (self.record.is_in_chunk, self.is_in_summary) {
+            (true, false) => Place::Chunk,
+            (false, false) => Place::Data,
+            (false, true) => Place::Summary,
+            (true, true) => Place::Nowhere,
+        }
+    }
+
+    /// Takes note of the channel or schema in `self.record`.
+    fn take_declaration(&mut self) -> Result<(), LogReadError> {
+        match mcap::parse_record(self.record.opcode, &self.record.body) {
+            Ok(Record::Schema { header, .. }) => {
+                self.schemas.insert(header.id, header.name);
+                Ok(())
+            }
+            Ok(Record::Channel(channel)) => {
+                let schema = self.schemas.get(&channel.schema_id);
+                let topic = Topic::from_name(&channel.topic).filter(|topic| {
+                    schema.is_some_and(|name| name == topic.msg_name())
+                        && channel.message_encoding == "cdr"
+                        && channel.metadata.get(LAYOUT_KEY) == Some(&topic.layout_hash())
+                });
+                let Some(topic) = topic else {
+                    return Err(self.damaged(format!("the channel `{}` is none of ours", channel.topic)));
+                };
+                self.channels.insert(channel.id, topic);
+                Ok(())
+            }
+            Ok(_) => Ok(()),
+            Err(error) => Err(self.explain(error)),
+        }
+    }
+
+    /// Takes the sample out of the message in `self.record`.
+    fn take_message(&mut self) -> Result<(Topic, Header), LogReadError> {
+        let (header, data) = match mcap::parse_record(op::MESSAGE, &self.record.body) {
+            Ok(Record::Message { header, data }) => (header, data),
+            Ok(_) => return Err(self.damaged("a message is none".to_owned())),
+            Err(error) => return Err(self.explain(error)),
+        };
+        let Some(&topic) = self.channels.get(&header.channel_id) else {
+            return Err(self.damaged(format!("the channel {} is not declared", header.channel_id)));
+        };
+        let size = topic.kind().size;
+        let Some(sample) = data
+            .strip_prefix(&CDR_HEADER)
+            .filter(|sample| sample.len() == size)
+        else {
+            return Err(self.damaged(format!("a message of `{topic}` is not a sample of {size} bytes")));
+        };
+        self.sample.resize(size.div_ceil(size_of::<u64>()), 0);
+        self.sample.as_mut_bytes()[..size].copy_from_slice(sample);
+        let sample_header = header_of(sample);
+        if sample_header.stamp_ns != header.log_time {
+            return Err(self.damaged(format!(
+                "a message of `{topic}` and its sample have different times"
+            )));
+        }
+        self.samples += 1;
+        self.last_tick = Some(sample_header.tick);
+        Ok((topic, sample_header))
+    }
+
+    fn explain(&self, error: McapError) -> LogReadError {
+        explain(&self.path, error, self.samples, self.last_tick)
+    }
+
+    fn damaged(&self, reason: String) -> LogReadError {
+        LogReadError::Damaged {
+            path: self.path.clone(),
+            samples: self.samples,
+            reason,
+        }
+    }
+}
+
+/// Part of a log.
+#[derive(Clone, Copy)]
+enum Place {
+    /// In a chunk.
+    Chunk,
+    /// Between chunks.
+    Data,
+    /// After all data.
+    Summary,
+    /// In a chunk after all data, where none may be.
+    Nowhere,
+}
+
+/// Whether these bytes can be an index of messages: a channel and a list of pairs that fills the rest.
+fn is_message_index(body: &[u8]) -> bool {
+    const PAIR_BYTES: usize = 16;
+    let Some((length, pairs)) = body.get(2..).and_then(<[u8]>::split_first_chunk) else {
+        return false;
+    };
+    u32::from_le_bytes(*length) as usize == pairs.len() && pairs.len().is_multiple_of(PAIR_BYTES)
+}
+
+/// Reads up to the manifest, which precedes all samples.
+fn read_manifest(path: &Path, records: &mut Records<BufReader<File>>) -> Result<Manifest, LogReadError> {
+    let foreign = |reason: &str| LogReadError::Foreign {
+        path: path.to_owned(),
+        reason: reason.to_owned(),
+    };
+    let mut record = RawRecord::default();
+    while records
+        .next(&mut record)
+        .map_err(|error| explain(path, error, 0, None))?
+    {
+        match record.opcode {
+            op::HEADER => {}
+            op::METADATA => {
+                return match mcap::parse_record(op::METADATA, &record.body) {
+                    Ok(Record::Metadata(metadata)) if metadata.name == Manifest::RECORD_NAME => {
+                        Manifest::from_metadata(&metadata.metadata)
+                            .map_err(|problem| explain_manifest(path, problem))
+                    }
+                    Ok(_) => Err(foreign("its first metadata is not the manifest of a flight")),
+                    Err(error) => Err(explain(path, error, 0, None)),
+                };
+            }
+            _ => break,
+        }
+    }
+    Err(foreign("it does not begin with the manifest of a flight"))
+}
+
+fn explain_manifest(path: &Path, problem: ManifestProblem) -> LogReadError {
+    let path = path.to_owned();
+    match problem {
+        ManifestProblem::Version(found) => LogReadError::Version { path, found },
+        ManifestProblem::Layouts(types) => LogReadError::Layouts { path, types },
+        ManifestProblem::Broken(reason) => LogReadError::Foreign { path, reason },
+    }
+}
+
+/// What an error of the MCAP library means to the user.
+fn explain(path: &Path, error: McapError, samples: u64, last_tick: Option<u64>) -> LogReadError {
+    let path = path.to_owned();
+    match error {
+        McapError::BadMagic if samples == 0 => LogReadError::Foreign {
+            path,
+            reason: "it is no MCAP file".to_owned(),
+        },
+        McapError::UnexpectedEof => LogReadError::Unclosed {
+            path,
+            samples,
+            last_tick,
+        },
+        McapError::Io(source) => LogReadError::Io { path, source },
+        other => LogReadError::Damaged {
+            path,
+            samples,
+            reason: other.to_string(),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,192 @@
+//! The records of an MCAP file in their order, each only after its checksum has been verified.
+
+use std::io::{self, Read};
+
+use mcap::records::{Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::{McapError, McapResult, parse_record};
+
+/// Length of what precedes every record: its kind and the length of the rest.
+const FRAME_BYTES: usize = 1 + 8;
+
+/// Largest record or chunk that is believed, bytes. The writer's chunks are some megabytes at most.
+const RECORD_BYTES_MAX: usize = 256 << 20;
+
+/// Reads records from `source`, opening chunks.
+///
+/// A chunk goes through a second reader only after what the library takes for granted was checked: that there
+/// is a checksum, and that the lengths of plain records add up to the chunk.
+pub(super) struct Records<R> {
+    source: R,
+    source_bytes: u64,
+    file: LinearReader,
+    chunks: LinearReader,
+    /// The chunk that is being read, framed as a record, and how much of it was read.
+    chunk: Vec<u8>,
+    chunk_read: usize,
+}
+
+/// A record: its kind and its bytes.
+#[derive(Default)]
+pub(super) struct RawRecord {
+    /// One of [`op`].
+    pub(super) opcode: u8,
+    /// Whether it stood in a chunk, under the chunk's checksum.
+    pub(super) is_in_chunk: bool,
+    /// What follows the length.
+    pub(super) body: Vec<u8>,
+}
+
+impl<R: Read> Records<R> {
+    pub(super) fn new(source: R, source_bytes: u64) -> Self {
+        let limit =
+            usize::try_from(source_bytes).map_or(RECORD_BYTES_MAX, |bytes| bytes.min(RECORD_BYTES_MAX));
+        let options = LinearReaderOptions::default();
+        Self {
+            source,
+            source_bytes,
+            file: LinearReader::new_with_options(
+                options
+                    .clone()
+                    .with_emit_chunks(true)
+                    .with_validate_data_section_crc(true)
+                    .with_validate_summary_section_crc(true)
+                    .with_check_finishes_after_end_magic(true)
+                    .with_record_length_limit(limit),
+            ),
+            chunks: LinearReader::new_with_options(
+                options
+                    .with_skip_start_magic(true)
+                    .with_prevalidate_chunk_crcs(true)
+                    .with_record_length_limit(RECORD_BYTES_MAX),
+            ),
+            chunk: Vec::new(),
+            chunk_read: 0,
+        }
+    }
+
+    /// Reads the next record into `record`; `false` at the proper end of the file.
+    pub(super) fn next(&mut self, record: &mut RawRecord) -> McapResult<bool> {
+        loop {
+            record.is_in_chunk = self.next_in_chunk(record)?;
+            if record.is_in_chunk {
+                return Ok(true);
+            }
+            if !self.next_in_file(record)? {
+                return Ok(false);
+            }
+            if record.opcode != op::CHUNK {
+                return Ok(true);
+            }
+            check_chunk(&record.body)?;
+            self.chunk.clear();
+            self.chunk.push(op::CHUNK);
+            self.chunk
+                .extend_from_slice(&(record.body.len() as u64).to_le_bytes());
+            self.chunk.extend_from_slice(&record.body);
+            self.chunk_read = 0;
+        }
+    }
+
+    /// The next record of the chunk that is being read; `false` if there is none.
+    fn next_in_chunk(&mut self, record: &mut RawRecord) -> McapResult<bool> {
+        loop {
+            match self.chunks.next_event() {
+                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                    let left = &self.chunk[self.chunk_read..];
+                    let count = wanted.min(left.len());
+                    if count == 0 {
+                        // Between records it asks for the next frame; within one, the chunk is too short.
+                        return if wanted == FRAME_BYTES {
+                            Ok(false)
+                        } else {
+                            Err(McapError::UnexpectedEoc)
+                        };
+                    }
+                    self.chunks.insert(count).copy_from_slice(&left[..count]);
+                    self.chunks.notify_read(count);
+                    self.chunk_read += count;
+                }
+                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                    record.assign(opcode, data);
+                    return Ok(true);
+                }
+                Some(Err(error)) => return Err(error),
+                None => return Ok(false),
+            }
+        }
+    }
+
+    /// The next record of the file, chunks in one piece; `false` at its proper end.
+    fn next_in_file(&mut self, record: &mut RawRecord) -> McapResult<bool> {
+        loop {
+            match self.file.next_event() {
+                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                    let count = read_some(&mut self.source, self.file.insert(wanted))?;
+                    self.file.notify_read(count);
+                }
+                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                    record.assign(opcode, data);
+                    return Ok(true);
+                }
+                // A record that reaches beyond the end of the file was cut, not forged.
+                Some(Err(McapError::RecordTooLarge { len, .. })) if len > self.source_bytes => {
+                    return Err(McapError::UnexpectedEof);
+                }
+                Some(Err(error)) => return Err(error),
+                None => return Ok(false),
+            }
+        }
+    }
+}
+
+impl RawRecord {
+    fn assign(&mut self, opcode: u8, body: &[u8]) {
+        self.opcode = opcode;
+        self.body.clear();
+        self.body.extend_from_slice(body);
+    }
+}
+
+/// Reads at least one byte unless the source has ended.
+fn read_some(source: &mut impl Read, place: &mut [u8]) -> io::Result<usize> {
+    loop {
+        match source.read(place) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            result => return result,
+        }
+    }
+}
+
+/// Refuses a chunk whose content would have to be believed blindly.
+fn check_chunk(body: &[u8]) -> McapResult<()> {
+    let Record::Chunk { header, data } = parse_record(op::CHUNK, body)? else {
+        return Err(McapError::UnexpectedEoc);
+    };
+    if header.uncompressed_crc == 0 && header.uncompressed_size > 0 {
+        return Err(McapError::BadChunkCrc {
+            saved: 0,
+            calculated: 0,
+        });
+    }
+    let is_plain = header.compression.is_empty();
+    if is_plain && (header.uncompressed_size != header.compressed_size || !holds_whole_records(&data)) {
+        return Err(McapError::UnexpectedEoc);
+    }
+    Ok(())
+}
+
+/// Whether the lengths of the records in `data` add up to it.
+fn holds_whole_records(mut data: &[u8]) -> bool {
+    while let Some((frame, rest)) = data.split_first_chunk::<FRAME_BYTES>() {
+        let length: [u8; 8] = std::array::from_fn(|index| frame[1 + index]);
+        let Some(rest) = usize::try_from(u64::from_le_bytes(length))
+            .ok()
+            .and_then(|length| rest.get(length..))
+        else {
+            return false;
+        };
+        data = rest;
+    }
+    data.is_empty()
+}

@@ -1,0 +1,74 @@
+//! A made-up flight for tests: every topic at every tick, every byte of every sample a function of topic and tick.
+
+use std::path::Path;
+
+use shared_types::samples::ControlErrors;
+use shared_types::scenario::Scenario;
+use shared_types::{Header, Sample, Schedule, Topic};
+use zerocopy::{FromZeros, IntoBytes};
+
+use super::{Compression, Manifest, RunLogWriter, Written};
+
+/// A flight of `duration` seconds at `tick` seconds with a change of mass in its middle.
+pub(crate) fn scenario(tick: f64, duration: f64) -> Scenario {
+    toml::from_str(&format!(
+        "description = \"a test\"\nduration = {duration}\nschedule.tick = {tick}\n\
+         [vehicle]\nmass = 0.2\ninertia = [1e-3, 1e-3, 2e-3]\nchange = [{{ at = {}, mass = 0.3 }}]\n\
+         [path.curve.hover]\nposition = [0.0, 0.0, -1.0]\n",
+        duration / 2.0
+    ))
+    .unwrap()
+}
+
+/// The bytes of a sample of `topic` with this header.
+pub(crate) fn sample(topic: Topic, header: Header) -> Vec<u8> {
+    let seed = header.tick.wrapping_mul(31) + topic.index() as u64;
+    let mut bytes: Vec<u8> = (0..topic.kind().size as u64)
+        .map(|index| (seed + 7 * index) as u8)
+        .collect();
+    bytes[..size_of::<Header>()].copy_from_slice(header.as_bytes());
+    bytes
+}
+
+/// All samples of a flight in the order of the log.
+pub(crate) fn samples(schedule: &Schedule) -> impl Iterator<Item = (Topic, Vec<u8>)> {
+    (0..=schedule.last_tick())
+        .flat_map(|tick| Topic::ALL.map(|topic| (topic, sample(topic, schedule.header(topic, tick)))))
+}
+
+/// Records the flight of `scenario`.
+pub(crate) fn record(path: &Path, scenario: &Scenario, compression: Compression) -> Written {
+    let schedule = scenario.schedule().unwrap();
+    record_samples(path, scenario, compression, samples(&schedule))
+}
+
+/// Records these samples.
+pub(crate) fn record_samples(
+    path: &Path,
+    scenario: &Scenario,
+    compression: Compression,
+    samples: impl Iterator<Item = (Topic, Vec<u8>)>,
+) -> Written {
+    let mut writer = RunLogWriter::create(path, &Manifest::new(scenario), compression).unwrap();
+    let mut samples = samples.peekable();
+    while let Some((topic, bytes)) = samples.next() {
+        writer.write(topic, &bytes).unwrap();
+        let tick = tick_of(&bytes);
+        if samples.peek().is_none_or(|(_, next)| tick_of(next) != tick) {
+            writer.end_tick(tick).unwrap();
+        }
+    }
+    writer.finish().unwrap()
+}
+
+fn tick_of(bytes: &[u8]) -> u64 {
+    shared_types::service::header_of(bytes).tick
+}
+
+/// A sample of the errors with this z1.
+pub(crate) fn errors(header: Header, z1: [f64; 3]) -> Vec<u8> {
+    let mut errors = ControlErrors::new_zeroed();
+    *errors.header_mut() = header;
+    errors.z1 = z1;
+    errors.as_bytes().to_vec()
+}

@@ -1,0 +1,232 @@
+//! What a summary says of flights whose errors are known.
+
+use proptest::prelude::*;
+use shared_types::scenario::Scenario;
+use zerocopy::{FromZeros, IntoBytes};
+
+use super::*;
+use crate::log::test_flight::{errors, sample, scenario};
+
+/// 20 s at 10 ms, the mass changing at 10 s.
+fn flight() -> (Scenario, Schedule) {
+    let scenario = scenario(0.01, 20.0);
+    let schedule = scenario.schedule().unwrap();
+    (scenario, schedule)
+}
+
+fn facts() -> RunFacts {
+    RunFacts {
+        scenario: "test".to_owned(),
+        host: "inprocess".to_owned(),
+        outcome: Outcome::Completed,
+        reason: String::new(),
+        wall_seconds: 0.5,
+    }
+}
+
+/// The summary of a flight with this ‖z1‖ (m) over time (s), up to a tick.
+fn summary_of(z1: impl Fn(f64) -> f64, last_tick: u64) -> Summary {
+    let (scenario, schedule) = flight();
+    let mut summary = FlightSummary::new(&scenario, &schedule);
+    for tick in 0..=last_tick {
+        let header = schedule.header(Topic::ControlErrors, tick);
+        let norm = z1(seconds(header.stamp_ns));
+        summary.observe(
+            Topic::ControlErrors,
+            &errors(header, [0.6 * norm, 0.0, -0.8 * norm]),
+        );
+    }
+    summary.finish(facts())
+}
+
+fn assert_close(value: f64, expected: f64) {
+    assert!((value - expected).abs() < 1e-12, "{value} is not {expected}");
+}
+
+#[test]
+fn phases_meet_at_the_change_of_the_vehicle() {
+    let summary = summary_of(|_| 0.0, 2000);
+    let spans: Vec<_> = summary
+        .phases
+        .iter()
+        .map(|phase| (phase.begins, phase.ends, phase.is_complete))
+        .collect();
+    assert_eq!(spans, [(0.0, 10.0, true), (10.0, 20.0, true)]);
+}
+
+#[test]
+fn the_ultimate_error_is_the_largest_of_the_last_five_seconds_of_a_phase() {
+    // One spike just outside of each window, one just inside.
+    let spikes = [
+        (4.99, 0.9),
+        (5.0, 0.3),
+        (10.0, 0.8),
+        (15.0, 0.7),
+        (15.02, 0.2),
+        (20.0, 0.25),
+    ];
+    let z1 = |time: f64| {
+        spikes
+            .iter()
+            .find(|(at, _)| (time - at).abs() < 1e-9)
+            .map_or(0.01, |spike| spike.1)
+    };
+    let phases = summary_of(z1, 2000).phases;
+    assert_close(phases[0].ultimate.unwrap(), 0.3);
+    assert_close(phases[0].peak, 0.9);
+    // The last phase ends after its last tick, at 20.01 s.
+    assert_close(phases[1].ultimate.unwrap(), 0.25);
+    assert_close(phases[1].peak, 0.8);
+}
+
+#[test]
+fn the_verdict_compares_with_the_bound_of_the_theorem() {
+    let bound = Controller::default().ultimate_bound();
+    assert_close(bound, libm::atanh(0.1 / 6.0));
+    for (factor, verdict) in [
+        (0.999, Verdict::Within),
+        (1.001, Verdict::Near),
+        (1.099, Verdict::Near),
+        (1.101, Verdict::Exceeded),
+    ] {
+        let phases = summary_of(|_| factor * bound, 2000).phases;
+        assert_eq!(phases[1].verdict, Some(verdict), "{factor}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn settling_is_when_the_error_falls_below_two_centimetres_for_good(
+        decay in 0.5..4.0f64, peak in 0.1..2.0f64, relapse in 0.0..5.0f64,
+    ) {
+        let relapse = (relapse * 100.0).round() / 100.0;
+        let z1 = |time: f64| {
+            let since = if time < 10.0 { time } else { time - 10.0 };
+            if (since - relapse).abs() < 1e-6 { 0.5 } else { peak * libm::exp(-decay * since) }
+        };
+        let expected = (libm::log(peak / SETTLED) / decay).max(relapse);
+        for phase in summary_of(z1, 2000).phases {
+            let settling_time = phase.settling_time;
+            match settling_time {
+                Some(time) => prop_assert!(time >= expected && time <= expected + 0.01 + 1e-9, "{time} {expected}"),
+                None => prop_assert!(expected > 9.98, "{expected}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_phase_that_was_not_flown_to_its_end_has_no_ultimate_error() {
+    let summary = summary_of(|_| 0.001, 1499);
+    assert_eq!(summary.simulated_seconds, 14.99);
+    let last = &summary.phases[1];
+    assert!(!last.is_complete);
+    assert_eq!((last.ultimate, last.verdict), (None, None));
+    assert_eq!(last.ends, 14.99);
+    assert!(summary.to_string().contains("not flown to its end"));
+    assert_eq!(summary_of(|_| 0.0, 999).phases.len(), 1);
+}
+
+#[test]
+fn an_unsettled_phase_says_so() {
+    let summary = summary_of(|time| if time > 19.99 { 0.021 } else { 0.001 }, 2000);
+    assert_eq!(summary.phases[0].settling_time, Some(0.0));
+    assert_eq!(summary.phases[1].settling_time, None);
+}
+
+#[test]
+fn parameters_and_estimates_are_those_of_the_end_of_each_phase() {
+    let (scenario, schedule) = flight();
+    let mut summary = FlightSummary::new(&scenario, &schedule);
+    for tick in 0..=2000_u64 {
+        let time = seconds(schedule.time_ns(tick));
+        let mut truth = VehicleTruth::new_zeroed();
+        truth.header = schedule.header(Topic::VehicleTruth, tick);
+        truth.mass = if time < 10.0 { 0.2 } else { 0.3 };
+        truth.disturbance_world = [time, 0.0, 0.0];
+        summary.observe(Topic::VehicleTruth, truth.as_bytes());
+        let mut reference = PathReference::new_zeroed();
+        reference.header = schedule.header(Topic::PathReference, tick);
+        reference.gamma = 2.0 * time;
+        summary.observe(Topic::PathReference, reference.as_bytes());
+        let mut adaptation = ControlAdaptation::new_zeroed();
+        adaptation.header = schedule.header(Topic::ControlAdaptation, tick);
+        adaptation.mass_estimate = time;
+        adaptation.disturbance_projected_world = [0.0, time, 0.0];
+        summary.observe(Topic::ControlAdaptation, adaptation.as_bytes());
+        let header = schedule.header(Topic::ControlErrors, tick);
+        summary.observe(Topic::ControlErrors, &errors(header, [0.0; 3]));
+    }
+    let phases = summary.finish(facts()).phases;
+    for (phase, mass, end) in [(&phases[0], 0.2, 9.99), (&phases[1], 0.3, 20.0)] {
+        let expected = Parameters {
+            mass: Some(mass),
+            mass_estimate: Some(end),
+            disturbance: Some([end, 0.0, 0.0]),
+            disturbance_estimate: Some([0.0, end, 0.0]),
+        };
+        assert_eq!(phase.parameters, expected);
+        assert_eq!(phase.gamma, Some(2.0 * end));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn every_sample_that_the_schedule_had_due_is_either_recorded_or_lost(
+        missing in proptest::collection::btree_set((0..60u64, 0..Topic::ALL.len()), 0..40),
+        slow_period in 1..7u64,
+    ) {
+        let mut scenario = scenario(0.01, 20.0);
+        scenario.schedule.period.insert("mocap/pose".to_owned(), seconds(slow_period * 10_000_000));
+        let schedule = scenario.schedule().unwrap();
+        let mut summary = FlightSummary::new(&scenario, &schedule);
+        let mut expected = [(0, 0); Topic::ALL.len()];
+        for tick in 0..60 {
+            for topic in Topic::ALL {
+                let is_due = schedule.topic_rate(topic).occurs_at(tick);
+                // The orchestrator's own events have no schedule; the truth tells the last tick.
+                let can_be_missing = topic.publisher().is_some() && topic != Topic::VehicleTruth;
+                if is_due && can_be_missing && missing.contains(&(tick, topic.index())) {
+                    expected[topic.index()].1 += 1;
+                } else if is_due {
+                    expected[topic.index()].0 += 1;
+                    summary.observe(topic, &sample(topic, schedule.header(topic, tick)));
+                }
+            }
+        }
+        for (count, expected) in summary.finish(facts()).topics.iter().zip(expected) {
+            prop_assert_eq!((count.recorded, count.lost), expected, "{}", count.topic);
+        }
+    }
+}
+
+#[test]
+fn the_summary_says_for_programs_and_for_people_what_is_lost() {
+    let summary = summary_of(|_| 0.0123, 2000);
+    let json: serde_json::Value = serde_json::to_value(&summary).unwrap();
+    assert_eq!(json["scenario"], "test");
+    assert_eq!(json["outcome"], "completed");
+    assert_eq!(json["seed"], 1);
+    assert_eq!(json["simulated_seconds"], 20.0);
+    assert_eq!(json["real_time_factor"], 40.0);
+    assert_eq!(json["phases"][1]["verdict"], "within");
+    let lost = json["topics"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|topic| topic["topic"] == "rc/frame");
+    assert_eq!(lost.unwrap()["lost"], 2001);
+    let text = summary.to_string();
+    for part in [
+        "0.0123",
+        "within the bound",
+        "2001 of rc/frame",
+        "40 times real time",
+    ] {
+        assert!(text.contains(part), "{part} is not in\n{text}");
+    }
+}
