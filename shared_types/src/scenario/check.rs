@@ -47,7 +47,7 @@ impl Findings {
             } else {
                 format!("{value:?} is not a finite number")
             };
-            let fix = format!("give a finite number of at most {LARGEST:?} in magnitude");
+            let fix = format!("give a finite number of at most {LARGEST:e} in magnitude");
             self.add(key.clone(), reason, fix);
         }
         good

@@ -1,0 +1,72 @@
+//! From a scenario file, and what the command line changes of it, to a scenario that can be flown, or to a
+//! report that shows every line that is wrong, the reason and the fix.
+//!
+//! A file is read in the order of what can go wrong: it is there ([`ScenarioError::Unreadable`]), it is TOML,
+//! the `--set` arguments fit into it (`setting`), its keys and types are those of a scenario (`structure`),
+//! and its values can be flown ([`Scenario::problems`]). What comes of one of these steps is reported all at
+//! once. The document keeps the place of every value, that of an argument included (`sources`).
+
+mod document;
+mod error;
+mod keys;
+mod read;
+mod setting;
+mod sources;
+mod structure;
+
+use std::path::Path;
+
+use shared_types::scenario::Scenario;
+use toml::de::DeTable;
+
+pub use error::{Finding, ScenarioError};
+pub use keys::key_table;
+use sources::Sources;
+
+/// Reads a scenario file, with the values of `sets` (such as `controller.k1=5`) and the seed in place of the
+/// file's own.
+///
+/// # Errors
+/// [`ScenarioError`] if the file cannot be read or if what it and the arguments say cannot be flown.
+pub fn load(path: &Path, sets: &[String], seed: Option<u64>) -> Result<Scenario, ScenarioError> {
+    let refused = |findings| ScenarioError::refused(path, findings);
+    let text = read::text(path)?;
+    let mut scenario = scenario_from_text(&path.display().to_string(), &text, sets).map_err(refused)?;
+    scenario.seed = seed.unwrap_or(scenario.seed);
+    Ok(scenario)
+}
+
+/// The JSON Schema of scenario files, with which editors complete and check them.
+///
+/// # Panics
+/// Never: a schema is made of names and numbers.
+#[must_use]
+pub fn json_schema() -> String {
+    let schema = schemars::schema_for!(Scenario);
+    let mut text = serde_json::to_string_pretty(&schema).expect("a schema is made of names and numbers");
+    text.push('\n');
+    text
+}
+
+fn scenario_from_text(name: &str, text: &str, sets: &[String]) -> Result<Scenario, Vec<Finding>> {
+    let sources = Sources::new(name, text, sets);
+    let values = setting::placed_values(&sources);
+    let mut document = DeTable::parse(text).map_err(|error| {
+        let span = error.span().unwrap_or_default();
+        let fix = "see https://toml.io for how TOML is written, or a scenario that works";
+        vec![sources.finding(span, "this is not TOML", error.message(), fix)]
+    })?;
+    setting::apply_all(&sources, &values, document.get_mut())?;
+
+    let (scenario, mut findings) = structure::read(&sources, &mut document);
+    let problems = scenario.as_ref().map(Scenario::problems).unwrap_or_default();
+    findings.extend(problems.into_iter().map(|problem| {
+        let span = document::deepest_span(&document, &problem.key);
+        let title = format!("`{}` cannot be flown", problem.key);
+        sources.finding(span, title, problem.reason, problem.fix)
+    }));
+    scenario.filter(|_| findings.is_empty()).ok_or(findings)
+}
+
+#[cfg(test)]
+mod tests;

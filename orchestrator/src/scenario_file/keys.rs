@@ -1,0 +1,249 @@
+//! The keys of a scenario as its schema describes them: for the advice that errors give, and for the
+//! documentation.
+
+use std::fmt::Write;
+
+use serde_json::Value;
+use shared_types::scenario::{Key, Scenario};
+
+/// Stands for a position in an array.
+const ANY_POSITION: &str = "N";
+/// Stands for the name of a service, topic or edge.
+const ANY_NAME: &str = "NAME";
+
+/// A key that holds a value rather than more keys.
+#[derive(Debug)]
+struct KeyInfo {
+    key: Key,
+    /// What it is, with its unit.
+    description: String,
+    /// What its value looks like.
+    kind: String,
+    /// What holds where nothing is stated.
+    default: Default,
+}
+
+#[derive(Debug)]
+enum Default {
+    /// Something must be stated in the table.
+    Required,
+    /// As if this were stated.
+    Value(String),
+    /// The description tells.
+    None,
+}
+
+/// What belongs at a key, as advice.
+pub(super) fn advice(key: &Key) -> String {
+    let keys = all();
+    if let Some(info) = keys.iter().find(|info| is_of(key, &info.key)) {
+        return format!("`{key}` is {}: {}", info.kind, info.description);
+    }
+    let names = names_inside(&keys, key);
+    if names.is_empty() {
+        "see docs/scenarios.md for the keys of a scenario".to_owned()
+    } else {
+        format!("`{key}` is a table that holds {}", names.join(", "))
+    }
+}
+
+/// The names that a table holds or of which it holds one, in quotes.
+pub(super) fn names_at(key: &Key) -> Vec<String> {
+    names_inside(&all(), key)
+}
+
+/// All keys of a section (a table of the scenario, or `""` for those that are in none) as a Markdown table.
+#[must_use]
+pub fn key_table(section: &str) -> String {
+    let mut table = "| key | value | what it is, unit | default |\n| --- | --- | --- | --- |\n".to_owned();
+    for info in all() {
+        let belongs = match info.key.segments() {
+            [_] => section.is_empty(),
+            [first, ..] => first == section,
+            [] => false,
+        };
+        if belongs {
+            let default = match &info.default {
+                Default::Required => "must be stated".to_owned(),
+                Default::Value(value) => format!("`{value}`"),
+                Default::None => String::new(),
+            };
+            let (key, kind, description) = (&info.key, &info.kind, &info.description);
+            writeln!(table, "| `{key}` | {kind} | {description} | {default} |").expect("a String takes all");
+        }
+    }
+    table
+}
+
+/// Whether a key is this one, or a number inside its value.
+fn is_of(key: &Key, pattern: &Key) -> bool {
+    let (key, pattern) = (key.segments(), pattern.segments());
+    let is_position = |segment: &String| segment.parse::<usize>().is_ok();
+    pattern.len() <= key.len()
+        && key[pattern.len()..].iter().all(is_position)
+        && key
+            .iter()
+            .zip(pattern)
+            .all(|(segment, pattern)| match pattern.as_str() {
+                ANY_POSITION => is_position(segment),
+                ANY_NAME => true,
+                name => segment == name,
+            })
+}
+
+fn names_inside(keys: &[KeyInfo], table: &Key) -> Vec<String> {
+    let depth = table.segments().len();
+    let mut names: Vec<String> = Vec::new();
+    for info in keys {
+        let segments = info.key.segments();
+        let is_inside = segments.len() > depth
+            && is_of(table, &segments[..depth].iter().cloned().collect())
+            && segments[depth] != ANY_POSITION;
+        let name = is_inside.then(|| format!("`{}`", segments[depth]));
+        names.extend(name.filter(|name| !names.contains(name)));
+    }
+    names
+}
+
+fn all() -> Vec<KeyInfo> {
+    let schema = schemars::schema_for!(Scenario).to_value();
+    let mut keys = Vec::new();
+    push_table(&schema, &schema, &Key::root(), &mut keys);
+    keys
+}
+
+/// Pushes what a table of the schema holds.
+fn push_table(schema: &Value, table: &Value, at: &Key, keys: &mut Vec<KeyInfo>) {
+    let required = table["required"].as_array();
+    let is_required =
+        |name: &str| required.is_some_and(|names| names.iter().any(|required| required == name));
+    for (name, property) in table["properties"].as_object().into_iter().flatten() {
+        push_property(schema, property, &at.then(name), is_required(name), keys);
+    }
+    // Tables of which one is chosen.
+    for variant in table["oneOf"].as_array().into_iter().flatten() {
+        for (name, property) in variant["properties"].as_object().into_iter().flatten() {
+            push_property(schema, property, &at.then(name), false, keys);
+        }
+    }
+}
+
+fn push_property(schema: &Value, property: &Value, key: &Key, required: bool, keys: &mut Vec<KeyInfo>) {
+    let target = resolved(schema, property);
+    let element = resolved(schema, &target["items"]);
+    if is_table(target) {
+        push_table(schema, target, key, keys);
+    } else if is_table(element) {
+        push_table(schema, element, &key.then(ANY_POSITION), keys);
+    } else {
+        let of_names = target["additionalProperties"].is_object();
+        keys.push(KeyInfo {
+            key: if of_names { key.then(ANY_NAME) } else { key.clone() },
+            description: property["description"]
+                .as_str()
+                .unwrap_or_default()
+                .trim_end_matches('.')
+                .to_owned(),
+            kind: kind(if of_names {
+                &target["additionalProperties"]
+            } else {
+                target
+            }),
+            default: match &property["default"] {
+                _ if required => Default::Required,
+                Value::Null => Default::None,
+                Value::Object(_) => Default::None,
+                value => Default::Value(toml_text(value)),
+            },
+        });
+    }
+}
+
+/// The part of the schema that a part of it refers to, or that part itself.
+fn resolved<'a>(schema: &'a Value, part: &'a Value) -> &'a Value {
+    let reference = part["$ref"]
+        .as_str()
+        .and_then(|reference| reference.strip_prefix('#'));
+    reference
+        .and_then(|pointer| schema.pointer(pointer))
+        .unwrap_or(part)
+}
+
+fn is_table(part: &Value) -> bool {
+    let variants = part["oneOf"].as_array();
+    let is_choice_of_tables =
+        variants.is_some_and(|variants| variants.iter().any(|variant| variant["properties"].is_object()));
+    part["properties"].is_object() || is_choice_of_tables
+}
+
+/// What a value looks like, in words.
+fn kind(part: &Value) -> String {
+    if let Some(variants) = part["oneOf"].as_array() {
+        let words = variants.iter().map(|variant| toml_text(&variant["const"]));
+        return words.collect::<Vec<_>>().join(" or ");
+    }
+    // An optional value may also be null, which TOML does not have.
+    let name = part["type"].as_str().or_else(|| part["type"][0].as_str());
+    match (name, part["maxItems"].as_u64()) {
+        (Some("array"), Some(count)) => format!("{count} numbers"),
+        (Some("array"), None) => format!("an array, each element {}", kind(&part["items"])),
+        (Some("number"), _) => "a number".to_owned(),
+        (Some("integer"), _) => "a whole number".to_owned(),
+        (Some("boolean"), _) => "`true` or `false`".to_owned(),
+        (Some("string"), _) => "a text".to_owned(),
+        _ => "a value".to_owned(),
+    }
+}
+
+/// A value of the schema as TOML writes it; JSON and TOML write numbers, strings and arrays alike.
+fn toml_text(value: &Value) -> String {
+    match value {
+        Value::Array(elements) => {
+            let elements: Vec<String> = elements.iter().map(toml_text).collect();
+            format!("[{}]", elements.join(", "))
+        }
+        value => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn key(dotted: &str) -> Key {
+        dotted.split('.').collect()
+    }
+
+    #[test]
+    fn advice_says_what_a_value_is_and_its_unit() {
+        assert_eq!(advice(&key("vehicle.mass")), "`vehicle.mass` is a number: m, kg");
+        assert_eq!(
+            advice(&key("vehicle.change.3.mass")),
+            "`vehicle.change.3.mass` is a number: New m, kg"
+        );
+        assert_eq!(
+            advice(&key("vehicle.inertia.1")),
+            "`vehicle.inertia.1` is 3 numbers: Diagonal of J, kg m²"
+        );
+        assert_eq!(
+            advice(&key("path.mode")),
+            "`path.mode` is \"following\" or \"trajectory_tracking\": Whether the path waits for the vehicle"
+        );
+    }
+
+    #[test]
+    fn advice_on_a_table_names_its_keys() {
+        assert_eq!(
+            advice(&key("path.curve")),
+            "`path.curve` is a table that holds `tilted_eight`, `hover`, `circle`, `line`, `waypoints`"
+        );
+    }
+
+    #[test]
+    fn every_key_says_what_it_is() {
+        for info in all() {
+            assert!(!info.description.is_empty(), "{}", info.key);
+            assert_ne!(info.kind, "a value", "{}", info.key);
+        }
+    }
+}
