@@ -1,1 +1,23 @@
-//! x
+//! The orchestrator: loads scenarios, flies them in any host, supervises the services, records their traffic.
+//!
+//! * [`cli`], [`commands`], [`exit`]: the command `gerono`;
+//! * [`scenario_file`]: scenarios from files, with errors that show the place and the fix;
+//! * [`services`]: the step logic of every service, built from a scenario;
+//! * [`flight`]: the hosts' orchestrating side, the crew of processes, the recorder;
+//! * [`log`], [`summary`], [`plot`], [`host_record`]: what remains of a flight;
+//! * [`run_folder`], [`run_root`]: its places on disk and in shared memory.
+
+pub mod cli;
+pub mod commands;
+pub mod exit;
+pub mod flight;
+pub mod host_record;
+pub mod interrupt;
+pub mod log;
+pub mod plot;
+pub mod progress;
+pub mod run_folder;
+pub mod run_root;
+pub mod scenario_file;
+pub mod services;
+pub mod summary;

@@ -1,2 +1,37 @@
-//! x
-fn main() {}
+//! `gerono`: flies scenarios as processes, supervises them, records their traffic.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use orchestrator::cli::{Cli, Command};
+use orchestrator::commands::{bench, check, run, small};
+use orchestrator::exit::Exit;
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
+        Command::Plot(arguments) => small::plot(&arguments).map(|()| Exit::Success),
+        Command::Export(arguments) => small::export(&arguments).map(|()| Exit::Success),
+        Command::Digest(arguments) => small::digest(&arguments).map(|()| Exit::Success),
+        Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),
+        Command::Schema => {
+            small::schema();
+            Ok(Exit::Success)
+        }
+        Command::Completions { shell } => {
+            small::completions(shell);
+            Ok(Exit::Success)
+        }
+        Command::Service { name } => small::service(name).map(|()| Exit::Success),
+        Command::Load { core } => bench::load(core).map(|()| Exit::Success),
+        Command::RingMember(arguments) => bench::ring_member(&arguments).map(|()| Exit::Success),
+    };
+    match result {
+        Ok(exit) => exit.into(),
+        Err(failure) => {
+            eprintln!("{:?}", failure.report);
+            failure.exit.into()
+        }
+    }
+}

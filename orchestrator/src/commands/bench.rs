@@ -13,7 +13,6 @@ use shared_types::scenario::Scenario;
 use super::Failure;
 use crate::cli::Bench;
 use crate::exit::Exit;
-use crate::scenario_file;
 
 pub use measure::load;
 pub use ring::ring_member;
@@ -38,17 +37,26 @@ struct Row {
 /// # Errors
 /// [`Failure`].
 pub fn bench(arguments: &Bench) -> Result<(), Failure> {
-    let scenario = scenario_file::parse("fig1.toml", SCENARIO)
-        .map_err(|error| Failure { report: error.into(), exit: Exit::Trouble })?;
-    let flight = Scenario { duration: arguments.duration, ..scenario.clone() };
-    let flight = Scenario { vehicle: clipped(&flight), ..flight };
+    let scenario: Scenario = toml::from_str(SCENARIO).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let flight = Scenario {
+        duration: arguments.duration,
+        ..scenario.clone()
+    };
+    let flight = Scenario {
+        vehicle: clipped(&flight),
+        ..flight
+    };
     let rows = measure::all(&scenario, &flight, arguments.repetitions)
         .map_err(|error| Failure::new(Exit::Trouble, error))?;
     println!("{}", table(&rows));
     if let Some(path) = &arguments.json {
         let text = serde_json::to_string_pretty(&rows).map_err(|error| Failure::new(Exit::Trouble, error))?;
-        std::fs::write(path, text + "\n")
-            .map_err(|error| Failure::new(Exit::NotWritten, format!("cannot write {}: {error}", path.display())))?;
+        std::fs::write(path, text + "\n").map_err(|error| {
+            Failure::new(
+                Exit::NotWritten,
+                format!("cannot write {}: {error}", path.display()),
+            )
+        })?;
     }
     Ok(())
 }
@@ -72,7 +80,8 @@ fn table(rows: &[Row]) -> Table {
     for row in rows {
         table.add_row([
             row.what.to_owned(),
-            row.median.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}")),
+            row.median
+                .map_or_else(|| "–".to_owned(), |value| format!("{value:.1}")),
             row.ratio.map_or_else(String::new, |value| format!("{value:.2}")),
             row.floor.unwrap_or_default().to_owned(),
             row.note.clone().unwrap_or_default(),

@@ -15,8 +15,9 @@ use crate::exit::Exit;
 /// [`Failure`] if the scenario cannot be flown.
 pub fn check(arguments: &Check) -> Result<(), Failure> {
     let scenario = load(&arguments.scenario)?;
-    let schedule =
-        scenario.schedule().map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
+    let schedule = scenario
+        .schedule()
+        .map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
     crate::services::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
     if arguments.mermaid {
         print!("{}", mermaid());
@@ -32,7 +33,11 @@ pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
     let order: Vec<_> = schedule.order().iter().map(|service| service.name()).collect();
     format!(
         "{}\nbase tick {} s, {} ticks, {} s; theorem's bound on ‖z1‖ {:.4} m\norder within a tick: {}\n\n{}\n\n{}\n\n{}\n",
-        if scenario.description.is_empty() { "the scenario can be flown" } else { &scenario.description },
+        if scenario.description.is_empty() {
+            "the scenario can be flown"
+        } else {
+            &scenario.description
+        },
         seconds(schedule.tick_ns()),
         schedule.last_tick() + 1,
         seconds(schedule.time_ns(schedule.last_tick())),
@@ -63,7 +68,10 @@ fn services(schedule: &Schedule) -> Table {
 fn topics(schedule: &Schedule) -> Table {
     let mut table = table(&["topic", "publisher", "period, s", "samples", "bytes each"]);
     for topic in Topic::ALL {
-        let publisher = topic.publisher().map_or("orchestrator", ServiceId::name).to_owned();
+        let publisher = topic
+            .publisher()
+            .map_or("orchestrator", ServiceId::name)
+            .to_owned();
         let (period, samples) = match topic.publisher() {
             Some(_) => (
                 seconds(schedule.time_ns(schedule.topic_rate(topic).period)).to_string(),
@@ -71,7 +79,13 @@ fn topics(schedule: &Schedule) -> Table {
             ),
             None => ("as scheduled".to_owned(), "as scheduled".to_owned()),
         };
-        table.add_row([topic.to_string(), publisher, period, samples, topic.kind().size.to_string()]);
+        table.add_row([
+            topic.to_string(),
+            publisher,
+            period,
+            samples,
+            topic.kind().size.to_string(),
+        ]);
     }
     table
 }
@@ -99,10 +113,16 @@ pub fn mermaid() -> String {
     }
     text.push_str("    recorder[(orchestrator: run.mcap)]\n");
     for topic in Topic::ALL {
-        let Some(publisher) = topic.publisher() else { continue };
+        let Some(publisher) = topic.publisher() else {
+            continue;
+        };
         for (consumer, input) in topic.consumers() {
             let latency = consumer.inputs()[input].default_latency_ticks;
-            let note = if latency == 0 { String::new() } else { format!(", {latency} tick later") };
+            let note = if latency == 0 {
+                String::new()
+            } else {
+                format!(", {latency} tick later")
+            };
             text.push_str(&format!("    {publisher} -- \"{topic}{note}\" --> {consumer}\n"));
         }
         if topic.consumers().next().is_none() {

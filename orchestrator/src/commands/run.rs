@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use miette::Report;
 use runtime::deployment::Scheduler;
-use shared_types::Schedule;
 use shared_types::scenario::Scenario;
 
 use super::{Failure, load};
@@ -19,7 +18,7 @@ use crate::interrupt::Interrupt;
 use crate::log::{Manifest, RunLogWriter};
 use crate::progress::Progress;
 use crate::run_folder::RunFolder;
-use crate::summary::{RunFacts, Summary};
+use crate::summary::{self, RunFacts, Summary};
 
 /// `gerono run`.
 ///
@@ -34,21 +33,32 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &name)
         .map_err(|error| Failure::new(Exit::NotWritten, error))?;
-    let log = RunLogWriter::create(&folder.run_log(), &Manifest::new(&scenario), arguments.compression)
-        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    let log = RunLogWriter::create(
+        &folder.run_log(),
+        &Manifest::new(&scenario),
+        arguments.compression,
+    )
+    .map_err(|error| Failure::new(Exit::NotWritten, error))?;
 
     let mut progress = Progress::new(&schedule, &name, arguments.quiet);
     let mut tape = Tape::new(&scenario, &schedule, Some(log), &mut progress);
     let ending = fly(arguments, &scenario, &folder, &mut tape, &interrupt);
     let log_lost = matches!(&ending.outcome, Outcome::Failed(FlightFailure::Log(_)));
-    let (summary, written) = if log_lost { (tape.abandon(), Ok(None)) } else { tape.finish() };
+    let (tape_summary, written) = if log_lost {
+        (tape.abandon(), Ok(None))
+    } else {
+        tape.finish()
+    };
     progress.clear();
 
     let ending = match written {
         Ok(_) => ending,
-        Err(error) => Ending { outcome: Outcome::Failed(error.into()), ..ending },
+        Err(error) => Ending {
+            outcome: Outcome::Failed(error.into()),
+            ..ending
+        },
     };
-    let summary = summary.finish(&facts(&name, arguments.host, &schedule, &ending));
+    let summary = tape_summary.finish(facts(&name, arguments.host, &ending));
     let saved = save(&summary, &folder);
     report(&summary, &ending, &folder, arguments.quiet);
     saved?;
@@ -57,7 +67,8 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
 
 /// Name of the flight: that of its scenario's file.
 fn scenario_name(path: &Path) -> String {
-    path.file_stem().map_or_else(|| "flight".to_owned(), |stem| stem.to_string_lossy().into_owned())
+    path.file_stem()
+        .map_or_else(|| "flight".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
 fn fly(
@@ -89,33 +100,39 @@ fn fly(
 fn deployment(arguments: &DeploymentArguments) -> Deployment {
     Deployment {
         pinned: !arguments.no_pin,
-        scheduler: if arguments.fifo { Scheduler::Fifo } else { Scheduler::Fair },
+        scheduler: if arguments.fifo {
+            Scheduler::Fifo
+        } else {
+            Scheduler::Fair
+        },
         yielding: !arguments.no_yield,
     }
 }
 
-fn facts(name: &str, host: Host, schedule: &Schedule, ending: &Ending) -> RunFacts {
-    let simulated = shared_types::service::seconds(schedule.time_ns(ending.ticks.saturating_sub(1)));
+fn facts(name: &str, host: Host, ending: &Ending) -> RunFacts {
     let (outcome, reason) = match &ending.outcome {
-        Outcome::Completed => ("completed", None),
-        Outcome::Interrupted { signal } => ("interrupted", Some(format!("by signal {signal}"))),
-        Outcome::Failed(failure) => ("failed", Some(failure.to_string())),
+        Outcome::Completed => (summary::Outcome::Completed, String::new()),
+        Outcome::Interrupted { signal } => (summary::Outcome::Interrupted, format!("signal {signal}")),
+        Outcome::Failed(failure) => (summary::Outcome::Failed, failure.to_string()),
     };
     RunFacts {
         scenario: name.to_owned(),
         host: host.name().to_owned(),
-        simulated_seconds: simulated,
-        wall_seconds: ending.wall_time.as_secs_f64(),
-        outcome: outcome.to_owned(),
+        outcome,
         reason,
+        wall_seconds: ending.wall_time.as_secs_f64(),
     }
 }
 
 fn save(summary: &Summary, folder: &RunFolder) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(summary).map_err(|error| Failure::new(Exit::Trouble, error))?;
     let path = folder.summary();
-    std::fs::write(&path, text + "\n")
-        .map_err(|error| Failure::new(Exit::NotWritten, format!("cannot write {}: {error}", path.display())))
+    std::fs::write(&path, text + "\n").map_err(|error| {
+        Failure::new(
+            Exit::NotWritten,
+            format!("cannot write {}: {error}", path.display()),
+        )
+    })
 }
 
 fn report(summary: &Summary, ending: &Ending, folder: &RunFolder, quiet: bool) {

@@ -29,12 +29,16 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
     let trouble = |error: &dyn std::fmt::Display| Failure::new(Exit::Trouble, error);
     let mut output: Box<dyn Write> = match &arguments.output {
         Some(path) => Box::new(File::create(path).map_err(|error| {
-            Failure::new(Exit::NotWritten, format!("cannot write {}: {error}", path.display()))
+            Failure::new(
+                Exit::NotWritten,
+                format!("cannot write {}: {error}", path.display()),
+            )
         })?),
         None => Box::new(io::stdout().lock()),
     };
     let mut buffered = BufWriter::new(&mut output);
-    log::export_json(&log_path(&arguments.log), arguments.every, &mut buffered).map_err(|error| trouble(&error))?;
+    log::export_json(&log_path(&arguments.log), arguments.every, &mut buffered)
+        .map_err(|error| trouble(&error))?;
     buffered.flush().map_err(|error| trouble(&error))
 }
 
@@ -43,7 +47,8 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
 /// # Errors
 /// [`Failure`].
 pub fn digest(arguments: &Digest) -> Result<(), Failure> {
-    let digest = log::digest(&log_path(&arguments.log)).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let digest =
+        log::digest(&log_path(&arguments.log)).map_err(|error| Failure::new(Exit::Trouble, error))?;
     println!("{digest}");
     Ok(())
 }

@@ -39,6 +39,15 @@ struct CrewMember {
     finished: bool,
 }
 
+/// How a process ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Exit {
+    /// Whether a signal ended it.
+    pub killed: bool,
+    /// How it ended, in words.
+    pub description: String,
+}
+
 /// What a service process told or did.
 #[derive(Debug)]
 pub enum CrewEvent {
@@ -64,9 +73,16 @@ impl Crew {
     /// [`FlightFailure::Setup`].
     pub fn start(start: &Start) -> Result<Self, FlightFailure> {
         let page = SharedPage::create().map_err(setup)?;
-        let doorbells =
-            ServiceId::ALL.iter().map(|_| Doorbell::create()).collect::<Result<_, _>>().map_err(setup)?;
-        let mut crew = Self { members: Vec::new(), page, doorbells };
+        let doorbells = ServiceId::ALL
+            .iter()
+            .map(|_| Doorbell::create())
+            .collect::<Result<_, _>>()
+            .map_err(setup)?;
+        let mut crew = Self {
+            members: Vec::new(),
+            page,
+            doorbells,
+        };
         for service in ServiceId::ALL {
             let member = crew.spawn(service)?;
             // Kept before it is spoken to, so that it is ended whatever happens next.
@@ -80,11 +96,20 @@ impl Crew {
         let (channel, theirs) = Channel::pair().map_err(setup)?;
         let copy = |file: BorrowedFd<'_>| file.try_clone_to_owned().map_err(setup);
         let mut mappings = vec![
-            FdMapping { parent_fd: theirs, child_fd: CONTROL_FD },
-            FdMapping { parent_fd: copy(self.page.file().as_fd())?, child_fd: SHARED_PAGE_FD },
+            FdMapping {
+                parent_fd: theirs,
+                child_fd: CONTROL_FD,
+            },
+            FdMapping {
+                parent_fd: copy(self.page.file().as_fd())?,
+                child_fd: SHARED_PAGE_FD,
+            },
         ];
         for (doorbell, child_fd) in self.doorbells.iter().zip(FIRST_DOORBELL_FD..) {
-            mappings.push(FdMapping { parent_fd: copy(doorbell.as_fd())?, child_fd });
+            mappings.push(FdMapping {
+                parent_fd: copy(doorbell.as_fd())?,
+                child_fd,
+            });
         }
         // The running program itself, even if its file has been replaced meanwhile.
         let mut command = Command::new("/proc/self/exe");
@@ -99,7 +124,14 @@ impl Crew {
         let child = command.spawn().map_err(setup)?;
         let pid = Pid::from_child(&child);
         let death = pidfd_open(pid, PidfdFlags::empty()).map_err(|error| setup(error.into()))?;
-        Ok(CrewMember { service, child, death, channel, exit: None, finished: false })
+        Ok(CrewMember {
+            service,
+            child,
+            death,
+            channel,
+            exit: None,
+            finished: false,
+        })
     }
 
     /// The words that the crew shares.
@@ -110,7 +142,21 @@ impl Crew {
 
     /// The processes, by service.
     pub fn processes(&self) -> impl Iterator<Item = (ServiceId, u32)> {
-        self.members.iter().map(|member| (member.service, member.child.id()))
+        self.members
+            .iter()
+            .map(|member| (member.service, member.child.id()))
+    }
+
+    /// How the processes that have ended did.
+    pub fn exits(&self) -> impl Iterator<Item = (ServiceId, u32, Exit)> {
+        self.members.iter().filter_map(|member| {
+            let status = member.exit?;
+            let exit = Exit {
+                killed: status.signal().is_some(),
+                description: describe(status),
+            };
+            Some((member.service, member.child.id(), exit))
+        })
     }
 
     /// Waits until every service has made its ports; the ids of their receivers and their warnings.
@@ -125,11 +171,18 @@ impl Crew {
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 let services = missing.iter().map(ToString::to_string).collect();
-                return Err(FlightFailure::NotReady { services, limit: READY_LIMIT });
+                return Err(FlightFailure::NotReady {
+                    services,
+                    limit: READY_LIMIT,
+                });
             }
             for event in self.watch(left) {
                 match event {
-                    CrewEvent::Ready { service, receivers, warnings } => {
+                    CrewEvent::Ready {
+                        service,
+                        receivers,
+                        warnings,
+                    } => {
                         missing.retain(|&other| other != service);
                         ids.extend(receivers);
                         notes.extend(warnings);
@@ -149,8 +202,12 @@ impl Crew {
     /// # Errors
     /// [`FlightFailure`] if one of them is gone.
     pub fn go(&mut self, receivers: &[String]) -> Result<(), FlightFailure> {
-        let message = ToService::Go { receivers: receivers.to_vec() };
-        ServiceId::ALL.into_iter().try_for_each(|service| self.say(service, &message))
+        let message = ToService::Go {
+            receivers: receivers.to_vec(),
+        };
+        ServiceId::ALL
+            .into_iter()
+            .try_for_each(|service| self.say(service, &message))
     }
 
     /// Waits up to `limit` for something to happen and tells what did.
@@ -159,7 +216,9 @@ impl Crew {
             tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
             tv_nsec: i64::from(limit.subsec_nanos()),
         };
-        let living: Vec<usize> = (0..self.members.len()).filter(|&at| self.members[at].exit.is_none()).collect();
+        let living: Vec<usize> = (0..self.members.len())
+            .filter(|&at| self.members[at].exit.is_none())
+            .collect();
         let mut files: Vec<PollFd<'_>> = Vec::with_capacity(2 * living.len());
         for &at in &living {
             let member = &self.members[at];
@@ -178,7 +237,10 @@ impl Crew {
             .map(|(&at, _)| at)
             .collect();
         drop(files);
-        called.into_iter().flat_map(|at| self.members[at].listen(&self.page)).collect()
+        called
+            .into_iter()
+            .flat_map(|at| self.members[at].listen(&self.page))
+            .collect()
     }
 
     /// Tells everybody to stop, waits until all are gone, and kills who does not go.
@@ -244,17 +306,20 @@ impl CrewMember {
 
     fn understand(&mut self, message: ToOrchestrator) -> CrewEvent {
         match message {
-            ToOrchestrator::Ready { receivers, warnings } => {
-                CrewEvent::Ready { service: self.service, receivers, warnings }
-            }
+            ToOrchestrator::Ready { receivers, warnings } => CrewEvent::Ready {
+                service: self.service,
+                receivers,
+                warnings,
+            },
             ToOrchestrator::Finished => {
                 self.finished = true;
                 CrewEvent::Finished(self.service)
             }
             ToOrchestrator::NonFinite(found) => CrewEvent::Lost(FlightFailure::NonFinite(found)),
-            ToOrchestrator::Failed { reason } => {
-                CrewEvent::Lost(FlightFailure::GaveUp { service: self.service.to_string(), reason })
-            }
+            ToOrchestrator::Failed { reason } => CrewEvent::Lost(FlightFailure::GaveUp {
+                service: self.service.to_string(),
+                reason,
+            }),
         }
     }
 
@@ -268,7 +333,9 @@ impl CrewMember {
     fn died(&mut self, page: &SharedPage) -> FlightFailure {
         let status = self.child.wait().ok();
         self.exit = status;
-        let steps = page.words().cells[self.service.index()].steps_until.load(Ordering::Relaxed);
+        let steps = page.words().cells[self.service.index()]
+            .steps_until
+            .load(Ordering::Relaxed);
         FlightFailure::Died {
             service: self.service.to_string(),
             pid: self.child.id(),
@@ -298,7 +365,10 @@ fn describe(status: ExitStatus) -> String {
     }
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "used to map errors, which come by value")]
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "used to map errors, which come by value"
+)]
 fn setup(error: std::io::Error) -> FlightFailure {
     FlightFailure::Setup(error.to_string())
 }

@@ -13,14 +13,24 @@ use crate::services;
 ///
 /// # Errors
 /// [`FlightFailure::Setup`] if the scenario cannot be flown at all.
-pub fn fly<S: TickSink>(scenario: &Scenario, sink: &mut S, interrupt: &Interrupt) -> Result<Ending, FlightFailure>
+pub fn fly<S: TickSink>(
+    scenario: &Scenario,
+    sink: &mut S,
+    interrupt: &Interrupt,
+) -> Result<Ending, FlightFailure>
 where
     FlightFailure: From<S::Error>,
 {
-    let schedule = scenario.schedule().map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
+    let schedule = scenario
+        .schedule()
+        .map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
     let services = services::build_all(scenario).map_err(FlightFailure::Setup)?;
     let mut host = InProcess::new(schedule, services);
-    let mut sink = Interruptible { sink, interrupt, ticks: 0 };
+    let mut sink = Interruptible {
+        sink,
+        interrupt,
+        ticks: 0,
+    };
     let started = Instant::now();
     let result = host.fly(&mut sink);
     let outcome = match result {
@@ -31,7 +41,12 @@ where
             _ => Outcome::Completed,
         },
     };
-    Ok(Ending { outcome, ticks: sink.ticks, wall_time: started.elapsed(), warnings: Vec::new() })
+    Ok(Ending {
+        outcome,
+        ticks: sink.ticks,
+        wall_time: started.elapsed(),
+        warnings: Vec::new(),
+    })
 }
 
 /// Ends the flight when somebody asks for it.
@@ -53,6 +68,10 @@ impl<S: TickSink> TickSink for Interruptible<'_, S> {
     fn end_tick(&mut self, tick: u64) -> Result<std::ops::ControlFlow<()>, Self::Error> {
         self.ticks = tick + 1;
         let flow = self.sink.end_tick(tick)?;
-        Ok(if self.interrupt.signal().is_some() { std::ops::ControlFlow::Break(()) } else { flow })
+        Ok(if self.interrupt.signal().is_some() {
+            std::ops::ControlFlow::Break(())
+        } else {
+            flow
+        })
     }
 }

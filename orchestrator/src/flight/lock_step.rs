@@ -32,7 +32,11 @@ pub struct Deployment {
 
 impl Default for Deployment {
     fn default() -> Self {
-        Self { pinned: true, scheduler: Scheduler::Fair, yielding: true }
+        Self {
+            pinned: true,
+            scheduler: Scheduler::Fair,
+            yielding: true,
+        }
     }
 }
 
@@ -60,7 +64,9 @@ pub fn fly<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
-    let schedule = scenario.schedule().map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
+    let schedule = scenario
+        .schedule()
+        .map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
     let root = RunRoot::create().map_err(|error| FlightFailure::Setup(error.to_string()))?;
     let cores = Cores::choose(deployment);
     cores.keep_off();
@@ -73,7 +79,10 @@ where
         scheduler: deployment.scheduler,
     })?;
     if !deployment.yielding {
-        crew.page().words().block_only.store(BLOCK_ALWAYS, Ordering::Relaxed);
+        crew.page()
+            .words()
+            .block_only
+            .store(BLOCK_ALWAYS, Ordering::Relaxed);
     }
     let (mut receivers, warnings) = crew.await_ready()?;
     receivers.extend(recorder.receiver_ids().map(|id| id.to_string()));
@@ -86,7 +95,12 @@ where
     let wall_time = started.elapsed();
     let outcome = wind_up(&mut crew, &mut recorder, sink, outcome);
     observer.ended(&crew, &outcome);
-    Ok(Ending { outcome, ticks: recorder.ticks(), wall_time, warnings })
+    Ok(Ending {
+        outcome,
+        ticks: recorder.ticks(),
+        wall_time,
+        warnings,
+    })
 }
 
 /// Records and watches until the flight is over, one way or the other.
@@ -131,7 +145,9 @@ where
     match outcome {
         Outcome::Completed => Outcome::Completed,
         // The sink itself has failed: it takes no more.
-        Outcome::Failed(failure @ (FlightFailure::Log(_) | FlightFailure::Lost { .. })) => Outcome::Failed(failure),
+        Outcome::Failed(failure @ (FlightFailure::Log(_) | FlightFailure::Lost { .. })) => {
+            Outcome::Failed(failure)
+        }
         outcome => match recorder.drain(sink) {
             Ok(_) => outcome,
             // Why the flight ended matters more, unless it was on request.
@@ -143,7 +159,10 @@ where
     }
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "used to map errors, which come by value")]
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "used to map errors, which come by value"
+)]
 fn port_failure(error: PortError) -> FlightFailure {
     FlightFailure::Setup(error.to_string())
 }
@@ -157,7 +176,11 @@ struct Cores {
 impl Cores {
     fn choose(deployment: Deployment) -> Self {
         let allowed = deployment::allowed_cores();
-        let ring = if deployment.pinned { deployment::idlest(&allowed) } else { None };
+        let ring = if deployment.pinned {
+            deployment::idlest(&allowed)
+        } else {
+            None
+        };
         let others = allowed.into_iter().filter(|&core| Some(core) != ring).collect();
         Self { ring, others }
     }

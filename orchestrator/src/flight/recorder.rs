@@ -38,15 +38,29 @@ impl Recorder {
     ///
     /// # Errors
     /// [`PortError`].
-    pub fn create(member: &Member, schedule: &Schedule) -> Result<(Self, Vec<Box<dyn TopicPorts>>), PortError> {
+    pub fn create(
+        member: &Member,
+        schedule: &Schedule,
+    ) -> Result<(Self, Vec<Box<dyn TopicPorts>>), PortError> {
         let mut feeds = Vec::new();
         let mut topics = Vec::new();
         for topic in Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some()) {
             let ports = member.create_topic(topic, schedule)?;
-            feeds.push(Feed { topic, rate: schedule.topic_rate(topic), receiver: ports.recorder()? });
+            feeds.push(Feed {
+                topic,
+                rate: schedule.topic_rate(topic),
+                receiver: ports.recorder()?,
+            });
             topics.push(ports);
         }
-        Ok((Self { feeds, tick: 0, last_tick: schedule.last_tick() }, topics))
+        Ok((
+            Self {
+                feeds,
+                tick: 0,
+                last_tick: schedule.last_tick(),
+            },
+            topics,
+        ))
     }
 
     /// Ids of the recorder's receivers.
@@ -108,13 +122,19 @@ impl Feed {
         if self.held_tick() == Some(tick) {
             return Ok(true);
         }
-        if !self.receiver.receive().map_err(|error| FlightFailure::Setup(error.to_string()))? {
+        if !self
+            .receiver
+            .receive()
+            .map_err(|error| FlightFailure::Setup(error.to_string()))?
+        {
             return Ok(false);
         }
         match self.held_tick() {
-            Some(got) if got != tick => {
-                Err(FlightFailure::Lost { topic: self.topic.to_string(), due: tick, got })
-            }
+            Some(got) if got != tick => Err(FlightFailure::Lost {
+                topic: self.topic.to_string(),
+                due: tick,
+                got,
+            }),
             held => Ok(held.is_some()),
         }
     }

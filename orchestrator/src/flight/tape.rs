@@ -87,19 +87,35 @@ impl TickSink for Tape<'_> {
 fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<RunEvent> {
     let mut events = vec![(0, RunEvent::KIND_FLIGHT_STARTS, scenario.description.clone())];
     for change in &scenario.vehicle.change {
-        events.push((scenario.tick_of(change.at), RunEvent::KIND_VEHICLE_CHANGES, describe(change)));
+        events.push((
+            scenario.tick_of(change.at),
+            RunEvent::KIND_VEHICLE_CHANGES,
+            describe(change),
+        ));
     }
     events.push((schedule.last_tick(), RunEvent::KIND_FLIGHT_ENDS, String::new()));
     let numbered = events.into_iter().zip(0..);
     numbered
         .map(|((tick, kind, text), seq)| {
-            event(Header { tick, stamp_ns: schedule.time_ns(tick), seq }, kind, &text)
+            event(
+                Header {
+                    tick,
+                    stamp_ns: schedule.time_ns(tick),
+                    seq,
+                },
+                kind,
+                &text,
+            )
         })
         .collect()
 }
 
 fn event(header: Header, kind: u32, text: &str) -> RunEvent {
-    let mut event = RunEvent { header, kind, ..RunEvent::new_zeroed() };
+    let mut event = RunEvent {
+        header,
+        kind,
+        ..RunEvent::new_zeroed()
+    };
     let length = text.floor_char_boundary(event.text.len());
     event.text[..length].copy_from_slice(&text.as_bytes()[..length]);
     event.text_length = u32::try_from(length).expect("the text is short");

@@ -12,7 +12,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::in_process::is_fresh;
 use crate::ports::{Member, OwnReceivers, PortError, Receiver, Sender};
-use crate::shared_page::SharedPage;
+use crate::shared_page::{Cell, SharedPage};
 use crate::step::{self, NonFinite, Slots, Views};
 use crate::wait::{Interrupted, Waiter};
 
@@ -175,7 +175,9 @@ pub fn fly(
         }
         await_inputs(service.id(), schedule, ports, waiter, tick)?;
         step_and_publish(service, schedule, ports, tick)?;
-        waiter.cell().steps_until.store(tick + 1, Ordering::Relaxed);
+        let cell = waiter.cell();
+        cell.steps_until.store(tick + 1, Ordering::Relaxed);
+        Cell::count(&cell.steps);
         waiter.wake(&ports.consumers);
         tick += rate.period;
     }

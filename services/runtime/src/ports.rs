@@ -135,6 +135,11 @@ impl Member {
             .map_err(|error| bad_configuration(format!("{error:?}")))?;
         let config = Config::setup_global_config_from_file(&path)
             .map_err(|error| bad_configuration(format!("{error:?}")))?;
+        if Config::from_file(&path).is_ok_and(|wanted| wanted != *config) {
+            return Err(bad_configuration(
+                "this process already belongs to another run".to_owned(),
+            ));
+        }
         let name = NodeName::new(name).map_err(|error| PortError::Node(format!("{error:?}")))?;
         let node = NodeBuilder::new()
             .name(&name)

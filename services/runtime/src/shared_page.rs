@@ -37,6 +37,8 @@ pub struct Cell {
     pad0: u32,
     /// 1 + the last tick that the service has stepped, 0 before the first.
     pub steps_until: AtomicU64,
+    /// Steps.
+    pub steps: AtomicU64,
     /// Waits that ended without sleeping.
     pub yields: AtomicU64,
     /// Waits that slept.

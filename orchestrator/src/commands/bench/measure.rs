@@ -2,10 +2,11 @@
 
 use std::convert::Infallible;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use runtime::deployment::{self, Scheduler};
+use runtime::deployment;
 use runtime::in_process::TickSink;
 use shared_types::Topic;
 use shared_types::scenario::Scenario;
@@ -14,10 +15,8 @@ use super::{Row, ring};
 use crate::cli::RingWait;
 use crate::commands::Failure;
 use crate::exit::Exit;
-use crate::flight::lock_step::Deployment;
 use crate::flight::tape::Tape;
-use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step};
-use crate::host_record::Unrecorded;
+use crate::flight::{Ending, FlightFailure, Outcome, in_process};
 use crate::interrupt::Interrupt;
 use crate::log::{Compression, Manifest, RunLogWriter};
 use crate::progress::Progress;
@@ -30,7 +29,13 @@ const RING_ROUNDS: u64 = 50_000;
 /// All measurements, in turns, `repetitions` times.
 pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Result<Vec<Row>> {
     let folder = Scratch::create()?;
-    let mut series = Series::new();
+    let command = FlightCommand {
+        folder: folder.path().to_owned(),
+        scenario: folder.path().join("fig1.toml"),
+    };
+    let text = toml::to_string(flight).map_err(|error| FlightFailure::Setup(error.to_string()))?;
+    std::fs::write(&command.scenario, text).map_err(|error| FlightFailure::Setup(error.to_string()))?;
+    let mut series = Series::default();
     let bar = ProgressBar::new(u64::from(repetitions));
     bar.set_style(
         ProgressStyle::with_template("repetition {pos} of {len} {wide_bar} {elapsed}")
@@ -39,7 +44,7 @@ pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Resu
     bar.tick();
     let core = deployment::idlest(&deployment::allowed_cores()).unwrap_or(0);
     for _ in 0..repetitions {
-        series.repeat(whole, flight, core, folder.path())?;
+        series.repeat(whole, &command, core)?;
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -62,36 +67,31 @@ struct Series {
 }
 
 impl Series {
-    fn new() -> Self {
-        Self::default()
-    }
-
-    fn repeat(&mut self, whole: &Scenario, flight: &Scenario, core: usize, folder: &Path) -> Result<()> {
-        let fair = Deployment::default();
-        let blocking = Deployment { yielding: false, ..fair };
-        let fifo = Deployment { scheduler: Scheduler::Fifo, ..fair };
-
+    fn repeat(&mut self, whole: &Scenario, flight: &FlightCommand, core: usize) -> Result<()> {
         self.yield_ring.push(bare(RingWait::Yield, false, core)?);
-        self.lock_step.push(fly_processes(flight, fair, folder)?);
+        self.lock_step.push(fly_processes(flight, &[])?);
         self.eventfd_ring.push(bare(RingWait::Eventfd, false, core)?);
-        self.lock_step_blocking.push(fly_processes(flight, blocking, folder)?);
+        self.lock_step_blocking
+            .push(fly_processes(flight, &["--no-yield"])?);
         if self.fifo_refused.is_none() {
             match ring::thousand_rounds_per_second(RingWait::Yield, true, core, RING_ROUNDS) {
                 Ok(rate) => {
                     self.fifo_ring.push(rate);
-                    self.lock_step_fifo.push(fly_processes(flight, fifo, folder)?);
+                    self.lock_step_fifo.push(fly_processes(flight, &["--fifo"])?);
                 }
                 Err(error) => self.fifo_refused = Some(format!("SCHED_FIFO is not permitted here: {error}")),
             }
         }
         {
             let _load = Load::on_every_core()?;
-            self.lock_step_loaded.push(fly_processes(flight, fair, folder)?);
+            self.lock_step_loaded.push(fly_processes(flight, &[])?);
         }
-        self.in_process.push(rate(&in_process::fly(whole, &mut Nowhere, &Interrupt::never())?)?);
-        self.in_process_recorded.push(recorded(whole, folder, |tape| {
-            in_process::fly(whole, tape, &Interrupt::never())
-        })?);
+        self.in_process
+            .push(rate(&in_process::fly(whole, &mut Nowhere, &Interrupt::never())?)?);
+        self.in_process_recorded
+            .push(recorded(whole, &flight.folder, |tape| {
+                in_process::fly(whole, tape, &Interrupt::never())
+            })?);
         Ok(())
     }
 
@@ -99,7 +99,8 @@ impl Series {
         let row = |what, values: &[f64], floor: Option<(&'static str, &[f64])>, note| Row {
             what,
             median: median(values.to_vec()),
-            ratio: floor.and_then(|(_, floor)| median(values.iter().zip(floor).map(|(a, b)| a / b).collect())),
+            ratio: floor
+                .and_then(|(_, floor)| median(values.iter().zip(floor).map(|(a, b)| a / b).collect())),
             floor: floor.map(|(name, _)| name),
             note,
         };
@@ -107,8 +108,18 @@ impl Series {
         vec![
             row("bare ring of five, yield", &self.yield_ring, None, None),
             row("bare ring of five, eventfd", &self.eventfd_ring, None, None),
-            row("bare ring of five, yield, SCHED_FIFO", &self.fifo_ring, None, self.fifo_refused.clone()),
-            row("lock-step, six processes, recorded", &self.lock_step, Some(yield_ring), None),
+            row(
+                "bare ring of five, yield, SCHED_FIFO",
+                &self.fifo_ring,
+                None,
+                self.fifo_refused.clone(),
+            ),
+            row(
+                "lock-step, six processes, recorded",
+                &self.lock_step,
+                Some(yield_ring),
+                None,
+            ),
             row(
                 "the same, always sleeping",
                 &self.lock_step_blocking,
@@ -121,9 +132,19 @@ impl Series {
                 Some(("bare yield ring, SCHED_FIFO", &self.fifo_ring)),
                 self.fifo_refused.clone(),
             ),
-            row("the same, a foreign load on every core", &self.lock_step_loaded, Some(yield_ring), None),
+            row(
+                "the same, a foreign load on every core",
+                &self.lock_step_loaded,
+                Some(yield_ring),
+                None,
+            ),
             row("in-process, not recorded", &self.in_process, None, None),
-            row("in-process, recorded, uncompressed", &self.in_process_recorded, None, None),
+            row(
+                "in-process, recorded, uncompressed",
+                &self.in_process_recorded,
+                None,
+                None,
+            ),
         ]
     }
 }
@@ -133,10 +154,33 @@ fn bare(wait: RingWait, fifo: bool, core: usize) -> Result<f64> {
         .map_err(|error| FlightFailure::Setup(error.to_string()))
 }
 
-fn fly_processes(flight: &Scenario, deployment: Deployment, folder: &Path) -> Result<f64> {
-    recorded(flight, folder, |tape| {
-        lock_step::fly(flight, deployment, tape, &Interrupt::never(), &mut Unrecorded)
-    })
+/// Flies in lock-step by a command of its own: a process can take part in one run only.
+fn fly_processes(flight: &FlightCommand, options: &[&str]) -> Result<f64> {
+    let out = flight.folder.join("lock-step");
+    let setup = |error: &dyn std::fmt::Display| FlightFailure::Setup(error.to_string());
+    let output = Command::new("/proc/self/exe")
+        .args(["run", "--quiet", "--out"])
+        .arg(&out)
+        .args(options)
+        .arg(&flight.scenario)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|error| setup(&error))?;
+    if !output.status.success() {
+        return Err(setup(&String::from_utf8_lossy(&output.stderr)));
+    }
+    let text = std::fs::read_to_string(out.join("summary.json")).map_err(|error| setup(&error))?;
+    std::fs::remove_dir_all(&out).map_err(|error| setup(&error))?;
+    let summary: serde_json::Value = serde_json::from_str(&text).map_err(|error| setup(&error))?;
+    summary["real_time_factor"]
+        .as_f64()
+        .ok_or_else(|| setup(&"the summary states no real-time factor"))
+}
+
+/// The lock-step flight that is measured.
+struct FlightCommand {
+    folder: PathBuf,
+    scenario: PathBuf,
 }
 
 fn recorded(
@@ -144,7 +188,9 @@ fn recorded(
     folder: &Path,
     fly: impl FnOnce(&mut Tape<'_>) -> Result<Ending>,
 ) -> Result<f64> {
-    let schedule = scenario.schedule().map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
+    let schedule = scenario
+        .schedule()
+        .map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
     let path = folder.join("run.mcap");
     let log = RunLogWriter::create(&path, &Manifest::new(scenario), Compression::None)?;
     let mut progress = Progress::hidden();
@@ -159,11 +205,14 @@ fn recorded(
 /// Simulated seconds per wall second.
 fn rate(ending: &Ending) -> Result<f64> {
     match &ending.outcome {
-        Outcome::Completed => {
+        Outcome::Completed =>
+        {
             #[expect(clippy::cast_precision_loss, reason = "few ticks")]
             Ok(ending.ticks as f64 / 1000.0 / ending.wall_time.as_secs_f64())
         }
-        outcome => Err(FlightFailure::Setup(format!("a measurement ended early: {outcome:?}"))),
+        outcome => Err(FlightFailure::Setup(format!(
+            "a measurement ended early: {outcome:?}"
+        ))),
     }
 }
 
@@ -195,7 +244,11 @@ struct Scratch(std::path::PathBuf);
 impl Scratch {
     fn create() -> Result<Self> {
         let shared_memory = Path::new("/dev/shm");
-        let base = if shared_memory.is_dir() { shared_memory.to_owned() } else { std::env::temp_dir() };
+        let base = if shared_memory.is_dir() {
+            shared_memory.to_owned()
+        } else {
+            std::env::temp_dir()
+        };
         let path = base.join(format!("gerono-bench-{}", std::process::id()));
         std::fs::create_dir_all(&path).map_err(|error| FlightFailure::Setup(error.to_string()))?;
         Ok(Self(path))
@@ -214,13 +267,13 @@ impl Drop for Scratch {
 }
 
 /// Busy processes, one pinned to every core, until dropped.
-struct Load(Vec<std::process::Child>);
+struct Load(Vec<Child>);
 
 impl Load {
     fn on_every_core() -> Result<Self> {
         let mut load = Self(Vec::new());
         for core in deployment::allowed_cores() {
-            let child = std::process::Command::new("/proc/self/exe")
+            let child = Command::new("/proc/self/exe")
                 .args(["load", &core.to_string()])
                 .spawn()
                 .map_err(|error| FlightFailure::Setup(error.to_string()))?;

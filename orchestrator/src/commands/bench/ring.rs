@@ -23,12 +23,21 @@ const FIRST_EVENT_FD: i32 = 4;
 ///
 /// # Errors
 /// If the system does not permit it.
-pub(super) fn thousand_rounds_per_second(wait: RingWait, fifo: bool, core: usize, rounds: u64) -> std::io::Result<f64> {
+pub(super) fn thousand_rounds_per_second(
+    wait: RingWait,
+    fifo: bool,
+    core: usize,
+    rounds: u64,
+) -> std::io::Result<f64> {
     let page = SharedPage::create()?;
-    let events = (0..MEMBERS).map(|_| eventfd(0, EventfdFlags::CLOEXEC)).collect::<Result<Vec<_>, _>>()?;
+    let events = (0..MEMBERS)
+        .map(|_| eventfd(0, EventfdFlags::CLOEXEC))
+        .collect::<Result<Vec<_>, _>>()?;
     let mut members = Members(Vec::new());
     for place in 0..MEMBERS {
-        members.0.push(spawn(place, wait, fifo, core, rounds, &page, &events)?);
+        members
+            .0
+            .push(spawn(place, wait, fifo, core, rounds, &page, &events)?);
     }
     // Everyone has arrived: the first may begin.
     let words = page.words();
@@ -51,7 +60,9 @@ impl Members {
     fn check(&mut self) -> std::io::Result<()> {
         for child in &mut self.0 {
             if let Some(status) = child.try_wait()? {
-                return Err(std::io::Error::other(format!("a member of the ring ended early: {status}")));
+                return Err(std::io::Error::other(format!(
+                    "a member of the ring ended early: {status}"
+                )));
             }
         }
         Ok(())
@@ -61,7 +72,9 @@ impl Members {
         for child in &mut self.0 {
             let status = child.wait()?;
             if !status.success() {
-                return Err(std::io::Error::other(format!("a member of the ring failed: {status}")));
+                return Err(std::io::Error::other(format!(
+                    "a member of the ring failed: {status}"
+                )));
             }
         }
         Ok(())
@@ -87,9 +100,15 @@ fn spawn(
     page: &SharedPage,
     events: &[OwnedFd],
 ) -> std::io::Result<Child> {
-    let mut mappings = vec![FdMapping { parent_fd: page.file().as_fd().try_clone_to_owned()?, child_fd: PAGE_FD }];
+    let mut mappings = vec![FdMapping {
+        parent_fd: page.file().as_fd().try_clone_to_owned()?,
+        child_fd: PAGE_FD,
+    }];
     for (event, child_fd) in events.iter().zip(FIRST_EVENT_FD..) {
-        mappings.push(FdMapping { parent_fd: event.try_clone()?, child_fd });
+        mappings.push(FdMapping {
+            parent_fd: event.try_clone()?,
+            child_fd,
+        });
     }
     let mut command = Command::new("/proc/self/exe");
     command.args(["ring-member", &place.to_string(), &rounds.to_string()]);
@@ -97,7 +116,10 @@ fn spawn(
         RingWait::Yield => "yield",
         RingWait::Eventfd => "eventfd",
     });
-    command.arg(core.to_string()).stdin(Stdio::null()).stdout(Stdio::null());
+    command
+        .arg(core.to_string())
+        .stdin(Stdio::null())
+        .stdout(Stdio::null());
     if fifo {
         command.arg("--fifo");
     }
@@ -120,10 +142,15 @@ fn go_around(arguments: &RingMember) -> std::io::Result<()> {
         deployment::use_fifo()?;
     }
     let page = SharedPage::open(inherited(PAGE_FD)?)?;
-    let events =
-        (FIRST_EVENT_FD..).take(MEMBERS).map(inherited).collect::<std::io::Result<Vec<_>>>()?;
-    let (me, before, after) =
-        (arguments.place, (arguments.place + MEMBERS - 1) % MEMBERS, (arguments.place + 1) % MEMBERS);
+    let events = (FIRST_EVENT_FD..)
+        .take(MEMBERS)
+        .map(inherited)
+        .collect::<std::io::Result<Vec<_>>>()?;
+    let (me, before, after) = (
+        arguments.place,
+        (arguments.place + MEMBERS - 1) % MEMBERS,
+        (arguments.place + 1) % MEMBERS,
+    );
     let words = page.words();
     words.misses.fetch_add(1, Ordering::AcqRel);
     let turns = |place: usize| words.cells[place].steps_until.load(Ordering::Acquire);
@@ -147,7 +174,10 @@ fn go_around(arguments: &RingMember) -> std::io::Result<()> {
     Ok(())
 }
 
-#[expect(unsafe_code, reason = "inherited file descriptors are taken over by their numbers")]
+#[expect(
+    unsafe_code,
+    reason = "inherited file descriptors are taken over by their numbers"
+)]
 fn inherited(number: i32) -> std::io::Result<OwnedFd> {
     // SAFETY: only looks whether the number is open.
     let borrowed = unsafe { BorrowedFd::borrow_raw(number) };
