@@ -112,15 +112,17 @@ fn all() -> Vec<KeyInfo> {
     keys
 }
 
-/// Pushes what a table of the schema holds.
+/// Pushes what a table of the schema holds, by name, and the tables of which it holds one, as declared.
 fn push_table(schema: &Value, table: &Value, at: &Key, keys: &mut Vec<KeyInfo>) {
     let required = table["required"].as_array();
     let is_required =
         |name: &str| required.is_some_and(|names| names.iter().any(|required| required == name));
-    for (name, property) in table["properties"].as_object().into_iter().flatten() {
+    // Whether JSON objects come sorted depends on the features that other crates ask of serde_json.
+    let mut properties: Vec<_> = table["properties"].as_object().into_iter().flatten().collect();
+    properties.sort_by_key(|(name, _)| name.as_str());
+    for (name, property) in properties {
         push_property(schema, property, &at.then(name), is_required(name), keys);
     }
-    // Tables of which one is chosen.
     for variant in table["oneOf"].as_array().into_iter().flatten() {
         for (name, property) in variant["properties"].as_object().into_iter().flatten() {
             push_property(schema, property, &at.then(name), false, keys);

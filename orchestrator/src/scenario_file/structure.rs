@@ -11,8 +11,11 @@ use toml::de::{DeTable, DeValue, Deserializer};
 use super::sources::Sources;
 use super::{Finding, document, keys};
 
+/// Most unknown keys that are looked for: a text that has more is something else than a scenario.
+const MOST_UNKNOWN_KEYS: usize = 20;
+
 /// The scenario of a document, if it can be made out at all, and what is wrong with the document's structure.
-/// Unknown keys are removed from it, so that all of them are found.
+/// Unknown keys are removed from it, so that the next is found too.
 pub(super) fn read(
     sources: &Sources,
     document: &mut Spanned<DeTable<'_>>,
@@ -21,14 +24,17 @@ pub(super) fn read(
     loop {
         match Scenario::deserialize(Deserializer::from(document.clone())) {
             Ok(scenario) => {
-                push_unread(sources, document.get_ref(), &scenario, &mut findings);
+                let as_read = serde_json::to_value(&scenario).unwrap_or_default();
+                push_unread(sources, &Key::root(), document.get_ref(), &as_read, &mut findings);
                 return (Some(scenario), findings);
             }
             Err(error) => {
                 let mistake = Mistake::of(document.get_ref(), &error);
                 findings.push(mistake.finding(sources));
                 match mistake.kind {
-                    Kind::UnknownKey { .. } => document::remove(document.get_mut(), mistake.key.segments()),
+                    Kind::UnknownKey { .. } if findings.len() < MOST_UNKNOWN_KEYS => {
+                        document::remove(document.get_mut(), mistake.key.segments());
+                    }
                     _ => return (None, findings),
                 }
             }
@@ -46,10 +52,10 @@ struct Mistake {
 /// What serde and toml have to say, sorted. Their messages are the only form in which they say it.
 enum Kind {
     UnknownKey { known: Vec<String> },
-    UnknownVariant { found: String, known: Vec<String> },
+    UnknownChoice { found: String, known: Vec<String> },
+    NotOneChoice,
     MissingKey,
-    Unexpected { found: String, expected: String },
-    NotOneOf,
+    WrongType { found: String, wanted: String },
     Other(String),
 }
 
@@ -59,77 +65,59 @@ impl Mistake {
         let message = error.message();
         let quoted: Vec<String> = message.split('`').skip(1).step_by(2).map(str::to_owned).collect();
         let value_key = || document::key_of_value(document, &span, &names_in(error)).unwrap_or_default();
-        let (key, kind) = match (message, quoted.as_slice()) {
-            (message, [_, known @ ..]) if message.starts_with("unknown field") => {
+        let (key, kind) = match quoted.as_slice() {
+            [_, known @ ..] if message.starts_with("unknown field") => {
+                let known = known.to_vec();
                 match document::key_of_name(document, &span) {
-                    Some(key) => (
-                        key,
-                        Kind::UnknownKey {
-                            known: known.to_vec(),
-                        },
-                    ),
+                    Some(key) => (key, Kind::UnknownKey { known }),
                     None => (value_key(), Kind::Other(message.to_owned())),
                 }
             }
-            (message, [found, known @ ..]) if message.starts_with("unknown variant") => {
+            [found, known @ ..] if message.starts_with("unknown variant") => {
+                // The name of a table, such as a curve's, or a word.
                 let key = document::key_of_name(document, &span).unwrap_or_else(value_key);
                 let (found, known) = (found.clone(), known.to_vec());
-                (key, Kind::UnknownVariant { found, known })
+                (key, Kind::UnknownChoice { found, known })
             }
-            (message, [name]) if message.starts_with("missing field") => {
-                (value_key().then(name), Kind::MissingKey)
-            }
-            (message, _) if message.starts_with("wanted exactly 1 element") => (value_key(), Kind::NotOneOf),
-            (message, _) => (value_key(), unexpected(message)),
+            [name] if message.starts_with("missing field") => (value_key().then(name), Kind::MissingKey),
+            [] if message.starts_with("wanted exactly 1 element") => (value_key(), Kind::NotOneChoice),
+            _ => (value_key(), wrong_type(message)),
         };
         Self { key, span, kind }
     }
 
     fn finding(&self, sources: &Sources) -> Finding {
         let key = &self.key;
-        let (title, reason, fix) = match &self.kind {
-            Kind::UnknownKey { known } => {
-                let name = key.segments().last().map_or("", String::as_str);
-                let fix = suggest::known_names(name, known);
-                (
-                    format!("`{key}` is unknown"),
-                    format!("there is no key `{name}` here"),
-                    fix,
-                )
-            }
-            Kind::UnknownVariant { found, known } => {
-                let fix = suggest::known_names(found, known);
-                (
-                    format!("`{key}` is unknown"),
-                    format!("`{found}` is none of the choices"),
-                    fix,
-                )
-            }
-            Kind::MissingKey => {
-                let name = key.segments().last().map_or("", String::as_str);
-                (
-                    format!("`{key}` is missing"),
-                    format!("`{name}` must be stated here"),
-                    keys::advice(key),
-                )
-            }
-            Kind::Unexpected { found, expected } => (
-                format!("`{key}` has the wrong type"),
-                format!("{expected} is wanted here, not {found}"),
-                keys::advice(key),
+        let name = key.segments().last().map_or("", String::as_str);
+        let (verdict, reason, fix) = match &self.kind {
+            Kind::UnknownKey { known } => (
+                "is unknown",
+                format!("there is no key `{name}` here"),
+                suggest::known_names(name, known),
             ),
-            Kind::NotOneOf => (
-                format!("`{key}` is not one choice"),
+            Kind::UnknownChoice { found, known } => (
+                "is none of the choices",
+                format!("`{found}` is not known here"),
+                suggest::known_names(found, known),
+            ),
+            Kind::NotOneChoice => (
+                "is not one choice",
                 "exactly one choice is wanted here".to_owned(),
                 format!("state one of {}, and no other", keys::names_at(key).join(", ")),
             ),
-            Kind::Other(message) => (
-                format!("`{key}` cannot be read"),
-                message.clone(),
+            Kind::MissingKey => (
+                "is missing",
+                format!("`{name}` must be stated here"),
                 keys::advice(key),
             ),
+            Kind::WrongType { found, wanted } => (
+                "has the wrong type",
+                format!("{wanted} is wanted here, not {found}"),
+                keys::advice(key),
+            ),
+            Kind::Other(message) => ("cannot be read", message.clone(), keys::advice(key)),
         };
-        sources.finding(self.span.clone(), title, reason, fix)
+        sources.finding(self.span.clone(), format!("`{key}` {verdict}"), reason, fix)
     }
 }
 
@@ -144,11 +132,11 @@ fn names_in(error: &toml::de::Error) -> String {
 }
 
 /// A message such as ``invalid type: string "a", expected f64`` in words for people who do not write Rust.
-fn unexpected(message: &str) -> Kind {
-    let Some((found, expected)) = message.split_once(", expected ") else {
+fn wrong_type(message: &str) -> Kind {
+    let Some((found, wanted)) = message.split_once(", expected ") else {
         return Kind::Other(message.to_owned());
     };
-    let expected = match expected {
+    let wanted = match wanted {
         "f64" => "a number",
         "u64" => "a whole number of 0 or more",
         "a sequence" => "an array",
@@ -178,55 +166,48 @@ fn unexpected(message: &str) -> Kind {
         (_, Some(text)) => format!("the text {text}"),
         (None, None) => found.to_owned(),
     };
-    Kind::Unexpected {
+    Kind::WrongType {
         found,
-        expected: expected.to_owned(),
+        wanted: wanted.to_owned(),
     }
 }
 
-/// Adds what serde does not: it reads the first three of four numbers and an array in place of a table.
-fn push_unread(sources: &Sources, document: &DeTable<'_>, scenario: &Scenario, findings: &mut Vec<Finding>) {
-    let read = serde_json::to_value(scenario).unwrap_or_default();
-    for (name, value) in document {
-        let key = Key::root().then(name.get_ref());
-        push_unread_in(sources, &key, value, &read[name.get_ref().as_ref()], findings);
+/// Adds what serde does not find wrong: it reads the first three of four numbers, and an array in place of a
+/// table. `read` is what it made of the table.
+fn push_unread(sources: &Sources, at: &Key, table: &DeTable<'_>, read: &Value, findings: &mut Vec<Finding>) {
+    for (name, value) in table {
+        let name = name.get_ref();
+        push_unread_value(sources, &at.then(name), value, &read[name.as_ref()], findings);
     }
 }
 
-fn push_unread_in(
+fn push_unread_value(
     sources: &Sources,
     key: &Key,
     written: &Spanned<DeValue<'_>>,
     read: &Value,
     findings: &mut Vec<Finding>,
 ) {
-    let mut refuse = |span, reason: String| {
+    let wrong_type = |span, reason: String| {
         let title = format!("`{key}` has the wrong type");
-        findings.push(sources.finding(span, title, reason, keys::advice(key)));
+        sources.finding(span, title, reason, keys::advice(key))
     };
     match (written.get_ref(), read) {
         (DeValue::Array(_), Value::Object(_)) => {
-            refuse(written.span(), "a table is wanted here, not an array".to_owned())
-        }
-        (DeValue::Array(elements), Value::Array(read)) if elements.len() > read.len() => {
-            let (wanted, found) = (read.len(), elements.len());
-            refuse(
-                elements[wanted].span(),
-                format!("{wanted} elements are wanted here, not {found}"),
-            );
+            let reason = "a table is wanted here, not an array".to_owned();
+            findings.push(wrong_type(written.span(), reason));
         }
         (DeValue::Array(elements), Value::Array(read)) => {
             for (index, (element, read)) in elements.iter().zip(read).enumerate() {
-                push_unread_in(sources, &key.then(index), element, read, findings);
+                push_unread_value(sources, &key.then(index), element, read, findings);
+            }
+            if let Some(unread) = elements.get(read.len()) {
+                let (wanted, found) = (read.len(), elements.len());
+                let reason = format!("{wanted} elements are wanted here, not {found}");
+                findings.push(wrong_type(unread.span(), reason));
             }
         }
-        (DeValue::Table(table), Value::Object(read)) => {
-            for (name, value) in table {
-                let name = name.get_ref();
-                let read = read.get(name.as_ref()).unwrap_or(&Value::Null);
-                push_unread_in(sources, &key.then(name), value, read, findings);
-            }
-        }
+        (DeValue::Table(table), _) => push_unread(sources, key, table, read, findings),
         _ => {}
     }
 }

@@ -94,7 +94,7 @@ fn an_unknown_curve_is_refused_with_the_known_ones() {
         &text,
         line_of(&text, "[path.curve.tilted_eigth]"),
         &[
-            "`path.curve.tilted_eigth` is unknown",
+            "`path.curve.tilted_eigth` is none of the choices",
             "did you mean `tilted_eight`?",
             "`waypoints`",
         ],
@@ -108,8 +108,8 @@ fn an_unknown_mode_is_refused_with_the_known_ones() {
         &text,
         line_of(&text, "mode = "),
         &[
-            "`path.mode` is unknown",
-            "`folowing` is none of the choices",
+            "`path.mode` is none of the choices",
+            "`folowing` is not known here",
             "did you mean `following`?",
         ],
     );
@@ -229,4 +229,11 @@ fn a_whole_number_is_a_number() {
     let text =
         "duration = 1\nvehicle = {mass = 0.2, inertia = [1, 1, 1]}\npath.curve.hover.position = [0, 0, -1]\n";
     assert_eq!(load_text(text, &[]).unwrap().vehicle.inertia, [1.0; 3]);
+}
+
+#[test]
+fn a_text_of_nothing_but_unknown_keys_is_not_read_to_its_end() {
+    let text: String = (0..10_000).map(|index| format!("key{index} = 1\n")).collect();
+    let shown = refusal(&text, &[]);
+    assert!(shown.contains("20 problems in flight.toml"), "{shown}");
 }
