@@ -3,12 +3,9 @@
 mod downsample;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use kuva::plot::LinePlot;
-use kuva::prelude::{LegendPosition, Palette};
-use kuva::render::annotations::ReferenceLine;
-use kuva::render::layout::Layout;
-use kuva::render::plots::Plot;
+use kuva::prelude::{Layout, LegendPosition, LinePlot, Plot, ReferenceLine, TickFormat};
 use shared_types::samples::ControlErrors;
 use shared_types::scenario::{Scenario, VehicleChange};
 use shared_types::service::seconds;
@@ -26,6 +23,11 @@ const COLUMNS: usize = 800;
 
 /// Least ‖z1‖ that is drawn, m: the axis is logarithmic and knows no zero.
 const FLOOR: f64 = 1e-4;
+
+/// Colours of the curves, told apart by eyes of all kinds (Okabe and Ito), also from that of the bound.
+const CURVE_COLORS: [&str; 5] = ["#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#000000"];
+const BOUND_COLOR: &str = "#d55e00";
+const CHANGE_COLOR: &str = "#666666";
 
 /// Why a figure cannot be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -104,11 +106,10 @@ fn label(log: &Path) -> String {
 }
 
 fn draw(curves: &[Curve]) -> String {
-    let palette = Palette::wong();
     let is_one_of_many = curves.len() > 1;
     let plots: Vec<Plot> = curves
         .iter()
-        .zip(palette.colors().iter().cycle())
+        .zip(CURVE_COLORS.into_iter().cycle())
         .map(|(curve, color)| {
             let line = LinePlot::new()
                 .with_data(curve.points.iter().copied())
@@ -121,12 +122,19 @@ fn draw(curves: &[Curve]) -> String {
             })
         })
         .collect();
+    let longest = curves
+        .iter()
+        .map(|curve| curve.scenario.duration)
+        .fold(0.0, f64::max);
     let mut layout = Layout::auto_from_plots(&plots)
         .with_width(WIDTH)
         .with_height(HEIGHT)
         .with_x_label("time, s")
         .with_y_label("‖z1‖, distance from the path, m")
+        .with_x_axis_min(0.0)
+        .with_x_axis_max(longest)
         .with_log_y()
+        .with_y_tick_format(TickFormat::Custom(Arc::new(|value| value.to_string())))
         .with_legend_position(LegendPosition::InsideTopRight);
     if let Some(title) = title(curves) {
         layout = layout.with_title(title);
@@ -156,7 +164,7 @@ fn bound_lines(curves: &[Curve]) -> Vec<ReferenceLine> {
         .into_iter()
         .map(|bound| {
             ReferenceLine::horizontal(bound)
-                .with_color("#d55e00")
+                .with_color(BOUND_COLOR)
                 .with_label(format!("theorem's bound: {bound:.4} m"))
         })
         .collect()
@@ -174,7 +182,7 @@ fn change_lines(curves: &[Curve]) -> Vec<ReferenceLine> {
         .map(|same_time| {
             let is_same_change = same_time.iter().all(|change| change == &same_time[0]);
             ReferenceLine::vertical(same_time[0].at)
-                .with_color("#666666")
+                .with_color(CHANGE_COLOR)
                 .with_dasharray("3 3")
                 .with_label(if is_same_change {
                     describe(same_time[0])

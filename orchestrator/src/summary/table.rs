@@ -26,7 +26,7 @@ impl Display for Summary {
         writeln!(formatter, "\n{}\n", phase_table(&self.phases))?;
         writeln!(
             formatter,
-            "‖z1‖: distance from the path. Ultimate: largest in a phase's last {ULTIMATE_WINDOW} s; the theorem bounds it by {:.4} m.",
+            "‖z1‖: distance from the path. Ultimate: largest in a phase's last {ULTIMATE_WINDOW} s; the theorem bounds it by {:.5} m.",
             self.ultimate_bound
         )?;
         write!(formatter, "{}", samples_in_words(&self.topics))
@@ -75,7 +75,7 @@ fn phase_row(phase: &Phase) -> [String; 7] {
     let parameters = &phase.parameters;
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.4}"));
     let ultimate = match (phase.ultimate, phase.verdict) {
-        (Some(ultimate), Some(verdict)) => format!("{ultimate:.4}\n{verdict}"),
+        (Some(ultimate), Some(verdict)) => format!("{ultimate:.5}\n{verdict}"),
         _ => "–\nnot flown to its end".to_owned(),
     };
     let settling = phase

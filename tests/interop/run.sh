@@ -1,0 +1,39 @@
+#!/bin/sh
+# Checks a run log with two independent readers of MCAP and CDR.
+#
+#     tests/interop/run.sh RUN.mcap [EVERY]
+#
+# Compares the samples of every EVERY-th tick (1 unless stated) with `gerono export`. The program is $GERONO, or
+# the release build of this tree. The readers live in target/interop-venv, made at the first run.
+set -eu
+
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../.." && pwd)
+target=${CARGO_TARGET_DIR:-$root/target}
+venv=$target/interop-venv
+
+if [ $# -lt 1 ] || [ $# -gt 2 ]; then
+    sed -n '2,7s/^# \{0,1\}//p' "$0" >&2
+    exit 2
+fi
+log=$1
+every=${2:-1}
+
+if [ -z "${GERONO:-}" ]; then
+    cargo build --quiet --release --manifest-path "$root/Cargo.toml" --package orchestrator --bin gerono
+    GERONO=$target/release/gerono
+fi
+
+# The environment is complete only if it says which requirements it was made of.
+if ! cmp -s "$here/requirements.txt" "$venv/requirements.txt"; then
+    rm -rf "$venv"
+    python3 -m venv "$venv"
+    "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --requirement "$here/requirements.txt"
+    "$venv/bin/pip" check --disable-pip-version-check
+    cp "$here/requirements.txt" "$venv/requirements.txt"
+fi
+
+export=$(mktemp)
+trap 'rm -f "$export"' EXIT
+"$GERONO" export "$log" --every "$every" --output "$export"
+"$venv/bin/python" "$here/check.py" "$log" "$export" "$every"
