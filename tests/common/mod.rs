@@ -11,28 +11,30 @@ use tempfile::TempDir;
 const WATCHDOG: Duration = Duration::from_secs(120);
 
 /// The committed scenario of a name.
-pub fn scenario(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios").join(format!("{name}.toml"))
+pub(crate) fn scenario(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../scenarios")
+        .join(format!("{name}.toml"))
 }
 
 /// A place of its own for a test's runs: results, temporary files, and so the runs' shared memory.
-pub struct Place {
+pub(crate) struct Place {
     folder: TempDir,
 }
 
 impl Place {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("tmp")).unwrap();
         Self { folder }
     }
 
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
     /// `gerono` with these arguments.
-    pub fn gerono(&self, arguments: &[&str]) -> Command {
+    pub(crate) fn gerono(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gerono"));
         command
             .args(arguments)
@@ -43,7 +45,7 @@ impl Place {
     }
 
     /// `gerono run` of Fig. 1's beginning, to the folder `out`.
-    pub fn short_flight(&self, out: &str, seconds: f64, more: &[&str]) -> Command {
+    pub(crate) fn short_flight(&self, out: &str, seconds: f64, more: &[&str]) -> Command {
         let fig1 = scenario("fig1");
         let duration = format!("duration={seconds:?}");
         let mut arguments = vec!["run", fig1.to_str().unwrap(), "--out", out, "--set", &duration];
@@ -53,7 +55,7 @@ impl Place {
     }
 
     /// Everything that runs of this place have left behind: bookkeeping and shared memory.
-    pub fn leavings(&self) -> Vec<String> {
+    pub(crate) fn leavings(&self) -> Vec<String> {
         let mut left = Vec::new();
         for base in entries(&self.folder.path().join("tmp")) {
             left.extend(entries(&base).into_iter().filter(|path| path.is_dir()));
@@ -63,18 +65,26 @@ impl Place {
 }
 
 fn entries(folder: &Path) -> Vec<PathBuf> {
-    std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect()
+    std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| entry.path())
+        .collect()
 }
 
 /// Shared memory whose name begins with a run's prefix: that of the orchestrator's process id.
-pub fn shared_memory_of(orchestrator: u32) -> Vec<PathBuf> {
+pub(crate) fn shared_memory_of(orchestrator: u32) -> Vec<PathBuf> {
     let prefix = format!("gerono_{orchestrator}-");
-    let mine = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&prefix));
+    let mine = |path: &PathBuf| {
+        path.file_name()
+            .is_some_and(|name| name.to_string_lossy().starts_with(&prefix))
+    };
     entries(Path::new("/dev/shm")).into_iter().filter(mine).collect()
 }
 
 /// Waits for a child, but not for ever.
-pub fn wait(child: &mut Child) -> ExitStatus {
+pub(crate) fn wait(child: &mut Child) -> ExitStatus {
     let deadline = Instant::now() + WATCHDOG;
     loop {
         if let Some(status) = child.try_wait().unwrap() {
@@ -90,13 +100,17 @@ pub fn wait(child: &mut Child) -> ExitStatus {
 }
 
 /// Runs a command to its end under the watchdog, with its output.
-pub fn output(command: &mut Command) -> Output {
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+pub(crate) fn output(command: &mut Command) -> Output {
+    let child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
     finish(child)
 }
 
 /// The rest of a command under the watchdog, with its output.
-pub fn finish(mut child: Child) -> Output {
+pub(crate) fn finish(mut child: Child) -> Output {
     use std::io::Read;
     let drain = |pipe: Option<Box<dyn Read + Send>>| {
         std::thread::spawn(move || {
@@ -110,24 +124,37 @@ pub fn finish(mut child: Child) -> Output {
     let stdout = drain(child.stdout.take().map(|pipe| Box::new(pipe) as _));
     let stderr = drain(child.stderr.take().map(|pipe| Box::new(pipe) as _));
     let status = wait(&mut child);
-    Output { status, stdout: stdout.join().unwrap(), stderr: stderr.join().unwrap() }
+    Output {
+        status,
+        stdout: stdout.join().unwrap(),
+        stderr: stderr.join().unwrap(),
+    }
 }
 
 /// Runs a command that must succeed.
-pub fn succeed(command: &mut Command) -> Output {
+pub(crate) fn succeed(command: &mut Command) -> Output {
     let output = output(command);
-    assert!(output.status.success(), "{command:?}\n{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{command:?}\n{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     output
 }
 
 /// Process ids of the services of a live run, by name.
-pub fn services_of(orchestrator: u32) -> Vec<(String, u32)> {
+pub(crate) fn services_of(orchestrator: u32) -> Vec<(String, u32)> {
     let children = format!("/proc/{orchestrator}/task/{orchestrator}/children");
     let children = std::fs::read_to_string(children).unwrap_or_default();
     let mut services = Vec::new();
-    for pid in children.split_whitespace().filter_map(|word| word.parse::<u32>().ok()) {
+    for pid in children
+        .split_whitespace()
+        .filter_map(|word| word.parse::<u32>().ok())
+    {
         let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-        let mut words = line.split(|&byte| byte == 0).map(|word| String::from_utf8_lossy(word).into_owned());
+        let mut words = line
+            .split(|&byte| byte == 0)
+            .map(|word| String::from_utf8_lossy(word).into_owned());
         if let (_, Some("service"), Some(name)) = (words.next(), words.next().as_deref(), words.next()) {
             services.push((name, pid));
         }
@@ -136,7 +163,7 @@ pub fn services_of(orchestrator: u32) -> Vec<(String, u32)> {
 }
 
 /// Polls until something is so, under the watchdog.
-pub fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+pub(crate) fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let deadline = Instant::now() + WATCHDOG;
     loop {
         if let Some(found) = look() {
@@ -148,13 +175,16 @@ pub fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
 }
 
 /// Sends a signal to a process.
-pub fn signal(pid: u32, signal: rustix::process::Signal) {
+pub(crate) fn signal(pid: u32, signal: rustix::process::Signal) {
     let pid = rustix::process::Pid::from_raw(i32::try_from(pid).unwrap()).unwrap();
     rustix::process::kill_process(pid, signal).unwrap();
 }
 
 /// Whether a process lives (a zombie does not).
-pub fn is_alive(pid: u32) -> bool {
-    std::fs::read_to_string(format!("/proc/{pid}/stat"))
-        .is_ok_and(|stat| stat.rsplit(") ").next().is_some_and(|rest| !rest.starts_with(['Z', 'X'])))
+pub(crate) fn is_alive(pid: u32) -> bool {
+    std::fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|stat| {
+        stat.rsplit(") ")
+            .next()
+            .is_some_and(|rest| !rest.starts_with(['Z', 'X']))
+    })
 }

@@ -118,6 +118,12 @@ impl InProcess {
         self.services[service.index()].as_mut()
     }
 
+    /// Puts a service in the place of its predecessor.
+    pub fn replace(&mut self, service: Box<dyn ErasedService>) {
+        let place = service.id().index();
+        self.services[place] = service;
+    }
+
     /// Flies on to the last tick, or until the sink says `Break`.
     ///
     /// # Errors

@@ -1,0 +1,149 @@
+//! The paper's simulations, section V: what Figs. 1 and 2 show, and the claim of "a wide range of vehicles".
+//!
+//! Flown in one process, which the other hosts equal to the byte (see `identity.rs`).
+
+mod common;
+
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+
+use orchestrator::flight::{Outcome, in_process};
+use orchestrator::interrupt::Interrupt;
+use orchestrator::scenario_file;
+use orchestrator::summary::z1_norm;
+use runtime::in_process::TickSink;
+use shared_types::Topic;
+use shared_types::samples::{ControlErrors, PathReference};
+use shared_types::scenario::Scenario;
+use zerocopy::FromBytes;
+
+/// What a flight's errors and timing law did, tick by tick.
+#[derive(Default)]
+struct Flight {
+    /// ‖z1‖, m.
+    z1: Vec<f64>,
+    /// γ̇, 1/s.
+    gamma_dot: Vec<f64>,
+}
+
+impl TickSink for Flight {
+    type Error = Infallible;
+
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        match topic {
+            Topic::ControlErrors => self
+                .z1
+                .push(z1_norm(ControlErrors::ref_from_bytes(bytes).unwrap())),
+            Topic::PathReference => self
+                .gamma_dot
+                .push(PathReference::ref_from_bytes(bytes).unwrap().gamma_dot),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+impl Flight {
+    fn of(scenario: &Scenario) -> Self {
+        let mut flight = Self::default();
+        let ending = in_process::fly(scenario, &mut flight, &Interrupt::never()).unwrap();
+        assert!(
+            matches!(ending.outcome, Outcome::Completed),
+            "{:?}",
+            ending.outcome
+        );
+        flight
+    }
+
+    /// Largest ‖z1‖ from one time to another, s.
+    fn peak(&self, from: usize, to: usize) -> f64 {
+        self.z1[from * 1000..=to * 1000]
+            .iter()
+            .copied()
+            .fold(0.0, f64::max)
+    }
+}
+
+fn load(name: &str, sets: &[String]) -> Scenario {
+    scenario_file::load(&common::scenario(name), sets, None).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn fig1_stays_within_the_bound_before_and_after_the_mass_step() {
+    let flight = Flight::of(&load("fig1", &[]));
+    assert!(
+        flight.peak(25, 30) <= 0.0175,
+        "before the step: {}",
+        flight.peak(25, 30)
+    );
+    assert!(
+        flight.peak(55, 60) <= 0.0175,
+        "after the step: {}",
+        flight.peak(55, 60)
+    );
+    let transient = flight.peak(30, 60);
+    assert!(
+        (0.03..=0.075).contains(&transient),
+        "the step must be felt, and be small: {transient}"
+    );
+}
+
+#[test]
+fn fig2_converges_from_anywhere_while_the_path_waits() {
+    for (name, start) in [("fig2_near", 8.15), ("fig2_middle", 26.58), ("fig2_far", 51.40)] {
+        let scenario = load(name, &[]);
+        let flight = Flight::of(&scenario);
+        assert!(
+            (flight.z1[0] - start).abs() < 0.005,
+            "{name} starts at {}",
+            flight.z1[0]
+        );
+        let last = flight.z1.len() / 1000;
+        assert!(
+            flight.peak(last - 5, last) <= 0.0185,
+            "{name} ends at {}",
+            flight.peak(last - 5, last)
+        );
+
+        let arrival = flight
+            .z1
+            .iter()
+            .position(|&z1| z1 < scenario.path.alpha2)
+            .unwrap();
+        assert!(arrival > 1000, "{name} has a way to go");
+        assert!(
+            flight.gamma_dot[..=arrival].iter().all(|&rate| rate == 0.0),
+            "{name}: the path waits"
+        );
+        assert!(flight.gamma_dot[arrival + 3000] > 0.5, "{name}: then it moves");
+    }
+}
+
+#[test]
+fn one_set_of_gains_and_initial_estimates_flies_vehicles_from_100_grams_to_2_kilograms() {
+    for mass in [0.1, 0.2, 0.4, 0.8, 1.4, 2.0] {
+        let scale = mass / 0.2;
+        let sets = [
+            "vehicle.change=[]".to_owned(),
+            format!("vehicle.mass={mass:?}"),
+            format!(
+                "vehicle.inertia=[{:?}, {:?}, {:?}]",
+                6.5e-4 * scale,
+                6.5e-4 * scale,
+                13.0e-4 * scale
+            ),
+            "controller.bounds.mass_min=0.04".to_owned(),
+            "controller.bounds.mass_max=2.5".to_owned(),
+        ];
+        let flight = Flight::of(&load("fig1", &sets));
+        assert!(
+            flight.peak(55, 60) <= 0.02,
+            "{mass} kg ends at {}",
+            flight.peak(55, 60)
+        );
+    }
+}

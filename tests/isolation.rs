@@ -1,0 +1,246 @@
+//! What processes do to each other, and what they leave behind: deaths, neighbours, observers, full disks.
+
+mod common;
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use common::{
+    Place, finish, is_alive, output, scenario, services_of, shared_memory_of, signal, succeed, until,
+};
+use iceoryx2::prelude::*;
+use orchestrator::log::LogReader;
+use rustix::process::Signal;
+use shared_types::ServiceId;
+
+/// Begins a long flight and waits until it is under way.
+fn fly(place: &Place, out: &str) -> (Child, Vec<(String, u32)>) {
+    let mut command = place.short_flight(out, 3600.0, &[]);
+    let child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let partial = place.path(out).join("run.mcap.partial");
+    until("a first chunk of the log", || {
+        std::fs::metadata(&partial)
+            .ok()
+            .filter(|metadata| metadata.len() > 500_000)
+    });
+    let services = services_of(child.id());
+    assert_eq!(services.len(), ServiceId::ALL.len());
+    (child, services)
+}
+
+/// The samples of a log, as (topic, tick), if it can be read to its end.
+fn last_tick(log: &Path) -> u64 {
+    let mut reader = LogReader::open(log).unwrap();
+    let mut last = 0;
+    while let Some(sample) = reader.next_sample().unwrap() {
+        last = sample.header.tick;
+    }
+    last
+}
+
+#[test]
+fn the_death_of_any_service_ends_the_run_with_its_name_and_a_whole_log() {
+    let place = Place::new();
+    for service in ServiceId::ALL {
+        let out = format!("without-{service}");
+        let (child, services) = fly(&place, &out);
+        let orchestrator = child.id();
+        let (_, victim) = services.iter().find(|(name, _)| *name == service.name()).unwrap();
+        signal(*victim, Signal::KILL);
+        let output = finish(child);
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(3), "{errors}");
+        for piece in [&format!("`{service}`"), &victim.to_string(), "KILL"] {
+            assert!(errors.contains(piece.trim()), "{piece} is not in {errors}");
+        }
+        assert!(last_tick(&place.path(&out).join("run.mcap")) > 100);
+        assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+        assert!(services.iter().all(|(_, pid)| !is_alive(*pid)), "{services:?}");
+    }
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
+fn services_end_with_a_killed_orchestrator_and_the_next_run_sweeps_up() {
+    let place = Place::new();
+    let (child, services) = fly(&place, "killed");
+    let orchestrator = child.id();
+    signal(orchestrator, Signal::KILL);
+    finish(child);
+    for (name, pid) in services {
+        until(&format!("the end of {name}"), || (!is_alive(pid)).then_some(()));
+    }
+    assert!(place.path("killed/run.mcap.partial").exists() && !place.path("killed/run.mcap").exists());
+    assert!(!place.leavings().is_empty() && !shared_memory_of(orchestrator).is_empty());
+
+    succeed(&mut place.short_flight("next", 0.1, &[]));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn two_runs_at_once_do_not_see_each_other() {
+    let place = Place::new();
+    let spawn = |out: &str| {
+        let mut command = place.short_flight(out, 3.0, &[]);
+        command
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap()
+    };
+    let (one, other) = (spawn("one"), spawn("other"));
+    for output in [finish(one), finish(other)] {
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+    }
+    let bytes = |out: &str| std::fs::read(place.path(out).join("run.mcap")).unwrap();
+    assert!(bytes("one") == bytes("other"));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+/// A stranger subscribes with iceoryx2's own means and never takes a sample.
+#[test]
+fn a_foreign_observer_does_not_stall_a_run() {
+    let place = Place::new();
+    let mut command = place.short_flight("observed", 60.0, &[]);
+    let child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let configuration = until("the run's iceoryx2 configuration", || {
+        let base = std::fs::read_dir(place.path("tmp"))
+            .ok()?
+            .flatten()
+            .next()?
+            .path();
+        let run = std::fs::read_dir(base)
+            .ok()?
+            .flatten()
+            .find(|entry| entry.path().is_dir())?
+            .path();
+        Some(run.join("iceoryx2.toml")).filter(|file| file.exists())
+    });
+    let path = FilePath::new(configuration.as_os_str().as_encoded_bytes()).unwrap();
+    let config = until("a whole configuration", || Config::from_file(&path).ok());
+    let node = NodeBuilder::new()
+        .config(&config)
+        .create::<ipc::Service>()
+        .unwrap();
+    let name = ServiceName::new("vehicle/state").unwrap();
+    let subscribers = until("the topic's subscriber", || {
+        let topic = node
+            .service_builder(&name)
+            .publish_subscribe::<StrangersState>()
+            .open()
+            .ok()?;
+        let subscriber = topic.subscriber_builder().buffer_size(1).create().ok()?;
+        Some((topic, subscriber))
+    });
+    let output = finish(child);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    drop(subscribers);
+    drop(node);
+
+    succeed(&mut place.short_flight("alone", 60.0, &["--host", "inprocess"]));
+    let bytes = |out: &str| std::fs::read(place.path(out).join("run.mcap")).unwrap();
+    assert!(bytes("observed") == bytes("alone"));
+}
+
+/// The same size, alignment and name as the sample; a stranger need know no more.
+#[derive(Debug, ZeroCopySend)]
+#[repr(C)]
+#[type_name("gerono_msgs/msg/VehicleState")]
+struct StrangersState {
+    words: [u64; size_of::<shared_types::samples::VehicleState>() / 8],
+}
+
+#[test]
+fn a_full_disk_ends_the_run_and_nothing_half_written_is_called_complete() {
+    let place = Place::new();
+    for host in ["lockstep", "inprocess"] {
+        let flight = place.short_flight(host, 60.0, &["--host", host]);
+        // A limit on the size of files fails writes as a full disk does; `ulimit -f` counts blocks of 512 bytes.
+        let mut command = Command::new("sh");
+        command
+            .args(["-c", "ulimit -f 8000; exec \"$0\" \"$@\""])
+            .arg(flight.get_program())
+            .args(flight.get_args())
+            .current_dir(flight.get_current_dir().unwrap())
+            .env("TMPDIR", place.path("tmp"));
+        let output = output(&mut command);
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(4), "{errors}");
+        assert!(errors.contains("run.mcap"), "{errors}");
+        assert!(
+            !place.path(host).join("run.mcap").exists() && place.path(host).join("run.mcap.partial").exists()
+        );
+        let summary = std::fs::read_to_string(place.path(host).join("summary.json")).unwrap();
+        assert!(summary.contains("\"failed\""), "{summary}");
+    }
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_refused_before_anything_starts() {
+    let place = Place::new();
+    std::fs::write(place.path("file"), "").unwrap();
+    let output = output(&mut place.short_flight("file/out", 1.0, &[]));
+    assert_eq!(output.status.code(), Some(4));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--out"));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
+fn a_number_that_is_not_finite_is_stopped_where_it_was_made_in_every_host() {
+    let place = Place::new();
+    let mut said = Vec::new();
+    for host in ["lockstep", "inprocess"] {
+        // So fast that squares overflow.
+        let sets = [
+            "--set",
+            "vehicle.initial.velocity_body=[1e200, 0.0, 0.0]",
+            "--host",
+            host,
+        ];
+        let output = output(&mut place.short_flight(host, 5.0, &sets));
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(3), "{errors}");
+        assert!(errors.contains("not finite at tick"), "{errors}");
+        said.push(errors);
+    }
+    assert_eq!(said[0], said[1]);
+    let bytes = |out: &str| std::fs::read(place.path(out).join("run.mcap")).unwrap();
+    assert!(bytes("lockstep") == bytes("inprocess"));
+}
+
+#[test]
+fn a_service_started_by_hand_says_how_it_is_started() {
+    let place = Place::new();
+    let output = output(&mut place.gerono(&["service", "plant"]));
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("gerono run"));
+}
+
+#[test]
+fn a_wrong_scenario_is_refused_before_anything_is_made() {
+    let place = Place::new();
+    let fig1 = scenario("fig1");
+    let wrong = ["run", fig1.to_str().unwrap(), "--set", "controller.delta=0.0"];
+    let output = output(&mut place.gerono(&wrong));
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("controller.delta"));
+    assert!(!place.path("runs").exists());
+}
