@@ -16,10 +16,22 @@ use shared_types::Topic;
 
 /// SHA-256 over (topic, time, payload) of what the services publish in the first second of each flight.
 const GOLDEN: [(&str, &str); 4] = [
-    ("fig1", "unset"),
-    ("fig2_near", "unset"),
-    ("circle", "unset"),
-    ("waypoints", "unset"),
+    (
+        "fig1",
+        "7e1e828450787cc8f97430ad1a581402816f26f860b8b050e3abb01ae8b6af64",
+    ),
+    (
+        "fig2_near",
+        "6176a4277171f2cddf8a2eb5af156f1b182199a4e5ac563cdffcd1a8063d881e",
+    ),
+    (
+        "circle",
+        "501c165a4c3e43e8cb252bdafa54568edb2f05e0075fab752fb855f5f226002d",
+    ),
+    (
+        "waypoints",
+        "e81d828d4598f9121eed6c81588eec212da3030d6450de1ec159ad6011705ee4",
+    ),
 ];
 
 #[derive(Default)]

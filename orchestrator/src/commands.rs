@@ -25,17 +25,26 @@ pub struct Failure {
 
 impl Failure {
     fn new(exit: Exit, error: impl std::fmt::Display) -> Self {
-        Self { report: miette::miette!("{error}"), exit }
+        Self {
+            report: miette::miette!("{error}"),
+            exit,
+        }
     }
 }
 
 /// Loads the scenario that the command line asks for.
 fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
-    scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed)
-        .map_err(|error| Failure { report: error.into(), exit: Exit::BadInput })
+    scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed).map_err(|error| Failure {
+        report: error.into(),
+        exit: Exit::BadInput,
+    })
 }
 
 /// The log that a path means: the file itself, or `run.mcap` in the folder.
 fn log_path(path: &Path) -> PathBuf {
-    if path.is_dir() { path.join("run.mcap") } else { path.to_owned() }
+    if path.is_dir() {
+        path.join("run.mcap")
+    } else {
+        path.to_owned()
+    }
 }

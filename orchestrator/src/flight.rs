@@ -44,7 +44,9 @@ pub enum FlightFailure {
     #[error(transparent)]
     NonFinite(#[from] NonFinite),
     /// A service process died.
-    #[error("the service `{service}` (process {pid}) died after tick {tick}: {how}; the log ends with the last whole tick")]
+    #[error(
+        "the service `{service}` (process {pid}) died after tick {tick}: {how}; the log ends with the last whole tick"
+    )]
     Died {
         /// Name of the service.
         service: String,

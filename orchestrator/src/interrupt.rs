@@ -3,14 +3,15 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 
 /// Tells whether somebody wants the run to end.
 #[derive(Clone, Debug)]
 pub struct Interrupt(Arc<AtomicUsize>);
 
 impl Interrupt {
-    /// Listens to SIGINT and SIGTERM from now on.
+    /// Listens to SIGINT and SIGTERM from now on. A file that grows beyond its limit (SIGXFSZ) no longer ends
+    /// the process: the write fails, as on a full disk, and is dealt with there.
     ///
     /// # Errors
     /// If the system does not permit it.
@@ -20,6 +21,7 @@ impl Interrupt {
             let value = usize::try_from(number).expect("signal numbers are positive");
             signal_hook::flag::register_usize(number, Arc::clone(&signal), value)?;
         }
+        signal_hook::flag::register_usize(SIGXFSZ, Arc::default(), 1)?;
         Ok(Self(signal))
     }
 

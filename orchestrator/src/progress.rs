@@ -16,7 +16,11 @@ impl Progress {
     /// A bar for a flight; hidden if asked for, or if standard error is no terminal.
     #[must_use]
     pub fn new(schedule: &Schedule, title: &str, hidden: bool) -> Self {
-        let target = if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let target = if hidden {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr()
+        };
         let bar = ProgressBar::with_draw_target(Some(schedule.last_tick()), target);
         let template = "{msg} {wide_bar} {percent:>3} %  {elapsed}, {eta} left";
         bar.set_style(ProgressStyle::with_template(template).expect("the template is well-formed"));
@@ -27,7 +31,9 @@ impl Progress {
     /// No bar at all.
     #[must_use]
     pub fn hidden() -> Self {
-        Self { bar: ProgressBar::hidden() }
+        Self {
+            bar: ProgressBar::hidden(),
+        }
     }
 
     /// `tick` is whole.

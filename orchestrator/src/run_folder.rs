@@ -38,7 +38,10 @@ impl RunFolder {
     }
 
     fn create_named(path: &Path) -> Result<Self, RunFolderError> {
-        let failed = |reason| RunFolderError::Io { path: path.to_owned(), reason };
+        let failed = |reason| RunFolderError::Io {
+            path: path.to_owned(),
+            reason,
+        };
         fs::create_dir_all(path).map_err(failed)?;
         if fs::read_dir(path).map_err(failed)?.next().is_some() {
             return Err(RunFolderError::NotEmpty(path.to_owned()));
@@ -47,7 +50,10 @@ impl RunFolder {
     }
 
     fn create_numbered(parent: &Path, name: &str) -> Result<Self, RunFolderError> {
-        let failed = |path: &Path, reason| RunFolderError::Io { path: path.to_owned(), reason };
+        let failed = |path: &Path, reason| RunFolderError::Io {
+            path: path.to_owned(),
+            reason,
+        };
         fs::create_dir_all(parent).map_err(|reason| failed(parent, reason))?;
         for number in 1.. {
             let path = parent.join(format!("{name}-{number}"));
@@ -103,7 +109,10 @@ mod tests {
         let parent = tempfile::tempdir().unwrap();
         let out = parent.path().join("deep/out");
         let folder = RunFolder::create(Some(&out), "fig1").unwrap();
-        assert!(RunFolder::create(Some(&out), "fig1").is_ok(), "an empty folder is fine");
+        assert!(
+            RunFolder::create(Some(&out), "fig1").is_ok(),
+            "an empty folder is fine"
+        );
         fs::write(folder.summary(), "{}").unwrap();
         let error = RunFolder::create(Some(&out), "fig1").unwrap_err();
         assert!(error.to_string().contains("--out"), "{error}");

@@ -39,7 +39,11 @@ impl RunRoot {
         fs::create_dir(&folder)?;
         let lock = File::create(lock_path(&folder))?;
         flock(&lock, FlockOperation::NonBlockingLockExclusive)?;
-        let root = Self { prefix: prefix_of(&id), folder, lock };
+        let root = Self {
+            prefix: prefix_of(&id),
+            folder,
+            lock,
+        };
         root.write_configuration()?;
         Ok(root)
     }
@@ -130,7 +134,9 @@ fn remove(folder: &Path, prefix: &str) -> io::Result<()> {
 fn shared_memory_of(prefix: &str) -> Vec<PathBuf> {
     let mine = |entry: &fs::DirEntry| {
         entry.file_name().to_string_lossy().starts_with(prefix)
-            && entry.metadata().is_ok_and(|metadata| metadata.uid() == rustix::process::getuid().as_raw())
+            && entry
+                .metadata()
+                .is_ok_and(|metadata| metadata.uid() == rustix::process::getuid().as_raw())
     };
     let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
     entries.filter(mine).map(|entry| entry.path()).collect()

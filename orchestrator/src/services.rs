@@ -31,5 +31,8 @@ pub fn build(service: ServiceId, scenario: &Scenario) -> Result<Box<dyn ErasedSe
 /// # Errors
 /// As [`build`].
 pub fn build_all(scenario: &Scenario) -> Result<Vec<Box<dyn ErasedService>>, String> {
-    ServiceId::ALL.into_iter().map(|service| build(service, scenario)).collect()
+    ServiceId::ALL
+        .into_iter()
+        .map(|service| build(service, scenario))
+        .collect()
 }
