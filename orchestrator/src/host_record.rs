@@ -66,7 +66,7 @@ impl HostRecord {
 
 impl CrewObserver for HostRecord {
     fn ready(&mut self, crew: &Crew, core: Option<usize>) {
-        let result = self.log.write_facts("host", &host_facts(core));
+        let result = self.log.write_facts("host", host_facts(core));
         self.keep_first(result);
         for (service, pid) in crew.processes() {
             self.event(Some(service), HostEvent::KIND_READY, pid, "has made its ports");

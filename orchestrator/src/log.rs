@@ -16,7 +16,6 @@ mod framing;
 mod host_samples;
 mod host_writer;
 mod manifest;
-mod mcap_writer;
 mod reader;
 mod records;
 mod schema;

@@ -6,9 +6,10 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use mcap::{McapError, McapResult, WriteOptions, Writer};
 use shared_types::sample::{Record, layout_hash, msg_definition};
-
-use super::mcap_writer::{Compressor, McapWriter, Message};
 
 /// What precedes a sample's bytes in a message: CDR as of XCDR1, little-endian, no options.
 pub(super) const CDR_HEADER: [u8; 4] = [0, 1, 0, 0];
@@ -28,10 +29,25 @@ pub enum Compression {
     /// Not at all: the least work.
     #[default]
     None,
-    /// LZ4: several times the work of none, half the size.
+    /// LZ4: about twice the work; finds little in numbers of full precision.
     Lz4,
-    /// Zstandard: the most work, the smallest files.
+    /// Zstandard: several times the work, the smallest files.
     Zstd,
+}
+
+impl Compression {
+    /// The levels are fixed, because the library's default may move.
+    fn apply(self, options: WriteOptions) -> WriteOptions {
+        match self {
+            Self::None => options.compression(None),
+            Self::Lz4 => options
+                .compression(Some(mcap::Compression::Lz4))
+                .compression_level(1),
+            Self::Zstd => options
+                .compression(Some(mcap::Compression::Zstd))
+                .compression_level(3),
+        }
+    }
 }
 
 /// Why a log cannot be written.
@@ -91,95 +107,109 @@ pub fn partial_path(path: &Path) -> PathBuf {
 /// An MCAP file in the making.
 ///
 /// A chunk is gathered in memory and handed to the system whole, so that the file at any time consists of whole
-/// chunks but for a crash within that one write. Dropped before its end, it leaves the chunks that were written.
+/// chunks but for a crash within that one write.
 pub(super) struct McapFile {
     path: PathBuf,
     /// `None` after a failed write.
-    writer: Option<McapWriter<BufWriter<File>>>,
+    writer: Option<Writer<NoSeek<BufWriter<File>>>>,
+    /// A message's bytes; kept to spare an allocation.
+    payload: Vec<u8>,
     messages: u64,
 }
 
 impl McapFile {
     /// Creates the file under the name of an incomplete one.
-    pub(super) fn create(path: &Path, compression: Compression) -> Result<Self, LogError> {
+    ///
+    /// `chunk_bytes` closes a chunk by size; without it only [`flush`](Self::flush) does.
+    pub(super) fn create(
+        path: &Path,
+        compression: Compression,
+        chunk_bytes: Option<u64>,
+    ) -> Result<Self, LogError> {
         let partial = partial_path(path);
-        let create = || {
-            let file = BufWriter::with_capacity(BUFFER_BYTES, File::create(&partial)?);
-            McapWriter::new(file, "ros2", LIBRARY, Compressor::new(compression)?)
+        let failed = |source| LogError::Create {
+            path: partial.clone(),
+            source,
         };
-        match create() {
-            Ok(writer) => Ok(Self {
-                path: path.to_owned(),
-                writer: Some(writer),
-                messages: 0,
-            }),
-            Err(source) => Err(LogError::Create {
-                path: partial,
-                source,
-            }),
-        }
+        let file = File::create(&partial).map_err(failed)?;
+        let options = WriteOptions::new()
+            .profile("ros2")
+            .library(LIBRARY)
+            .disable_seeking(true)
+            .chunk_size(chunk_bytes)
+            .compression_threads(0);
+        let writer = compression
+            .apply(options)
+            .create(NoSeek::new(BufWriter::with_capacity(BUFFER_BYTES, file)))
+            .map_err(|error| failed(io_error(error)))?;
+        Ok(Self {
+            path: path.to_owned(),
+            writer: Some(writer),
+            payload: CDR_HEADER.to_vec(),
+            messages: 0,
+        })
     }
 
     /// Writes facts about the whole log.
     pub(super) fn write_metadata(
         &mut self,
         name: &str,
-        metadata: &BTreeMap<String, String>,
+        metadata: BTreeMap<String, String>,
     ) -> Result<(), LogError> {
-        self.attempt(|writer| writer.write_metadata(name, metadata))
+        let name = name.to_owned();
+        self.attempt(|writer| writer.write_metadata(&Metadata { name, metadata }))
     }
 
     /// Adds a channel for samples of type `R` and says its number.
     pub(super) fn add_channel<R: Record>(&mut self, name: &str) -> Result<u16, LogError> {
-        let metadata = BTreeMap::from([(LAYOUT_KEY.to_owned(), layout_hash::<R>())]);
-        let writer = self.writer()?;
-        let schema = writer.add_schema(R::MSG_NAME, "ros2msg", &msg_definition::<R>());
-        Ok(writer.add_channel(schema, name, "cdr", &metadata))
+        self.attempt(|writer| {
+            let schema = writer.add_schema(R::MSG_NAME, "ros2msg", msg_definition::<R>().as_bytes())?;
+            let metadata = BTreeMap::from([(LAYOUT_KEY.to_owned(), layout_hash::<R>())]);
+            writer.add_channel(schema, name, "cdr", &metadata)
+        })
     }
 
-    /// Takes one sample; it reaches the file with its chunk.
+    /// Writes one sample.
     #[inline]
     pub(super) fn write(
         &mut self,
-        channel: u16,
+        channel_id: u16,
         sequence: u32,
         time_ns: u64,
         sample: &[u8],
     ) -> Result<(), LogError> {
-        self.writer()?.push_message(&Message {
-            channel,
+        let mut payload = std::mem::take(&mut self.payload);
+        payload.truncate(CDR_HEADER.len());
+        payload.extend_from_slice(sample);
+        let header = MessageHeader {
+            channel_id,
             sequence,
-            time_ns,
-            prefix: CDR_HEADER,
-            sample,
-        });
-        self.messages += 1;
-        Ok(())
+            log_time: time_ns,
+            publish_time: time_ns,
+        };
+        let result = self.attempt(|writer| writer.write_to_known_channel(&header, &payload));
+        self.payload = payload;
+        self.messages += u64::from(result.is_ok());
+        result
     }
 
-    /// Bytes that wait for the end of their chunk.
-    pub(super) fn waiting_bytes(&self) -> usize {
-        self.writer.as_ref().map_or(0, McapWriter::chunk_bytes)
+    /// Closes the chunk and hands it to the system.
+    pub(super) fn flush(&mut self) -> Result<(), LogError> {
+        self.attempt(Writer::flush)
     }
 
-    /// Ends the chunk and hands it to the system.
-    pub(super) fn end_chunk(&mut self) -> Result<(), LogError> {
-        self.attempt(McapWriter::end_chunk)
-    }
-
-    /// Writes the end of the file and gives it its name.
+    /// Writes index and end of the file and gives it its name.
     ///
     /// It is not forced to the disk, which takes longer than many a flight. A reader recognises a file whose
     /// end was lost to a power failure.
     pub(super) fn finish(mut self) -> Result<Written, LogError> {
+        self.attempt(Writer::finish)?;
         let partial = partial_path(&self.path);
-        let Some(writer) = self.writer.take() else {
-            return Err(LogError::Closed { path: partial });
-        };
-        let bytes = writer.finish().map_err(|source| LogError::Write {
+        let written = |source| LogError::Write {
             path: partial.clone(),
             source,
-        })?;
+        };
+        let bytes = fs::metadata(&partial).map_err(written)?.len();
         fs::rename(&partial, &self.path).map_err(|source| LogError::Rename {
             partial,
             path: self.path.clone(),
@@ -191,24 +221,44 @@ impl McapFile {
         })
     }
 
+    /// Does something with the file, for the last time if it fails.
     #[inline]
-    fn writer(&mut self) -> Result<&mut McapWriter<BufWriter<File>>, LogError> {
-        self.writer.as_mut().ok_or_else(|| LogError::Closed {
-            path: partial_path(&self.path),
+    fn attempt<T>(
+        &mut self,
+        action: impl FnOnce(&mut Writer<NoSeek<BufWriter<File>>>) -> McapResult<T>,
+    ) -> Result<T, LogError> {
+        let Some(writer) = &mut self.writer else {
+            return Err(LogError::Closed {
+                path: partial_path(&self.path),
+            });
+        };
+        action(writer).map_err(|error| {
+            self.abandon();
+            LogError::Write {
+                path: partial_path(&self.path),
+                source: io_error(error),
+            }
         })
     }
 
-    /// Writes something to the file, for the last time if it fails.
-    fn attempt(
-        &mut self,
-        action: impl FnOnce(&mut McapWriter<BufWriter<File>>) -> io::Result<()>,
-    ) -> Result<(), LogError> {
-        action(self.writer()?).map_err(|source| {
-            self.writer = None;
-            LogError::Write {
-                path: partial_path(&self.path),
-                source,
-            }
-        })
+    /// Leaves the file as it is. Dropping the writer instead would write an end and make the file look complete.
+    fn abandon(&mut self) {
+        if let Some(writer) = self.writer.take() {
+            drop(writer.into_inner());
+        }
+    }
+}
+
+impl Drop for McapFile {
+    fn drop(&mut self) {
+        self.abandon();
+    }
+}
+
+/// The system's error, where there is one behind the library's.
+fn io_error(error: McapError) -> io::Error {
+    match error {
+        McapError::Io(source) => source,
+        other => io::Error::other(other),
     }
 }

@@ -6,8 +6,8 @@ use std::path::Path;
 use super::framing::{Compression, LogError, McapFile, Written};
 use super::host_samples::HostSample;
 
-/// Size at which a chunk ends, bytes.
-const CHUNK_BYTES: usize = 64 * 1024;
+/// Size at which a chunk is closed, bytes.
+const CHUNK_BYTES: u64 = 64 * 1024;
 
 /// Wall time that a crash of the orchestrator may cost, ns.
 const FLUSH_PERIOD_NS: u64 = 1_000_000_000;
@@ -32,7 +32,7 @@ impl HostLogWriter {
     /// [`LogError::Create`].
     pub fn create(path: &Path, compression: Compression) -> Result<Self, LogError> {
         Ok(Self {
-            file: McapFile::create(path, compression)?,
+            file: McapFile::create(path, compression, Some(CHUNK_BYTES))?,
             channels: BTreeMap::new(),
             flushed_ns: 0,
         })
@@ -42,7 +42,7 @@ impl HostLogWriter {
     ///
     /// # Errors
     /// [`LogError::Write`] once, [`LogError::Closed`] from then on.
-    pub fn write_facts(&mut self, name: &str, facts: &BTreeMap<String, String>) -> Result<(), LogError> {
+    pub fn write_facts(&mut self, name: &str, facts: BTreeMap<String, String>) -> Result<(), LogError> {
         self.file.write_metadata(name, facts)
     }
 
@@ -61,10 +61,9 @@ impl HostLogWriter {
         self.file
             .write(channel.id, channel.next_sequence, time_ns, sample.as_bytes())?;
         channel.next_sequence = channel.next_sequence.wrapping_add(1);
-        let is_late = time_ns.saturating_sub(self.flushed_ns) >= FLUSH_PERIOD_NS;
-        if is_late || self.file.waiting_bytes() >= CHUNK_BYTES {
+        if time_ns.saturating_sub(self.flushed_ns) >= FLUSH_PERIOD_NS {
             self.flushed_ns = time_ns;
-            self.file.end_chunk()?;
+            self.file.flush()?;
         }
         Ok(())
     }
@@ -91,7 +90,7 @@ mod tests {
         let path = folder.path().join("host.mcap");
         let mut writer = HostLogWriter::create(&path, Compression::Zstd).unwrap();
         writer
-            .write_facts("machine", &BTreeMap::from([("cores".to_owned(), "2".to_owned())]))
+            .write_facts("machine", BTreeMap::from([("cores".to_owned(), "2".to_owned())]))
             .unwrap();
         let event = HostEvent::new(7, Some(ServiceId::Plant), HostEvent::KIND_SPAWNED, 42, "at last");
         let health = ServiceHealth {

@@ -31,8 +31,8 @@ impl RunLogWriter {
     /// # Errors
     /// [`LogError::Create`] or [`LogError::Write`].
     pub fn create(path: &Path, manifest: &Manifest, compression: Compression) -> Result<Self, LogError> {
-        let mut file = McapFile::create(path, compression)?;
-        file.write_metadata(Manifest::RECORD_NAME, &manifest.to_metadata())?;
+        let mut file = McapFile::create(path, compression, None)?;
+        file.write_metadata(Manifest::RECORD_NAME, manifest.to_metadata())?;
         let mut channels = [0; Topic::ALL.len()];
         for topic in Topic::ALL {
             channels[topic.index()] = topic.dispatch(AddChannel { file: &mut file })?;
@@ -66,7 +66,7 @@ impl RunLogWriter {
     #[inline]
     pub fn end_tick(&mut self, tick: u64) -> Result<(), LogError> {
         if (tick + 1).is_multiple_of(self.chunk_ticks) {
-            self.file.end_chunk()?;
+            self.file.flush()?;
         }
         Ok(())
     }

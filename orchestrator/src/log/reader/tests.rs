@@ -200,10 +200,10 @@ fn chunk_offsets(file: &[u8]) -> Vec<usize> {
 fn a_log_whose_recorder_died_is_recognised() {
     let log = recorded(Compression::None);
     let path = log.folder.path().join("dead.mcap");
-    let mut file = McapFile::create(&path, Compression::None).unwrap();
-    file.write_metadata(Manifest::RECORD_NAME, &Manifest::new(&log.scenario).to_metadata())
+    let mut file = McapFile::create(&path, Compression::None, None).unwrap();
+    file.write_metadata(Manifest::RECORD_NAME, Manifest::new(&log.scenario).to_metadata())
         .unwrap();
-    file.end_chunk().unwrap();
+    file.flush().unwrap();
     drop(file);
     let mut reader = LogReader::open(&partial_path(&path)).unwrap();
     let error = reader.next_sample().unwrap_err();
@@ -219,8 +219,8 @@ fn open_with_manifest(change: impl FnOnce(&mut BTreeMap<String, String>)) -> Log
     let path = folder.path().join("run.mcap");
     let mut metadata = Manifest::new(&scenario(0.01, 1.0)).to_metadata();
     change(&mut metadata);
-    let mut file = McapFile::create(&path, Compression::None).unwrap();
-    file.write_metadata(Manifest::RECORD_NAME, &metadata).unwrap();
+    let mut file = McapFile::create(&path, Compression::None, None).unwrap();
+    file.write_metadata(Manifest::RECORD_NAME, metadata).unwrap();
     file.finish().unwrap();
     LogReader::open(&path).map(|_| ()).unwrap_err()
 }
