@@ -111,6 +111,9 @@ pub struct DeploymentArguments {
     /// Put the services under SCHED_FIFO, above all ordinary work; flies without if it is not permitted.
     #[arg(long)]
     pub fifo: bool,
+    /// Keep the services together on this core instead of the idlest one.
+    #[arg(long, value_name = "N", conflicts_with = "no_pin")]
+    pub core: Option<usize>,
     /// Let the system place the services instead of keeping them together on the idlest core.
     #[arg(long)]
     pub no_pin: bool,

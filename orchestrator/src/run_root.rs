@@ -66,6 +66,12 @@ impl RunRoot {
         &self.prefix
     }
 
+    /// A path in shared memory that is removed with the run.
+    #[must_use]
+    pub fn shared_memory(&self, name: &str) -> PathBuf {
+        Path::new(SHARED_MEMORY).join(format!("{}{name}", self.prefix))
+    }
+
     fn write_configuration(&self) -> io::Result<()> {
         let text = format!(
             "[global]\nroot-path = {:?}\nprefix = {:?}\n",
@@ -125,7 +131,11 @@ fn sweep(base: &Path) -> io::Result<()> {
 /// Removes a place and all shared memory with its prefix.
 fn remove(folder: &Path, prefix: &str) -> io::Result<()> {
     for path in shared_memory_of(prefix) {
-        fs::remove_file(path)?;
+        if path.is_dir() {
+            fs::remove_dir_all(path)?
+        } else {
+            fs::remove_file(path)?
+        }
     }
     fs::remove_dir_all(folder)
 }

@@ -231,6 +231,17 @@ impl Schedule {
             .last_at_or_before(published_by)
     }
 
+    /// Whether the sample `due` at a service's input at `tick` was not yet due at the service's previous step.
+    #[must_use]
+    #[inline]
+    pub fn is_fresh(&self, service: ServiceId, input: usize, tick: u64, due: u64) -> bool {
+        let rate = self.service_rate(service);
+        // Of a topic with a sample a tick every step gets another.
+        self.topic_rate(service.inputs()[input].topic).period == 1
+            || tick < rate.phase + rate.period
+            || self.due_sample(service, input, tick - rate.period) != Some(due)
+    }
+
     /// Header of the sample of a topic that is published at `tick`.
     #[must_use]
     #[inline]
@@ -442,5 +453,10 @@ mod tests {
             [None, Some(0), Some(0), Some(10), Some(20)]
         );
         assert_eq!(schedule.sample_count(Topic::MocapPose), 11);
+        let fresh = |tick| schedule.is_fresh(ServiceId::Estimator, 0, tick, due(tick).unwrap());
+        assert_eq!(
+            [fresh(5), fresh(6), fresh(14), fresh(15), fresh(16)],
+            [true, false, false, true, false]
+        );
     }
 }

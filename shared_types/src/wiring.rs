@@ -86,19 +86,6 @@ impl Topic {
         self.dispatch(Hash)
     }
 
-    /// How hosts move samples of this topic around as bytes.
-    #[must_use]
-    pub fn kind(self) -> SampleKind {
-        struct Kind;
-        impl TopicVisitor for Kind {
-            type Result = SampleKind;
-            fn visit<T: Sample>(self) -> SampleKind {
-                SampleKind::of::<T>()
-            }
-        }
-        self.dispatch(Kind)
-    }
-
     /// The topic of a name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
@@ -180,6 +167,14 @@ macro_rules! wiring {
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {$(Self::$topic => $topic_name,)+}
+            }
+
+            /// How hosts move samples of this topic around as bytes.
+            #[must_use]
+            #[inline]
+            pub const fn kind(self) -> &'static SampleKind {
+                const KINDS: [SampleKind; Topic::ALL.len()] = [$(SampleKind::of::<$topic>()),+];
+                &KINDS[self.index()]
             }
 
             /// Does something with the topic's sample type.

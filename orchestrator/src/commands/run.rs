@@ -10,7 +10,7 @@ use shared_types::scenario::Scenario;
 use super::{Failure, load};
 use crate::cli::{DeploymentArguments, Host, Run};
 use crate::exit::Exit;
-use crate::flight::lock_step::Deployment;
+use crate::flight::lock_step::{Deployment, Placement};
 use crate::flight::tape::Tape;
 use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step};
 use crate::host_record::HostRecord;
@@ -99,7 +99,11 @@ fn fly(
 
 fn deployment(arguments: &DeploymentArguments) -> Deployment {
     Deployment {
-        pinned: !arguments.no_pin,
+        placement: match (arguments.no_pin, arguments.core) {
+            (true, _) => Placement::Anywhere,
+            (false, Some(core)) => Placement::Core(core),
+            (false, None) => Placement::Idlest,
+        },
         scheduler: if arguments.fifo {
             Scheduler::Fifo
         } else {

@@ -243,6 +243,11 @@ impl Crew {
             .collect()
     }
 
+    /// Wakes everybody to look again, whatever has become of their wake-ups.
+    pub fn rouse(&self) {
+        self.doorbells.iter().for_each(Doorbell::ring);
+    }
+
     /// Tells everybody to stop, waits until all are gone, and kills who does not go.
     pub fn stop(&mut self) {
         let words = self.page.words();
@@ -251,7 +256,7 @@ impl Crew {
             // Who is gone already need not be told.
             let _ = member.channel.send(&ToService::Stop);
         }
-        self.doorbells.iter().for_each(Doorbell::ring);
+        self.rouse();
         let deadline = Instant::now() + STOP_LIMIT;
         while self.members.iter().any(|member| member.exit.is_none()) {
             let left = deadline.saturating_duration_since(Instant::now());

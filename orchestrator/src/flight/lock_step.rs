@@ -22,8 +22,8 @@ const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 /// How the processes of a run use the machine. Nothing of it changes the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Deployment {
-    /// Whether the services share one core, the fastest way, and the recorder takes the others.
-    pub pinned: bool,
+    /// Which core the services use.
+    pub placement: Placement,
     /// How the services' core is shared.
     pub scheduler: Scheduler,
     /// Whether a waiting service may yield first or always sleeps at once.
@@ -33,11 +33,22 @@ pub struct Deployment {
 impl Default for Deployment {
     fn default() -> Self {
         Self {
-            pinned: true,
+            placement: Placement::Idlest,
             scheduler: Scheduler::Fair,
             yielding: true,
         }
     }
+}
+
+/// Which core the services of a run use. Together on one is the fastest way; the recorder takes the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Placement {
+    /// The one that is idlest as the run begins.
+    Idlest,
+    /// This one.
+    Core(usize),
+    /// Wherever the system puts them.
+    Anywhere,
 }
 
 /// What happens to the processes of a run, for whoever keeps a record of the machine.
@@ -130,6 +141,7 @@ where
             }
         }
         if Instant::now() >= next_health {
+            crew.rouse();
             observer.health(crew);
             next_health += Duration::from_secs(1);
         }
@@ -176,10 +188,10 @@ struct Cores {
 impl Cores {
     fn choose(deployment: Deployment) -> Self {
         let allowed = deployment::allowed_cores();
-        let ring = if deployment.pinned {
-            deployment::idlest(&allowed)
-        } else {
-            None
+        let ring = match deployment.placement {
+            Placement::Idlest => deployment::idlest(&allowed),
+            Placement::Core(core) => Some(core),
+            Placement::Anywhere => None,
         };
         let others = allowed.into_iter().filter(|&core| Some(core) != ring).collect();
         Self { ring, others }

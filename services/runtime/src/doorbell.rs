@@ -14,7 +14,7 @@ impl Doorbell {
     /// # Errors
     /// If no file descriptor is left.
     pub fn create() -> std::io::Result<Self> {
-        Ok(Self(eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?))
+        Ok(Self(eventfd(0, EventfdFlags::CLOEXEC)?))
     }
 
     /// Takes over an inherited doorbell.
@@ -30,10 +30,10 @@ impl Doorbell {
         let _ = rustix::io::write(&self.0, &1u64.to_ne_bytes());
     }
 
-    /// Takes all rings back.
+    /// Sleeps until somebody rings, or returns at once if somebody has; takes all rings back.
     #[inline]
-    pub fn silence(&self) {
-        // Fails only when nobody has rung.
+    pub fn sleep(&self) {
+        // An interrupted sleep is a ring like any other: everything is looked at again.
         let _ = rustix::io::read(&self.0, &mut [0u8; 8]);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use shared_types::schedule::MAX_PORTS;
+use shared_types::schedule::{MAX_PORTS, Rate};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Schedule, ServiceId, Topic};
 use zerocopy::IntoBytes;
@@ -39,9 +39,42 @@ pub enum FlightError<E> {
 /// A flight in one process.
 pub struct InProcess {
     schedule: Schedule,
-    services: Vec<Box<dyn ErasedService>>,
+    /// In the order of a tick.
+    stations: Vec<Station>,
+    /// By topic.
     history: Vec<History>,
+    /// What services publish, in the order of the log.
+    published: Vec<(Topic, Rate)>,
     next_tick: u64,
+}
+
+/// A service and what the schedule says of it, so that a step looks nothing up.
+struct Station {
+    service: Box<dyn ErasedService>,
+    id: ServiceId,
+    rate: Rate,
+    /// Topic and rate of each input.
+    inputs: Vec<(Topic, Rate)>,
+    /// Topic and rate of each output.
+    outputs: Vec<(Topic, Rate)>,
+}
+
+impl Station {
+    fn new(service: Box<dyn ErasedService>, schedule: &Schedule) -> Self {
+        let id = service.id();
+        let with_rate = |topic: Topic| (topic, schedule.topic_rate(topic));
+        Self {
+            service,
+            id,
+            rate: schedule.service_rate(id),
+            inputs: id.inputs().iter().map(|input| with_rate(input.topic)).collect(),
+            outputs: id
+                .outputs()
+                .iter()
+                .map(|output| with_rate(output.topic))
+                .collect(),
+        }
+    }
 }
 
 /// The latest samples of a topic, as many as any consumer may still need.
@@ -74,6 +107,12 @@ impl History {
     }
 
     #[inline]
+    fn slot_mut(&mut self, seq: u64) -> &mut Box<[u64]> {
+        let slot = self.slot_of(seq);
+        &mut self.slots[slot]
+    }
+
+    #[inline]
     fn bytes(&self, seq: u64) -> &[u8] {
         &self.slots[self.slot_of(seq)].as_bytes()[..self.size]
     }
@@ -86,23 +125,26 @@ impl InProcess {
     /// If `services` are not exactly those of the wiring table.
     #[must_use]
     pub fn new(schedule: Schedule, services: Vec<Box<dyn ErasedService>>) -> Self {
-        let mut by_place: Vec<Option<Box<dyn ErasedService>>> = ServiceId::ALL.iter().map(|_| None).collect();
-        for service in services {
-            let place = service.id().index();
-            by_place[place] = Some(service);
-        }
-        let services = by_place
+        let mut services: Vec<_> = services
             .into_iter()
-            .map(|service| service.expect("one of each service"))
+            .map(|service| Station::new(service, &schedule))
             .collect();
-        let history = Topic::ALL
-            .into_iter()
-            .map(|topic| History::new(topic, &schedule))
-            .collect();
+        let place = |id: ServiceId| schedule.order().iter().position(|&other| other == id);
+        services.sort_by_key(|station| place(station.id));
+        let complete = services
+            .iter()
+            .map(|station| station.id)
+            .eq(schedule.order().iter().copied());
+        assert!(complete, "one of each service");
+        let topics = Topic::ALL.into_iter();
+        let published = topics.clone().filter(|topic| topic.publisher().is_some());
         Self {
+            stations: services,
+            history: topics.map(|topic| History::new(topic, &schedule)).collect(),
+            published: published
+                .map(|topic| (topic, schedule.topic_rate(topic)))
+                .collect(),
             schedule,
-            services,
-            history,
             next_tick: 0,
         }
     }
@@ -114,14 +156,22 @@ impl InProcess {
     }
 
     /// A service, to look at or to restore.
+    ///
+    /// # Panics
+    /// Never: there is one of each.
     pub fn service_mut(&mut self, service: ServiceId) -> &mut dyn ErasedService {
-        self.services[service.index()].as_mut()
+        let station = self.stations.iter_mut().find(|station| station.id == service);
+        station.expect("one of each service").service.as_mut()
     }
 
     /// Puts a service in the place of its predecessor.
     pub fn replace(&mut self, service: Box<dyn ErasedService>) {
-        let place = service.id().index();
-        self.services[place] = service;
+        for station in &mut self.stations {
+            if station.id == service.id() {
+                station.service = service;
+                return;
+            }
+        }
     }
 
     /// Flies on to the last tick, or until the sink says `Break`.
@@ -143,46 +193,62 @@ impl InProcess {
 
     #[inline]
     fn step_services(&mut self, tick: u64) -> Result<(), NonFinite> {
-        for index in 0..self.services.len() {
-            let id = self.schedule.order()[index];
-            if self.schedule.service_rate(id).occurs_at(tick) {
-                self.step_service(id, tick)?;
+        let Self {
+            stations,
+            history,
+            schedule,
+            ..
+        } = self;
+        stations
+            .iter_mut()
+            .filter(|station| station.rate.occurs_at(tick))
+            .try_for_each(|station| station.step(schedule, history, tick))
+    }
+
+    #[inline]
+    fn hand_over<S: TickSink>(&self, tick: u64, sink: &mut S) -> Result<(), S::Error> {
+        for (topic, rate) in &self.published {
+            if rate.occurs_at(tick) {
+                sink.sample(*topic, self.history[topic.index()].bytes(rate.count_before(tick)))?;
             }
         }
         Ok(())
     }
+}
 
+/// Places of a service's outputs, taken out of the history for the time of a step.
+type Places = [Box<[u64]>; MAX_PORTS];
+
+impl Station {
     #[inline]
-    fn step_service(&mut self, id: ServiceId, tick: u64) -> Result<(), NonFinite> {
-        let now = step::now(&self.schedule, id, tick);
-        let mut places = self.take_places(id, tick);
+    fn step(&mut self, schedule: &Schedule, history: &mut [History], tick: u64) -> Result<(), NonFinite> {
+        let now = step::now(schedule, self.id, tick);
+        let mut places = self.take_places(history, tick);
         let result = {
             let mut slots = Slots::default();
-            for ((slot, place), output) in slots.iter_mut().zip(&mut places).zip(id.outputs()) {
+            for ((slot, place), (topic, _)) in slots.iter_mut().zip(&mut places).zip(&self.outputs) {
                 if !place.is_empty() {
-                    let size = self.history[output.topic.index()].size;
-                    let bytes = &mut place.as_mut_bytes()[..size];
-                    step::prepare(&self.schedule, output.topic, tick, bytes);
+                    let bytes = &mut place.as_mut_bytes()[..topic.kind().size];
+                    step::prepare(schedule, *topic, tick, bytes);
                     *slot = OutputSlot { bytes: Some(bytes) };
                 }
             }
-            let views = Self::views(&self.history, &self.schedule, id, tick);
-            step::step(self.services[id.index()].as_mut(), &now, &views, &mut slots)
+            let views = self.views(schedule, history, tick);
+            step::step(self.service.as_mut(), &now, &views, &mut slots)
         };
-        self.return_places(id, tick, places);
+        self.return_places(history, tick, places);
         result
     }
 
-    /// The inputs of a service: the samples that the schedule says are due.
+    /// The inputs: the samples that the schedule says are due.
     #[inline]
-    fn views<'a>(history: &'a [History], schedule: &Schedule, id: ServiceId, tick: u64) -> Views<'a> {
+    fn views<'a>(&self, schedule: &Schedule, history: &'a [History], tick: u64) -> Views<'a> {
         let mut views = Views::default();
-        for (index, (view, input)) in views.iter_mut().zip(id.inputs()).enumerate() {
-            if let Some(due) = schedule.due_sample(id, index, tick) {
-                let seq = schedule.topic_rate(input.topic).count_before(due);
+        for (index, (view, (topic, rate))) in views.iter_mut().zip(&self.inputs).enumerate() {
+            if let Some(due) = schedule.due_sample(self.id, index, tick) {
                 *view = InputView {
-                    bytes: Some(history[input.topic.index()].bytes(seq)),
-                    fresh: is_fresh(schedule, id, index, tick, due),
+                    bytes: Some(history[topic.index()].bytes(rate.count_before(due))),
+                    fresh: schedule.is_fresh(self.id, index, tick, due),
                 };
             }
         }
@@ -191,50 +257,22 @@ impl InProcess {
 
     /// Takes the places of the due outputs out of the history; an output that is not due gets an empty one.
     #[inline]
-    fn take_places(&mut self, id: ServiceId, tick: u64) -> [Box<[u64]>; MAX_PORTS] {
-        let mut places: [Box<[u64]>; MAX_PORTS] = Default::default();
-        for (place, output) in places.iter_mut().zip(id.outputs()) {
-            let rate = self.schedule.topic_rate(output.topic);
+    fn take_places(&self, history: &mut [History], tick: u64) -> Places {
+        let mut places = Places::default();
+        for (place, (topic, rate)) in places.iter_mut().zip(&self.outputs) {
             if rate.occurs_at(tick) {
-                let history = &mut self.history[output.topic.index()];
-                let slot = history.slot_of(rate.count_before(tick));
-                *place = std::mem::take(&mut history.slots[slot]);
+                *place = std::mem::take(history[topic.index()].slot_mut(rate.count_before(tick)));
             }
         }
         places
     }
 
     #[inline]
-    fn return_places(&mut self, id: ServiceId, tick: u64, places: [Box<[u64]>; MAX_PORTS]) {
-        for (place, output) in places.into_iter().zip(id.outputs()) {
+    fn return_places(&self, history: &mut [History], tick: u64, places: Places) {
+        for (place, (topic, rate)) in places.into_iter().zip(&self.outputs) {
             if !place.is_empty() {
-                let seq = self.schedule.topic_rate(output.topic).count_before(tick);
-                let history = &mut self.history[output.topic.index()];
-                let slot = history.slot_of(seq);
-                history.slots[slot] = place;
+                *history[topic.index()].slot_mut(rate.count_before(tick)) = place;
             }
         }
     }
-
-    #[inline]
-    fn hand_over<S: TickSink>(&self, tick: u64, sink: &mut S) -> Result<(), S::Error> {
-        for (topic, history) in Topic::ALL.into_iter().zip(&self.history) {
-            let rate = self.schedule.topic_rate(topic);
-            if topic.publisher().is_some() && rate.occurs_at(tick) {
-                sink.sample(topic, history.bytes(rate.count_before(tick)))?;
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Whether the sample `due` at `tick` was not yet due at the service's previous step.
-#[must_use]
-#[inline]
-pub fn is_fresh(schedule: &Schedule, service: ServiceId, input: usize, tick: u64, due: u64) -> bool {
-    let rate = schedule.service_rate(service);
-    if tick < rate.phase + rate.period {
-        return true;
-    }
-    schedule.due_sample(service, input, tick - rate.period) != Some(due)
 }

@@ -10,7 +10,6 @@ use std::sync::atomic::Ordering;
 use shared_types::service::{ErasedService, InputView, OutputSlot, header_of};
 use shared_types::{Schedule, ServiceId, Topic};
 
-use crate::in_process::is_fresh;
 use crate::ports::{Member, OwnReceivers, PortError, Receiver, Sender};
 use crate::shared_page::{Cell, SharedPage};
 use crate::step::{self, NonFinite, Slots, Views};
@@ -40,17 +39,11 @@ pub enum FlightError {
     /// The run ends.
     #[error("the run was stopped")]
     Stopping,
-    /// The orchestrator is gone.
-    #[error("the orchestrator is gone")]
-    Orphaned,
 }
 
 impl From<Interrupted> for FlightError {
-    fn from(interrupted: Interrupted) -> Self {
-        match interrupted {
-            Interrupted::Stopping => Self::Stopping,
-            Interrupted::Orphaned => Self::Orphaned,
-        }
+    fn from(_: Interrupted) -> Self {
+        Self::Stopping
     }
 }
 
@@ -239,7 +232,7 @@ fn step_and_publish(
     let mut views = Views::default();
     for input in &ports.inputs {
         if let Some(due) = schedule.due_sample(id, input.index, tick) {
-            let fresh = is_fresh(schedule, id, input.index, tick, due);
+            let fresh = schedule.is_fresh(id, input.index, tick, due);
             views[input.index] = InputView {
                 bytes: input.receiver.held(),
                 fresh,

@@ -8,16 +8,17 @@
 //!
 //! A wake-up is never lost: the consumer announces whom it sleeps for, then looks again; a publisher
 //! publishes, then looks for the announcement. Only the consumer takes its announcement back.
+//!
+//! No sleep is without an end. The orchestrator rings every doorbell when the run is to end, and every second
+//! besides; should it die, the system kills the sleeper ([`crate::deployment::die_with_parent`]).
 
-use std::os::fd::AsFd;
 use std::sync::Arc;
 use std::sync::atomic::{Ordering, fence};
 use std::time::{Duration, Instant};
 
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use shared_types::ServiceId;
 
-use crate::control::{Channel, ControlError, ToService};
+use crate::control::Channel;
 use crate::deployment::Scheduler;
 use crate::doorbell::Doorbell;
 use crate::shared_page::{Cell, SharedPage};
@@ -32,20 +33,10 @@ const VERDICT_WAITS: u32 = 256;
 const LONGEST_BLOCKING: u32 = 65_536;
 /// Under `SCHED_FIFO` the ring's order is strict and yields never leave it: a few more pay.
 const FIFO_YIELDS: u32 = 16;
-/// A sleep looks again after this long, whatever happened to its wake-up.
-const LONGEST_SLEEP: Timespec = Timespec {
-    tv_sec: 1,
-    tv_nsec: 0,
-};
 
-/// Why a wait ended without what was waited for.
+/// The wait ended without what was waited for: the run ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Interrupted {
-    /// The run ends.
-    Stopping,
-    /// The orchestrator is gone.
-    Orphaned,
-}
+pub struct Interrupted;
 
 /// A service's place in the ring of those who wait for each other.
 pub struct Waiter {
@@ -185,34 +176,10 @@ impl Waiter {
             if arrived()? {
                 return Ok(());
             }
-            self.sleep()?;
-        }
-    }
-
-    /// Sleeps until the doorbell or the orchestrator calls.
-    fn sleep(&self) -> Result<(), Interrupted> {
-        if self.is_stopping() {
-            return Err(Interrupted::Stopping);
-        }
-        let doorbell = &self.doorbells[self.me.index()];
-        let mut files = [
-            PollFd::from_borrowed_fd(doorbell.as_fd(), PollFlags::IN),
-            PollFd::from_borrowed_fd(self.channel.as_fd(), PollFlags::IN),
-        ];
-        // An interrupted or failed poll is a wake-up like any other: everything is looked at again.
-        let _ = poll(&mut files, Some(&LONGEST_SLEEP));
-        let called = !files[1].revents().is_empty();
-        doorbell.silence();
-        if called { self.answer_call() } else { Ok(()) }
-    }
-
-    fn answer_call(&self) -> Result<(), Interrupted> {
-        match self.channel.try_receive::<ToService>() {
-            Ok(Some(ToService::Stop)) => Err(Interrupted::Stopping),
-            Ok(_) => Ok(()),
-            Err(ControlError::Closed | ControlError::Io(_) | ControlError::Message(_)) => {
-                Err(Interrupted::Orphaned)
+            if self.is_stopping() {
+                return Err(Interrupted.into());
             }
+            self.doorbells[self.me.index()].sleep();
         }
     }
 }
@@ -328,18 +295,21 @@ mod tests {
     }
 
     #[test]
-    fn a_sleeper_notices_that_the_orchestrator_is_gone() {
+    fn a_sleeper_ends_with_the_run() {
         let page = Arc::new(SharedPage::create().unwrap());
-        let (channel, orchestrator) = Channel::pair().unwrap();
+        let (channel, _orchestrator) = Channel::pair().unwrap();
         let doorbells = ServiceId::ALL
             .iter()
             .map(|_| Doorbell::create().unwrap())
             .collect();
-        let mut waiter = Waiter::new(ServiceId::Plant, page, doorbells, channel, Scheduler::Fair);
-        drop(orchestrator);
-        assert_eq!(
-            waiter.wait(ServiceId::RcOutput, || Ok(false)),
-            Err(Interrupted::Orphaned)
+        let mut waiter = Waiter::new(
+            ServiceId::Plant,
+            Arc::clone(&page),
+            doorbells,
+            channel,
+            Scheduler::Fair,
         );
+        page.words().stopping.store(1, Ordering::Relaxed);
+        assert_eq!(waiter.wait(ServiceId::RcOutput, || Ok(false)), Err(Interrupted));
     }
 }

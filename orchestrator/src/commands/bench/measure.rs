@@ -20,6 +20,7 @@ use crate::flight::{Ending, FlightFailure, Outcome, in_process};
 use crate::interrupt::Interrupt;
 use crate::log::{Compression, Manifest, RunLogWriter};
 use crate::progress::Progress;
+use crate::run_root::RunRoot;
 
 type Result<T> = std::result::Result<T, FlightFailure>;
 
@@ -30,7 +31,7 @@ const RING_ROUNDS: u64 = 50_000;
 pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Result<Vec<Row>> {
     let folder = Scratch::create()?;
     let command = FlightCommand {
-        folder: folder.path().to_owned(),
+        folder: folder.path(),
         scenario: folder.path().join("fig1.toml"),
     };
     let text = toml::to_string(flight).map_err(|error| FlightFailure::Setup(error.to_string()))?;
@@ -83,8 +84,9 @@ impl Series {
             }
         }
         {
-            let _load = Load::on_every_core()?;
-            self.lock_step_loaded.push(fly_processes(flight, &[])?);
+            let _load = Load::on(core)?;
+            self.lock_step_loaded
+                .push(fly_processes(flight, &["--core", &core.to_string()])?);
         }
         self.in_process
             .push(rate(&in_process::fly(whole, &mut Nowhere, &Interrupt::never())?)?);
@@ -133,7 +135,7 @@ impl Series {
                 self.fifo_refused.clone(),
             ),
             row(
-                "the same, a foreign load on every core",
+                "the same, a foreign load on the services' core",
                 &self.lock_step_loaded,
                 Some(yield_ring),
                 None,
@@ -238,58 +240,44 @@ impl TickSink for Nowhere {
 }
 
 /// A folder for the logs of measurements: in memory where there is such a place, since a disk's write-back
-/// would be measured otherwise.
-struct Scratch(std::path::PathBuf);
+/// would be measured otherwise. Swept like a run's shared memory, should this process be killed.
+struct Scratch {
+    root: RunRoot,
+}
 
 impl Scratch {
     fn create() -> Result<Self> {
-        let shared_memory = Path::new("/dev/shm");
-        let base = if shared_memory.is_dir() {
-            shared_memory.to_owned()
-        } else {
-            std::env::temp_dir()
-        };
-        let path = base.join(format!("gerono-bench-{}", std::process::id()));
-        std::fs::create_dir_all(&path).map_err(|error| FlightFailure::Setup(error.to_string()))?;
-        Ok(Self(path))
+        let setup = |error: std::io::Error| FlightFailure::Setup(error.to_string());
+        let root = RunRoot::create().map_err(setup)?;
+        let scratch = Self { root };
+        std::fs::create_dir_all(scratch.path()).map_err(setup)?;
+        Ok(scratch)
     }
 
-    fn path(&self) -> &Path {
-        &self.0
+    fn path(&self) -> PathBuf {
+        self.root.shared_memory("bench")
     }
 }
 
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        // Only a log of a measurement is in it.
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
-/// Busy processes, one pinned to every core, until dropped.
-struct Load(Vec<Child>);
+/// A busy process on a core, until dropped.
+struct Load(Child);
 
 impl Load {
-    fn on_every_core() -> Result<Self> {
-        let mut load = Self(Vec::new());
-        for core in deployment::allowed_cores() {
-            let child = Command::new("/proc/self/exe")
-                .args(["load", &core.to_string()])
-                .spawn()
-                .map_err(|error| FlightFailure::Setup(error.to_string()))?;
-            load.0.push(child);
-        }
-        Ok(load)
+    fn on(core: usize) -> Result<Self> {
+        let child = Command::new("/proc/self/exe")
+            .args(["load", &core.to_string()])
+            .spawn();
+        child
+            .map(Self)
+            .map_err(|error| FlightFailure::Setup(error.to_string()))
     }
 }
 
 impl Drop for Load {
     fn drop(&mut self) {
-        for child in &mut self.0 {
-            // Both fail only for a process that is gone.
-            let _ = child.kill();
-            let _ = child.wait();
-        }
+        // Both fail only for a process that is gone.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
