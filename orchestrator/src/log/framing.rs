@@ -29,9 +29,9 @@ pub enum Compression {
     /// Not at all: the least work.
     #[default]
     None,
-    /// LZ4: about twice the work; finds little in numbers of full precision.
+    /// LZ4: about twice the work, less than half the size.
     Lz4,
-    /// Zstandard: several times the work, the smallest files.
+    /// Zstandard: several times the work, the smallest files, by little.
     Zstd,
 }
 
