@@ -48,3 +48,9 @@ fn log_path(path: &Path) -> PathBuf {
         path.to_owned()
     }
 }
+
+/// Prints results. Somebody who reads no more of them (`gerono check … | head`) has what they wanted.
+fn print(text: impl std::fmt::Display) {
+    use std::io::Write;
+    let _ = write!(std::io::stdout(), "{text}");
+}

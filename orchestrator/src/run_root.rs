@@ -132,9 +132,9 @@ fn sweep(base: &Path) -> io::Result<()> {
 fn remove(folder: &Path, prefix: &str) -> io::Result<()> {
     for path in shared_memory_of(prefix) {
         if path.is_dir() {
-            fs::remove_dir_all(path)?
+            fs::remove_dir_all(path)?;
         } else {
-            fs::remove_file(path)?
+            fs::remove_file(path)?;
         }
     }
     fs::remove_dir_all(folder)

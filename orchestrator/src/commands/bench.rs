@@ -10,7 +10,7 @@ use comfy_table::{Table, presets};
 use serde::Serialize;
 use shared_types::scenario::Scenario;
 
-use super::Failure;
+use super::{Failure, print};
 use crate::cli::Bench;
 use crate::exit::Exit;
 
@@ -48,7 +48,7 @@ pub fn bench(arguments: &Bench) -> Result<(), Failure> {
     };
     let rows = measure::all(&scenario, &flight, arguments.repetitions)
         .map_err(|error| Failure::new(Exit::Trouble, error))?;
-    println!("{}", table(&rows));
+    print(format!("{}\n", table(&rows)));
     if let Some(path) = &arguments.json {
         let text = serde_json::to_string_pretty(&rows).map_err(|error| Failure::new(Exit::Trouble, error))?;
         std::fs::write(path, text + "\n").map_err(|error| {

@@ -5,7 +5,7 @@ use shared_types::scenario::Scenario;
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
-use super::{Failure, load};
+use super::{Failure, load, print};
 use crate::cli::Check;
 use crate::exit::Exit;
 
@@ -20,9 +20,9 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
         .map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
     crate::services::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
     if arguments.mermaid {
-        print!("{}", mermaid());
+        print(mermaid());
     } else {
-        print!("{}", describe(&scenario, &schedule));
+        print(describe(&scenario, &schedule));
     }
     Ok(())
 }

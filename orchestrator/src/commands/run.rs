@@ -7,7 +7,7 @@ use miette::Report;
 use runtime::deployment::Scheduler;
 use shared_types::scenario::Scenario;
 
-use super::{Failure, load};
+use super::{Failure, load, print};
 use crate::cli::{DeploymentArguments, Host, Run};
 use crate::exit::Exit;
 use crate::flight::lock_step::{Deployment, Placement};
@@ -144,8 +144,7 @@ fn report(summary: &Summary, ending: &Ending, folder: &RunFolder, quiet: bool) {
         for warning in &ending.warnings {
             eprintln!("note: {warning}");
         }
-        println!("{summary}");
-        println!("results: {}", folder.path().display());
+        print(format!("{summary}\nresults: {}\n", folder.path().display()));
     }
     if let Outcome::Failed(failure) = &ending.outcome {
         eprintln!("{:?}", Report::msg(failure.to_string()));

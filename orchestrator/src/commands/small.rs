@@ -7,7 +7,7 @@ use clap::CommandFactory;
 use clap_complete::Shell;
 use shared_types::ServiceId;
 
-use super::{Failure, log_path};
+use super::{Failure, log_path, print};
 use crate::cli::{Cli, Digest, Export, Plot};
 use crate::exit::Exit;
 use crate::{log, plot, scenario_file, services};
@@ -49,13 +49,13 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
 pub fn digest(arguments: &Digest) -> Result<(), Failure> {
     let digest =
         log::digest(&log_path(&arguments.log)).map_err(|error| Failure::new(Exit::Trouble, error))?;
-    println!("{digest}");
+    print(format!("{digest}\n"));
     Ok(())
 }
 
 /// `gerono schema`.
 pub fn schema() {
-    print!("{}", scenario_file::json_schema());
+    print(scenario_file::json_schema());
 }
 
 /// `gerono completions`.
