@@ -246,7 +246,6 @@ macro_rules! sample {
         ),+ $(,)?}
     )+) => {$(
         $(#[doc = $doc])*
-        #[allow(unreachable_pub, reason = "whether a record can be reached is up to where it is declared")]
         #[derive(
             Clone, Copy, Debug, PartialEq,
             ::zerocopy::FromBytes, ::zerocopy::IntoBytes, ::zerocopy::Immutable, ::zerocopy::KnownLayout,
@@ -257,7 +256,6 @@ macro_rules! sample {
             pub $field: $type,
         )+}
 
-        #[allow(unreachable_pub, reason = "whether a record can be reached is up to where it is declared")]
         impl $name {$($($(
             #[doc = concat!("A value of [`", stringify!($field), "`](Self::", stringify!($field), ").")]
             pub const $constant: $type = $value;
