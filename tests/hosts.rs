@@ -1,5 +1,7 @@
 //! Promises of the step logic that only all services together can show.
 
+#[path = "../tests/common/allocations.rs"]
+mod allocations;
 mod common;
 
 use std::convert::Infallible;
@@ -71,42 +73,6 @@ fn services_have_no_hidden_state() {
     assert_eq!(undisturbed, reborn);
 }
 
-mod allocations {
-    #![expect(unsafe_code, reason = "a counting allocator is an allocator")]
-
-    use std::alloc::{GlobalAlloc, Layout, System};
-    use std::cell::Cell;
-
-    thread_local! {
-        static COUNT: Cell<u64> = const { Cell::new(0) };
-    }
-
-    /// Counts this thread's allocations.
-    pub(crate) struct Counting;
-
-    // SAFETY: hands everything to the system's allocator.
-    unsafe impl GlobalAlloc for Counting {
-        unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-            COUNT.set(COUNT.get() + 1);
-            // SAFETY: the caller's promises are the same.
-            unsafe { System.alloc(layout) }
-        }
-
-        unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-            // SAFETY: the caller's promises are the same.
-            unsafe { System.dealloc(pointer, layout) }
-        }
-    }
-
-    /// Allocations of this thread so far.
-    pub(crate) fn count() -> u64 {
-        COUNT.get()
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: allocations::Counting = allocations::Counting;
-
 struct Nowhere;
 
 impl TickSink for Nowhere {
@@ -125,9 +91,6 @@ impl TickSink for Nowhere {
 #[test]
 fn a_flight_allocates_nothing_in_any_step() {
     let mut host = host(&short_fig1());
-    let before = allocations::count();
-    host.fly(&mut Nowhere).unwrap();
-    assert_eq!(allocations::count() - before, 0);
-    drop(std::hint::black_box(Box::new(0)));
-    assert!(allocations::count() > before, "the allocator counts");
+    let count = allocations::allocations_during(|| host.fly(&mut Nowhere).unwrap());
+    assert_eq!(count, 0);
 }

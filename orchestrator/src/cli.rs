@@ -90,7 +90,7 @@ pub struct Run {
     /// Where the services run; the log is the same.
     #[arg(long, value_enum, default_value_t)]
     pub host: Host,
-    /// Folder for the results; must be empty if it exists [default: the next free runs/<scenario>-<n>].
+    /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Compression of the logs' chunks.

@@ -5,7 +5,7 @@
 //! * `host.mcap` ([`HostLogWriter`]) is what the machine did meanwhile.
 //!
 //! Both are MCAP files of the profile `ros2`, so that any tool that knows MCAP and CDR reads them. A sample's
-//! bytes in shared memory are its bytes in the log (see [`shared_types::sample`]).
+//! bytes in shared memory are its bytes in the log (see [`mod@shared_types::sample`]).
 //!
 //! Failure policy: a log has the name `<name>.partial` until it is complete. A failed write is reported once,
 //! with what to do; later writes report that the log is closed. A reader hands out nothing of a damaged chunk.

@@ -1,6 +1,6 @@
 //! What travels between Gerono's services and what everyone agrees on.
 //!
-//! * [`sample`]: the macro that declares a sample once (struct, `.msg` text, layout proof, layout hash);
+//! * [`mod@sample`]: the macro that declares a sample once (struct, `.msg` text, layout proof, layout hash);
 //! * [`samples`]: the samples of the flight;
 //! * [`wiring`]: which service publishes and consumes which topic, written once;
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;

@@ -1,8 +1,8 @@
 //! What the controller promises as a service: estimators between the steps, silence without inputs, restarts,
 //! and no allocation.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+#[path = "../../../tests/common/allocations.rs"]
+mod allocations;
 
 use controller::regressor::ParameterVector;
 use controller::{ControllerService, Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
@@ -246,45 +246,17 @@ fn a_restored_service_continues_with_equal_bytes() {
     }
 }
 
-/// The system's allocator, counting the calls of each thread.
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-#[expect(unsafe_code, reason = "a global allocator is unsafe by its trait")]
-// SAFETY: every call is passed on to the system's allocator as it is.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`, and `pointer` came from `System`.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
 #[test]
 fn steps_saves_and_restores_do_not_allocate() {
     let mut service = ControllerService::new(&scenario());
     let mut saved = vec![0; ErasedService::state_size(&service)];
-    let before = ALLOCATIONS.get();
-    for tick in 0..100 {
-        step_with_both(&mut service, tick);
-        step(&mut service, tick, None, None);
-        ErasedService::save(&service, &mut saved);
-        ErasedService::restore(&mut service, &saved);
-    }
-    assert_eq!(ALLOCATIONS.get(), before);
-
-    // The counter counts.
-    drop(Box::new(std::hint::black_box(before)));
-    assert!(ALLOCATIONS.get() > before);
+    let count = allocations::allocations_during(|| {
+        for tick in 0..100 {
+            step_with_both(&mut service, tick);
+            step(&mut service, tick, None, None);
+            ErasedService::save(&service, &mut saved);
+            ErasedService::restore(&mut service, &saved);
+        }
+    });
+    assert_eq!(count, 0);
 }

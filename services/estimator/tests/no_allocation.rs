@@ -1,6 +1,6 @@
 //! A step of the estimator allocates nothing.
 
-#[path = "../../plant/tests/support/allocations.rs"]
+#[path = "../../../tests/common/allocations.rs"]
 mod allocations;
 
 use estimator::EstimatorService;

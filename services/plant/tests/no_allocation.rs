@@ -1,6 +1,6 @@
 //! A step of the plant allocates nothing.
 
-#[path = "support/allocations.rs"]
+#[path = "../../../tests/common/allocations.rs"]
 mod allocations;
 
 use plant::PlantService;

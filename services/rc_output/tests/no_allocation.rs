@@ -1,6 +1,6 @@
 //! A step of the transmitter allocates nothing.
 
-#[path = "../../plant/tests/support/allocations.rs"]
+#[path = "../../../tests/common/allocations.rs"]
 mod allocations;
 
 use rc_output::RcOutputService;

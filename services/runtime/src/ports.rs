@@ -155,11 +155,7 @@ impl Member {
     /// # Errors
     /// [`PortError::Open`].
     pub fn create_topic(&self, topic: Topic, schedule: &Schedule) -> Result<Box<dyn TopicPorts>, PortError> {
-        topic.dispatch(Create {
-            member: self,
-            topic,
-            consumer_buffer: consumer_buffer(schedule, topic),
-        })
+        self.enter(topic, schedule, Access::Create)
     }
 
     /// Opens a topic that the orchestrator has made, if its layout is the one of this build.
@@ -167,10 +163,20 @@ impl Member {
     /// # Errors
     /// [`PortError::Open`].
     pub fn open_topic(&self, topic: Topic, schedule: &Schedule) -> Result<Box<dyn TopicPorts>, PortError> {
-        topic.dispatch(Open {
+        self.enter(topic, schedule, Access::Open)
+    }
+
+    fn enter(
+        &self,
+        topic: Topic,
+        schedule: &Schedule,
+        access: Access,
+    ) -> Result<Box<dyn TopicPorts>, PortError> {
+        topic.dispatch(Enter {
             member: self,
             topic,
             consumer_buffer: consumer_buffer(schedule, topic),
+            access,
         })
     }
 }
@@ -246,16 +252,20 @@ pub trait Receiver {
     fn connect(&mut self) -> Result<(), PortError>;
 }
 
-struct Create<'a> {
-    member: &'a Member,
-    topic: Topic,
-    consumer_buffer: usize,
+/// How a process comes to a topic.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Access {
+    /// It makes it.
+    Create,
+    /// It expects it to be there, with the layout of this build.
+    Open,
 }
 
-struct Open<'a> {
+struct Enter<'a> {
     member: &'a Member,
     topic: Topic,
     consumer_buffer: usize,
+    access: Access,
 }
 
 struct Ports<T: Sample> {
@@ -271,7 +281,7 @@ fn open_error(topic: Topic) -> impl Fn(&dyn std::fmt::Debug) -> PortError {
     }
 }
 
-impl TopicVisitor for Create<'_> {
+impl TopicVisitor for Enter<'_> {
     type Result = Result<Box<dyn TopicPorts>, PortError>;
 
     fn visit<T: Sample>(self) -> Self::Result {
@@ -279,56 +289,36 @@ impl TopicVisitor for Create<'_> {
             member,
             topic,
             consumer_buffer,
+            access,
         } = self;
         let error = open_error(topic);
         let name = ServiceName::new(topic.name()).map_err(|reason| error(&reason))?;
-        let layout = layout_attribute::<T>(&error)?;
-        let attributes = AttributeSpecifier::new()
-            .define(&layout.0, &layout.1)
-            .map_err(|reason| error(&reason))?;
-        let consumers = topic.consumers().count();
-        let service = member
-            .node
-            .service_builder(&name)
-            .publish_subscribe::<Wire<T>>()
-            .enable_safe_overflow(false)
-            .history_size(0)
-            .max_publishers(1)
-            .max_subscribers(consumers + 1 + OBSERVERS)
-            .max_nodes(consumers + 2 + OBSERVERS)
-            .subscriber_max_buffer_size(RECORDER_BUFFER)
-            .subscriber_max_borrowed_samples(2)
-            .create_with_attributes(&attributes)
-            .map_err(|reason| error(&reason))?;
-        Ok(Box::new(Ports::<T> {
-            service,
-            topic,
-            consumer_buffer,
-        }))
-    }
-}
-
-impl TopicVisitor for Open<'_> {
-    type Result = Result<Box<dyn TopicPorts>, PortError>;
-
-    fn visit<T: Sample>(self) -> Self::Result {
-        let Self {
-            member,
-            topic,
-            consumer_buffer,
-        } = self;
-        let error = open_error(topic);
-        let name = ServiceName::new(topic.name()).map_err(|reason| error(&reason))?;
-        let layout = layout_attribute::<T>(&error)?;
-        let attributes = AttributeVerifier::new()
-            .require(&layout.0, &layout.1)
-            .map_err(|reason| error(&reason))?;
-        let service = member
-            .node
-            .service_builder(&name)
-            .publish_subscribe::<Wire<T>>()
-            .open_with_attributes(&attributes)
-            .map_err(|reason| error(&reason))?;
+        let (key, hash) = layout_attribute::<T>(&error)?;
+        let builder = member.node.service_builder(&name).publish_subscribe::<Wire<T>>();
+        let service = match access {
+            Access::Create => {
+                let specifier = AttributeSpecifier::new();
+                let attributes = specifier.define(&key, &hash).map_err(|reason| error(&reason))?;
+                let consumers = topic.consumers().count();
+                builder
+                    .enable_safe_overflow(false)
+                    .history_size(0)
+                    .max_publishers(1)
+                    .max_subscribers(consumers + 1 + OBSERVERS)
+                    .max_nodes(consumers + 2 + OBSERVERS)
+                    .subscriber_max_buffer_size(RECORDER_BUFFER)
+                    .subscriber_max_borrowed_samples(2)
+                    .create_with_attributes(&attributes)
+                    .map_err(|reason| error(&reason))?
+            }
+            Access::Open => {
+                let verifier = AttributeVerifier::new();
+                let attributes = verifier.require(&key, &hash).map_err(|reason| error(&reason))?;
+                builder
+                    .open_with_attributes(&attributes)
+                    .map_err(|reason| error(&reason))?
+            }
+        };
         Ok(Box::new(Ports::<T> {
             service,
             topic,

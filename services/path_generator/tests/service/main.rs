@@ -1,6 +1,8 @@
 //! What hosts may rely on: the path generator through the contract that they step it by.
 
 mod allocation;
+#[path = "../../../../tests/common/allocations.rs"]
+mod allocations;
 mod evaluations;
 mod flight;
 mod step;
