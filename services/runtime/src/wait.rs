@@ -3,8 +3,8 @@
 //! With the processes of the ring on one core, one `sched_yield` usually lets the publisher run and costs a
 //! third of a sleep. With a foreign load on the core every yield gives away a slice of milliseconds instead.
 //! Hence an adaptive verdict that one process, the leader, passes for all through the shared page: everybody
-//! counts misses (a fruitless yield counts 1, a slow one 16); over [`MISS_LIMIT`] of them within
-//! [`VERDICT_WAITS`] waits of the leader, all only sleep for a while that doubles each time.
+//! counts misses (a fruitless yield counts 1, a slow one 16); over `MISS_LIMIT` of them within
+//! `VERDICT_WAITS` waits of the leader, all only sleep for a while that doubles each time.
 //!
 //! A wake-up is never lost: the consumer announces whom it sleeps for, then looks again; a publisher
 //! publishes, then looks for the announcement. Only the consumer takes its announcement back.
