@@ -21,7 +21,7 @@ use crate::ports::{Member, PortError};
 use crate::shared_page::SharedPage;
 use crate::wait::Waiter;
 
-/// Why a service process could not do its work. It has told the orchestrator if that was still there.
+/// Why a service process could not do its work, if there was no orchestrator left to be told.
 #[derive(Debug, thiserror::Error)]
 pub enum ProcessError {
     /// Nobody has handed the process its descriptors.
@@ -136,9 +136,8 @@ fn report(channel: &Channel, result: Result<(), ProcessError>) -> Result<(), Pro
             reason: error.to_string(),
         },
     };
-    // If nobody listens any more, the error itself is all that can be said.
-    let _ = channel.send(&message);
-    Err(error)
+    // Once told, the orchestrator reports it; an error that nobody can be told ends the process.
+    channel.send(&message).or(Err(error))
 }
 
 /// What the orchestrator hands to a service, by number.
