@@ -92,7 +92,7 @@ impl Waiter {
     /// Rings the doorbells of those services that sleep for a publication of this one.
     #[inline]
     pub fn wake(&self, consumers: &[ServiceId]) {
-        // Publications before, announcements after: pairs with the fence in `sleep`.
+        // Publications before, announcements after: pairs with the fence in `sleep_for`.
         fence(Ordering::SeqCst);
         let mine = announcement(self.me);
         for consumer in consumers {
