@@ -104,10 +104,10 @@ fn deployment(arguments: &DeploymentArguments) -> Deployment {
             (false, Some(core)) => Placement::Core(core),
             (false, None) => Placement::Idlest,
         },
-        scheduler: if arguments.fifo {
-            Scheduler::Fifo
-        } else {
-            Scheduler::Fair
+        scheduler: match (arguments.fifo, arguments.no_yield) {
+            (true, _) => Scheduler::Fifo,
+            (false, true) => Scheduler::Batch,
+            (false, false) => Scheduler::Fair,
         },
         yielding: !arguments.no_yield,
     }

@@ -13,6 +13,9 @@ pub enum Scheduler {
     /// The system's ordinary, fair scheduler.
     #[default]
     Fair,
+    /// `SCHED_BATCH`: fair as well, but who is woken waits for its turn. For a ring that always sleeps, in
+    /// which a woken consumer would push its producer off the core just before that sleeps.
+    Batch,
     /// `SCHED_FIFO`: above everything else on the core. Needs a privilege.
     Fifo,
 }
@@ -41,16 +44,19 @@ pub fn pin_to(cores: &[usize]) -> std::io::Result<()> {
     Ok(rustix::thread::sched_setaffinity(None, &set)?)
 }
 
-/// Puts this thread under `SCHED_FIFO`.
+/// Puts this thread under a scheduler.
 ///
 /// # Errors
 /// If the system does not permit it.
-pub fn use_fifo() -> std::io::Result<()> {
-    let parameters = libc::sched_param {
-        sched_priority: FIFO_PRIORITY,
+pub fn use_scheduler(scheduler: Scheduler) -> std::io::Result<()> {
+    let (policy, sched_priority) = match scheduler {
+        Scheduler::Fair => (libc::SCHED_OTHER, 0),
+        Scheduler::Batch => (libc::SCHED_BATCH, 0),
+        Scheduler::Fifo => (libc::SCHED_FIFO, FIFO_PRIORITY),
     };
+    let parameters = libc::sched_param { sched_priority };
     // SAFETY: the parameters are valid and outlive the call; 0 is the calling thread.
-    let result = unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) };
+    let result = unsafe { libc::sched_setscheduler(0, policy, &raw const parameters) };
     if result == 0 {
         Ok(())
     } else {

@@ -81,16 +81,22 @@ fn deploy(start: &Start) -> (Scheduler, Vec<String>) {
     {
         warnings.push(format!("cannot pin to core {core}: {error}"));
     }
-    let mut scheduler = start.scheduler;
-    if scheduler == Scheduler::Fifo
-        && let Err(error) = deployment::use_fifo()
-    {
-        warnings.push(format!(
-            "SCHED_FIFO is not permitted ({error}): flying with the ordinary scheduler. \
-             Grant CAP_SYS_NICE or raise `rtprio` in /etc/security/limits.conf"
-        ));
-        scheduler = Scheduler::Fair;
-    }
+    let refused = match start.scheduler {
+        Scheduler::Fair => None,
+        scheduler => deployment::use_scheduler(scheduler).err(),
+    };
+    let scheduler = match (start.scheduler, refused) {
+        (scheduler, None) => scheduler,
+        (Scheduler::Fifo, Some(error)) => {
+            warnings.push(format!(
+                "SCHED_FIFO is not permitted ({error}): flying with the ordinary scheduler. \
+                 Grant CAP_SYS_NICE or raise `rtprio` in /etc/security/limits.conf"
+            ));
+            Scheduler::Fair
+        }
+        // It needs no privilege; a sandbox that refuses it costs a little time and nothing else.
+        (Scheduler::Batch | Scheduler::Fair, Some(_)) => Scheduler::Fair,
+    };
     (scheduler, warnings)
 }
 

@@ -3,8 +3,8 @@
 //! With the processes of the ring on one core, one `sched_yield` usually lets the publisher run and costs a
 //! third of a sleep. With a foreign load on the core every yield gives away a slice of milliseconds instead.
 //! Hence an adaptive verdict that one process, the leader, passes for all through the shared page: everybody
-//! counts misses (a fruitless yield counts 1, a slow one 16); over `MISS_LIMIT` of them within
-//! `VERDICT_WAITS` waits of the leader, all only sleep for a while that doubles each time.
+//! counts misses (a fruitless yield counts 1, a slow one 21); over `MISS_LIMIT` of them within
+//! `VERDICT_WAITS` waits of the leader, all only sleep for a while that grows fourfold each time.
 //!
 //! A wake-up is never lost: the consumer announces whom it sleeps for, then looks again; a publisher
 //! publishes, then looks for the announcement. Only the consumer takes its announcement back.
@@ -28,7 +28,7 @@ pub const BLOCK_ALWAYS: u32 = 2;
 
 const MISS_LIMIT: u32 = 40;
 const SLOW_YIELD: Duration = Duration::from_micros(300);
-const SLOW_YIELD_MISSES: u32 = 16;
+const SLOW_YIELD_MISSES: u32 = 21;
 const VERDICT_WAITS: u32 = 256;
 const LONGEST_BLOCKING: u32 = 65_536;
 /// Under `SCHED_FIFO` the ring's order is strict and yields never leave it: a few more pay.
@@ -137,7 +137,10 @@ impl Waiter {
             return self.yield_under_fifo(arrived);
         }
         let words = self.page.words();
-        if words.block_only.load(Ordering::Relaxed) != 0 {
+        // The leader's verdict, or the evidence for it: a slow yield costs a tick or two, so nobody waits
+        // for the leader to come round.
+        if words.block_only.load(Ordering::Relaxed) != 0 || words.misses.load(Ordering::Relaxed) > MISS_LIMIT
+        {
             return Ok(false);
         }
         let before = Instant::now();
@@ -217,7 +220,7 @@ impl Leader {
             words.block_only.store(1, Ordering::Relaxed);
             words.misses.store(0, Ordering::Relaxed);
             self.waits_left = self.blocking_waits;
-            self.blocking_waits = (2 * self.blocking_waits).min(LONGEST_BLOCKING);
+            self.blocking_waits = (4 * self.blocking_waits).min(LONGEST_BLOCKING);
         }
         self.waits_left -= 1;
         if self.waits_left == 0 {
@@ -225,7 +228,7 @@ impl Leader {
             words.misses.store(0, Ordering::Relaxed);
             if !was_blocking {
                 // A quiet spell is over: the next load is a new one.
-                self.blocking_waits = (self.blocking_waits / 2).max(VERDICT_WAITS);
+                self.blocking_waits = (self.blocking_waits / 4).max(VERDICT_WAITS);
             }
             self.waits_left = VERDICT_WAITS;
         }
@@ -253,7 +256,7 @@ mod tests {
             }
             spells.push(waits);
         }
-        assert_eq!(spells, [VERDICT_WAITS, 2 * VERDICT_WAITS, 4 * VERDICT_WAITS]);
+        assert_eq!(spells, [VERDICT_WAITS, 4 * VERDICT_WAITS, 16 * VERDICT_WAITS]);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use command_fds::{CommandFdExt, FdMapping};
-use runtime::deployment;
+use runtime::deployment::{self, Scheduler};
 use runtime::shared_page::SharedPage;
 use rustix::event::{EventfdFlags, eventfd};
 use shared_types::ServiceId;
@@ -139,7 +139,7 @@ fn go_around(arguments: &RingMember) -> std::io::Result<()> {
     deployment::die_with_parent()?;
     deployment::pin_to(&[arguments.core])?;
     if arguments.fifo {
-        deployment::use_fifo()?;
+        deployment::use_scheduler(Scheduler::Fifo)?;
     }
     let page = SharedPage::open(inherited(PAGE_FD)?)?;
     let events = (FIRST_EVENT_FD..)
