@@ -222,35 +222,32 @@ impl Schedule {
         &self.order
     }
 
-    /// Tick of the sample that is due at a service's input at `tick`; `None` before the first.
+    /// An input of a service, to be asked at every step.
     #[must_use]
-    #[inline]
-    pub fn due_sample(&self, service: ServiceId, input: usize, tick: u64) -> Option<u64> {
-        let published_by = tick.checked_sub(self.latency(service, input))?;
-        self.topic_rate(service.inputs()[input].topic)
-            .last_at_or_before(published_by)
+    pub fn edge(&self, service: ServiceId, input: usize) -> Edge {
+        let topic = service.inputs()[input].topic;
+        Edge {
+            topic,
+            latency: self.latency(service, input),
+            published: self.topic_rate(topic),
+            consumed: self.service_rate(service),
+        }
     }
 
-    /// Whether the sample `due` at a service's input at `tick` was not yet due at the service's previous step.
+    /// An output of a service, to be asked at every step.
     #[must_use]
-    #[inline]
-    pub fn is_fresh(&self, service: ServiceId, input: usize, tick: u64, due: u64) -> bool {
-        let rate = self.service_rate(service);
-        // Of a topic with a sample a tick every step gets another.
-        self.topic_rate(service.inputs()[input].topic).period == 1
-            || tick < rate.phase + rate.period
-            || self.due_sample(service, input, tick - rate.period) != Some(due)
+    pub fn publication(&self, topic: Topic) -> Publication {
+        Publication {
+            topic,
+            rate: self.topic_rate(topic),
+            tick_ns: self.tick_ns,
+        }
     }
 
     /// Header of the sample of a topic that is published at `tick`.
     #[must_use]
-    #[inline]
     pub fn header(&self, topic: Topic, tick: u64) -> Header {
-        Header {
-            tick,
-            stamp_ns: self.time_ns(tick),
-            seq: self.topic_rate(topic).count_before(tick),
-        }
+        self.publication(topic).header(tick)
     }
 
     /// How many samples of a topic the flight has.
@@ -289,14 +286,75 @@ impl Schedule {
         let steps =
             (0..=horizon.min(self.last_tick)).filter(|&tick| self.service_rate(CONTROLLER).occurs_at(tick));
         for tick in steps {
-            let reference = self.due_sample(CONTROLLER, 1, tick);
+            let due = |service, input, tick| self.edge(service, input).due_sample(tick);
+            let reference = due(CONTROLLER, 1, tick);
             // The reference speaks of the state that the path generator had, not of its own tick.
-            let referred = reference.and_then(|at| self.due_sample(ServiceId::PathGenerator, 0, at));
-            if reference.is_some() && referred != self.due_sample(CONTROLLER, 0, tick) {
+            let referred = reference.and_then(|at| due(ServiceId::PathGenerator, 0, at));
+            if reference.is_some() && referred != due(CONTROLLER, 0, tick) {
                 return Err(ScheduleError::UnequalJoin { tick });
             }
         }
         Ok(())
+    }
+}
+
+/// An input of a service as the schedule sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Edge {
+    /// The topic that it consumes.
+    pub topic: Topic,
+    /// Transport latency, ticks.
+    pub latency: u64,
+    published: Rate,
+    consumed: Rate,
+}
+
+impl Edge {
+    /// Tick of the sample that is due at `tick`; `None` before the first.
+    #[must_use]
+    #[inline]
+    pub fn due_sample(&self, tick: u64) -> Option<u64> {
+        self.published.last_at_or_before(tick.checked_sub(self.latency)?)
+    }
+
+    /// Whether the sample `due` at `tick` was not yet due at the consumer's previous step.
+    #[must_use]
+    #[inline]
+    pub fn is_fresh(&self, tick: u64, due: u64) -> bool {
+        // Of a topic with a sample a tick every step gets another.
+        self.published.period == 1
+            || tick < self.consumed.phase + self.consumed.period
+            || self.due_sample(tick - self.consumed.period) != Some(due)
+    }
+}
+
+/// An output of a service as the schedule sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Publication {
+    /// The topic that is published.
+    pub topic: Topic,
+    /// When it is published.
+    pub rate: Rate,
+    tick_ns: u64,
+}
+
+impl Publication {
+    /// Whether a sample is published at `tick`.
+    #[must_use]
+    #[inline]
+    pub fn is_due(&self, tick: u64) -> bool {
+        self.rate.occurs_at(tick)
+    }
+
+    /// Header of the sample that is published at `tick`.
+    #[must_use]
+    #[inline]
+    pub fn header(&self, tick: u64) -> Header {
+        Header {
+            tick,
+            stamp_ns: tick * self.tick_ns,
+            seq: self.rate.count_before(tick),
+        }
     }
 }
 
@@ -447,13 +505,17 @@ mod tests {
         let mut latencies = default_latencies();
         latencies[ServiceId::Estimator.index()][0] = 5;
         let schedule = Schedule::new(1, 100, [Rate::EVERY_TICK; SERVICES], topics, latencies).unwrap();
-        let due = |tick| schedule.due_sample(ServiceId::Estimator, 0, tick);
+        let due = |tick| schedule.edge(ServiceId::Estimator, 0).due_sample(tick);
         assert_eq!(
             [due(4), due(5), due(14), due(15), due(25)],
             [None, Some(0), Some(0), Some(10), Some(20)]
         );
         assert_eq!(schedule.sample_count(Topic::MocapPose), 11);
-        let fresh = |tick| schedule.is_fresh(ServiceId::Estimator, 0, tick, due(tick).unwrap());
+        let fresh = |tick| {
+            schedule
+                .edge(ServiceId::Estimator, 0)
+                .is_fresh(tick, due(tick).unwrap())
+        };
         assert_eq!(
             [fresh(5), fresh(6), fresh(14), fresh(15), fresh(16)],
             [true, false, false, true, false]

@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 
-use shared_types::schedule::{MAX_PORTS, Rate};
-use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::schedule::Publication;
+use shared_types::service::{ErasedService, InputView};
 use shared_types::{Schedule, ServiceId, Topic};
 use zerocopy::IntoBytes;
 
-use crate::step::{self, NonFinite, Slots, Views};
+use crate::step::{self, NonFinite, Slots, Timetable, Views};
 
 /// Receives everything that is published, in the order of the log: (tick, topic).
 pub trait TickSink {
@@ -41,80 +41,103 @@ pub struct InProcess {
     schedule: Schedule,
     /// In the order of a tick.
     stations: Vec<Station>,
-    /// By topic.
-    history: Vec<History>,
     /// What services publish, in the order of the log.
-    published: Vec<(Topic, Rate)>,
+    published: Vec<Source>,
     next_tick: u64,
 }
 
-/// A service and what the schedule says of it, so that a step looks nothing up.
+/// A service, when it steps, where its inputs come from and the latest of what it published.
 struct Station {
     service: Box<dyn ErasedService>,
-    id: ServiceId,
-    rate: Rate,
-    /// Topic and rate of each input.
-    inputs: Vec<(Topic, Rate)>,
-    /// Topic and rate of each output.
-    outputs: Vec<(Topic, Rate)>,
+    timetable: Timetable,
+    /// Of each input.
+    sources: Vec<Source>,
+    /// Of each output.
+    histories: Vec<History>,
+}
+
+/// Where a topic's samples are: which output of which station.
+#[derive(Clone, Copy)]
+struct Source {
+    station: usize,
+    output: usize,
+}
+
+impl Source {
+    /// Finds the publisher of a topic among the services in the order of a tick.
+    fn of(topic: Topic, order: &[ServiceId]) -> Option<Self> {
+        let publishes = |service: &ServiceId| {
+            let mut outputs = service.outputs().iter();
+            outputs.position(|output| output.topic == topic)
+        };
+        order
+            .iter()
+            .enumerate()
+            .find_map(|(station, service)| publishes(service).map(|output| Self { station, output }))
+    }
 }
 
 impl Station {
     fn new(service: Box<dyn ErasedService>, schedule: &Schedule) -> Self {
-        let id = service.id();
-        let with_rate = |topic: Topic| (topic, schedule.topic_rate(topic));
+        let timetable = Timetable::new(schedule, service.id());
+        let source =
+            |topic| Source::of(topic, schedule.order()).expect("services consume what services publish");
         Self {
             service,
-            id,
-            rate: schedule.service_rate(id),
-            inputs: id.inputs().iter().map(|input| with_rate(input.topic)).collect(),
-            outputs: id
-                .outputs()
+            sources: timetable.inputs.iter().map(|input| source(input.topic)).collect(),
+            histories: timetable
+                .outputs
                 .iter()
-                .map(|output| with_rate(output.topic))
+                .map(|output| History::new(*output, schedule))
                 .collect(),
+            timetable,
         }
     }
 }
 
 /// The latest samples of a topic, as many as any consumer may still need.
 struct History {
+    publication: Publication,
     slots: Vec<Box<[u64]>>,
     size: usize,
 }
 
 impl History {
-    fn new(topic: Topic, schedule: &Schedule) -> Self {
-        let size = topic.kind().size;
-        let latest = topic
+    fn new(publication: Publication, schedule: &Schedule) -> Self {
+        let size = publication.topic.kind().size;
+        let latest = publication
+            .topic
             .consumers()
             .map(|(service, input)| schedule.latency(service, input))
             .max();
-        let depth = latest.unwrap_or(0) / schedule.topic_rate(topic).period + 2;
+        let depth = (latest.unwrap_or(0) / publication.rate.period + 2).next_power_of_two();
         let words = size.div_ceil(size_of::<u64>());
         Self {
+            publication,
             slots: (0..depth).map(|_| vec![0; words].into_boxed_slice()).collect(),
             size,
         }
     }
 
+    /// The slot of the sample that is published at `tick`.
     #[inline]
-    fn slot_of(&self, seq: u64) -> usize {
+    fn slot_of(&self, tick: u64) -> usize {
         let depth = self.slots.len() as u64;
-        // The ring of the ideal schedule is two deep.
-        let index = if depth == 2 { seq & 1 } else { seq % depth };
+        let seq = self.publication.rate.count_before(tick);
+        // The depth is a power of two.
+        let index = seq & (depth - 1);
         usize::try_from(index).expect("below the depth")
     }
 
     #[inline]
-    fn slot_mut(&mut self, seq: u64) -> &mut Box<[u64]> {
-        let slot = self.slot_of(seq);
-        &mut self.slots[slot]
+    fn bytes(&self, tick: u64) -> &[u8] {
+        &self.slots[self.slot_of(tick)].as_bytes()[..self.size]
     }
 
     #[inline]
-    fn bytes(&self, seq: u64) -> &[u8] {
-        &self.slots[self.slot_of(seq)].as_bytes()[..self.size]
+    fn bytes_mut(&mut self, tick: u64) -> &mut [u8] {
+        let slot = self.slot_of(tick);
+        &mut self.slots[slot].as_mut_bytes()[..self.size]
     }
 }
 
@@ -125,24 +148,22 @@ impl InProcess {
     /// If `services` are not exactly those of the wiring table.
     #[must_use]
     pub fn new(schedule: Schedule, services: Vec<Box<dyn ErasedService>>) -> Self {
-        let mut services: Vec<_> = services
+        let mut stations: Vec<_> = services
             .into_iter()
             .map(|service| Station::new(service, &schedule))
             .collect();
         let place = |id: ServiceId| schedule.order().iter().position(|&other| other == id);
-        services.sort_by_key(|station| place(station.id));
-        let complete = services
+        stations.sort_by_key(|station| place(station.timetable.service));
+        let complete = stations
             .iter()
-            .map(|station| station.id)
+            .map(|station| station.timetable.service)
             .eq(schedule.order().iter().copied());
         assert!(complete, "one of each service");
         let topics = Topic::ALL.into_iter();
-        let published = topics.clone().filter(|topic| topic.publisher().is_some());
         Self {
-            stations: services,
-            history: topics.map(|topic| History::new(topic, &schedule)).collect(),
-            published: published
-                .map(|topic| (topic, schedule.topic_rate(topic)))
+            stations,
+            published: topics
+                .filter_map(|topic| Source::of(topic, schedule.order()))
                 .collect(),
             schedule,
             next_tick: 0,
@@ -160,14 +181,17 @@ impl InProcess {
     /// # Panics
     /// Never: there is one of each.
     pub fn service_mut(&mut self, service: ServiceId) -> &mut dyn ErasedService {
-        let station = self.stations.iter_mut().find(|station| station.id == service);
+        let station = self
+            .stations
+            .iter_mut()
+            .find(|station| station.timetable.service == service);
         station.expect("one of each service").service.as_mut()
     }
 
     /// Puts a service in the place of its predecessor.
     pub fn replace(&mut self, service: Box<dyn ErasedService>) {
         for station in &mut self.stations {
-            if station.id == service.id() {
+            if station.timetable.service == service.id() {
                 station.service = service;
                 return;
             }
@@ -193,86 +217,68 @@ impl InProcess {
 
     #[inline]
     fn step_services(&mut self, tick: u64) -> Result<(), NonFinite> {
-        let Self {
-            stations,
-            history,
-            schedule,
-            ..
-        } = self;
-        stations
-            .iter_mut()
-            .filter(|station| station.rate.occurs_at(tick))
-            .try_for_each(|station| station.step(schedule, history, tick))
+        for place in 0..self.stations.len() {
+            let (before, rest) = self.stations.split_at_mut(place);
+            let (station, after) = rest.split_first_mut().expect("the place is one of theirs");
+            if station.timetable.rate.occurs_at(tick) {
+                station.step(&Others { before, after }, tick)?;
+            }
+        }
+        Ok(())
     }
 
     #[inline]
     fn hand_over<S: TickSink>(&self, tick: u64, sink: &mut S) -> Result<(), S::Error> {
-        for (topic, rate) in &self.published {
-            if rate.occurs_at(tick) {
-                sink.sample(*topic, self.history[topic.index()].bytes(rate.count_before(tick)))?;
+        for source in &self.published {
+            let history = &self.stations[source.station].histories[source.output];
+            if history.publication.is_due(tick) {
+                sink.sample(history.publication.topic, history.bytes(tick))?;
             }
         }
         Ok(())
     }
 }
 
-/// Places of a service's outputs, taken out of the history for the time of a step.
-type Places = [Box<[u64]>; MAX_PORTS];
+/// The stations beside the one that steps.
+struct Others<'a> {
+    before: &'a [Station],
+    after: &'a [Station],
+}
+
+impl<'a> Others<'a> {
+    #[inline]
+    fn history(&self, source: Source) -> &'a History {
+        let place = self.before.len();
+        let station = if source.station < place {
+            &self.before[source.station]
+        } else {
+            &self.after[source.station - place - 1]
+        };
+        &station.histories[source.output]
+    }
+}
 
 impl Station {
     #[inline]
-    fn step(&mut self, schedule: &Schedule, history: &mut [History], tick: u64) -> Result<(), NonFinite> {
-        let now = step::now(schedule, self.id, tick);
-        let mut places = self.take_places(history, tick);
-        let result = {
-            let mut slots = Slots::default();
-            for ((slot, place), (topic, _)) in slots.iter_mut().zip(&mut places).zip(&self.outputs) {
-                if !place.is_empty() {
-                    let bytes = &mut place.as_mut_bytes()[..topic.kind().size];
-                    step::prepare(schedule, *topic, tick, bytes);
-                    *slot = OutputSlot { bytes: Some(bytes) };
-                }
-            }
-            let views = self.views(schedule, history, tick);
-            step::step(self.service.as_mut(), &now, &views, &mut slots)
-        };
-        self.return_places(history, tick, places);
-        result
-    }
-
-    /// The inputs: the samples that the schedule says are due.
-    #[inline]
-    fn views<'a>(&self, schedule: &Schedule, history: &'a [History], tick: u64) -> Views<'a> {
+    fn step(&mut self, others: &Others<'_>, tick: u64) -> Result<(), NonFinite> {
+        // The samples that the schedule says are due.
         let mut views = Views::default();
-        for (index, (view, (topic, rate))) in views.iter_mut().zip(&self.inputs).enumerate() {
-            if let Some(due) = schedule.due_sample(self.id, index, tick) {
+        for ((view, input), &source) in views.iter_mut().zip(&self.timetable.inputs).zip(&self.sources) {
+            if let Some(due) = input.due_sample(tick) {
                 *view = InputView {
-                    bytes: Some(history[topic.index()].bytes(rate.count_before(due))),
-                    fresh: schedule.is_fresh(self.id, index, tick, due),
+                    bytes: Some(others.history(source).bytes(due)),
+                    fresh: input.is_fresh(tick, due),
                 };
             }
         }
-        views
-    }
-
-    /// Takes the places of the due outputs out of the history; an output that is not due gets an empty one.
-    #[inline]
-    fn take_places(&self, history: &mut [History], tick: u64) -> Places {
-        let mut places = Places::default();
-        for (place, (topic, rate)) in places.iter_mut().zip(&self.outputs) {
-            if rate.occurs_at(tick) {
-                *place = std::mem::take(history[topic.index()].slot_mut(rate.count_before(tick)));
+        let mut slots = Slots::default();
+        for (slot, history) in slots.iter_mut().zip(&mut self.histories) {
+            let publication = history.publication;
+            if publication.is_due(tick) {
+                *slot = step::prepared(&publication, tick, history.bytes_mut(tick));
             }
         }
-        places
-    }
-
-    #[inline]
-    fn return_places(&self, history: &mut [History], tick: u64, places: Places) {
-        for (place, (topic, rate)) in places.into_iter().zip(&self.outputs) {
-            if !place.is_empty() {
-                *history[topic.index()].slot_mut(rate.count_before(tick)) = place;
-            }
-        }
+        self.timetable
+            .step(self.service.as_mut(), tick, &views, &mut slots)
     }
 }

@@ -7,12 +7,13 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use shared_types::service::{ErasedService, InputView, OutputSlot, header_of};
+use shared_types::schedule::{Edge, Publication};
+use shared_types::service::{ErasedService, InputView, header_of};
 use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::ports::{Member, OwnReceivers, PortError, Receiver, Sender};
 use crate::shared_page::{Cell, SharedPage};
-use crate::step::{self, NonFinite, Slots, Views};
+use crate::step::{self, NonFinite, Slots, Timetable, Views};
 use crate::wait::{Interrupted, Waiter};
 
 /// Why a flight ended before its last tick.
@@ -58,13 +59,13 @@ pub struct ServicePorts {
 struct InputPort {
     /// Place of the input in the wiring table.
     index: usize,
-    topic: Topic,
+    edge: Edge,
     publisher: ServiceId,
     receiver: Box<dyn Receiver>,
 }
 
 struct OutputPort {
-    topic: Topic,
+    publication: Publication,
     sender: Box<dyn Sender>,
 }
 
@@ -89,7 +90,7 @@ impl ServicePorts {
                 .expect("services consume what services publish");
             inputs.push(InputPort {
                 index,
-                topic: spec.topic,
+                edge: schedule.edge(id, index),
                 publisher,
                 receiver,
             });
@@ -97,9 +98,7 @@ impl ServicePorts {
         // The publisher that steps last is waited for first: once its sample is here, the others' are too,
         // so that a step sleeps once and not once an input.
         let place = |service| schedule.order().iter().position(|&other| other == service);
-        inputs.sort_by_key(|input| {
-            std::cmp::Reverse((schedule.latency(id, input.index) == 0, place(input.publisher)))
-        });
+        inputs.sort_by_key(|input| std::cmp::Reverse((input.edge.latency == 0, place(input.publisher))));
 
         let mut outputs = Vec::new();
         for spec in id.outputs() {
@@ -109,7 +108,7 @@ impl ServicePorts {
                 .open_topic(spec.topic, schedule)?
                 .sender(receivers.clone(), stopping)?;
             outputs.push(OutputPort {
-                topic: spec.topic,
+                publication: schedule.publication(spec.topic),
                 sender,
             });
         }
@@ -160,37 +159,31 @@ pub fn fly(
     ports: &mut ServicePorts,
     waiter: &mut Waiter,
 ) -> Result<(), FlightError> {
-    let rate = schedule.service_rate(service.id());
-    let mut tick = rate.phase;
+    let timetable = Timetable::new(schedule, service.id());
+    let mut tick = timetable.rate.phase;
     while tick <= schedule.last_tick() {
         if waiter.is_stopping() {
             return Err(FlightError::Stopping);
         }
-        await_inputs(service.id(), schedule, ports, waiter, tick)?;
-        step_and_publish(service, schedule, ports, tick)?;
+        await_inputs(ports, waiter, tick)?;
+        step_and_publish(service, &timetable, ports, tick)?;
         let cell = waiter.cell();
         cell.steps_until.store(tick + 1, Ordering::Relaxed);
         Cell::count(&cell.steps);
         waiter.wake(&ports.consumers);
-        tick += rate.period;
+        tick += timetable.rate.period;
     }
     Ok(())
 }
 
 /// Waits until the due sample of every input is held.
 #[inline]
-fn await_inputs(
-    id: ServiceId,
-    schedule: &Schedule,
-    ports: &mut ServicePorts,
-    waiter: &mut Waiter,
-    tick: u64,
-) -> Result<(), FlightError> {
+fn await_inputs(ports: &mut ServicePorts, waiter: &mut Waiter, tick: u64) -> Result<(), FlightError> {
     for input in &mut ports.inputs {
-        let Some(due) = schedule.due_sample(id, input.index, tick) else {
+        let Some(due) = input.edge.due_sample(tick) else {
             continue;
         };
-        let (topic, receiver) = (input.topic, input.receiver.as_mut());
+        let (topic, receiver) = (input.edge.topic, input.receiver.as_mut());
         waiter.wait(input.publisher, || advance(receiver, topic, tick, due))?;
     }
     Ok(())
@@ -223,31 +216,26 @@ fn advance(receiver: &mut dyn Receiver, topic: Topic, tick: u64, due: u64) -> Re
 #[inline]
 fn step_and_publish(
     service: &mut dyn ErasedService,
-    schedule: &Schedule,
+    timetable: &Timetable,
     ports: &mut ServicePorts,
     tick: u64,
 ) -> Result<(), FlightError> {
-    let id = service.id();
-    let now = step::now(schedule, id, tick);
     let mut views = Views::default();
     for input in &ports.inputs {
-        if let Some(due) = schedule.due_sample(id, input.index, tick) {
-            let fresh = schedule.is_fresh(id, input.index, tick, due);
+        if let Some(due) = input.edge.due_sample(tick) {
             views[input.index] = InputView {
                 bytes: input.receiver.held(),
-                fresh,
+                fresh: input.edge.is_fresh(tick, due),
             };
         }
     }
     let mut slots = Slots::default();
     for (slot, output) in slots.iter_mut().zip(&mut ports.outputs) {
-        if schedule.topic_rate(output.topic).occurs_at(tick) {
-            let bytes = output.sender.loan()?;
-            step::prepare(schedule, output.topic, tick, bytes);
-            *slot = OutputSlot { bytes: Some(bytes) };
+        if output.publication.is_due(tick) {
+            *slot = step::prepared(&output.publication, tick, output.sender.loan()?);
         }
     }
-    step::step(service, &now, &views, &mut slots)?;
+    timetable.step(service, tick, &views, &mut slots)?;
     for output in &mut ports.outputs {
         match output.sender.send() {
             Err(PortError::Stopping) => return Err(FlightError::Stopping),

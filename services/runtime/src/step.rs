@@ -1,6 +1,6 @@
 //! One step of a service, the same in every host.
 
-use shared_types::schedule::MAX_PORTS;
+use shared_types::schedule::{Edge, MAX_PORTS, Publication, Rate};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, Schedule, ServiceId, Topic};
 
@@ -27,50 +27,90 @@ pub type Views<'a> = [InputView<'a>; MAX_PORTS];
 /// What a host holds of a service's outputs during a step.
 pub type Slots<'a> = [OutputSlot<'a>; MAX_PORTS];
 
-/// The moment of a service's step at `tick`, with the time since its previous step.
-#[must_use]
-#[inline]
-pub fn now(schedule: &Schedule, service: ServiceId, tick: u64) -> Now {
-    let rate = schedule.service_rate(service);
-    let elapsed_ticks = if tick > rate.phase { rate.period } else { 0 };
-    Now {
-        tick,
-        time_ns: schedule.time_ns(tick),
-        elapsed_ns: schedule.time_ns(elapsed_ticks),
-    }
+/// What the schedule says of the steps of one service, looked up once before the flight.
+#[derive(Clone, Debug)]
+pub struct Timetable {
+    /// The service.
+    pub service: ServiceId,
+    /// When it steps.
+    pub rate: Rate,
+    /// Its inputs, in the order of the wiring table.
+    pub inputs: Vec<Edge>,
+    /// Its outputs, in the order of the wiring table.
+    pub outputs: Vec<Publication>,
+    tick_ns: u64,
 }
 
-/// Zeroes a due output's place and fills its header in.
-#[inline]
-pub fn prepare(schedule: &Schedule, topic: Topic, tick: u64, bytes: &mut [u8]) {
-    topic.kind().prepare(bytes, schedule.header(topic, tick));
-}
-
-/// Steps a service and examines what it wrote.
-///
-/// # Errors
-/// [`NonFinite`] if an output holds a number that is not finite.
-#[inline]
-pub fn step(
-    service: &mut dyn ErasedService,
-    now: &Now,
-    views: &Views<'_>,
-    slots: &mut Slots<'_>,
-) -> Result<(), NonFinite> {
-    let id = service.id();
-    let (inputs, outputs) = (id.inputs(), id.outputs());
-    service.step(now, &views[..inputs.len()], &mut slots[..outputs.len()]);
-    for (slot, output) in slots.iter().zip(outputs) {
-        if let Some(bytes) = slot.bytes.as_deref()
-            && let Some(field) = output.topic.kind().first_non_finite_field(bytes)
-        {
-            return Err(NonFinite {
-                service: id.to_string(),
-                tick: now.tick,
-                topic: output.topic.to_string(),
-                field: field.to_owned(),
-            });
+impl Timetable {
+    /// The timetable of a service.
+    #[must_use]
+    pub fn new(schedule: &Schedule, service: ServiceId) -> Self {
+        let outputs = service.outputs().iter();
+        Self {
+            service,
+            rate: schedule.service_rate(service),
+            inputs: (0..service.inputs().len())
+                .map(|input| schedule.edge(service, input))
+                .collect(),
+            outputs: outputs.map(|output| schedule.publication(output.topic)).collect(),
+            tick_ns: schedule.tick_ns(),
         }
     }
-    Ok(())
+
+    /// The moment of the step at `tick`, with the time since the previous step.
+    #[must_use]
+    #[inline]
+    pub fn now(&self, tick: u64) -> Now {
+        let elapsed_ticks = if tick > self.rate.phase {
+            self.rate.period
+        } else {
+            0
+        };
+        Now {
+            tick,
+            time_ns: tick * self.tick_ns,
+            elapsed_ns: elapsed_ticks * self.tick_ns,
+        }
+    }
+
+    /// Steps `service` at `tick` and examines what it wrote.
+    ///
+    /// # Errors
+    /// [`NonFinite`] if an output holds a number that is not finite.
+    #[inline]
+    pub fn step(
+        &self,
+        service: &mut dyn ErasedService,
+        tick: u64,
+        views: &Views<'_>,
+        slots: &mut Slots<'_>,
+    ) -> Result<(), NonFinite> {
+        let (inputs, outputs) = (self.inputs.len(), self.outputs.len());
+        service.step(&self.now(tick), &views[..inputs], &mut slots[..outputs]);
+        for (slot, output) in slots.iter().zip(&self.outputs) {
+            if let Some(bytes) = slot.bytes.as_deref()
+                && let Some(field) = output.topic.kind().first_non_finite_field(bytes)
+            {
+                return Err(self.non_finite(tick, output.topic, field));
+            }
+        }
+        Ok(())
+    }
+
+    #[cold]
+    fn non_finite(&self, tick: u64, topic: Topic, field: &str) -> NonFinite {
+        NonFinite {
+            service: self.service.to_string(),
+            tick,
+            topic: topic.to_string(),
+            field: field.to_owned(),
+        }
+    }
+}
+
+/// A due output's place: zeroed, its header filled in.
+#[inline]
+pub fn prepared<'a>(output: &Publication, tick: u64, bytes: &'a mut [u8]) -> OutputSlot<'a> {
+    output.topic.kind().prepare(bytes, output.header(tick));
+    OutputSlot { bytes: Some(bytes) }
 }
