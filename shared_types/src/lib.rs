@@ -6,10 +6,12 @@
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
 //! * [`schedule`]: who steps when, and which sample is due where, computable by everyone;
 //! * [`scenario`]: the parameters of a flight, with their validation;
+//! * [`noise`]: random numbers as functions of seed, stream and tick;
 //! * [`rotation`]: the conventions of attitude.
 //!
 //! Nothing in this crate does input or output.
 
+pub mod noise;
 pub mod rotation;
 pub mod sample;
 pub mod samples;

@@ -23,7 +23,8 @@ crate::sample! {
         pub mass: f64,
         /// Diagonal of J from this tick on, kg m².
         pub inertia: [f64; 3],
-        /// b, disturbance from this tick on, an acceleration in {I}, m/s².
+        /// b, disturbance from this tick on, an acceleration in {I}, m/s²: the constant one, fan, turbulence and
+        /// drag together.
         pub disturbance_world: [f64; 3],
     }
 
@@ -63,18 +64,25 @@ crate::sample! {
         pub velocity_body: [f64; 3],
         /// ω, angular velocity in {B}, rad/s.
         pub angular_velocity_body: [f64; 3],
+        /// T, thrust that acts at that time as the frames sent so far say, N; 0 without a filter.
+        pub thrust: f64,
         /// Standard deviation of the position, the largest axis, m.
         pub position_sigma: f64,
-        /// Whether the state rests on a measurement of the body.
+        /// Captures refused as outliers since the start of the flight.
+        pub captures_refused: u32,
+        /// Whether the state rests on a measurement of the body that is recent enough.
         pub tracked: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 7],
+        pub pad0: [u8; 3],
     }
 
     /// Where the vehicle should be: the point of the path, its γ-derivatives and the timing law's terms.
     pub struct PathReference {
         /// Common header.
         pub header: Header,
+        /// The time that the reference speaks of, that of the state it was made for, ns since the start of the
+        /// flight.
+        pub reference_time_ns: u64,
         /// γ, path parameter.
         pub gamma: f64,
         /// γ̇, 1/s.
@@ -134,9 +142,15 @@ crate::sample! {
         pub disturbance_projected_world: [f64; 3],
         /// ŵ: Diag(J), η Diag(J), J1 b, J2 b, J3 b.
         pub w_hat: [f64; 15],
+        /// m̂ of the immersion-and-invariance observer that flies along, kg; 0 where there is none.
+        pub observer_mass_estimate: f64,
+        /// Whether the estimators rest, having nothing true to learn from.
+        pub resting: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
     }
 
-    /// The errors of the backstepping design.
+    /// The errors of the backstepping design at the time of the state they were computed from.
     pub struct ControlErrors {
         /// Common header.
         pub header: Header,

@@ -163,6 +163,11 @@ fn push_property(schema: &Value, property: &Value, key: &Key, required: bool, ke
 
 /// The part of the schema that a part of it refers to, or that part itself.
 fn resolved<'a>(schema: &'a Value, part: &'a Value) -> &'a Value {
+    // An optional table is any of that table and null, which TOML does not have.
+    let part = match part["anyOf"].as_array() {
+        Some(choices) => choices.first().unwrap_or(part),
+        None => part,
+    };
     let reference = part["$ref"]
         .as_str()
         .and_then(|reference| reference.strip_prefix('#'));

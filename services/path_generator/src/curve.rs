@@ -3,6 +3,7 @@
 mod circle;
 mod hover;
 mod line;
+mod lissajous;
 mod tilted_eight;
 mod waypoints;
 
@@ -12,6 +13,7 @@ use shared_types::scenario;
 pub use circle::Circle;
 pub use hover::Hover;
 pub use line::Line;
+pub use lissajous::Lissajous;
 pub use tilted_eight::TiltedEight;
 pub use waypoints::Waypoints;
 
@@ -117,6 +119,8 @@ pub enum Curve {
     Circle(Circle),
     /// A straight line without end.
     Line(Line),
+    /// An oscillation along each axis.
+    Lissajous(Lissajous),
     /// A smooth curve through points.
     Waypoints(Waypoints),
 }
@@ -132,6 +136,7 @@ impl Curve {
             scenario::Curve::Hover(parameters) => Self::Hover(Hover::new(parameters)),
             scenario::Curve::Circle(parameters) => Self::Circle(Circle::new(parameters)),
             scenario::Curve::Line(parameters) => Self::Line(Line::new(parameters)),
+            scenario::Curve::Lissajous(parameters) => Self::Lissajous(Lissajous::new(parameters)),
             scenario::Curve::Waypoints(parameters) => Self::Waypoints(Waypoints::new(parameters)?),
         })
     }
@@ -145,6 +150,7 @@ impl Curve {
             Self::Hover(curve) => curve.at(gamma),
             Self::Circle(curve) => curve.at(gamma),
             Self::Line(curve) => curve.at(gamma),
+            Self::Lissajous(curve) => curve.at(gamma),
             Self::Waypoints(curve) => curve.at(gamma),
         }
     }

@@ -65,8 +65,8 @@ enum Mover {
 pub struct PathGeneratorService {
     curve: Curve,
     mover: Mover,
-    /// ψd, rad.
-    yaw: f64,
+    /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
+    yaws: Vec<(u64, f64)>,
     state: PathGeneratorState,
 }
 
@@ -81,13 +81,27 @@ impl PathGeneratorService {
         Ok(Self {
             curve,
             mover: Mover::new(path).map_err(PathGeneratorError::Transition)?,
-            yaw: path.yaw,
+            yaws: std::iter::once((0, path.yaw))
+                .chain(
+                    path.yaw_step
+                        .iter()
+                        .map(|step| (scenario.tick_of(step.at), step.yaw)),
+                )
+                .collect(),
             state: PathGeneratorState {
                 gamma: path.initial_gamma,
                 gamma_dot: path.initial_gamma_dot,
                 gamma_ddot: 0.0,
             },
         })
+    }
+}
+
+impl PathGeneratorService {
+    /// ψd at a tick, rad.
+    fn yaw_at(&self, tick: u64) -> f64 {
+        let begun = self.yaws.partition_point(|(from, _)| *from <= tick);
+        self.yaws[begun.max(1) - 1].1
     }
 }
 
@@ -132,7 +146,8 @@ impl Service for PathGeneratorService {
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
         self.state.advance(now.elapsed());
         let point = self.curve.at(self.state.gamma);
-        let rates = match inputs.state.newest().filter(|vehicle| vehicle.tracked.is_set()) {
+        let vehicle = inputs.state.newest();
+        let rates = match vehicle.filter(|vehicle| vehicle.tracked.is_set()) {
             Some(vehicle) => self.mover.rates(vehicle, &point, self.state.gamma_dot),
             None => PathRates::steady(0.0),
         };
@@ -141,6 +156,7 @@ impl Service for PathGeneratorService {
         if let Some(reference) = outputs.reference.due() {
             *reference = PathReference {
                 header: reference.header,
+                reference_time_ns: vehicle.map_or(now.time_ns, |vehicle| vehicle.state_time_ns),
                 gamma: self.state.gamma,
                 gamma_dot: rates.gamma_dot,
                 gamma_ddot: rates.gamma_ddot,
@@ -151,7 +167,7 @@ impl Service for PathGeneratorService {
                 derivative1_world: point.derivative1.into(),
                 derivative2_world: point.derivative2.into(),
                 derivative3_world: point.derivative3.into(),
-                yaw: self.yaw,
+                yaw: self.yaw_at(now.tick),
                 yaw_rate: 0.0,
             };
         }

@@ -2,7 +2,7 @@
 
 use path_generator::PathGeneratorService;
 use shared_types::samples::{PathReference, VehicleState};
-use shared_types::scenario::{Controller, Curve, Path, PathMode, Scenario, TiltedEight, Timing, Vehicle};
+use shared_types::scenario::{Curve, Path, Scenario, TiltedEight, Vehicle};
 use shared_types::service::{ErasedService, InputView, Now, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 
@@ -10,35 +10,11 @@ pub(crate) const TICK_NS: u64 = 1_000_000;
 
 /// The paper's path with its timing law; nothing else in a scenario concerns the path generator.
 pub(crate) fn paper_path() -> Path {
-    Path {
-        mode: PathMode::Following,
-        speed: 1.0,
-        k4: 1.0,
-        alpha1: 0.5,
-        alpha2: 1.5,
-        initial_gamma: 0.0,
-        initial_gamma_dot: 0.0,
-        yaw: 0.0,
-        curve: Curve::TiltedEight(TiltedEight::default()),
-    }
+    Path::new(Curve::TiltedEight(TiltedEight::default()))
 }
 
 pub(crate) fn scenario(path: Path) -> Scenario {
-    Scenario {
-        description: String::new(),
-        seed: 1,
-        duration: 60.0,
-        schedule: Timing::default(),
-        vehicle: Vehicle {
-            mass: 0.2,
-            inertia: [6.5e-4, 6.5e-4, 13.0e-4],
-            disturbance: [0.0; 3],
-            initial: Default::default(),
-            change: Vec::new(),
-        },
-        path,
-        controller: Controller::default(),
-    }
+    Scenario::new(60.0, Vehicle::new(0.2, [6.5e-4, 6.5e-4, 13.0e-4]), path)
 }
 
 pub(crate) fn generator(path: Path) -> PathGeneratorService {

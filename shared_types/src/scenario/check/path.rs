@@ -1,7 +1,7 @@
 //! A path that can be flown: a timing law that is defined and a curve that is smooth.
 
 use super::Findings;
-use crate::scenario::{Circle, Curve, Hover, Key, Line, Path, TiltedEight, Vector, Waypoints};
+use crate::scenario::{Circle, Curve, Hover, Key, Line, Lissajous, Path, TiltedEight, Vector, Waypoints};
 
 /// Distance below which two waypoints are the same, m: less than any motion capture resolves.
 const COINCIDENT: f64 = 1e-6;
@@ -36,6 +36,7 @@ impl Curve {
             Self::Hover(hover) => hover.check(&at.then("hover"), found),
             Self::Circle(circle) => circle.check(&at.then("circle"), found),
             Self::Line(line) => line.check(&at.then("line"), found),
+            Self::Lissajous(figure) => figure.check(&at.then("lissajous"), found),
             Self::Waypoints(waypoints) => waypoints.check(&at.then("waypoints"), found),
         }
     }
@@ -76,6 +77,15 @@ impl Line {
                 "give a direction other than [0, 0, 0], or use `hover`",
             );
         }
+    }
+}
+
+impl Lissajous {
+    fn check(&self, at: &Key, found: &mut Findings) {
+        found.vector(&at.then("center"), &self.center);
+        found.vector(&at.then("amplitude"), &self.amplitude);
+        found.vector(&at.then("frequency"), &self.frequency);
+        found.vector(&at.then("phase"), &self.phase);
     }
 }
 

@@ -41,6 +41,7 @@ fn change(at: f64) -> VehicleChange {
         mass: Some(0.25),
         inertia: None,
         disturbance: None,
+        center_of_mass: None,
     }
 }
 
