@@ -541,8 +541,10 @@ pub struct RateCommand {
     pub yaw_ki: f64,
     /// Largest magnitude of the yaw law's integral term, rad/s.
     pub yaw_integral_max: f64,
-    /// Step of the roll-out over the hold of a frame, s; 0 evaluates the law once a frame instead.
+    /// Step at which the law drives the artificial angular velocity over the hold of a frame, s.
     pub roll_out_step: f64,
+    /// Whether vehicle and path move along over the hold; if not the law sees them as they are at its beginning.
+    pub roll_out: bool,
     /// Whether commands make up for the believed lags of thrust and rates.
     pub lag_inversion: bool,
 }
@@ -625,6 +627,7 @@ impl Default for RateCommand {
             yaw_ki: 0.5,
             yaw_integral_max: 0.5,
             roll_out_step: 0.001,
+            roll_out: true,
             lag_inversion: true,
         }
     }

@@ -8,6 +8,11 @@
 //! * [`zeta_rate`]: ζ̇ as an affine function of the unknown acceleration;
 //! * [`regressor`]: W of (20), kept structured;
 //! * [`lyapunov`]: the Lyapunov function that the law makes decrease;
+//! * [`offset`]: what δ makes the vehicle hang below the path;
+//! * [`rates`]: the law for a vehicle that takes body rates, rolled out over the hold of a command;
+//! * [`yaw`]: the yaw law (28);
+//! * [`commander`]: both, from hold to hold;
+//! * [`observer`]: a mass observer of another kind, to compare with;
 //! * [`service`]: the law and its estimators as a service of the flight.
 //!
 //! The controller knows nothing of the path or of its timing law: what it needs of them comes with
@@ -16,14 +21,19 @@
 //! Where it differs from the paper: k1 d²σ(z1)/dt² and d³γ/dt³ contain the unknown acceleration as well, and
 //! both are part of W here, which the paper leaves to the reader.
 
+pub mod commander;
 pub mod law;
 pub mod lyapunov;
+pub mod observer;
+pub mod offset;
 pub mod parameters;
 pub mod projection;
+pub mod rates;
 pub mod regressor;
 pub mod saturation;
 pub mod service;
 pub mod signals;
+pub mod yaw;
 pub mod zeta_rate;
 
 pub use law::{Evaluation, evaluate};

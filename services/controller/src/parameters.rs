@@ -31,6 +31,8 @@ pub struct Parameters {
     pub eta_projection: Projection,
     /// π for each component of b̂, m/s².
     pub disturbance_projection: Projection,
+    /// Whether the law is shifted so that the vehicle hangs on the path and not below it.
+    pub removes_offset: bool,
 }
 
 impl From<&scenario::Controller> for Parameters {
@@ -58,6 +60,7 @@ impl From<&scenario::Controller> for Parameters {
                 maximum: bounds.disturbance,
                 epsilon: bounds.epsilon_disturbance,
             },
+            removes_offset: controller.remove_offset,
         }
     }
 }

@@ -325,6 +325,7 @@ prop_compose! {
             lambda_inertia,
             eta_projection: Projection { minimum: 1.0 / 0.6, maximum: 10.0, epsilon: 0.01 },
             disturbance_projection: Projection { minimum: -3.0, maximum: 3.0, epsilon: 0.1 },
+            removes_offset: false,
         }
     }
 }

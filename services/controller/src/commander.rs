@@ -1,0 +1,127 @@
+//! Commands of thrust and body rates, from hold to hold: the roll-out, the yaw law and what they remember.
+
+use nalgebra::Vector3;
+use shared_types::Topic;
+use shared_types::scenario::{GRAVITY, RateCommand, RcLink, Scenario};
+use shared_types::service::seconds;
+
+use crate::law::Evaluation;
+use crate::parameters::Parameters;
+use crate::rates::{HoldStart, RollOut};
+use crate::signals::{Estimates, Measured, Reference};
+use crate::yaw::YawLaw;
+
+/// Makes commands of thrust and body rates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Commander {
+    roll_out: RollOut,
+    yaw: YawLaw,
+    /// Least and largest thrust that the link carries, N.
+    thrust_limits: [f64; 2],
+    /// Thrust below which the lightest vehicle cannot be flying, N.
+    airborne_thrust: f64,
+    /// What is kept from hold to hold.
+    pub memory: Memory,
+}
+
+/// What is kept from hold to hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Memory {
+    /// The artificial ω at the end of the last hold, rad/s.
+    pub artificial_omega: Vector3<f64>,
+    /// Integral term of the yaw law, rad/s.
+    pub yaw_integral: f64,
+}
+
+impl Memory {
+    /// What there is to remember before the first hold.
+    pub const NONE: Self = Self {
+        artificial_omega: Vector3::new(0.0, 0.0, 0.0),
+        yaw_integral: 0.0,
+    };
+}
+
+/// A command of thrust and body rates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Command {
+    /// T, N, before the limits of the link.
+    pub thrust: f64,
+    /// T as the link will carry it, N.
+    pub limited_thrust: f64,
+    /// Body rates, rad/s.
+    pub rates_body: Vector3<f64>,
+    /// The law at the beginning of the hold.
+    pub law: Evaluation,
+    /// Whether the vehicle flies by what the law asks for, so that its motion can teach something.
+    pub is_telling: bool,
+}
+
+impl Commander {
+    /// The commander of a scenario that has been checked, for commands of body rates.
+    #[must_use]
+    pub fn new(scenario: &Scenario, rates: &RateCommand) -> Self {
+        let model = scenario.model.clone().unwrap_or_default();
+        let (thrust_limits, rate_limits) = scenario
+            .rc_output
+            .as_ref()
+            .map_or(([0.0, f64::INFINITY], [f64::INFINITY; 3]), |link| {
+                (RcLink::thrust_limits(link), RcLink::rate_limits(link))
+            });
+        Self {
+            roll_out: RollOut::new(rates, &model, hold(scenario)),
+            yaw: YawLaw::new(rates, rate_limits[2]),
+            thrust_limits,
+            airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
+            memory: Memory::NONE,
+        }
+    }
+
+    /// The command for the coming hold, with ψd = `yaw` (rad), for a vehicle whose thrust now is `thrust` (N).
+    pub fn command(
+        &mut self,
+        parameters: &Parameters,
+        measured: &Measured,
+        reference: &Reference,
+        estimates: &Estimates,
+        yaw: f64,
+        thrust: f64,
+    ) -> Command {
+        let memory = self.memory;
+        let yaw = self.yaw.command(
+            &measured.world_from_body,
+            yaw,
+            memory.yaw_integral,
+            self.roll_out.hold,
+        );
+        let start = HoldStart {
+            measured,
+            reference,
+            estimates,
+            artificial_omega: memory.artificial_omega,
+            yaw_rate: yaw.rate,
+            thrust,
+        };
+        let output = self.roll_out.command(parameters, &start);
+        self.memory = Memory {
+            artificial_omega: output.artificial_omega,
+            yaw_integral: yaw.integral,
+        };
+        let [least, largest] = self.thrust_limits;
+        let is_within = (least..=largest).contains(&output.first.thrust);
+        Command {
+            thrust: output.thrust,
+            limited_thrust: output.thrust.clamp(least, largest),
+            rates_body: output.rates_body,
+            law: output.first,
+            is_telling: is_within && thrust >= self.airborne_thrust,
+        }
+    }
+}
+
+/// For how long a command is held, s.
+fn hold(scenario: &Scenario) -> f64 {
+    scenario.schedule().map_or(scenario.schedule.tick, |schedule| {
+        let rate = schedule.topic_rate(Topic::ControlCommand);
+        seconds(schedule.time_ns(rate.period))
+    })
+}

@@ -1,0 +1,17 @@
+//! The known offset of the paper's design, and its removal (not in the paper).
+//!
+//! At rest z2 = 0 says k1 σ(z1) = Rδ: the vehicle hangs at z1 = σ⁻¹(Rδ/k1) = atanh(δ R e3/(k1 σmax)), element by
+//! element, below the path when level. That is known at any moment. Measured from a position that is shifted
+//! by it, the vehicle hangs on the path.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::parameters::Parameters;
+
+/// σ⁻¹(Rδ/k1), what the vehicle hangs below the path, in {I}, m. Finite since σmax > δ/k1.
+#[must_use]
+#[inline]
+pub fn hanging_offset(parameters: &Parameters, world_from_body: &Matrix3<f64>) -> Vector3<f64> {
+    let scale = parameters.delta / (parameters.k1 * parameters.saturation.level);
+    world_from_body.column(2).map(|axis| libm::atanh(scale * axis))
+}

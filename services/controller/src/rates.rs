@@ -1,0 +1,243 @@
+//! The law for a vehicle that takes thrust and body rates instead of torque (section VI of the paper).
+//!
+//! The torque (20) drives an *artificial* angular velocity by (4), with the inertia J of the cuboid that the
+//! vehicle is taken for; the vehicle's own rate loop is sent that. Its third component is left free by (20) and
+//! goes to the yaw law (28).
+//!
+//! A command is held for a whole frame, over which the continuous law would have gone on. So the law is *rolled
+//! out* over the hold: vehicle, path and artificial ω move along in small steps, each with a new torque. What is
+//! sent is the mean of ω over the hold, and the thrust at its end. This is the exact discretisation of the
+//! continuous loop: the attitude loop's sampled gain saturates at one, where sent directly it would be
+//! (g/δ)H, unstable above 2.
+//!
+//! The vehicle follows with first-order lags. The command makes up for them: a lag with time constant τ that is
+//! held at x̂ + (x − x̂)/(1 − e^(−H/τ)) brings x̂ to x at the end of the hold H.
+
+use nalgebra::Vector3;
+use shared_types::rotation;
+use shared_types::scenario::{GRAVITY, Model, RateCommand};
+
+use crate::law::{Evaluation, evaluate};
+use crate::offset::hanging_offset;
+use crate::parameters::Parameters;
+use crate::signals::{Estimates, Measured, Reference};
+
+/// What the roll-out knows of vehicle and link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RollOut {
+    /// Diagonal of J of (4), kg m².
+    pub inertia: Vector3<f64>,
+    /// H, for how long a command is held, s.
+    pub hold: f64,
+    /// Number of steps of a hold.
+    pub steps: u32,
+    /// Whether vehicle and path move along.
+    pub moves: bool,
+    /// Whether the commands make up for the lags.
+    pub inverts_lags: bool,
+    /// Time constant of the thrust, s.
+    pub thrust_lag: f64,
+    /// Time constant of the body rates, s.
+    pub rate_lag: f64,
+}
+
+/// What a hold begins with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HoldStart<'a> {
+    /// The measured state; its ω is that of the vehicle, not the artificial one.
+    pub measured: &'a Measured,
+    /// The reference.
+    pub reference: &'a Reference,
+    /// The estimates.
+    pub estimates: &'a Estimates,
+    /// The artificial ω at the end of the hold before, rad/s.
+    pub artificial_omega: Vector3<f64>,
+    /// ωz of the yaw law, rad/s.
+    pub yaw_rate: f64,
+    /// Thrust of the vehicle, N.
+    pub thrust: f64,
+}
+
+/// What is to be sent, and what follows from it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RateOutput {
+    /// T to be sent, N.
+    pub thrust: f64,
+    /// Body rates to be sent, rad/s.
+    pub rates_body: Vector3<f64>,
+    /// The artificial ω at the end of the hold, rad/s.
+    pub artificial_omega: Vector3<f64>,
+    /// The law at the beginning of the hold.
+    pub first: Evaluation,
+}
+
+impl RollOut {
+    /// A roll-out for commands that are held for `hold` seconds.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a rounded ratio of checked times, at least 1"
+    )]
+    pub fn new(rates: &RateCommand, model: &Model, hold: f64) -> Self {
+        Self {
+            inertia: model.inertia().into(),
+            hold,
+            steps: libm::round(hold / rates.roll_out_step).max(1.0) as u32,
+            moves: rates.roll_out,
+            inverts_lags: rates.lag_inversion,
+            thrust_lag: model.thrust_lag,
+            rate_lag: model.rate_lag,
+        }
+    }
+
+    /// Rolls the law out over a hold.
+    #[must_use]
+    pub fn command(&self, parameters: &Parameters, start: &HoldStart<'_>) -> RateOutput {
+        let HoldStart {
+            measured,
+            reference,
+            estimates,
+            artificial_omega,
+            yaw_rate,
+            thrust,
+        } = *start;
+        let h = self.hold / f64::from(self.steps);
+        let mut flight = Flight {
+            vehicle: Measured {
+                angular_velocity_body: Vector3::new(artificial_omega.x, artificial_omega.y, yaw_rate),
+                ..*measured
+            },
+            reference: *reference,
+        };
+        let first = flight.evaluate(parameters, estimates);
+        let mut evaluation = first;
+        let mut mean = Vector3::zeros();
+        for _ in 0..self.steps {
+            let before = flight.vehicle.angular_velocity_body;
+            if self.moves {
+                flight.move_vehicle(parameters, estimates, evaluation.thrust, h);
+                flight.reference = flight.reference.ahead(h);
+            }
+            flight.drive(&self.inertia, &evaluation.torque, h);
+            mean += (before + flight.vehicle.angular_velocity_body) * (0.5 / f64::from(self.steps));
+            evaluation = flight.evaluate(parameters, estimates);
+        }
+        let omega_end = flight.vehicle.angular_velocity_body;
+        RateOutput {
+            thrust: self.thrust_for(thrust, evaluation.thrust),
+            rates_body: self.rates_for(&measured.angular_velocity_body, &omega_end, &mean),
+            artificial_omega: omega_end,
+            first,
+        }
+    }
+
+    /// T to be sent so that the lagging thrust goes from `now` to `end`.
+    fn thrust_for(&self, now: f64, end: f64) -> f64 {
+        if self.inverts_lags {
+            reaching(now, end, self.hold, self.thrust_lag)
+        } else {
+            end
+        }
+    }
+
+    /// The rates to be sent: half way between what has the right mean without a lag, and what makes the lagging
+    /// rates reach the right end, which alone would ring.
+    fn rates_for(&self, now: &Vector3<f64>, end: &Vector3<f64>, mean: &Vector3<f64>) -> Vector3<f64> {
+        if !self.inverts_lags || self.rate_lag == 0.0 {
+            return *mean;
+        }
+        let reaching = now.zip_map(end, |now, end| reaching(now, end, self.hold, self.rate_lag));
+        (mean + reaching) * 0.5
+    }
+}
+
+/// What a first-order lag must be held at to go from `now` to `end` within `hold` seconds.
+fn reaching(now: f64, end: f64, hold: f64, lag: f64) -> f64 {
+    if lag == 0.0 {
+        return end;
+    }
+    now - (end - now) / libm::expm1(-hold / lag)
+}
+
+/// Vehicle and path in the roll-out.
+struct Flight {
+    vehicle: Measured,
+    reference: Reference,
+}
+
+impl Flight {
+    #[inline]
+    fn evaluate(&self, parameters: &Parameters, estimates: &Estimates) -> Evaluation {
+        let offset = parameters.offset(&self.vehicle.world_from_body);
+        let vehicle = Measured {
+            position_world: self.vehicle.position_world + offset,
+            ..self.vehicle
+        };
+        evaluate(parameters, &vehicle, &self.reference, estimates)
+    }
+
+    /// (1)–(3) with the estimates for the unknown parameters, over `h` seconds.
+    #[inline]
+    fn move_vehicle(&mut self, parameters: &Parameters, estimates: &Estimates, thrust: f64, h: f64) {
+        let vehicle = &mut self.vehicle;
+        let r = vehicle.world_from_body;
+        let eta = parameters.eta_projection.value(estimates.eta);
+        let b = estimates
+            .disturbance_world
+            .map(|b| parameters.disturbance_projection.value(b));
+        let acceleration = Vector3::z() * GRAVITY + b - r.column(2) * (eta * thrust);
+        let velocity = r * vehicle.velocity_body;
+        let velocity_after = velocity + acceleration * h;
+        vehicle.position_world += (velocity + velocity_after) * (0.5 * h);
+        vehicle.world_from_body = r * rotation::exp(&(vehicle.angular_velocity_body * h));
+        vehicle.velocity_body = vehicle.world_from_body.tr_mul(&velocity_after);
+    }
+
+    /// (4) on the first two components of the artificial ω, over `h` seconds.
+    #[inline]
+    fn drive(&mut self, inertia: &Vector3<f64>, torque: &Vector3<f64>, h: f64) {
+        let omega = &mut self.vehicle.angular_velocity_body;
+        let momentum = inertia.component_mul(omega);
+        let acceleration = (torque - omega.cross(&momentum)).component_div(inertia);
+        omega.x += acceleration.x * h;
+        omega.y += acceleration.y * h;
+    }
+}
+
+impl Reference {
+    /// The reference `h` seconds later, at constant γ̈ and by the Taylor series of the curve.
+    #[must_use]
+    #[inline]
+    pub fn ahead(&self, h: f64) -> Self {
+        let way = h * (self.gamma_dot + 0.5 * h * self.gamma_ddot);
+        let [d1, d2, d3] = [
+            self.derivative1_world,
+            self.derivative2_world,
+            self.derivative3_world,
+        ];
+        Self {
+            gamma_dot: self.gamma_dot + h * self.gamma_ddot,
+            position_world: self.position_world
+                + d1 * way
+                + d2 * (way * way / 2.0)
+                + d3 * (way * way * way / 6.0),
+            derivative1_world: d1 + d2 * way + d3 * (way * way / 2.0),
+            derivative2_world: d2 + d3 * way,
+            ..*self
+        }
+    }
+}
+
+impl Parameters {
+    /// What the law is to be shifted by in position, in {I}, m: zero unless the offset is to be removed.
+    #[must_use]
+    #[inline]
+    pub fn offset(&self, world_from_body: &nalgebra::Matrix3<f64>) -> Vector3<f64> {
+        if self.removes_offset {
+            hanging_offset(self, world_from_body)
+        } else {
+            Vector3::zeros()
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The yaw law (28): ωz = −kp (ψ − ψd) − ki ∫(ψ − ψd) dt.
+//!
+//! The torque (20) leaves the third component of the angular velocity free; this law takes it. ψ − ψd is the
+//! shorter way around, in [−π, π]. The integral rests while it would drive ωz further beyond its limit, and its
+//! term never passes its own.
+
+use std::f64::consts::PI;
+
+use shared_types::rotation::roll_pitch_yaw;
+use shared_types::scenario::RateCommand;
+
+use nalgebra::Matrix3;
+
+/// The yaw law with its gains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct YawLaw {
+    /// kp, 1/s.
+    pub kp: f64,
+    /// ki, 1/s².
+    pub ki: f64,
+    /// Largest magnitude of ki ∫(ψ − ψd) dt, rad/s.
+    pub integral_max: f64,
+    /// Largest magnitude of ωz, rad/s.
+    pub rate_max: f64,
+}
+
+/// What the yaw law says at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct YawCommand {
+    /// ωz, rad/s.
+    pub rate: f64,
+    /// ki ∫(ψ − ψd) dt after the coming hold, rad/s.
+    pub integral: f64,
+}
+
+impl YawLaw {
+    /// The yaw law of a scenario for a link that carries yaw rates up to `rate_max` (rad/s).
+    #[must_use]
+    pub fn new(rates: &RateCommand, rate_max: f64) -> Self {
+        Self {
+            kp: rates.yaw_kp,
+            ki: rates.yaw_ki,
+            integral_max: rates.yaw_integral_max,
+            rate_max,
+        }
+    }
+
+    /// ωz for an attitude and ψd (rad), with the `integral` so far (rad/s), to be held for `hold` seconds.
+    #[must_use]
+    pub fn command(
+        &self,
+        world_from_body: &Matrix3<f64>,
+        desired: f64,
+        integral: f64,
+        hold: f64,
+    ) -> YawCommand {
+        let [_, _, yaw] = roll_pitch_yaw(world_from_body);
+        let error = shorter_way(yaw - desired);
+        let wanted = -self.kp * error - integral;
+        let rate = wanted.clamp(-self.rate_max, self.rate_max);
+        let winds_up = wanted != rate && wanted * error < 0.0;
+        let grown = if winds_up {
+            integral
+        } else {
+            integral + self.ki * error * hold
+        };
+        YawCommand {
+            rate,
+            integral: grown.clamp(-self.integral_max, self.integral_max),
+        }
+    }
+}
+
+/// An angle (rad) as the shorter way around, in [−π, π].
+#[must_use]
+pub fn shorter_way(angle: f64) -> f64 {
+    angle - 2.0 * PI * libm::rint(angle / (2.0 * PI))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use shared_types::rotation::from_roll_pitch_yaw;
+
+    const LAW: YawLaw = YawLaw {
+        kp: 4.0,
+        ki: 0.5,
+        integral_max: 0.5,
+        rate_max: 8.0,
+    };
+
+    proptest! {
+        #[test]
+        fn the_vehicle_turns_the_shorter_way(yaw in -3.1..3.1f64, desired in -20.0..20.0f64) {
+            let r = from_roll_pitch_yaw([0.1, -0.05, yaw]);
+            let rate = LAW.command(&r, desired, 0.0, 0.02).rate;
+            let error = libm::atan2(libm::sin(yaw - desired), libm::cos(yaw - desired));
+            prop_assume!(error.abs() < 3.1);
+            prop_assert!((rate + (4.0 * error).clamp(-8.0, 8.0)).abs() < 1e-9, "{} {}", rate, error);
+        }
+
+        #[test]
+        fn the_integral_rests_while_the_rate_is_at_its_limit(error in 2.1..3.0f64, integral in -0.4..0.4f64) {
+            let r = from_roll_pitch_yaw([0.0, 0.0, error]);
+            prop_assert_eq!(LAW.command(&r, 0.0, integral, 0.02).integral, integral);
+            let near = from_roll_pitch_yaw([0.0, 0.0, 0.1]);
+            prop_assert!(LAW.command(&near, 0.0, integral, 0.02).integral > integral);
+        }
+    }
+
+    #[test]
+    fn a_constant_drift_of_the_rate_is_integrated_away() {
+        let (mut yaw, mut integral) = (0.3, 0.0);
+        for _ in 0..3000 {
+            let command = LAW.command(&from_roll_pitch_yaw([0.0, 0.0, yaw]), 0.0, integral, 0.02);
+            integral = command.integral;
+            yaw += (command.rate + 0.2) * 0.02;
+        }
+        assert!(yaw.abs() < 1e-3, "{yaw}");
+        assert!((integral - 0.2).abs() < 1e-3, "{integral}");
+    }
+
+    #[test]
+    fn the_integral_term_never_passes_its_limit() {
+        let r = from_roll_pitch_yaw([0.0, 0.0, 1.0]);
+        let integral = (0..10_000).fold(0.0, |integral, _| LAW.command(&r, 0.0, integral, 0.02).integral);
+        assert_eq!(integral, 0.5);
+    }
+}

@@ -1,0 +1,252 @@
+//! The law for a vehicle that takes body rates, against a vehicle with lags that is seen without error.
+
+use controller::commander::Commander;
+use controller::offset::hanging_offset;
+use controller::{Estimates, Measured, Parameters, Reference};
+use nalgebra::Vector3;
+use shared_types::rotation;
+use shared_types::scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
+
+/// H, s: the paper's radio.
+const HOLD: f64 = 0.022;
+const MASS: f64 = 0.2;
+
+fn scenario(delta: f64, remove_offset: bool, rates: RateCommand) -> Scenario {
+    let hover = Curve::Hover(Hover { position: [0.0; 3] });
+    let mut scenario = Scenario::new(60.0, Vehicle::new(MASS, [6.5e-4; 3]), Path::new(hover));
+    scenario.schedule.period = [("path_generator", HOLD), ("controller", HOLD)]
+        .map(|(name, period)| (name.to_owned(), period))
+        .into();
+    scenario.controller.delta = delta;
+    scenario.controller.remove_offset = remove_offset;
+    scenario.controller.lambda_inertia = 1e-9;
+    scenario.controller.rates = Some(rates);
+    scenario
+}
+
+/// A vehicle whose thrust and body rates follow with first-order lags.
+struct Rig {
+    motion: Measured,
+    thrust: f64,
+    disturbance: Vector3<f64>,
+}
+
+impl Rig {
+    fn new(position: [f64; 3], attitude: [f64; 3]) -> Self {
+        Self {
+            motion: Measured {
+                position_world: position.into(),
+                world_from_body: rotation::from_roll_pitch_yaw(attitude),
+                velocity_body: Vector3::zeros(),
+                angular_velocity_body: Vector3::zeros(),
+            },
+            thrust: MASS * GRAVITY,
+            disturbance: Vector3::new(0.3, -0.5, 0.2),
+        }
+    }
+
+    fn fly(&mut self, thrust: f64, rates: &Vector3<f64>) {
+        let (steps, motion) = (220, &mut self.motion);
+        let h = HOLD / f64::from(steps);
+        let mut velocity = motion.world_from_body * motion.velocity_body;
+        for _ in 0..steps {
+            let thrust_axis = motion.world_from_body.column(2).into_owned();
+            let acceleration = Vector3::z() * GRAVITY + self.disturbance - thrust_axis * (self.thrust / MASS);
+            motion.position_world += velocity * h + acceleration * (0.5 * h * h);
+            velocity += acceleration * h;
+            motion.world_from_body *= rotation::exp(&(motion.angular_velocity_body * h));
+            motion.angular_velocity_body += (rates - motion.angular_velocity_body) * (h / 0.02);
+            self.thrust += (thrust - self.thrust) * (h / 0.03);
+        }
+        motion.velocity_body = motion.world_from_body.tr_mul(&velocity);
+    }
+}
+
+fn resting_reference() -> Reference {
+    let zero = Vector3::zeros();
+    Reference {
+        gamma_dot: 1.0,
+        gamma_ddot: 0.0,
+        gamma_dot_desired: 1.0,
+        gamma_dddot_constant: 0.0,
+        gamma_dddot_slope: 0.0,
+        position_world: zero,
+        derivative1_world: zero,
+        derivative2_world: zero,
+        derivative3_world: zero,
+    }
+}
+
+/// Flies towards a point and tells how far from it the vehicle was in the last seconds, and what it believed.
+fn flown(scenario: &Scenario, rig: &mut Rig, seconds: f64, last: f64, yaw: f64) -> (f64, Estimates) {
+    let mut commander = Commander::new(scenario, scenario.controller.rates.as_ref().unwrap());
+    let parameters = Parameters::from(&scenario.controller);
+    let mut estimates = Estimates::from(&scenario.controller.initial);
+    let (mut time, mut farthest) = (0.0, 0.0_f64);
+    while time < seconds {
+        let command = commander.command(
+            &parameters,
+            &rig.motion,
+            &resting_reference(),
+            &estimates,
+            yaw,
+            rig.thrust,
+        );
+        assert!(command.is_telling);
+        rig.fly(command.thrust.max(0.0), &command.rates_body);
+        estimates = estimates.advanced(&command.law.rates, HOLD);
+        time += HOLD;
+        if time > seconds - last {
+            farthest = farthest.max(rig.motion.position_world.norm());
+        }
+    }
+    (farthest, estimates)
+}
+
+#[test]
+fn the_paper_s_delta_flies_at_the_radio_s_rate_and_hangs_by_the_known_offset() {
+    let scenario = scenario(0.1, false, RateCommand::default());
+    let mut rig = Rig::new([0.3, -0.2, 0.1], [0.0, 0.0, 0.3]);
+    let (_, estimates) = flown(&scenario, &mut rig, 60.0, 5.0, 0.0);
+    let offset = hanging_offset(
+        &Parameters::from(&scenario.controller),
+        &rig.motion.world_from_body,
+    );
+    assert!(
+        (rig.motion.position_world - offset).norm() < 5e-4,
+        "{}",
+        rig.motion.position_world
+    );
+    let seen = Vector3::z() * GRAVITY + rig.disturbance;
+    let believed = Vector3::z() * GRAVITY + estimates.disturbance_world;
+    // Mass and vertical disturbance are not told apart, the rest is.
+    assert!((seen - believed).xy().norm() < 0.02, "{believed}");
+}
+
+#[test]
+fn without_the_offset_the_vehicle_hangs_on_the_path() {
+    let scenario = scenario(0.25, true, RateCommand::default());
+    let mut rig = Rig::new([0.3, -0.2, 0.1], [0.0, 0.0, 0.3]);
+    let (farthest, _) = flown(&scenario, &mut rig, 60.0, 5.0, 0.0);
+    assert!(farthest < 1e-3, "{farthest}");
+}
+
+#[test]
+fn the_roll_out_asks_for_less_of_the_body_rates() {
+    let latched = RateCommand {
+        roll_out: false,
+        ..RateCommand::default()
+    };
+    let [rolled_out, latched] = [RateCommand::default(), latched].map(|rates| {
+        let scenario = scenario(0.1, true, rates);
+        let mut commander = Commander::new(&scenario, scenario.controller.rates.as_ref().unwrap());
+        let parameters = Parameters::from(&scenario.controller);
+        let estimates = Estimates::from(&scenario.controller.initial);
+        let mut rig = Rig::new([0.3, 0.0, 0.0], [0.0; 3]);
+        let mut squares = 0.0;
+        for _ in 0..50 {
+            let command = commander.command(
+                &parameters,
+                &rig.motion,
+                &resting_reference(),
+                &estimates,
+                0.0,
+                rig.thrust,
+            );
+            rig.fly(command.thrust.max(0.0), &command.rates_body);
+            squares += command.rates_body.norm_squared();
+        }
+        squares.sqrt()
+    });
+    assert!(rolled_out < 0.7 * latched, "{rolled_out} {latched}");
+}
+
+#[test]
+fn the_vehicle_turns_to_the_desired_yaw_without_leaving_its_place() {
+    let scenario = scenario(0.25, true, RateCommand::default());
+    let mut rig = Rig::new([0.0; 3], [0.0; 3]);
+    flown(&scenario, &mut rig, 40.0, 1.0, 0.0);
+    let (farthest, _) = flown(&scenario, &mut rig, 40.0, 40.0, 0.7);
+    let [_, _, yaw] = rotation::roll_pitch_yaw(&rig.motion.world_from_body);
+    assert!((yaw - 0.7).abs() < 2e-3, "{yaw}");
+    assert!(farthest < 0.03, "{farthest}");
+}
+
+#[test]
+fn the_first_step_of_the_roll_out_is_the_law_itself() {
+    let scenario = scenario(0.25, false, RateCommand::default());
+    let mut commander = Commander::new(&scenario, &RateCommand::default());
+    let rig = Rig::new([0.1, 0.2, 0.3], [0.1, -0.2, 0.0]);
+    let parameters = Parameters::from(&scenario.controller);
+    let estimates = Estimates::from(&scenario.controller.initial);
+    let command = commander.command(
+        &parameters,
+        &rig.motion,
+        &resting_reference(),
+        &estimates,
+        0.0,
+        rig.thrust,
+    );
+    assert_eq!(
+        command.law,
+        controller::evaluate(&parameters, &rig.motion, &resting_reference(), &estimates)
+    );
+}
+
+#[test]
+fn there_is_nothing_to_learn_on_the_ground_or_beyond_the_link_s_thrust() {
+    let mut scenario = scenario(0.25, false, RateCommand::default());
+    scenario.rc_output = Some(Default::default());
+    let parameters = Parameters::from(&scenario.controller);
+    scenario.controller.initial.mass = 0.5;
+    let estimates = Estimates::from(&scenario.controller.initial);
+    let telling = |depth: f64, thrust: f64| {
+        let mut commander = Commander::new(&scenario, &RateCommand::default());
+        let rig = Rig::new([0.0, 0.0, depth], [0.0; 3]);
+        commander
+            .command(
+                &parameters,
+                &rig.motion,
+                &resting_reference(),
+                &estimates,
+                0.0,
+                thrust,
+            )
+            .is_telling
+    };
+    assert!(telling(0.0, 1.96));
+    assert!(!telling(0.0, 0.1), "not airborne");
+    assert!(
+        !telling(20.0, 1.96),
+        "the law asks for more than the link carries"
+    );
+}
+
+#[test]
+fn the_reference_ahead_is_the_curve_ahead() {
+    // A cubic in γ, which its Taylor series holds exactly, at constant γ̈.
+    let [c1, c2, c3] = [
+        Vector3::new(1.0, 2.0, -1.0),
+        Vector3::new(0.5, -0.3, 0.2),
+        Vector3::new(-0.1, 0.4, 0.3),
+    ];
+    let at = |gamma: f64, gamma_dot: f64| Reference {
+        gamma_dot,
+        gamma_ddot: -0.4,
+        position_world: c1 * gamma + c2 * (gamma * gamma) + c3 * (gamma * gamma * gamma),
+        derivative1_world: c1 + c2 * (2.0 * gamma) + c3 * (3.0 * gamma * gamma),
+        derivative2_world: c2 * 2.0 + c3 * (6.0 * gamma),
+        derivative3_world: c3 * 6.0,
+        ..resting_reference()
+    };
+    let (ahead, wanted) = (at(0.7, 1.2).ahead(0.1), at(0.7 + 0.12 - 0.002, 1.16));
+    for (ahead, wanted) in [
+        (ahead.position_world, wanted.position_world),
+        (ahead.derivative1_world, wanted.derivative1_world),
+        (ahead.derivative2_world, wanted.derivative2_world),
+        (ahead.derivative3_world, wanted.derivative3_world),
+    ] {
+        assert!((ahead - wanted).norm() < 1e-14, "{ahead} {wanted}");
+    }
+    assert!((ahead.gamma_dot - wanted.gamma_dot).abs() < 1e-15);
+}
