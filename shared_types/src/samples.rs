@@ -172,7 +172,8 @@ crate::sample! {
     pub struct RcFrame {
         /// Common header.
         pub header: Header,
-        /// Channels as sent, in the link's own units; all zero on the ideal link.
+        /// Channels as sent, in the link's own units: thrust, roll rate, pitch rate, yaw rate, and none after them; all
+        /// zero on the ideal link and in failsafe frames.
         pub channels: [u16; 16],
         /// T that the frame asks for, N.
         pub thrust: f64,
@@ -183,12 +184,14 @@ crate::sample! {
         #[values(MODE_TORQUE = 0, MODE_RATES = 1)]
         /// What the vehicle is to follow.
         pub mode: u32,
-        /// Whether this is a failsafe frame.
+        /// Saturated frames since the start of the flight, this one included.
+        pub saturated_frames: u32,
+        /// Whether this is a failsafe frame: the motors rest.
         pub failsafe: Flag,
-        /// Whether a limit changed what the controller asked for.
+        /// Whether a limit changed what the controller asked for, by more than the link's resolution.
         pub saturated: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 2],
+        pub pad0: [u8; 6],
     }
 
     /// Something that the scenario schedules. Never something that happened to the machine.

@@ -1,13 +1,52 @@
 //! What a command becomes on the link.
 //!
-//! The ideal link carries numbers as they are: no channels, no limits, and so no saturation. A real one maps
-//! them to channels within the range of its sticks.
+//! * The ideal link carries numbers as they are: no channels, no limits, and so no saturation.
+//! * The radio link carries thrust and body rates as four channels ([`Channel`]); what the frame then says of them
+//!   is what the channels mean. With the paper's calibration a travel is TRC = (T − 2.3071)/3.138 and
+//!   ωRC = −[ωx/19, ωy/19, ωz/8].
+//!
+//! What a link cannot carry becomes a failsafe frame, with which the motors rest: no command at all, one that holds
+//! a number that is not finite, and torque on the radio link.
 
+use shared_types::sample::Field;
 use shared_types::samples::{ControlCommand, RcFrame};
+use shared_types::scenario::RcLink;
 
-/// Writes the frame that carries `command`.
+use crate::channel::Channel;
+
+/// The link of a flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Link {
+    /// Carries every command as it is.
+    Ideal,
+    /// Carries thrust and body rates within its range and resolution.
+    Radio(Radio),
+}
+
+impl Link {
+    /// The link that a scenario describes; ideal if it describes none.
+    #[must_use]
+    pub fn new(link: Option<&RcLink>) -> Self {
+        link.map_or(Self::Ideal, |link| Self::Radio(Radio::new(link)))
+    }
+
+    /// Writes the frame that carries `command`, all but its header and what is counted.
+    #[inline]
+    pub fn transmit(&self, command: Option<&ControlCommand>, frame: &mut RcFrame) {
+        match (self, command.filter(|command| command.is_finite())) {
+            (Self::Ideal, Some(command)) => transmit_as_it_is(command, frame),
+            (Self::Radio(radio), Some(command)) if command.mode == ControlCommand::MODE_RATES => {
+                radio.transmit(command, frame);
+            }
+            (Self::Ideal, None) => transmit_failsafe(RcFrame::MODE_TORQUE, frame),
+            (Self::Radio(_), _) => transmit_failsafe(RcFrame::MODE_RATES, frame),
+        }
+    }
+}
+
+/// Writes the frame of the ideal link.
 #[inline]
-pub fn transmit(command: &ControlCommand, frame: &mut RcFrame) {
+fn transmit_as_it_is(command: &ControlCommand, frame: &mut RcFrame) {
     frame.channels = [0; 16];
     frame.thrust = command.thrust;
     frame.torque_body = command.torque_body;
@@ -17,14 +56,71 @@ pub fn transmit(command: &ControlCommand, frame: &mut RcFrame) {
     frame.saturated = false.into();
 }
 
-/// Writes the frame that lets the motors rest: no thrust, no torque, failsafe.
+/// Writes the frame with which the motors rest.
 #[inline]
-pub fn transmit_failsafe(frame: &mut RcFrame) {
+fn transmit_failsafe(mode: u32, frame: &mut RcFrame) {
     frame.channels = [0; 16];
     frame.thrust = 0.0;
     frame.torque_body = [0.0; 3];
     frame.rates_body = [0.0; 3];
-    frame.mode = RcFrame::MODE_TORQUE;
+    frame.mode = mode;
     frame.failsafe = true.into();
     frame.saturated = false.into();
+}
+
+/// The radio link's four channels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Radio {
+    thrust: Channel,
+    rates: [Channel; 3],
+}
+
+impl Radio {
+    /// The link of these parameters, which have been checked.
+    #[must_use]
+    pub fn new(link: &RcLink) -> Self {
+        let rate_channel = |slope| Channel::new(0.0, slope, link.rate_range, link.resolution);
+        Self {
+            thrust: Channel::new(
+                link.thrust_offset,
+                link.thrust_slope,
+                range_of_pull(link),
+                link.resolution,
+            ),
+            rates: link.rate_slope.map(rate_channel),
+        }
+    }
+
+    /// Writes the frame of a command of thrust and body rates: the channels `thrust`, `roll rate`, `pitch rate`,
+    /// `yaw rate`, and what they mean.
+    #[inline]
+    fn transmit(&self, command: &ControlCommand, frame: &mut RcFrame) {
+        let thrust = self.thrust.send(command.thrust);
+        let mut saturated = thrust.saturated;
+        frame.channels = [0; 16];
+        frame.channels[0] = thrust.code;
+        // Where no thrust is a code, rounding may make it less than none.
+        frame.thrust = self.thrust.meaning(thrust.code).max(0.0);
+        for (axis, channel) in self.rates.iter().enumerate() {
+            let rate = channel.send(command.rates_body[axis]);
+            saturated |= rate.saturated;
+            frame.channels[1 + axis] = rate.code;
+            frame.rates_body[axis] = channel.meaning(rate.code);
+        }
+        frame.torque_body = [0.0; 3];
+        frame.mode = RcFrame::MODE_RATES;
+        frame.failsafe = false.into();
+        frame.saturated = saturated.into();
+    }
+}
+
+/// The part of the thrust channel's range in which the thrust is not below 0.
+fn range_of_pull(link: &RcLink) -> [f64; 2] {
+    let [least, most] = link.thrust_range;
+    let at_rest = -link.thrust_offset / link.thrust_slope;
+    if link.thrust_slope > 0.0 {
+        [least.max(at_rest), most]
+    } else {
+        [least, most.min(at_rest)]
+    }
 }

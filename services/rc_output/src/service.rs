@@ -4,25 +4,31 @@ use shared_types::scenario::Scenario;
 use shared_types::wiring::{RcOutputInputs, RcOutputOutputs};
 use shared_types::{Now, Service, ServiceId};
 
-use crate::link;
+use crate::link::Link;
 
 shared_types::sample! {
-    /// Nothing: on the ideal link a frame depends on the newest command alone.
+    /// What the next step depends on besides the newest command.
     pub struct RcOutputState {
-        /// A record has at least one member; always 0.
-        pub structure_needs_at_least_one_member: u8,
+        /// Saturated frames since the start of the flight.
+        pub saturated_frames: u32,
     }
 }
 
 /// The transmitter as a service.
 #[derive(Clone, Debug)]
-pub struct RcOutputService(());
+pub struct RcOutputService {
+    link: Link,
+    saturated_frames: u32,
+}
 
 impl RcOutputService {
-    /// The transmitter of a scenario that has been checked; every scenario has the ideal link.
+    /// The transmitter of a scenario that has been checked, at the start of the flight.
     #[must_use]
-    pub fn new(_scenario: &Scenario) -> Self {
-        Self(())
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            link: Link::new(scenario.rc_output.as_ref()),
+            saturated_frames: 0,
+        }
     }
 }
 
@@ -36,17 +42,19 @@ impl Service for RcOutputService {
         let Some(frame) = outputs.frame.due() else {
             return;
         };
-        match inputs.command.newest() {
-            Some(command) => link::transmit(command, frame),
-            None => link::transmit_failsafe(frame),
-        }
+        self.link.transmit(inputs.command.newest(), frame);
+        let counts = u32::from(frame.saturated.is_set());
+        self.saturated_frames = self.saturated_frames.saturating_add(counts);
+        frame.saturated_frames = self.saturated_frames;
     }
 
     fn save(&self) -> RcOutputState {
         RcOutputState {
-            structure_needs_at_least_one_member: 0,
+            saturated_frames: self.saturated_frames,
         }
     }
 
-    fn restore(&mut self, _state: &RcOutputState) {}
+    fn restore(&mut self, state: &RcOutputState) {
+        self.saturated_frames = state.saturated_frames;
+    }
 }
