@@ -17,7 +17,9 @@ use rc_output::RcOutputService;
 pub fn build(service: ServiceId, scenario: &Scenario) -> Result<Box<dyn ErasedService>, String> {
     Ok(match service {
         ServiceId::Plant => Box::new(PlantService::new(scenario)),
-        ServiceId::Estimator => Box::new(EstimatorService::new(scenario)),
+        ServiceId::Estimator => {
+            Box::new(EstimatorService::new(scenario).map_err(|problem| problem.to_string())?)
+        }
         ServiceId::PathGenerator => {
             Box::new(PathGeneratorService::new(scenario).map_err(|error| error.to_string())?)
         }

@@ -1,55 +1,44 @@
 //! The step function of the estimator.
 
-use shared_types::samples::VehicleState;
-use shared_types::scenario::Scenario;
+use shared_types::scenario::{Problem, Scenario};
 use shared_types::wiring::{EstimatorInputs, EstimatorOutputs};
 use shared_types::{Now, Service, ServiceId};
+use zerocopy::FromZeros;
 
-use crate::source::Source;
+use crate::kalman::{KalmanFilter, KalmanState};
+use crate::source::{Estimate, Source, as_captured};
 
 shared_types::sample! {
-    /// The last state that rested on a measurement.
+    /// Everything that the next step depends on besides its inputs.
     pub struct EstimatorState {
-        /// The time that it speaks of, ns since the start of the flight.
-        pub state_time_ns: u64,
-        /// p, position in {I}, m.
-        pub position_world: [f64; 3],
-        /// R, body to inertial, row-major.
-        pub world_from_body: [f64; 9],
-        /// v, linear velocity in {B}, m/s.
-        pub velocity_body: [f64; 3],
-        /// ω, angular velocity in {B}, rad/s.
-        pub angular_velocity_body: [f64; 3],
-        /// Standard deviation of the position, the largest axis, m.
-        pub position_sigma: f64,
+        /// The last state that rested on a measurement.
+        pub last: Estimate,
+        /// What the filter remembers; all zero without one.
+        pub kalman: KalmanState,
     }
 }
-
-/// Level at the origin and at rest: a state that consumers can compute with until there is a measurement.
-const UNMEASURED: EstimatorState = EstimatorState {
-    state_time_ns: 0,
-    position_world: [0.0; 3],
-    world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-    velocity_body: [0.0; 3],
-    angular_velocity_body: [0.0; 3],
-    position_sigma: 0.0,
-};
 
 /// The estimator as a service.
 #[derive(Clone, Debug)]
 pub struct EstimatorService {
     source: Source,
-    last: EstimatorState,
+    last: Estimate,
 }
 
 impl EstimatorService {
-    /// The estimator of a scenario that has been checked; every scenario has ideal cameras.
-    #[must_use]
-    pub fn new(_scenario: &Scenario) -> Self {
-        Self {
-            source: Source::IdealCapture,
-            last: UNMEASURED,
-        }
+    /// The estimator of a scenario that has been checked: with a filter if it asks for one, else for the ideal
+    /// cameras that it then has.
+    ///
+    /// # Errors
+    /// More frames under way than the filter can remember, see [`KalmanFilter::new`].
+    pub fn new(scenario: &Scenario) -> Result<Self, Problem> {
+        Ok(Self {
+            source: match &scenario.estimator {
+                None => Source::IdealCapture,
+                Some(estimator) => Source::Kalman(Box::new(KalmanFilter::new(scenario, &estimator.kalman)?)),
+            },
+            last: Estimate::UNMEASURED,
+        })
     }
 }
 
@@ -59,33 +48,49 @@ impl Service for EstimatorService {
     type Outputs<'a> = EstimatorOutputs<'a>;
     type State = EstimatorState;
 
-    /// While there is no usable capture the last state is published again, as not tracked; until the first one
-    /// that is a level attitude at the origin, at rest.
-    fn step(&mut self, _now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
-        let measured = self.source.state(inputs.pose.newest());
-        if let Some(measured) = measured {
-            self.last = measured;
-        }
-        if let Some(state) = outputs.state.due() {
-            write_state(&self.last, measured.is_some(), state);
+    /// While there is nothing to rest a state on the last one is published again, as not tracked; until the
+    /// first one that is a level attitude at the origin, at rest.
+    fn step(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
+        match &mut self.source {
+            Source::IdealCapture => {
+                let measured = as_captured(inputs.pose.newest());
+                self.last = measured.unwrap_or(self.last);
+                if let Some(state) = outputs.state.due() {
+                    self.last.write(state);
+                    state.tracked = measured.is_some().into();
+                }
+            }
+            Source::Kalman(filter) => {
+                if let Some(frame) = inputs.frame.fresh() {
+                    filter.hear(now.time_ns, frame);
+                }
+                if let Some(pose) = inputs.pose.fresh() {
+                    filter.see(now.time_ns, pose);
+                }
+                if let Some(state) = outputs.state.due() {
+                    self.last = filter.estimate(now.time_ns).unwrap_or(self.last);
+                    self.last.write(state);
+                    state.tracked = filter.is_tracking(now.time_ns).into();
+                    state.captures_refused = filter.captures_refused();
+                }
+            }
         }
     }
 
     fn save(&self) -> EstimatorState {
-        self.last
+        EstimatorState {
+            last: self.last,
+            kalman: match &self.source {
+                Source::IdealCapture => KalmanState::new_zeroed(),
+                Source::Kalman(filter) => filter.save(),
+            },
+        }
     }
 
     fn restore(&mut self, state: &EstimatorState) {
-        self.last = *state;
+        self.last = state.last;
+        if let Source::Kalman(filter) = &mut self.source {
+            filter.restore(&state.kalman);
+        }
     }
-}
-
-fn write_state(last: &EstimatorState, tracked: bool, state: &mut VehicleState) {
-    state.state_time_ns = last.state_time_ns;
-    state.position_world = last.position_world;
-    state.world_from_body = last.world_from_body;
-    state.velocity_body = last.velocity_body;
-    state.angular_velocity_body = last.angular_velocity_body;
-    state.position_sigma = last.position_sigma;
-    state.tracked = tracked.into();
 }

@@ -1,38 +1,77 @@
 //! What a state may rest on.
 
-use shared_types::samples::MocapPose;
+use shared_types::samples::{MocapPose, VehicleState};
 
-use crate::EstimatorState;
+use crate::kalman::KalmanFilter;
+
+shared_types::sample! {
+    /// A state of the vehicle, and how well it is known.
+    pub struct Estimate {
+        /// The time that it speaks of, ns since the start of the flight.
+        pub state_time_ns: u64,
+        /// p, position in {I}, m.
+        pub position_world: [f64; 3],
+        /// R, body to inertial, row-major.
+        pub world_from_body: [f64; 9],
+        /// v, linear velocity in {B}, m/s.
+        pub velocity_body: [f64; 3],
+        /// ω, angular velocity in {B}, rad/s.
+        pub angular_velocity_body: [f64; 3],
+        /// T, thrust that acts at that time as the frames sent so far say, N; 0 without a filter.
+        pub thrust: f64,
+        /// Standard deviation of the position, the largest axis, m.
+        pub position_sigma: f64,
+    }
+}
+
+impl Estimate {
+    /// Level at the origin and at rest: a state that consumers can compute with until there is a measurement.
+    pub const UNMEASURED: Self = Self {
+        state_time_ns: 0,
+        position_world: [0.0; 3],
+        world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        velocity_body: [0.0; 3],
+        angular_velocity_body: [0.0; 3],
+        thrust: 0.0,
+        position_sigma: 0.0,
+    };
+
+    /// Writes the estimate into the sample that carries it.
+    #[inline]
+    pub fn write(&self, state: &mut VehicleState) {
+        state.state_time_ns = self.state_time_ns;
+        state.position_world = self.position_world;
+        state.world_from_body = self.world_from_body;
+        state.velocity_body = self.velocity_body;
+        state.angular_velocity_body = self.angular_velocity_body;
+        state.thrust = self.thrust;
+        state.position_sigma = self.position_sigma;
+    }
+}
 
 /// How the state is made from what the cameras saw.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub enum Source {
     /// Takes captures as they are: pose and velocities are exact, and the state speaks of their exposure.
     ///
     /// A capture without velocities is of no use to it; cameras that measure none need a filter.
     IdealCapture,
+    /// Filters poses, with the frames already sent as its input; boxed, being a hundred times as large.
+    Kalman(Box<KalmanFilter>),
 }
 
-impl Source {
-    /// The state that the newest capture gives; `None` if it gives none.
-    #[must_use]
-    #[inline]
-    pub fn state(&self, capture: Option<&MocapPose>) -> Option<EstimatorState> {
-        match self {
-            Self::IdealCapture => capture
-                .filter(|pose| pose.tracked.is_set() && pose.velocities_measured.is_set())
-                .map(as_captured),
-        }
-    }
-}
-
-fn as_captured(pose: &MocapPose) -> EstimatorState {
-    EstimatorState {
+/// The state that an ideal capture gives; `None` if it gives none.
+#[must_use]
+#[inline]
+pub fn as_captured(capture: Option<&MocapPose>) -> Option<Estimate> {
+    let pose = capture.filter(|pose| pose.tracked.is_set() && pose.velocities_measured.is_set())?;
+    Some(Estimate {
         state_time_ns: pose.capture_time_ns,
         position_world: pose.position_world,
         world_from_body: pose.world_from_body,
         velocity_body: pose.velocity_body,
         angular_velocity_body: pose.angular_velocity_body,
+        thrust: 0.0,
         position_sigma: 0.0,
-    }
+    })
 }

@@ -16,7 +16,7 @@ fn a_step_of_the_estimator_does_not_allocate() {
          vehicle = { mass = 0.2, inertia = [6.5e-4, 6.5e-4, 13.0e-4] }\n\
          path.curve.hover.position = [0.0, 0.0, -1.0]",
     );
-    let mut service = EstimatorService::new(&scenario.unwrap());
+    let mut service = EstimatorService::new(&scenario.unwrap()).unwrap();
     let seen = MocapPose {
         tracked: true.into(),
         velocities_measured: true.into(),

@@ -15,7 +15,7 @@ fn service() -> EstimatorService {
          path.curve.hover.position = [0.0, 0.0, -1.0]",
     )
     .unwrap();
-    EstimatorService::new(&scenario)
+    EstimatorService::new(&scenario).unwrap()
 }
 
 /// A capture of ideal cameras, told apart from others by its members.

@@ -1,0 +1,271 @@
+//! Mean and covariance together: propagation over the frames sent, and the use of a pose.
+
+use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector, Vector3};
+use shared_types::rotation::{exp, orthonormalized, skew};
+use shared_types::scenario::Kalman;
+use shared_types::service::seconds;
+
+use super::attitude::log;
+use super::commands::CommandHistory;
+use super::error_state::{
+    ATTITUDE, Covariance, DISTURBANCE, ERRORS, ErrorVector, POSITION, ProcessNoise, RATE_BIAS, VELOCITY,
+    add_to_diagonal, symmetrized,
+};
+use super::motion::{Actuation, Nominal, VehicleModel};
+
+/// Longest step of the propagation, ns.
+const LONGEST_STEP_NS: u64 = 2_000_000;
+
+/// Size of a measurement: position and attitude.
+pub const MEASURED: usize = 6;
+
+/// Standard deviations to begin with of what a pose does not tell: more than any flight of the rig shows.
+const INITIAL_VELOCITY_DEVIATION: f64 = 5.0;
+const INITIAL_RATE_BIAS_DEVIATION: f64 = 1.0;
+const INITIAL_DISTURBANCE_DEVIATION: f64 = 5.0;
+
+/// A pose of the body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// p, position in {I}, m.
+    pub position_world: Vector3<f64>,
+    /// R, body to inertial.
+    pub world_from_body: Matrix3<f64>,
+}
+
+/// How well a pose is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct PoseNoise {
+    /// Variance of each component of the position, m².
+    position: f64,
+    /// Variance of the attitude about each axis, rad².
+    attitude: f64,
+}
+
+impl PoseNoise {
+    /// What a scenario states.
+    #[must_use]
+    pub fn new(kalman: &Kalman) -> Self {
+        Self {
+            position: kalman.position_deviation * kalman.position_deviation,
+            attitude: kalman.attitude_deviation * kalman.attitude_deviation,
+        }
+    }
+
+    /// V, covariance of a measured pose.
+    fn covariance(self) -> SMatrix<f64, MEASURED, MEASURED> {
+        let (p, a) = (self.position, self.attitude);
+        SMatrix::from_diagonal(&SVector::from([p, p, p, a, a, a]))
+    }
+}
+
+/// What the filter needs to know to propagate.
+#[derive(Clone, Copy, Debug)]
+pub struct ProcessModel {
+    /// The vehicle.
+    pub vehicle: VehicleModel,
+    /// What moves it besides.
+    pub noise: ProcessNoise,
+}
+
+/// The state of the vehicle at a time, and how well it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Belief {
+    /// The time that it speaks of, ns since the start of the flight.
+    pub time_ns: u64,
+    /// The mean.
+    pub nominal: Nominal,
+    /// P, covariance of the error of the mean.
+    pub covariance: Covariance,
+}
+
+/// How a measured pose differs from the one believed in.
+#[derive(Clone, Debug)]
+pub struct Innovation {
+    /// (p_measured − p, log RᵀR_measured).
+    pub residual: SVector<f64, MEASURED>,
+    /// P Hᵀ.
+    cross_covariance: SMatrix<f64, ERRORS, MEASURED>,
+    /// Of Z = H P Hᵀ + V.
+    factor: Cholesky<f64, Const<MEASURED>>,
+}
+
+impl Innovation {
+    /// L⁻¹ residual with L Lᵀ = Z: of unit covariance if the filter is right.
+    #[must_use]
+    pub fn whitened(&self) -> SVector<f64, MEASURED> {
+        let mut whitened = self.residual;
+        self.factor.l_dirty().solve_lower_triangular_mut(&mut whitened);
+        whitened
+    }
+
+    /// Squared Mahalanobis distance, residualᵀ Z⁻¹ residual.
+    #[must_use]
+    pub fn squared_distance(&self) -> f64 {
+        self.whitened().norm_squared()
+    }
+}
+
+impl Belief {
+    /// What the first pose tells: at rest, undisturbed, and sure of neither.
+    #[must_use]
+    pub fn from_pose(time_ns: u64, pose: &Pose, noise: PoseNoise, actuation: Actuation) -> Self {
+        let mut covariance = Covariance::zeros();
+        for (row, variance) in [
+            (POSITION, noise.position),
+            (VELOCITY, INITIAL_VELOCITY_DEVIATION * INITIAL_VELOCITY_DEVIATION),
+            (ATTITUDE, noise.attitude),
+            (
+                RATE_BIAS,
+                INITIAL_RATE_BIAS_DEVIATION * INITIAL_RATE_BIAS_DEVIATION,
+            ),
+            (
+                DISTURBANCE,
+                INITIAL_DISTURBANCE_DEVIATION * INITIAL_DISTURBANCE_DEVIATION,
+            ),
+        ] {
+            add_to_diagonal(&mut covariance, row, row, variance);
+        }
+        Self {
+            time_ns,
+            nominal: Nominal {
+                position_world: pose.position_world,
+                velocity_world: Vector3::zeros(),
+                world_from_body: orthonormalized(&pose.world_from_body),
+                rate_bias_body: Vector3::zeros(),
+                disturbance_world: Vector3::zeros(),
+                actuation,
+            },
+            covariance,
+        }
+    }
+
+    /// What a pose tells to one who had lost the vehicle: as the first one, but ω_bias and d are kept, with what
+    /// they may have drifted by since.
+    #[must_use]
+    pub fn restarted(
+        &self,
+        time_ns: u64,
+        pose: &Pose,
+        noise: PoseNoise,
+        process: &ProcessModel,
+        history: &CommandHistory,
+    ) -> Self {
+        const SLOW: usize = DISTURBANCE + 3 - RATE_BIAS;
+        let mut actuation = self.nominal.actuation;
+        for segment in history.segments(self.time_ns, time_ns) {
+            let h = seconds(segment.to_ns - segment.from_ns);
+            actuation = process.vehicle.actuated(&actuation, &segment.command, h);
+        }
+        let mut belief = Self::from_pose(time_ns, pose, noise, actuation);
+        belief.nominal.rate_bias_body = self.nominal.rate_bias_body;
+        belief.nominal.disturbance_world = self.nominal.disturbance_world;
+        let slow = self.covariance.fixed_view::<SLOW, SLOW>(RATE_BIAS, RATE_BIAS);
+        belief
+            .covariance
+            .fixed_view_mut::<SLOW, SLOW>(RATE_BIAS, RATE_BIAS)
+            .copy_from(&slow);
+        let gone = seconds(time_ns.saturating_sub(self.time_ns));
+        process.noise.add_drift_to(&mut belief.covariance, gone);
+        belief
+    }
+
+    /// Carries the belief on to a later time, under the commands that act until then.
+    pub fn propagate(&mut self, to_ns: u64, process: &ProcessModel, history: &CommandHistory) {
+        if to_ns <= self.time_ns {
+            return;
+        }
+        for segment in history.segments(self.time_ns, to_ns) {
+            let length_ns = segment.to_ns - segment.from_ns;
+            let steps = length_ns.div_ceil(LONGEST_STEP_NS);
+            let h = seconds(length_ns) / steps as f64;
+            for _ in 0..steps {
+                let (nominal, transition) = process.vehicle.stepped(&self.nominal, &segment.command, h);
+                self.nominal = nominal;
+                self.covariance = transition.carried(&self.covariance);
+                process.noise.add_to(&mut self.covariance, h);
+            }
+        }
+        self.nominal.world_from_body = orthonormalized(&self.nominal.world_from_body);
+        self.covariance = symmetrized(&self.covariance);
+        self.time_ns = to_ns;
+    }
+
+    /// How a pose differs from the one believed in; `None` if the covariance of that is not positive definite,
+    /// which happens only when the filter is told that poses are free of noise.
+    #[must_use]
+    pub fn innovation(&self, pose: &Pose, noise: PoseNoise) -> Option<Innovation> {
+        let attitude_residual = log(&(self.nominal.world_from_body.transpose() * pose.world_from_body));
+        let position_residual = pose.position_world - self.nominal.position_world;
+        let mut residual = SVector::<f64, MEASURED>::zeros();
+        residual.fixed_rows_mut::<3>(0).copy_from(&position_residual);
+        residual.fixed_rows_mut::<3>(3).copy_from(&attitude_residual);
+
+        let cross_covariance = measured_columns(&self.covariance);
+        let z = measured_columns(&cross_covariance.transpose()) + noise.covariance();
+        Some(Innovation {
+            residual,
+            cross_covariance,
+            factor: z.cholesky()?,
+        })
+    }
+
+    /// Corrects the belief by a pose.
+    pub fn correct(&mut self, innovation: &Innovation, noise: PoseNoise) {
+        // K = P Hᵀ Z⁻¹, by Kᵀ = Z⁻¹ (P Hᵀ)ᵀ (275).
+        let gain = innovation
+            .factor
+            .solve(&innovation.cross_covariance.transpose())
+            .transpose();
+        let error: ErrorVector = gain * innovation.residual;
+        self.inject(&error);
+
+        // Joseph's form, (I − K H) P (I − K H)ᵀ + K V Kᵀ: positive definite whatever the rounding.
+        let mut kept = Covariance::identity();
+        for (measured, row) in [(0, POSITION), (3, ATTITUDE)] {
+            let mut columns = kept.fixed_columns_mut::<3>(row);
+            columns -= gain.fixed_columns::<3>(measured);
+        }
+        let corrected =
+            kept * self.covariance * kept.transpose() + gain * noise.covariance() * gain.transpose();
+        self.covariance = symmetrized(&reset(&corrected, &part(&error, ATTITUDE)));
+    }
+
+    /// Moves the mean by an error (282, 283).
+    fn inject(&mut self, error: &ErrorVector) {
+        let nominal = &mut self.nominal;
+        nominal.position_world += part(error, POSITION);
+        nominal.velocity_world += part(error, VELOCITY);
+        nominal.world_from_body = orthonormalized(&(nominal.world_from_body * exp(&part(error, ATTITUDE))));
+        nominal.rate_bias_body += part(error, RATE_BIAS);
+        nominal.disturbance_world += part(error, DISTURBANCE);
+    }
+}
+
+/// G P Gᵀ with which errors count from the corrected mean: G is 1, but I − S(θ)/2 for the attitude (287).
+fn reset(covariance: &Covariance, theta: &Vector3<f64>) -> Covariance {
+    let g = Matrix3::identity() - skew(theta) * 0.5;
+    let mut reset = *covariance;
+    let rows = g * covariance.fixed_rows::<3>(ATTITUDE);
+    reset.fixed_rows_mut::<3>(ATTITUDE).copy_from(&rows);
+    let columns = reset.fixed_columns::<3>(ATTITUDE) * g.transpose();
+    reset.fixed_columns_mut::<3>(ATTITUDE).copy_from(&columns);
+    reset
+}
+
+/// M Hᵀ: H picks position and attitude out of the error state.
+fn measured_columns<const ROWS: usize>(matrix: &SMatrix<f64, ROWS, ERRORS>) -> SMatrix<f64, ROWS, MEASURED> {
+    let mut picked = SMatrix::<f64, ROWS, MEASURED>::zeros();
+    picked
+        .fixed_columns_mut::<3>(0)
+        .copy_from(&matrix.fixed_columns::<3>(POSITION));
+    picked
+        .fixed_columns_mut::<3>(3)
+        .copy_from(&matrix.fixed_columns::<3>(ATTITUDE));
+    picked
+}
+
+/// One of the five parts of an error.
+fn part(error: &ErrorVector, first_row: usize) -> Vector3<f64> {
+    error.fixed_rows::<3>(first_row).into()
+}

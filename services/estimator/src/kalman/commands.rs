@@ -1,0 +1,283 @@
+//! The frames already sent, by the time at which each begins to act.
+
+use shared_types::samples::RcFrame;
+use shared_types::scenario::GRAVITY;
+
+/// How many commands the history holds.
+pub const CAPACITY: usize = 64;
+
+/// Magnitude above which a number is not one of a flight, SI units; powers and products of several stay finite.
+pub(super) const LARGEST: f64 = 1e9;
+
+shared_types::sample! {
+    /// What thrust and body rates follow from a time on.
+    pub struct Command {
+        /// When it begins to act, ns since the start of the flight.
+        pub acts_from_ns: u64,
+        /// Thrust, N.
+        pub thrust: f64,
+        /// Body rates in {B}, rad/s.
+        pub rates_body: [f64; 3],
+    }
+}
+
+/// What acts from a time to another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// Beginning, ns since the start of the flight.
+    pub from_ns: u64,
+    /// End, ns since the start of the flight; after the beginning.
+    pub to_ns: u64,
+    /// What acts.
+    pub command: Command,
+}
+
+/// The commands that act or are under way, oldest first. The first is taken to have acted ever before.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CommandHistory {
+    commands: [Command; CAPACITY],
+    /// At least 1.
+    count: usize,
+}
+
+impl CommandHistory {
+    /// Before anything is known of the thrust it carries the weight of `mass` (kg): the rig starts in the air.
+    #[must_use]
+    pub fn hovering(mass: f64) -> Self {
+        let hover = Command {
+            acts_from_ns: 0,
+            thrust: mass * GRAVITY,
+            rates_body: [0.0; 3],
+        };
+        Self {
+            commands: [hover; CAPACITY],
+            count: 1,
+        }
+    }
+
+    /// The commands, oldest first.
+    #[must_use]
+    #[inline]
+    pub fn commands(&self) -> &[Command] {
+        &self.commands[..self.count]
+    }
+
+    /// Whether there is no room for another command.
+    #[must_use]
+    #[inline]
+    pub fn is_full(&self) -> bool {
+        self.count == CAPACITY
+    }
+
+    /// What `frame` asks for, if it acts from `acts_from_ns` on.
+    ///
+    /// In failsafe the motors rest. A frame that asks for a torque says nothing of the rates, so that the last
+    /// ones known go on counting and the filter's rate bias has to make up for the rest.
+    #[must_use]
+    pub fn meaning(&self, acts_from_ns: u64, frame: &RcFrame) -> Command {
+        let bounded = |value: f64| value.clamp(-LARGEST, LARGEST);
+        Command {
+            acts_from_ns,
+            thrust: if frame.failsafe.is_set() {
+                0.0
+            } else {
+                bounded(frame.thrust)
+            },
+            rates_body: if frame.mode == RcFrame::MODE_RATES {
+                frame.rates_body.map(bounded)
+            } else {
+                self.newest().rates_body
+            },
+        }
+    }
+
+    /// Adds a command that acts after all others; one that does not was there before, and a full history keeps
+    /// what it has.
+    pub fn push(&mut self, command: Command) {
+        let is_first_known = self.count == 1 && self.commands[0].acts_from_ns == 0;
+        if !self.is_full() && (is_first_known || command.acts_from_ns > self.newest().acts_from_ns) {
+            self.commands[self.count] = command;
+            self.count += 1;
+        }
+    }
+
+    /// Forgets the commands that no longer act at `time_ns`.
+    pub fn forget_before(&mut self, time_ns: u64) {
+        let begun = self
+            .commands()
+            .partition_point(|command| command.acts_from_ns <= time_ns);
+        self.forget(begun.saturating_sub(1));
+    }
+
+    /// Forgets the oldest command, if there are others.
+    pub fn forget_oldest(&mut self) {
+        self.forget(1.min(self.count - 1));
+    }
+
+    fn forget(&mut self, oldest: usize) {
+        if oldest > 0 {
+            self.commands.copy_within(oldest..self.count, 0);
+            self.count -= oldest;
+        }
+    }
+
+    /// What acts at a time.
+    #[must_use]
+    pub fn acting(&self, time_ns: u64) -> &Command {
+        let begun = self
+            .commands()
+            .partition_point(|command| command.acts_from_ns <= time_ns);
+        &self.commands[begun.saturating_sub(1)]
+    }
+
+    /// What acts from a time to another, without gap, in the order of time.
+    pub fn segments(&self, from_ns: u64, to_ns: u64) -> impl Iterator<Item = Segment> {
+        let commands = self.commands();
+        let ends = commands[1..]
+            .iter()
+            .map(|next| next.acts_from_ns)
+            .chain([u64::MAX]);
+        let begins = [0]
+            .into_iter()
+            .chain(commands[1..].iter().map(|command| command.acts_from_ns));
+        begins
+            .zip(ends)
+            .zip(commands)
+            .map(move |((begin, end), &command)| Segment {
+                from_ns: begin.max(from_ns),
+                to_ns: end.min(to_ns),
+                command,
+            })
+            .filter(|segment| segment.from_ns < segment.to_ns)
+    }
+
+    fn newest(&self) -> &Command {
+        &self.commands[self.count - 1]
+    }
+
+    /// All places of the history, those not in use too, and how many are.
+    pub(super) fn save(&self) -> ([Command; CAPACITY], usize) {
+        (self.commands, self.count)
+    }
+
+    /// The history that was saved so.
+    pub(super) fn restored(commands: [Command; CAPACITY], count: usize) -> Self {
+        Self {
+            commands,
+            count: count.clamp(1, CAPACITY),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use zerocopy::FromZeros;
+
+    fn command(acts_from_ns: u64, thrust: f64) -> Command {
+        Command {
+            acts_from_ns,
+            thrust,
+            rates_body: [0.0; 3],
+        }
+    }
+
+    /// A history whose n-th known command asks for a thrust of n.
+    fn history(times: &[u64]) -> CommandHistory {
+        let mut history = CommandHistory::hovering(0.2);
+        for (number, &time) in (1..).zip(times) {
+            history.push(command(time, f64::from(number)));
+        }
+        history
+    }
+
+    fn times() -> impl Strategy<Value = Vec<u64>> {
+        proptest::collection::btree_set(1..1000u64, 0..20).prop_map(Vec::from_iter)
+    }
+
+    proptest! {
+        #[test]
+        fn segments_cover_the_time_asked_for_with_what_acts_then(
+            times in times(), from in 0..1000u64, length in 1..1000u64,
+        ) {
+            let history = history(&times);
+            let mut covered = from;
+            for segment in history.segments(from, from + length) {
+                prop_assert_eq!(segment.from_ns, covered);
+                covered = segment.to_ns;
+                let begun = times.iter().filter(|&&time| time <= segment.from_ns).count();
+                let expected = if begun == 0 { 0.2 * GRAVITY } else { f64::from(u32::try_from(begun).unwrap()) };
+                prop_assert_eq!(segment.command.thrust, expected);
+                prop_assert_eq!(&segment.command, history.acting(segment.to_ns - 1));
+                prop_assert!(!times.iter().any(|&time| segment.from_ns < time && time < segment.to_ns));
+            }
+            prop_assert_eq!(covered, from + length);
+        }
+
+        #[test]
+        fn forgetting_changes_nothing_from_its_time_on(times in times(), at in 0..1000u64, length in 1..1000u64) {
+            let whole = history(&times);
+            let mut rest = whole.clone();
+            rest.forget_before(at);
+            prop_assert!(rest.segments(at, at + length).eq(whole.segments(at, at + length)));
+            let before = rest.commands().iter().filter(|command| command.acts_from_ns <= at).count();
+            prop_assert_eq!(before, 1);
+        }
+    }
+
+    #[test]
+    fn a_repeated_or_older_command_and_one_beyond_the_capacity_are_not_taken() {
+        let mut history = history(&[10, 20]);
+        let before = history.clone();
+        history.push(command(20, 9.0));
+        history.push(command(15, 9.0));
+        assert_eq!(history, before);
+        for time in 100..200 {
+            history.push(command(time, 3.0));
+        }
+        assert!(history.is_full());
+        assert_eq!(
+            history.commands().last().unwrap().acts_from_ns,
+            100 + CAPACITY as u64 - 4
+        );
+    }
+
+    #[test]
+    fn a_command_of_the_first_instant_takes_the_place_of_the_weight() {
+        assert_eq!(history(&[0]).acting(0).thrust, 1.0);
+    }
+
+    #[test]
+    fn failsafe_means_no_thrust_and_a_torque_says_nothing_of_the_rates() {
+        let rates = RcFrame {
+            thrust: 2.0,
+            rates_body: [1.0, 2.0, 3.0],
+            mode: RcFrame::MODE_RATES,
+            ..RcFrame::new_zeroed()
+        };
+        let mut history = CommandHistory::hovering(0.2);
+        history.push(history.meaning(10, &rates));
+        assert_eq!(
+            (history.acting(10).thrust, history.acting(10).rates_body),
+            (2.0, [1.0, 2.0, 3.0])
+        );
+        let torque = RcFrame {
+            thrust: 1.5,
+            torque_body: [1.0; 3],
+            mode: RcFrame::MODE_TORQUE,
+            ..RcFrame::new_zeroed()
+        };
+        history.push(history.meaning(20, &torque));
+        assert_eq!(
+            (history.acting(20).thrust, history.acting(20).rates_body),
+            (1.5, [1.0, 2.0, 3.0])
+        );
+        let failsafe = RcFrame {
+            failsafe: true.into(),
+            ..rates
+        };
+        history.push(history.meaning(30, &failsafe));
+        assert_eq!(history.acting(30).thrust, 0.0);
+    }
+}

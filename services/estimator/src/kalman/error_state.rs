@@ -1,0 +1,156 @@
+//! The error of the nominal state, how a step carries it on, and the noise that enters meanwhile.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use shared_types::scenario::Kalman;
+
+/// Size of the error state.
+pub const ERRORS: usize = 15;
+
+/// (δp, δv, θ, δω_bias, δd): true minus nominal, but R_true = R exp S(θ); SI units.
+pub type ErrorVector = SVector<f64, ERRORS>;
+
+/// Covariance of the error state.
+pub type Covariance = SMatrix<f64, ERRORS, ERRORS>;
+
+/// First row of δp, in {I}, m.
+pub const POSITION: usize = 0;
+/// First row of δv, in {I}, m/s.
+pub const VELOCITY: usize = 3;
+/// First row of θ, in {B}, rad.
+pub const ATTITUDE: usize = 6;
+/// First row of δω_bias, in {B}, rad/s.
+pub const RATE_BIAS: usize = 9;
+/// First row of δd, in {I}, m/s².
+pub const DISTURBANCE: usize = 12;
+
+/// Φ of a step, as the blocks that are neither 0, nor 1, nor a power of h:
+///
+/// ```text
+///     δv⁺ = δv + Φvθ θ + Φvω δω_bias + h δd        δp⁺ = δp + h/2 (δv + δv⁺)
+///     θ⁺  = Φθθ θ + Φθω δω_bias                    δω_bias⁺ = δω_bias        δd⁺ = δd
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Transition {
+    /// Length of the step, s.
+    pub h: f64,
+    /// Φvθ.
+    pub velocity_from_attitude: Matrix3<f64>,
+    /// Φvω.
+    pub velocity_from_rate_bias: Matrix3<f64>,
+    /// Φθθ.
+    pub attitude_from_attitude: Matrix3<f64>,
+    /// Φθω.
+    pub attitude_from_rate_bias: Matrix3<f64>,
+}
+
+impl Transition {
+    /// Φ M, column by column: a fifth of the work of the dense product.
+    #[must_use]
+    pub fn times(&self, matrix: &Covariance) -> Covariance {
+        let mut product = *matrix;
+        for column in 0..ERRORS {
+            let part = |row: usize| -> Vector3<f64> { matrix.fixed_view::<3, 1>(row, column).into() };
+            let (position, velocity, attitude) = (part(POSITION), part(VELOCITY), part(ATTITUDE));
+            let (rate_bias, disturbance) = (part(RATE_BIAS), part(DISTURBANCE));
+            let velocity_after = velocity
+                + self.velocity_from_attitude * attitude
+                + self.velocity_from_rate_bias * rate_bias
+                + disturbance * self.h;
+            let position_after = position + (velocity + velocity_after) * (0.5 * self.h);
+            let attitude_after =
+                self.attitude_from_attitude * attitude + self.attitude_from_rate_bias * rate_bias;
+            product
+                .fixed_view_mut::<3, 1>(POSITION, column)
+                .copy_from(&position_after);
+            product
+                .fixed_view_mut::<3, 1>(VELOCITY, column)
+                .copy_from(&velocity_after);
+            product
+                .fixed_view_mut::<3, 1>(ATTITUDE, column)
+                .copy_from(&attitude_after);
+        }
+        product
+    }
+
+    /// Φ P Φᵀ of a symmetric P.
+    #[must_use]
+    pub fn carried(&self, covariance: &Covariance) -> Covariance {
+        self.times(&self.times(covariance).transpose())
+    }
+}
+
+/// The noise that drives the state, as spectral densities.
+#[derive(Clone, Copy, Debug)]
+pub struct ProcessNoise {
+    /// Of v̇, (m/s²)²/Hz.
+    acceleration: f64,
+    /// Of ω, (rad/s)²/Hz.
+    rate: f64,
+    /// Of ω̇_bias, (rad/s²)²/Hz.
+    rate_bias_drift: f64,
+    /// Of ḋ, (m/s³)²/Hz.
+    disturbance_drift: f64,
+}
+
+impl ProcessNoise {
+    /// The noise that a scenario states.
+    #[must_use]
+    pub fn new(kalman: &Kalman) -> Self {
+        Self {
+            acceleration: kalman.acceleration_noise,
+            rate: kalman.rate_noise,
+            rate_bias_drift: kalman.rate_bias_drift,
+            disturbance_drift: kalman.disturbance_drift,
+        }
+    }
+
+    /// Adds the covariance Q of what enters during a step of `h`, s.
+    ///
+    /// Integrals of white noise along ṗ = v, v̇ = d and along θ̇ = ω_bias (Van Loan's, in closed form). What the
+    /// attitude's noise makes of the velocity within the step is of order h³ g and comes with the next Φ.
+    pub fn add_to(&self, covariance: &mut Covariance, h: f64) {
+        let (h2, h3) = (h * h, h * h * h);
+        let (a, d) = (self.acceleration, self.disturbance_drift);
+        add_to_diagonal(covariance, POSITION, POSITION, a * h3 / 3.0 + d * h3 * h2 / 20.0);
+        add_to_diagonal(covariance, POSITION, VELOCITY, a * h2 / 2.0 + d * h2 * h2 / 8.0);
+        add_to_diagonal(covariance, POSITION, DISTURBANCE, d * h3 / 6.0);
+        add_to_diagonal(covariance, VELOCITY, VELOCITY, a * h + d * h3 / 3.0);
+        add_to_diagonal(covariance, VELOCITY, DISTURBANCE, d * h2 / 2.0);
+        add_to_diagonal(covariance, DISTURBANCE, DISTURBANCE, d * h);
+        add_to_diagonal(
+            covariance,
+            ATTITUDE,
+            ATTITUDE,
+            self.rate * h + self.rate_bias_drift * h3 / 3.0,
+        );
+        add_to_diagonal(covariance, ATTITUDE, RATE_BIAS, self.rate_bias_drift * h2 / 2.0);
+        add_to_diagonal(covariance, RATE_BIAS, RATE_BIAS, self.rate_bias_drift * h);
+    }
+
+    /// Adds what the slow states, ω_bias and d, drift by in `time`, s.
+    pub fn add_drift_to(&self, covariance: &mut Covariance, time: f64) {
+        add_to_diagonal(covariance, RATE_BIAS, RATE_BIAS, self.rate_bias_drift * time);
+        add_to_diagonal(
+            covariance,
+            DISTURBANCE,
+            DISTURBANCE,
+            self.disturbance_drift * time,
+        );
+    }
+}
+
+/// Adds `value` to the diagonal of a 3×3 block and of its mirror image.
+pub fn add_to_diagonal(covariance: &mut Covariance, row: usize, column: usize, value: f64) {
+    for axis in 0..3 {
+        covariance[(row + axis, column + axis)] += value;
+        if row != column {
+            covariance[(column + axis, row + axis)] += value;
+        }
+    }
+}
+
+/// ½ (P + Pᵀ): rounding must not add up to an asymmetry.
+#[must_use]
+pub fn symmetrized(covariance: &Covariance) -> Covariance {
+    (covariance + covariance.transpose()) * 0.5
+}

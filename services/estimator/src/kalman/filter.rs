@@ -1,0 +1,300 @@
+//! Which captures are used, when the filter starts anew, and what it tells of now.
+//!
+//! Failure policy, by what happens to the captures:
+//! * one that is older than the belief, or a repetition, changes nothing;
+//! * one too far from what is believed ([`gate`](Kalman::gate)) is refused and counted; when all have been refused
+//!   for [`restart_after`](Kalman::restart_after), the newest one is believed instead and the filter starts anew;
+//! * one that is no pose at all, or from the future, is refused and counted, and never started from;
+//! * without any for [`coast`](Kalman::coast) the state is predicted on, but no longer counts as tracked; when
+//!   `restart_after` has passed as well the vehicle is lost: there is no state any more, and the next capture
+//!   starts the filter anew.
+
+use shared_types::rotation::{defect, from_row_major, to_row_major};
+use shared_types::samples::{MocapPose, RcFrame};
+use shared_types::scenario::{Kalman, Key, Model, Problem, Scenario};
+use shared_types::{Schedule, ServiceId, Topic};
+
+use super::belief::{Belief, Innovation, Pose, PoseNoise, ProcessModel};
+use super::commands::{CAPACITY, CommandHistory, LARGEST};
+use super::error_state::ProcessNoise;
+use super::motion::{Actuation, VehicleModel};
+use crate::source::Estimate;
+
+/// Distance from SO(3) up to which nine numbers are taken for an attitude: single precision passes.
+const ATTITUDE_DEFECT: f64 = 1e-3;
+
+/// What has become of a capture.
+#[derive(Clone, Debug)]
+pub enum Outcome {
+    /// It says nothing new: the body is not seen, or was seen later already.
+    Ignored,
+    /// The filter starts from it.
+    Started,
+    /// It has corrected the belief.
+    Used(Innovation),
+    /// It cannot be true.
+    Refused,
+}
+
+/// The filter.
+#[derive(Clone, Debug)]
+pub struct KalmanFilter {
+    process: ProcessModel,
+    pose_noise: PoseNoise,
+    gate: f64,
+    restart_after_ns: u64,
+    coast_ns: u64,
+    prediction: bool,
+    radio_latency_ns: u64,
+    capture_latency_ns: Option<u64>,
+    pub(super) memory: Memory,
+}
+
+/// What the filter remembers from step to step.
+#[derive(Clone, Debug)]
+pub(super) struct Memory {
+    /// The frames already sent that still matter.
+    pub history: CommandHistory,
+    /// What is believed, and since when; `None` before the first capture.
+    pub track: Option<Track>,
+    /// Captures refused since the start of the flight.
+    pub captures_refused: u32,
+}
+
+/// A belief and what it rests on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Track {
+    /// What is believed, at the time of the last capture that was looked at.
+    pub belief: Belief,
+    /// When a capture was used last, ns since the start of the flight.
+    pub used_at_ns: u64,
+    /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
+    pub refused_since_ns: Option<u64>,
+}
+
+impl KalmanFilter {
+    /// The filter that a scenario asks for.
+    ///
+    /// # Errors
+    /// More frames are under way between the exposure of a capture and the acting of the newest frame than the
+    /// history holds ([`CAPACITY`]); or the scenario's times make no schedule.
+    pub fn new(scenario: &Scenario, kalman: &Kalman) -> Result<Self, Problem> {
+        let model = scenario.model.clone().unwrap_or_default();
+        check_history(scenario, &model)?;
+        Ok(Self {
+            process: ProcessModel {
+                vehicle: VehicleModel::new(&model),
+                noise: ProcessNoise::new(kalman),
+            },
+            pose_noise: PoseNoise::new(kalman),
+            gate: kalman.gate,
+            restart_after_ns: nanoseconds(kalman.restart_after),
+            coast_ns: nanoseconds(kalman.coast),
+            prediction: kalman.prediction,
+            radio_latency_ns: nanoseconds(model.radio_latency),
+            capture_latency_ns: model.capture_latency.map(nanoseconds),
+            memory: Memory {
+                history: CommandHistory::hovering(model.mass),
+                track: None,
+                captures_refused: 0,
+            },
+        })
+    }
+
+    /// Takes note of a frame that has been sent.
+    ///
+    /// If the history is full the belief is carried on to where its second command begins, so that no command is
+    /// forgotten before it has been used; captures from before that time then come too late.
+    pub fn hear(&mut self, now_ns: u64, frame: &RcFrame) {
+        let is_lost = self.is_lost(now_ns);
+        let Memory { history, track, .. } = &mut self.memory;
+        if history.is_full() {
+            let second_begins = history.commands()[1].acts_from_ns;
+            if let Some(track) = track.as_mut().filter(|_| !is_lost) {
+                track.belief.propagate(second_begins, &self.process, history);
+            }
+            history.forget_oldest();
+        }
+        let acts_from_ns = frame.header.stamp_ns.saturating_add(self.radio_latency_ns);
+        history.push(history.meaning(acts_from_ns, frame));
+    }
+
+    /// Looks at a capture that has arrived.
+    pub fn see(&mut self, now_ns: u64, capture: &MocapPose) -> Outcome {
+        if !capture.tracked.is_set() {
+            return Outcome::Ignored;
+        }
+        let exposure_ns = match self.capture_latency_ns {
+            Some(latency) => now_ns.saturating_sub(latency),
+            None => capture.capture_time_ns,
+        };
+        let Some(pose) = pose_of(capture).filter(|_| exposure_ns <= now_ns) else {
+            return self.refuse();
+        };
+        let Some(mut track) = self.memory.track else {
+            let actuation = Actuation::settled(self.memory.history.acting(exposure_ns));
+            return self.start(
+                now_ns,
+                Belief::from_pose(exposure_ns, &pose, self.pose_noise, actuation),
+            );
+        };
+        if exposure_ns <= track.belief.time_ns {
+            return Outcome::Ignored;
+        }
+        if self.is_lost(now_ns) {
+            return self.restart(now_ns, exposure_ns, &pose, &track.belief);
+        }
+        track
+            .belief
+            .propagate(exposure_ns, &self.process, &self.memory.history);
+        self.memory.history.forget_before(exposure_ns);
+        let innovation = track.belief.innovation(&pose, self.pose_noise);
+        let likely = innovation.filter(|innovation| innovation.squared_distance() <= self.gate);
+        if let Some(innovation) = likely {
+            track.belief.correct(&innovation, self.pose_noise);
+            track.used_at_ns = now_ns;
+            track.refused_since_ns = None;
+            self.memory.track = Some(track);
+            return Outcome::Used(innovation);
+        }
+        let refused_since_ns = *track.refused_since_ns.get_or_insert(exposure_ns);
+        if exposure_ns - refused_since_ns >= self.restart_after_ns {
+            return self.restart(now_ns, exposure_ns, &pose, &track.belief);
+        }
+        self.memory.track = Some(track);
+        self.refuse()
+    }
+
+    /// The state now: predicted to the time at which a frame sent now acts, or else at the last capture. `None`
+    /// before the first capture, and when the vehicle is lost.
+    #[must_use]
+    pub fn estimate(&self, now_ns: u64) -> Option<Estimate> {
+        let track = self.memory.track.as_ref().filter(|_| !self.is_lost(now_ns))?;
+        let mut belief = track.belief;
+        if self.prediction {
+            let acts_from_ns = now_ns.saturating_add(self.radio_latency_ns);
+            belief.propagate(acts_from_ns, &self.process, &self.memory.history);
+        }
+        Some(estimate_of(&belief))
+    }
+
+    /// Whether a capture has been used recently enough.
+    #[must_use]
+    pub fn is_tracking(&self, now_ns: u64) -> bool {
+        self.unseen_for_ns(now_ns)
+            .is_some_and(|unseen| unseen <= self.coast_ns)
+    }
+
+    /// Captures refused since the start of the flight.
+    #[must_use]
+    pub fn captures_refused(&self) -> u32 {
+        self.memory.captures_refused
+    }
+
+    /// What is believed at the time of the last capture that was looked at; `None` before the first.
+    #[must_use]
+    pub fn belief(&self) -> Option<&Belief> {
+        self.memory.track.as_ref().map(|track| &track.belief)
+    }
+
+    /// Whether the vehicle was seen once, but too long ago.
+    fn is_lost(&self, now_ns: u64) -> bool {
+        let longest = self.coast_ns.saturating_add(self.restart_after_ns);
+        self.unseen_for_ns(now_ns).is_some_and(|unseen| unseen > longest)
+    }
+
+    /// Time since a capture was used last, ns.
+    fn unseen_for_ns(&self, now_ns: u64) -> Option<u64> {
+        let track = self.memory.track.as_ref()?;
+        Some(now_ns.saturating_sub(track.used_at_ns))
+    }
+
+    fn restart(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &Belief) -> Outcome {
+        let history = &self.memory.history;
+        let belief = last.restarted(exposure_ns, pose, self.pose_noise, &self.process, history);
+        self.start(now_ns, belief)
+    }
+
+    fn start(&mut self, now_ns: u64, belief: Belief) -> Outcome {
+        self.memory.history.forget_before(belief.time_ns);
+        self.memory.track = Some(Track {
+            belief,
+            used_at_ns: now_ns,
+            refused_since_ns: None,
+        });
+        Outcome::Started
+    }
+
+    fn refuse(&mut self) -> Outcome {
+        self.memory.captures_refused = self.memory.captures_refused.saturating_add(1);
+        Outcome::Refused
+    }
+}
+
+/// The pose of a capture, if it is one.
+fn pose_of(capture: &MocapPose) -> Option<Pose> {
+    let pose = Pose {
+        position_world: capture.position_world.into(),
+        world_from_body: from_row_major(&capture.world_from_body),
+    };
+    let is_near = pose.position_world.amax() <= LARGEST;
+    (is_near && defect(&pose.world_from_body) <= ATTITUDE_DEFECT).then_some(pose)
+}
+
+fn estimate_of(belief: &Belief) -> Estimate {
+    let nominal = &belief.nominal;
+    let variances = belief.covariance.fixed_view::<3, 3>(0, 0).diagonal();
+    Estimate {
+        state_time_ns: belief.time_ns,
+        position_world: nominal.position_world.into(),
+        world_from_body: to_row_major(&nominal.world_from_body),
+        velocity_body: nominal.world_from_body.tr_mul(&nominal.velocity_world).into(),
+        angular_velocity_body: (nominal.actuation.rates_body + nominal.rate_bias_body).into(),
+        thrust: nominal.actuation.thrust,
+        position_sigma: variances.max().sqrt(),
+    }
+}
+
+/// Refuses latencies during which more frames are sent than the history holds.
+fn check_history(scenario: &Scenario, model: &Model) -> Result<(), Problem> {
+    let schedule = scenario
+        .schedule()
+        .map_err(|mut problems| problems.swap_remove(0))?;
+    let needed = commands_under_way(&schedule, model);
+    if needed <= CAPACITY as u64 {
+        return Ok(());
+    }
+    Err(Problem::new(
+        Key::root().then("model").then("radio_latency"),
+        format!(
+            "the estimator remembers {CAPACITY} frames, but from the exposure of a capture to the acting of the \
+             newest frame {needed} are sent"
+        ),
+        "shorten this latency, that of `mocap/pose -> estimator`, `model.capture_latency` or the period of \
+         `mocap/pose`, or give `rc/frame` a longer period",
+    ))
+}
+
+/// Commands that act, or are sent and will, between the last capture and the time of the prediction.
+fn commands_under_way(schedule: &Schedule, model: &Model) -> u64 {
+    let captures = schedule.edge(ServiceId::Estimator, 0);
+    let ticks = captures.latency
+        + schedule.topic_rate(Topic::MocapPose).period
+        + schedule.service_rate(ServiceId::Estimator).period;
+    let capture_age_ns = schedule
+        .time_ns(ticks)
+        .max(nanoseconds(model.capture_latency.unwrap_or(0.0)));
+    let frame_period_ns = schedule.time_ns(schedule.topic_rate(Topic::RcFrame).period);
+    // One more acts at the beginning, and another may begin at either end.
+    (capture_age_ns.saturating_add(nanoseconds(model.radio_latency))).div_ceil(frame_period_ns) + 2
+}
+
+/// A time of a scenario, s, as whole nanoseconds; what is below 0 counts as 0.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the cast saturates, which is what is wanted of times beyond any flight"
+)]
+fn nanoseconds(time: f64) -> u64 {
+    libm::round(time * 1e9) as u64
+}

@@ -1,0 +1,122 @@
+//! The filter's memory as a record, so that a reborn estimator goes on with the same bytes.
+
+use nalgebra::Vector3;
+use shared_types::rotation::{from_row_major, to_row_major};
+use shared_types::sample::Flag;
+use zerocopy::FromZeros;
+
+use super::belief::Belief;
+use super::commands::{CAPACITY, Command, CommandHistory};
+use super::error_state::{Covariance, ERRORS};
+use super::filter::{KalmanFilter, Memory, Track};
+use super::motion::{Actuation, Nominal};
+
+shared_types::sample! {
+    /// What the filter remembers from step to step.
+    pub struct KalmanState {
+        /// The time that the belief speaks of, ns since the start of the flight.
+        pub time_ns: u64,
+        /// When a capture was used last, ns since the start of the flight.
+        pub used_at_ns: u64,
+        /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
+        pub refused_since_ns: u64,
+        /// p, position in {I}, m.
+        pub position_world: [f64; 3],
+        /// v, linear velocity in {I}, m/s.
+        pub velocity_world: [f64; 3],
+        /// R, body to inertial, row-major.
+        pub world_from_body: [f64; 9],
+        /// ω_bias in {B}, rad/s.
+        pub rate_bias_body: [f64; 3],
+        /// d in {I}, m/s².
+        pub disturbance_world: [f64; 3],
+        /// T̂, N.
+        pub thrust: f64,
+        /// ω̂ in {B}, rad/s.
+        pub rates_body: [f64; 3],
+        /// P, covariance of (δp, δv, θ, δω_bias, δd), column by column.
+        pub covariance: [f64; 225],
+        /// The commands that act or are under way, oldest first.
+        pub commands: [Command; 64],
+        /// How many of them there are.
+        pub command_count: u64,
+        /// Captures refused since the start of the flight.
+        pub captures_refused: u32,
+        /// Whether there is a belief.
+        pub started: Flag,
+        /// Whether the last capture looked at was refused.
+        pub refusing: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 2],
+    }
+}
+
+// The record's arrays are written as numbers, for the message definition.
+const _: () = assert!(CAPACITY == 64 && ERRORS * ERRORS == 225);
+
+impl KalmanFilter {
+    /// What the filter remembers.
+    #[must_use]
+    pub fn save(&self) -> KalmanState {
+        let mut state = KalmanState::new_zeroed();
+        let (commands, count) = self.memory.history.save();
+        state.commands = commands;
+        state.command_count = count as u64;
+        state.captures_refused = self.memory.captures_refused;
+        if let Some(track) = &self.memory.track {
+            save_track(track, &mut state);
+        }
+        state
+    }
+
+    /// Goes on from what was saved.
+    pub fn restore(&mut self, state: &KalmanState) {
+        let count = usize::try_from(state.command_count).unwrap_or(CAPACITY);
+        self.memory = Memory {
+            history: CommandHistory::restored(state.commands, count),
+            track: state.started.is_set().then(|| restored_track(state)),
+            captures_refused: state.captures_refused,
+        };
+    }
+}
+
+fn save_track(track: &Track, state: &mut KalmanState) {
+    let nominal = &track.belief.nominal;
+    state.started = true.into();
+    state.time_ns = track.belief.time_ns;
+    state.used_at_ns = track.used_at_ns;
+    state.refusing = track.refused_since_ns.is_some().into();
+    state.refused_since_ns = track.refused_since_ns.unwrap_or(0);
+    state.position_world = nominal.position_world.into();
+    state.velocity_world = nominal.velocity_world.into();
+    state.world_from_body = to_row_major(&nominal.world_from_body);
+    state.rate_bias_body = nominal.rate_bias_body.into();
+    state.disturbance_world = nominal.disturbance_world.into();
+    state.thrust = nominal.actuation.thrust;
+    state.rates_body = nominal.actuation.rates_body.into();
+    state
+        .covariance
+        .copy_from_slice(track.belief.covariance.as_slice());
+}
+
+fn restored_track(state: &KalmanState) -> Track {
+    Track {
+        belief: Belief {
+            time_ns: state.time_ns,
+            nominal: Nominal {
+                position_world: state.position_world.into(),
+                velocity_world: state.velocity_world.into(),
+                world_from_body: from_row_major(&state.world_from_body),
+                rate_bias_body: state.rate_bias_body.into(),
+                disturbance_world: state.disturbance_world.into(),
+                actuation: Actuation {
+                    thrust: state.thrust,
+                    rates_body: Vector3::from(state.rates_body),
+                },
+            },
+            covariance: Covariance::from_column_slice(&state.covariance),
+        },
+        used_at_ns: state.used_at_ns,
+        refused_since_ns: state.refusing.is_set().then_some(state.refused_since_ns),
+    }
+}
