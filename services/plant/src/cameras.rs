@@ -1,19 +1,59 @@
-//! What the motion-capture system reports of the motion.
+//! What the motion-capture system reports of the motion of the body's origin.
 
+mod imperfect;
+
+use nalgebra::Vector3;
 use shared_types::Now;
 use shared_types::rotation::to_row_major;
 use shared_types::samples::MocapPose;
+use shared_types::scenario::Scenario;
 
 use crate::rigid_body::Motion;
 
-/// The ideal cameras: they see the body always, at once, without noise, and measure its velocities too.
+pub use imperfect::Imperfect;
+
+/// The cameras.
+#[derive(Clone, Debug)]
+pub enum Cameras {
+    /// They see the body always, at once, without noise, and measure its velocities too.
+    Ideal,
+    /// They see poses, with noise, and not always.
+    Imperfect(Box<Imperfect>),
+}
+
+impl Cameras {
+    /// The cameras of a scenario.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Self {
+        scenario.cameras.as_ref().map_or(Self::Ideal, |stated| {
+            Self::Imperfect(Box::new(Imperfect::new(stated, scenario.seed)))
+        })
+    }
+
+    /// Writes what is captured at a tick at which the origin moves like `origin`; `acceleration_world` is asked
+    /// for the origin's acceleration in {I}, m/s², if that matters.
+    #[inline]
+    pub fn capture(
+        &mut self,
+        origin: &Motion,
+        acceleration_world: impl FnOnce() -> Vector3<f64>,
+        now: &Now,
+        pose: &mut MocapPose,
+    ) {
+        match self {
+            Self::Ideal => capture_ideally(origin, now, pose),
+            Self::Imperfect(cameras) => cameras.capture(origin, &acceleration_world(), now, pose),
+        }
+    }
+}
+
 #[inline]
-pub fn capture(motion: &Motion, now: &Now, pose: &mut MocapPose) {
+fn capture_ideally(origin: &Motion, now: &Now, pose: &mut MocapPose) {
     pose.capture_time_ns = now.time_ns;
-    pose.position_world = motion.position_world.into();
-    pose.world_from_body = to_row_major(&motion.world_from_body);
-    pose.velocity_body = motion.velocity_body().into();
-    pose.angular_velocity_body = motion.angular_velocity_body.into();
+    pose.position_world = origin.position_world.into();
+    pose.world_from_body = to_row_major(&origin.world_from_body);
+    pose.velocity_body = origin.velocity_body().into();
+    pose.angular_velocity_body = origin.angular_velocity_body.into();
     pose.tracked = true.into();
     pose.velocities_measured = true.into();
 }

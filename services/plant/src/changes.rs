@@ -1,4 +1,5 @@
-//! Which mass, inertia and disturbance are in force: a function of the scenario and the tick alone.
+//! Which mass, inertia, centre of mass and disturbance are in force: a function of the scenario and the tick
+//! alone.
 
 use shared_types::scenario::Scenario;
 
@@ -23,6 +24,7 @@ impl Changes {
             mass: vehicle.mass,
             inertia: vehicle.inertia.into(),
             disturbance_world: vehicle.disturbance.into(),
+            center_of_mass: vehicle.center_of_mass.into(),
         };
         let mut stated: Vec<_> = vehicle
             .change
@@ -35,6 +37,7 @@ impl Changes {
                 mass: change.mass.unwrap_or(body.mass),
                 inertia: change.inertia.map_or(body.inertia, Into::into),
                 disturbance_world: change.disturbance.map_or(body.disturbance_world, Into::into),
+                center_of_mass: change.center_of_mass.map_or(body.center_of_mass, Into::into),
             };
             Some((tick, *body))
         });

@@ -11,23 +11,35 @@ use shared_types::rotation::orthonormalized;
 use crate::cayley;
 use crate::rigid_body::{Motion, MotionRate};
 
-/// The motion `h` s later along the field `rate`; a negative `h` goes back in time.
+/// When within a step the method asks for the field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// At its begin.
+    Begin,
+    /// Half-way in time.
+    Middle,
+    /// At its end.
+    End,
+}
+
+/// The motion `h` s later along the field `rate`, which may depend on the time within the step; a negative
+/// `h` goes back in time.
 #[must_use]
 #[inline]
-pub fn advanced(start: &Motion, h: f64, rate: impl Fn(&Motion) -> MotionRate) -> Motion {
+pub fn advanced(start: &Motion, h: f64, rate: impl Fn(&Motion, Stage) -> MotionRate) -> Motion {
     // The field after moving along `slope`, its angular velocity as θ̇ in the chart at `start`.
-    let slope_along = |slope: &MotionRate, duration: f64| {
-        let rate = rate(&start.moved(slope, duration));
+    let slope_along = |slope: &MotionRate, duration: f64, stage: Stage| {
+        let rate = rate(&start.moved(slope, duration), stage);
         let theta = slope.angular_velocity_body * duration;
         MotionRate {
             angular_velocity_body: cayley::chart_rate(&theta, &rate.angular_velocity_body),
             ..rate
         }
     };
-    let k1 = rate(start);
-    let k2 = slope_along(&k1, 0.5 * h);
-    let k3 = slope_along(&k2, 0.5 * h);
-    let k4 = slope_along(&k3, h);
+    let k1 = rate(start, Stage::Begin);
+    let k2 = slope_along(&k1, 0.5 * h, Stage::Middle);
+    let k3 = slope_along(&k2, 0.5 * h, Stage::Middle);
+    let k4 = slope_along(&k3, h, Stage::End);
     let end = start.moved(&(k1 + (k2 + k3) * 2.0 + k4), h / 6.0);
     Motion {
         // A product of rotations is one but for rounding, which would add up over a million steps.

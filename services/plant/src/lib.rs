@@ -1,20 +1,29 @@
-//! The simulated vehicle: rigid body, actuators, changes in flight, and the cameras that watch it.
+//! The simulated vehicle: rigid body, actuators, air, changes in flight, and the cameras that watch it.
 //!
-//! * [`rigid_body`]: equations (1)–(4) as a pure vector field;
+//! * [`rigid_body`]: equations (1)–(4) as a pure vector field, and a centre of mass that is not the origin;
 //! * [`integrator`]: a fourth-order step along it that keeps R in SO(3);
 //! * [`cayley`]: the chart of SO(3) that it works in;
-//! * [`actuators`]: from a radio frame to the thrust and torque that act on the body;
-//! * [`changes`]: which mass, inertia and disturbance are in force at a tick;
+//! * [`actuators`]: from the radio's frames to what drives the body, with lags, limits and lost frames;
+//! * [`lag`]: first-order lags, exact over a tick;
+//! * [`air`]: drag, turbulence and a fan's jet;
+//! * [`dynamics`]: all of these together over a tick;
+//! * [`changes`]: which mass, inertia, centre of mass and disturbance are in force at a tick;
 //! * [`cameras`]: from the motion to what the motion-capture system reports;
 //! * [`PlantService`]: the step function, with the conventions of time.
+//!
+//! Each module states its model: symbols, units, source. What a scenario does not state is ideal, and costs
+//! nothing. Every random number is a function of seed, stream and tick (a lost frame's: of its number).
 //!
 //! It never fails: every frame that a host delivers is flown, whatever comes of it.
 
 pub mod actuators;
+pub mod air;
 pub mod cameras;
 pub mod cayley;
 pub mod changes;
+pub mod dynamics;
 pub mod integrator;
+pub mod lag;
 pub mod rigid_body;
 mod service;
 

@@ -12,6 +12,17 @@
 //!
 //! without the terms −S(ω)v, Rᵀe3 and Rᵀb. The motion is the same, a step costs half as much, and a fast
 //! rotation no longer brings its own integration error into the velocity: free fall is exact also in a tumble.
+//!
+//! # A centre of mass that is not the origin of {B}
+//!
+//! p, v and a motion's rate are those of the centre of mass, for which (1)–(4) hold. It lies at c in {B} seen
+//! from the body's origin, the point that is tracked and controlled, whose motion is
+//!
+//! ```text
+//! po = p − R c        d(po)/dt = Rv − R(ω × c)        d²(po)/dt² = d(Rv)/dt − R(ω̇ × c + ω × (ω × c))
+//! ```
+//!
+//! Thrust acts through the origin, so that about the centre of mass it has the torque (−c) × (−T e3) = c × T e3.
 
 use std::ops::{Add, Mul};
 
@@ -29,6 +40,8 @@ pub struct Body {
     pub inertia: Vector3<f64>,
     /// b, acceleration in {I}, m/s².
     pub disturbance_world: Vector3<f64>,
+    /// c, centre of mass in {B} seen from the body's origin, m.
+    pub center_of_mass: Vector3<f64>,
 }
 
 /// Where the body is and how it moves.
@@ -60,7 +73,7 @@ pub struct MotionRate {
 /// What the actuators exert on the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wrench {
-    /// T along −R e3, N; any real number in the ideal model.
+    /// T along −R e3, N; any real number with ideal actuators.
     pub thrust: f64,
     /// τ in {B}, N m.
     pub torque_body: Vector3<f64>,
@@ -81,6 +94,63 @@ impl Body {
             acceleration_world: e3 * GRAVITY + b - r.column(2) * (thrust / m), // (3), in {I}
             angular_acceleration_body: (tau - omega.cross(&j.component_mul(omega))).component_div(j), // (4)
         }
+    }
+
+    /// The wrench about the centre of mass of one whose thrust acts through the origin: τ + c × T e3.
+    #[must_use]
+    #[inline]
+    pub fn about_center(&self, wrench: &Wrench) -> Wrench {
+        if self.is_centered() {
+            return *wrench;
+        }
+        let lever = self.center_of_mass.cross(&(Vector3::z() * wrench.thrust));
+        Wrench {
+            torque_body: wrench.torque_body + lever,
+            ..*wrench
+        }
+    }
+
+    /// How the origin moves while the centre of mass moves like `center`.
+    #[must_use]
+    #[inline]
+    pub fn origin_of(&self, center: &Motion) -> Motion {
+        self.displaced(center, -1.0)
+    }
+
+    /// How the centre of mass moves while the origin moves like `origin`.
+    #[must_use]
+    #[inline]
+    pub fn center_of(&self, origin: &Motion) -> Motion {
+        self.displaced(origin, 1.0)
+    }
+
+    /// The motion of the point that lies `factor` times c away from the one that moves like `motion`.
+    #[inline]
+    fn displaced(&self, motion: &Motion, factor: f64) -> Motion {
+        if self.is_centered() {
+            return *motion;
+        }
+        let arm = self.center_of_mass * factor;
+        let (r, omega) = (&motion.world_from_body, &motion.angular_velocity_body);
+        Motion {
+            position_world: motion.position_world + r * arm,
+            velocity_world: motion.velocity_world + r * omega.cross(&arm),
+            ..*motion
+        }
+    }
+
+    /// d²(po)/dt² in {I}, m/s², while the centre of mass moves like `center` and that changes like `rate`.
+    #[must_use]
+    pub fn origin_acceleration(&self, center: &Motion, rate: &MotionRate) -> Vector3<f64> {
+        let (c, omega) = (&self.center_of_mass, &rate.angular_velocity_body);
+        let around_center = rate.angular_acceleration_body.cross(c) + omega.cross(&omega.cross(c));
+        rate.acceleration_world - center.world_from_body * around_center
+    }
+
+    /// Whether c = 0. Then nothing is added to any number, so that not even the sign of a zero changes.
+    #[inline]
+    fn is_centered(&self) -> bool {
+        self.center_of_mass == Vector3::zeros()
     }
 }
 

@@ -1,33 +1,49 @@
 //! The step function of the plant.
 //!
-//! `truth(k)` is the state at time k·h. Over [(k−1)·h, k·h) the newest frame received by tick k acts, thrust
-//! and torque held, on the body that is in force from tick k−1. A change at tick k is published in `truth(k)`
-//! and acts from k·h on.
+//! `truth(k)` is the state at time k·h. Over [(k−1)·h, k·h) the newest frame received by tick k acts, on the body
+//! and in the air that are in force from tick k−1. A change at tick k is published in `truth(k)` and acts from
+//! k·h on. What is published is the motion of the body's origin; what is kept that of the centre of mass.
 
 use nalgebra::Vector3;
 use shared_types::rotation::{from_roll_pitch_yaw, from_row_major, to_row_major};
-use shared_types::samples::VehicleTruth;
+use shared_types::sample::Flag;
+use shared_types::samples::{RcFrame, VehicleTruth};
 use shared_types::scenario::{InitialState, Scenario};
 use shared_types::wiring::{PlantInputs, PlantOutputs};
 use shared_types::{Now, Service, ServiceId};
+use zerocopy::FromZeros;
 
-use crate::actuators::Actuators;
-use crate::cameras;
+use crate::actuators::{Actuators, Drive};
+use crate::air::{Air, Gusts, Wind};
+use crate::cameras::Cameras;
 use crate::changes::Changes;
-use crate::integrator::advanced;
+use crate::dynamics::Dynamics;
+use crate::integrator::Stage;
 use crate::rigid_body::{Body, Motion, Wrench};
 
 shared_types::sample! {
     /// Everything that the plant's next step depends on besides its inputs.
     pub struct PlantState {
-        /// p, position in {I}, m.
+        /// p, position of the centre of mass in {I}, m.
         pub position_world: [f64; 3],
         /// R, body to inertial, row-major.
         pub world_from_body: [f64; 9],
-        /// Rv, linear velocity in {I}, m/s.
+        /// Rv, linear velocity of the centre of mass in {I}, m/s.
         pub velocity_world: [f64; 3],
         /// ω, angular velocity in {B}, rad/s.
         pub angular_velocity_body: [f64; 3],
+        /// T of a vehicle with a rate loop, N.
+        pub thrust: f64,
+        /// The frame that acts on a vehicle with a rate loop, all zero before the first.
+        pub received: RcFrame,
+        /// Turbulence of the air, an acceleration in {I}, m/s².
+        pub turbulence_world: [f64; 3],
+        /// Fluctuation of the fan's jet in {I}, as a share of its force.
+        pub jet_fluctuation_world: [f64; 3],
+        /// Whether a frame was received.
+        pub has_received: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
     }
 }
 
@@ -38,6 +54,9 @@ pub struct PlantService {
     tick: f64,
     changes: Changes,
     actuators: Actuators,
+    air: Option<Air>,
+    cameras: Cameras,
+    /// Of the centre of mass.
     motion: Motion,
 }
 
@@ -45,23 +64,55 @@ impl PlantService {
     /// The plant of a scenario that has been checked, in its initial state.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
+        let changes = Changes::new(scenario);
+        let origin = initial_motion(&scenario.vehicle.initial);
         Self {
             tick: scenario.schedule.tick,
-            changes: Changes::new(scenario),
-            actuators: Actuators::Ideal,
-            motion: initial_motion(&scenario.vehicle.initial),
+            motion: changes.at(0).center_of(&origin),
+            changes,
+            actuators: Actuators::new(scenario),
+            air: Air::new(scenario),
+            cameras: Cameras::new(scenario),
         }
     }
 
     /// Moves from the previous step to `now`, tick by tick, so that a change acts at exactly its tick and the
-    /// integration error does not depend on how often the plant steps.
-    fn advance(&mut self, now: &Now, wrench: &Wrench) {
+    /// integration error does not depend on how often the plant steps. Returns what drove the last tick.
+    fn advance(&mut self, now: &Now, newest: Option<&RcFrame>) -> Drive {
         let ticks = libm::round(now.elapsed() / self.tick).max(1.0);
         let h = now.elapsed() / ticks;
-        for ticks_left in (1..=whole(ticks)).rev() {
-            let body = self.changes.at(now.tick.saturating_sub(ticks_left));
-            self.motion = advanced(&self.motion, h, |motion| body.motion_rate(motion, wrench));
+        let mut drive = self.actuators.at_start();
+        for tick in now.tick.saturating_sub(whole(ticks))..now.tick {
+            drive = self.actuators.drive(newest, &self.motion.angular_velocity_body);
+            let wind = self.wind(tick);
+            let dynamics = Dynamics {
+                body: self.changes.at(tick),
+                drive: &drive,
+                wind: wind.as_ref(),
+            };
+            self.motion = dynamics.advanced(&self.motion, h);
+            if let Some(air) = &mut self.air {
+                air.advance(tick + 1);
+            }
+            self.pass_center(tick, tick + 1);
         }
+        drive
+    }
+
+    /// Where the centre of mass has moved within the body from one tick to another, the origin goes on as before.
+    #[inline]
+    fn pass_center(&mut self, from: u64, to: u64) {
+        let (before, after) = (self.changes.at(from), self.changes.at(to));
+        if before.center_of_mass != after.center_of_mass {
+            self.motion = after.center_of(&before.origin_of(&self.motion));
+        }
+    }
+
+    /// The air at a tick that it has gone on to.
+    fn wind(&self, tick: u64) -> Option<Wind> {
+        #[expect(clippy::cast_precision_loss, reason = "no flight has 2^53 ticks")]
+        let time = tick as f64 * self.tick;
+        self.air.as_ref().map(|air| air.wind(time))
     }
 }
 
@@ -73,25 +124,54 @@ impl Service for PlantService {
 
     /// The first step publishes the initial state as it is: nothing has acted yet.
     fn step(&mut self, now: &Now, inputs: &PlantInputs<'_>, outputs: &mut PlantOutputs<'_>) {
-        let mut acted = Wrench::default();
-        if now.elapsed_ns > 0 {
-            acted = self.actuators.wrench(inputs.frame.newest());
-            self.advance(now, &acted);
-        }
+        let acted = if now.elapsed_ns > 0 {
+            self.advance(now, inputs.frame.newest())
+        } else {
+            self.pass_center(0, now.tick);
+            self.actuators.at_start()
+        };
+        let (acted_on, body) = (
+            self.changes.at(now.tick.saturating_sub(1)),
+            self.changes.at(now.tick),
+        );
+        let wind = self.wind(now.tick);
+        let origin = body.origin_of(&self.motion);
         if let Some(truth) = outputs.truth.due() {
-            write_truth(&self.motion, &acted, self.changes.at(now.tick), truth);
+            write_motion(&origin, truth);
+            write_acted(&acted.wrench(acted_on, Stage::End), truth);
+            write_body(body, wind.as_ref(), &self.motion, truth);
         }
         if let Some(pose) = outputs.pose.due() {
-            cameras::capture(&self.motion, now, pose);
+            let acceleration_world = || {
+                let dynamics = Dynamics {
+                    body: acted_on,
+                    drive: &acted,
+                    wind: wind.as_ref(),
+                };
+                let rate = dynamics.motion_rate(&self.motion, Stage::End);
+                acted_on.origin_acceleration(&self.motion, &rate)
+            };
+            self.cameras.capture(&origin, acceleration_world, now, pose);
         }
     }
 
     fn save(&self) -> PlantState {
+        let (thrust, received) = match &self.actuators {
+            Actuators::Ideal => (0.0, None),
+            Actuators::RateLoop(rate_loop) => (rate_loop.thrust(), rate_loop.received()),
+        };
+        let gusts = self.air.as_ref().map(Air::gusts).unwrap_or_default();
         PlantState {
             position_world: self.motion.position_world.into(),
             world_from_body: to_row_major(&self.motion.world_from_body),
             velocity_world: self.motion.velocity_world.into(),
             angular_velocity_body: self.motion.angular_velocity_body.into(),
+            thrust,
+            received: received.copied().unwrap_or_else(RcFrame::new_zeroed),
+            turbulence_world: gusts.turbulence_world.into(),
+            jet_fluctuation_world: gusts.jet_fluctuation_world.into(),
+            has_received: received.is_some().into(),
+            pad0: [0; 7],
         }
     }
 
@@ -102,9 +182,22 @@ impl Service for PlantService {
             velocity_world: state.velocity_world.into(),
             angular_velocity_body: state.angular_velocity_body.into(),
         };
+        if let Actuators::RateLoop(rate_loop) = &mut self.actuators {
+            rate_loop.restore(
+                state.thrust,
+                state.has_received.is_set().then_some(state.received),
+            );
+        }
+        if let Some(air) = &mut self.air {
+            air.restore(&Gusts {
+                turbulence_world: state.turbulence_world.into(),
+                jet_fluctuation_world: state.jet_fluctuation_world.into(),
+            });
+        }
     }
 }
 
+/// The origin's motion at the start of the flight.
 fn initial_motion(initial: &InitialState) -> Motion {
     let world_from_body = from_roll_pitch_yaw(initial.roll_pitch_yaw);
     Motion {
@@ -115,17 +208,26 @@ fn initial_motion(initial: &InitialState) -> Motion {
     }
 }
 
-/// `acted` until now, `body` from now on.
-fn write_truth(motion: &Motion, acted: &Wrench, body: &Body, truth: &mut VehicleTruth) {
-    truth.position_world = motion.position_world.into();
-    truth.world_from_body = to_row_major(&motion.world_from_body);
-    truth.velocity_body = motion.velocity_body().into();
-    truth.angular_velocity_body = motion.angular_velocity_body.into();
-    truth.thrust = acted.thrust;
-    truth.torque_body = acted.torque_body.into();
+fn write_motion(origin: &Motion, truth: &mut VehicleTruth) {
+    truth.position_world = origin.position_world.into();
+    truth.world_from_body = to_row_major(&origin.world_from_body);
+    truth.velocity_body = origin.velocity_body().into();
+    truth.angular_velocity_body = origin.angular_velocity_body.into();
+}
+
+/// What acted until now, about the centre of mass.
+fn write_acted(wrench: &Wrench, truth: &mut VehicleTruth) {
+    truth.thrust = wrench.thrust;
+    truth.torque_body = wrench.torque_body.into();
+}
+
+/// The body from now on, and what disturbs it besides gravity and thrust while its centre moves like `center`.
+fn write_body(body: &Body, wind: Option<&Wind>, center: &Motion, truth: &mut VehicleTruth) {
+    let constant = body.disturbance_world;
+    let disturbance = wind.map_or(constant, |wind| constant + wind.acceleration(center, body.mass));
     truth.mass = body.mass;
     truth.inertia = body.inertia.into();
-    truth.disturbance_world = body.disturbance_world.into();
+    truth.disturbance_world = disturbance.into();
 }
 
 #[expect(

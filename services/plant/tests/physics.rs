@@ -17,7 +17,7 @@ fn rounding(steps: u32, scale: f64) -> f64 {
 
 fn flown(mut motion: Motion, body: &Body, wrench: &Wrench, h: f64, steps: u32) -> Motion {
     for _ in 0..steps {
-        motion = advanced(&motion, h, |motion| body.motion_rate(motion, wrench));
+        motion = advanced(&motion, h, |motion, _| body.motion_rate(motion, wrench));
     }
     motion
 }
@@ -33,6 +33,7 @@ fn bodies() -> impl Strategy<Value = Body> {
         mass,
         inertia: Vector3::new(y + z, z + x, x + y),
         disturbance_world,
+        center_of_mass: Vector3::zeros(),
     })
 }
 
@@ -72,6 +73,7 @@ fn tumbling() -> (Motion, Body) {
         mass: 0.2,
         inertia: Vector3::new(6.5e-4, 9.0e-4, 13.0e-4),
         disturbance_world: Vector3::new(0.3, 0.2, 0.1),
+        center_of_mass: Vector3::zeros(),
     };
     (motion, body)
 }
@@ -120,6 +122,7 @@ fn a_vehicle_whose_thrust_is_its_weight_hovers_without_a_bit_of_drift() {
         mass: 0.25,
         inertia: Vector3::new(6.5e-4, 6.5e-4, 13.0e-4),
         disturbance_world: Vector3::zeros(),
+        center_of_mass: Vector3::zeros(),
     };
     let weight = Wrench {
         thrust: 0.25 * GRAVITY,
@@ -157,7 +160,7 @@ proptest! {
     #[test]
     fn the_flow_satisfies_equations_1_to_4(motion in motions(), body in bodies(), wrench in wrenches()) {
         const STEP: f64 = 1e-4;
-        let flow = |steps: f64| advanced(&motion, steps * STEP, |motion| body.motion_rate(motion, &wrench));
+        let flow = |steps: f64| advanced(&motion, steps * STEP, |motion, _| body.motion_rate(motion, &wrench));
         let [back2, back1, ahead1, ahead2] = [-2.0, -1.0, 1.0, 2.0].map(flow);
         macro_rules! derivative {
             ($of:expr) => {
@@ -187,7 +190,7 @@ proptest! {
     ) {
         const STEP: f64 = 1e-3;
         let position = |steps: f64| {
-            advanced(&motion, steps * STEP, |motion| body.motion_rate(motion, &wrench)).position_world
+            advanced(&motion, steps * STEP, |motion, _| body.motion_rate(motion, &wrench)).position_world
         };
         let second = |steps: f64| (position(steps) - motion.position_world * 2.0 + position(-steps)) / (steps * steps * STEP * STEP);
         // Richardson's extrapolation leaves an error of fourth order.

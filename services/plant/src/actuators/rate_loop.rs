@@ -1,0 +1,124 @@
+//! A vehicle with motors that take time, an on-board rate loop, and a receiver that misses frames.
+//!
+//! ```text
+//! Ṫ = (T* − T)/τT         T* = clamp(kT · T_frame, 0, Tmax)
+//! ω̇i = (ωi* − ωi)/τωi     ωi* = clamp(kωi · ωi_frame + ω0i, −ωmaxi, ωmaxi)
+//! ```
+//!
+//! T thrust, N; ω angular velocity in {B}, rad/s; τ time constants, s; k factors of a wrong calibration; ω0 bias
+//! of the rate gyros. It is the model of section VI of the paper, where the vehicle takes thrust and body rates
+//! and its own loop is taken to be fast, with the first-order lags that such loops and motors have.
+
+use nalgebra::Vector3;
+use shared_types::noise::{Noise, Stream};
+use shared_types::samples::RcFrame;
+use shared_types::scenario;
+
+use crate::actuators::{Drive, Turning};
+use crate::integrator::Stage;
+use crate::lag::Lag;
+
+/// The motors, the rate loop and the receiver.
+#[derive(Clone, Debug)]
+pub struct RateLoop {
+    stated: scenario::Actuators,
+    thrust_lag: Lag,
+    rate_lags: [Lag; 3],
+    losses: Noise,
+    /// T at the end of the last tick that was driven, N.
+    thrust: f64,
+    /// The newest frame that was not lost.
+    received: Option<RcFrame>,
+}
+
+impl RateLoop {
+    /// What a scenario states, in a flight of that seed with ticks of `tick` s, before the first frame.
+    #[must_use]
+    pub fn new(stated: &scenario::Actuators, seed: u64, tick: f64) -> Self {
+        Self {
+            stated: stated.clone(),
+            thrust_lag: Lag::new(stated.thrust_lag, tick),
+            rate_lags: stated.rate_lag.map(|time_constant| Lag::new(time_constant, tick)),
+            losses: Noise::new(seed, Stream::RadioLoss),
+            thrust: stated.initial_thrust,
+            received: None,
+        }
+    }
+
+    /// T, N.
+    #[must_use]
+    pub fn thrust(&self) -> f64 {
+        self.thrust
+    }
+
+    /// The frame that acts, if one was received.
+    #[must_use]
+    pub fn received(&self) -> Option<&RcFrame> {
+        self.received.as_ref()
+    }
+
+    /// Continues with a thrust (N) and the frame that acts.
+    pub fn restore(&mut self, thrust: f64, received: Option<RcFrame>) {
+        (self.thrust, self.received) = (thrust, received);
+    }
+
+    /// What acts over a tick that begins with angular velocity `omega`; the thrust goes on to the tick's end.
+    #[must_use]
+    pub fn drive(&mut self, newest: Option<&RcFrame>, omega: &Vector3<f64>) -> Drive {
+        if let Some(frame) = newest {
+            self.receive(frame);
+        }
+        let thrust = self.thrust_lag.approach(self.thrust, self.thrust_target());
+        self.thrust = thrust.value(Stage::End);
+        Drive::Lagged {
+            thrust,
+            turning: self.turning(omega),
+        }
+    }
+
+    /// Takes a frame unless it is lost; then the one before goes on acting.
+    ///
+    /// Whether it is lost is decided by its number, the same however often it is asked.
+    fn receive(&mut self, frame: &RcFrame) {
+        let seq = frame.header.seq;
+        let known = self.received.is_some_and(|received| received.header.seq == seq);
+        if !known && !self.is_lost(seq) {
+            self.received = Some(*frame);
+        }
+    }
+
+    fn is_lost(&mut self, seq: u64) -> bool {
+        self.stated.frame_loss > 0.0 && self.losses.at(seq).uniform() < self.stated.frame_loss
+    }
+
+    /// T*; a failsafe frame asks for none, and until the first frame it stays what it was at the start.
+    fn thrust_target(&self) -> f64 {
+        match &self.received {
+            None => self.stated.initial_thrust,
+            Some(frame) if frame.failsafe.is_set() => 0.0,
+            Some(frame) => (self.stated.thrust_factor * frame.thrust)
+                .min(self.stated.thrust_max)
+                .max(0.0),
+        }
+    }
+
+    fn turning(&self, omega: &Vector3<f64>) -> Turning {
+        let asked = match &self.received {
+            None => [0.0; 3],
+            Some(frame) if frame.mode == RcFrame::MODE_RATES => frame.rates_body,
+            Some(frame) => return Turning::Torque(frame.torque_body.into()),
+        };
+        Turning::Rates(std::array::from_fn(|axis| {
+            let target = self.rate_target(axis, asked[axis]);
+            self.rate_lags[axis].approach(omega[axis], target)
+        }))
+    }
+
+    /// ωi* about an axis.
+    fn rate_target(&self, axis: usize, asked: f64) -> f64 {
+        let limit = self.stated.rate_max[axis];
+        (self.stated.rate_factor[axis] * asked + self.stated.rate_bias[axis])
+            .min(limit)
+            .max(-limit)
+    }
+}

@@ -1,0 +1,53 @@
+//! Noise that remembers: of each component an Ornstein–Uhlenbeck process, exact over a tick.
+//!
+//! ```text
+//! dx = −x/τ dt + σ √(2/τ) dW        x(t+h) = e^(−h/τ) x(t) + σ √(1 − e^(−2h/τ)) n,  n ~ N(0, 1)
+//! ```
+//!
+//! σ standard deviation, τ correlation time, s: E[x(t) x(t+s)] = σ² e^(−|s|/τ) at every tick whatever h is, as the
+//! process begins with its stationary distribution (D. T. Gillespie, "Exact numerical simulation of the
+//! Ornstein–Uhlenbeck process and its integral", 1996).
+
+use nalgebra::Vector3;
+use shared_types::noise::Noise;
+
+/// Three independent processes of equal deviation and correlation time.
+#[derive(Clone, Debug)]
+pub struct OrnsteinUhlenbeck {
+    /// e^(−h/τ).
+    decay: f64,
+    /// σ √(1 − e^(−2h/τ)).
+    kick: f64,
+    noise: Noise,
+    value: Vector3<f64>,
+}
+
+impl OrnsteinUhlenbeck {
+    /// The process at tick 0, with ticks of h = `tick` s; a correlation time of 0 is white noise.
+    #[must_use]
+    pub fn new(deviation: f64, correlation_time: f64, tick: f64, mut noise: Noise) -> Self {
+        let correlation_times = tick / correlation_time;
+        Self {
+            decay: libm::exp(-correlation_times),
+            kick: deviation * (-libm::expm1(-2.0 * correlation_times)).sqrt(),
+            value: noise.at(0).normal3() * deviation,
+            noise,
+        }
+    }
+
+    /// Goes on by a tick, to `tick`.
+    pub fn advance(&mut self, tick: u64) {
+        self.value = self.value * self.decay + self.noise.at(tick).normal3() * self.kick;
+    }
+
+    /// x.
+    #[must_use]
+    pub fn value(&self) -> Vector3<f64> {
+        self.value
+    }
+
+    /// Continues from a value.
+    pub fn restore(&mut self, value: Vector3<f64>) {
+        self.value = value;
+    }
+}
