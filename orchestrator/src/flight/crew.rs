@@ -1,15 +1,13 @@
 //! The service processes of a run: started, watched, stopped, and never left behind.
 
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use command_fds::{CommandFdExt, FdMapping};
-use runtime::control::{
-    CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, Start, ToOrchestrator, ToService,
-};
+use runtime::control::{CONTROL_FD, Channel, ControlError, Start, ToOrchestrator, ToService};
+use runtime::descriptors::hand_on;
 use runtime::doorbell::Doorbell;
 use runtime::shared_page::SharedPage;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -94,23 +92,6 @@ impl Crew {
 
     fn spawn(&self, service: ServiceId) -> Result<CrewMember, FlightFailure> {
         let (channel, theirs) = Channel::pair().map_err(setup)?;
-        let copy = |file: BorrowedFd<'_>| file.try_clone_to_owned().map_err(setup);
-        let mut mappings = vec![
-            FdMapping {
-                parent_fd: theirs,
-                child_fd: CONTROL_FD,
-            },
-            FdMapping {
-                parent_fd: copy(self.page.file().as_fd())?,
-                child_fd: SHARED_PAGE_FD,
-            },
-        ];
-        for (doorbell, child_fd) in self.doorbells.iter().zip(FIRST_DOORBELL_FD..) {
-            mappings.push(FdMapping {
-                parent_fd: copy(doorbell.as_fd())?,
-                child_fd,
-            });
-        }
         // The running program itself, even if its file has been replaced meanwhile.
         let mut command = Command::new("/proc/self/exe");
         command
@@ -118,9 +99,10 @@ impl Crew {
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             // Ctrl-C in a terminal is for the orchestrator alone.
-            .process_group(0)
-            .fd_mappings(mappings)
-            .map_err(|error| FlightFailure::Setup(error.to_string()))?;
+            .process_group(0);
+        let doorbells = self.doorbells.iter().map(AsFd::as_fd);
+        let files = [theirs.as_fd(), self.page.file()].into_iter().chain(doorbells);
+        hand_on(&mut command, CONTROL_FD, files).map_err(setup)?;
         let child = command.spawn().map_err(setup)?;
         let pid = Pid::from_child(&child);
         let death = pidfd_open(pid, PidfdFlags::empty()).map_err(|error| setup(error.into()))?;

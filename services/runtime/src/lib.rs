@@ -8,7 +8,7 @@
 //!
 //! Under them lie [`ports`] (iceoryx2, in bytes), [`wait`] (yield once, then block on a doorbell),
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`control`] (the
-//! orchestrator's line to each service), [`deployment`] (core, scheduler, parent's death) and [`process`]
+//! orchestrator's line to each service), [`deployment`] (core, scheduler, parent's death), [`descriptors`] (what a started process inherits) and [`process`]
 //! (what `gerono service NAME` runs).
 //!
 //! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the
@@ -17,6 +17,7 @@
 
 pub mod control;
 pub mod deployment;
+pub mod descriptors;
 pub mod doorbell;
 pub mod in_process;
 pub mod lock_step;

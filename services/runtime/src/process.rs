@@ -1,10 +1,5 @@
 //! What a service process does: join the run, make its ports, say that it is ready, fly, wait for the end.
-#![expect(
-    unsafe_code,
-    reason = "inherited file descriptors are taken over by their numbers"
-)]
 
-use std::os::fd::{FromRawFd, OwnedFd};
 use std::sync::Arc;
 
 use shared_types::ServiceId;
@@ -15,6 +10,7 @@ use crate::control::{
     CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, Start, ToOrchestrator, ToService,
 };
 use crate::deployment::{self, Scheduler};
+use crate::descriptors::inherited;
 use crate::doorbell::Doorbell;
 use crate::lock_step::{self, FlightError, ServicePorts};
 use crate::ports::{Member, PortError};
@@ -155,6 +151,7 @@ struct Inherited {
 
 impl Inherited {
     fn take() -> Result<Self, ProcessError> {
+        let inherited = |number| inherited(number).map_err(|_| ProcessError::NotSpawned);
         let channel = Channel::inherited(inherited(CONTROL_FD)?);
         let page = SharedPage::open(inherited(SHARED_PAGE_FD)?).map_err(|_| ProcessError::NotSpawned)?;
         let numbers = (FIRST_DOORBELL_FD..).take(ServiceId::ALL.len());
@@ -167,13 +164,4 @@ impl Inherited {
             doorbells,
         })
     }
-}
-
-/// Takes over an inherited descriptor; everything that is started from here closes it.
-fn inherited(number: i32) -> Result<OwnedFd, ProcessError> {
-    // SAFETY: only looks whether the number is open.
-    let borrowed = unsafe { std::os::fd::BorrowedFd::borrow_raw(number) };
-    rustix::io::fcntl_setfd(borrowed, rustix::io::FdFlags::CLOEXEC).map_err(|_| ProcessError::NotSpawned)?;
-    // SAFETY: the number is open, and by the contract with `gerono run` nothing else in this process owns it.
-    Ok(unsafe { OwnedFd::from_raw_fd(number) })
 }

@@ -7,7 +7,7 @@
     reason = "a page shared by several processes can only be reached by mapping it"
 )]
 
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use memmap2::MmapRaw;
@@ -90,8 +90,8 @@ impl SharedPage {
 
     /// The file, to be inherited by a service.
     #[must_use]
-    pub fn file(&self) -> impl AsFd {
-        &self.file
+    pub fn file(&self) -> BorrowedFd<'_> {
+        self.file.as_fd()
     }
 
     /// The words.

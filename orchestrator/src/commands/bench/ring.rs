@@ -1,12 +1,12 @@
 //! Bare rings: five processes on one core that hand on nothing but the turn. The floor of lock-step flight.
 
-use std::os::fd::{AsFd, BorrowedFd, FromRawFd, OwnedFd};
+use std::os::fd::{AsFd, OwnedFd};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use command_fds::{CommandFdExt, FdMapping};
 use runtime::deployment::{self, Scheduler};
+use runtime::descriptors::{hand_on, inherited};
 use runtime::shared_page::SharedPage;
 use rustix::event::{EventfdFlags, eventfd};
 use shared_types::ServiceId;
@@ -100,16 +100,6 @@ fn spawn(
     page: &SharedPage,
     events: &[OwnedFd],
 ) -> std::io::Result<Child> {
-    let mut mappings = vec![FdMapping {
-        parent_fd: page.file().as_fd().try_clone_to_owned()?,
-        child_fd: PAGE_FD,
-    }];
-    for (event, child_fd) in events.iter().zip(FIRST_EVENT_FD..) {
-        mappings.push(FdMapping {
-            parent_fd: event.try_clone()?,
-            child_fd,
-        });
-    }
     let mut command = Command::new("/proc/self/exe");
     command.args(["ring-member", &place.to_string(), &rounds.to_string()]);
     command.arg(match wait {
@@ -123,7 +113,8 @@ fn spawn(
     if fifo {
         command.arg("--fifo");
     }
-    command.fd_mappings(mappings).map_err(std::io::Error::other)?;
+    let files = std::iter::once(page.file()).chain(events.iter().map(AsFd::as_fd));
+    hand_on(&mut command, PAGE_FD, files)?;
     command.spawn()
 }
 
@@ -172,16 +163,4 @@ fn go_around(arguments: &RingMember) -> std::io::Result<()> {
         }
     }
     Ok(())
-}
-
-#[expect(
-    unsafe_code,
-    reason = "inherited file descriptors are taken over by their numbers"
-)]
-fn inherited(number: i32) -> std::io::Result<OwnedFd> {
-    // SAFETY: only looks whether the number is open.
-    let borrowed = unsafe { BorrowedFd::borrow_raw(number) };
-    rustix::io::fcntl_setfd(borrowed, rustix::io::FdFlags::CLOEXEC)?;
-    // SAFETY: the number is open, and by the contract with the parent nothing else in this process owns it.
-    Ok(unsafe { OwnedFd::from_raw_fd(number) })
 }
