@@ -1,8 +1,15 @@
 //! What a scenario must satisfy beyond its types: each violation with its place, the reason and the fix.
 
+mod actuators;
+mod air;
 mod assumption;
+mod cameras;
 mod controller;
+mod estimator;
+mod events;
 mod path;
+mod radio;
+mod sections;
 mod vehicle;
 
 use super::{Key, Problem, Scenario, Vector};
@@ -18,11 +25,32 @@ impl Scenario {
         let mut found = Findings::default();
         self.vehicle
             .check(self.duration, &root.then("vehicle"), &mut found);
-        self.path.check(&root.then("path"), &mut found);
+        self.path.check(self.duration, &root.then("path"), &mut found);
         self.controller.check(&root.then("controller"), &mut found);
         self.check_assumption_1(&mut found);
+        self.check_rig(&root, &mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems
+    }
+
+    /// The sections of which the ideal flight has none, each by itself and all together.
+    fn check_rig(&self, root: &Key, found: &mut Findings) {
+        if let Some(cameras) = &self.cameras {
+            let at = root.then("cameras");
+            cameras.check(self.duration, &at, found);
+            self.check_jitter(cameras, &at.then("jitter"), found);
+        }
+        if let Some(estimator) = &self.estimator {
+            let at = root.then("estimator").then("kalman");
+            estimator.kalman.check(&at, found);
+        }
+        if let Some(link) = &self.rc_output {
+            link.check(&root.then("rc_output"), found);
+        }
+        if let Some(model) = &self.model {
+            model.check(&root.then("model"), found);
+        }
+        self.check_sections(found);
     }
 }
 
@@ -34,6 +62,13 @@ struct Findings {
 }
 
 impl Findings {
+    /// Whether a check finds nothing.
+    fn has_none(check: impl FnOnce(&mut Self)) -> bool {
+        let mut found = Self::default();
+        check(&mut found);
+        found.problems.is_empty()
+    }
+
     fn add(&mut self, key: Key, reason: impl Into<String>, fix: impl Into<String>) {
         self.problems.push(Problem::new(key, reason, fix));
     }
@@ -81,6 +116,18 @@ impl Findings {
             self.add(key.clone(), reason, "give 0 or a number above it");
         }
         value >= 0.0
+    }
+
+    /// Part of a whole, but not all of it.
+    fn share(&mut self, key: &Key, value: f64) {
+        if !(0.0..1.0).contains(&value) {
+            let reason = format!("{value:?} is not a share from 0 to below 1");
+            self.add(
+                key.clone(),
+                reason,
+                "give a number from 0 to below 1; 0.1 is one in ten",
+            );
+        }
     }
 }
 

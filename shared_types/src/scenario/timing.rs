@@ -1,5 +1,6 @@
 //! From the times of a scenario, in seconds, to the resolved schedule, in whole base ticks.
 
+mod events;
 mod names;
 mod ticks;
 
@@ -28,10 +29,7 @@ impl Scenario {
         let mut reader = TickReader::new(self.schedule.tick).map_err(|problem| vec![problem])?;
         let root = Key::root();
         let last_tick = reader.read(&root.then("duration"), self.duration, 1..=LONGEST_FLIGHT);
-        for (index, change) in self.vehicle.change.iter().enumerate() {
-            let key = root.then("vehicle").then("change").then(index).then("at");
-            reader.read(&key, change.at, 0..=LONGEST_FLIGHT);
-        }
+        self.read_event_times(&mut reader);
         let (services, topics) = self.schedule.rates(&mut reader).resolved();
         let latencies = self.schedule.latencies(&mut reader);
         let tick_ns = reader.finish()?;

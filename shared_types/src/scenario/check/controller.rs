@@ -2,7 +2,7 @@
 
 use super::vehicle::check_inertia;
 use super::{Findings, six_digits};
-use crate::scenario::{Bounds, Controller, InitialEstimates, Key};
+use crate::scenario::{Bounds, Controller, InitialEstimates, Key, RateCommand};
 
 impl Controller {
     pub(super) fn check(&self, at: &Key, found: &mut Findings) {
@@ -23,6 +23,12 @@ impl Controller {
         found.not_negative(&at.then("lambda_inertia"), "Λw", self.lambda_inertia);
         self.bounds.check(&at.then("bounds"), found);
         self.initial.check(&at.then("initial"), found);
+        if let Some(rates) = &self.rates {
+            rates.check(&at.then("rates"), found);
+        }
+        if let Some(gain) = self.observer_gain {
+            found.positive(&at.then("observer_gain"), "γ", gain);
+        }
     }
 
     fn check_delta(&self, key: &Key, found: &mut Findings) -> bool {
@@ -103,6 +109,19 @@ impl Bounds {
                 ),
             );
         }
+    }
+}
+
+impl RateCommand {
+    /// All but the roll-out, which depends on the schedule. A gain of 0 is a choice, as of the estimators.
+    fn check(&self, at: &Key, found: &mut Findings) {
+        found.not_negative(&at.then("yaw_kp"), "kp", self.yaw_kp);
+        found.not_negative(&at.then("yaw_ki"), "ki", self.yaw_ki);
+        found.not_negative(
+            &at.then("yaw_integral_max"),
+            "the largest integral term",
+            self.yaw_integral_max,
+        );
     }
 }
 

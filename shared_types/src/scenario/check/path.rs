@@ -1,13 +1,14 @@
 //! A path that can be flown: a timing law that is defined and a curve that is smooth.
 
 use super::Findings;
+use super::events::Events;
 use crate::scenario::{Circle, Curve, Hover, Key, Line, Lissajous, Path, TiltedEight, Vector, Waypoints};
 
 /// Distance below which two waypoints are the same, m: less than any motion capture resolves.
 const COINCIDENT: f64 = 1e-6;
 
 impl Path {
-    pub(super) fn check(&self, at: &Key, found: &mut Findings) {
+    pub(super) fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
         found.not_negative(&at.then("speed"), "vd", self.speed);
         found.positive(&at.then("k4"), "k4", self.k4);
         let alpha1_is_good = found.positive(&at.then("alpha1"), "α1", self.alpha1);
@@ -25,7 +26,21 @@ impl Path {
         found.number(&at.then("initial_gamma"), self.initial_gamma);
         found.number(&at.then("initial_gamma_dot"), self.initial_gamma_dot);
         found.number(&at.then("yaw"), self.yaw);
+        self.check_yaw_steps(duration, &at.then("yaw_step"), found);
         self.curve.check(&at.then("curve"), found);
+    }
+
+    fn check_yaw_steps(&self, duration: f64, at: &Key, found: &mut Findings) {
+        for (index, step) in self.yaw_step.iter().enumerate() {
+            found.number(&at.then(index).then("yaw"), step.yaw);
+        }
+        let steps = Events {
+            one: "yaw step",
+            several: "yaw steps",
+            at: at.clone(),
+            times: self.yaw_step.iter().map(|step| step.at).collect(),
+        };
+        steps.check(duration, found);
     }
 }
 

@@ -1,3 +1,5 @@
+mod rig;
+
 use proptest::prelude::*;
 
 use crate::scenario::tests_support::fig1;
@@ -13,8 +15,13 @@ fn problems(spoil: impl FnOnce(&mut Scenario)) -> Vec<Problem> {
 /// The only problem is at this key, gives this reason and this fix (each in part).
 #[track_caller]
 fn refused(spoil: impl FnOnce(&mut Scenario), key: &str, reason: &str, fix: &str) {
-    let problems = problems(spoil);
-    let [problem] = problems.as_slice() else {
+    assert_only(&problems(spoil), key, reason, fix);
+}
+
+/// The only one of some problems is at this key, gives this reason and this fix (each in part).
+#[track_caller]
+fn assert_only(problems: &[Problem], key: &str, reason: &str, fix: &str) {
+    let [problem] = problems else {
         panic!("not one problem: {problems:?}")
     };
     assert_eq!(problem.key.to_string(), key);

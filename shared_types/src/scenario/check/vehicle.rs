@@ -1,11 +1,15 @@
 //! A vehicle that can exist, and changes of it that happen in flight, one after the other.
 
+use super::events::Events;
 use super::{Findings, six_digits};
 use crate::scenario::{InitialState, Key, Vector, Vehicle, VehicleChange};
 
 /// Relative excess over the triangle inequality that rounding explains: a flat body has J1 + J2 = J3 exactly,
 /// but its decimals may not.
 const TRIANGLE_TOLERANCE: f64 = 1e-9;
+
+/// Distance from the body's origin at which no centre of mass is, m.
+const FARTHEST_CENTER: f64 = 0.5;
 
 impl Vehicle {
     pub(super) fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
@@ -16,37 +20,30 @@ impl Vehicle {
         for (index, change) in self.change.iter().enumerate() {
             change.check(&at.then("change").then(index), found);
         }
-        self.check_times(duration, &at.then("change"), found);
+        let changes = Events {
+            one: "change",
+            several: "changes",
+            at: at.then("change"),
+            times: self.change.iter().map(|change| change.at).collect(),
+        };
+        changes.check(duration, found);
+        check_center_of_mass(&self.center_of_mass, &at.then("center_of_mass"), found);
+        self.check_rig(duration, at, found);
     }
 
-    fn check_times(&self, duration: f64, at: &Key, found: &mut Findings) {
-        for (index, change) in self.change.iter().enumerate() {
-            if change.at > duration {
-                found.add(
-                    at.then(index).then("at"),
-                    format!(
-                        "the change at {:?} s comes after the end of the flight at {duration:?} s",
-                        change.at
-                    ),
-                    "let it happen earlier, leave it out or raise `duration`",
-                );
-            }
+    /// What the ideal vehicle has nothing of.
+    fn check_rig(&self, duration: f64, at: &Key, found: &mut Findings) {
+        for (axis, &drag) in self.drag.iter().enumerate() {
+            found.not_negative(&at.then("drag").then(axis), "the drag", drag);
         }
-        for (index, pair) in self.change.windows(2).enumerate() {
-            let [earlier, later] = [pair[0].at, pair[1].at];
-            if later < earlier {
-                found.add(
-                    at.then(index + 1).then("at"),
-                    format!("the change at {later:?} s stands behind the one at {earlier:?} s"),
-                    "put the changes in the order of their times",
-                );
-            } else if later == earlier {
-                found.add(
-                    at.then(index + 1).then("at"),
-                    format!("two changes happen at {later:?} s"),
-                    "make one change of the two, or move one of them",
-                );
-            }
+        if let Some(actuators) = &self.actuators {
+            actuators.check(&at.then("actuators"), found);
+        }
+        if let Some(turbulence) = &self.turbulence {
+            turbulence.check(&at.then("turbulence"), found);
+        }
+        if let Some(fan) = &self.fan {
+            fan.check(duration, &at.then("fan"), found);
         }
     }
 }
@@ -72,13 +69,32 @@ impl VehicleChange {
         if let Some(disturbance) = &self.disturbance {
             found.vector(&at.then("disturbance"), disturbance);
         }
-        if self.mass.is_none() && self.inertia.is_none() && self.disturbance.is_none() {
+        if let Some(center_of_mass) = &self.center_of_mass {
+            check_center_of_mass(center_of_mass, &at.then("center_of_mass"), found);
+        }
+        let keeps_body = self.mass.is_none() && self.inertia.is_none() && self.center_of_mass.is_none();
+        if keeps_body && self.disturbance.is_none() {
             found.add(
                 at.clone(),
                 "the change changes nothing",
-                "state a new `mass`, `inertia` or `disturbance`, or leave the change out",
+                "state a new `mass`, `inertia`, `center_of_mass` or `disturbance`, or leave the change out",
             );
         }
+    }
+}
+
+/// The centre of mass lies within a vehicle of the size that the laws are for.
+fn check_center_of_mass(center_of_mass: &Vector, key: &Key, found: &mut Findings) {
+    let distance = center_of_mass.iter().map(|c| c * c).sum::<f64>().sqrt();
+    if found.vector(key, center_of_mass) && distance >= FARTHEST_CENTER {
+        found.add(
+            key.clone(),
+            format!(
+                "the centre of mass lies {} m from the origin of {{B}}, outside of any such vehicle",
+                six_digits(distance)
+            ),
+            format!("give a place less than {FARTHEST_CENTER:?} m away"),
+        );
     }
 }
 

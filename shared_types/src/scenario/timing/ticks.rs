@@ -40,6 +40,11 @@ impl TickReader {
         })
     }
 
+    /// Length of the tick, ns.
+    pub(super) fn tick_ns(&self) -> u64 {
+        self.tick_ns
+    }
+
     /// A time in s as ticks; where it is none of the allowed numbers of ticks, the least of them, and a problem.
     pub(super) fn read(&mut self, key: &Key, time: f64, allowed: RangeInclusive<u64>) -> u64 {
         self.whole_ticks(key, time, &allowed).unwrap_or_else(|problem| {

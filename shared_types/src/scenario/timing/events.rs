@@ -1,0 +1,93 @@
+//! When something happens in flight, how long it lasts, and which latencies are believed in: whole ticks too.
+
+use super::LONGEST_FLIGHT;
+use super::ticks::TickReader;
+use crate::scenario::{Key, Scenario};
+
+/// Longest latency that a model may state, ns: what a vehicle does in a longer time cannot be predicted.
+const LONGEST_PREDICTION_NS: u64 = 200_000_000;
+
+/// A time of the scenario, s, and its place.
+type StatedTime = (Key, f64);
+
+impl Scenario {
+    /// Reads the times that belong to no service or topic.
+    pub(super) fn read_event_times(&self, reader: &mut TickReader) {
+        for (key, time) in self.moments() {
+            reader.read(&key, time, 0..=LONGEST_FLIGHT);
+        }
+        for (key, time) in self.lengths() {
+            reader.read(&key, time, 1..=LONGEST_FLIGHT);
+        }
+        let longest = LONGEST_PREDICTION_NS / reader.tick_ns();
+        for (key, time) in self.believed_latencies() {
+            reader.read(&key, time, 0..=longest);
+        }
+    }
+
+    /// When something happens.
+    fn moments(&self) -> Vec<StatedTime> {
+        let root = Key::root();
+        let vehicle = root.then("vehicle");
+        let changes = &self.vehicle.change;
+        let mut moments = in_array(&vehicle.then("change"), "at", changes, |change| change.at);
+        let steps = &self.path.yaw_step;
+        moments.extend(in_array(
+            &root.then("path").then("yaw_step"),
+            "at",
+            steps,
+            |step| step.at,
+        ));
+        if let Some(fan) = &self.vehicle.fan {
+            let at = vehicle.then("fan");
+            moments.push((at.then("on_at"), fan.on_at));
+            moments.extend(fan.off_at.map(|time| (at.then("off_at"), time)));
+            moments.extend(in_array(&at.then("moves"), "at", &fan.moves, |place| place.at));
+        }
+        if let Some(cameras) = &self.cameras {
+            let at = root.then("cameras");
+            moments.extend(in_array(&at.then("occlusion"), "at", &cameras.occlusion, |one| {
+                one.at
+            }));
+            moments.extend(in_array(
+                &at.then("marker_swap"),
+                "at",
+                &cameras.marker_swap,
+                |one| one.at,
+            ));
+        }
+        moments
+    }
+
+    /// How long something lasts.
+    fn lengths(&self) -> Vec<StatedTime> {
+        let at = Key::root().then("cameras");
+        self.cameras.iter().fold(Vec::new(), |mut lengths, cameras| {
+            let (occlusions, swaps) = (&cameras.occlusion, &cameras.marker_swap);
+            lengths.extend(in_array(&at.then("occlusion"), "lasts", occlusions, |one| {
+                one.lasts
+            }));
+            lengths.extend(in_array(&at.then("marker_swap"), "lasts", swaps, |one| one.lasts));
+            lengths
+        })
+    }
+
+    /// What estimator and controller believe of latencies.
+    fn believed_latencies(&self) -> Vec<StatedTime> {
+        let at = Key::root().then("model");
+        self.model.iter().fold(Vec::new(), |mut latencies, model| {
+            latencies.push((at.then("radio_latency"), model.radio_latency));
+            let capture = model.capture_latency;
+            latencies.extend(capture.map(|time| (at.then("capture_latency"), time)));
+            latencies
+        })
+    }
+}
+
+/// A time of each element of an array, by the name that it has there.
+fn in_array<T>(array: &Key, name: &str, elements: &[T], time: fn(&T) -> f64) -> Vec<StatedTime> {
+    let elements = elements.iter().enumerate();
+    elements
+        .map(|(index, element)| (array.then(index).then(name), time(element)))
+        .collect()
+}
