@@ -95,9 +95,7 @@ impl PathGeneratorService {
             },
         })
     }
-}
 
-impl PathGeneratorService {
     /// ψd at a tick, rad.
     fn yaw_at(&self, tick: u64) -> f64 {
         let begun = self.yaws.partition_point(|(from, _)| *from <= tick);

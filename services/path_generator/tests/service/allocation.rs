@@ -2,7 +2,7 @@
 
 use crate::allocations::allocations_during;
 use crate::flight::{generator, paper_path, step_at, vehicle};
-use shared_types::scenario::{Circle, Curve, Hover, Line, Path, TiltedEight, Waypoints};
+use shared_types::scenario::{Circle, Curve, Hover, Line, Lissajous, Path, TiltedEight, Waypoints, YawStep};
 
 #[test]
 fn a_step_allocates_nothing_on_any_curve() {
@@ -19,6 +19,12 @@ fn a_step_allocates_nothing_on_any_curve() {
             start: [0.0; 3],
             direction: [1.0, 0.0, 0.0],
         }),
+        Curve::Lissajous(Lissajous {
+            center: [0.0; 3],
+            amplitude: [0.0, 0.0, 0.3],
+            frequency: [0.0, 0.0, 4.0],
+            phase: [0.0; 3],
+        }),
         Curve::Waypoints(Waypoints {
             points: vec![[0.0; 3], [1.0; 3], [0.0, 1.0, 2.0]],
             closed: true,
@@ -28,6 +34,7 @@ fn a_step_allocates_nothing_on_any_curve() {
     for curve in curves {
         let mut generator = generator(Path {
             curve,
+            yaw_step: vec![YawStep { at: 1.0, yaw: 0.5 }],
             ..paper_path()
         });
         let count = allocations_during(|| {

@@ -5,7 +5,7 @@ use path_generator::{CurveError, PathGeneratorError, PathGeneratorService, PathG
 use proptest::prelude::*;
 use shared_types::Service;
 use shared_types::samples::{PathReference, VehicleState};
-use shared_types::scenario::{Curve, Hover, Path, PathMode, Waypoints};
+use shared_types::scenario::{Curve, Hover, Path, PathMode, Waypoints, YawStep};
 use shared_types::service::{ErasedService, seconds};
 use zerocopy::{FromZeros, IntoBytes};
 
@@ -192,6 +192,83 @@ fn the_reference_carries_the_curve_the_yaw_and_the_hosts_header() {
     assert_eq!(reference.derivative2_world, <[f64; 3]>::from(point.derivative2));
     assert_eq!(reference.derivative3_world, <[f64; 3]>::from(point.derivative3));
     assert_eq!((reference.yaw, reference.yaw_rate), (0.7, 0.0));
+}
+
+/// A path whose yaw steps twice.
+fn turning_path() -> Path {
+    let steps = [(20.0, 0.8), (20.007, -1.0)];
+    Path {
+        yaw: 0.25,
+        yaw_step: steps.map(|(at, yaw)| YawStep { at, yaw }).to_vec(),
+        ..paper_path()
+    }
+}
+
+#[test]
+fn the_yaw_steps_at_its_tick_and_not_before() {
+    let mut generator = generator(turning_path());
+    let seen = vehicle([0.0; 3], [0.0; 3]);
+    let mut yaw_at = |tick, state: Option<&VehicleState>| step(&mut generator, tick, 1, state).yaw;
+    for (tick, yaw) in [
+        (0, 0.25),
+        (19_999, 0.25),
+        (20_000, 0.8),
+        (20_006, 0.8),
+        (20_007, -1.0),
+        (60_000, -1.0),
+    ] {
+        assert_eq!(yaw_at(tick, Some(&seen)), yaw, "tick {tick}");
+        assert_eq!(yaw_at(tick, None), yaw, "tick {tick}, nothing seen");
+    }
+}
+
+#[test]
+fn a_yaw_step_between_two_steps_of_the_generator_holds_from_the_next_on() {
+    let mut generator = generator(turning_path());
+    let seen = vehicle([0.0; 3], [0.0; 3]);
+    let yaws = [19_998, 20_020].map(|tick| step(&mut generator, tick, 22, Some(&seen)).yaw);
+    assert_eq!(yaws, [0.25, -1.0]);
+}
+
+#[test]
+fn a_yaw_step_at_the_start_holds_from_the_start() {
+    let mut generator = generator(Path {
+        yaw_step: vec![YawStep { at: 0.0, yaw: 1.5 }],
+        ..paper_path()
+    });
+    assert_eq!(step_at(&mut generator, 0, None).yaw, 1.5);
+}
+
+#[test]
+fn a_generator_restored_between_yaw_steps_goes_on_with_the_yaw_of_the_time() {
+    let mut whole = generator(turning_path());
+    let seen = vehicle([0.0; 3], [0.0; 3]);
+    step(&mut whole, 20_003, 1, Some(&seen));
+    let state = Service::save(&whole);
+    let mut reborn = generator(turning_path());
+    Service::restore(&mut reborn, &state);
+    for tick in 20_004..20_010 {
+        let references = [&mut whole, &mut reborn].map(|generator| step(generator, tick, 1, Some(&seen)));
+        assert_eq!(references[0].as_bytes(), references[1].as_bytes());
+    }
+}
+
+#[test]
+fn the_reference_speaks_of_the_time_of_the_state_it_was_made_for() {
+    // A state that is predicted 5 ms ahead, seen or not; without any there is only the time of the step.
+    let predicted = |tracked: bool| VehicleState {
+        state_time_ns: 15_000_000,
+        tracked: tracked.into(),
+        ..vehicle([0.0; 3], [0.0; 3])
+    };
+    let mut generator = generator(paper_path());
+    for (state, time_ns) in [
+        (None, 10_000_000),
+        (Some(&predicted(true)), 15_000_000),
+        (Some(&predicted(false)), 15_000_000),
+    ] {
+        assert_eq!(step(&mut generator, 10, 1, state).reference_time_ns, time_ns);
+    }
 }
 
 #[test]
