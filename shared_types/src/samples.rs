@@ -64,6 +64,8 @@ crate::sample! {
         pub velocity_body: [f64; 3],
         /// ω, angular velocity in {B}, rad/s.
         pub angular_velocity_body: [f64; 3],
+        /// v̇, linear acceleration in {I} at that time, m/s²; 0 without a filter.
+        pub acceleration_world: [f64; 3],
         /// T, thrust that acts at that time as the frames sent so far say, N; 0 without a filter.
         pub thrust: f64,
         /// Standard deviation of the position, the largest axis, m.

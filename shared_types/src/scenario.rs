@@ -539,12 +539,16 @@ pub struct RateCommand {
     pub yaw_kp: f64,
     /// ki of the yaw law (28), 1/s².
     pub yaw_ki: f64,
-    /// Largest magnitude of the yaw law's integral term, rad/s.
+    /// Largest magnitude of the yaw law's integral term, rad/s: the largest drift that it is expected to make up
+    /// for. It rests while the proportional term is larger.
     pub yaw_integral_max: f64,
     /// Step at which the law drives the artificial angular velocity over the hold of a frame, s.
     pub roll_out_step: f64,
     /// Whether vehicle and path move along over the hold; if not the law sees them as they are at its beginning.
     pub roll_out: bool,
+    /// Whether the vehicle of the roll-out is also pushed by what the estimator sees and the estimates of mass and
+    /// disturbance do not explain.
+    pub unexplained: bool,
     /// Whether commands make up for the believed lags of thrust and rates.
     pub lag_inversion: bool,
 }
@@ -628,6 +632,7 @@ impl Default for RateCommand {
             yaw_integral_max: 0.5,
             roll_out_step: 0.001,
             roll_out: true,
+            unexplained: true,
             lag_inversion: true,
         }
     }

@@ -8,7 +8,7 @@ use shared_types::service::seconds;
 use crate::law::Evaluation;
 use crate::parameters::Parameters;
 use crate::rates::{HoldStart, RollOut};
-use crate::signals::{Estimates, Measured, Reference};
+use crate::signals::{Acting, Estimates, Measured, Reference};
 use crate::yaw::YawLaw;
 
 /// Makes commands of thrust and body rates.
@@ -76,15 +76,15 @@ impl Commander {
         }
     }
 
-    /// The command for the coming hold, with ψd = `yaw` (rad), for a vehicle whose thrust now is `thrust` (N).
+    /// The command for the coming hold, with ψd = `yaw` (rad).
     pub fn command(
         &mut self,
         parameters: &Parameters,
         measured: &Measured,
+        acting: &Acting,
         reference: &Reference,
         estimates: &Estimates,
         yaw: f64,
-        thrust: f64,
     ) -> Command {
         let memory = self.memory;
         let yaw = self.yaw.command(
@@ -99,7 +99,7 @@ impl Commander {
             estimates,
             artificial_omega: memory.artificial_omega,
             yaw_rate: yaw.rate,
-            thrust,
+            acting,
         };
         let output = self.roll_out.command(parameters, &start);
         self.memory = Memory {
@@ -113,7 +113,7 @@ impl Commander {
             limited_thrust: output.thrust.clamp(least, largest),
             rates_body: output.rates_body,
             law: output.first,
-            is_telling: is_within && thrust >= self.airborne_thrust,
+            is_telling: is_within && acting.thrust >= self.airborne_thrust,
         }
     }
 }

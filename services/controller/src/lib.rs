@@ -39,4 +39,4 @@ pub mod zeta_rate;
 pub use law::{Evaluation, evaluate};
 pub use parameters::Parameters;
 pub use service::ControllerService;
-pub use signals::{Estimates, Measured, Reference};
+pub use signals::{Acting, Estimates, Measured, Reference};

@@ -10,6 +10,10 @@
 //! continuous loop: the attitude loop's sampled gain saturates at one, where sent directly it would be
 //! (g/δ)H, unstable above 2.
 //!
+//! In the roll-out the vehicle flies as the estimates of mass and disturbance say, and by what the estimator sees
+//! besides, which is held. Without that the law would count, at the hold's end, on a step back to the path which a
+//! push not learned yet will not let happen: every push would tell by a factor of about 1 + (k1 + k2)H more.
+//!
 //! The vehicle follows with first-order lags. The command makes up for them: a lag with time constant τ that is
 //! held at x̂ + (x − x̂)/(1 − e^(−H/τ)) brings x̂ to x at the end of the hold H.
 
@@ -20,7 +24,7 @@ use shared_types::scenario::{GRAVITY, Model, RateCommand};
 use crate::law::{Evaluation, evaluate};
 use crate::offset::hanging_offset;
 use crate::parameters::Parameters;
-use crate::signals::{Estimates, Measured, Reference};
+use crate::signals::{Acting, Estimates, Measured, Reference};
 
 /// What the roll-out knows of vehicle and link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +37,8 @@ pub struct RollOut {
     pub steps: u32,
     /// Whether vehicle and path move along.
     pub moves: bool,
+    /// Whether the vehicle is also pushed by what the estimates do not explain.
+    pub is_pushed: bool,
     /// Whether the commands make up for the lags.
     pub inverts_lags: bool,
     /// Time constant of the thrust, s.
@@ -54,8 +60,8 @@ pub struct HoldStart<'a> {
     pub artificial_omega: Vector3<f64>,
     /// ωz of the yaw law, rad/s.
     pub yaw_rate: f64,
-    /// Thrust of the vehicle, N.
-    pub thrust: f64,
+    /// What acts on the vehicle.
+    pub acting: &'a Acting,
 }
 
 /// What is to be sent, and what follows from it.
@@ -85,6 +91,7 @@ impl RollOut {
             hold,
             steps: libm::round(hold / rates.roll_out_step).max(1.0) as u32,
             moves: rates.roll_out,
+            is_pushed: rates.unexplained,
             inverts_lags: rates.lag_inversion,
             thrust_lag: model.thrust_lag,
             rate_lag: model.rate_lag,
@@ -100,7 +107,7 @@ impl RollOut {
             estimates,
             artificial_omega,
             yaw_rate,
-            thrust,
+            acting,
         } = *start;
         let h = self.hold / f64::from(self.steps);
         let mut flight = Flight {
@@ -109,6 +116,11 @@ impl RollOut {
                 ..*measured
             },
             reference: *reference,
+            push: if self.is_pushed {
+                unexplained(parameters, measured, estimates, acting)
+            } else {
+                Vector3::zeros()
+            },
         };
         let first = flight.evaluate(parameters, estimates);
         let mut evaluation = first;
@@ -125,7 +137,7 @@ impl RollOut {
         }
         let omega_end = flight.vehicle.angular_velocity_body;
         RateOutput {
-            thrust: self.thrust_for(thrust, evaluation.thrust),
+            thrust: self.thrust_for(acting.thrust, evaluation.thrust),
             rates_body: self.rates_for(&measured.angular_velocity_body, &omega_end, &mean),
             artificial_omega: omega_end,
             first,
@@ -160,10 +172,37 @@ fn reaching(now: f64, end: f64, hold: f64, lag: f64) -> f64 {
     now - (end - now) / libm::expm1(-hold / lag)
 }
 
+/// v̇ that acts and that the estimates do not explain, in {I}, m/s².
+fn unexplained(
+    parameters: &Parameters,
+    measured: &Measured,
+    estimates: &Estimates,
+    acting: &Acting,
+) -> Vector3<f64> {
+    acting.acceleration_world - acceleration(parameters, estimates, measured, acting.thrust)
+}
+
+/// v̇ of (2) in {I}, m/s², with the estimates for the unknown parameters.
+#[inline]
+fn acceleration(
+    parameters: &Parameters,
+    estimates: &Estimates,
+    vehicle: &Measured,
+    thrust: f64,
+) -> Vector3<f64> {
+    let eta = parameters.eta_projection.value(estimates.eta);
+    let b = estimates
+        .disturbance_world
+        .map(|b| parameters.disturbance_projection.value(b));
+    Vector3::z() * GRAVITY + b - vehicle.world_from_body.column(2) * (eta * thrust)
+}
+
 /// Vehicle and path in the roll-out.
 struct Flight {
     vehicle: Measured,
     reference: Reference,
+    /// What moves the vehicle besides what the estimates say, in {I}, m/s².
+    push: Vector3<f64>,
 }
 
 impl Flight {
@@ -177,16 +216,12 @@ impl Flight {
         evaluate(parameters, &vehicle, &self.reference, estimates)
     }
 
-    /// (1)–(3) with the estimates for the unknown parameters, over `h` seconds.
+    /// (1)–(3), over `h` seconds.
     #[inline]
     fn move_vehicle(&mut self, parameters: &Parameters, estimates: &Estimates, thrust: f64, h: f64) {
+        let acceleration = acceleration(parameters, estimates, &self.vehicle, thrust) + self.push;
         let vehicle = &mut self.vehicle;
         let r = vehicle.world_from_body;
-        let eta = parameters.eta_projection.value(estimates.eta);
-        let b = estimates
-            .disturbance_world
-            .map(|b| parameters.disturbance_projection.value(b));
-        let acceleration = Vector3::z() * GRAVITY + b - r.column(2) * (eta * thrust);
         let velocity = r * vehicle.velocity_body;
         let velocity_after = velocity + acceleration * h;
         vehicle.position_world += (velocity + velocity_after) * (0.5 * h);

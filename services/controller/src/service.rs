@@ -26,7 +26,7 @@ use crate::law::{Evaluation, evaluate};
 use crate::observer::{MassObserver, Sight};
 use crate::parameters::Parameters;
 use crate::regressor::ParameterVector;
-use crate::signals::{EstimateRates, Estimates, Measured, Reference};
+use crate::signals::{Acting, EstimateRates, Estimates, Measured, Reference};
 
 shared_types::sample! {
     /// The estimators after a step, and where they are going.
@@ -115,10 +115,10 @@ impl ControllerService {
         let output = commander.command(
             &self.parameters,
             &measured,
+            &Acting::from(state),
             &target,
             &self.estimates,
             reference.yaw,
-            state.thrust,
         );
         command.thrust = output.thrust;
         command.rates_body = output.rates_body.into();

@@ -20,6 +20,25 @@ pub struct Measured {
     pub angular_velocity_body: Vector3<f64>,
 }
 
+/// What acts on the vehicle at the time of the measured state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Acting {
+    /// T, N.
+    pub thrust: f64,
+    /// v̇ in {I}, m/s².
+    pub acceleration_world: Vector3<f64>,
+}
+
+impl From<&VehicleState> for Acting {
+    #[inline]
+    fn from(state: &VehicleState) -> Self {
+        Self {
+            thrust: state.thrust,
+            acceleration_world: state.acceleration_world.into(),
+        }
+    }
+}
+
 /// The point of the path to be at, and how it moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {

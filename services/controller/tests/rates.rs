@@ -2,7 +2,7 @@
 
 use controller::commander::Commander;
 use controller::offset::hanging_offset;
-use controller::{Estimates, Measured, Parameters, Reference};
+use controller::{Acting, Estimates, Measured, Parameters, Reference};
 use nalgebra::Vector3;
 use shared_types::rotation;
 use shared_types::scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
@@ -45,19 +45,32 @@ impl Rig {
         }
     }
 
+    fn acting(&self) -> Acting {
+        Acting {
+            thrust: self.thrust,
+            acceleration_world: self.acceleration(),
+        }
+    }
+
+    fn acceleration(&self) -> Vector3<f64> {
+        let thrust_axis = self.motion.world_from_body.column(2).into_owned();
+        Vector3::z() * GRAVITY + self.disturbance - thrust_axis * (self.thrust / MASS)
+    }
+
     fn fly(&mut self, thrust: f64, rates: &Vector3<f64>) {
-        let (steps, motion) = (220, &mut self.motion);
+        let steps = 220;
         let h = HOLD / f64::from(steps);
-        let mut velocity = motion.world_from_body * motion.velocity_body;
+        let mut velocity = self.motion.world_from_body * self.motion.velocity_body;
         for _ in 0..steps {
-            let thrust_axis = motion.world_from_body.column(2).into_owned();
-            let acceleration = Vector3::z() * GRAVITY + self.disturbance - thrust_axis * (self.thrust / MASS);
+            let acceleration = self.acceleration();
+            let motion = &mut self.motion;
             motion.position_world += velocity * h + acceleration * (0.5 * h * h);
             velocity += acceleration * h;
             motion.world_from_body *= rotation::exp(&(motion.angular_velocity_body * h));
             motion.angular_velocity_body += (rates - motion.angular_velocity_body) * (h / 0.02);
             self.thrust += (thrust - self.thrust) * (h / 0.03);
         }
+        let motion = &mut self.motion;
         motion.velocity_body = motion.world_from_body.tr_mul(&velocity);
     }
 }
@@ -87,10 +100,10 @@ fn flown(scenario: &Scenario, rig: &mut Rig, seconds: f64, last: f64, yaw: f64) 
         let command = commander.command(
             &parameters,
             &rig.motion,
+            &rig.acting(),
             &resting_reference(),
             &estimates,
             yaw,
-            rig.thrust,
         );
         assert!(command.is_telling);
         rig.fly(command.thrust.max(0.0), &command.rates_body);
@@ -148,10 +161,10 @@ fn the_roll_out_asks_for_less_of_the_body_rates() {
             let command = commander.command(
                 &parameters,
                 &rig.motion,
+                &rig.acting(),
                 &resting_reference(),
                 &estimates,
                 0.0,
-                rig.thrust,
             );
             rig.fly(command.thrust.max(0.0), &command.rates_body);
             squares += command.rates_body.norm_squared();
@@ -159,6 +172,23 @@ fn the_roll_out_asks_for_less_of_the_body_rates() {
         squares.sqrt()
     });
     assert!(rolled_out < 0.7 * latched, "{rolled_out} {latched}");
+}
+
+#[test]
+fn a_push_that_is_seen_before_it_is_learned_moves_the_vehicle_less() {
+    let farthest = |unexplained: bool| {
+        let rates = RateCommand {
+            unexplained,
+            ..RateCommand::default()
+        };
+        let mut scenario = scenario(0.25, true, rates);
+        scenario.controller.initial.disturbance = [0.3, -0.5, 0.2];
+        let mut rig = Rig::new([0.0; 3], [0.0; 3]);
+        rig.disturbance.z += 1.7;
+        flown(&scenario, &mut rig, 3.0, 3.0, 0.0).0
+    };
+    let (seen, unseen) = (farthest(true), farthest(false));
+    assert!(seen < 0.9 * unseen, "{seen} {unseen}");
 }
 
 #[test]
@@ -182,10 +212,10 @@ fn the_first_step_of_the_roll_out_is_the_law_itself() {
     let command = commander.command(
         &parameters,
         &rig.motion,
+        &rig.acting(),
         &resting_reference(),
         &estimates,
         0.0,
-        rig.thrust,
     );
     assert_eq!(
         command.law,
@@ -202,15 +232,18 @@ fn there_is_nothing_to_learn_on_the_ground_or_beyond_the_link_s_thrust() {
     let estimates = Estimates::from(&scenario.controller.initial);
     let telling = |depth: f64, thrust: f64| {
         let mut commander = Commander::new(&scenario, &RateCommand::default());
-        let rig = Rig::new([0.0, 0.0, depth], [0.0; 3]);
+        let rig = Rig {
+            thrust,
+            ..Rig::new([0.0, 0.0, depth], [0.0; 3])
+        };
         commander
             .command(
                 &parameters,
                 &rig.motion,
+                &rig.acting(),
                 &resting_reference(),
                 &estimates,
                 0.0,
-                thrust,
             )
             .is_telling
     };

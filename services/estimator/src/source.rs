@@ -17,6 +17,8 @@ shared_types::sample! {
         pub velocity_body: [f64; 3],
         /// ω, angular velocity in {B}, rad/s.
         pub angular_velocity_body: [f64; 3],
+        /// v̇, linear acceleration in {I}, m/s²; 0 without a filter.
+        pub acceleration_world: [f64; 3],
         /// T, thrust that acts at that time as the frames sent so far say, N; 0 without a filter.
         pub thrust: f64,
         /// Standard deviation of the position, the largest axis, m.
@@ -32,6 +34,7 @@ impl Estimate {
         world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         velocity_body: [0.0; 3],
         angular_velocity_body: [0.0; 3],
+        acceleration_world: [0.0; 3],
         thrust: 0.0,
         position_sigma: 0.0,
     };
@@ -44,6 +47,7 @@ impl Estimate {
         state.world_from_body = self.world_from_body;
         state.velocity_body = self.velocity_body;
         state.angular_velocity_body = self.angular_velocity_body;
+        state.acceleration_world = self.acceleration_world;
         state.thrust = self.thrust;
         state.position_sigma = self.position_sigma;
     }
@@ -71,6 +75,7 @@ pub fn as_captured(capture: Option<&MocapPose>) -> Option<Estimate> {
         world_from_body: pose.world_from_body,
         velocity_body: pose.velocity_body,
         angular_velocity_body: pose.angular_velocity_body,
+        acceleration_world: [0.0; 3],
         thrust: 0.0,
         position_sigma: 0.0,
     })

@@ -5,23 +5,27 @@ mod allocations;
 
 use estimator::EstimatorService;
 use shared_types::Now;
-use shared_types::samples::{MocapPose, VehicleState};
+use shared_types::samples::{MocapPose, RcFrame, VehicleState};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 
-#[test]
-fn a_step_of_the_estimator_does_not_allocate() {
-    let scenario = toml::from_str(
-        "duration = 1.0\n\
-         vehicle = { mass = 0.2, inertia = [6.5e-4, 6.5e-4, 13.0e-4] }\n\
-         path.curve.hover.position = [0.0, 0.0, -1.0]",
-    );
-    let mut service = EstimatorService::new(&scenario.unwrap()).unwrap();
-    let seen = MocapPose {
+const IDEAL: &str = "
+    duration = 1.0
+    vehicle = { mass = 0.2, inertia = [6.5e-4, 6.5e-4, 13.0e-4] }
+    path.curve.hover.position = [0.0, 0.0, -1.0]
+";
+
+/// How often the body was tracked and how many allocations there were in a hundred steps, each with its save and
+/// restore, in which a capture arrives at every second tick and a frame at every fourth.
+fn tracked_and_allocations(scenario: &str) -> (u32, u64) {
+    let mut service = EstimatorService::new(&toml::from_str(scenario).unwrap()).unwrap();
+    let mut seen = MocapPose {
+        world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         tracked: true.into(),
         velocities_measured: true.into(),
         ..MocapPose::new_zeroed()
     };
+    let mut sent = RcFrame::new_zeroed();
     let mut state = VehicleState::new_zeroed();
     let mut saved = vec![0; service.state_size()];
     let mut times_tracked = 0;
@@ -32,18 +36,37 @@ fn a_step_of_the_estimator_does_not_allocate() {
                 time_ns: tick * 1_000_000,
                 elapsed_ns: tick.min(1) * 1_000_000,
             };
+            seen.capture_time_ns = now.time_ns;
+            sent.header.stamp_ns = now.time_ns;
             let pose = InputView {
                 bytes: (tick % 2 == 0).then_some(seen.as_bytes()),
+                fresh: true,
+            };
+            let frame = InputView {
+                bytes: (tick % 4 == 3).then_some(sent.as_bytes()),
                 fresh: true,
             };
             let mut outputs = [OutputSlot {
                 bytes: Some(state.as_mut_bytes()),
             }];
-            ErasedService::step(&mut service, &now, &[pose, InputView::default()], &mut outputs);
+            ErasedService::step(&mut service, &now, &[pose, frame], &mut outputs);
             ErasedService::save(&service, &mut saved);
             ErasedService::restore(&mut service, &saved);
             times_tracked += u32::from(state.tracked.is_set());
         }
     });
-    assert_eq!((count, times_tracked), (0, 50));
+    (times_tracked, count)
+}
+
+#[test]
+fn a_step_with_ideal_cameras_does_not_allocate() {
+    assert_eq!(tracked_and_allocations(IDEAL), (50, 0));
+}
+
+#[test]
+fn a_step_with_a_filter_does_not_allocate() {
+    assert_eq!(
+        tracked_and_allocations(&format!("{IDEAL}\nestimator.kalman = {{}}")),
+        (100, 0)
+    );
 }

@@ -8,7 +8,7 @@ use shared_types::scenario::Scenario;
 
 use crate::integrator::Stage;
 use crate::lag::Approach;
-use crate::rigid_body::{Body, Motion, MotionRate, Wrench};
+use crate::rigid_body::{Body, Wrench};
 
 pub use rate_loop::RateLoop;
 
@@ -24,12 +24,12 @@ pub enum Actuators {
     RateLoop(Box<RateLoop>),
 }
 
-/// What the actuators do over a tick.
+/// What the actuators do over a tick, about the centre of mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Drive {
-    /// Thrust, through the body's origin, and torque are held.
+    /// Thrust and torque are held.
     Held(Wrench),
-    /// Thrust, through the body's origin, follows as a lag.
+    /// Thrust follows as a lag.
     Lagged {
         /// T, N.
         thrust: Approach,
@@ -41,8 +41,13 @@ pub enum Drive {
 /// What makes the body turn over a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Turning {
-    /// τ in {B}, N m, held.
-    Torque(Vector3<f64>),
+    /// A torque that is held, and that of the thrust.
+    Torque {
+        /// τ in {B}, N m.
+        torque_body: Vector3<f64>,
+        /// Torque per thrust in {B}, m.
+        thrust_lever: Vector3<f64>,
+    },
     /// The rate loop: each component of ω in {B}, rad/s, follows as a lag, whatever torque that takes.
     Rates([Approach; 3]),
 }
@@ -62,6 +67,7 @@ impl Actuators {
 
     /// What there is before anything has acted.
     #[must_use]
+    #[inline]
     pub fn at_start(&self) -> Drive {
         Drive::Held(match self {
             Self::Ideal => Wrench::default(),
@@ -72,56 +78,46 @@ impl Actuators {
         })
     }
 
-    /// What acts over a tick that begins with angular velocity ω (in {B}, rad/s), `newest` being the newest
-    /// frame that the radio delivered. Without one ideal motors stand still: the vehicle falls freely.
+    /// What acts over a tick on a body that turns with ω (in {B}, rad/s) at its begin, `newest` being the newest
+    /// frame that the radio delivered.
     #[must_use]
-    #[inline]
-    pub fn drive(&mut self, newest: Option<&RcFrame>, omega: &Vector3<f64>) -> Drive {
+    pub fn drive(&mut self, newest: Option<&RcFrame>, body: &Body, omega: &Vector3<f64>) -> Drive {
         match self {
-            Self::Ideal => Drive::Held(newest.map_or_else(Wrench::default, |frame| Wrench {
-                thrust: frame.thrust,
-                torque_body: frame.torque_body.into(),
-            })),
-            Self::RateLoop(rate_loop) => rate_loop.drive(newest, omega),
+            Self::Ideal => Drive::Held(body.about_center(&ideal_wrench(newest))),
+            Self::RateLoop(rate_loop) => rate_loop.drive(newest, body, omega),
         }
     }
 }
 
+/// What ideal actuators exert, the thrust through the body's origin. Without a frame the motors stand still: the
+/// vehicle falls freely.
+#[must_use]
+#[inline]
+pub fn ideal_wrench(newest: Option<&RcFrame>) -> Wrench {
+    newest.map_or_else(Wrench::default, |frame| Wrench {
+        thrust: frame.thrust,
+        torque_body: frame.torque_body.into(),
+    })
+}
+
 impl Drive {
-    /// The wrench about the centre of mass. A rate loop's torque is not modelled and counts as zero.
+    /// The wrench. A rate loop's torque is not modelled and counts as zero.
     #[must_use]
     #[inline]
-    pub fn wrench(&self, body: &Body, stage: Stage) -> Wrench {
+    pub fn wrench(&self, stage: Stage) -> Wrench {
         match self {
-            Self::Held(wrench) => body.about_center(wrench),
+            Self::Held(wrench) => *wrench,
             Self::Lagged { thrust, turning } => {
                 let thrust = thrust.value(stage);
-                match turning {
-                    Turning::Torque(torque_body) => body.about_center(&Wrench {
-                        thrust,
-                        torque_body: *torque_body,
-                    }),
-                    Turning::Rates(_) => Wrench {
-                        thrust,
-                        torque_body: Vector3::zeros(),
-                    },
-                }
+                let torque_body = match turning {
+                    Turning::Torque {
+                        torque_body,
+                        thrust_lever,
+                    } => torque_body + thrust_lever * thrust,
+                    Turning::Rates(_) => Vector3::zeros(),
+                };
+                Wrench { thrust, torque_body }
             }
-        }
-    }
-
-    /// How the body moves in still air: (1)–(4), but for ω where a rate loop rules it.
-    #[must_use]
-    #[inline]
-    pub fn motion_rate(&self, body: &Body, motion: &Motion, stage: Stage) -> MotionRate {
-        let rate = body.motion_rate(motion, &self.wrench(body, stage));
-        match self.rates() {
-            None => rate,
-            Some(rates) => MotionRate {
-                angular_velocity_body: rates.map(|rate| rate.value(stage)).into(),
-                angular_acceleration_body: rates.map(|rate| rate.slope(stage)).into(),
-                ..rate
-            },
         }
     }
 

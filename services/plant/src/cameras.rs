@@ -30,19 +30,19 @@ impl Cameras {
         })
     }
 
-    /// Writes what is captured at a tick at which the origin moves like `origin`; `acceleration_world` is asked
-    /// for the origin's acceleration in {I}, m/s², if that matters.
+    /// Writes what is captured at a tick at which the origin moves like `origin` and its velocity has changed by
+    /// `acceleration_world`, in {I}, m/s², which ideal cameras do not ask for.
     #[inline]
     pub fn capture(
         &mut self,
         origin: &Motion,
-        acceleration_world: impl FnOnce() -> Vector3<f64>,
+        acceleration_world: &Vector3<f64>,
         now: &Now,
         pose: &mut MocapPose,
     ) {
         match self {
             Self::Ideal => capture_ideally(origin, now, pose),
-            Self::Imperfect(cameras) => cameras.capture(origin, &acceleration_world(), now, pose),
+            Self::Imperfect(cameras) => cameras.capture(origin, acceleration_world, now, pose),
         }
     }
 }

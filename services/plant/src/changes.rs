@@ -3,7 +3,7 @@
 
 use shared_types::scenario::Scenario;
 
-use crate::rigid_body::Body;
+use crate::rigid_body::{Body, Motion};
 
 /// The body over the course of a flight.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,6 +11,7 @@ pub struct Changes {
     initial: Body,
     /// Each with the tick from which it is in force, in the order of ticks.
     later: Vec<(u64, Body)>,
+    move_center: bool,
 }
 
 impl Changes {
@@ -32,18 +33,23 @@ impl Changes {
             .map(|change| (scenario.tick_of(change.at), change))
             .collect();
         stated.sort_by_key(|(tick, _)| *tick);
-        let later = stated.into_iter().scan(initial, |body, (tick, change)| {
-            *body = Body {
-                mass: change.mass.unwrap_or(body.mass),
-                inertia: change.inertia.map_or(body.inertia, Into::into),
-                disturbance_world: change.disturbance.map_or(body.disturbance_world, Into::into),
-                center_of_mass: change.center_of_mass.map_or(body.center_of_mass, Into::into),
-            };
-            Some((tick, *body))
-        });
+        let later: Vec<_> = stated
+            .into_iter()
+            .scan(initial, |body, (tick, change)| {
+                *body = Body {
+                    mass: change.mass.unwrap_or(body.mass),
+                    inertia: change.inertia.map_or(body.inertia, Into::into),
+                    disturbance_world: change.disturbance.map_or(body.disturbance_world, Into::into),
+                    center_of_mass: change.center_of_mass.map_or(body.center_of_mass, Into::into),
+                };
+                Some((tick, *body))
+            })
+            .collect();
+        let moves_center = |(_, body): &(u64, Body)| body.center_of_mass != initial.center_of_mass;
         Self {
             initial,
-            later: later.collect(),
+            move_center: later.iter().any(moves_center),
+            later,
         }
     }
 
@@ -53,5 +59,24 @@ impl Changes {
     pub fn at(&self, tick: u64) -> &Body {
         let begun = self.later.partition_point(|(from, _)| *from <= tick);
         self.later[..begun].last().map_or(&self.initial, |(_, body)| body)
+    }
+
+    /// The motion of the centre of mass of the body in force from `to`, of which until then the body in force from
+    /// `from` moved like `center`: however the centre moves within the body, the origin goes on as before.
+    #[must_use]
+    pub fn passed_on(&self, center: &Motion, from: u64, to: u64) -> Motion {
+        let (before, after) = (self.at(from), self.at(to));
+        if before.center_of_mass == after.center_of_mass {
+            *center
+        } else {
+            after.center_of(&before.origin_of(center))
+        }
+    }
+
+    /// Whether the centre of mass ever moves within the body.
+    #[must_use]
+    #[inline]
+    pub fn move_center(&self) -> bool {
+        self.move_center
     }
 }

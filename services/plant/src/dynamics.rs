@@ -20,15 +20,9 @@ impl Dynamics<'_> {
     /// The motion of the centre of mass a tick of `h` s later.
     ///
     /// It converges with the fourth power of h: the lags are exact functions of the time within the step, and
-    /// force and drag are asked for at every stage. Wind that changes with time is held over the tick.
+    /// drag and the jet's force are asked for at every stage. What of the air changes with time is held.
     #[must_use]
-    #[inline]
     pub fn advanced(&self, motion: &Motion, h: f64) -> Motion {
-        // The ideal vehicle, alone: nothing in it depends on the time within the step.
-        if let (Drive::Held(_), None) = (self.drive, self.wind) {
-            let wrench = self.drive.wrench(self.body, Stage::Begin);
-            return advanced(motion, h, |motion, _| self.body.motion_rate(motion, &wrench));
-        }
         let end = advanced(motion, h, |motion, stage| self.motion_rate(motion, stage));
         match self.drive.rates() {
             None => end,
@@ -39,17 +33,18 @@ impl Dynamics<'_> {
         }
     }
 
-    /// How the centre of mass moves, and the body about it.
+    /// How the centre of mass moves, and the body about it: (1)–(4) in the wind, but for ω where a rate loop rules
+    /// it.
     #[must_use]
-    #[inline]
     pub fn motion_rate(&self, motion: &Motion, stage: Stage) -> MotionRate {
-        let rate = self.drive.motion_rate(self.body, motion, stage);
-        match self.wind {
-            None => rate,
-            Some(wind) => MotionRate {
-                acceleration_world: rate.acceleration_world + wind.acceleration(motion, self.body.mass),
-                ..rate
-            },
+        let mut rate = self.body.motion_rate(motion, &self.drive.wrench(stage));
+        if let Some(rates) = self.drive.rates() {
+            rate.angular_velocity_body = rates.map(|rate| rate.value(stage)).into();
+            rate.angular_acceleration_body = rates.map(|rate| rate.slope(stage)).into();
         }
+        if let Some(wind) = self.wind {
+            rate.acceleration_world += wind.acceleration(motion, self.body.mass);
+        }
+        rate
     }
 }

@@ -24,6 +24,7 @@
 //!
 //! Thrust acts through the origin, so that about the centre of mass it has the torque (−c) × (−T e3) = c × T e3.
 
+use std::borrow::Cow;
 use std::ops::{Add, Mul};
 
 use nalgebra::{Matrix3, Vector3};
@@ -103,39 +104,37 @@ impl Body {
         if self.is_centered() {
             return *wrench;
         }
-        let lever = self.center_of_mass.cross(&(Vector3::z() * wrench.thrust));
         Wrench {
-            torque_body: wrench.torque_body + lever,
+            torque_body: wrench.torque_body + self.thrust_lever() * wrench.thrust,
             ..*wrench
         }
+    }
+
+    /// c × e3, torque about the centre of mass per thrust, m.
+    #[must_use]
+    #[inline]
+    pub fn thrust_lever(&self) -> Vector3<f64> {
+        self.center_of_mass.cross(&Vector3::z())
     }
 
     /// How the origin moves while the centre of mass moves like `center`.
     #[must_use]
     #[inline]
-    pub fn origin_of(&self, center: &Motion) -> Motion {
-        self.displaced(center, -1.0)
+    pub fn origin_of<'a>(&self, center: &'a Motion) -> Cow<'a, Motion> {
+        if self.is_centered() {
+            Cow::Borrowed(center)
+        } else {
+            Cow::Owned(center.at_point(&-self.center_of_mass))
+        }
     }
 
     /// How the centre of mass moves while the origin moves like `origin`.
     #[must_use]
-    #[inline]
     pub fn center_of(&self, origin: &Motion) -> Motion {
-        self.displaced(origin, 1.0)
-    }
-
-    /// The motion of the point that lies `factor` times c away from the one that moves like `motion`.
-    #[inline]
-    fn displaced(&self, motion: &Motion, factor: f64) -> Motion {
         if self.is_centered() {
-            return *motion;
-        }
-        let arm = self.center_of_mass * factor;
-        let (r, omega) = (&motion.world_from_body, &motion.angular_velocity_body);
-        Motion {
-            position_world: motion.position_world + r * arm,
-            velocity_world: motion.velocity_world + r * omega.cross(&arm),
-            ..*motion
+            *origin
+        } else {
+            origin.at_point(&self.center_of_mass)
         }
     }
 
@@ -160,6 +159,17 @@ impl Motion {
     #[inline]
     pub fn velocity_body(&self) -> Vector3<f64> {
         self.world_from_body.tr_mul(&self.velocity_world)
+    }
+
+    /// The motion of the point that lies at `arm_body` (m, in {B}) from the one whose motion this is.
+    #[must_use]
+    pub fn at_point(&self, arm_body: &Vector3<f64>) -> Self {
+        let (r, omega) = (&self.world_from_body, &self.angular_velocity_body);
+        Self {
+            position_world: self.position_world + r * arm_body,
+            velocity_world: self.velocity_world + r * omega.cross(arm_body),
+            ..*self
+        }
     }
 
     /// The motion after `duration` s of a rate; R turns by the Cayley map and so stays in SO(3).

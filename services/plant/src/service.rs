@@ -4,6 +4,8 @@
 //! and in the air that are in force from tick k−1. A change at tick k is published in `truth(k)` and acts from
 //! k·h on. What is published is the motion of the body's origin; what is kept that of the centre of mass.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 use shared_types::rotation::{from_roll_pitch_yaw, from_row_major, to_row_major};
 use shared_types::sample::Flag;
@@ -13,12 +15,12 @@ use shared_types::wiring::{PlantInputs, PlantOutputs};
 use shared_types::{Now, Service, ServiceId};
 use zerocopy::FromZeros;
 
-use crate::actuators::{Actuators, Drive};
+use crate::actuators::{Actuators, Drive, ideal_wrench};
 use crate::air::{Air, Gusts, Wind};
 use crate::cameras::Cameras;
 use crate::changes::Changes;
 use crate::dynamics::Dynamics;
-use crate::integrator::Stage;
+use crate::integrator::{Stage, advanced};
 use crate::rigid_body::{Body, Motion, Wrench};
 
 shared_types::sample! {
@@ -79,14 +81,39 @@ impl PlantService {
     /// Moves from the previous step to `now`, tick by tick, so that a change acts at exactly its tick and the
     /// integration error does not depend on how often the plant steps. Returns what drove the last tick.
     fn advance(&mut self, now: &Now, newest: Option<&RcFrame>) -> Drive {
-        let ticks = libm::round(now.elapsed() / self.tick).max(1.0);
-        let h = now.elapsed() / ticks;
+        let count = libm::round(now.elapsed() / self.tick).max(1.0);
+        let h = now.elapsed() / count;
+        let ticks = now.tick.saturating_sub(whole(count))..now.tick;
+        match (&self.actuators, &self.air) {
+            (Actuators::Ideal, None) => self.advance_ideally(ticks, h, &ideal_wrench(newest)),
+            _ => self.advance_among_all(ticks, h, newest),
+        }
+    }
+
+    /// The ideal vehicle in still air, at what that alone costs.
+    #[inline]
+    fn advance_ideally(&mut self, ticks: Range<u64>, h: f64, exerted: &Wrench) -> Drive {
+        let mut wrench = *exerted;
+        for tick in ticks {
+            let body = self.changes.at(tick);
+            wrench = body.about_center(exerted);
+            self.motion = advanced(&self.motion, h, |motion, _| body.motion_rate(motion, &wrench));
+            self.pass_center(tick, tick + 1);
+        }
+        Drive::Held(wrench)
+    }
+
+    /// The vehicle with its actuators, in the air.
+    #[inline(never)]
+    fn advance_among_all(&mut self, ticks: Range<u64>, h: f64, newest: Option<&RcFrame>) -> Drive {
         let mut drive = self.actuators.at_start();
-        for tick in now.tick.saturating_sub(whole(ticks))..now.tick {
-            drive = self.actuators.drive(newest, &self.motion.angular_velocity_body);
-            let wind = self.wind(tick);
+        for tick in ticks {
+            let (body, wind) = (self.changes.at(tick), self.wind(tick));
+            drive = self
+                .actuators
+                .drive(newest, body, &self.motion.angular_velocity_body);
             let dynamics = Dynamics {
-                body: self.changes.at(tick),
+                body,
                 drive: &drive,
                 wind: wind.as_ref(),
             };
@@ -99,20 +126,32 @@ impl PlantService {
         drive
     }
 
-    /// Where the centre of mass has moved within the body from one tick to another, the origin goes on as before.
     #[inline]
     fn pass_center(&mut self, from: u64, to: u64) {
-        let (before, after) = (self.changes.at(from), self.changes.at(to));
-        if before.center_of_mass != after.center_of_mass {
-            self.motion = after.center_of(&before.origin_of(&self.motion));
+        if self.changes.move_center() {
+            self.motion = self.changes.passed_on(&self.motion, from, to);
         }
     }
 
     /// The air at a tick that it has gone on to.
+    #[inline]
     fn wind(&self, tick: u64) -> Option<Wind> {
         #[expect(clippy::cast_precision_loss, reason = "no flight has 2^53 ticks")]
         let time = tick as f64 * self.tick;
         self.air.as_ref().map(|air| air.wind(time))
+    }
+
+    /// The origin's acceleration in {I} up to now, m/s², while it is driven as it was.
+    fn origin_acceleration(&self, acted: &Drive, now: &Now) -> Vector3<f64> {
+        let body = self.changes.at(now.tick.saturating_sub(1));
+        let wind = self.wind(now.tick);
+        let dynamics = Dynamics {
+            body,
+            drive: acted,
+            wind: wind.as_ref(),
+        };
+        let rate = dynamics.motion_rate(&self.motion, Stage::End);
+        body.origin_acceleration(&self.motion, &rate)
     }
 }
 
@@ -130,28 +169,24 @@ impl Service for PlantService {
             self.pass_center(0, now.tick);
             self.actuators.at_start()
         };
-        let (acted_on, body) = (
-            self.changes.at(now.tick.saturating_sub(1)),
-            self.changes.at(now.tick),
-        );
-        let wind = self.wind(now.tick);
+        let body = self.changes.at(now.tick);
         let origin = body.origin_of(&self.motion);
         if let Some(truth) = outputs.truth.due() {
             write_motion(&origin, truth);
-            write_acted(&acted.wrench(acted_on, Stage::End), truth);
-            write_body(body, wind.as_ref(), &self.motion, truth);
+            write_acted(&acted.wrench(Stage::End), truth);
+            write_body(body, truth);
+            if let Some(wind) = self.wind(now.tick) {
+                let of_air = wind.acceleration(&self.motion, body.mass);
+                truth.disturbance_world = (body.disturbance_world + of_air).into();
+            }
         }
         if let Some(pose) = outputs.pose.due() {
-            let acceleration_world = || {
-                let dynamics = Dynamics {
-                    body: acted_on,
-                    drive: &acted,
-                    wind: wind.as_ref(),
-                };
-                let rate = dynamics.motion_rate(&self.motion, Stage::End);
-                acted_on.origin_acceleration(&self.motion, &rate)
+            // Only cameras that see the past ask where the velocity comes from.
+            let acceleration_world = match self.cameras {
+                Cameras::Ideal => Vector3::zeros(),
+                Cameras::Imperfect(_) => self.origin_acceleration(&acted, now),
             };
-            self.cameras.capture(&origin, acceleration_world, now, pose);
+            self.cameras.capture(&origin, &acceleration_world, now, pose);
         }
     }
 
@@ -221,13 +256,11 @@ fn write_acted(wrench: &Wrench, truth: &mut VehicleTruth) {
     truth.torque_body = wrench.torque_body.into();
 }
 
-/// The body from now on, and what disturbs it besides gravity and thrust while its centre moves like `center`.
-fn write_body(body: &Body, wind: Option<&Wind>, center: &Motion, truth: &mut VehicleTruth) {
-    let constant = body.disturbance_world;
-    let disturbance = wind.map_or(constant, |wind| constant + wind.acceleration(center, body.mass));
+/// From now on, in still air.
+fn write_body(body: &Body, truth: &mut VehicleTruth) {
     truth.mass = body.mass;
     truth.inertia = body.inertia.into();
-    truth.disturbance_world = disturbance.into();
+    truth.disturbance_world = body.disturbance_world.into();
 }
 
 #[expect(

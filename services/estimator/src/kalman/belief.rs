@@ -191,6 +191,15 @@ impl Belief {
         self.time_ns = to_ns;
     }
 
+    /// Whether all variances are positive numbers, as they are while rounding errors are small beside them.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let variances = self.covariance.diagonal();
+        variances
+            .iter()
+            .all(|variance| variance.is_finite() && *variance > 0.0)
+    }
+
     /// How a pose differs from the one believed in; `None` if the covariance of that is not positive definite,
     /// which happens only when the filter is told that poses are free of noise.
     #[must_use]

@@ -154,3 +154,50 @@ pub fn add_to_diagonal(covariance: &mut Covariance, row: usize, column: usize, v
 pub fn symmetrized(covariance: &Covariance) -> Covariance {
     (covariance + covariance.transpose()) * 0.5
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The transition of a body that neither turns nor is thrust.
+    fn at_rest(h: f64) -> Transition {
+        Transition {
+            h,
+            velocity_from_attitude: Matrix3::zeros(),
+            velocity_from_rate_bias: Matrix3::zeros(),
+            attitude_from_attitude: Matrix3::identity(),
+            attitude_from_rate_bias: Matrix3::identity() * h,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_noise_of_two_steps_is_that_of_the_whole(
+            first in 1e-3..1.0f64, second in 1e-3..1.0f64, densities in proptest::array::uniform4(0.0..2.0f64),
+        ) {
+            let [acceleration, rate, rate_bias_drift, disturbance_drift] = densities;
+            let noise = ProcessNoise { acceleration, rate, rate_bias_drift, disturbance_drift };
+            let mut parts = Covariance::zeros();
+            noise.add_to(&mut parts, first);
+            parts = at_rest(second).carried(&parts);
+            noise.add_to(&mut parts, second);
+            let mut whole = Covariance::zeros();
+            noise.add_to(&mut whole, first + second);
+            prop_assert!((parts - whole).amax() < 1e-14 * (1.0 + whole.amax()));
+        }
+
+        #[test]
+        fn noise_of_every_kind_is_positive_definite(h in 1e-3..0.1f64, density in 1e-3..2.0f64) {
+            let noise = ProcessNoise {
+                acceleration: density,
+                rate: density,
+                rate_bias_drift: density,
+                disturbance_drift: density,
+            };
+            let mut covariance = Covariance::zeros();
+            noise.add_to(&mut covariance, h);
+            prop_assert!(covariance.cholesky().is_some());
+        }
+    }
+}

@@ -5,16 +5,19 @@
 //! * one too far from what is believed ([`gate`](Kalman::gate)) is refused and counted; when all have been refused
 //!   for [`restart_after`](Kalman::restart_after), the newest one is believed instead and the filter starts anew;
 //! * one that is no pose at all, or from the future, is refused and counted, and never started from;
+//! * when numbers of no flight (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next capture
+//!   that is believed starts the filter from nothing;
 //! * without any for [`coast`](Kalman::coast) the state is predicted on, but no longer counts as tracked; when
 //!   `restart_after` has passed as well the vehicle is lost: there is no state any more, and the next capture
 //!   starts the filter anew.
 
+use nalgebra::SVector;
 use shared_types::rotation::{defect, from_row_major, to_row_major};
 use shared_types::samples::{MocapPose, RcFrame};
 use shared_types::scenario::{Kalman, Key, Model, Problem, Scenario};
 use shared_types::{Schedule, ServiceId, Topic};
 
-use super::belief::{Belief, Innovation, Pose, PoseNoise, ProcessModel};
+use super::belief::{Belief, MEASURED, Pose, PoseNoise, ProcessModel};
 use super::commands::{CAPACITY, CommandHistory, LARGEST};
 use super::error_state::ProcessNoise;
 use super::motion::{Actuation, VehicleModel};
@@ -30,8 +33,8 @@ pub enum Outcome {
     Ignored,
     /// The filter starts from it.
     Started,
-    /// It has corrected the belief.
-    Used(Innovation),
+    /// It has corrected the belief, from which it differed by so much: the whitened innovation.
+    Used(SVector<f64, MEASURED>),
     /// It cannot be true.
     Refused,
 }
@@ -103,13 +106,13 @@ impl KalmanFilter {
 
     /// Takes note of a frame that has been sent.
     ///
-    /// If the history is full the belief is carried on to where its second command begins, so that no command is
-    /// forgotten before it has been used; captures from before that time then come too late.
+    /// If the history is full, as in a long while without captures, the belief is carried on to where its second
+    /// command begins, so that none is forgotten before it has been used; older captures then come too late.
     pub fn hear(&mut self, now_ns: u64, frame: &RcFrame) {
         let is_lost = self.is_lost(now_ns);
         let Memory { history, track, .. } = &mut self.memory;
         if history.is_full() {
-            let second_begins = history.commands()[1].acts_from_ns;
+            let second_begins = history.commands()[1].acts_from_ns.min(now_ns);
             if let Some(track) = track.as_mut().filter(|_| !is_lost) {
                 track.belief.propagate(second_begins, &self.process, history);
             }
@@ -132,11 +135,7 @@ impl KalmanFilter {
             return self.refuse();
         };
         let Some(mut track) = self.memory.track else {
-            let actuation = Actuation::settled(self.memory.history.acting(exposure_ns));
-            return self.start(
-                now_ns,
-                Belief::from_pose(exposure_ns, &pose, self.pose_noise, actuation),
-            );
+            return self.start_from(now_ns, exposure_ns, &pose);
         };
         if exposure_ns <= track.belief.time_ns {
             return Outcome::Ignored;
@@ -152,10 +151,13 @@ impl KalmanFilter {
         let likely = innovation.filter(|innovation| innovation.squared_distance() <= self.gate);
         if let Some(innovation) = likely {
             track.belief.correct(&innovation, self.pose_noise);
+            if !track.belief.is_sound() {
+                return self.start_from(now_ns, exposure_ns, &pose);
+            }
             track.used_at_ns = now_ns;
             track.refused_since_ns = None;
             self.memory.track = Some(track);
-            return Outcome::Used(innovation);
+            return Outcome::Used(innovation.whitened());
         }
         let refused_since_ns = *track.refused_since_ns.get_or_insert(exposure_ns);
         if exposure_ns - refused_since_ns >= self.restart_after_ns {
@@ -170,12 +172,12 @@ impl KalmanFilter {
     #[must_use]
     pub fn estimate(&self, now_ns: u64) -> Option<Estimate> {
         let track = self.memory.track.as_ref().filter(|_| !self.is_lost(now_ns))?;
-        let mut belief = track.belief;
+        let (mut belief, vehicle) = (track.belief, &self.process.vehicle);
         if self.prediction {
             let acts_from_ns = now_ns.saturating_add(self.radio_latency_ns);
             belief.propagate(acts_from_ns, &self.process, &self.memory.history);
         }
-        Some(estimate_of(&belief))
+        Some(estimate_of(&belief, vehicle))
     }
 
     /// Whether a capture has been used recently enough.
@@ -207,6 +209,12 @@ impl KalmanFilter {
     fn unseen_for_ns(&self, now_ns: u64) -> Option<u64> {
         let track = self.memory.track.as_ref()?;
         Some(now_ns.saturating_sub(track.used_at_ns))
+    }
+
+    fn start_from(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose) -> Outcome {
+        let actuation = Actuation::settled(self.memory.history.acting(exposure_ns));
+        let belief = Belief::from_pose(exposure_ns, pose, self.pose_noise, actuation);
+        self.start(now_ns, belief)
     }
 
     fn restart(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &Belief) -> Outcome {
@@ -241,7 +249,7 @@ fn pose_of(capture: &MocapPose) -> Option<Pose> {
     (is_near && defect(&pose.world_from_body) <= ATTITUDE_DEFECT).then_some(pose)
 }
 
-fn estimate_of(belief: &Belief) -> Estimate {
+fn estimate_of(belief: &Belief, vehicle: &VehicleModel) -> Estimate {
     let nominal = &belief.nominal;
     let variances = belief.covariance.fixed_view::<3, 3>(0, 0).diagonal();
     Estimate {
@@ -250,8 +258,9 @@ fn estimate_of(belief: &Belief) -> Estimate {
         world_from_body: to_row_major(&nominal.world_from_body),
         velocity_body: nominal.world_from_body.tr_mul(&nominal.velocity_world).into(),
         angular_velocity_body: (nominal.actuation.rates_body + nominal.rate_bias_body).into(),
+        acceleration_world: vehicle.acceleration(nominal).into(),
         thrust: nominal.actuation.thrust,
-        position_sigma: variances.max().sqrt(),
+        position_sigma: variances.max().max(0.0).sqrt(),
     }
 }
 

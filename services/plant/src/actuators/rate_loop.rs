@@ -17,6 +17,7 @@ use shared_types::scenario;
 use crate::actuators::{Drive, Turning};
 use crate::integrator::Stage;
 use crate::lag::Lag;
+use crate::rigid_body::Body;
 
 /// The motors, the rate loop and the receiver.
 #[derive(Clone, Debug)]
@@ -62,9 +63,9 @@ impl RateLoop {
         (self.thrust, self.received) = (thrust, received);
     }
 
-    /// What acts over a tick that begins with angular velocity `omega`; the thrust goes on to the tick's end.
+    /// What acts over a tick on a body that turns with `omega` at its begin; the thrust goes on to the tick's end.
     #[must_use]
-    pub fn drive(&mut self, newest: Option<&RcFrame>, omega: &Vector3<f64>) -> Drive {
+    pub fn drive(&mut self, newest: Option<&RcFrame>, body: &Body, omega: &Vector3<f64>) -> Drive {
         if let Some(frame) = newest {
             self.receive(frame);
         }
@@ -72,7 +73,7 @@ impl RateLoop {
         self.thrust = thrust.value(Stage::End);
         Drive::Lagged {
             thrust,
-            turning: self.turning(omega),
+            turning: self.turning(body, omega),
         }
     }
 
@@ -102,11 +103,16 @@ impl RateLoop {
         }
     }
 
-    fn turning(&self, omega: &Vector3<f64>) -> Turning {
+    fn turning(&self, body: &Body, omega: &Vector3<f64>) -> Turning {
         let asked = match &self.received {
             None => [0.0; 3],
             Some(frame) if frame.mode == RcFrame::MODE_RATES => frame.rates_body,
-            Some(frame) => return Turning::Torque(frame.torque_body.into()),
+            Some(frame) => {
+                return Turning::Torque {
+                    torque_body: frame.torque_body.into(),
+                    thrust_lever: body.thrust_lever(),
+                };
+            }
         };
         Turning::Rates(std::array::from_fn(|axis| {
             let target = self.rate_target(axis, asked[axis]);

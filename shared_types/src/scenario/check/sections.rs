@@ -13,17 +13,9 @@ const STEP_TOLERANCE: f64 = 1e-6;
 
 impl Scenario {
     pub(super) fn check_sections(&self, found: &mut Findings) {
-        let root = Key::root();
         match &self.controller.rates {
             Some(rates) => self.check_rate_commands(rates, found),
             None => self.check_torque_commands(found),
-        }
-        if self.cameras.is_some() && self.estimator.is_none() {
-            found.add(
-                root.then("cameras"),
-                "these cameras see poses only, and nothing makes velocities of them",
-                "add `[estimator.kalman]`, or leave `cameras` out: ideal ones measure velocities too",
-            );
         }
         self.check_hover_thrust(found);
     }
@@ -43,6 +35,13 @@ impl Scenario {
                 at.clone(),
                 "the controller makes body rates by a model of the vehicle, but there is none",
                 "add `[model]`, which may be empty, or leave `controller.rates` out",
+            );
+        }
+        if self.estimator.is_none() {
+            found.add(
+                at.clone(),
+                "the controller makes body rates for a thrust and an acceleration that only a filter tells",
+                "add `[estimator.kalman]`, which may be empty, or leave `controller.rates` out",
             );
         }
         self.check_roll_out(rates, &at.then("roll_out_step"), found);
@@ -76,7 +75,8 @@ impl Scenario {
         }
     }
 
-    /// With commands of torque, nothing that works with body rates: the first of it that there is.
+    /// With commands of torque, nothing that works with body rates: the first of it that there is. Cameras that see
+    /// poses only are of it, because the filter is that makes velocities of poses.
     fn check_torque_commands(&self, found: &mut Findings) {
         let root = Key::root();
         let sections = [
@@ -94,6 +94,11 @@ impl Scenario {
                 self.estimator.is_some(),
                 root.then("estimator"),
                 "the filter predicts by the body rates of the frames",
+            ),
+            (
+                self.cameras.is_some(),
+                root.then("cameras"),
+                "these cameras see poses only, of which a filter makes velocities that predicts by body rates",
             ),
         ];
         if let Some((_, key, what)) = sections.into_iter().find(|(is_stated, ..)| *is_stated) {

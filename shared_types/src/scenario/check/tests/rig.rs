@@ -700,7 +700,7 @@ fn a_roll_out_that_does_not_fill_the_hold_is_refused() {
 }
 
 #[test]
-fn body_rates_need_a_vehicle_that_follows_them_and_a_model() {
+fn body_rates_need_a_vehicle_that_follows_them_a_model_and_a_filter() {
     refused(
         |scenario| scenario.vehicle.actuators = None,
         "controller.rates",
@@ -712,6 +712,12 @@ fn body_rates_need_a_vehicle_that_follows_them_and_a_model() {
         "controller.rates",
         "by a model of the vehicle, but there is none",
         "add `[model]`",
+    );
+    refused(
+        |scenario| scenario.estimator = None,
+        "controller.rates",
+        "for a thrust and an acceleration that only a filter tells",
+        "add `[estimator.kalman]`",
     );
 }
 
@@ -742,15 +748,16 @@ fn what_works_with_body_rates_is_refused_with_a_controller_of_torque() {
         "the filter predicts by the body rates of the frames, but",
         "or leave `estimator` out",
     );
-}
-
-#[test]
-fn poses_without_a_filter_are_refused() {
     refused(
-        |scenario| scenario.estimator = None,
+        |scenario| {
+            scenario.controller.rates = None;
+            scenario.vehicle.actuators = None;
+            scenario.rc_output = None;
+            scenario.estimator = None;
+        },
         "cameras",
-        "nothing makes velocities of them",
-        "add `[estimator.kalman]`",
+        "these cameras see poses only",
+        "or leave `cameras` out",
     );
 }
 
@@ -759,7 +766,6 @@ fn each_imperfection_can_be_left_out() {
     // Perfect cameras in front of the filter tell what is due to the filter alone.
     accepted(|scenario| scenario.cameras = None);
     accepted(|scenario| scenario.rc_output = None);
-    accepted(|scenario| (scenario.cameras, scenario.estimator) = (None, None));
     accepted(|scenario| scenario.vehicle.turbulence = None);
     accepted(|scenario| scenario.vehicle.fan = None);
     accepted(|scenario| scenario.controller.observer_gain = None);

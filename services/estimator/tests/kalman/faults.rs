@@ -1,0 +1,257 @@
+//! What becomes of captures that lie, come late or do not come.
+
+use estimator::kalman::{KalmanFilter, Outcome};
+use proptest::prelude::*;
+use shared_types::samples::{MocapPose, RcFrame};
+use shared_types::scenario::{Kalman, Model};
+use zerocopy::{FromZeros, IntoBytes};
+
+use crate::consistency::{assert_is_chi_square, matched_flight, squared_error};
+use crate::rig::{CAPTURE_PERIOD, Rig, TICK_NS, World, pilot_on_the_eight, restless_pilot, scenario};
+
+fn laboratory(change: impl FnOnce(&mut World)) -> Rig {
+    let mut world = World::laboratory(7);
+    change(&mut world);
+    Rig::new(world, &Kalman::default(), &Model::default())
+}
+
+/// What has become of the captures up to a tick.
+fn outcomes(rig: &mut Rig, until: u64) -> Vec<(u64, Outcome)> {
+    let mut outcomes = Vec::new();
+    while rig.tick < until {
+        let tick = rig.tick;
+        outcomes.extend(
+            rig.step(pilot_on_the_eight)
+                .outcome
+                .map(|outcome| (tick, outcome)),
+        );
+    }
+    outcomes
+}
+
+fn count(outcomes: &[(u64, Outcome)], is: impl Fn(&Outcome) -> bool) -> usize {
+    outcomes.iter().filter(|(_, outcome)| is(outcome)).count()
+}
+
+#[test]
+fn a_short_jump_is_refused_as_a_whole_and_leaves_the_state_where_it_was() {
+    let mut rig = laboratory(|world| world.swapped = 1000..1200);
+    let outcomes = outcomes(&mut rig, 1205);
+    assert_eq!(rig.filter.captures_refused(), 20);
+    assert_eq!(count(&outcomes, |outcome| matches!(outcome, Outcome::Started)), 1);
+    let told = rig.filter.estimate(rig.now_ns()).unwrap();
+    while rig.tick < 1220 {
+        assert!(!matches!(
+            rig.step(pilot_on_the_eight).outcome,
+            Some(Outcome::Refused)
+        ));
+    }
+    let [position, ..] = rig.truth_at(told.state_time_ns).distances_to(&told);
+    assert!(position < 0.01, "{position}");
+    assert_eq!(rig.filter.captures_refused(), 20);
+}
+
+#[test]
+fn a_jump_that_stays_is_believed_after_the_time_stated_and_again_when_it_ends() {
+    // Of the position alone: with the axes swapped too the body would no longer turn as the frames say.
+    let mut rig = laboratory(|world| {
+        world.swapped = 1000..2000;
+        world.swapped_rotation = nalgebra::Vector3::zeros();
+    });
+    let outcomes = outcomes(&mut rig, 2600);
+    let started: Vec<u64> = outcomes
+        .iter()
+        .filter(|(_, outcome)| matches!(outcome, Outcome::Started))
+        .map(|(tick, _)| *tick)
+        .collect();
+    assert_eq!(started, [5, 1305, 2305]);
+    assert_eq!(rig.filter.captures_refused(), 60);
+    let told = rig.filter.estimate(rig.now_ns()).unwrap();
+    while rig.now_ns() <= told.state_time_ns {
+        rig.step(pilot_on_the_eight);
+    }
+    let [position, velocity, attitude] = rig.truth_at(told.state_time_ns).distances_to(&told);
+    assert!(position < 2e-3 && velocity < 0.05 && attitude < 0.01);
+}
+
+#[test]
+fn a_restart_keeps_disturbance_and_rate_bias() {
+    let mut rig = laboratory(|world| world.swapped = 1000..2000).starting(|truth| {
+        truth.disturbance_world = nalgebra::Vector3::new(0.5, -0.9, 0.3);
+        truth.rate_bias_body = nalgebra::Vector3::new(0.1, 0.2, -0.1);
+    });
+    outcomes(&mut rig, 1305);
+    let before = *rig.filter.belief().unwrap();
+    assert!(matches!(
+        rig.step(pilot_on_the_eight).outcome,
+        Some(Outcome::Started)
+    ));
+    let after = rig.filter.belief().unwrap();
+    assert_eq!(after.nominal.disturbance_world, before.nominal.disturbance_world);
+    assert_eq!(after.nominal.rate_bias_body, before.nominal.rate_bias_body);
+    assert!(before.nominal.disturbance_world.norm() > 0.5 && before.nominal.rate_bias_body.norm() > 0.1);
+    assert!(after.covariance[(12, 12)] < 2.0 * before.covariance[(12, 12)]);
+    assert_eq!(after.nominal.velocity_world.norm(), 0.0);
+}
+
+#[test]
+fn a_drop_out_is_coasted_then_untracked_then_lost() {
+    let mut rig = laboratory(|world| world.hidden = 1000..2000);
+    outcomes(&mut rig, 996);
+    // The last capture before was used at tick 995.
+    let mut last_told = None;
+    while rig.tick < 2005 {
+        let (tick, now_ns) = (rig.tick, rig.now_ns());
+        assert_eq!(
+            rig.filter.is_tracking(now_ns),
+            tick <= 995 + 250,
+            "at tick {tick}"
+        );
+        assert_eq!(
+            rig.filter.estimate(now_ns).is_some(),
+            tick <= 995 + 550,
+            "at tick {tick}"
+        );
+        last_told = rig.step(pilot_on_the_eight).told.or(last_told);
+    }
+    assert!(matches!(
+        rig.step(pilot_on_the_eight).outcome,
+        Some(Outcome::Started)
+    ));
+    assert!(rig.filter.is_tracking(rig.now_ns()));
+    assert_eq!(rig.filter.captures_refused(), 0);
+    // What was told last was the prediction for half a second ahead of what was seen.
+    assert!(last_told.unwrap().position_sigma > 0.01);
+}
+
+#[test]
+fn after_a_drop_out_longer_than_the_coasting_the_error_is_what_the_covariance_says() {
+    let mut squares = Vec::new();
+    for seed in 200..225 {
+        let mut rig = matched_flight(seed);
+        rig.world.hidden = 600..1000;
+        while rig.tick < 1000 {
+            rig.step(restless_pilot(seed));
+        }
+        assert!(!rig.filter.is_tracking(rig.now_ns()));
+        while rig.tick < 1005 {
+            rig.step(restless_pilot(seed));
+        }
+        assert!(matches!(
+            rig.step(restless_pilot(seed)).outcome,
+            Some(Outcome::Used(_))
+        ));
+        assert!(rig.filter.is_tracking(rig.now_ns()));
+        squares.push(squared_error(&rig));
+    }
+    assert_is_chi_square(&squares, 15.0);
+}
+
+#[test]
+fn a_repeated_an_older_and_an_unseen_capture_change_nothing() {
+    let mut rig = laboratory(|_| ());
+    outcomes(&mut rig, 500);
+    let before = rig.filter.save();
+    let now_ns = rig.now_ns();
+    let mut capture = MocapPose {
+        capture_time_ns: rig.filter.belief().unwrap().time_ns,
+        world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        tracked: true.into(),
+        ..MocapPose::new_zeroed()
+    };
+    assert!(matches!(rig.filter.see(now_ns, &capture), Outcome::Ignored));
+    capture.capture_time_ns -= CAPTURE_PERIOD * TICK_NS;
+    assert!(matches!(rig.filter.see(now_ns, &capture), Outcome::Ignored));
+    capture.capture_time_ns = now_ns;
+    capture.tracked = false.into();
+    assert!(matches!(rig.filter.see(now_ns, &capture), Outcome::Ignored));
+    assert_eq!(rig.filter.save().as_bytes(), before.as_bytes());
+}
+
+#[test]
+fn a_capture_from_the_future_and_one_that_is_no_pose_are_refused_and_never_started_from() {
+    let mut filter = KalmanFilter::new(
+        &scenario(&Model::default(), &Kalman::default()),
+        &Kalman::default(),
+    )
+    .unwrap();
+    let good = MocapPose {
+        capture_time_ns: 5 * TICK_NS,
+        world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        tracked: true.into(),
+        ..MocapPose::new_zeroed()
+    };
+    let reflected = MocapPose {
+        world_from_body: [-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        ..good
+    };
+    let far = MocapPose {
+        position_world: [0.0, 1e10, 0.0],
+        ..good
+    };
+    assert!(matches!(filter.see(5 * TICK_NS - 1, &good), Outcome::Refused));
+    assert!(matches!(filter.see(10 * TICK_NS, &reflected), Outcome::Refused));
+    assert!(matches!(filter.see(10 * TICK_NS, &far), Outcome::Refused));
+    assert!(filter.belief().is_none() && filter.captures_refused() == 3);
+    assert!(matches!(filter.see(10 * TICK_NS, &good), Outcome::Started));
+}
+
+/// A number of any size.
+fn wild() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        -1.0..1.0,
+        -1e3..1e3,
+        Just(0.0),
+        (-300.0..300.0f64, any::<bool>()).prop_map(|(exponent, negative)| {
+            let size = libm::pow(10.0, exponent);
+            if negative { -size } else { size }
+        }),
+    ]
+}
+
+fn wild_rotation() -> impl Strategy<Value = [f64; 9]> {
+    prop_oneof![
+        proptest::array::uniform9(wild()),
+        proptest::array::uniform3(-4.0..4.0).prop_map(|theta| shared_types::rotation::to_row_major(
+            &shared_types::rotation::exp(&theta.into())
+        )),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+    #[test]
+    fn whatever_is_captured_and_sent_the_state_stays_finite(
+        captures in proptest::collection::vec(
+            (proptest::array::uniform3(wild()), wild_rotation(), 0..30u64, any::<bool>()), 1..60,
+        ),
+        frames in proptest::collection::vec((wild(), proptest::array::uniform3(wild()), any::<bool>()), 60),
+        restart_after in prop_oneof![Just(0.0), Just(0.05), Just(0.3)],
+    ) {
+        let kalman = Kalman { restart_after, ..Kalman::default() };
+        let mut filter = KalmanFilter::new(&scenario(&Model::default(), &kalman), &kalman).unwrap();
+        for (number, ((position, attitude, age, seen), (thrust, rates, failsafe))) in captures.into_iter().zip(frames).enumerate() {
+            let now_ns = (number as u64 + 3) * 10 * TICK_NS;
+            let mut frame = RcFrame {
+                thrust,
+                rates_body: rates,
+                mode: RcFrame::MODE_RATES,
+                failsafe: failsafe.into(),
+                ..RcFrame::new_zeroed()
+            };
+            frame.header.stamp_ns = now_ns - TICK_NS;
+            filter.hear(now_ns, &frame);
+            filter.see(now_ns, &MocapPose {
+                capture_time_ns: now_ns - age * TICK_NS,
+                position_world: position,
+                world_from_body: attitude,
+                tracked: seen.into(),
+                ..MocapPose::new_zeroed()
+            });
+            if let Some(state) = filter.estimate(now_ns) {
+                prop_assert!(shared_types::sample::Field::is_finite(&state), "{state:?}");
+            }
+        }
+    }
+}
