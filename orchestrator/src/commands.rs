@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod check;
+pub mod reproduce;
 pub mod run;
 pub mod small;
 

@@ -15,6 +15,8 @@ pub enum Exit {
     FlightFailed,
     /// The results could not be written.
     NotWritten,
+    /// A figure of the paper is no longer reproduced as it was.
+    Regressed,
     /// A signal ended the run in good order.
     Signal(i32),
 }
@@ -22,8 +24,8 @@ pub enum Exit {
 impl Exit {
     /// What `gerono help` says about exit codes.
     pub const HELP: &str = "Exit codes: 0 done; 1 trouble with the machine; 2 wrong command line or scenario, nothing was \
-        started; 3 the flight failed; 4 the results could not be written; 130 or 143 ended by Ctrl-C or SIGTERM, \
-        the log complete up to there.";
+        started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 130 or 143 ended by \
+        Ctrl-C or SIGTERM, the log complete up to there.";
 }
 
 impl From<Exit> for ExitCode {
@@ -34,6 +36,7 @@ impl From<Exit> for ExitCode {
             Exit::BadInput => 2,
             Exit::FlightFailed => 3,
             Exit::NotWritten => 4,
+            Exit::Regressed => 5,
             // As shells report it.
             Exit::Signal(number) => u8::try_from(128 + number).unwrap_or(u8::MAX),
         })

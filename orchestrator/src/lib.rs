@@ -5,6 +5,7 @@
 //! * [`services`]: the step logic of every service, built from a scenario;
 //! * [`flight`]: the hosts' orchestrating side, the crew of processes, the recorder;
 //! * [`log`], [`summary`], [`plot`], [`host_record`]: what remains of a flight;
+//! * [`reproduce`]: the paper's figures, flown again and judged;
 //! * [`run_folder`], [`run_root`]: its places on disk and in shared memory.
 
 pub mod cli;
@@ -16,6 +17,7 @@ pub mod interrupt;
 pub mod log;
 pub mod plot;
 pub mod progress;
+pub mod reproduce;
 pub mod run_folder;
 pub mod run_root;
 pub mod scenario_file;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use orchestrator::cli::{Cli, Command};
-use orchestrator::commands::{bench, check, run, small};
+use orchestrator::commands::{bench, check, reproduce, run, small};
 use orchestrator::exit::Exit;
 
 fn main() -> ExitCode {
@@ -15,6 +15,7 @@ fn main() -> ExitCode {
         Command::Export(arguments) => small::export(&arguments).map(|()| Exit::Success),
         Command::Digest(arguments) => small::digest(&arguments).map(|()| Exit::Success),
         Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),
+        Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Schema => {
             small::schema();
             Ok(Exit::Success)

@@ -1,6 +1,6 @@
 //! Figures of logs, as SVG with real text.
 
-mod downsample;
+pub(crate) mod downsample;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,19 +15,19 @@ use crate::summary::z1_norm;
 use downsample::Extremes;
 
 /// Size of a figure, pixels: as wide as a README is shown.
-const WIDTH: f64 = 860.0;
+pub(crate) const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 400.0;
 
 /// Columns that a curve is drawn in: about one a pixel.
-const COLUMNS: usize = 800;
+pub(crate) const COLUMNS: usize = 800;
 
 /// Least ‖z1‖ that is drawn, m: the axis is logarithmic and knows no zero.
-const FLOOR: f64 = 1e-4;
+pub(crate) const FLOOR: f64 = 1e-4;
 
 /// Colours of the curves, told apart by eyes of all kinds (Okabe and Ito), also from that of the bound.
-const CURVE_COLORS: [&str; 5] = ["#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#000000"];
+pub(crate) const CURVE_COLORS: [&str; 5] = ["#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#000000"];
 const BOUND_COLOR: &str = "#d55e00";
-const CHANGE_COLOR: &str = "#666666";
+pub(crate) const CHANGE_COLOR: &str = "#666666";
 
 /// Why a figure cannot be drawn.
 #[derive(Debug, thiserror::Error)]

@@ -29,9 +29,21 @@ use sources::Sources;
 /// # Errors
 /// [`ScenarioError`] if the file cannot be read or if what it and the arguments say cannot be flown.
 pub fn load(path: &Path, sets: &[String], seed: Option<u64>) -> Result<Scenario, ScenarioError> {
+    load_text(path, &read::text(path)?, sets, seed)
+}
+
+/// As [`load`], of a scenario whose text is at hand; `path` is what errors call it.
+///
+/// # Errors
+/// [`ScenarioError`] if what it and the arguments say cannot be flown.
+pub fn load_text(
+    path: &Path,
+    text: &str,
+    sets: &[String],
+    seed: Option<u64>,
+) -> Result<Scenario, ScenarioError> {
     let refused = |findings| ScenarioError::refused(path, findings);
-    let text = read::text(path)?;
-    let mut scenario = scenario_from_text(&path.display().to_string(), &text, sets).map_err(refused)?;
+    let mut scenario = scenario_from_text(&path.display().to_string(), text, sets).map_err(refused)?;
     scenario.seed = seed.unwrap_or(scenario.seed);
     Ok(scenario)
 }

@@ -1,7 +1,7 @@
 //! Fewer points that look the same: of every column of pixels the smallest and the largest value.
 
 /// Gathers points column by column; they come in the order of time.
-pub(super) struct Extremes {
+pub(crate) struct Extremes {
     column_width: f64,
     column: Option<Column>,
     points: Vec<(f64, f64)>,
@@ -16,7 +16,7 @@ struct Column {
 
 impl Extremes {
     /// For points of the times 0 to `duration`, drawn in `columns` columns.
-    pub(super) fn new(duration: f64, columns: usize) -> Self {
+    pub(crate) fn new(duration: f64, columns: usize) -> Self {
         Self {
             column_width: duration / columns as f64,
             column: None,
@@ -25,7 +25,7 @@ impl Extremes {
     }
 
     /// Takes a point into account.
-    pub(super) fn add(&mut self, time: f64, value: f64) {
+    pub(crate) fn add(&mut self, time: f64, value: f64) {
         let index = (time / self.column_width) as usize;
         let point = (time, value);
         match &mut self.column {
@@ -49,7 +49,7 @@ impl Extremes {
     }
 
     /// The points to draw, in the order of time.
-    pub(super) fn finish(mut self) -> Vec<(f64, f64)> {
+    pub(crate) fn finish(mut self) -> Vec<(f64, f64)> {
         self.close_column();
         self.points
     }

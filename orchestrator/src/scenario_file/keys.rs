@@ -165,7 +165,10 @@ fn push_property(schema: &Value, property: &Value, key: &Key, required: bool, ke
 fn resolved<'a>(schema: &'a Value, part: &'a Value) -> &'a Value {
     // An optional table is any of that table and null, which TOML does not have.
     let part = match part["anyOf"].as_array() {
-        Some(choices) => choices.first().unwrap_or(part),
+        Some(choices) => choices
+            .iter()
+            .find(|choice| choice["type"] != "null")
+            .unwrap_or(part),
         None => part,
     };
     let reference = part["$ref"]
@@ -242,7 +245,31 @@ mod tests {
     fn advice_on_a_table_names_its_keys() {
         assert_eq!(
             advice(&key("path.curve")),
-            "`path.curve` is a table that holds `tilted_eight`, `hover`, `circle`, `line`, `waypoints`"
+            "`path.curve` is a table that holds `tilted_eight`, `hover`, `circle`, `line`, `lissajous`, `waypoints`"
+        );
+    }
+
+    #[test]
+    fn advice_on_what_is_in_an_optional_table_is_as_on_all_else() {
+        assert_eq!(
+            advice(&key("cameras.occlusion.2.lasts")),
+            "`cameras.occlusion.2.lasts` is a number: How long, s"
+        );
+        assert_eq!(
+            advice(&key("rc_output.thrust_range")),
+            "`rc_output.thrust_range` is 2 numbers: Range of the thrust channel; the paper says [0, 1], with which its vehicle could not hover"
+        );
+        assert_eq!(
+            advice(&key("vehicle.fan.off_at")),
+            "`vehicle.fan.off_at` is a number: When it is switched off, s; never unless stated"
+        );
+        assert_eq!(
+            advice(&key("vehicle.turbulence")),
+            "`vehicle.turbulence` is a table that holds `correlation_time`, `deviation`"
+        );
+        assert_eq!(
+            advice(&key("estimator")),
+            "`estimator` is a table that holds `kalman`"
         );
     }
 

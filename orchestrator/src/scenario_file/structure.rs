@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use serde::Deserialize;
 use serde_json::Value;
-use shared_types::scenario::{Key, Scenario, suggest};
+use shared_types::scenario::{Key, Scenario, Vector, suggest};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 
@@ -41,6 +41,9 @@ pub(super) fn read(
         }
     }
 }
+
+/// Numbers of a [`Vector`].
+const LENGTH_OF_VECTOR: usize = std::mem::size_of::<Vector>() / std::mem::size_of::<f64>();
 
 /// A mistake in the structure of a document.
 struct Mistake {
@@ -138,8 +141,10 @@ fn wrong_type(message: &str) -> Kind {
     };
     let wanted = match wanted {
         "f64" => "a number",
-        "u64" => "a whole number of 0 or more",
+        "u32" | "u64" => "a whole number of 0 or more",
+        "a boolean" => "`true` or `false`",
         "a sequence" => "an array",
+        "an array of length 2" => "an array of two numbers",
         "an array of length 3" => "an array of three numbers",
         "newtype variant" => "a table of this name",
         other if other.starts_with("struct ") => "a table",
@@ -197,12 +202,14 @@ fn push_unread_value(
             let reason = "a table is wanted here, not an array".to_owned();
             findings.push(wrong_type(written.span(), reason));
         }
-        (DeValue::Array(elements), Value::Array(read)) => {
-            for (index, (element, read)) in elements.iter().zip(read).enumerate() {
-                push_unread_value(sources, &key.then(index), element, read, findings);
+        (DeValue::Array(elements), Value::Array(_) | Value::Null) => {
+            // Only a vector of zeros and an array of nothing are left out of what was read.
+            let wanted = read.as_array().map_or(LENGTH_OF_VECTOR, Vec::len);
+            for (index, element) in elements.iter().enumerate().take(wanted) {
+                push_unread_value(sources, &key.then(index), element, &read[index], findings);
             }
-            if let Some(unread) = elements.get(read.len()) {
-                let (wanted, found) = (read.len(), elements.len());
+            if let Some(unread) = elements.get(wanted) {
+                let found = elements.len();
                 let reason = format!("{wanted} elements are wanted here, not {found}");
                 findings.push(wrong_type(unread.span(), reason));
             }

@@ -4,6 +4,7 @@ mod arguments;
 mod committed;
 mod files;
 mod mutations;
+mod optional;
 mod semantics;
 mod syntax;
 
@@ -21,6 +22,64 @@ fn repository(path: &str) -> PathBuf {
 fn fig1() -> String {
     std::fs::read_to_string(repository("scenarios/fig1.toml")).unwrap()
 }
+
+/// A flight with every section that a scenario may have.
+const LABORATORY: &str = r#"
+duration = 30.0
+
+[schedule.period]
+"mocap/pose" = 0.01
+"vehicle/state" = 0.022
+path_generator = 0.022
+controller = 0.022
+rc_output = 0.022
+
+[schedule.latency]
+"mocap/pose -> estimator" = 0.005
+"rc/frame -> plant" = 0.005
+
+[vehicle]
+mass = 0.2
+inertia = [6.5e-4, 6.5e-4, 13.0e-4]
+drag = [0.05, 0.05, 0.0]
+
+[vehicle.actuators]
+initial_thrust = 1.962
+
+[vehicle.turbulence]
+deviation = 0.05
+correlation_time = 1.0
+
+[vehicle.fan]
+on_at = 5.0
+off_at = 25.0
+position = [0.0, -1.5, -1.2]
+direction = [0.0, 1.0, 0.0]
+force = 0.18
+reference_distance = 1.5
+moves = [{ at = 10.0, position = [-1.5, 0.0, -1.2], direction = [1.0, 0.0, 0.0] }]
+
+[cameras]
+jitter = 0.002
+occlusion = [{ at = 8.0, lasts = 0.3 }, { at = 12.0, lasts = 0.5 }]
+
+[estimator.kalman]
+prediction = false
+
+[rc_output]
+resolution = 12
+thrust_range = [-1.0, 1.0]
+
+[model]
+radio_latency = 0.006
+capture_latency = 0.004
+
+[path.curve.hover]
+position = [0.0, 0.0, -1.2]
+
+[controller.rates]
+yaw_kp = 3.0
+"#;
 
 /// The text with one occurrence of a part replaced.
 #[track_caller]

@@ -8,7 +8,7 @@ fn load_error(path: &Path) -> String {
 
 #[test]
 fn a_missing_file_is_refused_with_the_nearest_scenario() {
-    let shown = load_error(&repository("scenarios/fig11.toml"));
+    let shown = load_error(&repository("scenarios/fig1x.toml"));
     assert!(shown.contains("there is no such file"), "{shown}");
     assert!(
         shown.contains("help: did you mean") && shown.contains("fig1.toml?"),

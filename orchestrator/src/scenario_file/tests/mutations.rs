@@ -79,9 +79,8 @@ fn mutated(text: &str, mutations: &[Mutation]) -> String {
     tokens.concat()
 }
 
-/// fig1.toml without its comments, so that mutations meet what counts.
-fn bare_fig1() -> String {
-    let text = fig1();
+/// A scenario without its comments, so that mutations meet what counts.
+fn bare(text: &str) -> String {
     let code = text
         .lines()
         .map(|line| line.split('#').next().unwrap_or_default().trim_end());
@@ -117,7 +116,8 @@ proptest! {
     fn no_mutation_of_a_scenario_makes_the_loader_panic(
         mutations in prop::collection::vec(mutation(), 1..6),
     ) {
-        load_and_show(&mutated(&bare_fig1(), &mutations), &[]);
+        load_and_show(&mutated(&bare(&fig1()), &mutations), &[]);
+        load_and_show(&mutated(&bare(LABORATORY), &mutations), &[]);
     }
 
     #[test]

@@ -1,0 +1,191 @@
+//! `gerono reproduce`: the paper's figures, flown again over many seeds, judged and drawn.
+
+use std::path::{Path, PathBuf};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+use super::{Failure, print};
+use crate::cli::Reproduce;
+use crate::exit::Exit;
+use crate::flight::{Outcome, in_process};
+use crate::interrupt::Interrupt;
+use crate::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
+use crate::reproduce::figures::Figure;
+use crate::reproduce::flight::{Job, Logbook};
+use crate::reproduce::known_gaps::KnownGaps;
+use crate::reproduce::plan::Plan;
+use crate::reproduce::report::{self, Report};
+use crate::reproduce::traces::{Tracer, Traces};
+use crate::reproduce::{QUICK_SEEDS, SEEDS, ablation, gallery, observability, parallel, seeds, table};
+use crate::run_folder::RunFolder;
+use crate::scenario_file::ScenarioError;
+
+/// `gerono reproduce`.
+///
+/// # Errors
+/// [`Failure`] if nothing was judged; a number that regressed is an [`Exit`].
+pub fn reproduce(arguments: &Reproduce) -> Result<Exit, Failure> {
+    let count = arguments
+        .seeds
+        .unwrap_or(if arguments.quick { QUICK_SEEDS } else { SEEDS });
+    let seeds = seeds(count);
+    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let folder = RunFolder::create(arguments.out.as_deref(), "reproduce")
+        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    let end = if arguments.ablation {
+        show_ablation(&seeds, &folder, &interrupt)?
+    } else {
+        show_figures(arguments, &seeds, &folder, &interrupt)?
+    };
+    print(format!("results: {}\n", folder.path().display()));
+    Ok(end)
+}
+
+fn show_ablation(seeds: &[u64], folder: &RunFolder, interrupt: &Interrupt) -> Result<Exit, Failure> {
+    let mut plan = Plan::default();
+    plan.add_ablation(seeds);
+    let logbook = fly(&plan.jobs().map_err(refused)?, interrupt);
+    if let Some(signal) = interrupt.signal() {
+        return Ok(Exit::Signal(signal));
+    }
+    let lines = ablation::table(&logbook, seeds);
+    write_json(&folder.path().join("ablation.json"), &lines)?;
+    print(format!(
+        "The eight of Figs. 3 to 6 without parts of the design, {} seeds from {} on, medians\n{}\n",
+        seeds.len(),
+        seeds[0],
+        table::ablation(&lines)
+    ));
+    Ok(Exit::Success)
+}
+
+fn show_figures(
+    arguments: &Reproduce,
+    seeds: &[u64],
+    folder: &RunFolder,
+    interrupt: &Interrupt,
+) -> Result<Exit, Failure> {
+    let figures = figures(arguments);
+    let with_observability = !arguments.quick && figures.contains(&Figure::Fig10);
+    let mut plan = Plan::default();
+    for &figure in &figures {
+        plan.add_figure(figure, seeds);
+    }
+    if with_observability {
+        plan.add_observability(seeds);
+    }
+    let jobs = plan.jobs().map_err(refused)?;
+    let logbook = fly(&jobs, interrupt);
+    let drawn = draw(&figures, &jobs, folder.path(), interrupt)?;
+    if let Some(signal) = interrupt.signal() {
+        return Ok(Exit::Signal(signal));
+    }
+
+    let gaps = KnownGaps::committed();
+    let judged = figures
+        .iter()
+        .map(|&figure| report::judge(figure, &logbook, seeds, &gaps));
+    let report = Report {
+        seeds: seeds.to_vec(),
+        laboratories: report::laboratories(),
+        figures: judged.collect(),
+        observability: with_observability.then(|| observability::table(&logbook, seeds)),
+    };
+    write_json(&folder.path().join("reproduce.json"), &report)?;
+    write(&folder.path().join("index.html"), &gallery::page(&report, &drawn))?;
+    print(&report);
+    Ok(if report.has_regressed() {
+        Exit::Regressed
+    } else {
+        Exit::Success
+    })
+}
+
+/// The figures asked for, in the paper's order and each once.
+fn figures(arguments: &Reproduce) -> Vec<Figure> {
+    let asked = if !arguments.figures.is_empty() {
+        &arguments.figures[..]
+    } else if arguments.quick {
+        &Figure::QUICK[..]
+    } else {
+        &Figure::ALL[..]
+    };
+    let mut figures = asked.to_vec();
+    figures.sort_unstable();
+    figures.dedup();
+    figures
+}
+
+/// Flies all jobs on all cores, with a bar of flights where somebody looks.
+fn fly(jobs: &[Job], interrupt: &Interrupt) -> Logbook {
+    let bar = ProgressBar::with_draw_target(Some(jobs.len() as u64), ProgressDrawTarget::stderr());
+    let template = "flights {pos} of {len} {wide_bar} {elapsed}, {eta} left";
+    bar.set_style(ProgressStyle::with_template(template).expect("the template is well-formed"));
+    let logbook = Logbook::fly(jobs, parallel::cores(), interrupt, || bar.inc(1));
+    bar.finish_and_clear();
+    logbook
+}
+
+/// Draws what belongs to the figures, of the first seed in the first laboratory; says what could be drawn.
+fn draw(
+    figures: &[Figure],
+    jobs: &[Job],
+    folder: &Path,
+    interrupt: &Interrupt,
+) -> Result<Vec<Drawing>, Failure> {
+    let wanted: Vec<Drawing> = DRAWINGS
+        .into_iter()
+        .filter(|drawing| figures.contains(&drawing.figure))
+        .collect();
+    // Jobs come in the order of laboratory and seed: the first of a name is the one to draw.
+    let mut names: Vec<_> = wanted
+        .iter()
+        .flat_map(|drawing| drawing.flights)
+        .copied()
+        .collect();
+    names.sort_unstable();
+    names.dedup();
+    let drawn_jobs: Vec<&Job> = names
+        .iter()
+        .filter_map(|name| jobs.iter().find(|job| job.name == *name))
+        .collect();
+    let traced = parallel::map(&drawn_jobs, parallel::cores(), |job| trace(job, interrupt));
+    let flights: TraceBook = drawn_jobs
+        .iter()
+        .zip(traced)
+        .filter_map(|(job, traces)| Some((job.name.clone(), traces?)))
+        .collect();
+    let can_be_drawn = |drawing: &Drawing| drawing.flights.iter().all(|&flight| flights.contains_key(flight));
+    let drawable: Vec<Drawing> = wanted.into_iter().filter(can_be_drawn).collect();
+    for drawing in &drawable {
+        write(&folder.join(drawing.file), &drawing.svg(&flights))?;
+    }
+    Ok(drawable)
+}
+
+/// Flies a job once more for its traces; nothing if it came to nothing, which its numbers have told.
+fn trace(job: &Job, interrupt: &Interrupt) -> Option<Traces> {
+    let mut tracer = Tracer::new(&job.scenario).ok()?;
+    let ending = in_process::fly(&job.scenario, &mut tracer, interrupt).ok()?;
+    matches!(ending.outcome, Outcome::Completed).then(|| tracer.finish())
+}
+
+fn refused(error: ScenarioError) -> Failure {
+    Failure {
+        report: error.into(),
+        exit: Exit::BadInput,
+    }
+}
+
+fn write_json(path: &PathBuf, value: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    write(path, &(text + "\n"))
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|error| {
+        let reason = format!("cannot write {}: {error}", path.display());
+        Failure::new(Exit::NotWritten, reason)
+    })
+}

@@ -1,0 +1,146 @@
+//! What each part of the rig's design is worth: the eight of Figs. 3 to 6 without it.
+
+use serde::Serialize;
+
+use super::column::Column;
+use super::flight::{Logbook, Recipe, Source};
+use super::measure::Measured;
+use super::row::median;
+
+/// A design with something left out.
+#[derive(Clone, Copy, Debug)]
+struct Variant {
+    name: &'static str,
+    settings: &'static [&'static str],
+}
+
+const NO_ROLL_OUT: &str = "controller.rates.roll_out=false";
+const NO_PREDICTION: &str = "estimator.kalman.prediction=false";
+const NO_LAG_INVERSION: &str = "controller.rates.lag_inversion=false";
+const WITH_OFFSET: &str = "controller.remove_offset=false";
+const PAPER_DELTA: &str = "controller.delta=0.1";
+
+const VARIANTS: [Variant; 9] = [
+    Variant {
+        name: "as designed",
+        settings: &[],
+    },
+    Variant {
+        name: "roll-out off",
+        settings: &[NO_ROLL_OUT],
+    },
+    Variant {
+        name: "prediction off",
+        settings: &[NO_PREDICTION],
+    },
+    Variant {
+        name: "lag inversion off",
+        settings: &[NO_LAG_INVERSION],
+    },
+    Variant {
+        name: "roll-out, prediction and lag inversion off",
+        settings: &[NO_ROLL_OUT, NO_PREDICTION, NO_LAG_INVERSION],
+    },
+    Variant {
+        name: "offset kept",
+        settings: &[WITH_OFFSET],
+    },
+    Variant {
+        name: "paper mode: δ = 0.1, offset kept",
+        settings: &[PAPER_DELTA, WITH_OFFSET],
+    },
+    Variant {
+        name: "paper mode, roll-out off",
+        settings: &[PAPER_DELTA, WITH_OFFSET, NO_ROLL_OUT],
+    },
+    Variant {
+        name: "paper mode, prediction off",
+        settings: &[PAPER_DELTA, WITH_OFFSET, NO_PREDICTION],
+    },
+];
+
+/// What a design comes to: medians over the seeds, in the baseline laboratory.
+#[derive(Clone, Debug, Serialize)]
+pub struct Line {
+    /// What is left out.
+    pub variant: &'static str,
+    /// How it is left out.
+    pub settings: &'static [&'static str],
+    /// RMSE of the error over the last 20 s, cm.
+    pub rmse: Option<f64>,
+    /// The worst seed's, cm.
+    pub worst_rmse: Option<f64>,
+    /// Largest error over the last 20 s, cm.
+    pub largest: Option<f64>,
+    /// Peak after the coins, cm.
+    pub peak: Option<f64>,
+    /// Root mean square of the body rates over the last 20 s, rad/s.
+    pub rates: Option<f64>,
+    /// Why a flight came to nothing.
+    pub note: String,
+}
+
+/// The flights that the table is made of.
+pub fn recipes() -> impl Iterator<Item = Recipe> {
+    VARIANTS
+        .into_iter()
+        .map(|variant| Recipe::changed(variant.name, Source::FIG3_6, variant.settings))
+}
+
+/// The table of the flights flown.
+#[must_use]
+pub fn table(logbook: &Logbook, seeds: &[u64]) -> Vec<Line> {
+    VARIANTS.map(|variant| line(variant, logbook, seeds)).into()
+}
+
+fn line(variant: Variant, logbook: &Logbook, seeds: &[u64]) -> Line {
+    let flown: Result<Vec<Measured>, String> = seeds
+        .iter()
+        .map(|&seed| logbook.flown(Column::Baseline, seed).of(variant.name).cloned())
+        .collect();
+    let all = |value: fn(&Measured) -> f64| {
+        let values = flown.as_ref().ok()?.iter().map(value);
+        Some(values.collect::<Vec<_>>())
+    };
+    let middle = |value| all(value).map(|values| median(&values));
+    Line {
+        variant: variant.name,
+        settings: variant.settings,
+        rmse: middle(|measured| 1e2 * measured.error.rmse()),
+        worst_rmse: all(|measured| 1e2 * measured.error.rmse())
+            .map(|values| values.into_iter().fold(0.0, f64::max)),
+        largest: middle(|measured| 1e2 * measured.error.max()),
+        peak: middle(|measured| 1e2 * measured.error_transient.max()),
+        rates: middle(|measured| measured.rate.rmse()),
+        note: flown.err().unwrap_or_default(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_variant_differs_from_the_design_and_can_be_flown() {
+        let designed = Source::FIG3_6.load(&[], 101).unwrap();
+        for recipe in recipes().skip(1) {
+            assert_ne!(
+                recipe.load(Column::Baseline, 101).unwrap(),
+                designed,
+                "{}",
+                recipe.name
+            );
+        }
+    }
+
+    #[test]
+    fn a_variant_that_cannot_fly_says_so_in_its_line() {
+        let lines = table(&Logbook::default(), &[101]);
+        assert_eq!(lines.len(), VARIANTS.len());
+        assert!(
+            lines
+                .iter()
+                .all(|line| line.rmse.is_none() && line.note.contains("not flown"))
+        );
+    }
+}

@@ -1,0 +1,199 @@
+//! A number that a figure of the paper comes to, the bar it must keep, and what it must not worsen to.
+
+use serde::Serialize;
+
+use super::flight::Flown;
+
+/// How much worse than the bar's median the worst seed may be.
+pub const WORST_FACTOR: f64 = 1.5;
+
+/// A number of a figure.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// What it is; unique in its figure.
+    pub quantity: &'static str,
+    /// What the paper reports, in words and in `unit`.
+    pub paper: &'static str,
+    /// In what it is shown.
+    pub unit: Unit,
+    /// What it must reach, in `unit`.
+    pub bar: Bar,
+    /// From the flights of a laboratory and a seed to the number, in SI units.
+    pub value: fn(&Flown<'_>) -> Result<f64, String>,
+}
+
+/// What a number must reach.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Bar {
+    /// Nothing: it is shown.
+    Shown,
+    /// The median over the seeds is at most this, the worst at most [`WORST_FACTOR`] times.
+    AtMost(f64),
+    /// The median over the seeds is at least this, the worst at least one [`WORST_FACTOR`]th of it.
+    AtLeast(f64),
+}
+
+/// In what a number is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// 0.01 m.
+    Centimetre,
+    /// 0.001 kg.
+    Gram,
+    /// 0.001 rad.
+    Milliradian,
+    /// rad.
+    Radian,
+    /// rad/s.
+    RadianPerSecond,
+    /// N.
+    Newton,
+    /// m/s².
+    MetrePerSecondSquared,
+    /// 0.01.
+    Percent,
+    /// Times something else.
+    Times,
+    /// Things that are counted.
+    Count,
+}
+
+impl Bar {
+    /// The value that a median must keep.
+    #[must_use]
+    pub fn for_median(self) -> Option<f64> {
+        match self {
+            Self::Shown => None,
+            Self::AtMost(bar) | Self::AtLeast(bar) => Some(bar),
+        }
+    }
+
+    /// Whether `value` is no worse than `limit`.
+    #[must_use]
+    pub fn keeps(self, value: f64, limit: f64) -> bool {
+        match self {
+            Self::Shown => true,
+            Self::AtMost(_) => value <= limit,
+            Self::AtLeast(_) => value >= limit,
+        }
+    }
+
+    /// Whether a median and a worst value reach the bar.
+    #[must_use]
+    pub fn is_reached(self, median: f64, worst: f64) -> bool {
+        match self {
+            Self::Shown => true,
+            Self::AtMost(bar) => median <= bar && worst <= WORST_FACTOR * bar,
+            Self::AtLeast(bar) => median >= bar && worst >= bar / WORST_FACTOR,
+        }
+    }
+
+    /// The worst of some values; of those that are only shown, the largest.
+    #[must_use]
+    pub fn worst(self, values: &[f64]) -> f64 {
+        let worse = match self {
+            Self::Shown | Self::AtMost(_) => f64::max,
+            Self::AtLeast(_) => f64::min,
+        };
+        values.iter().copied().reduce(worse).unwrap_or(f64::NAN)
+    }
+
+    /// As tables show it.
+    #[must_use]
+    pub fn text(self) -> String {
+        match self {
+            Self::Shown => String::new(),
+            Self::AtMost(bar) => format!("≤ {bar}"),
+            Self::AtLeast(bar) => format!("≥ {bar}"),
+        }
+    }
+}
+
+impl Unit {
+    /// How many of it are one of the SI unit.
+    #[must_use]
+    pub fn per_si(self) -> f64 {
+        match self {
+            Self::Centimetre | Self::Percent => 1e2,
+            Self::Gram | Self::Milliradian => 1e3,
+            _ => 1.0,
+        }
+    }
+
+    /// Its symbol.
+    #[must_use]
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Centimetre => "cm",
+            Self::Gram => "g",
+            Self::Milliradian => "mrad",
+            Self::Radian => "rad",
+            Self::RadianPerSecond => "rad/s",
+            Self::Newton => "N",
+            Self::MetrePerSecondSquared => "m/s²",
+            Self::Percent => "%",
+            Self::Times => "times",
+            Self::Count => "",
+        }
+    }
+}
+
+/// The median: of an even number of values, the mean of the two in the middle.
+#[must_use]
+pub fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    match sorted.len() {
+        0 => f64::NAN,
+        count if count.is_multiple_of(2) => 0.5 * (sorted[count / 2 - 1] + sorted[count / 2]),
+        count => sorted[count / 2],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_median_is_in_the_middle() {
+        assert_eq!(median(&[3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), 2.5);
+        assert!(median(&[]).is_nan());
+    }
+
+    proptest! {
+        #[test]
+        fn a_bar_is_reached_by_the_median_and_by_the_worst_with_half_as_much_again(
+            bar in 0.1..10.0f64, median in 0.0..20.0f64, beyond in 0.0..10.0f64,
+        ) {
+            let worst = median + beyond;
+            prop_assert_eq!(
+                Bar::AtMost(bar).is_reached(median, worst),
+                median <= bar && worst <= 1.5 * bar
+            );
+            // The same upside down.
+            prop_assert_eq!(
+                Bar::AtLeast(1.0 / bar).is_reached(1.0 / median, 1.0 / worst),
+                1.0 / median >= 1.0 / bar && 1.0 / worst >= 1.0 / bar / 1.5
+            );
+        }
+
+        #[test]
+        fn the_worst_value_is_no_better_than_any(values in proptest::collection::vec(0.0..1.0f64, 1..30)) {
+            for bar in [Bar::AtMost(0.5), Bar::AtLeast(0.5)] {
+                let worst = bar.worst(&values);
+                prop_assert!(values.iter().all(|&value| bar.keeps(value, worst)));
+                prop_assert!(values.contains(&worst));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_reaches_nothing() {
+        for bar in [Bar::AtMost(1.0), Bar::AtLeast(1.0)] {
+            assert!(!bar.is_reached(f64::NAN, f64::NAN));
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Mean, deviation and extremes of a stream of numbers, in fixed memory.
+
+/// What is kept of the numbers seen so far (Welford's method: no digits are lost to a large mean).
+///
+/// Of no numbers at all every statistic is NaN, which no bar calls reached.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Statistics {
+    count: u64,
+    mean: f64,
+    /// Sum of the squared distances from the mean.
+    spread: f64,
+    largest: f64,
+}
+
+impl Statistics {
+    /// Takes a number into account.
+    #[inline]
+    pub fn add(&mut self, value: f64) {
+        self.count += 1;
+        let distance = value - self.mean;
+        self.mean += distance / self.count as f64;
+        self.spread += distance * (value - self.mean);
+        self.largest = self.largest.max(value.abs());
+    }
+
+    /// How many numbers there were.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Their mean.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.unless_empty(self.mean)
+    }
+
+    /// Their standard deviation about the mean.
+    #[must_use]
+    pub fn deviation(&self) -> f64 {
+        (self.spread / self.count as f64).sqrt()
+    }
+
+    /// Root of the mean of their squares.
+    #[must_use]
+    pub fn rmse(&self) -> f64 {
+        (self.mean * self.mean + self.spread / self.count as f64).sqrt()
+    }
+
+    /// The largest magnitude.
+    #[must_use]
+    pub fn max(&self) -> f64 {
+        self.unless_empty(self.largest)
+    }
+
+    fn unless_empty(&self, value: f64) -> f64 {
+        if self.count == 0 { f64::NAN } else { value }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn of(values: &[f64]) -> Statistics {
+        let mut statistics = Statistics::default();
+        values.iter().for_each(|&value| statistics.add(value));
+        statistics
+    }
+
+    #[test]
+    fn nothing_measured_is_not_a_number() {
+        let nothing = Statistics::default();
+        for value in [nothing.mean(), nothing.deviation(), nothing.rmse(), nothing.max()] {
+            assert!(value.is_nan());
+        }
+    }
+
+    #[test]
+    fn three_and_four_have_the_statistics_of_the_textbook() {
+        let statistics = of(&[3.0, -4.0]);
+        assert_eq!(statistics.mean(), -0.5);
+        assert_eq!(statistics.deviation(), 3.5);
+        assert!((statistics.rmse() - 12.5_f64.sqrt()).abs() < 1e-15);
+        assert_eq!(statistics.max(), 4.0);
+    }
+
+    proptest! {
+        #[test]
+        fn the_stream_agrees_with_the_two_pass_formulas_also_far_from_zero(
+            values in proptest::collection::vec(-1.0..1.0f64, 1..200),
+            offset in -1e6..1e6f64,
+        ) {
+            let shifted: Vec<f64> = values.iter().map(|value| value + offset).collect();
+            let statistics = of(&shifted);
+            let count = shifted.len() as f64;
+            let mean = shifted.iter().sum::<f64>() / count;
+            let variance = shifted.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
+            let squares = shifted.iter().map(|value| value * value).sum::<f64>() / count;
+            prop_assert!((statistics.mean() - mean).abs() < 1e-9);
+            prop_assert!((statistics.deviation() - variance.sqrt()).abs() < 1e-8);
+            prop_assert!((statistics.rmse() - squares.sqrt()).abs() < 1e-8);
+        }
+    }
+}

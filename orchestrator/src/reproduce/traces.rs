@@ -1,0 +1,177 @@
+//! What a flight's drawings are made of, gathered while it flies: of every column of pixels the extremes.
+
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+
+use nalgebra::Vector3;
+use path_generator::{Curve, CurveError};
+use runtime::in_process::TickSink;
+use shared_types::Topic;
+use shared_types::rotation::{from_row_major, roll_pitch_yaw};
+use shared_types::samples::{ControlAdaptation, PathReference, VehicleTruth};
+use shared_types::scenario::Scenario;
+use shared_types::service::seconds;
+
+use super::measure::{read, wrapped};
+use super::path_clock::PathClock;
+use crate::plot::COLUMNS;
+use crate::plot::downsample::Extremes;
+
+/// How many points of the way through space are kept.
+const PLACES: u64 = 2_000;
+
+/// What is drawn over time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// ‖p − pd(γ)‖, m.
+    Error,
+    /// m̂, kg.
+    MassEstimate,
+    /// |m̂ − m|, kg.
+    MassError,
+    /// |m̂ − m| of the observer that flies along, kg.
+    ObserverMassError,
+    /// m, kg.
+    Mass,
+    /// T, N.
+    Thrust,
+    /// ‖ω‖, rad/s.
+    Rate,
+    /// ωx, rad/s.
+    RateX,
+    /// ωy, rad/s.
+    RateY,
+    /// True by, m/s².
+    DisturbanceY,
+    /// π(b̂y), m/s².
+    DisturbanceEstimateY,
+    /// φ, rad.
+    Roll,
+    /// ψ, rad.
+    Yaw,
+    /// ψd, rad.
+    YawDesired,
+    /// ψ − ψd, rad.
+    YawError,
+}
+
+const CHANNELS: usize = Channel::YawError as usize + 1;
+
+/// What was gathered of a flight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Traces {
+    channels: Vec<Vec<(f64, f64)>>,
+    /// p over the flight, m.
+    pub places: Vec<[f64; 3]>,
+    /// pd over the flight, m.
+    pub desired_places: Vec<[f64; 3]>,
+}
+
+impl Traces {
+    /// What is drawn of a channel: time, s, and value.
+    #[must_use]
+    pub fn channel(&self, channel: Channel) -> &[(f64, f64)] {
+        &self.channels[channel as usize]
+    }
+}
+
+/// Gathers the traces of a flight.
+pub struct Tracer {
+    curve: Curve,
+    clock: PathClock,
+    truth: Option<VehicleTruth>,
+    adaptation: Option<ControlAdaptation>,
+    /// Every how many ticks a place is kept.
+    stride: u64,
+    extremes: [Extremes; CHANNELS],
+    places: Vec<[f64; 3]>,
+    desired_places: Vec<[f64; 3]>,
+}
+
+impl Tracer {
+    /// For a flight of `scenario`.
+    ///
+    /// # Errors
+    /// [`CurveError`] if its path is none.
+    pub fn new(scenario: &Scenario) -> Result<Self, CurveError> {
+        Ok(Self {
+            curve: Curve::new(&scenario.path.curve)?,
+            clock: PathClock::default(),
+            truth: None,
+            adaptation: None,
+            stride: (scenario.tick_of(scenario.duration) / PLACES).max(1),
+            extremes: std::array::from_fn(|_| Extremes::new(scenario.duration, COLUMNS)),
+            places: Vec::new(),
+            desired_places: Vec::new(),
+        })
+    }
+
+    /// What was gathered.
+    #[must_use]
+    pub fn finish(self) -> Traces {
+        Traces {
+            channels: self.extremes.into_iter().map(Extremes::finish).collect(),
+            places: self.places,
+            desired_places: self.desired_places,
+        }
+    }
+
+    fn observe(&mut self, tick: u64, truth: &VehicleTruth) {
+        let time = seconds(truth.header.stamp_ns);
+        let extremes = &mut self.extremes;
+        let mut add = |channel: Channel, value: f64| extremes[channel as usize].add(time, value);
+        let omega = Vector3::from(truth.angular_velocity_body);
+        let [roll, _, yaw] = roll_pitch_yaw(&from_row_major(&truth.world_from_body));
+        add(Channel::Mass, truth.mass);
+        add(Channel::Thrust, truth.thrust);
+        add(Channel::Rate, omega.norm());
+        add(Channel::RateX, omega.x);
+        add(Channel::RateY, omega.y);
+        add(Channel::DisturbanceY, truth.disturbance_world[1]);
+        add(Channel::Roll, roll);
+        add(Channel::Yaw, yaw);
+        if let Some(adaptation) = &self.adaptation {
+            let estimate = adaptation.disturbance_projected_world[1];
+            add(Channel::DisturbanceEstimateY, estimate);
+            add(Channel::MassEstimate, adaptation.mass_estimate);
+            add(Channel::MassError, (adaptation.mass_estimate - truth.mass).abs());
+            add(
+                Channel::ObserverMassError,
+                (adaptation.observer_mass_estimate - truth.mass).abs(),
+            );
+        }
+        if let Some(demand) = self.clock.at(truth.header.stamp_ns) {
+            let pd = self.curve.at(demand.gamma).position;
+            add(Channel::Error, (Vector3::from(truth.position_world) - pd).norm());
+            add(Channel::YawDesired, demand.yaw);
+            add(Channel::YawError, wrapped(yaw - demand.yaw));
+            if tick.is_multiple_of(self.stride) {
+                self.places.push(truth.position_world);
+                self.desired_places.push(pd.into());
+            }
+        }
+    }
+}
+
+impl TickSink for Tracer {
+    type Error = Infallible;
+
+    #[inline]
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        match topic {
+            Topic::VehicleTruth => self.truth = Some(read(bytes)),
+            Topic::PathReference => self.clock.observe(&read::<PathReference>(bytes)),
+            Topic::ControlAdaptation => self.adaptation = Some(read(bytes)),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        if let Some(truth) = self.truth.take() {
+            self.observe(tick, &truth);
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+}
