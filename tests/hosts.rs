@@ -28,6 +28,12 @@ fn short_fig1() -> Scenario {
     scenario_file::load(&common::scenario("fig1"), &sets, None).unwrap()
 }
 
+fn short_rig() -> Scenario {
+    let mut sets = vec!["duration=1.0".to_owned()];
+    sets.extend(common::ALL_OF_THE_RIG.map(str::to_owned));
+    scenario_file::load(&common::scenario("fig3_6"), &sets, None).unwrap()
+}
+
 /// Digests what is published and stops after every tick.
 #[derive(Default)]
 struct Stopping(LogDigest);
@@ -59,18 +65,19 @@ fn digest(scenario: &Scenario, mut between: impl FnMut(&mut InProcess)) -> Strin
 /// A service keeps nothing beside what it saves: born anew after every tick, all fly on with the same bytes.
 #[test]
 fn services_have_no_hidden_state() {
-    let scenario = short_fig1();
-    let undisturbed = digest(&scenario, |_| {});
-    let reborn = digest(&scenario, |host| {
-        for service in ServiceId::ALL {
-            let mut state = vec![0; host.service_mut(service).state_size()];
-            host.service_mut(service).save(&mut state);
-            let mut fresh = services::build(service, &scenario).unwrap();
-            fresh.restore(&state);
-            host.replace(fresh);
-        }
-    });
-    assert_eq!(undisturbed, reborn);
+    for scenario in [short_fig1(), short_rig()] {
+        let undisturbed = digest(&scenario, |_| {});
+        let reborn = digest(&scenario, |host| {
+            for service in ServiceId::ALL {
+                let mut state = vec![0; host.service_mut(service).state_size()];
+                host.service_mut(service).save(&mut state);
+                let mut fresh = services::build(service, &scenario).unwrap();
+                fresh.restore(&state);
+                host.replace(fresh);
+            }
+        });
+        assert_eq!(undisturbed, reborn);
+    }
 }
 
 struct Nowhere;
@@ -90,7 +97,9 @@ impl TickSink for Nowhere {
 
 #[test]
 fn a_flight_allocates_nothing_in_any_step() {
-    let mut host = host(&short_fig1());
-    let count = allocations::allocations_during(|| host.fly(&mut Nowhere).unwrap());
-    assert_eq!(count, 0);
+    for scenario in [short_fig1(), short_rig()] {
+        let mut host = host(&scenario);
+        let count = allocations::allocations_during(|| host.fly(&mut Nowhere).unwrap());
+        assert_eq!(count, 0);
+    }
 }

@@ -34,6 +34,26 @@ fn six_processes_and_one_write_the_same_bytes() {
 }
 
 #[test]
+fn the_rig_writes_the_same_bytes_from_six_processes_and_one() {
+    let place = Place::new();
+    for (out, more) in [
+        ("first", &[][..]),
+        ("second", &[]),
+        ("sleeping", &["--no-yield"]),
+        ("in-process", &["--host", "inprocess"]),
+    ] {
+        succeed(&mut place.rig_flight(out, 1.0, more));
+        assert!(log(&place, out) == log(&place, "first"), "{out} differs");
+    }
+    succeed(&mut place.rig_flight("other", 1.0, &["--host", "inprocess", "--seed", "2"]));
+    assert!(
+        log(&place, "other") != log(&place, "first"),
+        "the seed has no effect"
+    );
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
 fn a_loaded_machine_writes_the_same_bytes() {
     let place = Place::new();
     succeed(&mut place.short_flight("quiet", SECONDS, &[]));

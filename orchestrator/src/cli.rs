@@ -39,7 +39,7 @@ pub enum Command {
     Bench(Bench),
     /// Fly the paper's figures again, over many seeds in three laboratories, judge and draw them.
     ///
-    /// Writes reproduce.json, a drawing a figure and index.html. Fails only if a number has regressed: neither
+    /// Writes reproduce.json, figures.md, a drawing a figure and index.html. Fails only if a number has regressed: neither
     /// reaches its bar nor is a known gap. The seeds are 101 and following; gains were tuned on 1 to 6.
     Reproduce(Reproduce),
     /// Print the JSON Schema of scenario files; editors complete and check them with it.

@@ -50,13 +50,17 @@ fn show_ablation(seeds: &[u64], folder: &RunFolder, interrupt: &Interrupt) -> Re
         return Ok(Exit::Signal(signal));
     }
     let lines = ablation::table(&logbook, seeds);
+    let sheet = table::ablation(&lines);
     write_json(&folder.path().join("ablation.json"), &lines)?;
+    write(&folder.path().join("ablation.md"), &sheet.markdown())?;
     print(format!(
-        "The eight of Figs. 3 to 6 without parts of the design, {} seeds from {} on, medians\n{}\n",
+        "The eight of Figs. 3 to 6 without parts of the design, {} seeds from {} on, medians\n{sheet}\n",
         seeds.len(),
         seeds[0],
-        table::ablation(&lines)
     ));
+    for line in lines.iter().filter(|line| !line.note.is_empty()) {
+        print(format!("{}\n", line.note));
+    }
     Ok(Exit::Success)
 }
 
@@ -93,6 +97,12 @@ fn show_figures(
         observability: with_observability.then(|| observability::table(&logbook, seeds)),
     };
     write_json(&folder.path().join("reproduce.json"), &report)?;
+    let sheet = table::figures(&report.figures);
+    write(&folder.path().join("figures.md"), &sheet.markdown())?;
+    if let Some(observability) = &report.observability {
+        let sheet = table::observability(observability);
+        write(&folder.path().join("observability.md"), &sheet.markdown())?;
+    }
     write(&folder.path().join("index.html"), &gallery::page(&report, &drawn))?;
     print(&report);
     Ok(if report.has_regressed() {

@@ -15,15 +15,20 @@ struct Variant {
 }
 
 const NO_ROLL_OUT: &str = "controller.rates.roll_out=false";
+const NO_PUSHES: &str = "controller.rates.unexplained=false";
 const NO_PREDICTION: &str = "estimator.kalman.prediction=false";
 const NO_LAG_INVERSION: &str = "controller.rates.lag_inversion=false";
 const WITH_OFFSET: &str = "controller.remove_offset=false";
 const PAPER_DELTA: &str = "controller.delta=0.1";
 
-const VARIANTS: [Variant; 9] = [
+const VARIANTS: [Variant; 10] = [
     Variant {
         name: "as designed",
         settings: &[],
+    },
+    Variant {
+        name: "roll-out without the pushes that are not learned yet",
+        settings: &[NO_PUSHES],
     },
     Variant {
         name: "roll-out off",

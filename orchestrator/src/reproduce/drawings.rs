@@ -36,7 +36,7 @@ impl Drawing {
 
 const FIG10_FLIGHT: &str = "fig10, bob, prior +15 g, wind +0.85 m/s²";
 const FOLLOWING: &str = "trajectory_tracking, path.mode=following";
-const SOFT: &str = "fig8, k1 = k2 = 1.1";
+const SOFT: &str = "fig8, k1 = k2 = 0.87";
 
 /// All drawings, in the paper's order.
 pub const DRAWINGS: [Drawing; 12] = [
@@ -138,7 +138,7 @@ pub const DRAWINGS: [Drawing; 12] = [
         panels: |flights| {
             let curves = [
                 ("off, k1 = k2 = 4", "fig8"),
-                ("off, k1 = k2 = 1.1", SOFT),
+                ("off, k1 = k2 = 0.87", SOFT),
                 ("on (Fig. 7)", "fig7"),
             ];
             vec![error(flights, &curves, &[(30.0, "tb")])]

@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn a_path_that_waits_is_not_a_good_flight() {
         // The vehicle is 50 m away at first and needs most of the flight to come near.
-        let recipe = Recipe::changed("far", Source::FIG2_FAR, &["duration=31.0"]);
+        let recipe = Recipe::changed("far", Source::FIG2_FAR, &["duration=21.0", "vehicle.change=[]"]);
         let scenario = recipe.load(Column::Baseline, 1).unwrap();
         let reason = measure(&scenario, &Interrupt::never()).unwrap_err();
         assert!(reason.contains("% of its way"), "{reason}");

@@ -60,23 +60,52 @@ impl Display for Report {
     }
 }
 
-fn figures(figures: &[FigureReport]) -> Table {
-    let mut table = Table::new();
-    table.load_style(presets::UTF8_FULL_CONDENSED);
-    let mut header = vec![
-        "figure".to_owned(),
-        "quantity".to_owned(),
-        "paper".to_owned(),
-        "bar".to_owned(),
-    ];
-    header.extend(Column::ALL.map(|column| format!("{}\nmedian, worst", column.name())));
-    table.set_header(header);
-    for figure in figures {
-        for row in &figure.rows {
-            table.add_row(row_cells(figure, row));
-        }
+/// A table, before anyone has decided what it looks like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sheet {
+    /// Names of the columns; a part after a line feed explains.
+    pub header: Vec<String>,
+    /// Cells, line by line.
+    pub lines: Vec<Vec<String>>,
+}
+
+impl Sheet {
+    /// As Markdown, for documents.
+    #[must_use]
+    pub fn markdown(&self) -> String {
+        let line = |cells: &[String]| {
+            let cells: Vec<_> = cells.iter().map(|cell| cell.replace('\n', ": ")).collect();
+            format!("| {} |\n", cells.join(" | "))
+        };
+        let rule = format!("|{}\n", " --- |".repeat(self.header.len()));
+        let lines: String = self.lines.iter().map(|cells| line(cells)).collect();
+        line(&self.header) + &rule + &lines
     }
-    table
+}
+
+/// As people read it on a terminal.
+impl Display for Sheet {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        let mut table = Table::new();
+        table.load_style(presets::UTF8_FULL_CONDENSED);
+        table.set_header(&self.header);
+        table.add_rows(&self.lines);
+        write!(formatter, "{table}")
+    }
+}
+
+/// The numbers of the figures with their verdicts.
+#[must_use]
+pub fn figures(figures: &[FigureReport]) -> Sheet {
+    let mut header = ["figure", "quantity", "paper", "bar"].map(str::to_owned).to_vec();
+    header.extend(Column::ALL.map(|column| format!("{}\nmedian, worst", column.name())));
+    let rows = figures
+        .iter()
+        .flat_map(|figure| figure.rows.iter().map(|row| row_cells(figure, row)));
+    Sheet {
+        header,
+        lines: rows.collect(),
+    }
 }
 
 fn row_cells(figure: &FigureReport, row: &RowReport) -> Vec<String> {
@@ -125,17 +154,21 @@ pub fn notes(figures: &[FigureReport]) -> Vec<(String, String)> {
 
 impl Display for Observability {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        let mut table = Table::new();
-        table.load_style(presets::UTF8_FULL_CONDENSED);
-        table.set_header(observability_header());
-        for line in observability_lines(self) {
-            table.add_row(line);
-        }
         writeln!(
             formatter,
-            "What the mass estimate can know: RMSE of m̂ after 45 s, g, median over {} seeds\n{table}",
-            self.seeds.len()
+            "What the mass estimate can know: RMSE of m̂ after 45 s, g, median over {} seeds\n{}",
+            self.seeds.len(),
+            observability(self)
         )
+    }
+}
+
+/// The table of what the mass estimate can know.
+#[must_use]
+pub fn observability(observability: &Observability) -> Sheet {
+    Sheet {
+        header: observability_header().map(str::to_owned).to_vec(),
+        lines: observability_lines(observability).map(Vec::from).collect(),
     }
 }
 
@@ -168,35 +201,49 @@ pub fn observability_lines(observability: &Observability) -> impl Iterator<Item 
 
 /// The table of what each part of the design is worth.
 #[must_use]
-pub fn ablation(lines: &[ablation::Line]) -> String {
-    let mut table = Table::new();
-    table.load_style(presets::UTF8_FULL_CONDENSED).set_header([
+pub fn ablation(lines: &[ablation::Line]) -> Sheet {
+    let header = [
         "design",
         "RMSE, worst seed, cm",
         "largest, cm",
         "peak after the coins, cm",
         "body rates, rad/s",
-    ]);
-    for line in lines {
+    ];
+    let cells = |line: &ablation::Line| {
         let errors = if line.note.is_empty() {
             format!("{}, {}", number(line.rmse), number(line.worst_rmse))
         } else {
-            line.note.clone()
+            "lost".to_owned()
         };
-        table.add_row([
+        vec![
             line.variant.to_owned(),
             errors,
             number(line.largest),
             number(line.peak),
             number(line.rates),
-        ]);
+        ]
+    };
+    Sheet {
+        header: header.map(str::to_owned).to_vec(),
+        lines: lines.iter().map(cells).collect(),
     }
-    table.to_string()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sheet_in_markdown_has_a_rule_below_its_head() {
+        let sheet = Sheet {
+            header: vec!["here\nmedian".to_owned(), "bar".to_owned()],
+            lines: vec![vec!["1".to_owned(), "≤ 2".to_owned()]],
+        };
+        assert_eq!(
+            sheet.markdown(),
+            "| here: median | bar |\n| --- | --- |\n| 1 | ≤ 2 |\n"
+        );
+    }
 
     #[test]
     fn numbers_have_the_digits_that_mean_something() {

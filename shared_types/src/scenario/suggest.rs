@@ -1,14 +1,19 @@
 //! What a misspelt name may have been meant to be.
 
+/// Least length of a beginning by which a name is recognised.
+const LEAST_BEGINNING: usize = 3;
+
 /// The known name that is nearest to `name`, if any is near enough to be meant: at most a third of it, or
-/// one letter, has to change.
+/// one letter, has to change, or it is the known one's beginning.
 #[must_use]
 pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let limit = (name.chars().count() / 3).max(1);
+    let length = name.chars().count();
+    let limit = (length / 3).max(1);
+    let begins = |candidate: &str| length >= LEAST_BEGINNING && candidate.starts_with(name);
     known
         .into_iter()
         .map(|candidate| (edit_distance(name, candidate), candidate))
-        .filter(|&(distance, _)| distance <= limit)
+        .filter(|&(distance, candidate)| distance <= limit || begins(candidate))
         .min()
         .map(|(_, candidate)| candidate)
 }
@@ -80,6 +85,7 @@ mod tests {
         assert_eq!(nearest("sigmamax", known), Some("sigma_max"));
         assert_eq!(nearest("sigma_mxa", known), Some("sigma_max"));
         assert_eq!(nearest("k5", known), Some("k1"));
+        assert_eq!(nearest("sigma", known), Some("sigma_max"));
         assert_eq!(nearest("colour", known), None);
     }
 }

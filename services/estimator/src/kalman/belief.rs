@@ -200,6 +200,14 @@ impl Belief {
             .all(|variance| variance.is_finite() && *variance > 0.0)
     }
 
+    /// The same belief, less sure of the attitude by a standard deviation of `turn` (rad) about every axis.
+    #[must_use]
+    pub fn less_sure_of_attitude(&self, turn: f64) -> Self {
+        let mut belief = *self;
+        add_to_diagonal(&mut belief.covariance, ATTITUDE, ATTITUDE, turn * turn);
+        belief
+    }
+
     /// How a pose differs from the one believed in; `None` if the covariance of that is not positive definite,
     /// which happens only when the filter is told that poses are free of noise.
     #[must_use]

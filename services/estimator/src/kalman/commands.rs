@@ -1,7 +1,9 @@
 //! The frames already sent, by the time at which each begins to act.
 
+use nalgebra::Vector3;
 use shared_types::samples::RcFrame;
 use shared_types::scenario::GRAVITY;
+use shared_types::service::seconds;
 
 /// How many commands the history holds.
 pub const CAPACITY: usize = 64;
@@ -101,12 +103,39 @@ impl CommandHistory {
         }
     }
 
-    /// Forgets the commands that no longer act at `time_ns`.
+    /// Forgets the commands that no longer act at `time_ns`, but for the last of them: it would act still, had the
+    /// frame after it been lost.
     pub fn forget_before(&mut self, time_ns: u64) {
         let begun = self
             .commands()
             .partition_point(|command| command.acts_from_ns <= time_ns);
-        self.forget(begun.saturating_sub(1));
+        self.forget(begun.saturating_sub(2));
+    }
+
+    /// By how much the body would have turned otherwise from a time to another, had the vehicle missed the frame
+    /// of every command and kept to the one before, rad.
+    #[must_use]
+    pub fn turn_if_missed(&self, from_ns: u64, to_ns: u64) -> f64 {
+        let mut turn = 0.0;
+        for pair in self.commands().windows(2) {
+            let [before, command] = [&pair[0], &pair[1]];
+            let ends_ns = self.end_of(command);
+            let acts_ns = ends_ns
+                .min(to_ns)
+                .saturating_sub(command.acts_from_ns.max(from_ns));
+            let difference = Vector3::from(command.rates_body) - Vector3::from(before.rates_body);
+            turn += difference.norm() * seconds(acts_ns);
+        }
+        turn
+    }
+
+    /// When the command after one begins to act.
+    fn end_of(&self, command: &Command) -> u64 {
+        let later = |next: &&Command| next.acts_from_ns > command.acts_from_ns;
+        self.commands()
+            .iter()
+            .find(later)
+            .map_or(u64::MAX, |next| next.acts_from_ns)
     }
 
     /// Forgets the oldest command, if there are others.

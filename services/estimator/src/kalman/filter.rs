@@ -2,7 +2,9 @@
 //!
 //! Failure policy, by what happens to the captures:
 //! * one that is older than the belief, or a repetition, changes nothing;
-//! * one too far from what is believed ([`gate`](Kalman::gate)) is refused and counted; when all have been refused
+//! * one too far from what is believed ([`gate`](Kalman::gate)) is looked at again as if the vehicle had missed a
+//!   frame, by which it may have turned otherwise than believed;
+//! * one too far also then is refused and counted; when all have been refused
 //!   for [`restart_after`](Kalman::restart_after), the newest one is believed instead and the filter starts anew;
 //! * one that is no pose at all, or from the future, is refused and counted, and never started from;
 //! * when numbers of no flight (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next capture
@@ -17,7 +19,7 @@ use shared_types::samples::{MocapPose, RcFrame};
 use shared_types::scenario::{Kalman, Key, Model, Problem, Scenario};
 use shared_types::{Schedule, ServiceId, Topic};
 
-use super::belief::{Belief, MEASURED, Pose, PoseNoise, ProcessModel};
+use super::belief::{Belief, Innovation, MEASURED, Pose, PoseNoise, ProcessModel};
 use super::commands::{CAPACITY, CommandHistory, LARGEST};
 use super::error_state::ProcessNoise;
 use super::motion::{Actuation, VehicleModel};
@@ -143,13 +145,16 @@ impl KalmanFilter {
         if self.is_lost(now_ns) {
             return self.restart(now_ns, exposure_ns, &pose, &track.belief);
         }
-        track
-            .belief
-            .propagate(exposure_ns, &self.process, &self.memory.history);
-        self.memory.history.forget_before(exposure_ns);
-        let innovation = track.belief.innovation(&pose, self.pose_noise);
-        let likely = innovation.filter(|innovation| innovation.squared_distance() <= self.gate);
-        if let Some(innovation) = likely {
+        let history = &mut self.memory.history;
+        let turn_if_missed = history.turn_if_missed(track.belief.time_ns, exposure_ns);
+        track.belief.propagate(exposure_ns, &self.process, history);
+        history.forget_before(exposure_ns);
+        let doubtful = track.belief.less_sure_of_attitude(turn_if_missed);
+        let likely = [track.belief, doubtful]
+            .into_iter()
+            .find_map(|belief| self.likely(&belief, &pose).map(|innovation| (belief, innovation)));
+        if let Some((believed, innovation)) = likely {
+            track.belief = believed;
             track.belief.correct(&innovation, self.pose_noise);
             if !track.belief.is_sound() {
                 return self.start_from(now_ns, exposure_ns, &pose);
@@ -165,6 +170,12 @@ impl KalmanFilter {
         }
         self.memory.track = Some(track);
         self.refuse()
+    }
+
+    /// How a pose differs from what is believed, unless it is too far from it.
+    fn likely(&self, belief: &Belief, pose: &Pose) -> Option<Innovation> {
+        let innovation = belief.innovation(pose, self.pose_noise);
+        innovation.filter(|innovation| innovation.squared_distance() <= self.gate)
     }
 
     /// The state now: predicted to the time at which a frame sent now acts, or else at the last capture. `None`
@@ -294,8 +305,8 @@ fn commands_under_way(schedule: &Schedule, model: &Model) -> u64 {
         .time_ns(ticks)
         .max(nanoseconds(model.capture_latency.unwrap_or(0.0)));
     let frame_period_ns = schedule.time_ns(schedule.topic_rate(Topic::RcFrame).period);
-    // One more acts at the beginning, and another may begin at either end.
-    (capture_age_ns.saturating_add(nanoseconds(model.radio_latency))).div_ceil(frame_period_ns) + 2
+    // One more acts at the beginning, the one before it is kept, and another may begin at either end.
+    (capture_age_ns.saturating_add(nanoseconds(model.radio_latency))).div_ceil(frame_period_ns) + 3
 }
 
 /// A time of a scenario, s, as whole nanoseconds; what is below 0 counts as 0.
