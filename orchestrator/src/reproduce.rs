@@ -1,6 +1,6 @@
 //! The paper's figures again: flown over many seeds in three laboratories, measured, judged and drawn.
 //!
-//! * [`column`]: the laboratories: as stated, doubled, other than believed;
+//! * [`mod@column`]: the laboratories: as stated, doubled, other than believed;
 //! * [`figures`]: of which flights a figure is made and which numbers it comes to, with their bars;
 //! * [`flight`], [`parallel`]: flying them, on all cores, each a function of its scenario alone;
 //! * [`measure`], [`windows`], [`path_clock`], [`statistics`]: what a flight came to, measured while it flies;

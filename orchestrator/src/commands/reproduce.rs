@@ -1,6 +1,6 @@
 //! `gerono reproduce`: the paper's figures, flown again over many seeds, judged and drawn.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
@@ -188,7 +188,7 @@ fn refused(error: ScenarioError) -> Failure {
     }
 }
 
-fn write_json(path: &PathBuf, value: &impl Serialize) -> Result<(), Failure> {
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(|error| Failure::new(Exit::Trouble, error))?;
     write(path, &(text + "\n"))
 }
