@@ -1,5 +1,5 @@
 //! A mass observer by immersion and invariance, which flies along unheard, to compare the adaptive law's
-//! estimate with: in the style of the paper's ref. [30], which was not available.
+//! estimate with: in the style of the paper's ref. \[30\], which was not available.
 //!
 //! With v the velocity in {I}, r3 = R e3, T the thrust and θ = 1/m,
 //!
