@@ -208,7 +208,7 @@ mod tests {
         Command {
             acts_from_ns,
             thrust,
-            rates_body: [0.0; 3],
+            rates_body: [thrust, 0.0, 0.0],
         }
     }
 
@@ -250,8 +250,10 @@ mod tests {
             let mut rest = whole.clone();
             rest.forget_before(at);
             prop_assert!(rest.segments(at, at + length).eq(whole.segments(at, at + length)));
+            let turn = |history: &CommandHistory| history.turn_if_missed(at, at + length);
+            prop_assert_eq!(turn(&rest), turn(&whole));
             let before = rest.commands().iter().filter(|command| command.acts_from_ns <= at).count();
-            prop_assert_eq!(before, 1);
+            prop_assert!(before <= 2, "{} are kept", before);
         }
     }
 
@@ -270,6 +272,16 @@ mod tests {
             history.commands().last().unwrap().acts_from_ns,
             100 + CAPACITY as u64 - 4
         );
+    }
+
+    #[test]
+    fn a_missed_frame_turns_by_the_difference_of_the_rates_for_as_long_as_it_acts() {
+        let second = 1_000_000_000;
+        let history = history(&[second, 2 * second]);
+        // 0 rad/s, then 1, then 2.
+        for (from, to, turn) in [(0, 1, 0.0), (0, 2, 1.0), (1, 3, 2.0), (2, 4, 2.0)] {
+            assert_eq!(history.turn_if_missed(from * second, to * second), turn);
+        }
     }
 
     #[test]
