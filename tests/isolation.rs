@@ -43,28 +43,6 @@ fn last_tick(log: &Path) -> u64 {
 }
 
 #[test]
-fn the_death_of_any_service_ends_the_run_with_its_name_and_a_whole_log() {
-    let place = Place::new();
-    for service in ServiceId::ALL {
-        let out = format!("without-{service}");
-        let (child, services) = fly(&place, &out);
-        let orchestrator = child.id();
-        let (_, victim) = services.iter().find(|(name, _)| *name == service.name()).unwrap();
-        signal(*victim, Signal::KILL);
-        let output = finish(child);
-        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(3), "{errors}");
-        for piece in [&format!("`{service}`"), &victim.to_string(), "KILL"] {
-            assert!(errors.contains(piece.trim()), "{piece} is not in {errors}");
-        }
-        assert!(last_tick(&place.path(&out).join("run.mcap")) > 100);
-        assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
-        assert!(services.iter().all(|(_, pid)| !is_alive(*pid)), "{services:?}");
-    }
-    assert_eq!(place.leavings(), Vec::<String>::new());
-}
-
-#[test]
 fn services_end_with_a_killed_orchestrator_and_the_next_run_sweeps_up() {
     let place = Place::new();
     let (child, services) = fly(&place, "killed");
@@ -80,6 +58,33 @@ fn services_end_with_a_killed_orchestrator_and_the_next_run_sweeps_up() {
     succeed(&mut place.short_flight("next", 0.1, &[]));
     assert_eq!(place.leavings(), Vec::<String>::new());
     assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn clean_removes_what_dead_runs_have_left_and_no_more() {
+    let place = Place::new();
+    let (dead, _) = fly(&place, "dead");
+    let killed = dead.id();
+    signal(killed, Signal::KILL);
+    finish(dead);
+    let (live, _) = fly(&place, "live");
+    // It has swept what the dead one left.
+    let (dead, _) = fly(&place, "dead-again");
+    let killed_again = dead.id();
+    signal(killed_again, Signal::KILL);
+    finish(dead);
+
+    let said = String::from_utf8(succeed(&mut place.gerono(&["clean"])).stdout).unwrap();
+    assert!(said.contains("removed") && said.contains("in use"), "{said}");
+    for orchestrator in [killed, killed_again] {
+        assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+    }
+    assert!(!shared_memory_of(live.id()).is_empty());
+    signal(live.id(), Signal::TERM);
+    assert_eq!(finish(live).status.code(), Some(143));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+    let said = String::from_utf8(succeed(&mut place.gerono(&["clean"])).stdout).unwrap();
+    assert!(said.contains("nothing was left"), "{said}");
 }
 
 #[test]

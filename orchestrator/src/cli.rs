@@ -1,10 +1,13 @@
 //! The command line of `gerono`.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use runtime::crash::{Crash, CrashPlace};
 use shared_types::ServiceId;
+use shared_types::scenario::suggest::known_names;
 
 use crate::exit::Exit;
 use crate::log::Compression;
@@ -42,6 +45,11 @@ pub enum Command {
     /// Writes reproduce.json, figures.md, a drawing a figure and index.html. Fails only if a number has regressed: neither
     /// reaches its bar nor is a known gap. The seeds are 101 and following; gains were tuned on 1 to 6.
     Reproduce(Reproduce),
+    /// Remove what dead runs have left in memory and in the folder for temporary files.
+    ///
+    /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
+    /// touched.
+    Clean,
     /// Print the JSON Schema of scenario files; editors complete and check them with it.
     Schema,
     /// Print the completion script of a shell: `gerono completions bash > /etc/bash_completion.d/gerono`.
@@ -126,6 +134,47 @@ pub struct DeploymentArguments {
     /// Let a waiting service always sleep instead of yielding once first.
     #[arg(long)]
     pub no_yield: bool,
+    /// Let a service kill itself, as SERVICE@TICK:PLACE; may be given several times, for one process after the other.
+    ///
+    /// The log must show nothing of it. Places: before-ports, after-ports, recovering, before-step, after-step,
+    /// between-publishes, after-publishing, checkpointing, before-waking.
+    #[arg(long, value_name = "WHERE")]
+    pub crash: Vec<ServiceCrash>,
+}
+
+/// Where the process of a service shall kill itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServiceCrash {
+    /// The service.
+    pub service: ServiceId,
+    /// Tick and place.
+    pub crash: Crash,
+}
+
+impl FromStr for ServiceCrash {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('@').and_then(|(service, rest)| {
+            let (tick, place) = rest.split_once(':')?;
+            Some((service, tick, place))
+        });
+        let (service, tick, place) =
+            parts.ok_or_else(|| "write it as controller@1500:before-step".to_owned())?;
+        let services = ServiceId::ALL.map(ServiceId::name);
+        let places = CrashPlace::ALL.map(CrashPlace::name);
+        let position = |names: &[&str], name: &str| {
+            let found = names.iter().position(|known| *known == name);
+            found.ok_or_else(|| known_names(name, names))
+        };
+        Ok(Self {
+            service: ServiceId::ALL[position(&services, service)?],
+            crash: Crash {
+                tick: tick.parse().map_err(|_| format!("`{tick}` is no tick"))?,
+                place: CrashPlace::ALL[position(&places, place)?],
+            },
+        })
+    }
 }
 
 /// Where the services of a flight run.

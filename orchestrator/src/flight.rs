@@ -1,5 +1,6 @@
 //! Flying a scenario: the hosts, what they have in common, and how a flight ends.
 
+pub mod archive;
 pub mod crew;
 pub mod in_process;
 pub mod lock_step;
@@ -21,6 +22,8 @@ pub struct Ending {
     pub wall_time: Duration,
     /// What the user should know about the machine, once.
     pub warnings: Vec<String>,
+    /// Deaths in flight that were mended, in their order.
+    pub rebirths: Vec<crew::Rebirth>,
 }
 
 /// Why a flight ended.
@@ -43,19 +46,34 @@ pub enum FlightFailure {
     /// A service computed a number that is not finite.
     #[error(transparent)]
     NonFinite(#[from] NonFinite),
-    /// A service process died.
+    /// A service process died again and again without getting any further.
     #[error(
-        "the service `{service}` (process {pid}) died after tick {tick}: {how}; the log ends with the last whole tick"
+        "the service `{service}` (process {pid}) died after tick {tick}: {how}; \
+         it has died {times} times in a row without flying a tick more, so it was not started again; \
+         the log ends with the last whole tick"
     )]
     Died {
         /// Name of the service.
         service: String,
-        /// Its process id.
+        /// The last of its process ids.
         pid: u32,
         /// The last tick that it had stepped.
         tick: u64,
         /// How it ended.
         how: String,
+        /// How often it had died there.
+        times: u32,
+    },
+    /// A service that was born again published another sample than before its death.
+    #[error(
+        "the service that publishes `{topic}` was born again and published another sample of tick {tick} than before: \
+         its step is not a function of state and inputs, or the machine computes wrongly"
+    )]
+    Diverged {
+        /// Name of the topic.
+        topic: String,
+        /// Tick of the sample.
+        tick: u64,
     },
     /// A service could not do its work and said so.
     #[error("the service `{service}` gave up: {reason}")]

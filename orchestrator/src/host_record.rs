@@ -8,7 +8,7 @@ use std::time::Instant;
 use shared_types::ServiceId;
 
 use crate::flight::Outcome;
-use crate::flight::crew::Crew;
+use crate::flight::crew::{Crew, Rebirth};
 use crate::flight::lock_step::CrewObserver;
 use crate::log::{Compression, HostEvent, HostLogWriter, HostSample, LogError, ServiceHealth};
 
@@ -17,6 +17,10 @@ pub struct HostRecord {
     log: HostLogWriter,
     started: Instant,
     failure: Option<LogError>,
+    /// How many of the crew's ends have been written.
+    ends_written: usize,
+    /// How many of its rebirths have been written.
+    rebirths_written: usize,
 }
 
 impl HostRecord {
@@ -29,6 +33,8 @@ impl HostRecord {
             log: HostLogWriter::create(path, compression)?,
             started: Instant::now(),
             failure: None,
+            ends_written: 0,
+            rebirths_written: 0,
         })
     }
 
@@ -62,10 +68,23 @@ impl HostRecord {
         let event = HostEvent::new(self.time_ns(), service, kind, pid, text);
         self.write(&event);
     }
+
+    /// Writes how processes ended, as far as that is not written yet.
+    fn write_ends(&mut self, crew: &Crew<'_>) {
+        for (service, pid, exit) in &crew.exits()[self.ends_written..] {
+            let kind = if exit.killed {
+                HostEvent::KIND_KILLED
+            } else {
+                HostEvent::KIND_EXITED
+            };
+            self.event(Some(*service), kind, *pid, &exit.description);
+        }
+        self.ends_written = crew.exits().len();
+    }
 }
 
 impl CrewObserver for HostRecord {
-    fn ready(&mut self, crew: &Crew, core: Option<usize>) {
+    fn ready(&mut self, crew: &Crew<'_>, core: Option<usize>) {
         let result = self.log.write_facts("host", host_facts(core));
         self.keep_first(result);
         for (service, pid) in crew.processes() {
@@ -73,7 +92,19 @@ impl CrewObserver for HostRecord {
         }
     }
 
-    fn health(&mut self, crew: &Crew) {
+    fn died(&mut self, crew: &Crew<'_>) {
+        self.write_ends(crew);
+    }
+
+    fn reborn(&mut self, crew: &Crew<'_>) {
+        for rebirth in &crew.rebirths()[self.rebirths_written..] {
+            let Rebirth { service, pid, .. } = *rebirth;
+            self.event(Some(service), HostEvent::KIND_REBORN, pid, &rebirth.to_string());
+        }
+        self.rebirths_written = crew.rebirths().len();
+    }
+
+    fn health(&mut self, crew: &Crew<'_>) {
         for (service, pid) in crew.processes() {
             let cell = &crew.page().words().cells[service.index()];
             let ticks = cell.steps_until.load(Ordering::Relaxed);
@@ -91,15 +122,8 @@ impl CrewObserver for HostRecord {
         }
     }
 
-    fn ended(&mut self, crew: &Crew, outcome: &Outcome) {
-        for (service, pid, status) in crew.exits() {
-            let kind = if status.killed {
-                HostEvent::KIND_KILLED
-            } else {
-                HostEvent::KIND_EXITED
-            };
-            self.event(Some(service), kind, pid, &status.description);
-        }
+    fn ended(&mut self, crew: &Crew<'_>, outcome: &Outcome) {
+        self.write_ends(crew);
         let text = match outcome {
             Outcome::Completed => "completed".to_owned(),
             Outcome::Interrupted { signal } => format!("interrupted by signal {signal}"),

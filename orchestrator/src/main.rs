@@ -16,6 +16,7 @@ fn main() -> ExitCode {
         Command::Digest(arguments) => small::digest(&arguments).map(|()| Exit::Success),
         Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
+        Command::Clean => small::clean().map(|()| Exit::Success),
         Command::Schema => {
             small::schema();
             Ok(Exit::Success)

@@ -28,10 +28,7 @@ impl RunRoot {
     /// If the folder for temporary files cannot be written.
     pub fn create() -> io::Result<Self> {
         let base = base_folder();
-        fs::create_dir_all(&base)?;
-        // Held while places come and go, so that nobody sweeps one that is just being made.
-        let door = File::create(base.join("door"))?;
-        flock(&door, FlockOperation::LockExclusive)?;
+        let _door = close_door(&base)?;
         sweep(&base)?;
 
         let id = unused_id(&base);
@@ -90,6 +87,33 @@ impl Drop for RunRoot {
     }
 }
 
+/// What a sweep found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Swept {
+    /// Places of dead runs, which are gone now.
+    pub removed: Vec<PathBuf>,
+    /// Places of live runs, which were left alone.
+    pub live: Vec<PathBuf>,
+}
+
+/// Removes what dead runs have left behind and leaves live ones alone.
+///
+/// # Errors
+/// If the folder for temporary files cannot be written, or something in it cannot be removed.
+pub fn clean() -> io::Result<Swept> {
+    let base = base_folder();
+    let _door = close_door(&base)?;
+    sweep(&base)
+}
+
+/// Held while places come and go, so that nobody sweeps one that is just being made.
+fn close_door(base: &Path) -> io::Result<File> {
+    fs::create_dir_all(base)?;
+    let door = File::create(base.join("door"))?;
+    flock(&door, FlockOperation::LockExclusive)?;
+    Ok(door)
+}
+
 fn base_folder() -> PathBuf {
     std::env::temp_dir().join(format!("gerono-{}", rustix::process::getuid().as_raw()))
 }
@@ -112,7 +136,8 @@ fn unused_id(base: &Path) -> String {
 }
 
 /// Removes the places of dead runs.
-fn sweep(base: &Path) -> io::Result<()> {
+fn sweep(base: &Path) -> io::Result<Swept> {
+    let mut swept = Swept::default();
     for entry in fs::read_dir(base)?.flatten() {
         let folder = entry.path();
         if !folder.is_dir() {
@@ -121,11 +146,16 @@ fn sweep(base: &Path) -> io::Result<()> {
         // A place without a lock died while it was being made: behind the closed door nobody makes one now.
         let is_live = File::open(lock_path(&folder))
             .is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err());
-        if !is_live {
+        if is_live {
+            swept.live.push(folder);
+        } else {
             remove(&folder, &prefix_of(&entry.file_name().to_string_lossy()))?;
+            swept.removed.push(folder);
         }
     }
-    Ok(())
+    swept.removed.sort();
+    swept.live.sort();
+    Ok(swept)
 }
 
 /// Removes a place and all shared memory with its prefix.
@@ -177,7 +207,8 @@ mod tests {
         let kept = Path::new(SHARED_MEMORY).join(format!("{}segment", live.prefix()));
         fs::write(&kept, b"in use").unwrap();
 
-        drop(RunRoot::create().unwrap());
+        let swept = clean().unwrap();
+        assert!(swept.removed.contains(&dead) && swept.live.contains(&live.folder().to_owned()));
         assert!(!dead.exists() && !memory.exists());
         assert!(live.folder().exists() && kept.exists());
         drop(live);

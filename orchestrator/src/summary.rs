@@ -77,6 +77,9 @@ pub struct RunFacts {
     pub reason: String,
     /// Wall time from the first tick to the last, s.
     pub wall_seconds: f64,
+    /// Deaths of services in flight that were mended, in words; nothing of them is in the log.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rebirths: Vec<String>,
 }
 
 /// What a flight came to.

@@ -29,6 +29,11 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let schedule = scenario
         .schedule()
         .map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
+    if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
+        let reason =
+            "--crash kills the process of a service, and with --host inprocess there is but one process";
+        return Err(Failure::new(Exit::BadInput, reason));
+    }
     let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &name)
@@ -84,7 +89,7 @@ fn fly(
             .map_err(FlightFailure::from)
             .and_then(|mut record| {
                 let deployment = deployment(&arguments.deployment);
-                let ending = lock_step::fly(scenario, deployment, tape, interrupt, &mut record)?;
+                let ending = lock_step::fly(scenario, &deployment, tape, interrupt, &mut record)?;
                 record.finish()?;
                 Ok(ending)
             }),
@@ -94,6 +99,7 @@ fn fly(
         ticks: 0,
         wall_time: Duration::ZERO,
         warnings: Vec::new(),
+        rebirths: Vec::new(),
     })
 }
 
@@ -110,6 +116,11 @@ fn deployment(arguments: &DeploymentArguments) -> Deployment {
             (false, false) => Scheduler::Fair,
         },
         yielding: !arguments.no_yield,
+        crashes: arguments
+            .crash
+            .iter()
+            .map(|crash| (crash.service, crash.crash))
+            .collect(),
     }
 }
 
@@ -125,6 +136,7 @@ fn facts(name: &str, host: Host, ending: &Ending) -> RunFacts {
         outcome,
         reason,
         wall_seconds: ending.wall_time.as_secs_f64(),
+        rebirths: ending.rebirths.iter().map(ToString::to_string).collect(),
     }
 }
 

@@ -10,7 +10,7 @@ use shared_types::ServiceId;
 use super::{Failure, log_path, print};
 use crate::cli::{Cli, Digest, Export, Plot};
 use crate::exit::Exit;
-use crate::{log, plot, scenario_file, services};
+use crate::{log, plot, run_root, scenario_file, services};
 
 /// `gerono plot`.
 ///
@@ -72,4 +72,25 @@ pub fn service(id: ServiceId) -> Result<(), Failure> {
         runtime::process::ProcessError::NotSpawned => Failure::new(Exit::BadInput, error),
         error => Failure::new(Exit::FlightFailed, error),
     })
+}
+
+/// `gerono clean`.
+///
+/// # Errors
+/// [`Failure`] if something cannot be removed.
+pub fn clean() -> Result<(), Failure> {
+    let swept = run_root::clean().map_err(|error| {
+        let reason = format!("cannot remove what dead runs have left: {error}");
+        Failure::new(Exit::Trouble, reason)
+    })?;
+    for place in &swept.removed {
+        print(format!("removed {}\n", place.display()));
+    }
+    for place in &swept.live {
+        print(format!("in use  {}\n", place.display()));
+    }
+    if swept.removed.is_empty() {
+        print("nothing was left by dead runs\n");
+    }
+    Ok(())
 }

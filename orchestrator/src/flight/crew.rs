@@ -1,4 +1,8 @@
-//! The service processes of a run: started, watched, stopped, and never left behind.
+//! The service processes of a run: started, watched, started again when they die, stopped, and never left behind.
+//!
+//! A death in flight is mended by a process that goes on from the dead one's last checkpoint and gets from the
+//! recorder what it has missed ([`runtime::inlet`]). A service that dies again and again at the same place is given
+//! up: its crash is a function of its inputs, and so will the next be.
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
@@ -6,35 +10,85 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use runtime::checkpoints::Checkpoints;
 use runtime::control::{CONTROL_FD, Channel, ControlError, Start, ToOrchestrator, ToService};
+use runtime::crash::Crash;
 use runtime::descriptors::hand_on;
 use runtime::doorbell::Doorbell;
+use runtime::ports::Member;
 use runtime::shared_page::SharedPage;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
-use shared_types::ServiceId;
+use shared_types::schedule::MAX_PORTS;
+use shared_types::{Schedule, ServiceId};
 
 use super::FlightFailure;
+use super::recorder::Recorder;
 
-/// How long the services may take to make their ports.
+/// How long a service may take to make its ports.
 const READY_LIMIT: Duration = Duration::from_secs(30);
 /// How long a service that was told to stop may take before it is killed.
 const STOP_LIMIT: Duration = Duration::from_secs(2);
+/// How often in a row a service may die without flying a tick more.
+const FRUITLESS_LIMIT: u32 = 8;
+/// So many of these deaths are mended at once, the later ones after a while that grows.
+const AT_ONCE: u32 = 3;
+const LONGEST_BACK_OFF: Duration = Duration::from_millis(100);
 
 /// All service processes of a run. Dropping it ends them.
-pub struct Crew {
+pub struct Crew<'a> {
+    member: &'a Member,
+    start: Start,
+    /// Deaths that processes shall bring upon themselves, the first of a service upon its first process and so on.
+    crashes: Vec<(ServiceId, Crash)>,
     members: Vec<CrewMember>,
     page: SharedPage,
+    checkpoints: Checkpoints,
     doorbells: Vec<Doorbell>,
+    is_flying: bool,
+    exits: Vec<(ServiceId, u32, Exit)>,
+    rebirths: Vec<Rebirth>,
 }
 
 struct CrewMember {
     service: ServiceId,
+    process: Process,
+    phase: Phase,
+    /// How many processes have been started.
+    lives: u32,
+    /// How often in a row one has died without flying a tick more.
+    fruitless: u32,
+    /// 1 + the last tick that was flown before the last death.
+    flown_until: u64,
+    /// When the last death was noticed.
+    died_at: Option<Instant>,
+}
+
+struct Process {
     child: Child,
     death: OwnedFd,
     channel: Channel,
-    exit: Option<ExitStatus>,
-    finished: bool,
+    started_at: Instant,
+    is_gone: bool,
+}
+
+/// Where a service is in its life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// It makes its ports.
+    Starting,
+    /// It has made them and waits for the others.
+    Ready,
+    /// It flies.
+    Flying,
+    /// It flies again and may have missed samples: the next of each input to be handed over, by place.
+    CatchingUp([u64; MAX_PORTS]),
+    /// It has flown its last tick.
+    Finished,
+    /// It is dead and is to be started again at this time.
+    Dead(Instant),
+    /// It is dead and stays so.
+    GivenUp,
 }
 
 /// How a process ended.
@@ -46,51 +100,89 @@ pub struct Exit {
     pub description: String,
 }
 
+/// A death in flight that was mended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rebirth {
+    /// Which service.
+    pub service: ServiceId,
+    /// Id of the new process.
+    pub pid: u32,
+    /// The last tick that had been flown; `None` if it was the first.
+    pub tick: Option<u64>,
+    /// From the moment when the death was noticed until the new process was ready to fly.
+    pub lost: Duration,
+}
+
+impl std::fmt::Display for Rebirth {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let service = self.service;
+        match self.tick {
+            Some(tick) => write!(formatter, "`{service}` died after tick {tick}")?,
+            None => write!(formatter, "`{service}` died before its first step")?,
+        }
+        let lost = 1e3 * self.lost.as_secs_f64();
+        write!(formatter, " and flew again {lost:.1} ms later")
+    }
+}
+
 /// What a service process told or did.
 #[derive(Debug)]
 pub enum CrewEvent {
-    /// It made its ports.
-    Ready {
-        /// Which one.
-        service: ServiceId,
-        /// Ids of its receivers.
-        receivers: Vec<String>,
-        /// What it could not have of its deployment.
-        warnings: Vec<String>,
-    },
+    /// It made its ports; what it could not have of its deployment.
+    Ready(ServiceId, Vec<String>),
     /// It has flown its last tick.
     Finished(ServiceId),
-    /// It cannot go on, or is gone.
+    /// It died, and will be started again.
+    Died,
+    /// It cannot go on.
     Lost(FlightFailure),
 }
 
-impl Crew {
+impl<'a> Crew<'a> {
     /// Starts one process a service and tells each what to fly.
     ///
     /// # Errors
     /// [`FlightFailure::Setup`].
-    pub fn start(start: &Start) -> Result<Self, FlightFailure> {
-        let page = SharedPage::create().map_err(setup)?;
+    pub fn start(
+        member: &'a Member,
+        start: Start,
+        crashes: Vec<(ServiceId, Crash)>,
+    ) -> Result<Self, FlightFailure> {
         let doorbells = ServiceId::ALL
             .iter()
             .map(|_| Doorbell::create())
             .collect::<Result<_, _>>()
             .map_err(setup)?;
         let mut crew = Self {
+            member,
+            start,
+            crashes,
             members: Vec::new(),
-            page,
+            page: SharedPage::create().map_err(setup)?,
+            checkpoints: Checkpoints::create().map_err(setup)?,
             doorbells,
+            is_flying: false,
+            exits: Vec::new(),
+            rebirths: Vec::new(),
         };
         for service in ServiceId::ALL {
-            let member = crew.spawn(service)?;
+            let process = crew.spawn(service)?;
             // Kept before it is spoken to, so that it is ended whatever happens next.
-            crew.members.push(member);
-            crew.say(service, &ToService::Start(Box::new(start.clone())))?;
+            crew.members.push(CrewMember {
+                service,
+                process,
+                phase: Phase::Starting,
+                lives: 1,
+                fruitless: 0,
+                flown_until: 0,
+                died_at: None,
+            });
+            crew.instruct(service)?;
         }
         Ok(crew)
     }
 
-    fn spawn(&self, service: ServiceId) -> Result<CrewMember, FlightFailure> {
+    fn spawn(&self, service: ServiceId) -> Result<Process, FlightFailure> {
         let (channel, theirs) = Channel::pair().map_err(setup)?;
         // The running program itself, even if its file has been replaced meanwhile.
         let mut command = Command::new("/proc/self/exe");
@@ -101,19 +193,29 @@ impl Crew {
             // Ctrl-C in a terminal is for the orchestrator alone.
             .process_group(0);
         let doorbells = self.doorbells.iter().map(AsFd::as_fd);
-        let files = [theirs.as_fd(), self.page.file()].into_iter().chain(doorbells);
-        hand_on(&mut command, CONTROL_FD, files).map_err(setup)?;
+        let files = [theirs.as_fd(), self.page.file(), self.checkpoints.file()];
+        hand_on(&mut command, CONTROL_FD, files.into_iter().chain(doorbells)).map_err(setup)?;
         let child = command.spawn().map_err(setup)?;
         let pid = Pid::from_child(&child);
         let death = pidfd_open(pid, PidfdFlags::empty()).map_err(|error| setup(error.into()))?;
-        Ok(CrewMember {
-            service,
+        Ok(Process {
             child,
             death,
             channel,
-            exit: None,
-            finished: false,
+            started_at: Instant::now(),
+            is_gone: false,
         })
+    }
+
+    /// Tells a process that has just been started what to fly.
+    fn instruct(&mut self, service: ServiceId) -> Result<(), FlightFailure> {
+        let life = self.members[service.index()].lives - 1;
+        let mut own = self.crashes.iter().filter(|(whose, _)| *whose == service);
+        let start = Start {
+            crash: own.nth(life as usize).map(|(_, crash)| *crash),
+            ..self.start.clone()
+        };
+        self.say(service, &ToService::Start(Box::new(start)))
     }
 
     /// The words that the crew shares.
@@ -126,70 +228,172 @@ impl Crew {
     pub fn processes(&self) -> impl Iterator<Item = (ServiceId, u32)> {
         self.members
             .iter()
-            .map(|member| (member.service, member.child.id()))
+            .map(|member| (member.service, member.process.child.id()))
     }
 
-    /// How the processes that have ended did.
-    pub fn exits(&self) -> impl Iterator<Item = (ServiceId, u32, Exit)> {
-        self.members.iter().filter_map(|member| {
-            let status = member.exit?;
-            let exit = Exit {
-                killed: status.signal().is_some(),
-                description: describe(status),
-            };
-            Some((member.service, member.child.id(), exit))
-        })
+    /// How the processes that have ended did, in the order of their ends.
+    #[must_use]
+    pub fn exits(&self) -> &[(ServiceId, u32, Exit)] {
+        &self.exits
     }
 
-    /// Waits until every service has made its ports; the ids of their receivers and their warnings.
+    /// Deaths that were mended, in their order.
+    #[must_use]
+    pub fn rebirths(&self) -> &[Rebirth] {
+        &self.rebirths
+    }
+
+    /// Waits until every service has made its ports; their warnings.
     ///
     /// # Errors
     /// [`FlightFailure`] if one of them fails or takes too long.
-    pub fn await_ready(&mut self) -> Result<(Vec<String>, Vec<String>), FlightFailure> {
-        let deadline = Instant::now() + READY_LIMIT;
-        let mut missing: Vec<ServiceId> = ServiceId::ALL.to_vec();
-        let (mut ids, mut notes) = (Vec::new(), Vec::new());
-        while !missing.is_empty() {
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                let services = missing.iter().map(ToString::to_string).collect();
-                return Err(FlightFailure::NotReady {
-                    services,
-                    limit: READY_LIMIT,
-                });
-            }
-            for event in self.watch(left) {
+    pub fn await_ready(&mut self) -> Result<Vec<String>, FlightFailure> {
+        let mut notes = Vec::new();
+        while self.members.iter().any(|member| member.phase != Phase::Ready) {
+            self.mend()?;
+            for event in self.watch(Duration::from_millis(10)) {
                 match event {
-                    CrewEvent::Ready {
-                        service,
-                        receivers,
-                        warnings,
-                    } => {
-                        missing.retain(|&other| other != service);
-                        ids.extend(receivers);
+                    CrewEvent::Ready(service, warnings) => {
                         notes.extend(warnings);
+                        self.note_rebirth(service, None);
                     }
                     CrewEvent::Lost(failure) => return Err(failure),
-                    CrewEvent::Finished(_) => {}
+                    CrewEvent::Finished(_) | CrewEvent::Died => {}
                 }
             }
         }
         notes.sort();
         notes.dedup();
-        Ok((ids, notes))
+        Ok(notes)
     }
 
     /// Lets everybody fly, in the order of the ring.
     ///
     /// # Errors
-    /// [`FlightFailure`] if one of them is gone.
-    pub fn go(&mut self, receivers: &[String]) -> Result<(), FlightFailure> {
-        let message = ToService::Go {
-            receivers: receivers.to_vec(),
-        };
-        ServiceId::ALL
-            .into_iter()
-            .try_for_each(|service| self.say(service, &message))
+    /// [`FlightFailure`] if the system refuses.
+    pub fn go(&mut self) -> Result<(), FlightFailure> {
+        self.is_flying = true;
+        for service in ServiceId::ALL {
+            self.members[service.index()].phase = Phase::Flying;
+            self.say(service, &ToService::Go { reborn: false })?;
+        }
+        Ok(())
+    }
+
+    /// Whether somebody is dead, on the way back, or has samples to catch up with.
+    #[must_use]
+    #[inline]
+    pub fn needs_care(&self) -> bool {
+        let is_well = |member: &CrewMember| matches!(member.phase, Phase::Flying | Phase::Finished);
+        !self.members.iter().all(is_well)
+    }
+
+    /// Starts again what is dead and due.
+    ///
+    /// # Errors
+    /// [`FlightFailure`] if a service cannot be started or does not become ready.
+    pub fn mend(&mut self) -> Result<(), FlightFailure> {
+        let now = Instant::now();
+        for at in 0..self.members.len() {
+            match self.members[at].phase {
+                Phase::Dead(again_at) if again_at <= now => self.give_birth(at)?,
+                Phase::Starting if now - self.members[at].process.started_at > READY_LIMIT => {
+                    return Err(FlightFailure::NotReady {
+                        services: vec![self.members[at].service.to_string()],
+                        limit: READY_LIMIT,
+                    });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn give_birth(&mut self, at: usize) -> Result<(), FlightFailure> {
+        let service = self.members[at].service;
+        let process = self.spawn(service)?;
+        let member = &mut self.members[at];
+        member.process = process;
+        member.lives += 1;
+        member.phase = Phase::Starting;
+        self.instruct(service)?;
+        self.rouse();
+        Ok(())
+    }
+
+    /// Lets a service that was born again in flight go on.
+    ///
+    /// # Errors
+    /// [`FlightFailure`] if the system refuses.
+    pub fn resume(
+        &mut self,
+        service: ServiceId,
+        schedule: &Schedule,
+        recorder: &Recorder,
+    ) -> Result<(), FlightFailure> {
+        let next_tick = self
+            .checkpoints
+            .newest(service)
+            .map_or(0, |checkpoint| checkpoint.next_tick);
+        let mut places = [0; MAX_PORTS];
+        for (input, place) in places.iter_mut().enumerate().take(service.inputs().len()) {
+            let edge = schedule.edge(service, input);
+            let first = edge.due_sample(next_tick).unwrap_or(0);
+            *place = recorder.archive(edge.topic).place_of(first);
+        }
+        self.members[service.index()].phase = Phase::CatchingUp(places);
+        self.note_rebirth(service, next_tick.checked_sub(1));
+        self.say(service, &ToService::Go { reborn: true })
+    }
+
+    fn note_rebirth(&mut self, service: ServiceId, tick: Option<u64>) {
+        let member = &self.members[service.index()];
+        if let Some(died_at) = member.died_at {
+            self.rebirths.push(Rebirth {
+                service,
+                pid: member.process.child.id(),
+                tick,
+                lost: died_at.elapsed(),
+            });
+        }
+    }
+
+    /// Hands over what reborn services have missed, as far as it is recorded by now.
+    ///
+    /// # Errors
+    /// [`FlightFailure`] if it is not recorded any more.
+    pub fn hand_over(&mut self, recorder: &Recorder) -> Result<(), FlightFailure> {
+        for member in &mut self.members {
+            let Phase::CatchingUp(places) = &mut member.phase else {
+                continue;
+            };
+            let mut is_told = false;
+            for ((input, spec), place) in member.service.inputs().iter().enumerate().zip(places) {
+                let archive = recorder.archive(spec.topic);
+                while *place < archive.count() {
+                    let Some(bytes) = archive.at(*place) else {
+                        return Err(FlightFailure::GaveUp {
+                            service: member.service.to_string(),
+                            reason: format!("what it has missed of `{}` is not kept any more", spec.topic),
+                        });
+                    };
+                    let message = ToService::Missed {
+                        input,
+                        bytes: bytes.to_vec(),
+                    };
+                    // Who is full gets the rest later, and who is gone gets it in the next life.
+                    if !member.process.channel.try_send(&message).unwrap_or(false) {
+                        break;
+                    }
+                    *place += 1;
+                    is_told = true;
+                }
+            }
+            if is_told {
+                self.doorbells[member.service.index()].ring();
+            }
+        }
+        Ok(())
     }
 
     /// Waits up to `limit` for something to happen and tells what did.
@@ -199,13 +403,13 @@ impl Crew {
             tv_nsec: i64::from(limit.subsec_nanos()),
         };
         let living: Vec<usize> = (0..self.members.len())
-            .filter(|&at| self.members[at].exit.is_none())
+            .filter(|&at| !self.members[at].process.is_gone)
             .collect();
         let mut files: Vec<PollFd<'_>> = Vec::with_capacity(2 * living.len());
         for &at in &living {
-            let member = &self.members[at];
-            files.push(PollFd::from_borrowed_fd(member.channel.as_fd(), PollFlags::IN));
-            files.push(PollFd::from_borrowed_fd(member.death.as_fd(), PollFlags::IN));
+            let process = &self.members[at].process;
+            files.push(PollFd::from_borrowed_fd(process.channel.as_fd(), PollFlags::IN));
+            files.push(PollFd::from_borrowed_fd(process.death.as_fd(), PollFlags::IN));
         }
         // An interrupted poll is one in which nothing happened.
         let happened = poll(&mut files, Some(&timeout)).unwrap_or(0) > 0;
@@ -219,10 +423,71 @@ impl Crew {
             .map(|(&at, _)| at)
             .collect();
         drop(files);
-        called
-            .into_iter()
-            .flat_map(|at| self.members[at].listen(&self.page))
-            .collect()
+        called.into_iter().flat_map(|at| self.listen(at)).collect()
+    }
+
+    /// Everything that a process has said, and its end if it has ended.
+    fn listen(&mut self, at: usize) -> Vec<CrewEvent> {
+        let mut events = Vec::new();
+        loop {
+            match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
+                Ok(Some(message)) => events.extend(self.members[at].understand(message)),
+                Ok(None) => break,
+                Err(ControlError::Closed) => {
+                    events.extend(self.bury(at));
+                    break;
+                }
+                Err(error) => {
+                    events.push(CrewEvent::Lost(FlightFailure::GaveUp {
+                        service: self.members[at].service.to_string(),
+                        reason: error.to_string(),
+                    }));
+                    break;
+                }
+            }
+        }
+        events
+    }
+
+    /// Waits for a process that has closed its line, frees what it held, and decides what comes next.
+    fn bury(&mut self, at: usize) -> Option<CrewEvent> {
+        let member = &mut self.members[at];
+        let (service, pid) = (member.service, member.process.child.id());
+        let exit = member.process.wait();
+        self.exits.push((service, pid, exit.clone()));
+
+        let words = self.page.words();
+        let cell = &words.cells[service.index()];
+        let is_over = matches!(member.phase, Phase::Finished | Phase::GivenUp);
+        if is_over || words.stopping.load(Ordering::Relaxed) != 0 {
+            return None;
+        }
+        let flown_until = cell.steps_until.load(Ordering::Relaxed);
+        member.fruitless = if flown_until > member.flown_until {
+            0
+        } else {
+            member.fruitless + 1
+        };
+        member.flown_until = flown_until;
+        if member.fruitless > FRUITLESS_LIMIT {
+            member.phase = Phase::GivenUp;
+            return Some(CrewEvent::Lost(FlightFailure::Died {
+                service: service.to_string(),
+                pid,
+                tick: flown_until.saturating_sub(1),
+                how: exit.description,
+                times: member.fruitless,
+            }));
+        }
+        let now = Instant::now();
+        member.died_at = Some(now);
+        member.phase = Phase::Dead(now + back_off(member.fruitless));
+        words.forget_receivers(service);
+        cell.waiting_for.store(0, Ordering::Relaxed);
+        self.member.clean_up_after_the_dead();
+        // Whoever waited for it in vain looks again.
+        self.rouse();
+        Some(CrewEvent::Died)
     }
 
     /// Wakes everybody to look again, whatever has become of their wake-ups.
@@ -236,108 +501,98 @@ impl Crew {
         words.stopping.store(1, Ordering::SeqCst);
         for member in &self.members {
             // Who is gone already need not be told.
-            let _ = member.channel.send(&ToService::Stop);
+            let _ = member.process.channel.send(&ToService::Stop);
         }
         self.rouse();
         let deadline = Instant::now() + STOP_LIMIT;
-        while self.members.iter().any(|member| member.exit.is_none()) {
+        while self.members.iter().any(|member| !member.process.is_gone) {
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 break;
             }
             self.watch(left);
         }
-        self.members.iter_mut().for_each(CrewMember::kill);
+        for member in &mut self.members {
+            if !member.process.is_gone {
+                // It fails only for a process that is gone.
+                let _ = member.process.child.kill();
+                let exit = member.process.wait();
+                self.exits.push((member.service, member.process.child.id(), exit));
+            }
+        }
     }
 
+    /// Tells a service something. One that is gone is found so when the crew is watched.
     fn say(&mut self, service: ServiceId, message: &ToService) -> Result<(), FlightFailure> {
-        let member = &mut self.members[service.index()];
-        match member.channel.send(message) {
-            Ok(()) => Ok(()),
-            // It is gone: its exit status says more than the broken line.
-            Err(ControlError::Closed) => Err(member.died(&self.page)),
+        match self.members[service.index()].process.channel.send(message) {
+            Ok(()) | Err(ControlError::Closed) => Ok(()),
             Err(error) => Err(FlightFailure::Setup(error.to_string())),
         }
     }
 }
 
-impl Drop for Crew {
+impl Drop for Crew<'_> {
     fn drop(&mut self) {
         self.stop();
     }
 }
 
 impl CrewMember {
-    /// Everything that the process has said, and its end if it has ended.
-    fn listen(&mut self, page: &SharedPage) -> Vec<CrewEvent> {
-        let mut events = Vec::new();
-        loop {
-            match self.channel.try_receive::<ToOrchestrator>() {
-                Ok(Some(message)) => events.push(self.understand(message)),
-                Ok(None) => break,
-                Err(ControlError::Closed) => {
-                    events.extend(self.end(page));
-                    break;
-                }
-                Err(error) => {
-                    events.push(CrewEvent::Lost(FlightFailure::GaveUp {
-                        service: self.service.to_string(),
-                        reason: error.to_string(),
-                    }));
-                    break;
-                }
+    fn understand(&mut self, message: ToOrchestrator) -> Option<CrewEvent> {
+        Some(match message {
+            ToOrchestrator::Ready { warnings } => {
+                self.phase = Phase::Ready;
+                CrewEvent::Ready(self.service, warnings)
             }
-        }
-        events
-    }
-
-    fn understand(&mut self, message: ToOrchestrator) -> CrewEvent {
-        match message {
-            ToOrchestrator::Ready { receivers, warnings } => CrewEvent::Ready {
-                service: self.service,
-                receivers,
-                warnings,
-            },
+            ToOrchestrator::CaughtUp => {
+                if matches!(self.phase, Phase::CatchingUp(_)) {
+                    self.phase = Phase::Flying;
+                }
+                return None;
+            }
             ToOrchestrator::Finished => {
-                self.finished = true;
+                self.phase = Phase::Finished;
                 CrewEvent::Finished(self.service)
             }
-            ToOrchestrator::NonFinite(found) => CrewEvent::Lost(FlightFailure::NonFinite(found)),
-            ToOrchestrator::Failed { reason } => CrewEvent::Lost(FlightFailure::GaveUp {
-                service: self.service.to_string(),
-                reason,
-            }),
+            ToOrchestrator::NonFinite(found) => {
+                self.phase = Phase::GivenUp;
+                CrewEvent::Lost(FlightFailure::NonFinite(found))
+            }
+            ToOrchestrator::Failed { reason } => {
+                self.phase = Phase::GivenUp;
+                CrewEvent::Lost(FlightFailure::GaveUp {
+                    service: self.service.to_string(),
+                    reason,
+                })
+            }
+        })
+    }
+}
+
+impl Process {
+    /// Waits for the end of a process that has closed its line or was killed.
+    fn wait(&mut self) -> Exit {
+        self.is_gone = true;
+        match self.child.wait() {
+            Ok(status) => Exit {
+                killed: status.signal().is_some(),
+                description: describe(status),
+            },
+            Err(_) => Exit {
+                killed: false,
+                description: "it cannot be told how".to_owned(),
+            },
         }
     }
+}
 
-    /// The process has closed its line; an end before its last tick is an event.
-    fn end(&mut self, page: &SharedPage) -> Option<CrewEvent> {
-        let failure = self.died(page);
-        let stopping = page.words().stopping.load(Ordering::Relaxed) != 0;
-        (!self.finished && !stopping).then_some(CrewEvent::Lost(failure))
-    }
-
-    fn died(&mut self, page: &SharedPage) -> FlightFailure {
-        let status = self.child.wait().ok();
-        self.exit = status;
-        let steps = page.words().cells[self.service.index()]
-            .steps_until
-            .load(Ordering::Relaxed);
-        FlightFailure::Died {
-            service: self.service.to_string(),
-            pid: self.child.id(),
-            tick: steps.saturating_sub(1),
-            how: status.map_or_else(|| "it cannot be told how".to_owned(), describe),
-        }
-    }
-
-    /// Kills the process if it still lives, and takes its exit status.
-    fn kill(&mut self) {
-        if self.exit.is_none() {
-            // Both fail only for a process that is gone.
-            let _ = self.child.kill();
-            self.exit = self.child.wait().ok();
-        }
+/// How long a service waits for its next life after so many deaths in a row at the same place.
+fn back_off(fruitless: u32) -> Duration {
+    let doublings = fruitless.saturating_sub(AT_ONCE);
+    if doublings == 0 {
+        Duration::ZERO
+    } else {
+        Duration::from_millis(5 << doublings.min(8)).min(LONGEST_BACK_OFF)
     }
 }
 

@@ -46,6 +46,7 @@ where
         ticks: sink.ticks,
         wall_time: started.elapsed(),
         warnings: Vec::new(),
+        rebirths: Vec::new(),
     })
 }
 

@@ -4,11 +4,13 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use runtime::control::Start;
+use runtime::crash::Crash;
 use runtime::deployment::{self, Scheduler};
 use runtime::in_process::TickSink;
 use runtime::ports::{Member, PortError};
 use runtime::wait::BLOCK_ALWAYS;
 use shared_types::scenario::Scenario;
+use shared_types::{Schedule, ServiceId};
 
 use super::crew::{Crew, CrewEvent};
 use super::recorder::{Progress, Recorder};
@@ -20,7 +22,7 @@ use crate::run_root::RunRoot;
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
 /// How the processes of a run use the machine. Nothing of it changes the log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Deployment {
     /// Which core the services use.
     pub placement: Placement,
@@ -28,6 +30,8 @@ pub struct Deployment {
     pub scheduler: Scheduler,
     /// Whether a waiting service may yield first or always sleeps at once.
     pub yielding: bool,
+    /// Deaths that processes shall bring upon themselves: the first of a service upon its first process, and so on.
+    pub crashes: Vec<(ServiceId, Crash)>,
 }
 
 impl Default for Deployment {
@@ -36,6 +40,7 @@ impl Default for Deployment {
             placement: Placement::Idlest,
             scheduler: Scheduler::Fair,
             yielding: true,
+            crashes: Vec::new(),
         }
     }
 }
@@ -54,11 +59,15 @@ pub enum Placement {
 /// What happens to the processes of a run, for whoever keeps a record of the machine.
 pub trait CrewObserver {
     /// The processes have been started and are ready.
-    fn ready(&mut self, crew: &Crew, core: Option<usize>);
+    fn ready(&mut self, crew: &Crew<'_>, core: Option<usize>);
+    /// A process has died and will be followed by another.
+    fn died(&mut self, crew: &Crew<'_>);
+    /// A service flies again.
+    fn reborn(&mut self, crew: &Crew<'_>);
     /// About a second of the flight has passed, or it has ended.
-    fn health(&mut self, crew: &Crew);
+    fn health(&mut self, crew: &Crew<'_>);
     /// The flight has ended, and this is how.
-    fn ended(&mut self, crew: &Crew, outcome: &Outcome);
+    fn ended(&mut self, crew: &Crew<'_>, outcome: &Outcome);
 }
 
 /// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
@@ -67,7 +76,7 @@ pub trait CrewObserver {
 /// [`FlightFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
 pub fn fly<S: TickSink>(
     scenario: &Scenario,
-    deployment: Deployment,
+    deployment: &Deployment,
     sink: &mut S,
     interrupt: &Interrupt,
     observer: &mut dyn CrewObserver,
@@ -79,77 +88,112 @@ where
         .schedule()
         .map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
     let root = RunRoot::create().map_err(|error| FlightFailure::Setup(error.to_string()))?;
-    let cores = Cores::choose(deployment);
+    let cores = Cores::choose(deployment.placement);
     cores.keep_off();
     let member = Member::join(&root.configuration(), "orchestrator").map_err(port_failure)?;
     let (mut recorder, _topics) = Recorder::create(&member, &schedule).map_err(port_failure)?;
-    let mut crew = Crew::start(&Start {
+    let start = Start {
         scenario: scenario.clone(),
         iceoryx2_configuration: root.configuration(),
         core: cores.ring,
         scheduler: deployment.scheduler,
-    })?;
+        crash: None,
+    };
+    let mut crew = Crew::start(&member, start, deployment.crashes.clone())?;
+    let words = crew.page().words();
+    recorder.make_known(words);
     if !deployment.yielding {
-        crew.page()
-            .words()
-            .block_only
-            .store(BLOCK_ALWAYS, Ordering::Relaxed);
+        words.block_only.store(BLOCK_ALWAYS, Ordering::Relaxed);
     }
-    let (mut receivers, warnings) = crew.await_ready()?;
-    receivers.extend(recorder.receiver_ids().map(|id| id.to_string()));
+    let warnings = crew.await_ready()?;
     observer.ready(&crew, cores.ring);
 
     let started = Instant::now();
-    crew.go(&receivers)?;
+    crew.go()?;
     recorder.connect().map_err(port_failure)?;
-    let outcome = supervise(&mut crew, &mut recorder, sink, interrupt, observer);
+    observer.reborn(&crew);
+    let mut flight = Flight {
+        crew,
+        recorder,
+        schedule: &schedule,
+        observer,
+    };
+    let outcome = flight.supervise(sink, interrupt).unwrap_or_else(Outcome::Failed);
     let wall_time = started.elapsed();
-    let outcome = wind_up(&mut crew, &mut recorder, sink, outcome);
-    observer.ended(&crew, &outcome);
+    let outcome = wind_up(&mut flight.crew, &mut flight.recorder, sink, outcome);
+    flight.observer.ended(&flight.crew, &outcome);
     Ok(Ending {
         outcome,
-        ticks: recorder.ticks(),
+        ticks: flight.recorder.ticks(),
         wall_time,
         warnings,
+        rebirths: flight.crew.rebirths().to_vec(),
     })
 }
 
-/// Records and watches until the flight is over, one way or the other.
-fn supervise<S: TickSink>(
-    crew: &mut Crew,
-    recorder: &mut Recorder,
-    sink: &mut S,
-    interrupt: &Interrupt,
-    observer: &mut dyn CrewObserver,
-) -> Outcome
-where
-    FlightFailure: From<S::Error>,
-{
-    let mut next_health = Instant::now() + Duration::from_secs(1);
-    loop {
-        match recorder.drain(sink) {
-            Ok(Progress::Done) => return Outcome::Completed,
-            Ok(Progress::Waiting) => {}
-            Err(failure) => return Outcome::Failed(failure),
-        }
-        if let Some(signal) = interrupt.signal() {
-            return Outcome::Interrupted { signal };
-        }
-        for event in crew.watch(RECORDER_PERIOD) {
-            if let CrewEvent::Lost(failure) = event {
-                return Outcome::Failed(failure);
+/// A flight under way.
+struct Flight<'a> {
+    crew: Crew<'a>,
+    recorder: Recorder,
+    schedule: &'a Schedule,
+    observer: &'a mut dyn CrewObserver,
+}
+
+impl Flight<'_> {
+    /// Records, watches and mends until the flight is over, one way or the other.
+    fn supervise<S: TickSink>(
+        &mut self,
+        sink: &mut S,
+        interrupt: &Interrupt,
+    ) -> Result<Outcome, FlightFailure>
+    where
+        FlightFailure: From<S::Error>,
+    {
+        let mut next_health = Instant::now() + Duration::from_secs(1);
+        loop {
+            if self.recorder.drain(sink)? == Progress::Done {
+                return Ok(Outcome::Completed);
+            }
+            if let Some(signal) = interrupt.signal() {
+                return Ok(Outcome::Interrupted { signal });
+            }
+            for event in self.crew.watch(RECORDER_PERIOD) {
+                self.attend_to(event)?;
+            }
+            if self.crew.needs_care() {
+                self.recorder.receive()?;
+                self.crew.mend()?;
+                self.crew.hand_over(&self.recorder)?;
+            }
+            if Instant::now() >= next_health {
+                self.crew.rouse();
+                self.observer.health(&self.crew);
+                next_health += Duration::from_secs(1);
             }
         }
-        if Instant::now() >= next_health {
-            crew.rouse();
-            observer.health(crew);
-            next_health += Duration::from_secs(1);
+    }
+
+    fn attend_to(&mut self, event: CrewEvent) -> Result<(), FlightFailure> {
+        match event {
+            CrewEvent::Lost(failure) => return Err(failure),
+            CrewEvent::Died => self.observer.died(&self.crew),
+            CrewEvent::Ready(service, _) => {
+                self.crew.resume(service, self.schedule, &self.recorder)?;
+                self.observer.reborn(&self.crew);
+            }
+            CrewEvent::Finished(_) => {}
         }
+        Ok(())
     }
 }
 
 /// Ends the services and records the whole ticks that they had published.
-fn wind_up<S: TickSink>(crew: &mut Crew, recorder: &mut Recorder, sink: &mut S, outcome: Outcome) -> Outcome
+fn wind_up<S: TickSink>(
+    crew: &mut Crew<'_>,
+    recorder: &mut Recorder,
+    sink: &mut S,
+    outcome: Outcome,
+) -> Outcome
 where
     FlightFailure: From<S::Error>,
 {
@@ -157,9 +201,9 @@ where
     match outcome {
         Outcome::Completed => Outcome::Completed,
         // The sink itself has failed: it takes no more.
-        Outcome::Failed(failure @ (FlightFailure::Log(_) | FlightFailure::Lost { .. })) => {
-            Outcome::Failed(failure)
-        }
+        Outcome::Failed(
+            failure @ (FlightFailure::Log(_) | FlightFailure::Lost { .. } | FlightFailure::Diverged { .. }),
+        ) => Outcome::Failed(failure),
         outcome => match recorder.drain(sink) {
             Ok(_) => outcome,
             // Why the flight ended matters more, unless it was on request.
@@ -186,9 +230,9 @@ struct Cores {
 }
 
 impl Cores {
-    fn choose(deployment: Deployment) -> Self {
+    fn choose(placement: Placement) -> Self {
         let allowed = deployment::allowed_cores();
-        let ring = match deployment.placement {
+        let ring = match placement {
             Placement::Idlest => deployment::idlest(&allowed),
             Placement::Core(core) => Some(core),
             Placement::Anywhere => None,

@@ -4,11 +4,12 @@ use std::ops::ControlFlow;
 
 use runtime::in_process::TickSink;
 use runtime::ports::{Member, PortError, Receiver, TopicPorts};
+use runtime::shared_page::Words;
 use shared_types::schedule::Rate;
-use shared_types::service::header_of;
 use shared_types::{Schedule, Topic};
 
 use super::FlightFailure;
+use super::archive::Archive;
 
 /// Subscribes to every topic of a lock-step flight and hands its samples over tick by tick.
 pub struct Recorder {
@@ -22,6 +23,7 @@ struct Feed {
     topic: Topic,
     rate: Rate,
     receiver: Box<dyn Receiver>,
+    archive: Archive,
 }
 
 /// How far the recorder has come.
@@ -50,6 +52,7 @@ impl Recorder {
                 topic,
                 rate: schedule.topic_rate(topic),
                 receiver: ports.recorder()?,
+                archive: Archive::new(schedule.publication(topic), schedule),
             });
             topics.push(ports);
         }
@@ -63,9 +66,21 @@ impl Recorder {
         ))
     }
 
-    /// Ids of the recorder's receivers.
-    pub fn receiver_ids(&self) -> impl Iterator<Item = u128> {
-        self.feeds.iter().map(|feed| feed.receiver.id())
+    /// Lets publishers wait for the recorder.
+    pub fn make_known(&self, words: &Words) {
+        for (known, feed) in words.recorder.iter().zip(&self.feeds) {
+            known.store(feed.receiver.id());
+        }
+    }
+
+    /// What has been recorded of a topic that a service publishes.
+    ///
+    /// # Panics
+    /// If no service publishes it.
+    #[must_use]
+    pub fn archive(&self, topic: Topic) -> &Archive {
+        let feed = self.feeds.iter().find(|feed| feed.topic == topic);
+        &feed.expect("all topics of services are recorded").archive
     }
 
     /// Ticks handed over so far.
@@ -85,7 +100,7 @@ impl Recorder {
     /// Hands over every tick that is whole by now.
     ///
     /// # Errors
-    /// [`FlightFailure`] if a sample is missing, a port failed or the sink did.
+    /// [`FlightFailure`] if a sample is missing or differs from an earlier one, a port failed or the sink did.
     pub fn drain<S: TickSink>(&mut self, sink: &mut S) -> Result<Progress, FlightFailure>
     where
         FlightFailure: From<S::Error>,
@@ -94,10 +109,10 @@ impl Recorder {
             if !self.collect()? {
                 return Ok(Progress::Waiting);
             }
-            for feed in self.feeds.iter().filter(|feed| feed.rate.occurs_at(self.tick)) {
-                sink.sample(feed.topic, feed.receiver.held().expect("collected"))?;
-            }
             let tick = self.tick;
+            for feed in self.feeds.iter().filter(|feed| feed.rate.occurs_at(tick)) {
+                sink.sample(feed.topic, feed.archive.sample(tick).expect("collected"))?;
+            }
             self.tick += 1;
             if let ControlFlow::Break(()) = sink.end_tick(tick)? {
                 return Ok(Progress::Done);
@@ -106,10 +121,23 @@ impl Recorder {
         Ok(Progress::Done)
     }
 
-    /// Holds the sample of every topic that is due at the tick; `false` if one is still missing.
+    /// Takes all that has been published, as far as there is room, whether its tick is whole or not.
+    ///
+    /// # Errors
+    /// As [`Self::drain`].
+    pub fn receive(&mut self) -> Result<(), FlightFailure> {
+        let tick = self.tick;
+        self.feeds
+            .iter_mut()
+            .try_for_each(|feed| feed.receive_while(|archive| archive.has_room(tick)))
+    }
+
+    /// Has the sample of every topic that is due at the tick; `false` if one is still missing.
     fn collect(&mut self) -> Result<bool, FlightFailure> {
-        for feed in &mut self.feeds {
-            if feed.rate.occurs_at(self.tick) && !feed.collect(self.tick)? {
+        let tick = self.tick;
+        for feed in self.feeds.iter_mut().filter(|feed| feed.rate.occurs_at(tick)) {
+            feed.receive_while(|archive| archive.sample(tick).is_none())?;
+            if feed.archive.sample(tick).is_none() {
                 return Ok(false);
             }
         }
@@ -118,28 +146,14 @@ impl Recorder {
 }
 
 impl Feed {
-    fn collect(&mut self, tick: u64) -> Result<bool, FlightFailure> {
-        if self.held_tick() == Some(tick) {
-            return Ok(true);
+    fn receive_while(&mut self, wanted: impl Fn(&Archive) -> bool) -> Result<(), FlightFailure> {
+        while wanted(&self.archive) {
+            let received = self.receiver.receive();
+            if !received.map_err(|error| FlightFailure::Setup(error.to_string()))? {
+                break;
+            }
+            self.archive.keep(self.receiver.held().expect("just received"))?;
         }
-        if !self
-            .receiver
-            .receive()
-            .map_err(|error| FlightFailure::Setup(error.to_string()))?
-        {
-            return Ok(false);
-        }
-        match self.held_tick() {
-            Some(got) if got != tick => Err(FlightFailure::Lost {
-                topic: self.topic.to_string(),
-                due: tick,
-                got,
-            }),
-            held => Ok(held.is_some()),
-        }
-    }
-
-    fn held_tick(&self) -> Option<u64> {
-        self.receiver.held().map(|bytes| header_of(bytes).tick)
+        Ok(())
     }
 }

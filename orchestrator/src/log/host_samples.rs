@@ -22,7 +22,8 @@ shared_types::sample! {
         /// Position of the service in the wiring table.
         pub service: u32,
         #[values(
-            KIND_NOTE = 0, KIND_SPAWNED = 1, KIND_READY = 2, KIND_EXITED = 3, KIND_KILLED = 4, KIND_FINISHED = 5
+            KIND_NOTE = 0, KIND_SPAWNED = 1, KIND_READY = 2, KIND_EXITED = 3, KIND_KILLED = 4, KIND_FINISHED = 5,
+            KIND_REBORN = 6
         )]
         /// What happened.
         pub kind: u32,

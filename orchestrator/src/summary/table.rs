@@ -29,7 +29,18 @@ impl Display for Summary {
             "‖z1‖: distance from the path. Ultimate: largest in a phase's last {ULTIMATE_WINDOW} s; the theorem bounds it by {:.5} m.",
             self.ultimate_bound
         )?;
-        write!(formatter, "{}", samples_in_words(&self.topics))
+        write!(formatter, "{}", samples_in_words(&self.topics))?;
+        if let [first, others @ ..] = run.rebirths.as_slice() {
+            write!(formatter, "\n{first}; the log shows nothing of it")?;
+            if !others.is_empty() {
+                write!(
+                    formatter,
+                    ", nor of {} other deaths (see host.mcap)",
+                    others.len()
+                )?;
+            }
+        }
+        Ok(())
     }
 }
 

@@ -21,6 +21,7 @@ fn facts() -> RunFacts {
         outcome: Outcome::Completed,
         reason: String::new(),
         wall_seconds: 0.5,
+        rebirths: Vec::new(),
     }
 }
 

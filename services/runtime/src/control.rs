@@ -11,6 +11,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use shared_types::scenario::Scenario;
 
+use crate::crash::Crash;
 use crate::deployment::Scheduler;
 use crate::step::NonFinite;
 
@@ -18,8 +19,10 @@ use crate::step::NonFinite;
 pub const CONTROL_FD: i32 = 3;
 /// File descriptor of the shared page in a service.
 pub const SHARED_PAGE_FD: i32 = 4;
+/// File descriptor of the checkpoints in a service.
+pub const CHECKPOINTS_FD: i32 = 5;
 /// File descriptor of the first service's doorbell in a service; the others' follow in the table's order.
-pub const FIRST_DOORBELL_FD: i32 = 5;
+pub const FIRST_DOORBELL_FD: i32 = 6;
 
 /// Largest message, bytes; a scenario is far below.
 const MESSAGE_LIMIT: usize = 128 * 1024;
@@ -31,8 +34,15 @@ pub enum ToService {
     Start(Box<Start>),
     /// Everyone is ready: fly.
     Go {
-        /// Ids of the run's own receivers (a number beyond 64 bit, hence as text).
-        receivers: Vec<String>,
+        /// Whether another process has flown before this one and died: go on from its last checkpoint.
+        reborn: bool,
+    },
+    /// A sample that a reborn service may have missed.
+    Missed {
+        /// Place of the input in the wiring table.
+        input: usize,
+        /// The sample.
+        bytes: Vec<u8>,
     },
     /// The run ends: stop at once.
     Stop,
@@ -49,6 +59,8 @@ pub struct Start {
     pub core: Option<usize>,
     /// How the core is shared.
     pub scheduler: Scheduler,
+    /// Where the process shall kill itself, for tests.
+    pub crash: Option<Crash>,
 }
 
 /// What a service says to the orchestrator.
@@ -56,11 +68,11 @@ pub struct Start {
 pub enum ToOrchestrator {
     /// All ports are made.
     Ready {
-        /// Ids of the service's receivers.
-        receivers: Vec<String>,
         /// What could not be had of the deployment that was asked for, in words.
         warnings: Vec<String>,
     },
+    /// A reborn service gets all its inputs by its ports.
+    CaughtUp,
     /// All steps of the flight are done.
     Finished,
     /// A number that is not finite came up; the service has stopped.
@@ -111,16 +123,40 @@ impl Channel {
         Self(file)
     }
 
+    /// The same end once more.
+    ///
+    /// # Errors
+    /// If no file descriptor is left.
+    pub fn try_clone(&self) -> std::io::Result<Self> {
+        Ok(Self(self.0.try_clone()?))
+    }
+
     /// Sends a message.
     ///
     /// # Errors
     /// [`ControlError`].
     pub fn send<M: Serialize>(&self, message: &M) -> Result<(), ControlError> {
+        self.send_with(message, SendFlags::NOSIGNAL)
+    }
+
+    fn send_with<M: Serialize>(&self, message: &M, flags: SendFlags) -> Result<(), ControlError> {
         let text = serde_json::to_vec(message)?;
-        match rustix::io::retry_on_intr(|| rustix::net::send(&self.0, &text, SendFlags::NOSIGNAL)) {
+        match rustix::io::retry_on_intr(|| rustix::net::send(&self.0, &text, flags)) {
             Ok(_) => Ok(()),
             Err(rustix::io::Errno::PIPE | rustix::io::Errno::CONNRESET) => Err(ControlError::Closed),
             Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Sends a message if there is room for it now; tells whether there was.
+    ///
+    /// # Errors
+    /// [`ControlError`].
+    pub fn try_send<M: Serialize>(&self, message: &M) -> Result<bool, ControlError> {
+        match self.send_with(message, SendFlags::NOSIGNAL | SendFlags::DONTWAIT) {
+            Ok(()) => Ok(true),
+            Err(ControlError::Io(rustix::io::Errno::AGAIN)) => Ok(false),
+            Err(error) => Err(error),
         }
     }
 
@@ -181,9 +217,7 @@ mod tests {
         let (mine, theirs) = Channel::pair().unwrap();
         let theirs = Channel::inherited(theirs);
         assert!(theirs.try_receive::<ToService>().unwrap().is_none());
-        let go = ToService::Go {
-            receivers: vec!["x".repeat(10_000)],
-        };
+        let go = ToService::Go { reborn: true };
         mine.send(&go).unwrap();
         mine.send(&ToService::Stop).unwrap();
         assert_eq!(theirs.receive::<ToService>().unwrap(), go);

@@ -7,19 +7,24 @@
 //! * [`lock_step`]: one process per service, simulated time, no sample ever lost.
 //!
 //! Under them lie [`ports`] (iceoryx2, in bytes), [`wait`] (yield once, then block on a doorbell),
-//! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`control`] (the
-//! orchestrator's line to each service), [`deployment`] (core, scheduler, parent's death), [`descriptors`] (what a started process inherits) and [`process`]
-//! (what `gerono service NAME` runs).
+//! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
+//! service knew, for whoever is born after its death), [`inlet`] (an input, also after a rebirth), [`control`] (the
+//! orchestrator's line to each service), [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler,
+//! parent's death), [`descriptors`] (what a started process inherits) and [`process`] (what `gerono service NAME`
+//! runs).
 //!
 //! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the
 //! control channel closes, or when its parent dies; a number that is not finite is stopped at the service
 //! that made it and never published.
 
+pub mod checkpoints;
 pub mod control;
+pub mod crash;
 pub mod deployment;
 pub mod descriptors;
 pub mod doorbell;
 pub mod in_process;
+pub mod inlet;
 pub mod lock_step;
 pub mod ports;
 pub mod process;

@@ -3,15 +3,23 @@
 //! Results cannot depend on how the processes are scheduled: a step begins only when the due sample of every
 //! input is here, and later ones stay in their buffers. No sample is lost; publishers run ahead at most as
 //! far as the schedule lets them.
+//!
+//! After every step the service's state is kept outside of the process. One that is born after a death goes on
+//! from there: it gets what it has missed, does again what was not kept, and publishes it again; consumers pass over
+//! what they have had. Steps are functions, so that a death cannot be seen in what was published.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use shared_types::schedule::{Edge, Publication};
-use shared_types::service::{ErasedService, InputView, header_of};
+use shared_types::schedule::{Publication, Rate};
+use shared_types::service::ErasedService;
 use shared_types::{Schedule, ServiceId, Topic};
 
-use crate::ports::{Member, OwnReceivers, PortError, Receiver, Sender};
+use crate::checkpoints::Checkpoints;
+use crate::control::{Channel, ControlError, ToOrchestrator, ToService};
+use crate::crash::{CrashPlace, CrashPoint};
+use crate::inlet::Inlet;
+use crate::ports::{Member, PortError, Sender};
 use crate::shared_page::{Cell, SharedPage};
 use crate::step::{self, NonFinite, Slots, Timetable, Views};
 use crate::wait::{Interrupted, Waiter};
@@ -37,6 +45,9 @@ pub enum FlightError {
         /// Tick of the sample that came.
         got: u64,
     },
+    /// The line to the orchestrator failed.
+    #[error(transparent)]
+    Control(#[from] ControlError),
     /// The run ends.
     #[error("the run was stopped")]
     Stopping,
@@ -50,18 +61,11 @@ impl From<Interrupted> for FlightError {
 
 /// A service's ports.
 pub struct ServicePorts {
-    inputs: Vec<InputPort>,
+    inlets: Vec<Inlet>,
     outputs: Vec<OutputPort>,
     consumers: Vec<ServiceId>,
-    receivers: OwnReceivers,
-}
-
-struct InputPort {
-    /// Place of the input in the wiring table.
-    index: usize,
-    edge: Edge,
-    publisher: ServiceId,
-    receiver: Box<dyn Receiver>,
+    /// Where a reborn service gets what it has missed.
+    missed: Option<Channel>,
 }
 
 struct OutputPort {
@@ -80,36 +84,28 @@ impl ServicePorts {
         schedule: &Schedule,
         page: &Arc<SharedPage>,
     ) -> Result<Self, PortError> {
-        let receivers = OwnReceivers::default();
-        let mut inputs = Vec::new();
+        let mut inlets = Vec::new();
         for (index, spec) in id.inputs().iter().enumerate() {
             let receiver = member.open_topic(spec.topic, schedule)?.receiver()?;
+            page.words().cells[id.index()].receivers[index].store(receiver.id());
             let publisher = spec
                 .topic
                 .publisher()
                 .expect("services consume what services publish");
-            inputs.push(InputPort {
-                index,
-                edge: schedule.edge(id, index),
-                publisher,
-                receiver,
-            });
+            inlets.push(Inlet::new(index, schedule.edge(id, index), publisher, receiver));
         }
         // The publisher that steps last is waited for first: once its sample is here, the others' are too,
         // so that a step sleeps once and not once an input.
         let place = |service| schedule.order().iter().position(|&other| other == service);
-        inputs.sort_by_key(|input| std::cmp::Reverse((input.edge.latency == 0, place(input.publisher))));
+        inlets.sort_by_key(|inlet| std::cmp::Reverse((inlet.edge.latency == 0, place(inlet.publisher))));
 
         let mut outputs = Vec::new();
         for spec in id.outputs() {
-            let page = Arc::clone(page);
-            let stopping = Arc::new(move || page.words().stopping.load(Ordering::Relaxed) != 0);
-            let sender = member
-                .open_topic(spec.topic, schedule)?
-                .sender(receivers.clone(), stopping)?;
             outputs.push(OutputPort {
                 publication: schedule.publication(spec.topic),
-                sender,
+                sender: member
+                    .open_topic(spec.topic, schedule)?
+                    .sender(Arc::clone(page))?,
             });
         }
         let mut consumers: Vec<_> = id
@@ -121,126 +117,170 @@ impl ServicePorts {
         consumers.sort_unstable();
         consumers.dedup();
         Ok(Self {
-            inputs,
+            inlets,
             outputs,
             consumers,
-            receivers,
+            missed: None,
         })
     }
 
-    /// Ids of this service's receivers.
-    #[must_use]
-    pub fn receiver_ids(&self) -> Vec<u128> {
-        self.inputs.iter().map(|input| input.receiver.id()).collect()
-    }
-
-    /// Learns the run's own receivers and connects all ports, once everybody has made theirs.
+    /// Connects all ports to those of the others that exist by now.
     ///
     /// # Errors
     /// [`PortError`].
-    pub fn connect(&mut self, own: impl IntoIterator<Item = u128>) -> Result<(), PortError> {
-        self.receivers.extend(own);
-        self.inputs
+    pub fn connect(&mut self) -> Result<(), PortError> {
+        self.inlets
             .iter_mut()
-            .try_for_each(|input| input.receiver.connect())?;
+            .try_for_each(|inlet| inlet.receiver().connect())?;
         self.outputs
             .iter_mut()
             .try_for_each(|output| output.sender.connect())
     }
+
+    /// Says that the service is born again in flight, and where it gets what it has missed.
+    pub fn expect_missed(&mut self, channel: Channel) {
+        self.inlets.iter_mut().for_each(Inlet::expect_missed);
+        self.missed = Some(channel);
+    }
+
+    /// Looks for the sample of tick `due` of an input.
+    #[inline]
+    fn look(&mut self, inlet: usize, tick: u64, due: u64) -> Result<bool, FlightError> {
+        if self.missed.is_some() {
+            self.read_missed()?;
+        }
+        self.inlets[inlet].advance(tick, due)
+    }
+
+    #[cold]
+    fn read_missed(&mut self) -> Result<(), FlightError> {
+        let Some(channel) = &self.missed else {
+            return Ok(());
+        };
+        while let Some(message) = channel.try_receive()? {
+            if let ToService::Missed { input, bytes } = message
+                && let Some(inlet) = self.inlets.iter_mut().find(|inlet| inlet.index == input)
+            {
+                inlet.take_missed(&bytes);
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells the orchestrator once that nothing can be missing any more.
+    #[cold]
+    fn catch_up(&mut self) -> Result<(), FlightError> {
+        if self.inlets.iter().all(Inlet::has_caught_up)
+            && let Some(channel) = self.missed.take()
+        {
+            channel.send(&ToOrchestrator::CaughtUp)?;
+        }
+        Ok(())
+    }
 }
 
-/// Flies a service from its first step to its last.
+/// What a service flies with beside its step logic.
+pub struct Cockpit<'a> {
+    /// Its ports.
+    pub ports: &'a mut ServicePorts,
+    /// Its place in the ring.
+    pub waiter: &'a mut Waiter,
+    /// Where it keeps what it knows.
+    pub checkpoints: &'a Checkpoints,
+    /// Where it shall die.
+    pub crash: CrashPoint,
+}
+
+/// Flies a service from its step at `first_tick`, or the first one after it, to its last.
 ///
 /// # Errors
 /// [`FlightError`].
 pub fn fly(
     service: &mut dyn ErasedService,
     schedule: &Schedule,
-    ports: &mut ServicePorts,
-    waiter: &mut Waiter,
+    first_tick: u64,
+    cockpit: &mut Cockpit<'_>,
 ) -> Result<(), FlightError> {
     let timetable = Timetable::new(schedule, service.id());
-    let mut tick = timetable.rate.phase;
+    let Rate { period, phase } = timetable.rate;
+    let mut tick = phase + first_tick.saturating_sub(phase).next_multiple_of(period);
     while tick <= schedule.last_tick() {
-        if waiter.is_stopping() {
+        if cockpit.waiter.is_stopping() {
             return Err(FlightError::Stopping);
         }
-        await_inputs(ports, waiter, tick)?;
-        step_and_publish(service, &timetable, ports, tick)?;
-        let cell = waiter.cell();
+        cockpit.await_inputs(tick)?;
+        cockpit.crash.pass(CrashPlace::BeforeStep, tick);
+        cockpit.step_and_publish(service, &timetable, tick)?;
+        cockpit.keep(service, tick + period);
+        cockpit.crash.pass(CrashPlace::BeforeWaking, tick);
+        let cell = cockpit.waiter.cell();
         cell.steps_until.store(tick + 1, Ordering::Relaxed);
         Cell::count(&cell.steps);
-        waiter.wake(&ports.consumers);
-        tick += timetable.rate.period;
+        cockpit.waiter.wake(&cockpit.ports.consumers);
+        if cockpit.ports.missed.is_some() {
+            cockpit.ports.catch_up()?;
+        }
+        tick += period;
     }
     Ok(())
 }
 
-/// Waits until the due sample of every input is held.
-#[inline]
-fn await_inputs(ports: &mut ServicePorts, waiter: &mut Waiter, tick: u64) -> Result<(), FlightError> {
-    for input in &mut ports.inputs {
-        let Some(due) = input.edge.due_sample(tick) else {
-            continue;
-        };
-        let (topic, receiver) = (input.edge.topic, input.receiver.as_mut());
-        waiter.wait(input.publisher, || advance(receiver, topic, tick, due))?;
-    }
-    Ok(())
-}
-
-/// Takes samples until the one of tick `due` is held.
-#[inline]
-fn advance(receiver: &mut dyn Receiver, topic: Topic, tick: u64, due: u64) -> Result<bool, FlightError> {
-    loop {
-        if let Some(bytes) = receiver.held() {
-            let got = header_of(bytes).tick;
-            if got == due {
-                return Ok(true);
-            }
-            if got > due {
-                return Err(FlightError::Lost {
-                    tick,
-                    topic,
-                    due,
-                    got,
-                });
-            }
-        }
-        if !receiver.receive()? {
-            return Ok(false);
-        }
-    }
-}
-
-#[inline]
-fn step_and_publish(
-    service: &mut dyn ErasedService,
-    timetable: &Timetable,
-    ports: &mut ServicePorts,
-    tick: u64,
-) -> Result<(), FlightError> {
-    let mut views = Views::default();
-    for input in &ports.inputs {
-        if let Some(due) = input.edge.due_sample(tick) {
-            views[input.index] = InputView {
-                bytes: input.receiver.held(),
-                fresh: input.edge.is_fresh(tick, due),
+impl Cockpit<'_> {
+    /// Waits until the due sample of every input is here.
+    #[inline]
+    fn await_inputs(&mut self, tick: u64) -> Result<(), FlightError> {
+        for at in 0..self.ports.inlets.len() {
+            let inlet = &self.ports.inlets[at];
+            let Some(due) = inlet.edge.due_sample(tick) else {
+                continue;
             };
+            let publisher = inlet.publisher;
+            self.waiter.wait(publisher, || self.ports.look(at, tick, due))?;
         }
+        Ok(())
     }
-    let mut slots = Slots::default();
-    for (slot, output) in slots.iter_mut().zip(&mut ports.outputs) {
-        if output.publication.is_due(tick) {
-            *slot = step::prepared(&output.publication, tick, output.sender.loan()?);
+
+    #[inline]
+    fn step_and_publish(
+        &mut self,
+        service: &mut dyn ErasedService,
+        timetable: &Timetable,
+        tick: u64,
+    ) -> Result<(), FlightError> {
+        let ServicePorts { inlets, outputs, .. } = &mut *self.ports;
+        let mut views = Views::default();
+        for inlet in inlets {
+            if let Some(due) = inlet.edge.due_sample(tick) {
+                views[inlet.index] = inlet.view(tick, due);
+            }
         }
-    }
-    timetable.step(service, tick, &views, &mut slots)?;
-    for output in &mut ports.outputs {
-        match output.sender.send() {
-            Err(PortError::Stopping) => return Err(FlightError::Stopping),
-            result => result?,
+        let mut slots = Slots::default();
+        for (slot, output) in slots.iter_mut().zip(&mut *outputs) {
+            if output.publication.is_due(tick) {
+                *slot = step::prepared(&output.publication, tick, output.sender.loan()?);
+            }
         }
+        timetable.step(service, tick, &views, &mut slots)?;
+        self.crash.pass(CrashPlace::AfterStep, tick);
+        for output in outputs {
+            match output.sender.send() {
+                Err(PortError::Stopping) => return Err(FlightError::Stopping),
+                result => result?,
+            }
+            self.crash.pass(CrashPlace::BetweenPublishes, tick);
+        }
+        self.crash.pass(CrashPlace::AfterPublishing, tick);
+        Ok(())
     }
-    Ok(())
+
+    /// Keeps what the service knows before its step at `next_tick`.
+    #[inline]
+    fn keep(&self, service: &dyn ErasedService, next_tick: u64) {
+        let write = |bytes: &mut [u8]| {
+            service.save(bytes);
+            self.crash.pass(CrashPlace::Checkpointing, next_tick);
+        };
+        self.checkpoints
+            .write(service.id(), next_tick, service.state_size(), write);
+    }
 }

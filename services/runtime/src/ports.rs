@@ -8,9 +8,9 @@
     reason = "iceoryx2 asks for promises about memory layout that only `unsafe` can give"
 )]
 
-use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -22,6 +22,8 @@ use iceoryx2::sample_mut::SampleMut as Loaned;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
 use shared_types::wiring::TopicVisitor;
 use shared_types::{Sample, Schedule, Topic};
+
+use crate::shared_page::SharedPage;
 
 /// Places of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
 pub const RECORDER_BUFFER: usize = 1024;
@@ -96,24 +98,6 @@ unsafe impl<T: Sample> ZeroCopySend for Wire<T> {
     }
 }
 
-/// The iceoryx2 subscribers that belong to the run, learnt once everyone is ready.
-#[derive(Clone, Debug, Default)]
-pub struct OwnReceivers(Arc<Mutex<BTreeSet<u128>>>);
-
-impl OwnReceivers {
-    /// Adds receivers of the run.
-    pub fn extend(&self, ids: impl IntoIterator<Item = u128>) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(ids);
-    }
-
-    fn contains(&self, id: u128) -> bool {
-        self.0
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .contains(&id)
-    }
-}
-
 /// A process's membership in the run.
 pub struct Member {
     node: Node<ipc::Service>,
@@ -148,6 +132,12 @@ impl Member {
             .create::<ipc::Service>()
             .map_err(|error| PortError::Node(error.to_string()))?;
         Ok(Self { node })
+    }
+
+    /// Frees what processes that have died held of the run. They must have been waited for.
+    pub fn clean_up_after_the_dead(&self) {
+        // What cannot be freed now is tried again after the next death, and goes with the run at the latest.
+        self.node.try_cleanup_dead_nodes();
     }
 
     /// Makes the topic; the orchestrator does so before any service starts.
@@ -187,15 +177,12 @@ fn consumer_buffer(schedule: &Schedule, topic: Topic) -> usize {
 
 /// A topic that has been opened, ready to make ports of it.
 pub trait TopicPorts {
-    /// Makes the publisher. `stopping` tells that the run is ending and nobody shall wait for a full buffer.
+    /// Makes the publisher. `page` tells which receivers it waits for when their buffers are full, and when the
+    /// run is ending and it shall wait for nobody.
     ///
     /// # Errors
     /// [`PortError::Create`].
-    fn sender(
-        &self,
-        receivers: OwnReceivers,
-        stopping: Arc<dyn Fn() -> bool + Send + Sync>,
-    ) -> Result<Box<dyn Sender>, PortError>;
+    fn sender(&self, page: Arc<SharedPage>) -> Result<Box<dyn Sender>, PortError>;
 
     /// Makes a consumer's subscriber, its buffer sized by the schedule.
     ///
@@ -362,20 +349,17 @@ impl<T: Sample> Ports<T> {
 }
 
 impl<T: Sample> TopicPorts for Ports<T> {
-    fn sender(
-        &self,
-        receivers: OwnReceivers,
-        stopping: Arc<dyn Fn() -> bool + Send + Sync>,
-    ) -> Result<Box<dyn Sender>, PortError> {
+    fn sender(&self, page: Arc<SharedPage>) -> Result<Box<dyn Sender>, PortError> {
         let publisher = self
             .service
             .publisher_builder()
             .max_loaned_samples(2)
             .backpressure_strategy(BackpressureStrategy::RetryUntilDelivered)
             .set_backpressure_handler(move |full: &BackpressureInfo| {
-                if !receivers.contains(full.receiver_port_id) {
+                let words = page.words();
+                if !words.is_own(full.receiver_port_id) {
                     BackpressureAction::DiscardData
-                } else if stopping() {
+                } else if words.stopping.load(Ordering::Relaxed) != 0 {
                     BackpressureAction::DiscardDataAndFail
                 } else {
                     BackpressureAction::Retry

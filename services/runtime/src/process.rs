@@ -6,13 +6,16 @@ use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 use shared_types::service::ErasedService;
 
+use crate::checkpoints::Checkpoints;
 use crate::control::{
-    CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, Start, ToOrchestrator, ToService,
+    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, Start,
+    ToOrchestrator, ToService,
 };
+use crate::crash::{CrashPlace, CrashPoint};
 use crate::deployment::{self, Scheduler};
 use crate::descriptors::inherited;
 use crate::doorbell::Doorbell;
-use crate::lock_step::{self, FlightError, ServicePorts};
+use crate::lock_step::{self, Cockpit, FlightError, ServicePorts};
 use crate::ports::{Member, PortError};
 use crate::shared_page::SharedPage;
 use crate::wait::Waiter;
@@ -55,17 +58,18 @@ pub fn run(
     let Inherited {
         channel,
         page,
+        checkpoints,
         doorbells,
     } = inherited;
     let start = match channel.receive()? {
         ToService::Start(start) => *start,
         // Ended before it began.
-        ToService::Stop | ToService::Go { .. } => return Ok(()),
+        ToService::Stop | ToService::Go { .. } | ToService::Missed { .. } => return Ok(()),
     };
     let page = Arc::new(page);
     let (scheduler, warnings) = deploy(&start);
     let mut waiter = Waiter::new(id, Arc::clone(&page), doorbells, channel, scheduler);
-    let result = fly(id, build, &start, warnings, &page, &mut waiter);
+    let result = fly(id, build, &start, warnings, &page, &checkpoints, &mut waiter);
     report(waiter.channel(), result)
 }
 
@@ -102,29 +106,49 @@ fn fly(
     start: &Start,
     warnings: Vec<String>,
     page: &Arc<SharedPage>,
+    checkpoints: &Checkpoints,
     waiter: &mut Waiter,
 ) -> Result<(), ProcessError> {
+    let crash = CrashPoint::new(start.crash);
     let schedule = start
         .scenario
         .schedule()
         .map_err(|problems| ProcessError::Scenario(format!("{problems:?}")))?;
     let mut service = build(&start.scenario).map_err(ProcessError::Scenario)?;
     let member = Member::join(&start.iceoryx2_configuration, id.name())?;
+    crash.pass(CrashPlace::BeforePorts, 0);
     let mut ports = ServicePorts::open(&member, id, &schedule, page)?;
-    let receivers = ports.receiver_ids().iter().map(ToString::to_string).collect();
-    waiter
-        .channel()
-        .send(&ToOrchestrator::Ready { receivers, warnings })?;
-    let ToService::Go { receivers } = waiter.channel().receive()? else {
+    crash.pass(CrashPlace::AfterPorts, 0);
+    waiter.channel().send(&ToOrchestrator::Ready { warnings })?;
+    let ToService::Go { reborn } = waiter.channel().receive()? else {
         return Ok(());
     };
-    ports.connect(receivers.iter().filter_map(|id| id.parse().ok()))?;
-    lock_step::fly(service.as_mut(), &schedule, &mut ports, waiter)?;
+    ports.connect()?;
+    let mut first_tick = 0;
+    if reborn {
+        ports.expect_missed(waiter.channel().try_clone()?);
+        if let Some(checkpoint) = checkpoints.newest(id) {
+            service.restore(&checkpoint.state);
+            first_tick = checkpoint.next_tick;
+        }
+        crash.pass(CrashPlace::Recovering, first_tick);
+    }
+    let mut cockpit = Cockpit {
+        ports: &mut ports,
+        waiter,
+        checkpoints,
+        crash,
+    };
+    lock_step::fly(service.as_mut(), &schedule, first_tick, &mut cockpit)?;
     waiter.channel().send(&ToOrchestrator::Finished)?;
     // The last samples stay mapped until everyone has read them.
-    match waiter.channel().receive::<ToService>() {
-        Ok(_) | Err(ControlError::Closed) => Ok(()),
-        Err(error) => Err(error.into()),
+    loop {
+        match waiter.channel().receive::<ToService>() {
+            // Nothing is missing any more.
+            Ok(ToService::Missed { .. }) => {}
+            Ok(_) | Err(ControlError::Closed) => return Ok(()),
+            Err(error) => return Err(error.into()),
+        }
     }
 }
 
@@ -146,6 +170,7 @@ fn report(channel: &Channel, result: Result<(), ProcessError>) -> Result<(), Pro
 struct Inherited {
     channel: Channel,
     page: SharedPage,
+    checkpoints: Checkpoints,
     doorbells: Vec<Doorbell>,
 }
 
@@ -154,6 +179,8 @@ impl Inherited {
         let inherited = |number| inherited(number).map_err(|_| ProcessError::NotSpawned);
         let channel = Channel::inherited(inherited(CONTROL_FD)?);
         let page = SharedPage::open(inherited(SHARED_PAGE_FD)?).map_err(|_| ProcessError::NotSpawned)?;
+        let checkpoints =
+            Checkpoints::open(inherited(CHECKPOINTS_FD)?).map_err(|_| ProcessError::NotSpawned)?;
         let numbers = (FIRST_DOORBELL_FD..).take(ServiceId::ALL.len());
         let doorbells = numbers
             .map(|number| inherited(number).map(Doorbell::inherited))
@@ -161,6 +188,7 @@ impl Inherited {
         Ok(Self {
             channel,
             page,
+            checkpoints,
             doorbells,
         })
     }

@@ -11,7 +11,8 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use memmap2::MmapRaw;
-use shared_types::ServiceId;
+use shared_types::schedule::MAX_PORTS;
+use shared_types::{ServiceId, Topic};
 
 /// What the page holds. All words begin as 0.
 #[repr(C)]
@@ -26,6 +27,8 @@ pub struct Words {
     pad0: u32,
     /// One cell a service.
     pub cells: [Cell; ServiceId::ALL.len()],
+    /// The recorder's receivers.
+    pub recorder: [ReceiverId; Topic::ALL.len()],
 }
 
 /// A service's words, on a cache line of their own.
@@ -43,6 +46,46 @@ pub struct Cell {
     pub yields: AtomicU64,
     /// Waits that slept.
     pub blocks: AtomicU64,
+    /// The service's receivers, by which publishers know whom to wait for.
+    pub receivers: [ReceiverId; MAX_PORTS],
+}
+
+/// Id of a receiver of the run, or 0. Each is written by one process and read by others at any time: who reads it
+/// while it changes sees an id that nobody has.
+#[repr(C)]
+#[derive(Debug, Default)]
+pub struct ReceiverId([AtomicU64; 2]);
+
+impl ReceiverId {
+    /// Makes the receiver known.
+    pub fn store(&self, id: u128) {
+        self.0[0].store(id as u64, Ordering::Relaxed);
+        self.0[1].store((id >> 64) as u64, Ordering::Relaxed);
+    }
+
+    #[inline]
+    fn load(&self) -> u128 {
+        let [low, high] = [&self.0[0], &self.0[1]].map(|half| u128::from(half.load(Ordering::Relaxed)));
+        low | high << 64
+    }
+}
+
+impl Words {
+    /// Whether a receiver is one of the run's own.
+    #[must_use]
+    pub fn is_own(&self, id: u128) -> bool {
+        let services = self.cells.iter().flat_map(|cell| &cell.receivers);
+        services
+            .chain(&self.recorder)
+            .any(|receiver| receiver.load() == id)
+    }
+
+    /// Lets nobody wait for the receivers of a service any longer.
+    pub fn forget_receivers(&self, service: ServiceId) {
+        for receiver in &self.cells[service.index()].receivers {
+            receiver.store(0);
+        }
+    }
 }
 
 impl Cell {

@@ -129,7 +129,7 @@ fn a_lost_vehicle_stays_where_it_was_told_last_as_not_tracked() {
 
 #[test]
 fn more_frames_under_way_than_it_remembers_are_refused_with_what_to_change() {
-    // Frames of every tick; a capture may be 5 + 10 + 1 of them old, one more acts, another begins.
+    // Frames of every tick; a capture may be 5 + 10 + 1 of them old, one more acts, the one before is kept, another begins.
     let with_latency = |latency: f64| {
         let model = Model {
             radio_latency: latency,
@@ -139,8 +139,8 @@ fn more_frames_under_way_than_it_remembers_are_refused_with_what_to_change() {
         scenario.schedule.period.retain(|name, _| name == "mocap/pose");
         EstimatorService::new(&scenario)
     };
-    assert!(with_latency(0.046).is_ok());
-    let problem = with_latency(0.047).unwrap_err();
+    assert!(with_latency(0.045).is_ok());
+    let problem = with_latency(0.046).unwrap_err();
     assert_eq!(problem.key.to_string(), "model.radio_latency");
     assert!(
         problem.reason.contains("64 frames") && problem.reason.contains("65 are sent"),

@@ -1,0 +1,178 @@
+//! The latest samples of a topic: those that the log is still waiting for, and before them those that a reborn
+//! service may have missed.
+
+use shared_types::schedule::Publication;
+use shared_types::service::header_of;
+use shared_types::{Header, Schedule};
+use zerocopy::IntoBytes;
+
+use super::FlightFailure;
+
+/// Least number of samples that are kept before those that the log is waiting for.
+const LEAST_HISTORY: u64 = 64;
+
+/// A ring of the latest samples of a topic, by their place in the sequence of the topic.
+pub struct Archive {
+    publication: Publication,
+    slots: Vec<Box<[u64]>>,
+    size: usize,
+    /// How many samples have come.
+    count: u64,
+}
+
+impl Archive {
+    /// An empty archive of a topic.
+    #[must_use]
+    pub fn new(publication: Publication, schedule: &Schedule) -> Self {
+        // A consumer lags behind its publisher by less than its buffer holds; as much again may wait for the log.
+        let history = schedule.buffer_size(publication.topic).max(LEAST_HISTORY);
+        let depth = (2 * history).next_power_of_two();
+        let size = publication.topic.kind().size;
+        Self {
+            publication,
+            slots: (0..depth)
+                .map(|_| vec![0; size.div_ceil(size_of::<u64>())].into_boxed_slice())
+                .collect(),
+            size,
+            count: 0,
+        }
+    }
+
+    /// Whether there is room for another sample while those from the one of `tick` on are waited for.
+    #[must_use]
+    #[inline]
+    pub fn has_room(&self, tick: u64) -> bool {
+        let waiting = self
+            .count
+            .saturating_sub(self.publication.rate.count_before(tick));
+        2 * waiting < self.slots.len() as u64
+    }
+
+    /// Keeps a sample. One that has come before, from a service that was born again, must be the same.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Lost`] if samples are missing before it, [`FlightFailure::Diverged`] if it is not the same.
+    #[inline]
+    pub fn keep(&mut self, bytes: &[u8]) -> Result<(), FlightFailure> {
+        let Header { tick, seq: place, .. } = header_of(bytes);
+        if place == self.count {
+            self.slot_mut(place).copy_from_slice(bytes);
+            self.count += 1;
+            return Ok(());
+        }
+        self.compare(tick, place, bytes)
+    }
+
+    #[cold]
+    fn compare(&self, tick: u64, place: u64, bytes: &[u8]) -> Result<(), FlightFailure> {
+        let topic = self.publication.topic.to_string();
+        if place > self.count {
+            let due = self.publication.rate.phase + self.count * self.publication.rate.period;
+            return Err(FlightFailure::Lost {
+                topic,
+                due,
+                got: tick,
+            });
+        }
+        if self.at(place).is_none_or(|first| first == bytes) {
+            Ok(())
+        } else {
+            Err(FlightFailure::Diverged { topic, tick })
+        }
+    }
+
+    /// The sample of a tick, if it has come and is still kept.
+    #[must_use]
+    #[inline]
+    pub fn sample(&self, tick: u64) -> Option<&[u8]> {
+        self.at(self.publication.rate.count_before(tick))
+    }
+
+    /// The sample of a place in the sequence, if it has come and is still kept.
+    #[must_use]
+    #[inline]
+    pub fn at(&self, place: u64) -> Option<&[u8]> {
+        let is_kept = place < self.count && self.count - place <= self.slots.len() as u64;
+        is_kept.then(|| &self.slots[self.slot_of(place)].as_bytes()[..self.size])
+    }
+
+    /// How many samples have come.
+    #[must_use]
+    #[inline]
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Place in the sequence of the sample that is due at `tick`, or else of the first after it.
+    #[must_use]
+    pub fn place_of(&self, tick: u64) -> u64 {
+        self.publication.rate.count_before(tick)
+    }
+
+    fn slot_mut(&mut self, place: u64) -> &mut [u8] {
+        let slot = self.slot_of(place);
+        &mut self.slots[slot].as_mut_bytes()[..self.size]
+    }
+
+    #[inline]
+    fn slot_of(&self, place: u64) -> usize {
+        // The depth is a power of two.
+        usize::try_from(place & (self.slots.len() as u64 - 1)).expect("below the depth")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shared_types::Topic;
+    use shared_types::samples::VehicleState;
+    use zerocopy::FromZeros;
+
+    fn archive() -> Archive {
+        let schedule = Schedule::ideal(1_000_000, 10_000);
+        Archive::new(schedule.publication(Topic::VehicleState), &schedule)
+    }
+
+    fn sample(tick: u64, x: f64) -> VehicleState {
+        let mut sample = VehicleState::new_zeroed();
+        (sample.header.tick, sample.header.seq) = (tick, tick);
+        sample.position_world[0] = x;
+        sample
+    }
+
+    #[test]
+    fn samples_are_kept_until_many_later_ones_have_come() {
+        let mut archive = archive();
+        let depth = archive.slots.len() as u64;
+        for tick in 0..3 * depth {
+            archive.keep(sample(tick, tick as f64).as_bytes()).unwrap();
+        }
+        assert!(archive.sample(2 * depth - 1).is_none() && archive.sample(3 * depth).is_none());
+        for tick in 2 * depth..3 * depth {
+            assert_eq!(
+                archive.sample(tick).unwrap(),
+                sample(tick, tick as f64).as_bytes()
+            );
+        }
+        assert!(archive.has_room(3 * depth) && archive.has_room(3 * depth - 1));
+        assert!(!archive.has_room(3 * depth - depth / 2));
+    }
+
+    #[test]
+    fn a_repeated_sample_must_be_the_same_and_none_may_be_missing() {
+        let mut archive = archive();
+        for tick in 0..5 {
+            archive.keep(sample(tick, 1.0).as_bytes()).unwrap();
+        }
+        assert!(archive.keep(sample(3, 1.0).as_bytes()).is_ok());
+        assert!(matches!(
+            archive.keep(sample(3, 2.0).as_bytes()),
+            Err(FlightFailure::Diverged { tick: 3, .. })
+        ));
+        assert!(matches!(
+            archive.keep(sample(6, 1.0).as_bytes()),
+            Err(FlightFailure::Lost { due: 5, got: 6, .. })
+        ));
+        assert!(archive.keep(sample(5, 1.0).as_bytes()).is_ok());
+    }
+}

@@ -1,0 +1,97 @@
+//! Crash points: a service that kills itself at a chosen tick and place, to show that no place is a bad one.
+
+use rustix::process::{Signal, getpid, kill_process};
+use serde::{Deserialize, Serialize};
+
+/// A place in the life of a service process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CrashPlace {
+    /// On start, before the ports are made.
+    BeforePorts,
+    /// On start, when the ports are made and nobody has been told.
+    AfterPorts,
+    /// In recovery, before the first step.
+    Recovering,
+    /// When all inputs of a step are here.
+    BeforeStep,
+    /// When the step is done and nothing is published.
+    AfterStep,
+    /// When the first of the outputs is published; before publishing, if there is but one.
+    BetweenPublishes,
+    /// When all outputs are published and nothing is checkpointed.
+    AfterPublishing,
+    /// In the middle of writing the checkpoint.
+    Checkpointing,
+    /// When the checkpoint is written and nobody has been woken.
+    BeforeWaking,
+}
+
+impl CrashPlace {
+    /// All of them, in the order of a life.
+    pub const ALL: [Self; 9] = [
+        Self::BeforePorts,
+        Self::AfterPorts,
+        Self::Recovering,
+        Self::BeforeStep,
+        Self::AfterStep,
+        Self::BetweenPublishes,
+        Self::AfterPublishing,
+        Self::Checkpointing,
+        Self::BeforeWaking,
+    ];
+
+    /// What it is called on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::BeforePorts => "before-ports",
+            Self::AfterPorts => "after-ports",
+            Self::Recovering => "recovering",
+            Self::BeforeStep => "before-step",
+            Self::AfterStep => "after-step",
+            Self::BetweenPublishes => "between-publishes",
+            Self::AfterPublishing => "after-publishing",
+            Self::Checkpointing => "checkpointing",
+            Self::BeforeWaking => "before-waking",
+        }
+    }
+}
+
+/// Where a process shall kill itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Crash {
+    /// Tick of the step, or of the first step after it that there is; of no meaning on start.
+    pub tick: u64,
+    /// The place.
+    pub place: CrashPlace,
+}
+
+/// The crash that a process has been told to have, if any.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CrashPoint(Option<Crash>);
+
+impl CrashPoint {
+    /// A point for a crash.
+    #[must_use]
+    pub fn new(crash: Option<Crash>) -> Self {
+        Self(crash)
+    }
+
+    /// Says that the process is at `place` of the step at `tick`: it may not return.
+    #[inline]
+    pub fn pass(&self, place: CrashPlace, tick: u64) {
+        if let Some(crash) = self.0
+            && crash.place == place
+            && tick >= crash.tick
+        {
+            die();
+        }
+    }
+}
+
+#[cold]
+fn die() {
+    // Nothing can be done about a failure, and there is none: a process may always kill itself.
+    let _ = kill_process(getpid(), Signal::KILL);
+}

@@ -1,0 +1,278 @@
+//! Services that are killed in flight: the finished log shows nothing of it.
+
+mod common;
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use common::{Place, finish, output, scenario, services_of, shared_memory_of, signal, succeed, until};
+use orchestrator::log::LogReader;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use rustix::process::{Pid, Signal, kill_process};
+use shared_types::ServiceId;
+
+/// Where a service can be killed in a flight that goes on, each after a tick more, with `S` for its name.
+const DEATHS: [&str; 9] = [
+    "S@0:before-ports",
+    "S@0:after-ports",
+    "S@100:before-step",
+    "S@0:recovering",
+    "S@200:after-step",
+    "S@300:between-publishes",
+    "S@400:after-publishing",
+    "S@500:checkpointing",
+    "S@600:before-waking",
+];
+
+/// How many births follow the deaths of [`DEATHS`]: who dies while it makes its ports is not born.
+const BIRTHS: usize = DEATHS.len() - 1;
+
+fn log(place: &Place, out: &str) -> Vec<u8> {
+    std::fs::read(place.path(out).join("run.mcap")).unwrap()
+}
+
+/// Deaths that the summary of a run tells of.
+fn rebirths(place: &Place, out: &str) -> Vec<String> {
+    let summary = std::fs::read_to_string(place.path(out).join("summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    let rebirths = summary["rebirths"].as_array();
+    let texts = rebirths
+        .into_iter()
+        .flatten()
+        .map(|text| text.as_str().unwrap().to_owned());
+    texts.collect()
+}
+
+fn with_crashes(mut command: Command, crashes: &[String]) -> Command {
+    command.args(crashes.iter().flat_map(|crash| ["--crash", crash]));
+    command
+}
+
+fn deaths_of(service: ServiceId) -> impl Iterator<Item = String> {
+    DEATHS.iter().map(move |death| death.replace('S', service.name()))
+}
+
+#[test]
+fn a_death_at_any_place_of_any_service_leaves_no_trace_in_the_log() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("undisturbed", 1.0, &[]));
+    for service in ServiceId::ALL {
+        let out = service.name();
+        let crashes: Vec<_> = deaths_of(service).collect();
+        succeed(&mut with_crashes(place.short_flight(out, 1.0, &[]), &crashes));
+        assert!(log(&place, out) == log(&place, "undisturbed"), "{service}");
+        let rebirths = rebirths(&place, out);
+        assert_eq!(rebirths.len(), BIRTHS, "{rebirths:?}");
+    }
+    let everyone: Vec<_> = ServiceId::ALL.into_iter().flat_map(deaths_of).collect();
+    succeed(&mut with_crashes(
+        place.short_flight("everyone", 1.0, &[]),
+        &everyone,
+    ));
+    assert!(log(&place, "everyone") == log(&place, "undisturbed"));
+    assert_eq!(rebirths(&place, "everyone").len(), BIRTHS * ServiceId::ALL.len());
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
+fn deaths_in_the_laboratory_leave_no_trace_in_the_log() {
+    let place = Place::new();
+    succeed(&mut place.rig_flight("undisturbed", 1.0, &[]));
+    let everyone: Vec<_> = ServiceId::ALL.into_iter().flat_map(deaths_of).collect();
+    succeed(&mut with_crashes(
+        place.rig_flight("everyone", 1.0, &[]),
+        &everyone,
+    ));
+    assert!(log(&place, "everyone") == log(&place, "undisturbed"));
+    assert_eq!(rebirths(&place, "everyone").len(), BIRTHS * ServiceId::ALL.len());
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+/// Every service at the same tick, and each again while it recovers.
+#[test]
+fn deaths_at_once_and_in_recovery_leave_no_trace_in_the_log() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("undisturbed", 1.0, &[]));
+    for death in ["before-step", "after-step", "after-publishing", "checkpointing"] {
+        let crashes: Vec<_> = ServiceId::ALL
+            .into_iter()
+            .flat_map(|service| {
+                let again = ["recovering", "recovering", "before-ports", "recovering"];
+                let again = again.map(|place| format!("{service}@0:{place}"));
+                [format!("{service}@500:{death}")].into_iter().chain(again)
+            })
+            .collect();
+        succeed(&mut with_crashes(place.short_flight(death, 1.0, &[]), &crashes));
+        assert!(log(&place, death) == log(&place, "undisturbed"), "{death}");
+        let rebirths = rebirths(&place, death);
+        // Of the five deaths one is that of a process that was not born yet.
+        assert_eq!(rebirths.len(), 4 * ServiceId::ALL.len(), "{rebirths:?}");
+    }
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
+fn fig_1_with_its_controller_killed_every_second_is_fig_1() {
+    let place = Place::new();
+    let fig1 = scenario("fig1");
+    let run = ["run", fig1.to_str().unwrap(), "--quiet", "--out"];
+    let crashes: Vec<_> = (1..60)
+        .map(|second| format!("controller@{second}000:after-step"))
+        .collect();
+    succeed(&mut with_crashes(
+        place.gerono(&[&run[..], &["killed"]].concat()),
+        &crashes,
+    ));
+    let alone = ["undisturbed", "--host", "inprocess"];
+    succeed(&mut place.gerono(&[&run[..], &alone].concat()));
+    assert!(log(&place, "killed") == log(&place, "undisturbed"));
+    assert_eq!(rebirths(&place, "killed").len(), crashes.len());
+}
+
+fn begin(mut command: Command) -> Child {
+    let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.spawn().unwrap()
+}
+
+fn pid_of(child: &Child, service: ServiceId) -> u32 {
+    until("the service", || {
+        let services = services_of(child.id());
+        let found = services.iter().find(|(name, _)| *name == service.name());
+        found.map(|(_, pid)| *pid)
+    })
+}
+
+/// Waits until the log of a run has so many bytes.
+fn await_log(place: &Place, out: &str, bytes: u64) {
+    let partial = place.path(out).join("run.mcap.partial");
+    until("a part of the log", || {
+        let metadata = std::fs::metadata(&partial).ok()?;
+        (metadata.len() > bytes).then_some(())
+    });
+}
+
+#[test]
+fn a_service_that_is_stopped_for_a_while_is_waited_for() {
+    let place = Place::new();
+    let child = begin(place.short_flight("stopped", 20.0, &[]));
+    await_log(&place, "stopped", 1_000_000);
+    for service in ServiceId::ALL {
+        let pid = pid_of(&child, service);
+        signal(pid, Signal::STOP);
+        std::thread::sleep(Duration::from_millis(30));
+        signal(pid, Signal::CONT);
+    }
+    assert!(finish(child).status.success());
+    succeed(&mut place.short_flight("undisturbed", 20.0, &["--host", "inprocess"]));
+    assert!(log(&place, "stopped") == log(&place, "undisturbed"));
+}
+
+/// The recorder does not take anything any more, so that publishers wait for room; then their consumers die.
+#[test]
+fn a_consumer_that_dies_while_its_publisher_waits_in_send_is_mended() {
+    let place = Place::new();
+    let child = begin(place.short_flight("choked", 20.0, &[]));
+    await_log(&place, "choked", 1_000_000);
+    signal(child.id(), Signal::STOP);
+    // Nobody can tell that a publisher waits; in this time the ring fills the recorder's buffers several times.
+    std::thread::sleep(Duration::from_millis(200));
+    for service in [ServiceId::Controller, ServiceId::Estimator, ServiceId::RcOutput] {
+        signal(pid_of(&child, service), Signal::KILL);
+    }
+    signal(child.id(), Signal::CONT);
+    let ended = finish(child);
+    assert!(
+        ended.status.success(),
+        "{}",
+        String::from_utf8_lossy(&ended.stderr)
+    );
+    assert_eq!(rebirths(&place, "choked").len(), 3);
+    succeed(&mut place.short_flight("undisturbed", 20.0, &["--host", "inprocess"]));
+    assert!(log(&place, "choked") == log(&place, "undisturbed"));
+}
+
+#[test]
+fn a_service_that_dies_again_and_again_is_given_up_and_the_log_is_whole_up_to_there() {
+    let place = Place::new();
+    for service in ServiceId::ALL {
+        let out = service.name();
+        let crashes = vec![format!("{service}@300:before-step"); 20];
+        let ended = output(&mut with_crashes(place.short_flight(out, 1.0, &[]), &crashes));
+        let errors = String::from_utf8_lossy(&ended.stderr).into_owned();
+        assert_eq!(ended.status.code(), Some(3), "{errors}");
+        let words = errors.replace('│', " ");
+        let words = words.split_whitespace().collect::<Vec<_>>().join(" ");
+        for piece in [
+            format!("`{service}`"),
+            "after tick 299".to_owned(),
+            "KILL".to_owned(),
+            "9 times in a row".to_owned(),
+        ] {
+            assert!(words.contains(&piece), "{piece} is not in {errors}");
+        }
+        let last = last_tick(&place.path(out).join("run.mcap"));
+        assert!((290..=300).contains(&last), "{last}");
+    }
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+fn last_tick(log: &Path) -> u64 {
+    let mut reader = LogReader::open(log).unwrap();
+    let mut last = 0;
+    while let Some(sample) = reader.next_sample().unwrap() {
+        last = sample.header.tick;
+    }
+    last
+}
+
+/// Kills services of a run at random moments from its start on, until it ends; tells how many.
+fn under_fire(mut child: Child, random: &mut ChaCha8Rng, longest_pause_ms: u32) -> (u32, Child) {
+    let mut kills = 0;
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while child.try_wait().unwrap().is_none() && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_micros(u64::from(
+            random.next_u32() % (1000 * longest_pause_ms),
+        )));
+        let services = services_of(child.id());
+        let chosen = usize::try_from(random.next_u32()).unwrap() % ServiceId::ALL.len();
+        if let Some((_, pid)) = services.get(chosen) {
+            let pid = Pid::from_raw(i32::try_from(*pid).unwrap()).unwrap();
+            kills += u32::from(kill_process(pid, Signal::KILL).is_ok());
+        }
+    }
+    (kills, child)
+}
+
+/// At least 60 kills; as many as `GERONO_KILLS` says in the long version.
+#[test]
+fn kills_at_random_moments_leave_no_trace_in_the_log_nor_anything_behind() {
+    let wanted = std::env::var("GERONO_KILLS").map_or(60, |count| count.parse().unwrap());
+    let place = Place::new();
+    succeed(&mut place.short_flight("undisturbed", 10.0, &["--host", "inprocess"]));
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let mut kills = 0;
+    for run in 0.. {
+        let out = format!("run-{run}");
+        let child = begin(place.short_flight(&out, 10.0, &["--quiet"]));
+        let orchestrator = child.id();
+        let (more, child) = under_fire(child, &mut random, 200);
+        let ended = finish(child);
+        assert!(
+            ended.status.success(),
+            "{}",
+            String::from_utf8_lossy(&ended.stderr)
+        );
+        assert!(log(&place, &out) == log(&place, "undisturbed"), "{out} differs");
+        assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+        assert!(services_of(orchestrator).is_empty());
+        std::fs::remove_dir_all(place.path(&out)).unwrap();
+        kills += more;
+        if kills >= wanted {
+            break;
+        }
+    }
+    assert_eq!(place.leavings(), Vec::<String>::new());
+    println!("{kills} kills");
+}
