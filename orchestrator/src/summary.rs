@@ -260,7 +260,7 @@ impl FlightSummary {
             gaps,
         } = self.counts[topic.index()];
         let due = match (topic.publisher(), self.last_tick) {
-            (Some(_), Some(tick)) => self.schedule.topic_rate(topic).count_before(tick + 1),
+            (Some(_), Some(tick)) => self.schedule.publications(topic).count_before(tick + 1),
             _ => 0,
         };
         TopicCount {

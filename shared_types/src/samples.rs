@@ -200,7 +200,10 @@ crate::sample! {
     pub struct RunEvent {
         /// Common header.
         pub header: Header,
-        #[values(KIND_FLIGHT_STARTS = 1, KIND_VEHICLE_CHANGES = 2, KIND_FLIGHT_ENDS = 3)]
+        #[values(
+            KIND_FLIGHT_STARTS = 1, KIND_VEHICLE_CHANGES = 2, KIND_FLIGHT_ENDS = 3, KIND_OUTAGE_BEGINS = 4,
+            KIND_OUTAGE_ENDS = 5
+        )]
         /// What happens.
         pub kind: u32,
         /// Length of `text`, bytes.

@@ -4,6 +4,15 @@
 //! them a step of its publisher; an edge (topic → consumer) delivers `latency` ticks after publication. So at
 //! any tick each consumer knows which sample of each input is due, and in lock-step waits for exactly that
 //! one: results cannot depend on how processes are scheduled. Every cycle of edges holds a tick of delay.
+//!
+//! A planned outage of a service is a part of the schedule: at its ticks the service does not step, nothing is
+//! published, and what its consumers are due is the last sample before.
+
+mod presence;
+
+use std::sync::Arc;
+
+pub use presence::{Fate, Outage, Presence};
 
 use crate::sample::Header;
 use crate::wiring::{ServiceId, Topic};
@@ -123,6 +132,7 @@ pub struct Schedule {
     topics: [Rate; TOPICS],
     latencies: [[u64; MAX_PORTS]; SERVICES],
     order: [ServiceId; SERVICES],
+    outages: [Arc<[Outage]>; SERVICES],
 }
 
 impl Schedule {
@@ -145,6 +155,7 @@ impl Schedule {
             topics,
             latencies,
             order,
+            outages: Default::default(),
         };
         for topic in Topic::ALL {
             if let Some(publisher) = topic.publisher()
@@ -157,6 +168,19 @@ impl Schedule {
         }
         schedule.check_controller_join()?;
         Ok(schedule)
+    }
+
+    /// The same schedule with planned outages of services, each service's in the order of time and apart.
+    #[must_use]
+    pub fn with_outages(mut self, outages: [Vec<Outage>; SERVICES]) -> Self {
+        self.outages = outages.map(Arc::from);
+        self
+    }
+
+    /// Whether a service has a planned outage.
+    #[must_use]
+    pub fn has_outages(&self) -> bool {
+        self.outages.iter().any(|outages| !outages.is_empty())
     }
 
     /// Every service steps and every topic is published at every tick, latencies as in the wiring table.
@@ -195,14 +219,32 @@ impl Schedule {
         tick * self.tick_ns
     }
 
-    /// When a service steps.
+    /// At which ticks a service steps.
+    #[must_use]
+    pub fn steps(&self, service: ServiceId) -> Presence {
+        Presence::new(
+            self.service_rate(service),
+            Arc::clone(&self.outages[service.index()]),
+        )
+    }
+
+    /// At which ticks a topic is published.
+    #[must_use]
+    pub fn publications(&self, topic: Topic) -> Presence {
+        let outages = topic
+            .publisher()
+            .map(|publisher| Arc::clone(&self.outages[publisher.index()]));
+        Presence::new(self.topic_rate(topic), outages.unwrap_or_default())
+    }
+
+    /// How often a service steps, were there no outages.
     #[must_use]
     #[inline]
     pub fn service_rate(&self, service: ServiceId) -> Rate {
         self.services[service.index()]
     }
 
-    /// When a topic is published.
+    /// How often a topic is published, were there no outages.
     #[must_use]
     #[inline]
     pub fn topic_rate(&self, topic: Topic) -> Rate {
@@ -229,8 +271,8 @@ impl Schedule {
         Edge {
             topic,
             latency: self.latency(service, input),
-            published: self.topic_rate(topic),
-            consumed: self.service_rate(service),
+            published: self.publications(topic),
+            consumed: self.steps(service),
         }
     }
 
@@ -239,7 +281,7 @@ impl Schedule {
     pub fn publication(&self, topic: Topic) -> Publication {
         Publication {
             topic,
-            rate: self.topic_rate(topic),
+            rate: self.publications(topic),
             tick_ns: self.tick_ns,
         }
     }
@@ -253,7 +295,7 @@ impl Schedule {
     /// How many samples of a topic the flight has.
     #[must_use]
     pub fn sample_count(&self, topic: Topic) -> u64 {
-        self.topic_rate(topic).count_before(self.last_tick + 1)
+        self.publications(topic).count_before(self.last_tick + 1)
     }
 
     /// How far, in ticks, the publisher of an input may run ahead of its consumer at most: no further than the
@@ -299,14 +341,14 @@ impl Schedule {
 }
 
 /// An input of a service as the schedule sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Edge {
     /// The topic that it consumes.
     pub topic: Topic,
     /// Transport latency, ticks.
     pub latency: u64,
-    published: Rate,
-    consumed: Rate,
+    published: Presence,
+    consumed: Presence,
 }
 
 impl Edge {
@@ -322,19 +364,23 @@ impl Edge {
     #[inline]
     pub fn is_fresh(&self, tick: u64, due: u64) -> bool {
         // Of a topic with a sample a tick every step gets another.
-        self.published.period == 1
-            || tick < self.consumed.phase + self.consumed.period
-            || self.due_sample(tick - self.consumed.period) != Some(due)
+        if self.published.rate.period == 1 && self.published.is_unbroken() {
+            return true;
+        }
+        let previous = tick
+            .checked_sub(1)
+            .and_then(|before| self.consumed.last_at_or_before(before));
+        previous.is_none_or(|previous| self.due_sample(previous) != Some(due))
     }
 }
 
 /// An output of a service as the schedule sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Publication {
     /// The topic that is published.
     pub topic: Topic,
     /// When it is published.
-    pub rate: Rate,
+    pub rate: Presence,
     tick_ns: u64,
 }
 

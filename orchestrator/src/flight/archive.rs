@@ -67,7 +67,7 @@ impl Archive {
     fn compare(&self, tick: u64, place: u64, bytes: &[u8]) -> Result<(), FlightFailure> {
         let topic = self.publication.topic.to_string();
         if place > self.count {
-            let due = self.publication.rate.phase + self.count * self.publication.rate.period;
+            let due = self.publication.rate.rate.phase + self.count * self.publication.rate.rate.period;
             return Err(FlightFailure::Lost {
                 topic,
                 due,

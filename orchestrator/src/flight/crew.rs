@@ -17,6 +17,7 @@ use runtime::descriptors::hand_on;
 use runtime::doorbell::Doorbell;
 use runtime::ports::Member;
 use runtime::shared_page::SharedPage;
+use runtime::step::Timetable;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use shared_types::schedule::MAX_PORTS;
@@ -38,6 +39,7 @@ const LONGEST_BACK_OFF: Duration = Duration::from_millis(100);
 /// All service processes of a run. Dropping it ends them.
 pub struct Crew<'a> {
     member: &'a Member,
+    schedule: &'a Schedule,
     start: Start,
     /// Deaths that processes shall bring upon themselves, the first of a service upon its first process and so on.
     crashes: Vec<(ServiceId, Crash)>,
@@ -62,6 +64,8 @@ struct CrewMember {
     flown_until: u64,
     /// When the last death was noticed.
     died_at: Option<Instant>,
+    /// Number of this birth, once it was announced to the others.
+    birth: Option<u32>,
 }
 
 struct Process {
@@ -145,6 +149,7 @@ impl<'a> Crew<'a> {
     /// [`FlightFailure::Setup`].
     pub fn start(
         member: &'a Member,
+        schedule: &'a Schedule,
         start: Start,
         crashes: Vec<(ServiceId, Crash)>,
     ) -> Result<Self, FlightFailure> {
@@ -155,6 +160,7 @@ impl<'a> Crew<'a> {
             .map_err(setup)?;
         let mut crew = Self {
             member,
+            schedule,
             start,
             crashes,
             members: Vec::new(),
@@ -176,6 +182,7 @@ impl<'a> Crew<'a> {
                 fruitless: 0,
                 flown_until: 0,
                 died_at: None,
+                birth: None,
             });
             crew.instruct(service)?;
         }
@@ -321,29 +328,56 @@ impl<'a> Crew<'a> {
         Ok(())
     }
 
-    /// Lets a service that was born again in flight go on.
+    /// Lets services that were born again in flight go on, once all others are connected to their ports: what is
+    /// published before might be lost to a consumer that is not.
     ///
     /// # Errors
     /// [`FlightFailure`] if the system refuses.
-    pub fn resume(
-        &mut self,
-        service: ServiceId,
-        schedule: &Schedule,
-        recorder: &Recorder,
-    ) -> Result<(), FlightFailure> {
-        let next_tick = self
-            .checkpoints
-            .newest(service)
-            .map_or(0, |checkpoint| checkpoint.next_tick);
+    pub fn resume(&mut self, recorder: &mut Recorder) -> Result<(), FlightFailure> {
+        for at in 0..self.members.len() {
+            if self.members[at].phase != Phase::Ready {
+                continue;
+            }
+            let words = self.page.words();
+            let Some(birth) = self.members[at].birth else {
+                self.members[at].birth = Some(1 + words.births.fetch_add(1, Ordering::SeqCst));
+                recorder
+                    .connect()
+                    .map_err(|error| FlightFailure::Setup(error.to_string()))?;
+                self.rouse();
+                continue;
+            };
+            let is_connected = |member: &CrewMember| {
+                let seen = &words.cells[member.service.index()].births_seen;
+                let flies = matches!(member.phase, Phase::Flying | Phase::CatchingUp(_));
+                !flies || seen.load(Ordering::Acquire) >= birth
+            };
+            if self.members.iter().all(is_connected) {
+                self.resume_one(self.members[at].service, recorder)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn resume_one(&mut self, service: ServiceId, recorder: &Recorder) -> Result<(), FlightFailure> {
+        let next_tick = self.next_tick(service);
+        let first_tick = self.schedule.steps(service).first_at_or_after(next_tick);
         let mut places = [0; MAX_PORTS];
         for (input, place) in places.iter_mut().enumerate().take(service.inputs().len()) {
-            let edge = schedule.edge(service, input);
-            let first = edge.due_sample(next_tick).unwrap_or(0);
+            let edge = self.schedule.edge(service, input);
+            let first = first_tick.and_then(|tick| edge.due_sample(tick)).unwrap_or(0);
             *place = recorder.archive(edge.topic).place_of(first);
         }
         self.members[service.index()].phase = Phase::CatchingUp(places);
         self.note_rebirth(service, next_tick.checked_sub(1));
         self.say(service, &ToService::Go { reborn: true })
+    }
+
+    /// Tick of the first step that is not known to the service's last checkpoint.
+    fn next_tick(&self, service: ServiceId) -> u64 {
+        self.checkpoints
+            .newest(service)
+            .map_or(0, |checkpoint| checkpoint.next_tick)
     }
 
     fn note_rebirth(&mut self, service: ServiceId, tick: Option<u64>) {
@@ -451,6 +485,7 @@ impl<'a> Crew<'a> {
 
     /// Waits for a process that has closed its line, frees what it held, and decides what comes next.
     fn bury(&mut self, at: usize) -> Option<CrewEvent> {
+        let next_tick = self.next_tick(self.members[at].service);
         let member = &mut self.members[at];
         let (service, pid) = (member.service, member.process.child.id());
         let exit = member.process.wait();
@@ -480,8 +515,15 @@ impl<'a> Crew<'a> {
             }));
         }
         let now = Instant::now();
-        member.died_at = Some(now);
-        member.phase = Phase::Dead(now + back_off(member.fruitless));
+        let timetable = Timetable::new(self.schedule, service);
+        let next = timetable.steps.first_at_or_after(next_tick);
+        let is_planned = next_tick > 0 && timetable.dies_after(next_tick - 1, next);
+        member.died_at = (!is_planned).then_some(now);
+        member.phase = if next.is_some_and(|next| next <= self.schedule.last_tick()) {
+            Phase::Dead(now + back_off(member.fruitless))
+        } else {
+            Phase::Finished
+        };
         words.forget_receivers(service);
         cell.waiting_for.store(0, Ordering::Relaxed);
         self.member.clean_up_after_the_dead();
@@ -542,6 +584,7 @@ impl CrewMember {
         Some(match message {
             ToOrchestrator::Ready { warnings } => {
                 self.phase = Phase::Ready;
+                self.birth = None;
                 CrewEvent::Ready(self.service, warnings)
             }
             ToOrchestrator::CaughtUp => {

@@ -9,8 +9,8 @@ use runtime::deployment::{self, Scheduler};
 use runtime::in_process::TickSink;
 use runtime::ports::{Member, PortError};
 use runtime::wait::BLOCK_ALWAYS;
+use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
-use shared_types::{Schedule, ServiceId};
 
 use super::crew::{Crew, CrewEvent};
 use super::recorder::{Progress, Recorder};
@@ -99,7 +99,7 @@ where
         scheduler: deployment.scheduler,
         crash: None,
     };
-    let mut crew = Crew::start(&member, start, deployment.crashes.clone())?;
+    let mut crew = Crew::start(&member, &schedule, start, deployment.crashes.clone())?;
     let words = crew.page().words();
     recorder.make_known(words);
     if !deployment.yielding {
@@ -115,7 +115,6 @@ where
     let mut flight = Flight {
         crew,
         recorder,
-        schedule: &schedule,
         observer,
     };
     let outcome = flight.supervise(sink, interrupt).unwrap_or_else(Outcome::Failed);
@@ -135,7 +134,6 @@ where
 struct Flight<'a> {
     crew: Crew<'a>,
     recorder: Recorder,
-    schedule: &'a Schedule,
     observer: &'a mut dyn CrewObserver,
 }
 
@@ -163,6 +161,8 @@ impl Flight<'_> {
             if self.crew.needs_care() {
                 self.recorder.receive()?;
                 self.crew.mend()?;
+                self.crew.resume(&mut self.recorder)?;
+                self.observer.reborn(&self.crew);
                 self.crew.hand_over(&self.recorder)?;
             }
             if Instant::now() >= next_health {
@@ -177,11 +177,7 @@ impl Flight<'_> {
         match event {
             CrewEvent::Lost(failure) => return Err(failure),
             CrewEvent::Died => self.observer.died(&self.crew),
-            CrewEvent::Ready(service, _) => {
-                self.crew.resume(service, self.schedule, &self.recorder)?;
-                self.observer.reborn(&self.crew);
-            }
-            CrewEvent::Finished(_) => {}
+            CrewEvent::Ready(..) | CrewEvent::Finished(_) => {}
         }
         Ok(())
     }

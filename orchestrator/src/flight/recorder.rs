@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use runtime::in_process::TickSink;
 use runtime::ports::{Member, PortError, Receiver, TopicPorts};
 use runtime::shared_page::Words;
-use shared_types::schedule::Rate;
+use shared_types::schedule::Presence;
 use shared_types::{Schedule, Topic};
 
 use super::FlightFailure;
@@ -21,7 +21,7 @@ pub struct Recorder {
 
 struct Feed {
     topic: Topic,
-    rate: Rate,
+    rate: Presence,
     receiver: Box<dyn Receiver>,
     archive: Archive,
 }
@@ -50,7 +50,7 @@ impl Recorder {
             let ports = member.create_topic(topic, schedule)?;
             feeds.push(Feed {
                 topic,
-                rate: schedule.topic_rate(topic),
+                rate: schedule.publications(topic),
                 receiver: ports.recorder()?,
                 archive: Archive::new(schedule.publication(topic), schedule),
             });

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use runtime::in_process::TickSink;
 use shared_types::samples::RunEvent;
-use shared_types::scenario::{Scenario, VehicleChange};
+use shared_types::scenario::{Fault, FaultKind, FaultState, Scenario, VehicleChange};
 use shared_types::{Header, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
 
@@ -93,7 +93,28 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<RunEvent> {
             describe(change),
         ));
     }
+    for fault in &scenario.fault {
+        let Fault {
+            at,
+            service,
+            kind,
+            lasts,
+            state,
+        } = fault;
+        let what = match (kind, state) {
+            (FaultKind::Freeze, _) => format!("`{service}` stands still"),
+            (FaultKind::Off, FaultState::Warm) => format!("`{service}` is off"),
+            (FaultKind::Off, FaultState::Cold) => format!("`{service}` is off and forgets what it knows"),
+        };
+        events.push((scenario.tick_of(*at), RunEvent::KIND_OUTAGE_BEGINS, what));
+        if let Some(lasts) = lasts {
+            let what = format!("`{service}` is back");
+            events.push((scenario.tick_of(at + lasts), RunEvent::KIND_OUTAGE_ENDS, what));
+        }
+    }
     events.push((schedule.last_tick(), RunEvent::KIND_FLIGHT_ENDS, String::new()));
+    events.retain(|(tick, ..)| *tick <= schedule.last_tick());
+    events.sort_by_key(|(tick, ..)| *tick);
     let numbered = events.into_iter().zip(0..);
     numbered
         .map(|((tick, kind, text), seq)| {

@@ -79,7 +79,7 @@ impl PhaseRecord {
     pub(super) fn finish(&self, schedule: &Schedule, bound: f64) -> Phase {
         let time = |tick| seconds(schedule.time_ns(tick));
         let last_due = schedule
-            .topic_rate(Topic::ControlErrors)
+            .publications(Topic::ControlErrors)
             .last_at_or_before(self.end_tick - 1);
         let is_complete = self.last_tick >= last_due;
         let ultimate = is_complete.then_some(self.ultimate);

@@ -90,8 +90,9 @@ impl CrashPoint {
     }
 }
 
+/// Kills this process.
 #[cold]
-fn die() {
+pub fn die() {
     // Nothing can be done about a failure, and there is none: a process may always kill itself.
     let _ = kill_process(getpid(), Signal::KILL);
 }

@@ -49,6 +49,8 @@ pub struct InProcess {
 /// A service, when it steps, where its inputs come from and the latest of what it published.
 struct Station {
     service: Box<dyn ErasedService>,
+    /// The service's state before its first step.
+    newborn: Vec<u8>,
     timetable: Timetable,
     /// Of each input.
     sources: Vec<Source>,
@@ -80,15 +82,18 @@ impl Source {
 impl Station {
     fn new(service: Box<dyn ErasedService>, schedule: &Schedule) -> Self {
         let timetable = Timetable::new(schedule, service.id());
+        let mut newborn = vec![0; service.state_size()];
+        service.save(&mut newborn);
         let source =
             |topic| Source::of(topic, schedule.order()).expect("services consume what services publish");
         Self {
             service,
+            newborn,
             sources: timetable.inputs.iter().map(|input| source(input.topic)).collect(),
             histories: timetable
                 .outputs
                 .iter()
-                .map(|output| History::new(*output, schedule))
+                .map(|output| History::new(output.clone(), schedule))
                 .collect(),
             timetable,
         }
@@ -110,7 +115,7 @@ impl History {
             .consumers()
             .map(|(service, input)| schedule.latency(service, input))
             .max();
-        let depth = (latest.unwrap_or(0) / publication.rate.period + 2).next_power_of_two();
+        let depth = (latest.unwrap_or(0) / publication.rate.rate.period + 2).next_power_of_two();
         let words = size.div_ceil(size_of::<u64>());
         Self {
             publication,
@@ -220,7 +225,7 @@ impl InProcess {
         for place in 0..self.stations.len() {
             let (before, rest) = self.stations.split_at_mut(place);
             let (station, after) = rest.split_first_mut().expect("the place is one of theirs");
-            if station.timetable.rate.occurs_at(tick) {
+            if station.timetable.steps.occurs_at(tick) {
                 station.step(&Others { before, after }, tick)?;
             }
         }
@@ -261,6 +266,9 @@ impl<'a> Others<'a> {
 impl Station {
     #[inline]
     fn step(&mut self, others: &Others<'_>, tick: u64) -> Result<(), NonFinite> {
+        if self.timetable.begins_anew_at(tick) {
+            self.service.restore(&self.newborn);
+        }
         // The samples that the schedule says are due.
         let mut views = Views::default();
         for ((view, input), &source) in views.iter_mut().zip(&self.timetable.inputs).zip(&self.sources) {
@@ -273,9 +281,9 @@ impl Station {
         }
         let mut slots = Slots::default();
         for (slot, history) in slots.iter_mut().zip(&mut self.histories) {
-            let publication = history.publication;
-            if publication.is_due(tick) {
-                *slot = step::prepared(&publication, tick, history.bytes_mut(tick));
+            if history.publication.is_due(tick) {
+                let header = history.publication.header(tick);
+                *slot = step::prepared(history.publication.topic, header, history.bytes_mut(tick));
             }
         }
         self.timetable

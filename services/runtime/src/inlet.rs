@@ -13,7 +13,7 @@ use shared_types::service::{InputView, header_of};
 use zerocopy::IntoBytes;
 
 use crate::lock_step::FlightError;
-use crate::ports::Receiver;
+use crate::ports::{PortError, Receiver};
 
 /// An input.
 pub struct Inlet {
@@ -55,8 +55,16 @@ impl Inlet {
     }
 
     /// Says that the service is born again.
-    pub fn expect_missed(&mut self) {
+    ///
+    /// What has come by the port until now is thrown away, because there may be gaps in it: a publisher does not
+    /// wait for a receiver that is not connected or not known yet. From now on there are none.
+    ///
+    /// # Errors
+    /// That of the port.
+    pub fn expect_missed(&mut self) -> Result<(), PortError> {
+        while self.receiver.receive()? {}
         self.missed = Some(Missed::default());
+        Ok(())
     }
 
     /// Takes a sample that may have been missed.
@@ -173,8 +181,6 @@ mod tests {
     use zerocopy::FromZeros;
 
     use super::*;
-    use crate::ports::PortError;
-
     /// A port that has these ticks to give.
     struct Port {
         coming: VecDeque<u64>,
@@ -237,7 +243,7 @@ mod tests {
         ) {
             let (first, end) = (next + joins_later - repeats, 60);
             let mut inlet = inlet(first..end);
-            inlet.expect_missed();
+            inlet.missed = Some(Missed::default());
             let mut told = next;
             for due in next..end {
                 while !inlet.advance(due, due).unwrap() {
@@ -254,6 +260,16 @@ mod tests {
             }
             prop_assert!(inlet.has_caught_up());
         }
+    }
+
+    #[test]
+    fn what_came_before_a_rebirth_is_thrown_away() {
+        let mut inlet = inlet([3, 4, 9]);
+        inlet.expect_missed().unwrap();
+        assert!(!inlet.advance(5, 5).unwrap());
+        inlet.take_missed(sample(5).as_bytes());
+        assert!(inlet.advance(5, 5).unwrap());
+        assert_eq!(tick_seen(&inlet, 5), 5);
     }
 
     #[test]

@@ -11,13 +11,13 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use shared_types::schedule::{Publication, Rate};
+use shared_types::schedule::Publication;
 use shared_types::service::ErasedService;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{Channel, ControlError, ToOrchestrator, ToService};
-use crate::crash::{CrashPlace, CrashPoint};
+use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::inlet::Inlet;
 use crate::ports::{Member, PortError, Sender};
 use crate::shared_page::{Cell, SharedPage};
@@ -61,11 +61,18 @@ impl From<Interrupted> for FlightError {
 
 /// A service's ports.
 pub struct ServicePorts {
+    id: ServiceId,
+    page: Arc<SharedPage>,
     inlets: Vec<Inlet>,
     outputs: Vec<OutputPort>,
     consumers: Vec<ServiceId>,
     /// Where a reborn service gets what it has missed.
     missed: Option<Channel>,
+    /// Whether somebody has a planned outage. Then publishers may run ahead until buffers are full, and a service
+    /// that waits for one input must not let the publisher of another one wait.
+    takes_all: bool,
+    /// How many births of others the ports are connected to.
+    births_seen: u32,
 }
 
 struct OutputPort {
@@ -82,12 +89,12 @@ impl ServicePorts {
         member: &Member,
         id: ServiceId,
         schedule: &Schedule,
-        page: &Arc<SharedPage>,
+        waiter: &Waiter,
     ) -> Result<Self, PortError> {
+        let page = waiter.page();
         let mut inlets = Vec::new();
         for (index, spec) in id.inputs().iter().enumerate() {
             let receiver = member.open_topic(spec.topic, schedule)?.receiver()?;
-            page.words().cells[id.index()].receivers[index].store(receiver.id());
             let publisher = spec
                 .topic
                 .publisher()
@@ -105,7 +112,7 @@ impl ServicePorts {
                 publication: schedule.publication(spec.topic),
                 sender: member
                     .open_topic(spec.topic, schedule)?
-                    .sender(Arc::clone(page))?,
+                    .sender(Arc::clone(page), waiter.doorbells())?,
             });
         }
         let mut consumers: Vec<_> = id
@@ -117,11 +124,24 @@ impl ServicePorts {
         consumers.sort_unstable();
         consumers.dedup();
         Ok(Self {
+            id,
+            page: Arc::clone(page),
             inlets,
             outputs,
             consumers,
             missed: None,
+            takes_all: schedule.has_outages(),
+            births_seen: 0,
         })
+    }
+
+    /// Lets publishers wait for the service when its buffers are full. Before, they fly on without it: who is born
+    /// again must not hold anybody up until it flies.
+    pub fn make_known(&mut self) {
+        let receivers = &self.page.words().cells[self.id.index()].receivers;
+        for inlet in &mut self.inlets {
+            receivers[inlet.index].store(inlet.receiver().id());
+        }
     }
 
     /// Connects all ports to those of the others that exist by now.
@@ -138,18 +158,52 @@ impl ServicePorts {
     }
 
     /// Says that the service is born again in flight, and where it gets what it has missed.
-    pub fn expect_missed(&mut self, channel: Channel) {
-        self.inlets.iter_mut().for_each(Inlet::expect_missed);
+    ///
+    /// # Errors
+    /// [`PortError`].
+    pub fn expect_missed(&mut self, channel: Channel) -> Result<(), PortError> {
+        self.inlets.iter_mut().try_for_each(Inlet::expect_missed)?;
         self.missed = Some(channel);
+        Ok(())
+    }
+
+    /// Connects to the ports of services that were born again meanwhile, and says so: until then they do not fly.
+    #[inline]
+    fn greet(&mut self) -> Result<(), PortError> {
+        let births = self.page.words().births.load(Ordering::Acquire);
+        if births == self.births_seen {
+            return Ok(());
+        }
+        self.births_seen = births;
+        self.connect()?;
+        let cell = &self.page.words().cells[self.id.index()];
+        cell.births_seen.store(births, Ordering::Release);
+        Ok(())
     }
 
     /// Looks for the sample of tick `due` of an input.
     #[inline]
     fn look(&mut self, inlet: usize, tick: u64, due: u64) -> Result<bool, FlightError> {
+        self.greet()?;
         if self.missed.is_some() {
             self.read_missed()?;
         }
-        self.inlets[inlet].advance(tick, due)
+        let is_here = self.inlets[inlet].advance(tick, due)?;
+        if !is_here && self.takes_all {
+            self.make_room(tick)?;
+        }
+        Ok(is_here)
+    }
+
+    /// Takes of every input what is not later than what is due.
+    #[cold]
+    fn make_room(&mut self, tick: u64) -> Result<(), FlightError> {
+        for inlet in &mut self.inlets {
+            if let Some(due) = inlet.edge.due_sample(tick) {
+                inlet.advance(tick, due)?;
+            }
+        }
+        Ok(())
     }
 
     #[cold]
@@ -202,16 +256,16 @@ pub fn fly(
     cockpit: &mut Cockpit<'_>,
 ) -> Result<(), FlightError> {
     let timetable = Timetable::new(schedule, service.id());
-    let Rate { period, phase } = timetable.rate;
-    let mut tick = phase + first_tick.saturating_sub(phase).next_multiple_of(period);
-    while tick <= schedule.last_tick() {
+    let mut next = timetable.steps.first_at_or_after(first_tick);
+    while let Some(tick) = next.filter(|&tick| tick <= schedule.last_tick()) {
         if cockpit.waiter.is_stopping() {
             return Err(FlightError::Stopping);
         }
         cockpit.await_inputs(tick)?;
         cockpit.crash.pass(CrashPlace::BeforeStep, tick);
         cockpit.step_and_publish(service, &timetable, tick)?;
-        cockpit.keep(service, tick + period);
+        next = timetable.steps.first_at_or_after(tick + 1);
+        cockpit.keep(service, tick + 1);
         cockpit.crash.pass(CrashPlace::BeforeWaking, tick);
         let cell = cockpit.waiter.cell();
         cell.steps_until.store(tick + 1, Ordering::Relaxed);
@@ -220,7 +274,9 @@ pub fn fly(
         if cockpit.ports.missed.is_some() {
             cockpit.ports.catch_up()?;
         }
-        tick += period;
+        if timetable.dies_after(tick, next) {
+            crash::die();
+        }
     }
     Ok(())
 }
@@ -257,7 +313,8 @@ impl Cockpit<'_> {
         let mut slots = Slots::default();
         for (slot, output) in slots.iter_mut().zip(&mut *outputs) {
             if output.publication.is_due(tick) {
-                *slot = step::prepared(&output.publication, tick, output.sender.loan()?);
+                let header = output.publication.header(tick);
+                *slot = step::prepared(output.publication.topic, header, output.sender.loan()?);
             }
         }
         timetable.step(service, tick, &views, &mut slots)?;

@@ -23,7 +23,8 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicServ
 use shared_types::wiring::TopicVisitor;
 use shared_types::{Sample, Schedule, Topic};
 
-use crate::shared_page::SharedPage;
+use crate::doorbell::Doorbell;
+use crate::shared_page::{Owner, SharedPage};
 
 /// Places of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
 pub const RECORDER_BUFFER: usize = 1024;
@@ -178,11 +179,12 @@ fn consumer_buffer(schedule: &Schedule, topic: Topic) -> usize {
 /// A topic that has been opened, ready to make ports of it.
 pub trait TopicPorts {
     /// Makes the publisher. `page` tells which receivers it waits for when their buffers are full, and when the
-    /// run is ending and it shall wait for nobody.
+    /// run is ending and it shall wait for nobody; by the `doorbells` it wakes whom it waits for.
     ///
     /// # Errors
     /// [`PortError::Create`].
-    fn sender(&self, page: Arc<SharedPage>) -> Result<Box<dyn Sender>, PortError>;
+    fn sender(&self, page: Arc<SharedPage>, doorbells: Arc<[Doorbell]>)
+    -> Result<Box<dyn Sender>, PortError>;
 
     /// Makes a consumer's subscriber, its buffer sized by the schedule.
     ///
@@ -349,7 +351,11 @@ impl<T: Sample> Ports<T> {
 }
 
 impl<T: Sample> TopicPorts for Ports<T> {
-    fn sender(&self, page: Arc<SharedPage>) -> Result<Box<dyn Sender>, PortError> {
+    fn sender(
+        &self,
+        page: Arc<SharedPage>,
+        doorbells: Arc<[Doorbell]>,
+    ) -> Result<Box<dyn Sender>, PortError> {
         let publisher = self
             .service
             .publisher_builder()
@@ -357,13 +363,17 @@ impl<T: Sample> TopicPorts for Ports<T> {
             .backpressure_strategy(BackpressureStrategy::RetryUntilDelivered)
             .set_backpressure_handler(move |full: &BackpressureInfo| {
                 let words = page.words();
-                if !words.is_own(full.receiver_port_id) {
-                    BackpressureAction::DiscardData
-                } else if words.stopping.load(Ordering::Relaxed) != 0 {
-                    BackpressureAction::DiscardDataAndFail
-                } else {
-                    BackpressureAction::Retry
+                let Some(owner) = words.owner(full.receiver_port_id) else {
+                    return BackpressureAction::DiscardData;
+                };
+                if words.stopping.load(Ordering::Relaxed) != 0 {
+                    return BackpressureAction::DiscardDataAndFail;
                 }
+                if let Owner::Service(service) = owner {
+                    // It sleeps for a later sample, or is out as planned: it makes room when it looks.
+                    doorbells[service.index()].ring();
+                }
+                BackpressureAction::Retry
             })
             .create()
             .map_err(|reason| PortError::Create {

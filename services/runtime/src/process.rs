@@ -18,6 +18,7 @@ use crate::doorbell::Doorbell;
 use crate::lock_step::{self, Cockpit, FlightError, ServicePorts};
 use crate::ports::{Member, PortError};
 use crate::shared_page::SharedPage;
+use crate::step::Timetable;
 use crate::wait::Waiter;
 
 /// Why a service process could not do its work, if there was no orchestrator left to be told.
@@ -66,10 +67,9 @@ pub fn run(
         // Ended before it began.
         ToService::Stop | ToService::Go { .. } | ToService::Missed { .. } => return Ok(()),
     };
-    let page = Arc::new(page);
     let (scheduler, warnings) = deploy(&start);
-    let mut waiter = Waiter::new(id, Arc::clone(&page), doorbells, channel, scheduler);
-    let result = fly(id, build, &start, warnings, &page, &checkpoints, &mut waiter);
+    let mut waiter = Waiter::new(id, Arc::new(page), doorbells, channel, scheduler);
+    let result = fly(id, build, &start, warnings, &checkpoints, &mut waiter);
     report(waiter.channel(), result)
 }
 
@@ -105,7 +105,6 @@ fn fly(
     build: impl FnOnce(&Scenario) -> Result<Box<dyn ErasedService>, String>,
     start: &Start,
     warnings: Vec<String>,
-    page: &Arc<SharedPage>,
     checkpoints: &Checkpoints,
     waiter: &mut Waiter,
 ) -> Result<(), ProcessError> {
@@ -117,19 +116,25 @@ fn fly(
     let mut service = build(&start.scenario).map_err(ProcessError::Scenario)?;
     let member = Member::join(&start.iceoryx2_configuration, id.name())?;
     crash.pass(CrashPlace::BeforePorts, 0);
-    let mut ports = ServicePorts::open(&member, id, &schedule, page)?;
+    let mut ports = ServicePorts::open(&member, id, &schedule, waiter)?;
+    ports.connect()?;
     crash.pass(CrashPlace::AfterPorts, 0);
     waiter.channel().send(&ToOrchestrator::Ready { warnings })?;
     let ToService::Go { reborn } = waiter.channel().receive()? else {
         return Ok(());
     };
     ports.connect()?;
+    ports.make_known();
     let mut first_tick = 0;
     if reborn {
-        ports.expect_missed(waiter.channel().try_clone()?);
+        ports.expect_missed(waiter.channel().try_clone()?)?;
         if let Some(checkpoint) = checkpoints.newest(id) {
-            service.restore(&checkpoint.state);
             first_tick = checkpoint.next_tick;
+            let timetable = Timetable::new(&schedule, id);
+            let next = timetable.steps.first_at_or_after(first_tick);
+            if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
+                service.restore(&checkpoint.state);
+            }
         }
         crash.pass(CrashPlace::Recovering, first_tick);
     }

@@ -24,7 +24,8 @@ pub struct Words {
     pub block_only: AtomicU32,
     /// Yields that gave the core away for nothing or for too long, since the last verdict.
     pub misses: AtomicU32,
-    pad0: u32,
+    /// How often a service was born again: whoever sees that it has grown connects to the new ports.
+    pub births: AtomicU32,
     /// One cell a service.
     pub cells: [Cell; ServiceId::ALL.len()],
     /// The recorder's receivers.
@@ -37,7 +38,8 @@ pub struct Words {
 pub struct Cell {
     /// 0, or 1 + the index of the service whose publication this service sleeps for.
     pub waiting_for: AtomicU32,
-    pad0: u32,
+    /// How many of the births this service has seen, and is connected to what came of them.
+    pub births_seen: AtomicU32,
     /// 1 + the last tick that the service has stepped, 0 before the first.
     pub steps_until: AtomicU64,
     /// Steps.
@@ -70,14 +72,26 @@ impl ReceiverId {
     }
 }
 
+/// Whose a receiver is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Owner {
+    /// A service's.
+    Service(ServiceId),
+    /// The recorder's.
+    Recorder,
+}
+
 impl Words {
-    /// Whether a receiver is one of the run's own.
+    /// Whose a receiver is, if it is one of the run's own.
     #[must_use]
-    pub fn is_own(&self, id: u128) -> bool {
-        let services = self.cells.iter().flat_map(|cell| &cell.receivers);
-        services
-            .chain(&self.recorder)
-            .any(|receiver| receiver.load() == id)
+    pub fn owner(&self, id: u128) -> Option<Owner> {
+        let has = |receivers: &[ReceiverId]| receivers.iter().any(|receiver| receiver.load() == id);
+        let mut services = ServiceId::ALL.into_iter();
+        let service = services.find(|service| has(&self.cells[service.index()].receivers));
+        match service {
+            Some(service) => Some(Owner::Service(service)),
+            None => has(&self.recorder).then_some(Owner::Recorder),
+        }
     }
 
     /// Lets nobody wait for the receivers of a service any longer.

@@ -1,8 +1,8 @@
 //! One step of a service, the same in every host.
 
-use shared_types::schedule::{Edge, MAX_PORTS, Publication, Rate};
+use shared_types::schedule::{Edge, Fate, MAX_PORTS, Presence, Publication, Rate};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
-use shared_types::{Now, Schedule, ServiceId, Topic};
+use shared_types::{Header, Now, Schedule, ServiceId, Topic};
 
 /// A number that is not finite, stopped at the service that made it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, serde::Serialize, serde::Deserialize)]
@@ -33,7 +33,7 @@ pub struct Timetable {
     /// The service.
     pub service: ServiceId,
     /// When it steps.
-    pub rate: Rate,
+    pub steps: Presence,
     /// Its inputs, in the order of the wiring table.
     pub inputs: Vec<Edge>,
     /// Its outputs, in the order of the wiring table.
@@ -48,7 +48,7 @@ impl Timetable {
         let outputs = service.outputs().iter();
         Self {
             service,
-            rate: schedule.service_rate(service),
+            steps: schedule.steps(service),
             inputs: (0..service.inputs().len())
                 .map(|input| schedule.edge(service, input))
                 .collect(),
@@ -61,16 +61,54 @@ impl Timetable {
     #[must_use]
     #[inline]
     pub fn now(&self, tick: u64) -> Now {
-        let elapsed_ticks = if tick > self.rate.phase {
-            self.rate.period
+        let elapsed_ticks = if self.steps.is_unbroken() {
+            let Rate { period, phase } = self.steps.rate;
+            if tick > phase { period } else { 0 }
         } else {
-            0
+            self.elapsed_ticks(tick)
         };
         Now {
             tick,
             time_ns: tick * self.tick_ns,
             elapsed_ns: elapsed_ticks * self.tick_ns,
         }
+    }
+
+    /// Ticks since the previous step that the service remembers.
+    #[cold]
+    fn elapsed_ticks(&self, tick: u64) -> u64 {
+        let previous = tick
+            .checked_sub(1)
+            .and_then(|before| self.steps.last_at_or_before(before));
+        match previous {
+            Some(previous) if !self.forgets_between(previous, tick) => tick - previous,
+            _ => 0,
+        }
+    }
+
+    /// Whether the service forgets what it knew after its step at `previous` before that at `tick`.
+    #[must_use]
+    pub fn forgets_between(&self, previous: u64, tick: u64) -> bool {
+        let mut outages = self.steps.outages_between(previous, tick);
+        outages.any(|outage| outage.fate == Fate::DiesAndForgets)
+    }
+
+    /// Whether the service's process is to die after its step at `tick`, before the one at `next`, if any.
+    #[must_use]
+    #[inline]
+    pub fn dies_after(&self, tick: u64, next: Option<u64>) -> bool {
+        if self.steps.is_unbroken() {
+            return false;
+        }
+        let mut outages = self.steps.outages_between(tick, next.unwrap_or(u64::MAX));
+        outages.any(|outage| outage.fate != Fate::Frozen)
+    }
+
+    /// Whether the service begins anew with its step at `tick`.
+    #[must_use]
+    #[inline]
+    pub fn begins_anew_at(&self, tick: u64) -> bool {
+        !self.steps.is_unbroken() && tick > 0 && self.elapsed_ticks(tick) == 0
     }
 
     /// Steps `service` at `tick` and examines what it wrote.
@@ -110,7 +148,7 @@ impl Timetable {
 
 /// A due output's place: zeroed, its header filled in.
 #[inline]
-pub fn prepared<'a>(output: &Publication, tick: u64, bytes: &'a mut [u8]) -> OutputSlot<'a> {
-    output.topic.kind().prepare(bytes, output.header(tick));
+pub fn prepared(topic: Topic, header: Header, bytes: &mut [u8]) -> OutputSlot<'_> {
+    topic.kind().prepare(bytes, header);
     OutputSlot { bytes: Some(bytes) }
 }

@@ -42,7 +42,7 @@ pub struct Interrupted;
 pub struct Waiter {
     me: ServiceId,
     page: Arc<SharedPage>,
-    doorbells: Vec<Doorbell>,
+    doorbells: Arc<[Doorbell]>,
     channel: Channel,
     scheduler: Scheduler,
     leader: Option<Leader>,
@@ -62,11 +62,23 @@ impl Waiter {
         Self {
             me,
             page,
-            doorbells,
+            doorbells: doorbells.into(),
             channel,
             scheduler,
             leader,
         }
+    }
+
+    /// The words that the run shares.
+    #[must_use]
+    pub fn page(&self) -> &Arc<SharedPage> {
+        &self.page
+    }
+
+    /// The doorbells of all services, in the order of the wiring table.
+    #[must_use]
+    pub fn doorbells(&self) -> Arc<[Doorbell]> {
+        Arc::clone(&self.doorbells)
     }
 
     /// The line to the orchestrator.

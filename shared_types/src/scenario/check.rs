@@ -7,6 +7,7 @@ mod cameras;
 mod controller;
 mod estimator;
 mod events;
+mod faults;
 mod path;
 mod radio;
 mod sections;
@@ -29,6 +30,7 @@ impl Scenario {
         self.controller.check(&root.then("controller"), &mut found);
         self.check_assumption_1(&mut found);
         self.check_rig(&root, &mut found);
+        self.check_faults(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems
     }

@@ -2,6 +2,7 @@
 
 mod events;
 mod names;
+mod outages;
 mod ticks;
 
 use ticks::TickReader;
@@ -34,6 +35,7 @@ impl Scenario {
         let latencies = self.schedule.latencies(&mut reader);
         let tick_ns = reader.finish()?;
         Schedule::new(tick_ns, last_tick, services, topics, latencies)
+            .map(|schedule| schedule.with_outages(self.outages()))
             .map_err(|error| vec![self.schedule.explain(&error)])
     }
 

@@ -38,6 +38,7 @@ impl Scenario {
             steps,
             |step| step.at,
         ));
+        moments.extend(in_array(&root.then("fault"), "at", &self.fault, |fault| fault.at));
         if let Some(fan) = &self.vehicle.fan {
             let at = vehicle.then("fan");
             moments.push((at.then("on_at"), fan.on_at));
@@ -61,15 +62,22 @@ impl Scenario {
 
     /// How long something lasts.
     fn lengths(&self) -> Vec<StatedTime> {
+        let faults = self.fault.iter().enumerate();
+        let outages = faults.filter_map(|(index, fault)| {
+            let key = Key::root().then("fault").then(index).then("for");
+            Some((key, fault.lasts?))
+        });
         let at = Key::root().then("cameras");
-        self.cameras.iter().fold(Vec::new(), |mut lengths, cameras| {
-            let (occlusions, swaps) = (&cameras.occlusion, &cameras.marker_swap);
-            lengths.extend(in_array(&at.then("occlusion"), "lasts", occlusions, |one| {
-                one.lasts
-            }));
-            lengths.extend(in_array(&at.then("marker_swap"), "lasts", swaps, |one| one.lasts));
-            lengths
-        })
+        self.cameras
+            .iter()
+            .fold(outages.collect(), |mut lengths: Vec<_>, cameras| {
+                let (occlusions, swaps) = (&cameras.occlusion, &cameras.marker_swap);
+                lengths.extend(in_array(&at.then("occlusion"), "lasts", occlusions, |one| {
+                    one.lasts
+                }));
+                lengths.extend(in_array(&at.then("marker_swap"), "lasts", swaps, |one| one.lasts));
+                lengths
+            })
     }
 
     /// What estimator and controller believe of latencies.

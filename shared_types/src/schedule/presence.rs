@@ -1,0 +1,173 @@
+//! When a service is there: the ticks of a rate but for planned outages.
+
+use std::sync::Arc;
+
+use super::Rate;
+
+/// Ticks at which a service does not step, as planned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outage {
+    /// First tick of the outage.
+    pub from: u64,
+    /// First tick after it; [`u64::MAX`] if it never ends.
+    pub until: u64,
+    /// What becomes of the service meanwhile.
+    pub fate: Fate,
+}
+
+/// What becomes of a service in a planned outage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fate {
+    /// It does not step, and goes on as if no time had passed for its state.
+    Frozen,
+    /// Its process dies; another goes on from the state before.
+    Dies,
+    /// Its process dies; another begins anew.
+    DiesAndForgets,
+}
+
+/// The ticks of a rate at which a service, or what it publishes, is there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Presence {
+    /// The rate, were there no outages.
+    pub rate: Rate,
+    /// In the order of time, apart from each other.
+    outages: Arc<[Outage]>,
+}
+
+impl Presence {
+    /// The ticks of `rate` but for `outages`, which are in the order of time and apart from each other.
+    #[must_use]
+    pub fn new(rate: Rate, outages: Arc<[Outage]>) -> Self {
+        Self { rate, outages }
+    }
+
+    /// Whether there are no outages.
+    #[must_use]
+    #[inline]
+    pub fn is_unbroken(&self) -> bool {
+        self.outages.is_empty()
+    }
+
+    /// The outages.
+    #[must_use]
+    pub fn outages(&self) -> &[Outage] {
+        &self.outages
+    }
+
+    /// Whether `tick` is one of the ticks.
+    #[must_use]
+    #[inline]
+    pub fn occurs_at(&self, tick: u64) -> bool {
+        self.rate.occurs_at(tick) && (self.is_unbroken() || self.outage_at(tick).is_none())
+    }
+
+    /// The last of the ticks that is not after `tick`.
+    #[must_use]
+    #[inline]
+    pub fn last_at_or_before(&self, tick: u64) -> Option<u64> {
+        let last = self.rate.last_at_or_before(tick)?;
+        if self.is_unbroken() {
+            Some(last)
+        } else {
+            self.last_present(last)
+        }
+    }
+
+    #[cold]
+    fn last_present(&self, mut last: u64) -> Option<u64> {
+        while let Some(outage) = self.outage_at(last) {
+            last = self.rate.last_at_or_before(outage.from.checked_sub(1)?)?;
+        }
+        Some(last)
+    }
+
+    /// The first of the ticks that is not before `tick`; none if an outage never ends.
+    #[must_use]
+    #[inline]
+    pub fn first_at_or_after(&self, tick: u64) -> Option<u64> {
+        let Rate { period, phase } = self.rate;
+        let of_rate = |tick: u64| phase + tick.saturating_sub(phase).next_multiple_of(period);
+        let mut first = of_rate(tick);
+        while let Some(outage) = self.outage_at(first) {
+            if outage.until == u64::MAX {
+                return None;
+            }
+            first = of_rate(outage.until);
+        }
+        Some(first)
+    }
+
+    /// How many of the ticks lie before `tick`: the sequence number of an occurrence at `tick`.
+    #[must_use]
+    #[inline]
+    pub fn count_before(&self, tick: u64) -> u64 {
+        let count = self.rate.count_before(tick);
+        if self.is_unbroken() {
+            count
+        } else {
+            count - self.missed_before(tick)
+        }
+    }
+
+    #[cold]
+    fn missed_before(&self, tick: u64) -> u64 {
+        let missed = self.outages.iter().map(|outage| {
+            let [from, until] = [outage.from, outage.until].map(|end| self.rate.count_before(end.min(tick)));
+            until - from
+        });
+        missed.sum()
+    }
+
+    /// The outages that begin after the tick `from` and not after `until`, in the order of time.
+    pub fn outages_between(&self, from: u64, until: u64) -> impl Iterator<Item = &Outage> {
+        let outages = self.outages.iter();
+        outages.filter(move |outage| (from + 1..=until).contains(&outage.from))
+    }
+
+    #[inline]
+    fn outage_at(&self, tick: u64) -> Option<&Outage> {
+        let mut outages = self.outages.iter();
+        outages.find(|outage| (outage.from..outage.until).contains(&tick))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn presence() -> impl Strategy<Value = Presence> {
+        let outages = proptest::collection::btree_set(0..100u64, 0..6);
+        (1..7u64, 0..9u64, outages, any::<bool>()).prop_map(|(period, phase, ends, for_ever)| {
+            let ends: Vec<_> = ends.into_iter().collect();
+            let mut outages: Vec<_> = ends
+                .chunks_exact(2)
+                .map(|pair| Outage {
+                    from: pair[0],
+                    until: pair[1],
+                    fate: Fate::Frozen,
+                })
+                .collect();
+            if let Some(last) = outages.last_mut().filter(|_| for_ever) {
+                last.until = u64::MAX;
+            }
+            Presence::new(Rate { period, phase }, outages.into())
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn all_questions_agree_with_a_look_at_every_tick(presence in presence(), tick in 0..120u64) {
+            let is_there = |tick: &u64| {
+                let is_out = presence.outages().iter().any(|outage| (outage.from..outage.until).contains(tick));
+                presence.rate.occurs_at(*tick) && !is_out
+            };
+            prop_assert_eq!(presence.occurs_at(tick), is_there(&tick));
+            prop_assert_eq!(presence.last_at_or_before(tick), (0..=tick).rev().find(is_there));
+            let first = (tick..200).find(is_there);
+            prop_assert_eq!(presence.first_at_or_after(tick), first);
+            prop_assert_eq!(presence.count_before(tick), (0..tick).filter(is_there).count() as u64);
+        }
+    }
+}

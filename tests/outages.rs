@@ -1,0 +1,204 @@
+//! Outages that a scenario plans: exact in simulated time, the same in every host, and what they do to the flight.
+
+mod common;
+
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+
+use common::{Place, output, scenario, succeed};
+use orchestrator::flight::{Outcome, in_process};
+use orchestrator::interrupt::Interrupt;
+use orchestrator::scenario_file;
+use runtime::in_process::TickSink;
+use shared_types::samples::{ControlAdaptation, ControlCommand, VehicleTruth};
+use shared_types::service::header_of;
+use shared_types::{ServiceId, Topic};
+use zerocopy::FromBytes;
+
+fn log(place: &Place, out: &str) -> Vec<u8> {
+    std::fs::read(place.path(out).join("run.mcap")).unwrap()
+}
+
+fn fault(service: ServiceId, at: f64, lasts: f64, more: &str) -> String {
+    format!("{{at = {at:?}, service = \"{service}\", for = {lasts:?}, {more}}}")
+}
+
+const OFF_WARM: &str = "kind = \"off\"";
+const OFF_COLD: &str = "kind = \"off\", state = \"cold\"";
+const FREEZE: &str = "kind = \"freeze\"";
+
+/// Services that can fail.
+const SERVICES: [ServiceId; 4] = [
+    ServiceId::Estimator,
+    ServiceId::PathGenerator,
+    ServiceId::Controller,
+    ServiceId::RcOutput,
+];
+
+#[test]
+fn outages_have_the_same_bytes_in_one_process_and_in_processes_that_really_die() {
+    let place = Place::new();
+    let mut faults = Vec::new();
+    for (number, service) in (0..).zip(SERVICES) {
+        let at = 0.2 + 0.15 * f64::from(number);
+        for (kind, shift) in [(OFF_WARM, 0.0), (OFF_COLD, 0.05), (FREEZE, 0.1)] {
+            faults.push(fault(service, ((at + shift) * 1e3_f64).round() / 1e3, 0.02, kind));
+        }
+    }
+    // Two at once, and one for good.
+    faults.push(fault(ServiceId::Estimator, 0.85, 0.03, OFF_COLD));
+    faults.push(fault(ServiceId::Controller, 0.86, 0.05, OFF_WARM));
+    faults.push("{at = 0.95, service = \"path_generator\", kind = \"off\"}".to_owned());
+    let setting = format!("fault=[{}]", faults.join(", "));
+    let crashes = [
+        "--crash",
+        "controller@860:recovering",
+        "--crash",
+        "estimator@852:before-ports",
+    ];
+    for (flight, more) in [
+        ("processes", &[][..]),
+        ("killed", &crashes),
+        ("one", &["--host", "inprocess"]),
+    ] {
+        let more = [&["--set", &setting], more].concat();
+        succeed(&mut place.short_flight(flight, 1.0, &more));
+        assert!(log(&place, flight) == log(&place, "processes"), "{flight}");
+        let out = format!("rig-{flight}");
+        succeed(&mut place.rig_flight(&out, 1.0, &more));
+        assert!(log(&place, &out) == log(&place, "rig-processes"), "{out}");
+    }
+    succeed(&mut place.short_flight("undisturbed", 1.0, &["--host", "inprocess"]));
+    assert!(log(&place, "undisturbed") != log(&place, "one"));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+/// Looks at a flight tick by tick.
+#[derive(Default)]
+struct Flight {
+    /// Ticks at which commands were published.
+    commands: Vec<u64>,
+    /// Largest distance from the path's plane-free place in hover, m.
+    farthest: f64,
+    /// m̂ at every tick at which it was published.
+    masses: Vec<(u64, f64)>,
+}
+
+impl TickSink for Flight {
+    type Error = Infallible;
+
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        let tick = header_of(bytes).tick;
+        match topic {
+            Topic::ControlCommand => {
+                assert!(ControlCommand::read_from_bytes(bytes).is_ok());
+                self.commands.push(tick);
+            }
+            Topic::ControlAdaptation => {
+                let adaptation = ControlAdaptation::read_from_bytes(bytes).unwrap();
+                self.masses.push((tick, adaptation.mass_estimate));
+            }
+            Topic::VehicleTruth => {
+                let [x, y, z] = VehicleTruth::read_from_bytes(bytes).unwrap().position_world;
+                self.farthest = self.farthest.max(libm::hypot(libm::hypot(x, y), z + 1.2));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// Fig. 1's vehicle in hover, begun where it hovers, with an outage.
+fn hover(outage: &str) -> Flight {
+    let settings = [
+        "duration=3.0",
+        "vehicle.change=[]",
+        "path.curve={hover={position=[0.0, 0.0, -1.2]}}",
+        "vehicle.initial.position=[0.0, 0.0, -1.2]",
+        "controller.initial.mass=0.25",
+        &format!("fault=[{outage}]"),
+    ];
+    let settings = settings.map(str::to_owned);
+    let scenario = scenario_file::load(&scenario("fig1"), &settings, None).unwrap();
+    let mut flight = Flight::default();
+    let ending = in_process::fly(&scenario, &mut flight, &Interrupt::never()).unwrap();
+    assert!(matches!(ending.outcome, Outcome::Completed));
+    flight
+}
+
+#[test]
+fn nothing_is_published_in_an_outage_and_a_cold_service_begins_anew() {
+    for (kind, forgets) in [(OFF_WARM, false), (OFF_COLD, true), (FREEZE, false)] {
+        let flight = hover(&fault(ServiceId::Controller, 1.0, 0.05, kind));
+        let expected: Vec<u64> = (0..1000).chain(1050..=3000).collect();
+        assert_eq!(flight.commands, expected, "{kind}");
+        let mass_at = |tick: u64| flight.masses.iter().find(|(at, _)| *at == tick).unwrap().1;
+        assert!((mass_at(999) - 0.25).abs() > 1e-3, "it has learned");
+        assert_eq!(mass_at(1050) == mass_at(0), forgets, "{kind}");
+        assert!(flight.farthest < 0.5, "{}", flight.farthest);
+    }
+}
+
+#[test]
+fn an_outage_for_good_is_one() {
+    let flight = hover("{at = 2.9, service = \"controller\", kind = \"off\"}");
+    assert_eq!(flight.commands.last(), Some(&2899));
+}
+
+#[test]
+fn outages_that_cannot_be_are_refused_with_the_place() {
+    let place = Place::new();
+    for (faults, pieces) in [
+        (
+            fault(ServiceId::Plant, 0.5, 0.1, OFF_WARM),
+            ["fault.0.service", "flies on"],
+        ),
+        (
+            "{at = 0.5, service = \"controler\", kind = \"off\"}".to_owned(),
+            ["fault.0.service", "did you mean `controller`"],
+        ),
+        (
+            fault(ServiceId::Controller, 5.0, 0.1, OFF_WARM),
+            ["fault.0.at", "after the end"],
+        ),
+        (
+            fault(ServiceId::Controller, 0.5, -0.1, OFF_WARM),
+            ["fault.0.for", "above 0"],
+        ),
+        (
+            fault(ServiceId::Controller, 0.5, 0.0123, OFF_WARM),
+            ["fault.0.for", "whole number"],
+        ),
+        (
+            fault(
+                ServiceId::Controller,
+                0.5,
+                0.1,
+                "kind = \"freeze\", state = \"cold\"",
+            ),
+            ["fault.0.state", "keeps its state"],
+        ),
+        (
+            [
+                fault(ServiceId::Controller, 0.5, 0.1, OFF_WARM),
+                fault(ServiceId::Controller, 0.55, 0.1, FREEZE),
+            ]
+            .join(", "),
+            ["fault.1.at", "out already"],
+        ),
+    ] {
+        let setting = format!("fault=[{faults}]");
+        let refused = output(&mut place.short_flight("refused", 1.0, &["--set", &setting]));
+        let errors = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(2), "{errors}");
+        let words = errors.replace('│', " ");
+        let words = words.split_whitespace().collect::<Vec<_>>().join(" ");
+        for piece in pieces {
+            assert!(words.contains(piece), "{piece} is not in {errors}");
+        }
+    }
+}
