@@ -92,11 +92,8 @@ impl CrewObserver for HostRecord {
         }
     }
 
-    fn died(&mut self, crew: &Crew<'_>) {
+    fn changed(&mut self, crew: &Crew<'_>) {
         self.write_ends(crew);
-    }
-
-    fn reborn(&mut self, crew: &Crew<'_>) {
         for rebirth in &crew.rebirths()[self.rebirths_written..] {
             let Rebirth { service, pid, .. } = *rebirth;
             self.event(Some(service), HostEvent::KIND_REBORN, pid, &rebirth.to_string());

@@ -3,7 +3,7 @@
 //! * [`mod@column`]: the laboratories: as stated, doubled, other than believed;
 //! * [`figures`]: of which flights a figure is made and which numbers it comes to, with their bars;
 //! * [`flight`], [`parallel`]: flying them, on all cores, each a function of its scenario alone;
-//! * [`measure`], [`windows`], [`path_clock`], [`statistics`]: what a flight came to, measured while it flies;
+//! * [`measure`], [`windows`], [`latest`], [`path_clock`], [`statistics`]: what a flight came to, measured while it flies;
 //! * [`row`], [`known_gaps`], [`report`]: judging it;
 //! * [`observability`], [`ablation`]: what the mass estimate can know, and what each part of the design is worth;
 //! * [`table`], [`traces`], [`drawings`], [`canvas`], [`gallery`]: showing it;
@@ -17,6 +17,7 @@ pub mod figures;
 pub mod flight;
 pub mod gallery;
 pub mod known_gaps;
+pub mod latest;
 pub mod measure;
 pub mod observability;
 pub mod parallel;

@@ -281,7 +281,7 @@ impl Schedule {
     pub fn publication(&self, topic: Topic) -> Publication {
         Publication {
             topic,
-            rate: self.publications(topic),
+            ticks: self.publications(topic),
             tick_ns: self.tick_ns,
         }
     }
@@ -380,7 +380,7 @@ pub struct Publication {
     /// The topic that is published.
     pub topic: Topic,
     /// When it is published.
-    pub rate: Presence,
+    pub ticks: Presence,
     tick_ns: u64,
 }
 
@@ -389,7 +389,7 @@ impl Publication {
     #[must_use]
     #[inline]
     pub fn is_due(&self, tick: u64) -> bool {
-        self.rate.occurs_at(tick)
+        self.ticks.occurs_at(tick)
     }
 
     /// Header of the sample that is published at `tick`.
@@ -399,7 +399,7 @@ impl Publication {
         Header {
             tick,
             stamp_ns: tick * self.tick_ns,
-            seq: self.rate.count_before(tick),
+            seq: self.ticks.count_before(tick),
         }
     }
 }

@@ -48,6 +48,17 @@ pub fn seconds(nanoseconds: u64) -> f64 {
     nanoseconds as f64 / 1e9
 }
 
+/// Seconds as nanoseconds, to the nearest; what is below 0 counts as 0, and what is beyond any flight as its end.
+#[must_use]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the cast saturates"
+)]
+pub fn nanoseconds(seconds: f64) -> u64 {
+    libm::round(seconds * 1e9) as u64
+}
+
 /// The newest sample of a topic that has been delivered by now, if there is any.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a, T> {

@@ -1,10 +1,10 @@
 //! The latest samples of a topic: those that the log is still waiting for, and before them those that a reborn
 //! service may have missed.
 
-use shared_types::schedule::Publication;
+use runtime::sample_ring::SampleRing;
+use shared_types::schedule::{Publication, Rate};
 use shared_types::service::header_of;
 use shared_types::{Header, Schedule};
-use zerocopy::IntoBytes;
 
 use super::FlightFailure;
 
@@ -14,8 +14,7 @@ const LEAST_HISTORY: u64 = 64;
 /// A ring of the latest samples of a topic, by their place in the sequence of the topic.
 pub struct Archive {
     publication: Publication,
-    slots: Vec<Box<[u64]>>,
-    size: usize,
+    samples: SampleRing,
     /// How many samples have come.
     count: u64,
 }
@@ -26,14 +25,9 @@ impl Archive {
     pub fn new(publication: Publication, schedule: &Schedule) -> Self {
         // A consumer lags behind its publisher by less than its buffer holds; as much again may wait for the log.
         let history = schedule.buffer_size(publication.topic).max(LEAST_HISTORY);
-        let depth = (2 * history).next_power_of_two();
-        let size = publication.topic.kind().size;
         Self {
+            samples: SampleRing::new(publication.topic, 2 * history),
             publication,
-            slots: (0..depth)
-                .map(|_| vec![0; size.div_ceil(size_of::<u64>())].into_boxed_slice())
-                .collect(),
-            size,
             count: 0,
         }
     }
@@ -42,10 +36,8 @@ impl Archive {
     #[must_use]
     #[inline]
     pub fn has_room(&self, tick: u64) -> bool {
-        let waiting = self
-            .count
-            .saturating_sub(self.publication.rate.count_before(tick));
-        2 * waiting < self.slots.len() as u64
+        let waiting = self.count.saturating_sub(self.place_of(tick));
+        2 * waiting < self.samples.depth()
     }
 
     /// Keeps a sample. One that has come before, from a service that was born again, must be the same.
@@ -56,7 +48,7 @@ impl Archive {
     pub fn keep(&mut self, bytes: &[u8]) -> Result<(), FlightFailure> {
         let Header { tick, seq: place, .. } = header_of(bytes);
         if place == self.count {
-            self.slot_mut(place).copy_from_slice(bytes);
+            self.samples.at_mut(place).copy_from_slice(bytes);
             self.count += 1;
             return Ok(());
         }
@@ -67,7 +59,8 @@ impl Archive {
     fn compare(&self, tick: u64, place: u64, bytes: &[u8]) -> Result<(), FlightFailure> {
         let topic = self.publication.topic.to_string();
         if place > self.count {
-            let due = self.publication.rate.rate.phase + self.count * self.publication.rate.rate.period;
+            let Rate { period, phase } = self.publication.ticks.rate;
+            let due = phase + self.count * period;
             return Err(FlightFailure::Lost {
                 topic,
                 due,
@@ -85,15 +78,15 @@ impl Archive {
     #[must_use]
     #[inline]
     pub fn sample(&self, tick: u64) -> Option<&[u8]> {
-        self.at(self.publication.rate.count_before(tick))
+        self.at(self.place_of(tick))
     }
 
     /// The sample of a place in the sequence, if it has come and is still kept.
     #[must_use]
     #[inline]
     pub fn at(&self, place: u64) -> Option<&[u8]> {
-        let is_kept = place < self.count && self.count - place <= self.slots.len() as u64;
-        is_kept.then(|| &self.slots[self.slot_of(place)].as_bytes()[..self.size])
+        let is_kept = place < self.count && self.count - place <= self.samples.depth();
+        is_kept.then(|| self.samples.at(place))
     }
 
     /// How many samples have come.
@@ -105,19 +98,9 @@ impl Archive {
 
     /// Place in the sequence of the sample that is due at `tick`, or else of the first after it.
     #[must_use]
-    pub fn place_of(&self, tick: u64) -> u64 {
-        self.publication.rate.count_before(tick)
-    }
-
-    fn slot_mut(&mut self, place: u64) -> &mut [u8] {
-        let slot = self.slot_of(place);
-        &mut self.slots[slot].as_mut_bytes()[..self.size]
-    }
-
     #[inline]
-    fn slot_of(&self, place: u64) -> usize {
-        // The depth is a power of two.
-        usize::try_from(place & (self.slots.len() as u64 - 1)).expect("below the depth")
+    pub fn place_of(&self, tick: u64) -> u64 {
+        self.publication.ticks.count_before(tick)
     }
 }
 
@@ -126,7 +109,7 @@ mod tests {
     use super::*;
     use shared_types::Topic;
     use shared_types::samples::VehicleState;
-    use zerocopy::FromZeros;
+    use zerocopy::{FromZeros, IntoBytes};
 
     fn archive() -> Archive {
         let schedule = Schedule::ideal(1_000_000, 10_000);
@@ -143,7 +126,7 @@ mod tests {
     #[test]
     fn samples_are_kept_until_many_later_ones_have_come() {
         let mut archive = archive();
-        let depth = archive.slots.len() as u64;
+        let depth = archive.samples.depth();
         for tick in 0..3 * depth {
             archive.keep(sample(tick, tick as f64).as_bytes()).unwrap();
         }

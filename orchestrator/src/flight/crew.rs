@@ -4,24 +4,25 @@
 //! recorder what it has missed ([`runtime::inlet`]). A service that dies again and again at the same place is given
 //! up: its crash is a function of its inputs, and so will the next be.
 
-use std::os::fd::{AsFd, OwnedFd};
-use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::process::{Child, Command, ExitStatus, Stdio};
+mod process;
+
+use std::os::fd::AsFd;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use runtime::checkpoints::Checkpoints;
-use runtime::control::{CONTROL_FD, Channel, ControlError, Start, ToOrchestrator, ToService};
+use runtime::control::{ControlError, Start, ToOrchestrator, ToService};
 use runtime::crash::Crash;
-use runtime::descriptors::hand_on;
 use runtime::doorbell::Doorbell;
 use runtime::ports::Member;
 use runtime::shared_page::SharedPage;
 use runtime::step::Timetable;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use shared_types::schedule::MAX_PORTS;
 use shared_types::{Schedule, ServiceId};
+
+pub use process::Exit;
+use process::Process;
 
 use super::FlightFailure;
 use super::recorder::Recorder;
@@ -68,14 +69,6 @@ struct CrewMember {
     birth: Option<u32>,
 }
 
-struct Process {
-    child: Child,
-    death: OwnedFd,
-    channel: Channel,
-    started_at: Instant,
-    is_gone: bool,
-}
-
 /// Where a service is in its life.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
@@ -93,15 +86,6 @@ enum Phase {
     Dead(Instant),
     /// It is dead and stays so.
     GivenUp,
-}
-
-/// How a process ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Exit {
-    /// Whether a signal ended it.
-    pub killed: bool,
-    /// How it ended, in words.
-    pub description: String,
 }
 
 /// A death in flight that was mended.
@@ -190,28 +174,12 @@ impl<'a> Crew<'a> {
     }
 
     fn spawn(&self, service: ServiceId) -> Result<Process, FlightFailure> {
-        let (channel, theirs) = Channel::pair().map_err(setup)?;
-        // The running program itself, even if its file has been replaced meanwhile.
-        let mut command = Command::new("/proc/self/exe");
-        command
-            .args(["service", service.name()])
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            // Ctrl-C in a terminal is for the orchestrator alone.
-            .process_group(0);
         let doorbells = self.doorbells.iter().map(AsFd::as_fd);
-        let files = [theirs.as_fd(), self.page.file(), self.checkpoints.file()];
-        hand_on(&mut command, CONTROL_FD, files.into_iter().chain(doorbells)).map_err(setup)?;
-        let child = command.spawn().map_err(setup)?;
-        let pid = Pid::from_child(&child);
-        let death = pidfd_open(pid, PidfdFlags::empty()).map_err(|error| setup(error.into()))?;
-        Ok(Process {
-            child,
-            death,
-            channel,
-            started_at: Instant::now(),
-            is_gone: false,
-        })
+        let files: Vec<_> = [self.page.file(), self.checkpoints.file()]
+            .into_iter()
+            .chain(doorbells)
+            .collect();
+        Process::start(service, &files).map_err(setup)
     }
 
     /// Tells a process that has just been started what to fly.
@@ -612,23 +580,6 @@ impl CrewMember {
     }
 }
 
-impl Process {
-    /// Waits for the end of a process that has closed its line or was killed.
-    fn wait(&mut self) -> Exit {
-        self.is_gone = true;
-        match self.child.wait() {
-            Ok(status) => Exit {
-                killed: status.signal().is_some(),
-                description: describe(status),
-            },
-            Err(_) => Exit {
-                killed: false,
-                description: "it cannot be told how".to_owned(),
-            },
-        }
-    }
-}
-
 /// How long a service waits for its next life after so many deaths in a row at the same place.
 fn back_off(fruitless: u32) -> Duration {
     let doublings = fruitless.saturating_sub(AT_ONCE);
@@ -636,17 +587,6 @@ fn back_off(fruitless: u32) -> Duration {
         Duration::ZERO
     } else {
         Duration::from_millis(5 << doublings.min(8)).min(LONGEST_BACK_OFF)
-    }
-}
-
-fn describe(status: ExitStatus) -> String {
-    match (status.signal(), status.code()) {
-        (Some(signal), _) => match rustix::process::Signal::from_named_raw(signal) {
-            Some(name) => format!("killed by {name:?}"),
-            None => format!("killed by signal {signal}"),
-        },
-        (None, Some(code)) => format!("it exited with code {code}"),
-        (None, None) => "it cannot be told how".to_owned(),
     }
 }
 

@@ -60,10 +60,8 @@ pub enum Placement {
 pub trait CrewObserver {
     /// The processes have been started and are ready.
     fn ready(&mut self, crew: &Crew<'_>, core: Option<usize>);
-    /// A process has died and will be followed by another.
-    fn died(&mut self, crew: &Crew<'_>);
-    /// A service flies again.
-    fn reborn(&mut self, crew: &Crew<'_>);
+    /// Processes may have died, and services may fly again.
+    fn changed(&mut self, crew: &Crew<'_>);
     /// About a second of the flight has passed, or it has ended.
     fn health(&mut self, crew: &Crew<'_>);
     /// The flight has ended, and this is how.
@@ -111,7 +109,7 @@ where
     let started = Instant::now();
     crew.go()?;
     recorder.connect().map_err(port_failure)?;
-    observer.reborn(&crew);
+    observer.changed(&crew);
     let mut flight = Flight {
         crew,
         recorder,
@@ -162,7 +160,7 @@ impl Flight<'_> {
                 self.recorder.receive()?;
                 self.crew.mend()?;
                 self.crew.resume(&mut self.recorder)?;
-                self.observer.reborn(&self.crew);
+                self.observer.changed(&self.crew);
                 self.crew.hand_over(&self.recorder)?;
             }
             if Instant::now() >= next_health {
@@ -176,7 +174,7 @@ impl Flight<'_> {
     fn attend_to(&mut self, event: CrewEvent) -> Result<(), FlightFailure> {
         match event {
             CrewEvent::Lost(failure) => return Err(failure),
-            CrewEvent::Died => self.observer.died(&self.crew),
+            CrewEvent::Died => self.observer.changed(&self.crew),
             CrewEvent::Ready(..) | CrewEvent::Finished(_) => {}
         }
         Ok(())

@@ -94,22 +94,12 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<RunEvent> {
         ));
     }
     for fault in &scenario.fault {
-        let Fault {
-            at,
-            service,
-            kind,
-            lasts,
-            state,
-        } = fault;
-        let what = match (kind, state) {
-            (FaultKind::Freeze, _) => format!("`{service}` stands still"),
-            (FaultKind::Off, FaultState::Warm) => format!("`{service}` is off"),
-            (FaultKind::Off, FaultState::Cold) => format!("`{service}` is off and forgets what it knows"),
-        };
-        events.push((scenario.tick_of(*at), RunEvent::KIND_OUTAGE_BEGINS, what));
-        if let Some(lasts) = lasts {
-            let what = format!("`{service}` is back");
-            events.push((scenario.tick_of(at + lasts), RunEvent::KIND_OUTAGE_ENDS, what));
+        let begins = scenario.tick_of(fault.at);
+        events.push((begins, RunEvent::KIND_OUTAGE_BEGINS, describe_outage(fault)));
+        if let Some(lasts) = fault.lasts {
+            let ends = scenario.tick_of(fault.at + lasts);
+            let text = format!("`{}` is back", fault.service);
+            events.push((ends, RunEvent::KIND_OUTAGE_ENDS, text));
         }
     }
     events.push((schedule.last_tick(), RunEvent::KIND_FLIGHT_ENDS, String::new()));
@@ -155,4 +145,13 @@ fn describe(change: &VehicleChange) -> String {
         parts.push(format!("disturbance [{x}, {y}, {z}] m/s²"));
     }
     parts.join(", ")
+}
+
+fn describe_outage(fault: &Fault) -> String {
+    let service = &fault.service;
+    match (fault.kind, fault.state) {
+        (FaultKind::Freeze, _) => format!("`{service}` stands still"),
+        (FaultKind::Off, FaultState::Warm) => format!("`{service}` is off"),
+        (FaultKind::Off, FaultState::Cold) => format!("`{service}` is off and forgets what it knows"),
+    }
 }

@@ -6,15 +6,17 @@
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
+use controller::yaw::shorter_way;
 use nalgebra::Vector3;
 use path_generator::{Curve, CurveError};
 use runtime::in_process::TickSink;
+use shared_types::Topic;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
-use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleTruth};
+use shared_types::samples::{ControlAdaptation, RcFrame, VehicleTruth};
 use shared_types::scenario::Scenario;
-use shared_types::{Sample, Topic};
 
-use super::path_clock::{Demand, PathClock};
+use super::latest::{Latest, read};
+use super::path_clock::Demand;
 use super::statistics::Statistics;
 use super::windows::{JUDGED, Windows};
 
@@ -66,10 +68,7 @@ pub struct Meter {
     curve: Curve,
     /// Way of γ in the judged part if the path never waits.
     nominal_way: f64,
-    clock: PathClock,
-    /// The truth of this tick.
-    truth: Option<VehicleTruth>,
-    adaptation: Option<ControlAdaptation>,
+    latest: Latest,
     /// γ at the first and the last judged tick.
     judged_gamma: Option<(f64, f64)>,
     measured: Measured,
@@ -85,9 +84,7 @@ impl Meter {
             windows: Windows::new(scenario),
             curve: Curve::new(&scenario.path.curve)?,
             nominal_way: scenario.path.speed * JUDGED.min(scenario.duration),
-            clock: PathClock::default(),
-            truth: None,
-            adaptation: None,
+            latest: Latest::default(),
             judged_gamma: None,
             measured: Measured::default(),
         })
@@ -133,7 +130,7 @@ impl Meter {
             measured.error_while_yawing.add(error);
         }
         if windows.yaw_is_steady(tick) {
-            measured.yaw_error.add(wrapped(yaw - demand.yaw));
+            measured.yaw_error.add(shorter_way(yaw - demand.yaw));
         }
     }
 
@@ -177,27 +174,22 @@ impl TickSink for Meter {
 
     #[inline]
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
-        match topic {
-            Topic::VehicleTruth => self.truth = Some(read(bytes)),
-            Topic::PathReference => self.clock.observe(&read::<PathReference>(bytes)),
-            Topic::ControlAdaptation => self.adaptation = Some(read(bytes)),
-            Topic::RcFrame => {
-                let is_saturated = read::<RcFrame>(bytes).saturated.is_set();
-                self.measured.saturated_frames += u64::from(is_saturated);
-            }
-            _ => {}
+        self.latest.observe(topic, bytes);
+        if topic == Topic::RcFrame {
+            let is_saturated = read::<RcFrame>(bytes).saturated.is_set();
+            self.measured.saturated_frames += u64::from(is_saturated);
         }
         Ok(())
     }
 
     #[inline]
     fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        if let Some(truth) = self.truth.take() {
+        if let Some(truth) = self.latest.truth.take() {
             self.watch(tick, &truth);
-            if let Some(demand) = self.clock.at(truth.header.stamp_ns) {
+            if let Some(demand) = self.latest.clock.at(truth.header.stamp_ns) {
                 self.compare(tick, &truth, &demand);
             }
-            if let Some(adaptation) = self.adaptation {
+            if let Some(adaptation) = self.latest.adaptation {
                 self.compare_estimates(tick, &truth, &adaptation);
             }
         }
@@ -205,21 +197,10 @@ impl TickSink for Meter {
     }
 }
 
-/// The angle in (−π, π].
-pub(super) fn wrapped(angle: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    PI - (PI - angle).rem_euclid(TAU)
-}
-
 fn add_each(statistics: &mut [Statistics; 3], values: &[f64; 3]) {
     for (statistics, value) in statistics.iter_mut().zip(values) {
         statistics.add(*value);
     }
-}
-
-#[inline]
-pub(super) fn read<T: Sample>(bytes: &[u8]) -> T {
-    T::read_from_bytes(bytes).expect("hosts hand out samples of their topic")
 }
 
 #[cfg(test)]

@@ -3,17 +3,17 @@
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
+use controller::yaw::shorter_way;
 use nalgebra::Vector3;
 use path_generator::{Curve, CurveError};
 use runtime::in_process::TickSink;
 use shared_types::Topic;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
-use shared_types::samples::{ControlAdaptation, PathReference, VehicleTruth};
+use shared_types::samples::VehicleTruth;
 use shared_types::scenario::Scenario;
 use shared_types::service::seconds;
 
-use super::measure::{read, wrapped};
-use super::path_clock::PathClock;
+use super::latest::Latest;
 use crate::plot::COLUMNS;
 use crate::plot::downsample::Extremes;
 
@@ -78,9 +78,7 @@ impl Traces {
 /// Gathers the traces of a flight.
 pub struct Tracer {
     curve: Curve,
-    clock: PathClock,
-    truth: Option<VehicleTruth>,
-    adaptation: Option<ControlAdaptation>,
+    latest: Latest,
     /// Every how many ticks a place is kept.
     stride: u64,
     extremes: [Extremes; CHANNELS],
@@ -96,9 +94,7 @@ impl Tracer {
     pub fn new(scenario: &Scenario) -> Result<Self, CurveError> {
         Ok(Self {
             curve: Curve::new(&scenario.path.curve)?,
-            clock: PathClock::default(),
-            truth: None,
-            adaptation: None,
+            latest: Latest::default(),
             stride: (scenario.tick_of(scenario.duration) / PLACES).max(1),
             extremes: std::array::from_fn(|_| Extremes::new(scenario.duration, COLUMNS)),
             places: Vec::new(),
@@ -130,7 +126,7 @@ impl Tracer {
         add(Channel::DisturbanceY, truth.disturbance_world[1]);
         add(Channel::Roll, roll);
         add(Channel::Yaw, yaw);
-        if let Some(adaptation) = &self.adaptation {
+        if let Some(adaptation) = &self.latest.adaptation {
             let estimate = adaptation.disturbance_projected_world[1];
             add(Channel::DisturbanceEstimateY, estimate);
             add(Channel::MassEstimate, adaptation.mass_estimate);
@@ -140,11 +136,11 @@ impl Tracer {
                 (adaptation.observer_mass_estimate - truth.mass).abs(),
             );
         }
-        if let Some(demand) = self.clock.at(truth.header.stamp_ns) {
+        if let Some(demand) = self.latest.clock.at(truth.header.stamp_ns) {
             let pd = self.curve.at(demand.gamma).position;
             add(Channel::Error, (Vector3::from(truth.position_world) - pd).norm());
             add(Channel::YawDesired, demand.yaw);
-            add(Channel::YawError, wrapped(yaw - demand.yaw));
+            add(Channel::YawError, shorter_way(yaw - demand.yaw));
             if tick.is_multiple_of(self.stride) {
                 self.places.push(truth.position_world);
                 self.desired_places.push(pd.into());
@@ -158,18 +154,13 @@ impl TickSink for Tracer {
 
     #[inline]
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
-        match topic {
-            Topic::VehicleTruth => self.truth = Some(read(bytes)),
-            Topic::PathReference => self.clock.observe(&read::<PathReference>(bytes)),
-            Topic::ControlAdaptation => self.adaptation = Some(read(bytes)),
-            _ => {}
-        }
+        self.latest.observe(topic, bytes);
         Ok(())
     }
 
     #[inline]
     fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        if let Some(truth) = self.truth.take() {
+        if let Some(truth) = self.latest.truth.take() {
             self.observe(tick, &truth);
         }
         Ok(ControlFlow::Continue(()))

@@ -10,11 +10,12 @@
     reason = "memory shared by several processes can only be reached by mapping it"
 )]
 
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::fd::{BorrowedFd, OwnedFd};
 use std::sync::atomic::{AtomicU64, Ordering, compiler_fence};
 
-use memmap2::MmapRaw;
 use shared_types::ServiceId;
+
+use crate::shared_file::SharedFile;
 
 /// Largest state of a service, bytes.
 pub const CAPACITY: usize = 16 * 1024;
@@ -35,10 +36,7 @@ type Table = [[Slot; SLOTS]; ServiceId::ALL.len()];
 
 /// A mapping of all services' checkpoints.
 #[derive(Debug)]
-pub struct Checkpoints {
-    file: OwnedFd,
-    mapping: MmapRaw,
-}
+pub struct Checkpoints(SharedFile);
 
 /// A checkpoint as it is read after a death.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,9 +53,7 @@ impl Checkpoints {
     /// # Errors
     /// If the system has no memory or no file descriptor left.
     pub fn create() -> std::io::Result<Self> {
-        let file = rustix::fs::memfd_create("gerono-checkpoints", rustix::fs::MemfdFlags::CLOEXEC)?;
-        rustix::fs::ftruncate(&file, size_of::<Table>() as u64)?;
-        Self::open(file)
+        SharedFile::create("gerono-checkpoints", size_of::<Table>()).map(Self)
     }
 
     /// Maps checkpoints that were inherited.
@@ -65,22 +61,13 @@ impl Checkpoints {
     /// # Errors
     /// If the file does not hold them.
     pub fn open(file: OwnedFd) -> std::io::Result<Self> {
-        let size = rustix::fs::fstat(&file)?.st_size;
-        if size != i64::try_from(size_of::<Table>()).expect("checkpoints are small") {
-            return Err(std::io::Error::other(
-                "the inherited file does not hold the checkpoints of this version",
-            ));
-        }
-        let mapping = memmap2::MmapOptions::new()
-            .len(size_of::<Table>())
-            .map_raw(&file)?;
-        Ok(Self { file, mapping })
+        SharedFile::open(file, size_of::<Table>()).map(Self)
     }
 
     /// The file, to be inherited by a service.
     #[must_use]
     pub fn file(&self) -> BorrowedFd<'_> {
-        self.file.as_fd()
+        self.0.file()
     }
 
     /// Keeps the state of `service`, `length` bytes that `save` writes, as that before its step at `next_tick`.
@@ -127,8 +114,8 @@ impl Checkpoints {
     }
 
     fn slots(&self, service: ServiceId) -> [*mut Slot; SLOTS] {
-        let table = self.mapping.as_mut_ptr().cast::<Slot>();
-        // SAFETY: the mapping is page-aligned and holds a whole table (checked in `open`).
+        let table = self.0.as_mut_ptr().cast::<Slot>();
+        // SAFETY: the mapping is page-aligned and holds a whole table (`SharedFile` sees to it).
         [0, 1].map(|slot| unsafe { table.add(service.index() * SLOTS + slot) })
     }
 }

@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use shared_types::schedule::Publication;
 use shared_types::service::{ErasedService, InputView};
 use shared_types::{Schedule, ServiceId, Topic};
-use zerocopy::IntoBytes;
 
+use crate::sample_ring::SampleRing;
 use crate::step::{self, NonFinite, Slots, Timetable, Views};
 
 /// Receives everything that is published, in the order of the log: (tick, topic).
@@ -103,46 +103,32 @@ impl Station {
 /// The latest samples of a topic, as many as any consumer may still need.
 struct History {
     publication: Publication,
-    slots: Vec<Box<[u64]>>,
-    size: usize,
+    samples: SampleRing,
 }
 
 impl History {
     fn new(publication: Publication, schedule: &Schedule) -> Self {
-        let size = publication.topic.kind().size;
         let latest = publication
             .topic
             .consumers()
             .map(|(service, input)| schedule.latency(service, input))
             .max();
-        let depth = (latest.unwrap_or(0) / publication.rate.rate.period + 2).next_power_of_two();
-        let words = size.div_ceil(size_of::<u64>());
+        let depth = latest.unwrap_or(0) / publication.ticks.rate.period + 2;
         Self {
+            samples: SampleRing::new(publication.topic, depth),
             publication,
-            slots: (0..depth).map(|_| vec![0; words].into_boxed_slice()).collect(),
-            size,
         }
-    }
-
-    /// The slot of the sample that is published at `tick`.
-    #[inline]
-    fn slot_of(&self, tick: u64) -> usize {
-        let depth = self.slots.len() as u64;
-        let seq = self.publication.rate.count_before(tick);
-        // The depth is a power of two.
-        let index = seq & (depth - 1);
-        usize::try_from(index).expect("below the depth")
     }
 
     #[inline]
     fn bytes(&self, tick: u64) -> &[u8] {
-        &self.slots[self.slot_of(tick)].as_bytes()[..self.size]
+        self.samples.at(self.publication.ticks.count_before(tick))
     }
 
     #[inline]
     fn bytes_mut(&mut self, tick: u64) -> &mut [u8] {
-        let slot = self.slot_of(tick);
-        &mut self.slots[slot].as_mut_bytes()[..self.size]
+        let place = self.publication.ticks.count_before(tick);
+        self.samples.at_mut(place)
     }
 }
 

@@ -8,7 +8,8 @@
 //!
 //! Under them lie [`ports`] (iceoryx2, in bytes), [`wait`] (yield once, then block on a doorbell),
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
-//! service knew, for whoever is born after its death), [`inlet`] (an input, also after a rebirth), [`control`] (the
+//! service knew, for whoever is born after its death; both are a [`shared_file`]), [`sample_ring`] (the latest
+//! samples of a topic), [`inlet`] (an input, also after a rebirth), [`control`] (the
 //! orchestrator's line to each service), [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler,
 //! parent's death), [`descriptors`] (what a started process inherits) and [`process`] (what `gerono service NAME`
 //! runs).
@@ -28,6 +29,8 @@ pub mod inlet;
 pub mod lock_step;
 pub mod ports;
 pub mod process;
+pub mod sample_ring;
+pub mod shared_file;
 pub mod shared_page;
 pub mod step;
 pub mod wait;

@@ -7,12 +7,13 @@
     reason = "a page shared by several processes can only be reached by mapping it"
 )]
 
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::fd::{BorrowedFd, OwnedFd};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
-use memmap2::MmapRaw;
 use shared_types::schedule::MAX_PORTS;
 use shared_types::{ServiceId, Topic};
+
+use crate::shared_file::SharedFile;
 
 /// What the page holds. All words begin as 0.
 #[repr(C)]
@@ -112,10 +113,7 @@ impl Cell {
 
 /// A mapping of the shared page.
 #[derive(Debug)]
-pub struct SharedPage {
-    file: OwnedFd,
-    mapping: MmapRaw,
-}
+pub struct SharedPage(SharedFile);
 
 impl SharedPage {
     /// Makes a page for a run.
@@ -123,9 +121,7 @@ impl SharedPage {
     /// # Errors
     /// If the system has no memory or no file descriptor left.
     pub fn create() -> std::io::Result<Self> {
-        let file = rustix::fs::memfd_create("gerono", rustix::fs::MemfdFlags::CLOEXEC)?;
-        rustix::fs::ftruncate(&file, size_of::<Words>() as u64)?;
-        Self::open(file)
+        SharedFile::create("gerono", size_of::<Words>()).map(Self)
     }
 
     /// Maps a page that was inherited.
@@ -133,22 +129,13 @@ impl SharedPage {
     /// # Errors
     /// If the file is not such a page.
     pub fn open(file: OwnedFd) -> std::io::Result<Self> {
-        let size = rustix::fs::fstat(&file)?.st_size;
-        if size != i64::try_from(size_of::<Words>()).expect("a page is small") {
-            return Err(std::io::Error::other(
-                "the inherited file is not the shared page of this version",
-            ));
-        }
-        let mapping = memmap2::MmapOptions::new()
-            .len(size_of::<Words>())
-            .map_raw(&file)?;
-        Ok(Self { file, mapping })
+        SharedFile::open(file, size_of::<Words>()).map(Self)
     }
 
     /// The file, to be inherited by a service.
     #[must_use]
     pub fn file(&self) -> BorrowedFd<'_> {
-        self.file.as_fd()
+        self.0.file()
     }
 
     /// The words.
@@ -156,8 +143,8 @@ impl SharedPage {
     #[inline]
     pub fn words(&self) -> &Words {
         // SAFETY: the mapping lives as long as `self`, is page-aligned, holds `size_of::<Words>()` bytes
-        // (checked in `open`), and `Words` consists of atomics and padding, valid for every bit pattern and
+        // (`SharedFile` sees to it), and `Words` consists of atomics and padding, valid for every bit pattern and
         // safe to be written by other processes meanwhile.
-        unsafe { &*self.mapping.as_ptr().cast::<Words>() }
+        unsafe { &*self.0.as_mut_ptr().cast::<Words>() }
     }
 }

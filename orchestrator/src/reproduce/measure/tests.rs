@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use proptest::prelude::*;
 use shared_types::rotation::{from_roll_pitch_yaw, to_row_major};
+use shared_types::samples::PathReference;
 use shared_types::scenario::{self, Path, Vehicle, VehicleChange, YawStep};
 use zerocopy::{FromZeros, IntoBytes};
 
@@ -236,7 +237,7 @@ fn saturated_frames_are_counted_and_peaks_kept() {
 proptest! {
     #[test]
     fn a_wrapped_angle_is_the_same_direction_and_in_range(angle in -50.0..50.0f64) {
-        let wrapped = wrapped(angle);
+        let wrapped = shorter_way(angle);
         prop_assert!(-PI < wrapped && wrapped <= PI);
         let turns = (angle - wrapped) / (2.0 * PI);
         prop_assert!((turns - turns.round()).abs() < 1e-9);

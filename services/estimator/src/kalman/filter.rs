@@ -17,6 +17,7 @@ use nalgebra::SVector;
 use shared_types::rotation::{defect, from_row_major, to_row_major};
 use shared_types::samples::{MocapPose, RcFrame};
 use shared_types::scenario::{Kalman, Key, Model, Problem, Scenario};
+use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use super::belief::{Belief, Innovation, MEASURED, Pose, PoseNoise, ProcessModel};
@@ -307,14 +308,4 @@ fn commands_under_way(schedule: &Schedule, model: &Model) -> u64 {
     let frame_period_ns = schedule.time_ns(schedule.topic_rate(Topic::RcFrame).period);
     // One more acts at the beginning, the one before it is kept, and another may begin at either end.
     (capture_age_ns.saturating_add(nanoseconds(model.radio_latency))).div_ceil(frame_period_ns) + 3
-}
-
-/// A time of a scenario, s, as whole nanoseconds; what is below 0 counts as 0.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "the cast saturates, which is what is wanted of times beyond any flight"
-)]
-fn nanoseconds(time: f64) -> u64 {
-    libm::round(time * 1e9) as u64
 }

@@ -18,7 +18,7 @@ use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, to_row_major};
 use shared_types::samples::MocapPose;
 use shared_types::scenario;
-use shared_types::service::seconds;
+use shared_types::service::{nanoseconds, seconds};
 
 use crate::rigid_body::Motion;
 
@@ -175,14 +175,4 @@ impl Swap {
             rotation: exp(&stated.rotation.into()),
         }
     }
-}
-
-/// A time as whole nanoseconds.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "saturates, as it should"
-)]
-fn nanoseconds(time: f64) -> u64 {
-    libm::round(time * 1e9) as u64
 }

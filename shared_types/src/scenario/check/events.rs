@@ -6,7 +6,7 @@ use super::Findings;
 use crate::scenario::Key;
 
 /// Excess of a sum of decimals that rounding explains, s: less than the shortest base tick.
-const ROUNDING: f64 = 1e-9;
+pub(super) const ROUNDING: f64 = 1e-9;
 
 /// Things of one kind that happen one after the other, in an array of the scenario.
 pub(super) struct Events<'a> {

@@ -1,10 +1,8 @@
 use super::Findings;
+use super::events::ROUNDING;
 use crate::scenario::suggest::known_names;
 use crate::scenario::{Fault, FaultKind, FaultState, Key, Scenario};
 use crate::wiring::ServiceId;
-
-/// Excess of a sum of decimals that rounding explains, s: less than the shortest base tick.
-const ROUNDING: f64 = 1e-9;
 
 impl Scenario {
     /// Outages of services that there are, in the flight, and one after the other.

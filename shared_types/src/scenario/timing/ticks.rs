@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use super::Problem;
 use crate::scenario::Key;
-use crate::service::seconds;
+use crate::service::{nanoseconds, seconds};
 
 /// Shortest and longest base tick, s.
 const TICK: RangeInclusive<f64> = 1e-6..=1.0;
@@ -84,7 +84,7 @@ impl TickReader {
         }
         let ticks = whole_nanoseconds(time).filter(|ns| ns.is_multiple_of(self.tick_ns));
         ticks.map(|ns| ns / self.tick_ns).ok_or_else(|| {
-            let below = to_nanoseconds(time) / self.tick_ns;
+            let below = nanoseconds(time) / self.tick_ns;
             let neighbours = match (allowed.contains(&below), allowed.contains(&(below + 1))) {
                 (true, true) => format!("{:?} or {:?}", self.seconds(below), self.seconds(below + 1)),
                 (false, _) => format!("{:?}", self.seconds(below + 1)),
@@ -106,20 +106,11 @@ impl TickReader {
     }
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "callers check that the time is not negative and at most the longest flight, 1e17 ns"
-)]
-fn to_nanoseconds(time: f64) -> u64 {
-    libm::round(time * 1e9) as u64
-}
-
 /// A time as the whole number of nanoseconds that its decimals mean, if they mean one.
 fn whole_nanoseconds(time: f64) -> Option<u64> {
-    let nanoseconds = time * 1e9;
+    let exact = time * 1e9;
     // What reading the decimals and the product may round away, and a little for times such as 1/3 · 3.
-    let tolerance = 1e-3 + 2.0 * f64::EPSILON * nanoseconds;
-    let is_whole = (nanoseconds - libm::round(nanoseconds)).abs() <= tolerance;
-    is_whole.then(|| to_nanoseconds(time))
+    let tolerance = 1e-3 + 2.0 * f64::EPSILON * exact;
+    let is_whole = (exact - libm::round(exact)).abs() <= tolerance;
+    is_whole.then(|| nanoseconds(time))
 }
