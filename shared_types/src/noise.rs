@@ -23,6 +23,10 @@ pub enum Stream {
     Turbulence = 5,
     /// Fluctuation of the fan's jet.
     Fan = 6,
+    /// Which samples of an edge are lost; the edges follow each other.
+    EdgeLoss = 0x100,
+    /// Garbage in place of the samples of an edge; the edges follow each other.
+    EdgeGarbage = 0x200,
 }
 
 /// Words of the generator that a tick may use: 32 numbers.
@@ -40,8 +44,14 @@ impl Noise {
     /// The random numbers of a flight's `stream`.
     #[must_use]
     pub fn new(seed: u64, stream: Stream) -> Self {
+        Self::one_of(seed, stream, 0)
+    }
+
+    /// The random numbers of the `place`-th of several streams of a kind.
+    #[must_use]
+    pub fn one_of(seed: u64, stream: Stream, place: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
-        generator.set_stream(stream as u64);
+        generator.set_stream(stream as u64 + place);
         Self(generator)
     }
 
@@ -61,6 +71,12 @@ impl Draws<'_> {
         #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
         let fraction = (self.0.next_u64() >> 11) as f64;
         fraction * (1.0 / (1u64 << 53) as f64)
+    }
+
+    /// Any 64 bits.
+    #[inline]
+    pub fn bits(&mut self) -> u64 {
+        self.0.next_u64()
     }
 
     /// Two independent standard normal numbers.

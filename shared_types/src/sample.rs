@@ -11,6 +11,8 @@
 //! A little-endian `repr(C)` struct without implicit padding is byte for byte an XCDR1 payload; that is why
 //! only the types that implement [`Field`] may be members.
 
+use std::ops::Range;
+
 use sha2::{Digest, Sha256};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
@@ -131,10 +133,56 @@ impl Field for Flag {
     }
 }
 
+/// Where a member of a record is, and what it holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Member {
+    /// Its name.
+    pub name: &'static str,
+    /// Its first byte.
+    pub offset: usize,
+    /// Name of the element type, such as `float64`.
+    pub element: String,
+    /// How many elements it has; `None` for a single value.
+    pub length: Option<usize>,
+}
+
+impl Member {
+    /// Whether it holds floating-point numbers.
+    #[must_use]
+    pub fn is_number(&self) -> bool {
+        self.element == "float64"
+    }
+
+    /// The bytes of its floating-point numbers, each 8 bytes; of one of them, if `index` says which.
+    #[must_use]
+    pub fn numbers(&self, index: Option<usize>) -> Option<Range<usize>> {
+        let length = self.length.unwrap_or(1);
+        let (first, count) = match index {
+            None => (0, length),
+            Some(index) if self.length.is_some() && index < length => (index, 1),
+            Some(_) => return None,
+        };
+        let begin = self.offset + first * size_of::<f64>();
+        self.is_number().then(|| begin..begin + count * size_of::<f64>())
+    }
+}
+
+impl std::fmt::Display for Member {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.length {
+            None => write!(formatter, "`{}`", self.name),
+            Some(length) => write!(formatter, "`{}` (.0 to .{})", self.name, length - 1),
+        }
+    }
+}
+
 /// A record declared by [`sample!`](crate::sample!).
 pub trait Record: Field {
     /// Name of the type on the wire and in the log, for example `gerono_msgs/msg/VehicleState`.
     const MSG_NAME: &'static str;
+
+    /// Its members, in their order.
+    fn members() -> Vec<Member>;
 
     /// One line per member: `type name`, with the constants above their field.
     fn msg_body() -> String;
@@ -284,6 +332,19 @@ macro_rules! sample {
         impl $crate::sample::Record for $name {
             const MSG_NAME: &'static str = concat!("gerono_msgs/msg/", stringify!($name));
 
+            fn members() -> Vec<$crate::sample::Member> {
+                vec![$({
+                    let $crate::sample::MsgType { element, length, .. } =
+                        <$type as $crate::sample::Field>::msg_type();
+                    $crate::sample::Member {
+                        name: stringify!($field),
+                        offset: ::core::mem::offset_of!($name, $field),
+                        element,
+                        length,
+                    }
+                }),+]
+            }
+
             fn msg_body() -> String {
                 let mut text = String::new();
                 $(
@@ -359,6 +420,25 @@ mod tests {
     #[test]
     fn size_is_the_sum_of_the_members() {
         assert_eq!(size_of::<Nested>(), 3 * 24 + 8 + 1 + 7);
+    }
+
+    #[test]
+    fn numbers_are_found_where_they_are() {
+        let members = Nested::members();
+        let named = |name| members.iter().find(|member| member.name == name).unwrap();
+        assert_eq!(named("value").numbers(None), Some(72..80));
+        assert_eq!(named("value").numbers(Some(0)), None);
+        assert_eq!(named("raised").numbers(None), None);
+        assert_eq!(named("header").numbers(None), None);
+        let position = Member {
+            name: "position",
+            offset: 24,
+            element: "float64".to_owned(),
+            length: Some(3),
+        };
+        assert_eq!(position.numbers(None), Some(24..48));
+        assert_eq!(position.numbers(Some(2)), Some(40..48));
+        assert_eq!(position.numbers(Some(3)), None);
     }
 
     #[test]

@@ -202,7 +202,7 @@ crate::sample! {
         pub header: Header,
         #[values(
             KIND_FLIGHT_STARTS = 1, KIND_VEHICLE_CHANGES = 2, KIND_FLIGHT_ENDS = 3, KIND_OUTAGE_BEGINS = 4,
-            KIND_OUTAGE_ENDS = 5
+            KIND_OUTAGE_ENDS = 5, KIND_EDGE_FAULT_BEGINS = 6, KIND_EDGE_FAULT_ENDS = 7
         )]
         /// What happens.
         pub kind: u32,

@@ -5,6 +5,7 @@
 //! give its results.
 
 mod check;
+mod fault;
 mod problem;
 pub mod suggest;
 #[cfg(test)]
@@ -17,7 +18,9 @@ use std::f64::consts::PI;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use fault::{Fault, FaultKind, FaultState, Target};
 pub use problem::{Key, Problem};
+pub use timing::names::EdgeName;
 
 /// A vector of three numbers.
 pub type Vector = [f64; 3];
@@ -59,48 +62,9 @@ pub struct Scenario {
     /// What estimator and controller believe of vehicle and links; the truth may be otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<Model>,
-    /// Outages of services, exact in simulated time.
+    /// Planned faults of services and of their inputs, exact in simulated time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fault: Vec<Fault>,
-}
-
-/// An outage of a service: it does not step for a while, and nothing that it publishes comes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Fault {
-    /// From when, s.
-    pub at: f64,
-    /// Name of the service.
-    pub service: String,
-    /// What happens to it.
-    pub kind: FaultKind,
-    /// How long, s; for good unless stated.
-    #[serde(default, rename = "for", skip_serializing_if = "Option::is_none")]
-    pub lasts: Option<f64>,
-    /// With what it comes back.
-    #[serde(default)]
-    pub state: FaultState,
-}
-
-/// What happens to a service.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum FaultKind {
-    /// Its process dies, and another takes its place.
-    Off,
-    /// It stands still and keeps its state.
-    Freeze,
-}
-
-/// With what a service comes back.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum FaultState {
-    /// With the state of its last step before.
-    #[default]
-    Warm,
-    /// As at the start of the flight.
-    Cold,
 }
 
 /// Base tick, rates and transport latencies, s. Every time is a whole number of base ticks.

@@ -6,12 +6,17 @@
 //! one: results cannot depend on how processes are scheduled. Every cycle of edges holds a tick of delay.
 //!
 //! A planned outage of a service is a part of the schedule: at its ticks the service does not step, nothing is
-//! published, and what its consumers are due is the last sample before.
+//! published, and what its consumers are due is the last sample before. So is a planned fault of an edge: samples
+//! that are late or lost are due later or never.
 
+mod edge;
+mod edge_fault;
 mod presence;
 
 use std::sync::Arc;
 
+pub use edge::Edge;
+pub use edge_fault::{Alteration, Draws, EdgeFault, EdgeFaultKind, Loss};
 pub use presence::{Fate, Outage, Presence};
 
 use crate::sample::Header;
@@ -124,7 +129,7 @@ const TOPICS: usize = Topic::ALL.len();
 pub const MAX_PORTS: usize = 4;
 
 /// The resolved schedule of a flight.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {
     tick_ns: u64,
     last_tick: u64,
@@ -133,6 +138,7 @@ pub struct Schedule {
     latencies: [[u64; MAX_PORTS]; SERVICES],
     order: [ServiceId; SERVICES],
     outages: [Arc<[Outage]>; SERVICES],
+    edge_faults: [[Arc<[EdgeFault]>; MAX_PORTS]; SERVICES],
 }
 
 impl Schedule {
@@ -156,6 +162,7 @@ impl Schedule {
             latencies,
             order,
             outages: Default::default(),
+            edge_faults: Default::default(),
         };
         for topic in Topic::ALL {
             if let Some(publisher) = topic.publisher()
@@ -177,10 +184,18 @@ impl Schedule {
         self
     }
 
-    /// Whether a service has a planned outage.
+    /// The same schedule with planned faults of edges: of each service and input, in the order of time and apart.
     #[must_use]
-    pub fn has_outages(&self) -> bool {
-        self.outages.iter().any(|outages| !outages.is_empty())
+    pub fn with_edge_faults(mut self, faults: [[Vec<EdgeFault>; MAX_PORTS]; SERVICES]) -> Self {
+        self.edge_faults = faults.map(|inputs| inputs.map(Arc::from));
+        self
+    }
+
+    /// Whether anything is planned to fail, so that publishers may run ahead until buffers are full.
+    #[must_use]
+    pub fn has_faults(&self) -> bool {
+        let is_out = self.outages.iter().any(|outages| !outages.is_empty());
+        is_out || self.edge_faults.iter().flatten().any(|faults| !faults.is_empty())
     }
 
     /// Every service steps and every topic is published at every tick, latencies as in the wiring table.
@@ -273,6 +288,7 @@ impl Schedule {
             latency: self.latency(service, input),
             published: self.publications(topic),
             consumed: self.steps(service),
+            faults: Arc::clone(&self.edge_faults[service.index()][input]),
         }
     }
 
@@ -302,7 +318,8 @@ impl Schedule {
     /// delays and periods around any cycle of edges through both.
     #[must_use]
     pub fn run_ahead_ticks(&self) -> u64 {
-        let latencies: u64 = self.latencies.iter().flatten().sum();
+        let late = self.edge_faults.iter().flatten().flat_map(|faults| faults.iter());
+        let latencies: u64 = self.latencies.iter().flatten().sum::<u64>() + late.map(EdgeFault::ticks_late).sum::<u64>();
         let periods: u64 = self
             .services
             .iter()
@@ -337,40 +354,6 @@ impl Schedule {
             }
         }
         Ok(())
-    }
-}
-
-/// An input of a service as the schedule sees it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Edge {
-    /// The topic that it consumes.
-    pub topic: Topic,
-    /// Transport latency, ticks.
-    pub latency: u64,
-    published: Presence,
-    consumed: Presence,
-}
-
-impl Edge {
-    /// Tick of the sample that is due at `tick`; `None` before the first.
-    #[must_use]
-    #[inline]
-    pub fn due_sample(&self, tick: u64) -> Option<u64> {
-        self.published.last_at_or_before(tick.checked_sub(self.latency)?)
-    }
-
-    /// Whether the sample `due` at `tick` was not yet due at the consumer's previous step.
-    #[must_use]
-    #[inline]
-    pub fn is_fresh(&self, tick: u64, due: u64) -> bool {
-        // Of a topic with a sample a tick every step gets another.
-        if self.published.rate.period == 1 && self.published.is_unbroken() {
-            return true;
-        }
-        let previous = tick
-            .checked_sub(1)
-            .and_then(|before| self.consumed.last_at_or_before(before));
-        previous.is_none_or(|previous| self.due_sample(previous) != Some(due))
     }
 }
 

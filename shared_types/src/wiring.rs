@@ -3,7 +3,9 @@
 //! From the one table at the end of this file come the ports, the schedule's edges, the in-process wiring,
 //! the recorder's channels and the picture in the documentation.
 
-use crate::sample::{Header, Sample, layout_hash, msg_definition};
+use std::ops::Range;
+
+use crate::sample::{Header, Member, Sample, layout_hash, msg_definition};
 use crate::samples::{
     ControlAdaptation, ControlCommand, ControlErrors, MocapPose, PathReference, RcFrame, RunEvent,
     VehicleState, VehicleTruth,
@@ -84,6 +86,30 @@ impl Topic {
             }
         }
         self.dispatch(Hash)
+    }
+
+    /// Members of the sample type.
+    #[must_use]
+    pub fn members(self) -> Vec<Member> {
+        struct Members;
+        impl TopicVisitor for Members {
+            type Result = Vec<Member>;
+            fn visit<T: Sample>(self) -> Vec<Member> {
+                T::members()
+            }
+        }
+        self.dispatch(Members)
+    }
+
+    /// The bytes of the floating-point numbers of a member, given as `name` for all of them or `name.index` for one.
+    #[must_use]
+    pub fn find_numbers(self, field: &str) -> Option<Range<usize>> {
+        let (name, index) = match field.split_once('.') {
+            None => (field, None),
+            Some((name, index)) => (name, Some(index.parse().ok()?)),
+        };
+        let mut members = self.members().into_iter();
+        members.find(|member| member.name == name)?.numbers(index)
     }
 
     /// The topic of a name.

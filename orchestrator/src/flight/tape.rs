@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use runtime::in_process::TickSink;
 use shared_types::samples::RunEvent;
-use shared_types::scenario::{Fault, FaultKind, FaultState, Scenario, VehicleChange};
+use shared_types::scenario::{Fault, Scenario, Target, VehicleChange};
 use shared_types::{Header, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
 
@@ -94,12 +94,15 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<RunEvent> {
         ));
     }
     for fault in &scenario.fault {
-        let begins = scenario.tick_of(fault.at);
-        events.push((begins, RunEvent::KIND_OUTAGE_BEGINS, describe_outage(fault)));
+        let (begins, ends) = if fault.kind.is_outage() {
+            (RunEvent::KIND_OUTAGE_BEGINS, RunEvent::KIND_OUTAGE_ENDS)
+        } else {
+            (RunEvent::KIND_EDGE_FAULT_BEGINS, RunEvent::KIND_EDGE_FAULT_ENDS)
+        };
+        events.push((scenario.tick_of(fault.at), begins, fault.to_string()));
         if let Some(lasts) = fault.lasts {
-            let ends = scenario.tick_of(fault.at + lasts);
-            let text = format!("`{}` is back", fault.service);
-            events.push((ends, RunEvent::KIND_OUTAGE_ENDS, text));
+            let text = describe_end(fault);
+            events.push((scenario.tick_of(fault.at + lasts), ends, text));
         }
     }
     events.push((schedule.last_tick(), RunEvent::KIND_FLIGHT_ENDS, String::new()));
@@ -147,11 +150,10 @@ fn describe(change: &VehicleChange) -> String {
     parts.join(", ")
 }
 
-fn describe_outage(fault: &Fault) -> String {
-    let service = &fault.service;
-    match (fault.kind, fault.state) {
-        (FaultKind::Freeze, _) => format!("`{service}` stands still"),
-        (FaultKind::Off, FaultState::Warm) => format!("`{service}` is off"),
-        (FaultKind::Off, FaultState::Cold) => format!("`{service}` is off and forgets what it knows"),
+fn describe_end(fault: &Fault) -> String {
+    match fault.target() {
+        Some(Target::Service(service)) => format!("`{service}` is back"),
+        Some(Target::Edge(edge)) => format!("`{edge}` is as it should be"),
+        None => String::new(),
     }
 }

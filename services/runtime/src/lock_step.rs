@@ -130,7 +130,7 @@ impl ServicePorts {
             outputs,
             consumers,
             missed: None,
-            takes_all: schedule.has_outages(),
+            takes_all: schedule.has_faults(),
             births_seen: 0,
         })
     }

@@ -1,8 +1,8 @@
 //! From the times of a scenario, in seconds, to the resolved schedule, in whole base ticks.
 
 mod events;
-mod names;
-mod outages;
+mod faults;
+pub(super) mod names;
 mod ticks;
 
 use ticks::TickReader;
@@ -35,7 +35,11 @@ impl Scenario {
         let latencies = self.schedule.latencies(&mut reader);
         let tick_ns = reader.finish()?;
         Schedule::new(tick_ns, last_tick, services, topics, latencies)
-            .map(|schedule| schedule.with_outages(self.outages()))
+            .map(|schedule| {
+                schedule
+                    .with_outages(self.outages())
+                    .with_edge_faults(self.edge_faults())
+            })
             .map_err(|error| vec![self.schedule.explain(&error)])
     }
 
@@ -118,7 +122,7 @@ impl Timing {
         let mut latencies = default_latencies();
         for (name, &time) in &self.latency {
             let key = key_of("latency", name);
-            match names::find_edge(name) {
+            match names::EdgeName::find(name) {
                 Some(edge) => {
                     latencies[edge.service.index()][edge.input] = reader.read(&key, time, 0..=LONGEST_DELAY);
                 }
@@ -132,7 +136,7 @@ impl Timing {
     fn explain(&self, error: &ScheduleError) -> Problem {
         let (key, fix) = match error {
             ScheduleError::CycleWithoutDelay(cycle) => {
-                let edges = names::edges_between(cycle).map(names::Edge::name);
+                let edges = names::edges_between(cycle).map(|edge| edge.to_string());
                 let key = self.first_stated(edges.map(|name| ("latency", name)));
                 (key, "give this edge a latency of at least one tick".to_owned())
             }
@@ -153,7 +157,7 @@ impl Timing {
                     .into_iter()
                     .chain(topics.map(Topic::name));
                 let rates = names.flat_map(|name| ["period", "phase"].map(|table| (table, name.to_owned())));
-                let edges = names::edges_into(&services).map(|edge| ("latency", edge.name()));
+                let edges = names::edges_into(&services).map(|edge| ("latency", edge.to_string()));
                 (
                     self.first_stated(rates.chain(edges)),
                     "give both services the same times, or state none for them".to_owned(),

@@ -1,6 +1,6 @@
 //! When something happens in flight, how long it lasts, and which latencies are believed in: whole ticks too.
 
-use super::LONGEST_FLIGHT;
+use super::{LONGEST_DELAY, LONGEST_FLIGHT};
 use super::ticks::TickReader;
 use crate::scenario::{Key, Scenario};
 
@@ -18,6 +18,9 @@ impl Scenario {
         }
         for (key, time) in self.lengths() {
             reader.read(&key, time, 1..=LONGEST_FLIGHT);
+        }
+        for (key, time) in self.planned_delays() {
+            reader.read(&key, time, 1..=LONGEST_DELAY);
         }
         let longest = LONGEST_PREDICTION_NS / reader.tick_ns();
         for (key, time) in self.believed_latencies() {
@@ -78,6 +81,14 @@ impl Scenario {
                 lengths.extend(in_array(&at.then("marker_swap"), "lasts", swaps, |one| one.lasts));
                 lengths
             })
+    }
+
+    /// By how much samples are late.
+    fn planned_delays(&self) -> Vec<StatedTime> {
+        let faults = self.fault.iter().enumerate();
+        faults
+            .filter_map(|(index, fault)| Some((Key::root().then("fault").then(index).then("by"), fault.by?)))
+            .collect()
     }
 
     /// What estimator and controller believe of latencies.

@@ -1,32 +1,44 @@
-//! The names that a scenario's schedule may use: services, topics, and edges as `topic -> service`.
+//! The names that a scenario may use: services, topics, and edges as `topic -> service`.
 
 use super::Problem;
 use crate::scenario::Key;
 use crate::wiring::{ServiceId, Topic};
 
-/// An input of a service, as the scenario sees it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Edge {
-    pub(super) service: ServiceId,
-    pub(super) input: usize,
-    topic: Topic,
+/// An input of a service, as the scenario names it: `topic -> service`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct EdgeName {
+    /// Who consumes the samples.
+    pub service: ServiceId,
+    /// Place of the input in the wiring table.
+    pub input: usize,
+    /// What is consumed.
+    pub topic: Topic,
 }
 
-impl Edge {
-    pub(super) fn name(self) -> String {
-        format!("{} -> {}", self.topic, self.service)
+impl EdgeName {
+    /// All edges, by service and input.
+    pub fn all() -> impl Iterator<Item = Self> {
+        edges_into(&ServiceId::ALL)
+    }
+
+    /// The edge of a name.
+    #[must_use]
+    pub fn find(name: &str) -> Option<Self> {
+        Self::all().find(|edge| edge.to_string() == name)
     }
 }
 
-fn edges() -> impl Iterator<Item = Edge> {
-    edges_into(&ServiceId::ALL)
+impl std::fmt::Display for EdgeName {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.pad(&format!("{} -> {}", self.topic, self.service))
+    }
 }
 
 /// The edges to some services.
-pub(super) fn edges_into(services: &[ServiceId]) -> impl Iterator<Item = Edge> {
+pub(in crate::scenario) fn edges_into(services: &[ServiceId]) -> impl Iterator<Item = EdgeName> {
     services.iter().flat_map(|&service| {
         let inputs = service.inputs().iter().enumerate();
-        inputs.map(move |(input, spec)| Edge {
+        inputs.map(move |(input, spec)| EdgeName {
             service,
             input,
             topic: spec.topic,
@@ -35,17 +47,13 @@ pub(super) fn edges_into(services: &[ServiceId]) -> impl Iterator<Item = Edge> {
 }
 
 /// The edges from each service of a walk to the next.
-pub(super) fn edges_between(walk: &[ServiceId]) -> impl Iterator<Item = Edge> {
+pub(super) fn edges_between(walk: &[ServiceId]) -> impl Iterator<Item = EdgeName> {
     walk.windows(2)
         .flat_map(|pair| edges_into(&pair[1..]).filter(|edge| edge.topic.publisher() == Some(pair[0])))
 }
 
-pub(super) fn find_edge(name: &str) -> Option<Edge> {
-    edges().find(|edge| edge.name() == name)
-}
-
-pub(super) fn unknown_edge(key: Key, name: &str) -> Problem {
-    let known: Vec<String> = edges().map(Edge::name).collect();
+pub(in crate::scenario) fn unknown_edge(key: Key, name: &str) -> Problem {
+    let known: Vec<String> = EdgeName::all().map(|edge| edge.to_string()).collect();
     Problem::unknown_name(key, name, "edge", &known)
 }
 

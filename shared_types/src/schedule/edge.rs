@@ -1,0 +1,210 @@
+//! An input of a service: which sample is due at a step, whatever is planned to happen on the way.
+
+use std::sync::Arc;
+
+use super::{Alteration, EdgeFault, EdgeFaultKind, Presence};
+use crate::wiring::Topic;
+
+/// An input of a service as the schedule sees it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edge {
+    /// The topic that it consumes.
+    pub topic: Topic,
+    /// Transport latency, ticks.
+    pub latency: u64,
+    pub(super) published: Presence,
+    pub(super) consumed: Presence,
+    /// In the order of time, apart from each other.
+    pub(super) faults: Arc<[EdgeFault]>,
+}
+
+impl Edge {
+    /// Tick of the sample that is due at `tick`; `None` before the first.
+    #[must_use]
+    #[inline]
+    pub fn due_sample(&self, tick: u64) -> Option<u64> {
+        if self.has_faults() {
+            return self.due_among_faults(tick);
+        }
+        self.published.last_at_or_before(tick.checked_sub(self.latency)?)
+    }
+
+    /// Whether the sample `due` at `tick` was not yet due at the consumer's previous step.
+    #[must_use]
+    #[inline]
+    pub fn is_fresh(&self, tick: u64, due: u64) -> bool {
+        // Of a topic with a sample a tick every step gets another.
+        if self.published.rate.period == 1 && self.published.is_unbroken() && !self.has_faults() {
+            return true;
+        }
+        let previous = self.step_before(tick);
+        previous.is_none_or(|previous| self.due_sample(previous) != Some(due))
+    }
+
+    /// Whether a fault of it is planned.
+    #[must_use]
+    #[inline]
+    pub fn has_faults(&self) -> bool {
+        !self.faults.is_empty()
+    }
+
+    /// Its planned faults.
+    #[must_use]
+    pub fn faults(&self) -> &[EdgeFault] {
+        &self.faults
+    }
+
+    /// What the sample that was published at `due` holds instead, if it does.
+    #[must_use]
+    pub fn alteration(&self, due: u64) -> Option<&Alteration> {
+        match self.fault_at(due + self.latency).map(|fault| &fault.kind) {
+            Some(EdgeFaultKind::Altered(alteration)) => Some(alteration),
+            _ => None,
+        }
+    }
+
+    /// Tick of the sample whose content the one that was published at `due` repeats, if it does: the one that was
+    /// due at the consumer's last step before the fault.
+    #[must_use]
+    pub fn repeated_by(&self, due: u64) -> Option<u64> {
+        let fault = self.fault_at(due + self.latency)?;
+        let EdgeFaultKind::Altered(Alteration::Repeated) = fault.kind else {
+            return None;
+        };
+        self.due_sample(self.step_before(fault.from)?)
+    }
+
+    /// Whether the sample that was published at `tick` never arrives.
+    #[must_use]
+    pub fn is_lost(&self, tick: u64) -> bool {
+        match self.fault_at(tick + self.latency).map(|fault| &fault.kind) {
+            Some(EdgeFaultKind::Lost(loss)) => loss.befalls(tick),
+            _ => false,
+        }
+    }
+
+    /// Ticks of samples that may be needed long after later ones have been published.
+    #[must_use]
+    pub fn remembered(&self) -> Vec<u64> {
+        let faults = self.faults.iter();
+        let ticks = faults.filter_map(|fault| match &fault.kind {
+            EdgeFaultKind::Late(_) => None,
+            EdgeFaultKind::Lost(_) => self.due_sample(fault.from.checked_sub(1)?),
+            EdgeFaultKind::Altered(_) => self.due_sample(self.step_before(fault.from)?),
+        });
+        ticks.collect()
+    }
+
+    /// The newest sample that has arrived at `tick`, of those that arrive at all.
+    fn due_among_faults(&self, tick: u64) -> Option<u64> {
+        let mut arrived_by = tick;
+        loop {
+            let sample = self
+                .published
+                .last_at_or_before(arrived_by.checked_sub(self.latency)?)?;
+            let arrival = sample + self.latency;
+            let Some(fault) = self.fault_at(arrival) else {
+                return Some(sample);
+            };
+            // The next one that may have arrived.
+            arrived_by = match &fault.kind {
+                EdgeFaultKind::Altered(_) => return Some(sample),
+                EdgeFaultKind::Late(by) if arrival + by <= tick => return Some(sample),
+                EdgeFaultKind::Late(by) => {
+                    let in_time = tick.saturating_sub(*by);
+                    if in_time >= fault.from {
+                        in_time
+                    } else {
+                        fault.from.checked_sub(1)?
+                    }
+                }
+                EdgeFaultKind::Lost(loss) if loss.is_total() => fault.from.checked_sub(1)?,
+                EdgeFaultKind::Lost(loss) if loss.befalls(sample) => arrival.checked_sub(1)?,
+                EdgeFaultKind::Lost(_) => return Some(sample),
+            };
+        }
+    }
+
+    fn fault_at(&self, tick: u64) -> Option<&EdgeFault> {
+        self.faults.iter().find(|fault| fault.is_on(tick))
+    }
+
+    fn step_before(&self, tick: u64) -> Option<u64> {
+        self.consumed.last_at_or_before(tick.checked_sub(1)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::{Draws, Loss, Rate};
+    use super::*;
+
+    fn fault() -> impl Strategy<Value = EdgeFaultKind> {
+        let draws = Draws { seed: 1, edge: 2 };
+        prop_oneof![
+            (1..30u64).prop_map(EdgeFaultKind::Late),
+            prop_oneof![Just(1.0), 0.1..1.0]
+                .prop_map(move |fraction| EdgeFaultKind::Lost(Loss { fraction, draws })),
+            Just(EdgeFaultKind::Altered(Alteration::Repeated)),
+        ]
+    }
+
+    prop_compose! {
+        fn edge()(
+            rates in [(1..7u64, 0..9u64), (1..7, 0..9)],
+            latency in 0..9u64,
+            ends in proptest::collection::btree_set(0..100u64, 0..6),
+            kinds in [fault(), fault(), fault()],
+        ) -> Edge {
+            let [published, consumed] =
+                rates.map(|(period, phase)| Presence::new(Rate { period, phase }, Arc::default()));
+            let ends: Vec<_> = ends.into_iter().collect();
+            let faults = ends
+                .chunks_exact(2)
+                .zip(kinds)
+                .map(|(ends, kind)| EdgeFault { from: ends[0], until: ends[1], kind });
+            Edge { topic: Topic::VehicleState, latency, published, consumed, faults: faults.collect() }
+        }
+    }
+
+    /// When a sample arrives, told sample by sample.
+    fn arrival(edge: &Edge, sample: u64) -> Option<u64> {
+        let undisturbed = sample + edge.latency;
+        let mut faults = edge.faults().iter();
+        match faults.find(|fault| (fault.from..fault.until).contains(&undisturbed)) {
+            None => Some(undisturbed),
+            Some(fault) => match &fault.kind {
+                EdgeFaultKind::Late(by) => Some(undisturbed + by),
+                EdgeFaultKind::Lost(loss) => (!loss.befalls(sample)).then_some(undisturbed),
+                EdgeFaultKind::Altered(_) => Some(undisturbed),
+            },
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_newest_sample_that_has_arrived_is_due(edge in edge(), tick in 0..140u64) {
+            let published = (0..=tick).rev().filter(|tick| edge.published.occurs_at(*tick));
+            let newest = published.into_iter().find(|&sample| arrival(&edge, sample).is_some_and(|at| at <= tick));
+            prop_assert_eq!(edge.due_sample(tick), newest);
+        }
+
+        #[test]
+        fn no_older_sample_is_due_later(edge in edge()) {
+            let due: Vec<_> = (0..140).map(|tick| edge.due_sample(tick)).collect();
+            prop_assert!(due.is_sorted(), "{:?}", due);
+        }
+
+        #[test]
+        fn what_is_repeated_was_due_before_and_is_remembered(edge in edge(), tick in 0..140u64) {
+            let Some(due) = edge.due_sample(tick) else { return Ok(()) };
+            prop_assert!(!edge.is_lost(due));
+            if let Some(repeated) = edge.repeated_by(due) {
+                prop_assert!(repeated < due || edge.latency == 0 && repeated <= due);
+                prop_assert!(edge.remembered().contains(&repeated));
+            }
+        }
+    }
+}
