@@ -74,8 +74,10 @@ crate::sample! {
         pub captures_refused: u32,
         /// Whether the state rests on a measurement of the body that is recent enough.
         pub tracked: Flag,
+        /// Whether captures that were due are missing, so that the state is predicted further than it should be.
+        pub coasting: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 3],
+        pub pad0: [u8; 2],
     }
 
     /// Where the vehicle should be: the point of the path, its γ-derivatives and the timing law's terms.
@@ -109,6 +111,12 @@ crate::sample! {
         pub yaw: f64,
         /// Rate of the desired yaw, rad/s.
         pub yaw_rate: f64,
+        /// States refused since the start of the flight, being no states that can be true.
+        pub states_refused: u32,
+        /// Whether it is known where the vehicle is; if not the path stands still.
+        pub vehicle_known: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 3],
     }
 
     /// What the controller commands.
@@ -121,8 +129,8 @@ crate::sample! {
         pub torque_body: [f64; 3],
         /// Body rates in {B}, rad/s; with `MODE_RATES`.
         pub rates_body: [f64; 3],
-        #[values(MODE_TORQUE = 0, MODE_RATES = 1)]
-        /// What the vehicle is to follow.
+        #[values(MODE_TORQUE = 0, MODE_RATES = 1, MODE_FAILSAFE = 2)]
+        /// What the vehicle is to follow; nothing in failsafe.
         pub mode: u32,
         /// Explicit padding.
         pub pad0: u32,
@@ -146,10 +154,15 @@ crate::sample! {
         pub w_hat: [f64; 15],
         /// m̂ of the immersion-and-invariance observer that flies along, kg; 0 where there is none.
         pub observer_mass_estimate: f64,
+        /// Inputs refused since the start of the flight, being none that can be true.
+        pub inputs_refused: u32,
         /// Whether the estimators rest, having nothing true to learn from.
         pub resting: Flag,
+        #[values(STAGE_LAW = 0, STAGE_HOLD = 1, STAGE_LEVEL = 2, STAGE_DESCEND = 3, STAGE_FAILSAFE = 4)]
+        /// What commands are made by: the law, or by how old its inputs are something safer.
+        pub stage: u8,
         /// Explicit padding.
-        pub pad0: [u8; 7],
+        pub pad0: [u8; 2],
     }
 
     /// The errors of the backstepping design at the time of the state they were computed from.
@@ -188,12 +201,17 @@ crate::sample! {
         pub mode: u32,
         /// Saturated frames since the start of the flight, this one included.
         pub saturated_frames: u32,
+        /// Commands refused since the start of the flight, being none that can be meant.
+        pub commands_refused: u32,
         /// Whether this is a failsafe frame: the motors rest.
         pub failsafe: Flag,
         /// Whether a limit changed what the controller asked for, by more than the link's resolution.
         pub saturated: Flag,
+        #[values(STAGE_COMMAND = 0, STAGE_HOLD = 1, STAGE_FAILSAFE = 4)]
+        /// What the frame carries: the newest command, or by how old that is something safer.
+        pub stage: u8,
         /// Explicit padding.
-        pub pad0: [u8; 6],
+        pub pad0: u8,
     }
 
     /// Something that the scenario schedules. Never something that happened to the machine.

@@ -167,6 +167,9 @@ impl Service for PathGeneratorService {
                 derivative3_world: point.derivative3.into(),
                 yaw: self.yaw_at(now.tick),
                 yaw_rate: 0.0,
+                states_refused: 0,
+                vehicle_known: vehicle.is_some_and(|vehicle| vehicle.tracked.is_set()).into(),
+                pad0: [0; 3],
             };
         }
     }
