@@ -11,6 +11,7 @@ use orchestrator::interrupt::Interrupt;
 use orchestrator::scenario_file;
 use runtime::in_process::TickSink;
 use shared_types::samples::{ControlAdaptation, ControlCommand, VehicleTruth};
+use shared_types::scenario::EdgeName;
 use shared_types::service::header_of;
 use shared_types::{ServiceId, Topic};
 use zerocopy::FromBytes;
@@ -70,6 +71,68 @@ fn outages_have_the_same_bytes_in_one_process_and_in_processes_that_really_die()
     }
     succeed(&mut place.short_flight("undisturbed", 1.0, &["--host", "inprocess"]));
     assert!(log(&place, "undisturbed") != log(&place, "one"));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+/// Every fault of every edge for some milliseconds, one after the other, the edges' each a little later than those of
+/// the one before; samples are late by half as much.
+fn faults_of_all_edges(milliseconds: u32) -> String {
+    let (lasts, by) = (f64::from(milliseconds) / 1e3, f64::from(milliseconds / 2) / 1e3);
+    let mut faults = Vec::new();
+    for (edge, number) in EdgeName::all().zip(0..) {
+        let numbers = edge.topic.members().into_iter().find(|member| member.is_number());
+        let field = numbers.expect("every topic of an edge has numbers").name;
+        let kinds = [
+            format!("kind = \"delay\", by = {by:?}"),
+            "kind = \"intermittent\", fraction = 0.5".to_owned(),
+            "kind = \"stuck\"".to_owned(),
+            format!("kind = \"wrong\", field = \"{field}\", scale = 0.9, bias = 0.01"),
+            "kind = \"garbage\", range = 0.01".to_owned(),
+            "kind = \"intermittent\", fraction = 1.0".to_owned(),
+        ];
+        for (kind, place) in kinds.iter().zip(0..) {
+            let at = f64::from(100 + 120 * place + 10 * number) / 1e3;
+            faults.push(format!(
+                "{{at = {at:?}, edge = \"{edge}\", for = {lasts:?}, {kind}}}"
+            ));
+        }
+    }
+    faults.join(", ")
+}
+
+#[test]
+fn faults_of_edges_have_the_same_bytes_in_one_process_and_in_processes_also_when_they_are_killed() {
+    let place = Place::new();
+    let outages = [
+        fault(ServiceId::Estimator, 0.25, 0.02, OFF_WARM),
+        fault(ServiceId::Controller, 0.38, 0.04, OFF_WARM),
+        fault(ServiceId::RcOutput, 0.4, 0.03, FREEZE),
+    ];
+    // The ideal flight commands torque, without which nothing holds the attitude: it takes less.
+    let [ideal, rig] = [12, 60].map(|milliseconds| {
+        let edges = faults_of_all_edges(milliseconds);
+        format!("fault=[{edges}, {}]", outages.join(", "))
+    });
+    let mut crashes = Vec::new();
+    for (service, number) in ServiceId::ALL.into_iter().zip(0..) {
+        for tick in (140 + 7 * number..1000).step_by(120) {
+            crashes.extend(["--crash".to_owned(), format!("{service}@{tick}:after-step")]);
+        }
+    }
+    let crashes: Vec<_> = crashes.iter().map(String::as_str).collect();
+    for (flight, more) in [
+        ("processes", &[][..]),
+        ("one", &["--host", "inprocess"]),
+        ("killed", &crashes),
+    ] {
+        let of_ideal = [&["--set", &ideal], more].concat();
+        succeed(&mut place.short_flight(flight, 1.0, &of_ideal));
+        assert!(log(&place, flight) == log(&place, "processes"), "{flight}");
+        let out = format!("rig-{flight}");
+        let of_rig = [&["--set", &rig], more].concat();
+        succeed(&mut place.rig_flight(&out, 1.0, &of_rig));
+        assert!(log(&place, &out) == log(&place, "rig-processes"), "{out}");
+    }
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
@@ -156,6 +219,35 @@ fn outages_that_cannot_be_are_refused_with_the_place() {
         (
             fault(ServiceId::Plant, 0.5, 0.1, OFF_WARM),
             ["fault.0.service", "flies on"],
+        ),
+        (
+            "{at = 0.5, edge = \"vehicle/state -> controler\", kind = \"stuck\"}".to_owned(),
+            ["fault.0.edge", "did you mean `vehicle/state -> controller`"],
+        ),
+        (
+            "{at = 0.5, edge = \"vehicle/state -> controller\", kind = \"off\"}".to_owned(),
+            ["fault.0.edge", "has no `edge`"],
+        ),
+        (
+            "{at = 0.5, edge = \"vehicle/state -> controller\", kind = \"delay\"}".to_owned(),
+            ["fault.0.by", "needs it"],
+        ),
+        (
+            "{at = 0.5, edge = \"rc/frame -> plant\", kind = \"intermittent\", fraction = 1.5}".to_owned(),
+            ["fault.0.fraction", "share above 0"],
+        ),
+        (
+            "{at = 0.5, edge = \"rc/frame -> plant\", kind = \"wrong\", field = \"mode\", bias = 1.0}"
+                .to_owned(),
+            ["fault.0.field", "have no number `mode`"],
+        ),
+        (
+            "{at = 0.5, edge = \"rc/frame -> plant\", kind = \"wrong\", field = \"thrust\"}".to_owned(),
+            ["fault.0", "nothing is wrong"],
+        ),
+        (
+            "{at = 0.5, edge = \"rc/frame -> plant\", kind = \"garbage\", range = -1.0}".to_owned(),
+            ["fault.0.range", "not above 0"],
         ),
         (
             "{at = 0.5, service = \"controler\", kind = \"off\"}".to_owned(),

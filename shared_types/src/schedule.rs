@@ -319,7 +319,8 @@ impl Schedule {
     #[must_use]
     pub fn run_ahead_ticks(&self) -> u64 {
         let late = self.edge_faults.iter().flatten().flat_map(|faults| faults.iter());
-        let latencies: u64 = self.latencies.iter().flatten().sum::<u64>() + late.map(EdgeFault::ticks_late).sum::<u64>();
+        let latencies: u64 =
+            self.latencies.iter().flatten().sum::<u64>() + late.map(EdgeFault::ticks_late).sum::<u64>();
         let periods: u64 = self
             .services
             .iter()

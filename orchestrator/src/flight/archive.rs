@@ -1,8 +1,10 @@
 //! The latest samples of a topic: those that the log is still waiting for, and before them those that a reborn
 //! service may have missed.
 
+use std::collections::BTreeMap;
+
 use runtime::sample_ring::SampleRing;
-use shared_types::schedule::{Publication, Rate};
+use shared_types::schedule::{Edge, Publication, Rate};
 use shared_types::service::header_of;
 use shared_types::{Header, Schedule};
 
@@ -17,6 +19,8 @@ pub struct Archive {
     samples: SampleRing,
     /// How many samples have come.
     count: u64,
+    /// Samples that are kept for good, by place: consumers need them long after later ones, as planned.
+    remembered: BTreeMap<u64, Option<Box<[u8]>>>,
 }
 
 impl Archive {
@@ -25,8 +29,24 @@ impl Archive {
     pub fn new(publication: Publication, schedule: &Schedule) -> Self {
         // A consumer lags behind its publisher by less than its buffer holds; as much again may wait for the log.
         let history = schedule.buffer_size(publication.topic).max(LEAST_HISTORY);
+        let edges: Vec<_> = publication
+            .topic
+            .consumers()
+            .map(|(service, input)| schedule.edge(service, input))
+            .collect();
+        let longest_loss = edges
+            .iter()
+            .map(|edge| edge.longest_loss(schedule.last_tick()))
+            .max();
+        let remembered = edges.iter().flat_map(Edge::remembered);
         Self {
-            samples: SampleRing::new(publication.topic, 2 * history),
+            samples: SampleRing::new(
+                publication.topic,
+                2 * (history + longest_loss.unwrap_or_default()),
+            ),
+            remembered: remembered
+                .map(|tick| (publication.ticks.count_before(tick), None))
+                .collect(),
             publication,
             count: 0,
         }
@@ -50,6 +70,9 @@ impl Archive {
         if place == self.count {
             self.samples.at_mut(place).copy_from_slice(bytes);
             self.count += 1;
+            if let Some(remembered) = self.remembered.get_mut(&place) {
+                *remembered = Some(bytes.into());
+            }
             return Ok(());
         }
         self.compare(tick, place, bytes)
@@ -85,8 +108,10 @@ impl Archive {
     #[must_use]
     #[inline]
     pub fn at(&self, place: u64) -> Option<&[u8]> {
-        let is_kept = place < self.count && self.count - place <= self.samples.depth();
-        is_kept.then(|| self.samples.at(place))
+        if place < self.count && self.count - place <= self.samples.depth() {
+            return Some(self.samples.at(place));
+        }
+        self.remembered.get(&place)?.as_deref()
     }
 
     /// How many samples have come.

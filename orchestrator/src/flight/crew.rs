@@ -25,6 +25,7 @@ pub use process::Exit;
 use process::Process;
 
 use super::FlightFailure;
+use super::archive::Archive;
 use super::recorder::Recorder;
 
 /// How long a service may take to make its ports.
@@ -67,6 +68,8 @@ struct CrewMember {
     died_at: Option<Instant>,
     /// Number of this birth, once it was announced to the others.
     birth: Option<u32>,
+    /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
+    remembered: Vec<(usize, u64)>,
 }
 
 /// Where a service is in its life.
@@ -167,6 +170,7 @@ impl<'a> Crew<'a> {
                 flown_until: 0,
                 died_at: None,
                 birth: None,
+                remembered: Vec::new(),
             });
             crew.instruct(service)?;
         }
@@ -330,12 +334,26 @@ impl<'a> Crew<'a> {
     fn resume_one(&mut self, service: ServiceId, recorder: &Recorder) -> Result<(), FlightFailure> {
         let next_tick = self.next_tick(service);
         let first_tick = self.schedule.steps(service).first_at_or_after(next_tick);
+        let tick = first_tick.unwrap_or_default();
         let mut places = [0; MAX_PORTS];
+        let mut remembered = Vec::new();
         for (input, place) in places.iter_mut().enumerate().take(service.inputs().len()) {
             let edge = self.schedule.edge(service, input);
-            let first = first_tick.and_then(|tick| edge.due_sample(tick)).unwrap_or(0);
-            *place = recorder.archive(edge.topic).place_of(first);
+            let archive = recorder.archive(edge.topic);
+            let due = edge.due_sample(tick);
+            // With planned faults these may lie far before all others that are needed.
+            let old = due.filter(|_| edge.has_faults());
+            remembered.extend(old.map(|due| (input, due)));
+            remembered.extend(
+                old.and_then(|due| edge.repeated_by(due))
+                    .map(|tick| (input, tick)),
+            );
+            *place = archive.place_of(match old {
+                Some(due) => due.max(edge.first_to_come(tick)),
+                None => due.unwrap_or_else(|| edge.first_to_come(tick)),
+            });
         }
+        self.members[service.index()].remembered = remembered;
         self.members[service.index()].phase = Phase::CatchingUp(places);
         self.note_rebirth(service, next_tick.checked_sub(1));
         self.say(service, &ToService::Go { reborn: true })
@@ -370,23 +388,19 @@ impl<'a> Crew<'a> {
                 continue;
             };
             let mut is_told = false;
-            for ((input, spec), place) in member.service.inputs().iter().enumerate().zip(places) {
+            let inputs = member.service.inputs();
+            while let Some(&(input, tick)) = member.remembered.last() {
+                let archive = recorder.archive(inputs[input].topic);
+                let place = archive.place_of(tick);
+                if !give(&member.process, member.service, archive, input, place)? {
+                    break;
+                }
+                member.remembered.pop();
+                is_told = true;
+            }
+            for ((input, spec), place) in inputs.iter().enumerate().zip(places) {
                 let archive = recorder.archive(spec.topic);
-                while *place < archive.count() {
-                    let Some(bytes) = archive.at(*place) else {
-                        return Err(FlightFailure::GaveUp {
-                            service: member.service.to_string(),
-                            reason: format!("what it has missed of `{}` is not kept any more", spec.topic),
-                        });
-                    };
-                    let message = ToService::Missed {
-                        input,
-                        bytes: bytes.to_vec(),
-                    };
-                    // Who is full gets the rest later, and who is gone gets it in the next life.
-                    if !member.process.channel.try_send(&message).unwrap_or(false) {
-                        break;
-                    }
+                while give(&member.process, member.service, archive, input, *place)? {
                     *place += 1;
                     is_told = true;
                 }
@@ -545,6 +559,29 @@ impl Drop for Crew<'_> {
     fn drop(&mut self) {
         self.stop();
     }
+}
+
+/// Gives a service the sample of a place in the sequence of an input. `false` if it has not been recorded yet, or
+/// if the service takes no more now: who is full gets the rest later, and who is gone gets it in the next life.
+fn give(
+    process: &Process,
+    service: ServiceId,
+    archive: &Archive,
+    input: usize,
+    place: u64,
+) -> Result<bool, FlightFailure> {
+    if place >= archive.count() {
+        return Ok(false);
+    }
+    let bytes = archive.at(place).ok_or_else(|| FlightFailure::GaveUp {
+        service: service.to_string(),
+        reason: format!("what it has missed of its input {input} is not kept any more"),
+    })?;
+    let message = ToService::Missed {
+        input,
+        bytes: bytes.to_vec(),
+    };
+    Ok(process.channel.try_send(&message).unwrap_or(false))
 }
 
 impl CrewMember {

@@ -2,10 +2,11 @@
 
 use std::ops::ControlFlow;
 
-use shared_types::schedule::Publication;
+use shared_types::schedule::{Edge, MAX_PORTS, Publication};
 use shared_types::service::{ErasedService, InputView};
 use shared_types::{Schedule, ServiceId, Topic};
 
+use crate::edge_store::EdgeStore;
 use crate::sample_ring::SampleRing;
 use crate::step::{self, NonFinite, Slots, Timetable, Views};
 
@@ -54,6 +55,9 @@ struct Station {
     timetable: Timetable,
     /// Of each input.
     sources: Vec<Source>,
+    /// Of each input with planned faults, what has come.
+    stores: [Option<EdgeStore>; MAX_PORTS],
+    has_stores: bool,
     /// Of each output.
     histories: Vec<History>,
 }
@@ -86,9 +90,15 @@ impl Station {
         service.save(&mut newborn);
         let source =
             |topic| Source::of(topic, schedule.order()).expect("services consume what services publish");
+        let mut stores: [Option<EdgeStore>; MAX_PORTS] = Default::default();
+        for (store, edge) in stores.iter_mut().zip(&timetable.inputs) {
+            *store = edge.has_faults().then(|| EdgeStore::new(edge.clone()));
+        }
         Self {
             service,
             newborn,
+            has_stores: stores.iter().any(Option::is_some),
+            stores,
             sources: timetable.inputs.iter().map(|input| source(input.topic)).collect(),
             histories: timetable
                 .outputs
@@ -215,6 +225,13 @@ impl InProcess {
                 station.step(&Others { before, after }, tick)?;
             }
         }
+        for place in 0..self.stations.len() {
+            let (before, rest) = self.stations.split_at_mut(place);
+            let (station, after) = rest.split_first_mut().expect("the place is one of theirs");
+            if station.has_stores {
+                station.keep_published(&Others { before, after }, tick, |_| true);
+            }
+        }
         Ok(())
     }
 
@@ -255,15 +272,26 @@ impl Station {
         if self.timetable.begins_anew_at(tick) {
             self.service.restore(&self.newborn);
         }
+        if self.has_stores {
+            // What is published later in the tick is due later as well.
+            self.keep_published(others, tick, |edge| edge.latency == 0);
+        }
         // The samples that the schedule says are due.
         let mut views = Views::default();
-        for ((view, input), &source) in views.iter_mut().zip(&self.timetable.inputs).zip(&self.sources) {
-            if let Some(due) = input.due_sample(tick) {
-                *view = InputView {
+        let edges = self.timetable.inputs.iter().zip(&self.sources);
+        for ((view, (input, &source)), store) in views.iter_mut().zip(edges).zip(&mut self.stores) {
+            let Some(due) = input.due_sample(tick) else {
+                continue;
+            };
+            *view = if let Some(store) = store {
+                store.forget_before(due);
+                store.view(tick, due)
+            } else {
+                InputView {
                     bytes: Some(others.history(source).bytes(due)),
                     fresh: input.is_fresh(tick, due),
-                };
-            }
+                }
+            };
         }
         let mut slots = Slots::default();
         for (slot, history) in slots.iter_mut().zip(&mut self.histories) {
@@ -274,5 +302,20 @@ impl Station {
         }
         self.timetable
             .step(self.service.as_mut(), tick, &views, &mut slots)
+    }
+
+    /// Keeps what is published at `tick` over those of the edges with planned faults that are `wanted`.
+    #[cold]
+    fn keep_published(&mut self, others: &Others<'_>, tick: u64, wanted: impl Fn(&Edge) -> bool) {
+        let edges = self.timetable.inputs.iter().zip(&self.sources);
+        for ((edge, &source), store) in edges.zip(&mut self.stores) {
+            let history = others.history(source);
+            if let Some(store) = store
+                && wanted(edge)
+                && history.publication.is_due(tick)
+            {
+                store.keep(history.bytes(tick));
+            }
+        }
     }
 }

@@ -4,14 +4,14 @@
 //! the orchestrator, which has recorded them, and its port gives the rest; at first it takes whatever comes from
 //! either. From the first sample at the port on all later ones come there: as soon as that is no later than what
 //! is due, nothing can be missing any more and samples are read in shared memory again.
-
-use std::collections::BTreeMap;
+//!
+//! An edge with planned faults takes every sample at once and keeps what may still be due ([`EdgeStore`]).
 
 use shared_types::ServiceId;
 use shared_types::schedule::Edge;
 use shared_types::service::{InputView, header_of};
-use zerocopy::IntoBytes;
 
+use crate::edge_store::EdgeStore;
 use crate::lock_step::FlightError;
 use crate::ports::{PortError, Receiver};
 
@@ -24,16 +24,27 @@ pub struct Inlet {
     /// Who publishes the topic.
     pub publisher: ServiceId,
     receiver: Box<dyn Receiver>,
-    missed: Option<Missed>,
+    kept: Option<Kept>,
 }
 
-/// What a reborn service has of an input beside the sample that its port holds.
-#[derive(Default)]
-struct Missed {
-    /// Copies by tick; whole words, because samples are read in place.
-    samples: BTreeMap<u64, Box<[u64]>>,
+/// What is kept of an input beside the sample that its port holds: of a service that was born again, and of an edge
+/// with planned faults.
+struct Kept {
+    samples: EdgeStore,
+    /// Whether samples may be missing that only the orchestrator has.
+    is_reborn: bool,
     /// Tick of the first sample that came by the port.
     first_at_port: Option<u64>,
+}
+
+impl Kept {
+    fn new(edge: &Edge, is_reborn: bool) -> Self {
+        Self {
+            samples: EdgeStore::new(edge.clone()),
+            is_reborn,
+            first_at_port: None,
+        }
+    }
 }
 
 impl Inlet {
@@ -42,10 +53,10 @@ impl Inlet {
     pub fn new(index: usize, edge: Edge, publisher: ServiceId, receiver: Box<dyn Receiver>) -> Self {
         Self {
             index,
+            kept: edge.has_faults().then(|| Kept::new(&edge, false)),
             edge,
             publisher,
             receiver,
-            missed: None,
         }
     }
 
@@ -63,14 +74,14 @@ impl Inlet {
     /// That of the port.
     pub fn expect_missed(&mut self) -> Result<(), PortError> {
         while self.receiver.receive()? {}
-        self.missed = Some(Missed::default());
+        self.kept = Some(Kept::new(&self.edge, true));
         Ok(())
     }
 
     /// Takes a sample that may have been missed.
     pub fn take_missed(&mut self, bytes: &[u8]) {
-        if let Some(missed) = &mut self.missed {
-            missed.insert(bytes);
+        if let Some(kept) = self.kept.as_mut().filter(|kept| kept.is_reborn) {
+            kept.samples.keep(bytes);
         }
     }
 
@@ -78,7 +89,7 @@ impl Inlet {
     #[must_use]
     #[inline]
     pub fn has_caught_up(&self) -> bool {
-        self.missed.is_none()
+        self.kept.as_ref().is_none_or(|kept| !kept.is_reborn)
     }
 
     /// Takes samples until the one of tick `due` is here, for the step at `tick`; `false` if it has not come yet.
@@ -87,8 +98,12 @@ impl Inlet {
     /// [`FlightError::Lost`] or that of the port.
     #[inline]
     pub fn advance(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
-        if self.missed.is_some() {
-            return self.advance_reborn(tick, due);
+        if self.kept.is_some() {
+            return if self.edge.has_faults() {
+                self.advance_among_faults(tick, due)
+            } else {
+                self.advance_reborn(tick, due)
+            };
         }
         loop {
             if let Some(got) = self.held_tick() {
@@ -108,14 +123,12 @@ impl Inlet {
     /// The sample of tick `due` once it is here, for the step at `tick`.
     #[must_use]
     #[inline]
-    pub fn view(&self, tick: u64, due: u64) -> InputView<'_> {
-        let copy = self
-            .missed
-            .as_ref()
-            .and_then(|missed| missed.samples.get(&due))
-            .map(|words| words.as_bytes());
+    pub fn view(&mut self, tick: u64, due: u64) -> InputView<'_> {
+        if let Some(kept) = self.kept.as_mut().filter(|kept| kept.samples.has(due)) {
+            return kept.samples.view(tick, due);
+        }
         InputView {
-            bytes: copy.or_else(|| self.receiver.held()),
+            bytes: self.receiver.held(),
             fresh: self.edge.is_fresh(tick, due),
         }
     }
@@ -123,27 +136,56 @@ impl Inlet {
     #[cold]
     fn advance_reborn(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
         loop {
-            let Some(missed) = &mut self.missed else {
+            let Some(kept) = &mut self.kept else {
                 return self.advance(tick, due);
             };
-            missed.samples = missed.samples.split_off(&due);
-            if missed.samples.contains_key(&due) {
+            kept.samples.forget_before(due);
+            if kept.samples.has(due) {
                 return Ok(true);
             }
             // What is due comes before the port's first sample: only the orchestrator can give it.
-            if missed.first_at_port.is_some_and(|first| first > due) || !self.receiver.receive()? {
+            if kept.first_at_port.is_some_and(|first| first > due) || !self.receiver.receive()? {
                 return Ok(false);
             }
             let bytes = self.receiver.held().expect("just received");
             let got = header_of(bytes).tick;
-            let first = *missed.first_at_port.get_or_insert(got);
+            let first = *kept.first_at_port.get_or_insert(got);
             if first > due {
-                missed.insert(bytes);
+                kept.samples.keep(bytes);
             } else if got == due {
-                self.missed = None;
+                self.kept = None;
             } else if got > due {
                 return Err(self.lost(tick, due, got));
             }
+        }
+    }
+
+    /// Keeps all that has come, whatever is due: where samples are late or lost, others come before they are.
+    #[cold]
+    fn advance_among_faults(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
+        let Some(kept) = &mut self.kept else {
+            return Ok(false);
+        };
+        while self.receiver.receive()? {
+            let bytes = self.receiver.held().expect("just received");
+            kept.first_at_port.get_or_insert(header_of(bytes).tick);
+            kept.samples.keep(bytes);
+        }
+        kept.samples.forget_before(due);
+        let oldest = kept.samples.oldest_needed(due);
+        if kept.first_at_port.is_some_and(|first| first <= oldest) {
+            kept.is_reborn = false;
+        }
+        if kept.samples.has(due) {
+            return Ok(true);
+        }
+        match kept
+            .samples
+            .newest()
+            .filter(|&newest| newest > due && !kept.is_reborn)
+        {
+            Some(newest) => Err(self.lost(tick, due, newest)),
+            None => Ok(false),
         }
     }
 
@@ -163,14 +205,6 @@ impl Inlet {
     }
 }
 
-impl Missed {
-    fn insert(&mut self, bytes: &[u8]) {
-        let mut words = vec![0; bytes.len().div_ceil(size_of::<u64>())].into_boxed_slice();
-        words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
-        self.samples.insert(header_of(bytes).tick, words);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::VecDeque;
@@ -178,9 +212,10 @@ mod tests {
     use proptest::prelude::*;
     use shared_types::samples::VehicleState;
     use shared_types::{Schedule, Topic};
-    use zerocopy::FromZeros;
+    use zerocopy::{FromZeros, IntoBytes};
 
     use super::*;
+
     /// A port that has these ticks to give.
     struct Port {
         coming: VecDeque<u64>,
@@ -228,7 +263,7 @@ mod tests {
         )
     }
 
-    fn tick_seen(inlet: &Inlet, due: u64) -> u64 {
+    fn tick_seen(inlet: &mut Inlet, due: u64) -> u64 {
         let view = inlet.view(due, due);
         // Ideal samples are as large as whole words.
         header_of(view.bytes.unwrap()).tick
@@ -243,7 +278,7 @@ mod tests {
         ) {
             let (first, end) = (next + joins_later - repeats, 60);
             let mut inlet = inlet(first..end);
-            inlet.missed = Some(Missed::default());
+            inlet.kept = Some(Kept::new(&inlet.edge, true));
             let mut told = next;
             for due in next..end {
                 while !inlet.advance(due, due).unwrap() {
@@ -252,7 +287,7 @@ mod tests {
                     inlet.take_missed(sample(told).as_bytes());
                     told += 1;
                 }
-                prop_assert_eq!(tick_seen(&inlet, due), due);
+                prop_assert_eq!(tick_seen(&mut inlet, due), due);
                 if due < next + late {
                     inlet.take_missed(sample(told).as_bytes());
                     told += 1;
@@ -269,7 +304,7 @@ mod tests {
         assert!(!inlet.advance(5, 5).unwrap());
         inlet.take_missed(sample(5).as_bytes());
         assert!(inlet.advance(5, 5).unwrap());
-        assert_eq!(tick_seen(&inlet, 5), 5);
+        assert_eq!(tick_seen(&mut inlet, 5), 5);
     }
 
     #[test]
@@ -277,7 +312,7 @@ mod tests {
         let mut inlet = inlet([3, 4, 3, 4, 5, 7]);
         for due in 3..6 {
             assert!(inlet.advance(due, due).unwrap());
-            assert_eq!(tick_seen(&inlet, due), due);
+            assert_eq!(tick_seen(&mut inlet, due), due);
         }
         assert!(matches!(
             inlet.advance(6, 6),

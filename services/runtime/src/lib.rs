@@ -9,7 +9,8 @@
 //! Under them lie [`ports`] (iceoryx2, in bytes), [`wait`] (yield once, then block on a doorbell),
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
 //! service knew, for whoever is born after its death; both are a [`shared_file`]), [`sample_ring`] (the latest
-//! samples of a topic), [`inlet`] (an input, also after a rebirth), [`control`] (the
+//! samples of a topic), [`inlet`] (an input, also after a rebirth), [`edge_store`] (its samples, where faults are
+//! planned), [`control`] (the
 //! orchestrator's line to each service), [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler,
 //! parent's death), [`descriptors`] (what a started process inherits) and [`process`] (what `gerono service NAME`
 //! runs).
@@ -24,6 +25,7 @@ pub mod crash;
 pub mod deployment;
 pub mod descriptors;
 pub mod doorbell;
+pub mod edge_store;
 pub mod in_process;
 pub mod inlet;
 pub mod lock_step;

@@ -68,7 +68,7 @@ pub struct ServicePorts {
     consumers: Vec<ServiceId>,
     /// Where a reborn service gets what it has missed.
     missed: Option<Channel>,
-    /// Whether somebody has a planned outage. Then publishers may run ahead until buffers are full, and a service
+    /// Whether a fault is planned. Then publishers may run ahead until buffers are full, and a service
     /// that waits for one input must not let the publisher of another one wait.
     takes_all: bool,
     /// How many births of others the ports are connected to.
@@ -307,7 +307,8 @@ impl Cockpit<'_> {
         let mut views = Views::default();
         for inlet in inlets {
             if let Some(due) = inlet.edge.due_sample(tick) {
-                views[inlet.index] = inlet.view(tick, due);
+                let index = inlet.index;
+                views[index] = inlet.view(tick, due);
             }
         }
         let mut slots = Slots::default();

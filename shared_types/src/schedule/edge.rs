@@ -95,6 +95,34 @@ impl Edge {
         ticks.collect()
     }
 
+    /// How many samples in a row are lost at most in a flight that ends with `last_tick`, but for those that are all
+    /// lost for a while.
+    #[must_use]
+    pub fn longest_loss(&self, last_tick: u64) -> u64 {
+        let lossy = self.faults.iter().filter_map(|fault| match &fault.kind {
+            EdgeFaultKind::Lost(loss) if !loss.is_total() => Some((fault, loss)),
+            _ => None,
+        });
+        let runs = lossy.map(|(fault, loss)| {
+            let arrivals = fault.from..fault.until.min(last_tick + 1);
+            let published = arrivals.filter_map(|tick| tick.checked_sub(self.latency));
+            let (mut run, mut longest) = (0, 0);
+            for tick in published.filter(|&tick| self.published.occurs_at(tick)) {
+                run = if loss.befalls(tick) { run + 1 } else { 0 };
+                longest = run.max(longest);
+            }
+            longest
+        });
+        runs.max().unwrap_or_default()
+    }
+
+    /// The first tick of which a sample may still become due after `tick`.
+    #[must_use]
+    pub fn first_to_come(&self, tick: u64) -> u64 {
+        let late = self.faults.iter().map(EdgeFault::ticks_late).max();
+        tick.saturating_sub(self.latency + late.unwrap_or_default())
+    }
+
     /// The newest sample that has arrived at `tick`, of those that arrive at all.
     fn due_among_faults(&self, tick: u64) -> Option<u64> {
         let mut arrived_by = tick;

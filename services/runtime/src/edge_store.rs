@@ -1,0 +1,105 @@
+//! Samples that came over an edge, kept until they are due: for a service that was born again, and where faults are
+//! planned.
+//!
+//! Ordinarily an input holds one sample, in shared memory. Where samples come late, where only some come, or where
+//! they hold something else, copies of all that will ever be due are kept, and what is handed out may be altered.
+//! Only such edges pay for that, with a copy and an allocation a sample.
+
+use std::collections::BTreeMap;
+
+use shared_types::schedule::Edge;
+use shared_types::service::{InputView, header_of};
+use zerocopy::IntoBytes;
+
+/// The samples of an edge that are or will be due.
+pub struct EdgeStore {
+    edge: Edge,
+    /// Copies by tick; whole words, because samples are read in place.
+    samples: BTreeMap<u64, Box<[u64]>>,
+    /// Size of a sample, bytes.
+    size: usize,
+    /// What is handed out in place of a sample.
+    altered: Box<[u64]>,
+}
+
+impl EdgeStore {
+    /// An empty store of an edge.
+    #[must_use]
+    pub fn new(edge: Edge) -> Self {
+        let size = edge.topic.kind().size;
+        Self {
+            samples: BTreeMap::new(),
+            size,
+            altered: vec![0; size.div_ceil(size_of::<u64>())].into_boxed_slice(),
+            edge,
+        }
+    }
+
+    /// Keeps a sample, unless it never arrives.
+    pub fn keep(&mut self, bytes: &[u8]) {
+        let tick = header_of(bytes).tick;
+        if !self.edge.is_lost(tick) {
+            let mut words = vec![0; self.altered.len()].into_boxed_slice();
+            words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
+            self.samples.insert(tick, words);
+        }
+    }
+
+    /// Forgets what is not needed any more when the sample of tick `due` is due.
+    pub fn forget_before(&mut self, due: u64) {
+        let oldest = self.oldest_needed(due);
+        if self
+            .samples
+            .first_key_value()
+            .is_some_and(|(&first, _)| first < oldest)
+        {
+            self.samples = self.samples.split_off(&oldest);
+        }
+    }
+
+    /// Whether the sample of tick `due` is here, and the one that it repeats.
+    #[must_use]
+    pub fn has(&self, due: u64) -> bool {
+        let repeated = self.edge.repeated_by(due);
+        self.samples.contains_key(&due) && repeated.is_none_or(|tick| self.samples.contains_key(&tick))
+    }
+
+    /// The oldest sample that is needed when that of tick `due` is due.
+    #[must_use]
+    pub fn oldest_needed(&self, due: u64) -> u64 {
+        self.edge
+            .repeated_by(due)
+            .map_or(due, |repeated| repeated.min(due))
+    }
+
+    /// Tick of the newest sample.
+    #[must_use]
+    pub fn newest(&self) -> Option<u64> {
+        self.samples.last_key_value().map(|(&tick, _)| tick)
+    }
+
+    /// What the consumer gets at its step at `tick`, when the sample of tick `due` is due and here.
+    pub fn view(&mut self, tick: u64, due: u64) -> InputView<'_> {
+        let Some(sample) = self.samples.get(&due) else {
+            return InputView::default();
+        };
+        let fresh = self.edge.is_fresh(tick, due);
+        let Some(alteration) = self.edge.alteration(due) else {
+            return InputView {
+                bytes: Some(&sample.as_bytes()[..self.size]),
+                fresh,
+            };
+        };
+        self.altered.copy_from_slice(sample);
+        let repeated = self
+            .edge
+            .repeated_by(due)
+            .and_then(|tick| self.samples.get(&tick));
+        let altered = &mut self.altered.as_mut_bytes()[..self.size];
+        alteration.alter(due, repeated.map(|words| &words.as_bytes()[..self.size]), altered);
+        InputView {
+            bytes: Some(altered),
+            fresh,
+        }
+    }
+}
