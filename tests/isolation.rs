@@ -184,7 +184,7 @@ fn a_full_disk_ends_the_run_and_nothing_half_written_is_called_complete() {
             .arg(flight.get_program())
             .args(flight.get_args())
             .current_dir(flight.get_current_dir().unwrap())
-            .env("TMPDIR", place.path("tmp"));
+            .env("XDG_RUNTIME_DIR", place.path("tmp"));
         let output = output(&mut command);
         let errors = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(4), "{errors}");

@@ -208,13 +208,48 @@ fn a_service_that_dies_again_and_again_is_given_up_and_the_log_is_whole_up_to_th
             format!("`{service}`"),
             "after tick 299".to_owned(),
             "KILL".to_owned(),
-            "9 times in a row".to_owned(),
+            "9 deaths in a row".to_owned(),
         ] {
             assert!(words.contains(&piece), "{piece} is not in {errors}");
         }
         let last = last_tick(&place.path(out).join("run.mcap"));
         assert!((290..=300).contains(&last), "{last}");
     }
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
+fn how_often_a_service_is_started_again_is_for_each_service_to_choose() {
+    let place = Place::new();
+    // The first death comes after many ticks flown, the others are fruitless.
+    let crashes = vec!["controller@300:before-step".to_owned(); 4];
+    let choices = [
+        "--restarts",
+        "0",
+        "--restarts",
+        "controller=2",
+        "--restart-pause",
+        "0.01",
+    ];
+    let ended = output(&mut with_crashes(
+        place.short_flight("given-up", 1.0, &choices),
+        &crashes,
+    ));
+    let errors = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(3), "{errors}");
+    assert!(errors.contains("3 deaths in a row"), "{errors}");
+    succeed(&mut with_crashes(
+        place.short_flight("twice", 1.0, &choices),
+        &crashes[..2],
+    ));
+    // One that may not be started again at all is lost by its first death, wherever it has come to.
+    let crashes = ["plant@300:after-step".to_owned()];
+    let ended = output(&mut with_crashes(
+        place.short_flight("once", 1.0, &choices),
+        &crashes,
+    ));
+    assert_eq!(ended.status.code(), Some(3));
+    assert!((290..=300).contains(&last_tick(&place.path("once").join("run.mcap"))));
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 

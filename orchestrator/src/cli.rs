@@ -10,6 +10,7 @@ use shared_types::ServiceId;
 use shared_types::scenario::suggest::known_names;
 
 use crate::exit::Exit;
+use crate::flight::crew::restart::PerService;
 use crate::log::Compression;
 use crate::reproduce::figures::Figure;
 
@@ -134,12 +135,29 @@ pub struct DeploymentArguments {
     /// Let a waiting service always sleep instead of yielding once first.
     #[arg(long)]
     pub no_yield: bool,
+    /// How often in a row a service is started again without having flown a tick more [default: 8].
+    ///
+    /// For one service as SERVICE=N, else for all; may be given several times. With 0 its first death ends the run.
+    #[arg(long, value_name = "[SERVICE=]N", value_parser = str::parse::<PerService<u32>>)]
+    pub restarts: Vec<PerService<u32>>,
+    /// Longest pause, in s, before a service that dies again and again is started once more [default: 0.1].
+    #[arg(long, value_name = "[SERVICE=]S", value_parser = seconds_per_service)]
+    pub restart_pause: Vec<PerService<f64>>,
     /// Let a service kill itself, as SERVICE@TICK:PLACE; may be given several times, for one process after the other.
     ///
     /// The log must show nothing of it. Places: before-ports, after-ports, recovering, before-step, after-step,
     /// between-publishes, after-publishing, checkpointing, before-waking.
     #[arg(long, value_name = "WHERE")]
     pub crash: Vec<ServiceCrash>,
+}
+
+fn seconds_per_service(text: &str) -> Result<PerService<f64>, String> {
+    let parsed: PerService<f64> = text.parse()?;
+    if (0.0..=60.0).contains(&parsed.value) {
+        Ok(parsed)
+    } else {
+        Err("give a time from 0 to 60 s".to_owned())
+    }
 }
 
 /// Where the process of a service shall kill itself.

@@ -49,7 +49,7 @@ pub enum FlightFailure {
     /// A service process died again and again without getting any further.
     #[error(
         "the service `{service}` (process {pid}) died after tick {tick}: {how}; \
-         it has died {times} times in a row without flying a tick more, so it was not started again; \
+         it is not started again after {times} deaths in a row without flying a tick more (see --restarts); \
          the log ends with the last whole tick"
     )]
     Died {

@@ -13,6 +13,9 @@ use rustix::fs::{FlockOperation, flock};
 /// Where Linux keeps named shared memory.
 const SHARED_MEMORY: &str = "/dev/shm";
 
+/// Names a user's folder for what lives no longer than the machine runs, by the XDG Base Directory Specification.
+const RUNTIME_FOLDER: &str = "XDG_RUNTIME_DIR";
+
 /// A live run's place; removed, with all its shared memory, when dropped.
 #[derive(Debug)]
 pub struct RunRoot {
@@ -25,7 +28,7 @@ impl RunRoot {
     /// Makes a place for a run, after sweeping those of dead runs.
     ///
     /// # Errors
-    /// If the folder for temporary files cannot be written.
+    /// If the folder for what lives no longer than the machine runs cannot be written.
     pub fn create() -> io::Result<Self> {
         let base = base_folder();
         let _door = close_door(&base)?;
@@ -99,7 +102,7 @@ pub struct Swept {
 /// Removes what dead runs have left behind and leaves live ones alone.
 ///
 /// # Errors
-/// If the folder for temporary files cannot be written, or something in it cannot be removed.
+/// If the folder for what lives no longer than the machine runs cannot be written, or something in it cannot be removed.
 pub fn clean() -> io::Result<Swept> {
     let base = base_folder();
     let _door = close_door(&base)?;
@@ -114,8 +117,19 @@ fn close_door(base: &Path) -> io::Result<File> {
     Ok(door)
 }
 
+/// Where the places of all of this user's runs are: in memory, because the bookkeeping is written to disk before
+/// anybody goes on, which would make every birth of a process wait for the disk.
 fn base_folder() -> PathBuf {
-    std::env::temp_dir().join(format!("gerono-{}", rustix::process::getuid().as_raw()))
+    let in_memory = || {
+        let shared_memory = PathBuf::from(SHARED_MEMORY);
+        shared_memory.is_dir().then_some(shared_memory)
+    };
+    let of_this_user = std::env::var_os(RUNTIME_FOLDER).filter(|folder| !folder.is_empty());
+    of_this_user
+        .map(PathBuf::from)
+        .or_else(in_memory)
+        .unwrap_or_else(std::env::temp_dir)
+        .join(format!("gerono-{}", rustix::process::getuid().as_raw()))
 }
 
 fn lock_path(folder: &Path) -> PathBuf {

@@ -57,7 +57,7 @@ impl Place {
         command
             .args(arguments)
             .current_dir(self.folder.path())
-            .env("TMPDIR", self.folder.path().join("tmp"))
+            .env("XDG_RUNTIME_DIR", self.folder.path().join("tmp"))
             .stdin(Stdio::null());
         command
     }

@@ -5,11 +5,13 @@ use std::time::Duration;
 
 use miette::Report;
 use runtime::deployment::Scheduler;
+use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 
 use super::{Failure, load, print};
 use crate::cli::{DeploymentArguments, Host, Run};
 use crate::exit::Exit;
+use crate::flight::crew::restart::{PerService, RestartPolicy};
 use crate::flight::lock_step::{Deployment, Placement};
 use crate::flight::tape::Tape;
 use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step};
@@ -121,6 +123,14 @@ fn deployment(arguments: &DeploymentArguments) -> Deployment {
             .iter()
             .map(|crash| (crash.service, crash.crash))
             .collect(),
+        restarts: ServiceId::ALL.map(|service| {
+            let default = RestartPolicy::default();
+            let pause = PerService::of(&arguments.restart_pause, service);
+            RestartPolicy {
+                limit: PerService::of(&arguments.restarts, service).unwrap_or(default.limit),
+                longest_pause: pause.map_or(default.longest_pause, Duration::from_secs_f64),
+            }
+        }),
     }
 }
 

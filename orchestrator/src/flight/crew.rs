@@ -5,6 +5,7 @@
 //! up: its crash is a function of its inputs, and so will the next be.
 
 mod process;
+pub mod restart;
 
 use std::os::fd::AsFd;
 use std::sync::atomic::Ordering;
@@ -23,6 +24,7 @@ use shared_types::{Schedule, ServiceId};
 
 pub use process::Exit;
 use process::Process;
+use restart::RestartPolicy;
 
 use super::FlightFailure;
 use super::archive::Archive;
@@ -32,11 +34,9 @@ use super::recorder::Recorder;
 const READY_LIMIT: Duration = Duration::from_secs(30);
 /// How long a service that was told to stop may take before it is killed.
 const STOP_LIMIT: Duration = Duration::from_secs(2);
-/// How often in a row a service may die without flying a tick more.
-const FRUITLESS_LIMIT: u32 = 8;
-/// So many of these deaths are mended at once, the later ones after a while that grows.
-const AT_ONCE: u32 = 3;
-const LONGEST_BACK_OFF: Duration = Duration::from_millis(100);
+
+/// How often and how soon each service is started again.
+pub type Restarts = [RestartPolicy; ServiceId::ALL.len()];
 
 /// All service processes of a run. Dropping it ends them.
 pub struct Crew<'a> {
@@ -45,6 +45,7 @@ pub struct Crew<'a> {
     start: Start,
     /// Deaths that processes shall bring upon themselves, the first of a service upon its first process and so on.
     crashes: Vec<(ServiceId, Crash)>,
+    restarts: Restarts,
     members: Vec<CrewMember>,
     page: SharedPage,
     checkpoints: Checkpoints,
@@ -139,6 +140,7 @@ impl<'a> Crew<'a> {
         schedule: &'a Schedule,
         start: Start,
         crashes: Vec<(ServiceId, Crash)>,
+        restarts: Restarts,
     ) -> Result<Self, FlightFailure> {
         let doorbells = ServiceId::ALL
             .iter()
@@ -150,6 +152,7 @@ impl<'a> Crew<'a> {
             schedule,
             start,
             crashes,
+            restarts,
             members: Vec::new(),
             page: SharedPage::create().map_err(setup)?,
             checkpoints: Checkpoints::create().map_err(setup)?,
@@ -486,7 +489,15 @@ impl<'a> Crew<'a> {
             member.fruitless + 1
         };
         member.flown_until = flown_until;
-        if member.fruitless > FRUITLESS_LIMIT {
+        let timetable = Timetable::new(self.schedule, service);
+        let next = timetable.steps.first_at_or_after(next_tick);
+        let is_planned = next_tick > 0 && timetable.dies_after(next_tick - 1, next);
+        let pause = if is_planned {
+            Some(Duration::ZERO)
+        } else {
+            self.restarts[service.index()].pause(member.fruitless)
+        };
+        let Some(pause) = pause else {
             member.phase = Phase::GivenUp;
             return Some(CrewEvent::Lost(FlightFailure::Died {
                 service: service.to_string(),
@@ -495,14 +506,11 @@ impl<'a> Crew<'a> {
                 how: exit.description,
                 times: member.fruitless,
             }));
-        }
+        };
         let now = Instant::now();
-        let timetable = Timetable::new(self.schedule, service);
-        let next = timetable.steps.first_at_or_after(next_tick);
-        let is_planned = next_tick > 0 && timetable.dies_after(next_tick - 1, next);
         member.died_at = (!is_planned).then_some(now);
         member.phase = if next.is_some_and(|next| next <= self.schedule.last_tick()) {
-            Phase::Dead(now + back_off(member.fruitless))
+            Phase::Dead(now + pause)
         } else {
             Phase::Finished
         };
@@ -614,16 +622,6 @@ impl CrewMember {
                 })
             }
         })
-    }
-}
-
-/// How long a service waits for its next life after so many deaths in a row at the same place.
-fn back_off(fruitless: u32) -> Duration {
-    let doublings = fruitless.saturating_sub(AT_ONCE);
-    if doublings == 0 {
-        Duration::ZERO
-    } else {
-        Duration::from_millis(5 << doublings.min(8)).min(LONGEST_BACK_OFF)
     }
 }
 

@@ -12,7 +12,7 @@ use runtime::wait::BLOCK_ALWAYS;
 use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 
-use super::crew::{Crew, CrewEvent};
+use super::crew::{Crew, CrewEvent, Restarts};
 use super::recorder::{Progress, Recorder};
 use super::{Ending, FlightFailure, Outcome};
 use crate::interrupt::Interrupt;
@@ -32,6 +32,8 @@ pub struct Deployment {
     pub yielding: bool,
     /// Deaths that processes shall bring upon themselves: the first of a service upon its first process, and so on.
     pub crashes: Vec<(ServiceId, Crash)>,
+    /// How often and how soon each service is started again.
+    pub restarts: Restarts,
 }
 
 impl Default for Deployment {
@@ -41,6 +43,7 @@ impl Default for Deployment {
             scheduler: Scheduler::Fair,
             yielding: true,
             crashes: Vec::new(),
+            restarts: Restarts::default(),
         }
     }
 }
@@ -97,7 +100,13 @@ where
         scheduler: deployment.scheduler,
         crash: None,
     };
-    let mut crew = Crew::start(&member, &schedule, start, deployment.crashes.clone())?;
+    let mut crew = Crew::start(
+        &member,
+        &schedule,
+        start,
+        deployment.crashes.clone(),
+        deployment.restarts,
+    )?;
     let words = crew.page().words();
     recorder.make_known(words);
     if !deployment.yielding {
