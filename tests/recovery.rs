@@ -38,11 +38,7 @@ fn rebirths(place: &Place, out: &str) -> Vec<String> {
     let summary = std::fs::read_to_string(place.path(out).join("summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
     let rebirths = summary["rebirths"].as_array();
-    let texts = rebirths
-        .into_iter()
-        .flatten()
-        .map(|text| text.as_str().unwrap().to_owned());
-    texts.collect()
+    rebirths.into_iter().flatten().map(ToString::to_string).collect()
 }
 
 fn with_crashes(mut command: Command, crashes: &[String]) -> Command {
@@ -113,22 +109,37 @@ fn deaths_at_once_and_in_recovery_leave_no_trace_in_the_log() {
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
-#[test]
-fn fig_1_with_its_controller_killed_every_second_is_fig_1() {
+/// Flies a committed scenario whole, with these deaths and undisturbed in one process, and compares.
+fn committed_is_the_same_with(name: &str, crashes: &[String]) {
     let place = Place::new();
-    let fig1 = scenario("fig1");
-    let run = ["run", fig1.to_str().unwrap(), "--quiet", "--out"];
-    let crashes: Vec<_> = (1..60)
-        .map(|second| format!("controller@{second}000:after-step"))
-        .collect();
+    let committed = scenario(name);
+    let run = ["run", committed.to_str().unwrap(), "--quiet", "--out"];
     succeed(&mut with_crashes(
         place.gerono(&[&run[..], &["killed"]].concat()),
-        &crashes,
+        crashes,
     ));
     let alone = ["undisturbed", "--host", "inprocess"];
     succeed(&mut place.gerono(&[&run[..], &alone].concat()));
     assert!(log(&place, "killed") == log(&place, "undisturbed"));
     assert_eq!(rebirths(&place, "killed").len(), crashes.len());
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
+fn fig_1_with_its_controller_killed_every_second_is_fig_1() {
+    let crashes: Vec<_> = (1..60)
+        .map(|second| format!("controller@{second}000:after-step"))
+        .collect();
+    committed_is_the_same_with("fig1", &crashes);
+}
+
+#[test]
+fn fig_7_with_every_service_killed_in_turn_is_fig_7() {
+    let turns = ServiceId::ALL.into_iter().cycle().zip(1..40);
+    let crashes: Vec<_> = turns
+        .map(|(service, turn)| format!("{service}@{}:after-step", 2000 * turn))
+        .collect();
+    committed_is_the_same_with("fig7", &crashes);
 }
 
 fn begin(mut command: Command) -> Child {

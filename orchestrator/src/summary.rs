@@ -12,6 +12,7 @@ use shared_types::scenario::{Controller, Scenario, Vector};
 use shared_types::service::{header_of, seconds};
 use shared_types::{Header, Sample, Schedule, Topic};
 
+use crate::flight::crew::Rebirth;
 use phase::PhaseRecord;
 
 /// How much of the end of a phase counts as its ultimate behaviour, s: what the paper's figures show.
@@ -77,9 +78,9 @@ pub struct RunFacts {
     pub reason: String,
     /// Wall time from the first tick to the last, s.
     pub wall_seconds: f64,
-    /// Deaths of services in flight that were mended, in words; nothing of them is in the log.
+    /// Deaths of services in flight that were mended; nothing of them is in the log.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub rebirths: Vec<String>,
+    pub rebirths: Vec<Rebirth>,
 }
 
 /// What a flight came to.

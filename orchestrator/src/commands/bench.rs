@@ -32,6 +32,14 @@ struct Row {
     note: Option<String>,
 }
 
+/// All that was measured.
+#[derive(Clone, Debug, Serialize)]
+struct Measured {
+    rates: Vec<Row>,
+    /// Median of the time from a service's death until another process flies in its place, ms.
+    restart_milliseconds: Option<f64>,
+}
+
 /// `gerono bench`.
 ///
 /// # Errors
@@ -46,11 +54,18 @@ pub fn bench(arguments: &Bench) -> Result<(), Failure> {
         vehicle: clipped(&flight),
         ..flight
     };
-    let rows = measure::all(&scenario, &flight, arguments.repetitions)
+    let measured = measure::all(&scenario, &flight, arguments.repetitions)
         .map_err(|error| Failure::new(Exit::Trouble, error))?;
-    print(format!("{}\n", table(&rows)));
+    print(format!("{}\n", table(&measured.rates)));
+    if let Some(restart) = measured.restart_milliseconds {
+        print(format!(
+            "A service that dies flies again {restart:.1} ms later (median; its process is started, joins the run, \
+             makes its ports and gets what it has missed).\n"
+        ));
+    }
     if let Some(path) = &arguments.json {
-        let text = serde_json::to_string_pretty(&rows).map_err(|error| Failure::new(Exit::Trouble, error))?;
+        let text =
+            serde_json::to_string_pretty(&measured).map_err(|error| Failure::new(Exit::Trouble, error))?;
         std::fs::write(path, text + "\n").map_err(|error| {
             Failure::new(
                 Exit::NotWritten,

@@ -146,7 +146,7 @@ fn facts(name: &str, host: Host, ending: &Ending) -> RunFacts {
         outcome,
         reason,
         wall_seconds: ending.wall_time.as_secs_f64(),
-        rebirths: ending.rebirths.iter().map(ToString::to_string).collect(),
+        rebirths: ending.rebirths.clone(),
     }
 }
 

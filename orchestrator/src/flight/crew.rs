@@ -19,6 +19,7 @@ use runtime::ports::Member;
 use runtime::shared_page::SharedPage;
 use runtime::step::Timetable;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use serde::Serialize;
 use shared_types::schedule::MAX_PORTS;
 use shared_types::{Schedule, ServiceId};
 
@@ -93,16 +94,22 @@ enum Phase {
 }
 
 /// A death in flight that was mended.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Rebirth {
     /// Which service.
+    #[serde(serialize_with = "by_name")]
     pub service: ServiceId,
     /// Id of the new process.
     pub pid: u32,
     /// The last tick that had been flown; `None` if it was the first.
     pub tick: Option<u64>,
-    /// From the moment when the death was noticed until the new process was ready to fly.
-    pub lost: Duration,
+    /// From the moment when the death was noticed until the new process flew, s.
+    pub lost_seconds: f64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde wants it")]
+fn by_name<S: serde::Serializer>(service: &ServiceId, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(service.name())
 }
 
 impl std::fmt::Display for Rebirth {
@@ -112,7 +119,7 @@ impl std::fmt::Display for Rebirth {
             Some(tick) => write!(formatter, "`{service}` died after tick {tick}")?,
             None => write!(formatter, "`{service}` died before its first step")?,
         }
-        let lost = 1e3 * self.lost.as_secs_f64();
+        let lost = 1e3 * self.lost_seconds;
         write!(formatter, " and flew again {lost:.1} ms later")
     }
 }
@@ -298,6 +305,8 @@ impl<'a> Crew<'a> {
         member.process = process;
         member.lives += 1;
         member.phase = Phase::Starting;
+        // While the process loads; it makes its ports when it is told what to fly.
+        self.member.clean_up_after_the_dead();
         self.instruct(service)?;
         self.rouse();
         Ok(())
@@ -376,7 +385,7 @@ impl<'a> Crew<'a> {
                 service,
                 pid: member.process.child.id(),
                 tick,
-                lost: died_at.elapsed(),
+                lost_seconds: died_at.elapsed().as_secs_f64(),
             });
         }
     }
@@ -516,7 +525,10 @@ impl<'a> Crew<'a> {
         };
         words.forget_receivers(service);
         cell.waiting_for.store(0, Ordering::Relaxed);
-        self.member.clean_up_after_the_dead();
+        // One that is born again at once finds everything cleaned up when it makes its ports.
+        if member.phase != Phase::Dead(now) {
+            self.member.clean_up_after_the_dead();
+        }
         // Whoever waited for it in vain looks again.
         self.rouse();
         Some(CrewEvent::Died)

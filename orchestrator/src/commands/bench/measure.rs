@@ -8,10 +8,10 @@ use std::process::{Child, Command, Stdio};
 use indicatif::{ProgressBar, ProgressStyle};
 use runtime::deployment;
 use runtime::in_process::TickSink;
-use shared_types::Topic;
 use shared_types::scenario::Scenario;
+use shared_types::{ServiceId, Topic};
 
-use super::{Row, ring};
+use super::{Measured, Row, ring};
 use crate::cli::RingWait;
 use crate::commands::Failure;
 use crate::exit::Exit;
@@ -28,7 +28,7 @@ type Result<T> = std::result::Result<T, FlightFailure>;
 const RING_ROUNDS: u64 = 50_000;
 
 /// All measurements, in turns, `repetitions` times.
-pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Result<Vec<Row>> {
+pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Result<Measured> {
     let folder = Scratch::create()?;
     let command = FlightCommand {
         folder: folder.path(),
@@ -49,7 +49,10 @@ pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Resu
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(series.rows())
+    Ok(Measured {
+        restart_milliseconds: median(series.restart_milliseconds.clone()),
+        rates: series.rows(),
+    })
 }
 
 /// What was measured, one list a row, pairs at equal places.
@@ -64,6 +67,7 @@ struct Series {
     lock_step_loaded: Vec<f64>,
     in_process: Vec<f64>,
     in_process_recorded: Vec<f64>,
+    restart_milliseconds: Vec<f64>,
     fifo_refused: Option<String>,
 }
 
@@ -88,6 +92,7 @@ impl Series {
             self.lock_step_loaded
                 .push(fly_processes(flight, &["--core", &core.to_string()])?);
         }
+        self.restart_milliseconds.extend(restarts(flight)?);
         self.in_process
             .push(rate(&in_process::fly(whole, &mut Nowhere, &Interrupt::never())?)?);
         self.in_process_recorded
@@ -156,8 +161,39 @@ fn bare(wait: RingWait, fifo: bool, core: usize) -> Result<f64> {
         .map_err(|error| FlightFailure::Setup(error.to_string()))
 }
 
-/// Flies in lock-step by a command of its own: a process can take part in one run only.
+/// Flies in lock-step and says how fast.
 fn fly_processes(flight: &FlightCommand, options: &[&str]) -> Result<f64> {
+    summary_of_flight(flight, options)?["real_time_factor"]
+        .as_f64()
+        .ok_or_else(|| FlightFailure::Setup("the summary states no real-time factor".to_owned()))
+}
+
+/// Kills each service in turn some times and says how long each time nobody flew in its place, ms.
+fn restarts(flight: &FlightCommand) -> Result<Vec<f64>> {
+    let deaths = ServiceId::ALL
+        .iter()
+        .cycle()
+        .take(4 * ServiceId::ALL.len())
+        .zip(1..);
+    let options: Vec<_> = deaths
+        .flat_map(|(service, number)| {
+            [
+                "--crash".to_owned(),
+                format!("{service}@{}:after-step", 100 * number),
+            ]
+        })
+        .collect();
+    let options: Vec<_> = options.iter().map(String::as_str).collect();
+    let summary = summary_of_flight(flight, &options)?;
+    let rebirths = summary["rebirths"].as_array().into_iter().flatten();
+    Ok(rebirths
+        .filter_map(|rebirth| rebirth["lost_seconds"].as_f64())
+        .map(|seconds| 1e3 * seconds)
+        .collect())
+}
+
+/// Flies in lock-step by a command of its own: a process can take part in one run only.
+fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_json::Value> {
     let out = flight.folder.join("lock-step");
     let setup = |error: &dyn std::fmt::Display| FlightFailure::Setup(error.to_string());
     let output = Command::new("/proc/self/exe")
@@ -173,10 +209,7 @@ fn fly_processes(flight: &FlightCommand, options: &[&str]) -> Result<f64> {
     }
     let text = std::fs::read_to_string(out.join("summary.json")).map_err(|error| setup(&error))?;
     std::fs::remove_dir_all(&out).map_err(|error| setup(&error))?;
-    let summary: serde_json::Value = serde_json::from_str(&text).map_err(|error| setup(&error))?;
-    summary["real_time_factor"]
-        .as_f64()
-        .ok_or_else(|| setup(&"the summary states no real-time factor"))
+    serde_json::from_str(&text).map_err(|error| setup(&error))
 }
 
 /// The lock-step flight that is measured.
