@@ -7,11 +7,13 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use runtime::crash::{Crash, CrashPlace};
 use shared_types::ServiceId;
+use shared_types::scenario::EdgeName;
 use shared_types::scenario::suggest::known_names;
 
 use crate::exit::Exit;
 use crate::flight::crew::restart::PerService;
 use crate::log::Compression;
+use crate::matrix::{self, plan, trouble::Troubles};
 use crate::reproduce::figures::Figure;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
@@ -46,6 +48,19 @@ pub enum Command {
     /// Writes reproduce.json, figures.md, a drawing a figure and index.html. Fails only if a number has regressed: neither
     /// reaches its bar nor is a known gap. The seeds are 101 and following; gains were tuned on 1 to 6.
     Reproduce(Reproduce),
+    /// Let every service and every edge of the wiring fail in every way, and see what becomes of the vehicle.
+    ///
+    /// Flies the scenario once without a fault and once for each of them, at several moments: every service but the plant
+    /// off (warm and cold) and frozen, every edge with samples late by 0.05 s, half of them lost, stuck, wrong (a
+    /// position by 0.1 m, a thrust by a fifth), garbage within ±10, and garbage of any bits.
+    ///
+    /// The vehicle has survived if it strayed no further than 1.5 times the bound, which is its largest distance from the
+    /// path in the 5 s before or 0.02 m; it is degraded if it did and came back inside the bound, and lost if it did not,
+    /// came 5 m away, tipped over, or a number was not finite. To lose it is a result, not an error.
+    ///
+    /// Writes faults.json and faults.md.
+    #[command(after_help = Faults::EXAMPLES)]
+    Faults(Faults),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
@@ -290,6 +305,68 @@ pub struct Reproduce {
     /// Fly the eight without parts of the design instead, to see what each is worth.
     #[arg(long, conflicts_with_all = ["figures", "quick"])]
     pub ablation: bool,
+}
+
+/// Arguments of `gerono faults`.
+#[derive(Debug, Args)]
+pub struct Faults {
+    /// What to fly.
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// When faults begin, s [default: three moments at which nothing else happens; with --quick one].
+    #[arg(long, value_delimiter = ',', value_name = "T,T,…")]
+    pub moments: Vec<f64>,
+    /// How long faults last, s.
+    #[arg(long = "for", value_name = "T", default_value_t = matrix::LASTS)]
+    pub lasts: f64,
+    /// How long to fly after a fault, s.
+    #[arg(long, value_name = "T", default_value_t = matrix::AFTER)]
+    pub after: f64,
+    /// Which faults: off (off-warm, off-cold), freeze, delay, intermittent, stuck, wrong, garbage (garbage-in-range,
+    /// garbage-any-bits) [default: all].
+    #[arg(long = "fault", value_delimiter = ',', value_name = "KIND,…", value_parser = str::parse::<Troubles>)]
+    pub faults: Vec<Troubles>,
+    /// Which services, and no edges unless they are named too [default: all but the plant].
+    #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = failing_service)]
+    pub services: Vec<ServiceId>,
+    /// Which edges, such as "mocap/pose -> estimator", and no services unless they are named too [default: all].
+    #[arg(long = "edge", value_delimiter = ',', value_name = "EDGE,…", value_parser = edge)]
+    pub edges: Vec<EdgeName>,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/faults-SCENARIO-N].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Fly everything once more as processes that really die, and fail unless all bytes are the same.
+    #[arg(long)]
+    pub processes: bool,
+    /// Let everything fail at one moment only.
+    #[arg(long, conflicts_with = "moments")]
+    pub quick: bool,
+}
+
+impl Faults {
+    /// What `gerono faults --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono faults scenarios/fig1.toml\n  \
+        gerono faults scenarios/fig3_6.toml --quick --fault off,freeze --for 0.2\n  \
+        gerono faults scenarios/fig1.toml --service controller --moments 12,25 --processes\n  \
+        gerono faults scenarios/fig1.toml --edge 'vehicle/state -> controller' --fault delay,garbage";
+}
+
+/// A service that can fail.
+fn failing_service(name: &str) -> Result<ServiceId, String> {
+    let service = service(name)?;
+    if plan::services().any(|failing| failing == service) {
+        Ok(service)
+    } else {
+        Err("the plant is the vehicle itself, which flies on whatever happens".to_owned())
+    }
+}
+
+fn edge(name: &str) -> Result<EdgeName, String> {
+    EdgeName::find(name).ok_or_else(|| {
+        let names: Vec<_> = EdgeName::all().map(|edge| edge.to_string()).collect();
+        format!("there is no such edge; {}", known_names(name, &names))
+    })
 }
 
 /// Arguments of a member of a bare ring.

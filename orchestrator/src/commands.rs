@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod check;
+pub mod faults;
 pub mod reproduce;
 pub mod run;
 pub mod small;
@@ -9,6 +10,7 @@ pub mod small;
 use std::path::{Path, PathBuf};
 
 use miette::Report;
+use serde::Serialize;
 use shared_types::scenario::Scenario;
 
 use crate::cli::ScenarioArguments;
@@ -48,6 +50,24 @@ fn log_path(path: &Path) -> PathBuf {
     } else {
         path.to_owned()
     }
+}
+
+/// Name of a flight: that of its scenario's file.
+fn scenario_name(path: &Path) -> String {
+    path.file_stem()
+        .map_or_else(|| "flight".to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
+
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    write(path, &(text + "\n"))
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|error| {
+        let reason = format!("cannot write {}: {error}", path.display());
+        Failure::new(Exit::NotWritten, reason)
+    })
 }
 
 /// Prints results. Somebody who reads no more of them (`gerono check … | head`) has what they wanted.

@@ -6,6 +6,7 @@
 //! * [`flight`]: the hosts' orchestrating side, the crew of processes, the recorder;
 //! * [`log`], [`summary`], [`plot`], [`host_record`]: what remains of a flight;
 //! * [`reproduce`]: the paper's figures, flown again and judged;
+//! * [`matrix`]: everything that can fail, failing in every way, judged;
 //! * [`run_folder`], [`run_root`]: its places on disk and in shared memory.
 
 pub mod cli;
@@ -15,6 +16,7 @@ pub mod flight;
 pub mod host_record;
 pub mod interrupt;
 pub mod log;
+pub mod matrix;
 pub mod plot;
 pub mod progress;
 pub mod reproduce;

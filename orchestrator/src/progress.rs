@@ -6,6 +6,18 @@ use shared_types::Schedule;
 /// Ticks between two updates: a look at the clock must not slow the flight.
 const UPDATE_PERIOD: u64 = 128;
 
+/// A bar of whole flights; nothing where standard error is no terminal.
+///
+/// # Panics
+/// Never: the template is well-formed.
+#[must_use]
+pub fn flights(count: usize) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(count as u64), ProgressDrawTarget::stderr());
+    let template = "flights {pos} of {len} {wide_bar} {elapsed}, {eta} left";
+    bar.set_style(ProgressStyle::with_template(template).expect("the template is well-formed"));
+    bar
+}
+
 /// A bar of simulated time.
 #[derive(Debug)]
 pub struct Progress {

@@ -3,6 +3,7 @@
 //! [`FlightSummary`] sees every sample once, in the order of the log, and keeps a fixed amount of memory however
 //! long the flight is. [`Summary`] is what comes of it: `summary.json` for programs, a table for people.
 
+pub mod faults;
 mod phase;
 mod table;
 
@@ -13,6 +14,7 @@ use shared_types::service::{header_of, seconds};
 use shared_types::{Header, Sample, Schedule, Topic};
 
 use crate::flight::crew::Rebirth;
+use faults::{FaultReport, FaultWatch, PlannedFault};
 use phase::PhaseRecord;
 
 /// How much of the end of a phase counts as its ultimate behaviour, s: what the paper's figures show.
@@ -99,6 +101,9 @@ pub struct Summary {
     pub ultimate_bound: f64,
     /// The phases between the changes of the vehicle, as far as they were flown.
     pub phases: Vec<Phase>,
+    /// The planned faults, as far as they were flown.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultReport>,
     /// What was recorded of each topic.
     pub topics: Vec<TopicCount>,
 }
@@ -158,6 +163,8 @@ pub struct FlightSummary {
     bound: f64,
     schedule: Schedule,
     phases: Vec<PhaseRecord>,
+    /// Only where faults are planned: who plans none does not pay for them.
+    faults: Option<Box<FaultWatch>>,
     current: usize,
     counts: [SequenceCount; Topic::ALL.len()],
     last_tick: Option<u64>,
@@ -175,10 +182,12 @@ impl FlightSummary {
     /// For a flight of `scenario`, whose schedule is `schedule`.
     #[must_use]
     pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
+        let faults = PlannedFault::all(scenario);
         Self {
             seed: scenario.seed,
             bound: Controller::ultimate_bound(&scenario.controller),
             phases: phase::phases(scenario, schedule),
+            faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, schedule))),
             current: 0,
             counts: [SequenceCount::default(); Topic::ALL.len()],
             last_tick: None,
@@ -192,6 +201,9 @@ impl FlightSummary {
         let header = header_of(bytes);
         self.counts[topic.index()].count(&header);
         self.last_tick = self.last_tick.max(Some(header.tick));
+        if let Some(faults) = &mut self.faults {
+            faults.observe(topic, bytes);
+        }
         match topic {
             Topic::VehicleTruth => {
                 let truth = read::<VehicleTruth>(bytes);
@@ -239,6 +251,11 @@ impl FlightSummary {
             phases: flown
                 .map(|phase| phase.finish(&self.schedule, self.bound))
                 .collect(),
+            faults: self
+                .faults
+                .as_ref()
+                .map(|faults| faults.finish(&self.schedule))
+                .unwrap_or_default(),
             topics: Topic::ALL.map(|topic| self.topic_count(topic)).into(),
             run,
         }
@@ -290,7 +307,7 @@ pub fn z1_norm(errors: &ControlErrors) -> f64 {
 }
 
 #[inline]
-fn read<T: Sample>(bytes: &[u8]) -> T {
+pub(crate) fn read<T: Sample>(bytes: &[u8]) -> T {
     T::read_from_bytes(bytes).expect("hosts hand out samples of their topic")
 }
 

@@ -2,14 +2,12 @@
 
 use std::path::Path;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde::Serialize;
-
-use super::{Failure, print};
+use super::{Failure, print, write, write_json};
 use crate::cli::Reproduce;
 use crate::exit::Exit;
 use crate::flight::{Outcome, in_process};
 use crate::interrupt::Interrupt;
+use crate::progress;
 use crate::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
 use crate::reproduce::figures::Figure;
 use crate::reproduce::flight::{Job, Logbook};
@@ -129,9 +127,7 @@ fn figures(arguments: &Reproduce) -> Vec<Figure> {
 
 /// Flies all jobs on all cores, with a bar of flights where somebody looks.
 fn fly(jobs: &[Job], interrupt: &Interrupt) -> Logbook {
-    let bar = ProgressBar::with_draw_target(Some(jobs.len() as u64), ProgressDrawTarget::stderr());
-    let template = "flights {pos} of {len} {wide_bar} {elapsed}, {eta} left";
-    bar.set_style(ProgressStyle::with_template(template).expect("the template is well-formed"));
+    let bar = progress::flights(jobs.len());
     let logbook = Logbook::fly(jobs, parallel::cores(), interrupt, || bar.inc(1));
     bar.finish_and_clear();
     logbook
@@ -186,16 +182,4 @@ fn refused(error: ScenarioError) -> Failure {
         report: error.into(),
         exit: Exit::BadInput,
     }
-}
-
-fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string_pretty(value).map_err(|error| Failure::new(Exit::Trouble, error))?;
-    write(path, &(text + "\n"))
-}
-
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    std::fs::write(path, text).map_err(|error| {
-        let reason = format!("cannot write {}: {error}", path.display());
-        Failure::new(Exit::NotWritten, reason)
-    })
 }

@@ -1,6 +1,5 @@
 //! `gerono run`: flies a scenario, records it, and says how it went.
 
-use std::path::Path;
 use std::time::Duration;
 
 use miette::Report;
@@ -8,7 +7,7 @@ use runtime::deployment::Scheduler;
 use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 
-use super::{Failure, load, print};
+use super::{Failure, load, print, scenario_name, write_json};
 use crate::cli::{DeploymentArguments, Host, Run};
 use crate::exit::Exit;
 use crate::flight::crew::restart::{PerService, RestartPolicy};
@@ -66,16 +65,10 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         },
     };
     let summary = tape_summary.finish(facts(&name, arguments.host, &ending));
-    let saved = save(&summary, &folder);
+    let saved = write_json(&folder.summary(), &summary);
     report(&summary, &ending, &folder, arguments.quiet);
     saved?;
     Ok(exit(&ending.outcome))
-}
-
-/// Name of the flight: that of its scenario's file.
-fn scenario_name(path: &Path) -> String {
-    path.file_stem()
-        .map_or_else(|| "flight".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
 fn fly(
@@ -148,17 +141,6 @@ fn facts(name: &str, host: Host, ending: &Ending) -> RunFacts {
         wall_seconds: ending.wall_time.as_secs_f64(),
         rebirths: ending.rebirths.clone(),
     }
-}
-
-fn save(summary: &Summary, folder: &RunFolder) -> Result<(), Failure> {
-    let text = serde_json::to_string_pretty(summary).map_err(|error| Failure::new(Exit::Trouble, error))?;
-    let path = folder.summary();
-    std::fs::write(&path, text + "\n").map_err(|error| {
-        Failure::new(
-            Exit::NotWritten,
-            format!("cannot write {}: {error}", path.display()),
-        )
-    })
 }
 
 fn report(summary: &Summary, ending: &Ending, folder: &RunFolder, quiet: bool) {

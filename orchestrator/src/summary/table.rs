@@ -5,6 +5,7 @@ use std::fmt::{Display, Formatter, Result};
 use comfy_table::{Table, presets};
 use shared_types::scenario::Vector;
 
+use super::faults::{BEFORE, fault_table};
 use super::{Outcome, Phase, SETTLED, Summary, TopicCount, ULTIMATE_WINDOW, Verdict};
 
 impl Display for Summary {
@@ -29,6 +30,13 @@ impl Display for Summary {
             "‖z1‖: distance from the path. Ultimate: largest in a phase's last {ULTIMATE_WINDOW} s; the theorem bounds it by {:.5} m.",
             self.ultimate_bound
         )?;
+        if !self.faults.is_empty() {
+            writeln!(formatter, "\n{}\n", fault_table(&self.faults))?;
+            writeln!(
+                formatter,
+                "‖p − pd‖: true distance from the path's point. Back: for good within {SETTLED} m or the largest distance of the {BEFORE} s before, counted from the fault's end."
+            )?;
+        }
         write!(formatter, "{}", samples_in_words(&self.topics))?;
         if let [first, others @ ..] = run.rebirths.as_slice() {
             write!(formatter, "\n{first}; the log shows nothing of it")?;

@@ -1,0 +1,172 @@
+//! `gerono faults`: lets everything fail in every way, and says what became of the vehicle.
+
+use shared_types::ServiceId;
+use shared_types::scenario::{EdgeName, Scenario};
+
+use super::{Failure, load, print, scenario_name, write, write_json};
+use crate::cli::Faults;
+use crate::exit::Exit;
+use crate::interrupt::Interrupt;
+use crate::matrix::flight::{Flown, Way, fly};
+use crate::matrix::plan::{self, Case, Cell, Times};
+use crate::matrix::trouble::Trouble;
+use crate::matrix::{self, moments, report, table};
+use crate::progress;
+use crate::reproduce::parallel;
+use crate::run_folder::RunFolder;
+
+/// `gerono faults`.
+///
+/// # Errors
+/// [`Failure`] if nothing was judged. A vehicle that is lost is a result; processes that differ from one process are an
+/// [`Exit`].
+pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
+    let scenario = load(&arguments.scenario)?;
+    if !scenario.fault.is_empty() {
+        let reason = "the scenario plans faults of its own, beside which those of the matrix cannot be told; \
+                      fly it without them: --set fault=[]";
+        return Err(bad(reason));
+    }
+    let times = times(arguments, &scenario)?;
+    let cells = plan::cells(&scenario, &cases(arguments)?, &times).map_err(bad)?;
+    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let name = scenario_name(&arguments.scenario.scenario);
+    let folder = RunFolder::create(arguments.out.as_deref(), &format!("faults-{name}"))
+        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+
+    let flown = fly_in_process(&cells, arguments.processes, &interrupt);
+    let differences = if arguments.processes && flown.is_ok() {
+        compare(&cells, flown.as_deref().unwrap_or_default(), &interrupt)
+    } else {
+        Vec::new()
+    };
+    if let Some(signal) = interrupt.signal() {
+        return Ok(Exit::Signal(signal));
+    }
+    let flown = flown.map_err(|reason| Failure::new(Exit::FlightFailed, reason))?;
+    let mut report = report::report(&name, scenario.seed, times, &cells, &flown);
+    report.compared_with_processes = arguments.processes;
+    report.differences = differences;
+
+    write_json(&folder.path().join("faults.json"), &report)?;
+    write(&folder.path().join("faults.md"), &table::markdown(&report))?;
+    print(format!("{report}results: {}\n", folder.path().display()));
+    Ok(if report.differences.is_empty() {
+        Exit::Success
+    } else {
+        Exit::FlightFailed
+    })
+}
+
+fn bad(reason: impl std::fmt::Display) -> Failure {
+    Failure::new(Exit::BadInput, reason)
+}
+
+/// When faults begin and how long they last, as asked for.
+fn times(arguments: &Faults, scenario: &Scenario) -> Result<Times, Failure> {
+    let Faults { lasts, after, .. } = *arguments;
+    let count = if arguments.quick { 1 } else { matrix::MOMENTS };
+    let mut moments = arguments.moments.clone();
+    if moments.is_empty() {
+        moments = moments::spread(scenario, count, lasts + after);
+    }
+    moments.sort_by(f64::total_cmp);
+    moments.dedup();
+    let on_ticks = [("--for", lasts), ("--after", after)].into_iter();
+    for (name, time) in moments.iter().map(|&time| ("--moments", time)).chain(on_ticks) {
+        check_time(scenario, name, time)?;
+    }
+    if let Some(late) = moments.iter().find(|&&moment| moment >= scenario.duration) {
+        let end = scenario.duration;
+        return Err(bad(format!(
+            "--moments: {late} s is not before the end of the flight at {end} s; give earlier ones, or --set duration=…"
+        )));
+    }
+    Ok(Times {
+        moments,
+        lasts,
+        after,
+    })
+}
+
+fn check_time(scenario: &Scenario, name: &str, time: f64) -> Result<(), Failure> {
+    let is_length = name != "--moments";
+    if !time.is_finite() || time < 0.0 || (is_length && time == 0.0) {
+        let least = if is_length { "above 0" } else { "of 0 or more" };
+        return Err(bad(format!("{name}: {time} s is no time {least}")));
+    }
+    if scenario.tick_of(time) == u64::MAX {
+        let near = moments::on_tick(scenario, time);
+        let tick = scenario.schedule.tick;
+        return Err(bad(format!(
+            "{name}: {time} s is not a whole number of base ticks of {tick} s; {near} is one"
+        )));
+    }
+    Ok(())
+}
+
+/// What shall befall whom, as asked for. Who names services only wants no edges, and the other way round.
+fn cases(arguments: &Faults) -> Result<Vec<Case>, Failure> {
+    let troubles: Vec<Trouble> = if arguments.faults.is_empty() {
+        Trouble::ALL.to_vec()
+    } else {
+        let asked = |trouble: &Trouble| arguments.faults.iter().any(|group| group.0.contains(trouble));
+        Trouble::ALL.into_iter().filter(asked).collect()
+    };
+    let is_narrowed = !arguments.services.is_empty() || !arguments.edges.is_empty();
+    let services: Vec<ServiceId> = plan::services()
+        .filter(|service| !is_narrowed || arguments.services.contains(service))
+        .collect();
+    let edges: Vec<EdgeName> = plan::edges()
+        .filter(|edge| !is_narrowed || arguments.edges.contains(edge))
+        .collect();
+    let cases = plan::cases(&services, &edges, &troubles);
+    if cases.is_empty() {
+        let reason = "nothing is left to fail: services can be off or freeze, edges all else, and the plant flies on; \
+                      leave out --fault, --service or --edge";
+        return Err(bad(reason));
+    }
+    Ok(cases)
+}
+
+/// Flies all cells on all cores, with a bar of flights where somebody looks.
+fn fly_in_process(cells: &[Cell], with_digest: bool, interrupt: &Interrupt) -> Result<Vec<Flown>, String> {
+    let bar = progress::flights(cells.len());
+    let flown = parallel::map(cells, parallel::cores(), |cell| {
+        let flown = fly(cell, Way::InProcess { with_digest }, interrupt);
+        bar.inc(1);
+        flown
+    });
+    bar.finish_and_clear();
+    flown.into_iter().collect()
+}
+
+/// Flies all cells as processes, one after the other, and says which came to anything else.
+fn compare(cells: &[Cell], expected: &[Flown], interrupt: &Interrupt) -> Vec<String> {
+    let bar = progress::flights(cells.len());
+    let mut differences = Vec::new();
+    for (cell, expected) in cells.iter().zip(expected) {
+        if interrupt.signal().is_some() {
+            break;
+        }
+        let place = format!(
+            "`{}` from {} s on",
+            cell.watched.words.replace('`', ""),
+            cell.moment
+        );
+        match fly(cell, Way::Processes, interrupt) {
+            Ok(flown) if flown == *expected => {}
+            Ok(_) => differences.push(format!(
+                "DIFFERENT: {place}: the processes published other bytes than the flight in one process"
+            )),
+            Err(reason) => {
+                differences.push(format!(
+                    "DIFFERENT: {place}: the processes did not fly it: {reason}"
+                ));
+            }
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    differences
+}
