@@ -36,6 +36,8 @@ pub enum Command {
     /// Check a scenario and show its schedule and wiring, without flying it.
     Check(Check),
     /// Draw ‖z1‖ over time of one or several logs as an SVG figure.
+    ///
+    /// Planned faults are shaded; while a controller is out, the true distance from the path is drawn dotted.
     Plot(Plot),
     /// Write the samples of a log as JSON lines, for other programs.
     Export(Export),
@@ -251,6 +253,12 @@ pub struct Plot {
     /// The SVG file to write.
     #[arg(long, short)]
     pub output: PathBuf,
+    /// Draw from this time on, s [default: the start].
+    #[arg(long, value_name = "T")]
+    pub from: Option<f64>,
+    /// Draw until this time, s [default: the end].
+    #[arg(long, value_name = "T")]
+    pub to: Option<f64>,
 }
 
 /// Arguments of `gerono export`.

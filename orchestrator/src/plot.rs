@@ -1,18 +1,17 @@
 //! Figures of logs, as SVG with real text.
 
+mod curve;
 pub(crate) mod downsample;
+mod marks;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use kuva::prelude::{Layout, LegendPosition, LinePlot, Plot, ReferenceLine, TickFormat};
-use shared_types::samples::ControlErrors;
-use shared_types::scenario::{Scenario, VehicleChange};
-use shared_types::service::seconds;
+use kuva::prelude::{Layout, LegendPosition, LinePlot, Plot, TickFormat};
 
-use crate::log::{LogReadError, LogReader};
-use crate::summary::z1_norm;
-use downsample::Extremes;
+use crate::log::LogReadError;
+pub use curve::Span;
+use curve::{Curve, Source};
 
 /// Size of a figure, pixels: as wide as a README is shown.
 pub(crate) const WIDTH: f64 = 860.0;
@@ -26,7 +25,6 @@ pub(crate) const FLOOR: f64 = 1e-4;
 
 /// Colours of the curves, told apart by eyes of all kinds (Okabe and Ito), also from that of the bound.
 pub(crate) const CURVE_COLORS: [&str; 5] = ["#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#000000"];
-const BOUND_COLOR: &str = "#d55e00";
 pub(crate) const CHANGE_COLOR: &str = "#666666";
 
 /// Why a figure cannot be drawn.
@@ -48,101 +46,79 @@ pub enum PlotError {
     },
 }
 
-/// ‖z1‖ over time of one flight.
-struct Curve {
-    label: String,
-    scenario: Scenario,
-    points: Vec<(f64, f64)>,
-}
-
-/// Draws ‖z1‖ over time of the logs into the SVG file `out`, with the theorem's bound and the changes of the vehicle.
+/// Draws ‖z1‖ over time of the logs into the SVG file `out`, with the theorem's bound, the changes of the vehicle and the
+/// planned faults; while a controller is out, the true distance takes the place of ‖z1‖, dotted.
 ///
 /// Of many samples in one column of pixels, the smallest and the largest are drawn: no peak is lost.
 ///
 /// # Errors
 /// [`PlotError`].
-pub fn z1(logs: &[PathBuf], out: &Path) -> Result<(), PlotError> {
-    let curves = logs
-        .iter()
-        .map(|log| read_curve(log))
-        .collect::<Result<Vec<_>, _>>()?;
-    std::fs::write(out, draw(&curves)).map_err(|source| PlotError::Write {
+pub fn z1(logs: &[PathBuf], span: Span, out: &Path) -> Result<(), PlotError> {
+    let curves = curve::read_all(logs, span)?;
+    std::fs::write(out, draw(&curves, span)).map_err(|source| PlotError::Write {
         path: out.to_owned(),
         source,
     })
 }
 
-fn read_curve(log: &Path) -> Result<Curve, PlotError> {
-    let reader = LogReader::open(log)?;
-    let scenario = reader.manifest().scenario.clone();
-    let mut extremes = Extremes::new(scenario.duration, COLUMNS);
-    for errors in reader.samples::<ControlErrors>() {
-        let errors = errors?;
-        extremes.add(seconds(errors.header.stamp_ns), z1_norm(&errors).max(FLOOR));
-    }
-    let points = extremes.finish();
-    if points.is_empty() {
-        return Err(PlotError::Empty(log.to_owned()));
-    }
-    Ok(Curve {
-        label: label(log),
-        scenario,
-        points,
-    })
-}
-
-/// What a log is called in a legend: its folder, which tells runs apart, or its own name.
-fn label(log: &Path) -> String {
-    let folder = log.parent().and_then(Path::file_name);
-    let name = if log.file_name().is_some_and(|name| name == "run.mcap") {
-        folder
-    } else {
-        None
-    };
-    name.or(log.file_stem())
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
-}
-
-fn draw(curves: &[Curve]) -> String {
-    let is_one_of_many = curves.len() > 1;
+fn draw(curves: &[Curve], span: Span) -> String {
     let plots: Vec<Plot> = curves
         .iter()
         .zip(CURVE_COLORS.into_iter().cycle())
-        .map(|(curve, color)| {
-            let line = LinePlot::new()
-                .with_data(curve.points.iter().copied())
-                .with_color(color)
-                .with_stroke_width(1.3);
-            Plot::Line(if is_one_of_many {
-                line.with_legend(&curve.label)
-            } else {
-                line
-            })
-        })
+        .flat_map(|(curve, color)| lines(curve, color, curves.len() > 1))
         .collect();
     let longest = curves
         .iter()
         .map(|curve| curve.scenario.duration)
         .fold(0.0, f64::max);
+    let [from, to] = span.within(longest);
     let mut layout = Layout::auto_from_plots(&plots)
         .with_width(WIDTH)
         .with_height(HEIGHT)
         .with_x_label("time, s")
         .with_y_label("‖z1‖, distance from the path, m")
-        .with_x_axis_min(0.0)
-        .with_x_axis_max(longest)
+        .with_x_axis_min(from)
+        .with_x_axis_max(to)
         .with_log_y()
         .with_y_tick_format(TickFormat::Custom(Arc::new(|value| value.to_string())))
         .with_legend_position(LegendPosition::InsideTopRight);
     if let Some(title) = title(curves) {
         layout = layout.with_title(title);
     }
-    for line in bound_lines(curves).into_iter().chain(change_lines(curves)) {
+    for region in marks::fault_regions(curves, [from, to]) {
+        layout = layout.with_shaded_region(region);
+    }
+    let marked = [
+        marks::bound_lines(curves),
+        marks::change_lines(curves, [from, to]),
+        marks::fault_lines(curves, [from, to]),
+    ];
+    for line in marked.into_iter().flatten() {
         layout = layout.with_reference_line(line);
     }
     kuva::render_to_svg(plots, layout)
+}
+
+/// The lines of a curve, one a stretch, of which the first may be in the legend.
+fn lines(curve: &Curve, color: &str, is_one_of_many: bool) -> Vec<Plot> {
+    let stretches = curve.stretches.iter().enumerate();
+    stretches
+        .map(|(place, stretch)| {
+            let line = LinePlot::new()
+                .with_data(stretch.points.iter().copied())
+                .with_color(color)
+                .with_stroke_width(1.3);
+            let line = match stretch.source {
+                Source::Controller => line,
+                Source::Truth => line.with_dotted(),
+            };
+            Plot::Line(if is_one_of_many && place == 0 {
+                line.with_legend(&curve.label)
+            } else {
+                line
+            })
+        })
+        .collect()
 }
 
 /// The description that all scenarios share, if they do.
@@ -150,62 +126,6 @@ fn title(curves: &[Curve]) -> Option<&str> {
     let mut descriptions = curves.iter().map(|curve| curve.scenario.description.as_str());
     let first = descriptions.next().filter(|text| !text.is_empty())?;
     descriptions.all(|text| text == first).then_some(first)
-}
-
-/// The theorem's bound of every controller that flew.
-fn bound_lines(curves: &[Curve]) -> Vec<ReferenceLine> {
-    let mut bounds: Vec<f64> = curves
-        .iter()
-        .map(|curve| curve.scenario.controller.ultimate_bound())
-        .collect();
-    bounds.sort_by(f64::total_cmp);
-    bounds.dedup();
-    bounds
-        .into_iter()
-        .map(|bound| {
-            ReferenceLine::horizontal(bound)
-                .with_color(BOUND_COLOR)
-                .with_label(format!("theorem's bound: {bound:.4} m"))
-        })
-        .collect()
-}
-
-/// The moments at which the vehicle of any flight changed, with what changed if it is the same in all.
-fn change_lines(curves: &[Curve]) -> Vec<ReferenceLine> {
-    let mut changes: Vec<&VehicleChange> = curves
-        .iter()
-        .flat_map(|curve| &curve.scenario.vehicle.change)
-        .collect();
-    changes.sort_by(|left, right| left.at.total_cmp(&right.at));
-    changes
-        .chunk_by(|left, right| left.at == right.at)
-        .map(|same_time| {
-            let is_same_change = same_time.iter().all(|change| change == &same_time[0]);
-            ReferenceLine::vertical(same_time[0].at)
-                .with_color(CHANGE_COLOR)
-                .with_dasharray("3 3")
-                .with_label(if is_same_change {
-                    describe(same_time[0])
-                } else {
-                    "vehicle changes".to_owned()
-                })
-        })
-        .collect()
-}
-
-/// What of the vehicle changes.
-fn describe(change: &VehicleChange) -> String {
-    let mut parts = Vec::new();
-    if let Some(mass) = change.mass {
-        parts.push(format!("mass becomes {mass} kg"));
-    }
-    if change.inertia.is_some() {
-        parts.push("inertia changes".to_owned());
-    }
-    if let Some([x, y, z]) = change.disturbance {
-        parts.push(format!("disturbance becomes [{x}, {y}, {z}] m/s²"));
-    }
-    parts.join(", ")
 }
 
 #[cfg(test)]

@@ -18,7 +18,12 @@ use crate::{log, plot, run_root, scenario_file, services};
 /// [`Failure`].
 pub fn plot(arguments: &Plot) -> Result<(), Failure> {
     let logs: Vec<_> = arguments.logs.iter().map(|path| log_path(path)).collect();
-    plot::z1(&logs, &arguments.output).map_err(|error| Failure::new(Exit::Trouble, error))
+    let Plot { from, to, .. } = *arguments;
+    if from.unwrap_or(0.0) >= to.unwrap_or(f64::INFINITY) {
+        return Err(Failure::new(Exit::BadInput, "--from must be before --to"));
+    }
+    plot::z1(&logs, plot::Span { from, to }, &arguments.output)
+        .map_err(|error| Failure::new(Exit::Trouble, error))
 }
 
 /// `gerono export`.

@@ -4,6 +4,10 @@ use super::*;
 use crate::log::test_flight::{errors, record_samples, scenario};
 use crate::log::{Compression, Manifest, RunLogWriter};
 use shared_types::Topic;
+use shared_types::samples::{PathReference, VehicleTruth};
+use shared_types::scenario::{Fault, FaultKind};
+use shared_types::service::seconds;
+use zerocopy::{FromZeros, IntoBytes};
 
 /// A log of 20 s whose error decays from `start` (m), with one peak of a single sample.
 fn decaying(path: &Path, start: f64) {
@@ -23,10 +27,13 @@ fn a_peak_of_one_sample_among_thousands_is_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("run.mcap");
     decaying(&log, 1.0);
-    let curve = read_curve(&log).unwrap();
-    assert!(curve.points.len() <= 2 * COLUMNS + 1);
+    let curve = Curve::read(&log, Span::default()).unwrap();
+    let [stretch] = &curve.stretches[..] else {
+        panic!("nothing interrupts the curve");
+    };
+    assert!(stretch.points.len() <= 2 * COLUMNS + 1);
     assert!(
-        curve
+        stretch
             .points
             .iter()
             .any(|&(time, value)| time == 12.345 && value > 3.0)
@@ -44,7 +51,7 @@ fn a_figure_names_axes_bound_change_and_flights() {
     decaying(&logs[0], 1.0);
     decaying(&logs[1], 50.0);
     let out = folder.path().join("figure.svg");
-    z1(&logs, &out).unwrap();
+    z1(&logs, Span::default(), &out).unwrap();
     let figure = std::fs::read_to_string(&out).unwrap();
     for text in [
         "time, s",
@@ -68,6 +75,83 @@ fn a_log_without_errors_is_named() {
         .unwrap()
         .finish()
         .unwrap();
-    let error = z1(std::slice::from_ref(&log), &folder.path().join("figure.svg")).unwrap_err();
+    let error = z1(
+        std::slice::from_ref(&log),
+        Span::default(),
+        &folder.path().join("figure.svg"),
+    )
+    .unwrap_err();
     assert!(error.to_string().contains("run.mcap"), "{error}");
+}
+
+/// A log of 20 s whose controller is out from 5 s to 5.5 s; the truth is twice what the controller tells.
+fn interrupted(path: &Path) {
+    let mut scenario = scenario(0.01, 20.0);
+    let mut off = Fault::new(FaultKind::Off, 5.0);
+    off.service = Some("controller".to_owned());
+    off.lasts = Some(0.5);
+    scenario.fault.push(off);
+    let schedule = scenario.schedule().unwrap();
+    let samples = (0..=schedule.last_tick()).flat_map(|tick| {
+        let header = schedule.header(Topic::VehicleTruth, tick);
+        let mut truth = VehicleTruth::new_zeroed();
+        truth.header = header;
+        truth.position_world = [0.0, 0.2, 0.0];
+        let mut reference = PathReference::new_zeroed();
+        reference.header = header;
+        reference.reference_time_ns = header.stamp_ns;
+        let mut samples = vec![
+            (Topic::VehicleTruth, truth.as_bytes().to_vec()),
+            (Topic::PathReference, reference.as_bytes().to_vec()),
+        ];
+        if schedule.publications(Topic::ControlErrors).occurs_at(tick) {
+            samples.push((Topic::ControlErrors, errors(header, [0.0, 0.1, 0.0])));
+        }
+        samples
+    });
+    record_samples(path, &scenario, Compression::None, samples);
+}
+
+#[test]
+fn while_the_controller_is_out_the_true_distance_is_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("run.mcap");
+    interrupted(&log);
+    let curve = Curve::read(&log, Span::default()).unwrap();
+    let told: Vec<_> = curve
+        .stretches
+        .iter()
+        .map(|stretch| (stretch.source, stretch.points[0]))
+        .collect();
+    assert_eq!(
+        told,
+        [
+            (Source::Controller, (0.0, 0.1)),
+            (Source::Truth, (5.0, 0.2)),
+            (Source::Controller, (5.5, 0.1)),
+        ]
+    );
+    let gap = &curve.stretches[1].points;
+    assert!(gap.iter().all(|&(_, error)| error == 0.2));
+    let column = 20.0 / COLUMNS as f64;
+    assert!(gap.last().unwrap().0 > 5.5 - column, "to the end of the outage");
+}
+
+#[test]
+fn a_planned_fault_is_shaded_and_named_where_it_is_in_view() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("run.mcap");
+    interrupted(&log);
+    let out = folder.path().join("figure.svg");
+    for (from, is_in_view) in [(None, true), (Some(4.0), true), (Some(6.0), false)] {
+        let span = Span { from, to: Some(12.0) };
+        z1(std::slice::from_ref(&log), span, &out).unwrap();
+        let figure = std::fs::read_to_string(&out).unwrap();
+        assert_eq!(
+            figure.contains("controller is off for 0.5 s"),
+            is_in_view,
+            "{from:?}"
+        );
+        assert!(figure.contains("mass becomes"), "{from:?}");
+    }
 }
