@@ -6,11 +6,13 @@
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
 //! * [`schedule`]: who steps when, and which sample is due where, computable by everyone;
 //! * [`scenario`]: the parameters of a flight, with their validation;
+//! * [`gate`]: which sample of an input a service uses: the last one that can be true;
 //! * [`noise`]: random numbers as functions of seed, stream and tick;
 //! * [`rotation`]: the conventions of attitude.
 //!
 //! Nothing in this crate does input or output.
 
+pub mod gate;
 pub mod noise;
 pub mod rotation;
 pub mod sample;

@@ -39,10 +39,13 @@ pub trait Field: Copy + FromBytes + IntoBytes + Immutable + KnownLayout + 'stati
 
     /// Whether every floating-point number in the value is finite.
     fn is_finite(&self) -> bool;
+
+    /// Whether every floating-point number in the value has at most this magnitude, and so is finite.
+    fn is_within(&self, magnitude: f64) -> bool;
 }
 
 macro_rules! primitive_field {
-    ($($rust:ty => $msg:literal, |$value:ident| $finite:expr;)*) => {$(
+    ($($rust:ty => $msg:literal, |$value:ident| $finite:expr, |$bounded:ident, $bound:ident| $within:expr;)*) => {$(
         impl Field for $rust {
             fn msg_type() -> MsgType {
                 MsgType { element: $msg.to_owned(), length: None, nested: Vec::new() }
@@ -53,18 +56,24 @@ macro_rules! primitive_field {
                 let $value = *self;
                 $finite
             }
+
+            #[inline]
+            fn is_within(&self, magnitude: f64) -> bool {
+                let ($bounded, $bound) = (*self, magnitude);
+                $within
+            }
         }
     )*};
 }
 
 primitive_field! {
-    u8 => "uint8", |_x| true;
-    u16 => "uint16", |_x| true;
-    u32 => "uint32", |_x| true;
-    u64 => "uint64", |_x| true;
-    i64 => "int64", |_x| true;
-    f32 => "float32", |x| x.is_finite();
-    f64 => "float64", |x| x.is_finite();
+    u8 => "uint8", |_x| true, |_x, _bound| true;
+    u16 => "uint16", |_x| true, |_x, _bound| true;
+    u32 => "uint32", |_x| true, |_x, _bound| true;
+    u64 => "uint64", |_x| true, |_x, _bound| true;
+    i64 => "int64", |_x| true, |_x, _bound| true;
+    f32 => "float32", |x| x.is_finite(), |x, bound| f64::from(x).abs() <= bound;
+    f64 => "float64", |x| x.is_finite(), |x, bound| x.abs() <= bound;
 }
 
 impl<T: Field, const N: usize> Field for [T; N] {
@@ -85,6 +94,12 @@ impl<T: Field, const N: usize> Field for [T; N] {
         // Without short-circuit, so that the compiler may vectorise.
         self.iter().fold(true, |all, element| all & element.is_finite())
     }
+
+    #[inline]
+    fn is_within(&self, magnitude: f64) -> bool {
+        self.iter()
+            .fold(true, |all, element| all & element.is_within(magnitude))
+    }
 }
 
 /// A truth value as one byte: 0 is false, everything else is true, so that any bit pattern is valid.
@@ -93,6 +108,9 @@ impl<T: Field, const N: usize> Field for [T; N] {
 pub struct Flag(u8);
 
 impl Flag {
+    /// The flag that is not raised.
+    pub const CLEAR: Self = Self(0);
+
     /// Whether the flag is raised.
     #[must_use]
     pub fn is_set(self) -> bool {
@@ -129,6 +147,11 @@ impl Field for Flag {
 
     #[inline]
     fn is_finite(&self) -> bool {
+        true
+    }
+
+    #[inline]
+    fn is_within(&self, _magnitude: f64) -> bool {
         true
     }
 }
@@ -326,6 +349,11 @@ macro_rules! sample {
             #[inline]
             fn is_finite(&self) -> bool {
                 true $(& $crate::sample::Field::is_finite(&self.$field))+
+            }
+
+            #[inline]
+            fn is_within(&self, magnitude: f64) -> bool {
+                true $(& $crate::sample::Field::is_within(&self.$field, magnitude))+
             }
         }
 

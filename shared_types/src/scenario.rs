@@ -7,6 +7,7 @@
 mod check;
 mod fault;
 mod problem;
+mod safety;
 pub mod suggest;
 #[cfg(test)]
 mod tests_support;
@@ -20,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 pub use fault::{Fault, FaultKind, FaultState, Target};
 pub use problem::{Key, Problem};
+pub use safety::InputSafety;
 pub use timing::names::EdgeName;
 
 /// A vector of three numbers.
@@ -65,6 +67,9 @@ pub struct Scenario {
     /// Planned faults of services and of their inputs, exact in simulated time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fault: Vec<Fault>,
+    /// What services do about samples that are too old or cannot be true, by input: `"topic -> service"`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub safety: BTreeMap<String, InputSafety>,
 }
 
 /// Base tick, rates and transport latencies, s. Every time is a whole number of base ticks.
@@ -791,6 +796,7 @@ impl Scenario {
             rc_output: None,
             model: None,
             fault: Vec::new(),
+            safety: BTreeMap::new(),
         }
     }
 }

@@ -314,6 +314,21 @@ impl Schedule {
         self.publications(topic).count_before(self.last_tick + 1)
     }
 
+    /// The oldest that the newest sample of an input is at a step of its service while nothing fails, ticks.
+    ///
+    /// Of equal periods every step finds the sample equally old. Else the steps fall at all distances from a
+    /// publication that the greatest common divisor of the periods allows.
+    #[must_use]
+    pub fn ordinary_age(&self, service: ServiceId, input: usize) -> u64 {
+        let published = self.topic_rate(service.inputs()[input].topic);
+        let consumed = self.service_rate(service);
+        let latency = self.latency(service, input);
+        let spacing = greatest_common_divisor(published.period, consumed.period);
+        let arrives = (published.phase + latency) % spacing;
+        let first = (consumed.phase % spacing + spacing - arrives) % spacing;
+        latency + published.period - spacing + first
+    }
+
     /// How far, in ticks, the publisher of an input may run ahead of its consumer at most: no further than the
     /// delays and periods around any cycle of edges through both.
     #[must_use]
@@ -386,6 +401,10 @@ impl Publication {
             seq: self.ticks.count_before(tick),
         }
     }
+}
+
+fn greatest_common_divisor(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }
 
 /// The latencies of the wiring table, ticks.

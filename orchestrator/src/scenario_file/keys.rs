@@ -133,10 +133,13 @@ fn push_table(schema: &Value, table: &Value, at: &Key, keys: &mut Vec<KeyInfo>) 
 fn push_property(schema: &Value, property: &Value, key: &Key, required: bool, keys: &mut Vec<KeyInfo>) {
     let target = resolved(schema, property);
     let element = resolved(schema, &target["items"]);
+    let named = resolved(schema, &target["additionalProperties"]);
     if is_table(target) {
         push_table(schema, target, key, keys);
     } else if is_table(element) {
         push_table(schema, element, &key.then(ANY_POSITION), keys);
+    } else if is_table(named) {
+        push_table(schema, named, &key.then(ANY_NAME), keys);
     } else {
         let of_names = target["additionalProperties"].is_object();
         keys.push(KeyInfo {
@@ -266,6 +269,10 @@ mod tests {
         assert_eq!(
             advice(&key("vehicle.turbulence")),
             "`vehicle.turbulence` is a table that holds `correlation_time`, `deviation`"
+        );
+        assert_eq!(
+            advice(&["safety", "vehicle/state -> controller", "jump"].into_iter().collect()),
+            "`safety.\"vehicle/state -> controller\".jump` is a number: Largest distance of a state from where the last good one was going, m; any unless stated"
         );
         assert_eq!(
             advice(&key("estimator")),

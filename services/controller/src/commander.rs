@@ -119,7 +119,7 @@ impl Commander {
 }
 
 /// For how long a command is held, s.
-fn hold(scenario: &Scenario) -> f64 {
+pub(crate) fn hold(scenario: &Scenario) -> f64 {
     scenario.schedule().map_or(scenario.schedule.tick, |schedule| {
         let rate = schedule.topic_rate(Topic::ControlCommand);
         seconds(schedule.time_ns(rate.period))

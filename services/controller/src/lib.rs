@@ -12,6 +12,11 @@
 //! * [`rates`]: the law for a vehicle that takes body rates, rolled out over the hold of a command;
 //! * [`yaw`]: the yaw law (28);
 //! * [`commander`]: both, from hold to hold;
+//! * [`fallback`]: what is commanded when the vehicle's state is too old for the law;
+//! * [`reckoning`]: where the vehicle is by now, from the last good state and the commands since;
+//! * [`transfer`]: commands that pass over to the law's without a jump;
+//! * [`safety`]: the three of them together, by the age of the state;
+//! * [`references`]: which reference the law flies by;
 //! * [`observer`]: a mass observer of another kind, to compare with;
 //! * [`service`]: the law and its estimators as a service of the flight.
 //!
@@ -22,6 +27,7 @@
 //! both are part of W here, which the paper leaves to the reader.
 
 pub mod commander;
+pub mod fallback;
 pub mod law;
 pub mod lyapunov;
 pub mod observer;
@@ -29,10 +35,14 @@ pub mod offset;
 pub mod parameters;
 pub mod projection;
 pub mod rates;
+pub mod reckoning;
+pub mod references;
 pub mod regressor;
+pub mod safety;
 pub mod saturation;
 pub mod service;
 pub mod signals;
+pub mod transfer;
 pub mod yaw;
 pub mod zeta_rate;
 

@@ -6,6 +6,11 @@
 //! Commands are thrust and torque, or with `controller.rates` thrust and body rates ([`crate::commander`]).
 //!
 //! When it cannot or should not do so:
+//! * a state or reference that cannot be true is refused and counted, and the last good one stays in its place;
+//! * with a policy for the age of the state it goes from the law over holding, levelling and descending to failsafe,
+//!   and back without a jump ([`crate::safety`]); with one for the reference an old path stands still
+//!   ([`crate::references`]). The estimates rest meanwhile, on reckoned states, and on the way back;
+//! * where numbers that passed as those of a flight make the law say some that are not, the last command is repeated;
 //! * without a state or without a reference the law has nothing to say: the command is no thrust and no
 //!   torque or rates, the errors are zero, and the estimates rest. The ideal schedule has no such step;
 //! * while the state does not rest on a measurement of the body (`tracked` is not set) the law commands on what
@@ -14,19 +19,26 @@
 //!   while the vehicle's thrust could not carry the lightest vehicle: it is not airborne.
 
 use nalgebra::Vector3;
+use shared_types::gate::{GateState, LARGEST, StateGate, StateGateState};
+use shared_types::sample::{Field, Flag};
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
 use shared_types::scenario::Scenario;
 use shared_types::wiring::{ControllerInputs, ControllerOutputs};
-use shared_types::{Now, Service, ServiceId, rotation, sample::Flag};
+use shared_types::{Now, Service, ServiceId, Topic, rotation};
 
 use zerocopy::FromZeros;
 
 use crate::commander::{Commander, Memory};
+use crate::fallback::Stage;
 use crate::law::{Evaluation, evaluate};
 use crate::observer::{MassObserver, Sight};
 use crate::parameters::Parameters;
+use crate::reckoning::{Believed, Commanded, Reckoned};
+use crate::references::References;
 use crate::regressor::ParameterVector;
-use crate::signals::{Acting, EstimateRates, Estimates, Measured, Reference};
+use crate::safety::Safety;
+use crate::signals::{Acting, EstimateRates, Estimates, Measured};
+use crate::transfer::Transfer;
 
 shared_types::sample! {
     /// The estimators after a step, and where they are going.
@@ -55,10 +67,26 @@ shared_types::sample! {
         pub observer_thrust_axis_world: [f64; 3],
         /// What it saw last: thrust, N.
         pub observer_thrust: f64,
-        /// Whether it saw anything.
+        /// What is remembered of the states.
+        pub states: StateGateState,
+        /// The last good reference; all zero before the first.
+        pub reference: PathReference,
+        /// What is remembered of the references.
+        pub references: GateState,
+        /// The last command that was published; all zero before the first.
+        pub last: Commanded,
+        /// The vehicle as reckoned; as at the start without a policy.
+        pub reckoned: Reckoned,
+        /// The way back to the law.
+        pub transfer: Transfer,
+        /// Whether the observer saw anything.
         pub observer_has_seen: Flag,
+        /// Whether there was a last command.
+        pub has_last: Flag,
+        /// The stage of the last step.
+        pub stage: u8,
         /// Explicit padding.
-        pub pad0: [u8; 7],
+        pub pad0: [u8; 5],
     }
 }
 
@@ -71,6 +99,25 @@ pub struct ControllerService {
     /// Makes commands of body rates; `None` commands torque.
     commander: Option<Commander>,
     observer: Option<MassObserver>,
+    states: StateGate,
+    references: References,
+    /// What is done about old states; `None` flies by them however old they are.
+    safety: Option<Safety>,
+    /// The last command that was published.
+    last: Option<Commanded>,
+    /// The stage of the last step.
+    stage: Stage,
+}
+
+/// What the law says in a step.
+struct Said {
+    command: Commanded,
+    errors: ControlErrors,
+    rates: EstimateRates,
+    /// Whether the rates may act.
+    learns: bool,
+    /// The thrust that will act on a state that was measured, N; `None` if the motion then teaches nothing.
+    thrust: Option<f64>,
 }
 
 impl ControllerService {
@@ -78,6 +125,7 @@ impl ControllerService {
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let controller = &scenario.controller;
+        let safety = scenario.safety_of(Topic::VehicleState, ServiceId::Controller);
         Self {
             parameters: Parameters::from(controller),
             estimates: Estimates::from(&controller.initial),
@@ -89,28 +137,92 @@ impl ControllerService {
             observer: controller
                 .observer_gain
                 .map(|gain| MassObserver::new(gain, controller.initial.mass)),
+            states: StateGate::new(safety),
+            references: References::new(scenario.safety_of(Topic::PathReference, ServiceId::Controller)),
+            safety: safety.map(|safety| Safety::new(scenario, safety)),
+            last: None,
+            stage: Stage::Law,
         }
     }
 
-    /// The law's command; the law, and whether its rates may act.
+    /// What is commanded on the last good state and reference, and what the law says to it if it is asked; `is_new`
+    /// if the state is of this step.
     #[inline]
-    fn command(
+    fn fly(
         &mut self,
+        now: &Now,
+        state: &VehicleState,
+        is_new: bool,
+        reference: &PathReference,
+    ) -> (Commanded, Option<Said>) {
+        let before = self.stage;
+        let Some(mut safety) = self.safety else {
+            return self.fly_by_law(now, state, reference);
+        };
+        let believed = Believed::new(&self.parameters, &self.estimates);
+        let age_ns = self.states.age_ns(now).unwrap_or(0);
+        let last = self.last.as_ref();
+        safety.reckon(now, state, is_new, age_ns, last, &believed);
+        self.stage = safety.stage(age_ns, last);
+        if self.stage != Stage::Law {
+            safety.transfer = Transfer::NONE;
+            let command = safety.command(self.stage, last, &believed);
+            self.safety = Some(safety);
+            return (command, None);
+        }
+        let state = safety.state_for_law(state, age_ns, &believed);
+        if before != Stage::Law
+            && let Some(commander) = &mut self.commander
+        {
+            commander.memory.artificial_omega = state.angular_velocity_body.into();
+        }
+        let (law, mut said) = self.fly_by_law(now, &state, reference);
+        let mut command = law;
+        if let Some(said) = &mut said {
+            command = safety.pass_over(now, before, self.last.as_ref(), &law);
+            if safety.transfer.is_under_way() {
+                (said.learns, said.thrust) = (false, None);
+            }
+        }
+        self.safety = Some(safety);
+        (command, said)
+    }
+
+    /// The law's command, and all else that it says; if that are no numbers of a flight, the last command.
+    #[inline]
+    fn fly_by_law(
+        &mut self,
+        now: &Now,
         state: &VehicleState,
         reference: &PathReference,
-        elapsed: f64,
-        command: &mut ControlCommand,
-    ) -> (Evaluation, bool) {
+    ) -> (Commanded, Option<Said>) {
+        let said = self.ask_law(now, state, reference);
+        if said.is_sound() {
+            return (said.command, Some(said));
+        }
+        self.states.refuse();
+        if let Some(commander) = &mut self.commander {
+            commander.memory.artificial_omega = Vector3::zeros();
+        }
+        self.stage = Stage::Hold;
+        (self.last.unwrap_or(Commanded::NOTHING), None)
+    }
+
+    #[inline]
+    fn ask_law(&mut self, now: &Now, state: &VehicleState, reference: &PathReference) -> Said {
         let mut measured = Measured::from(state);
-        let target = Reference::from(reference);
+        let target = self.references.target(now, reference);
         let tracked = state.tracked.is_set();
+        let z1 = Vector3::from(state.position_world) - Vector3::from(reference.position_world);
         let Some(commander) = &mut self.commander else {
             measured.position_world += self.parameters.offset(&measured.world_from_body);
             let law = evaluate(&self.parameters, &measured, &target, &self.estimates);
-            command.thrust = law.thrust;
-            command.torque_body = law.torque.into();
-            self.observe(state, law.thrust, elapsed);
-            return (law, tracked);
+            let command = Commanded {
+                thrust: law.thrust,
+                torque_body: law.torque.into(),
+                ..Commanded::NOTHING
+            };
+            return Said::new(command, &law, &z1, tracked, tracked.then_some(law.thrust));
         };
         let output = commander.command(
             &self.parameters,
@@ -120,19 +232,31 @@ impl ControllerService {
             &self.estimates,
             reference.yaw,
         );
-        command.thrust = output.thrust;
-        command.rates_body = output.rates_body.into();
-        self.observe(state, output.limited_thrust, elapsed);
-        (output.law, tracked && output.is_telling)
+        let command = Commanded {
+            thrust: output.thrust,
+            rates_body: output.rates_body.into(),
+            ..Commanded::NOTHING
+        };
+        let thrust = tracked.then_some(output.limited_thrust);
+        Said::new(command, &output.law, &z1, tracked && output.is_telling, thrust)
     }
 
-    /// Lets the observer see the state and the thrust (N) that is commanded on it.
+    /// The mode of the commands of this step.
+    fn mode(&self) -> u32 {
+        match (self.stage, &self.commander) {
+            (Stage::Failsafe, _) => ControlCommand::MODE_FAILSAFE,
+            (_, Some(_)) => ControlCommand::MODE_RATES,
+            (_, None) => ControlCommand::MODE_TORQUE,
+        }
+    }
+
+    /// Lets the observer see the state and the thrust (N) that is commanded on it; `None` if it cannot learn from it.
     #[inline]
-    fn observe(&mut self, state: &VehicleState, thrust: f64, elapsed: f64) {
+    fn observe(&mut self, state: &VehicleState, thrust: Option<f64>, elapsed: f64) {
         let Some(observer) = &mut self.observer else {
             return;
         };
-        if state.tracked.is_set() && elapsed > 0.0 {
+        if let Some(thrust) = thrust.filter(|_| elapsed > 0.0) {
             let world_from_body = rotation::from_row_major(&state.world_from_body);
             let now = Sight {
                 velocity_world: world_from_body * Vector3::from(state.velocity_body),
@@ -143,6 +267,31 @@ impl ControllerService {
         } else {
             observer.interrupt();
         }
+    }
+}
+
+impl Said {
+    #[inline]
+    fn new(command: Commanded, law: &Evaluation, z1: &Vector3<f64>, learns: bool, thrust: Option<f64>) -> Self {
+        let mut errors = ControlErrors::new_zeroed();
+        write_errors(&mut errors, law);
+        errors.z1 = (*z1).into();
+        Self {
+            command,
+            errors,
+            rates: law.rates,
+            learns,
+            thrust,
+        }
+    }
+
+    /// Whether all that it says are numbers of a flight.
+    #[inline]
+    fn is_sound(&self) -> bool {
+        let rates = self.rates.disturbance_world.iter().chain(self.rates.w.iter());
+        self.command.is_within(LARGEST)
+            && self.errors.is_within(LARGEST)
+            && rates.fold(self.rates.eta.is_within(LARGEST), |all, rate| all & rate.is_within(LARGEST))
     }
 }
 
@@ -160,30 +309,43 @@ impl Service for ControllerService {
             write_adaptation(adaptation, &self.parameters, &self.estimates);
             adaptation.observer_mass_estimate = self.observer.map_or(0.0, |observer| 1.0 / observer.theta);
         }
-        let mut command = ControlCommand::new_zeroed();
-        command.mode = match self.commander {
-            Some(_) => ControlCommand::MODE_RATES,
-            None => ControlCommand::MODE_TORQUE,
-        };
+        let is_new = self.states.look(now, &inputs.state);
+        self.references.look(now, &inputs.reference);
+        let mut command = Commanded::NOTHING;
         let mut learns = false;
-        if let (Some(state), Some(reference)) = (inputs.state.newest(), inputs.reference.newest()) {
-            let law;
-            (law, learns) = self.command(state, reference, now.elapsed(), &mut command);
-            if learns {
-                self.rates = law.rates;
+        if let (Some(&state), Some(&reference)) =
+            (self.states.held(&inputs.state), self.references.held(&inputs.reference))
+        {
+            self.stage = if self.safety.is_some() { self.stage } else { Stage::Law };
+            let said;
+            (command, said) = self.fly(now, &state, is_new, &reference);
+            learns = said.as_ref().is_some_and(|said| said.learns);
+            self.observe(&state, said.as_ref().and_then(|said| said.thrust), now.elapsed());
+            if let Some(said) = said {
+                if learns {
+                    self.rates = said.rates;
+                }
+                if let Some(errors) = outputs.errors.due() {
+                    *errors = ControlErrors {
+                        header: errors.header,
+                        ..said.errors
+                    };
+                }
             }
-            if let Some(errors) = outputs.errors.due() {
-                write_errors(errors, &law);
-                errors.z1 =
-                    (Vector3::from(state.position_world) - Vector3::from(reference.position_world)).into();
+            if outputs.command.due().is_some() {
+                self.last = Some(command);
             }
         }
         if let Some(adaptation) = outputs.adaptation.due() {
             adaptation.resting = (!learns).into();
+            adaptation.inputs_refused = self.states.refused().saturating_add(self.references.refused());
+            adaptation.stage = self.stage.code();
         }
         if let Some(due) = outputs.command.due() {
-            command.header = due.header;
-            *due = command;
+            due.thrust = command.thrust;
+            due.torque_body = command.torque_body;
+            due.rates_body = command.rates_body;
+            due.mode = self.mode();
         }
     }
 
@@ -192,6 +354,7 @@ impl Service for ControllerService {
         let memory = self.commander.map_or(Memory::NONE, |commander| commander.memory);
         let seen = self.observer.and_then(|observer| observer.previous);
         let sight = seen.unwrap_or(Sight::NOTHING);
+        let (references, reference) = self.references.save();
         ControllerState {
             eta_hat: estimates.eta,
             disturbance_hat_world: estimates.disturbance_world.into(),
@@ -205,8 +368,16 @@ impl Service for ControllerService {
             observer_velocity_world: sight.velocity_world.into(),
             observer_thrust_axis_world: sight.thrust_axis_world.into(),
             observer_thrust: sight.thrust,
+            states: self.states.save(),
+            reference,
+            references,
+            last: self.last.unwrap_or(Commanded::NOTHING),
+            reckoned: self.safety.map_or(Reckoned::NOTHING, |safety| safety.reckoned),
+            transfer: self.safety.map_or(Transfer::NONE, |safety| safety.transfer),
             observer_has_seen: seen.is_some().into(),
-            pad0: [0; 7],
+            has_last: self.last.is_some().into(),
+            stage: self.stage.code(),
+            pad0: [0; 5],
         }
     }
 
@@ -221,6 +392,13 @@ impl Service for ControllerService {
             disturbance_world: Vector3::from(state.disturbance_hat_rate_world),
             w: ParameterVector::from(state.w_hat_rate),
         };
+        self.states.restore(&state.states);
+        self.references.restore(&state.references, &state.reference);
+        self.last = state.has_last.is_set().then_some(state.last);
+        self.stage = Stage::from_code(state.stage);
+        if let Some(safety) = &mut self.safety {
+            (safety.reckoned, safety.transfer) = (state.reckoned, state.transfer);
+        }
         if let Some(commander) = &mut self.commander {
             commander.memory = Memory {
                 artificial_omega: state.artificial_omega.into(),

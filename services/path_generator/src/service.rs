@@ -3,17 +3,20 @@
 //! At tick k it holds γₖ and γ̇ₖ, and evaluates curve and timing law there. γ and γ̇ move on by explicit Euler
 //! at the next step, over the time that has then passed: γₖ₊₁ = γₖ + hγ̇ₖ, γ̇ₖ₊₁ = γ̇ₖ + hγ̈ₖ.
 //!
-//! Failure policy: while there is no state, or one that rests on no measurement (`tracked` not set), the path
-//! stands still at once: γ̇ = γ̈ = 0 from that step on, in both modes, and the reference says so. When the
-//! vehicle is seen again, the timing law starts γ̇ from 0, as at the start of a flight; trajectory tracking goes
-//! on at full speed from where it stood.
+//! Failure policy: while it is not known where the vehicle is, the path stands still: γ̇ = γ̈ = 0 from that step on, in
+//! both modes, and the reference says so. When the vehicle is seen again, the timing law starts γ̇ from 0, as at the
+//! start of a flight; trajectory tracking goes on at full speed from where it stood.
+//! * A state that cannot be true is refused and counted ([`StateGate`]); the last good one stays in its place.
+//! * Without a policy the vehicle is known while that one is `tracked`, however old it is.
+//! * With one it is known until the last good state, which was tracked, is too old.
 
 use nalgebra::Vector3;
+use shared_types::gate::{StateGate, StateGateState};
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{PathReference, VehicleState};
 use shared_types::scenario::{self, PathMode, Scenario};
 use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
-use shared_types::{Now, Service, ServiceId};
+use shared_types::{Now, Service, ServiceId, Topic};
 
 use crate::bump::TransitionError;
 use crate::curve::{Curve, CurveError, CurvePoint};
@@ -28,6 +31,8 @@ shared_types::sample! {
         pub gamma_dot: f64,
         /// γ̈, 1/s².
         pub gamma_ddot: f64,
+        /// What is remembered of the vehicle's states.
+        pub states: StateGateState,
     }
 }
 
@@ -67,7 +72,18 @@ pub struct PathGeneratorService {
     mover: Mover,
     /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
     yaws: Vec<(u64, f64)>,
-    state: PathGeneratorState,
+    states: StateGate,
+    motion: PathMotion,
+}
+
+/// Where the path is, and how it moves on.
+#[derive(Clone, Copy, Debug)]
+struct PathMotion {
+    gamma: f64,
+    /// 1/s.
+    gamma_dot: f64,
+    /// 1/s².
+    gamma_ddot: f64,
 }
 
 impl PathGeneratorService {
@@ -88,7 +104,8 @@ impl PathGeneratorService {
                         .map(|step| (scenario.tick_of(step.at), step.yaw)),
                 )
                 .collect(),
-            state: PathGeneratorState {
+            states: StateGate::new(scenario.safety_of(Topic::VehicleState, ServiceId::PathGenerator)),
+            motion: PathMotion {
                 gamma: path.initial_gamma,
                 gamma_dot: path.initial_gamma_dot,
                 gamma_ddot: 0.0,
@@ -127,7 +144,7 @@ impl Mover {
     }
 }
 
-impl PathGeneratorState {
+impl PathMotion {
     /// Explicit Euler over `h` seconds.
     fn advance(&mut self, h: f64) {
         self.gamma += h * self.gamma_dot;
@@ -142,20 +159,22 @@ impl Service for PathGeneratorService {
     type State = PathGeneratorState;
 
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
-        self.state.advance(now.elapsed());
-        let point = self.curve.at(self.state.gamma);
-        let vehicle = inputs.state.newest();
-        let rates = match vehicle.filter(|vehicle| vehicle.tracked.is_set()) {
-            Some(vehicle) => self.mover.rates(vehicle, &point, self.state.gamma_dot),
+        self.motion.advance(now.elapsed());
+        self.states.look(now, &inputs.state);
+        let point = self.curve.at(self.motion.gamma);
+        let newest = self.states.held(&inputs.state);
+        let known = newest.filter(|vehicle| vehicle.tracked.is_set() && !self.states.is_too_old(now));
+        let rates = match known {
+            Some(vehicle) => self.mover.rates(vehicle, &point, self.motion.gamma_dot),
             None => PathRates::steady(0.0),
         };
-        self.state.gamma_dot = rates.gamma_dot;
-        self.state.gamma_ddot = rates.gamma_ddot;
+        self.motion.gamma_dot = rates.gamma_dot;
+        self.motion.gamma_ddot = rates.gamma_ddot;
         if let Some(reference) = outputs.reference.due() {
             *reference = PathReference {
                 header: reference.header,
-                reference_time_ns: vehicle.map_or(now.time_ns, |vehicle| vehicle.state_time_ns),
-                gamma: self.state.gamma,
+                reference_time_ns: newest.map_or(now.time_ns, |vehicle| vehicle.state_time_ns),
+                gamma: self.motion.gamma,
                 gamma_dot: rates.gamma_dot,
                 gamma_ddot: rates.gamma_ddot,
                 gamma_dot_desired: rates.gamma_dot_desired,
@@ -167,18 +186,33 @@ impl Service for PathGeneratorService {
                 derivative3_world: point.derivative3.into(),
                 yaw: self.yaw_at(now.tick),
                 yaw_rate: 0.0,
-                states_refused: 0,
-                vehicle_known: vehicle.is_some_and(|vehicle| vehicle.tracked.is_set()).into(),
+                states_refused: self.states.refused(),
+                vehicle_known: known.is_some().into(),
                 pad0: [0; 3],
             };
         }
     }
 
     fn save(&self) -> PathGeneratorState {
-        self.state
+        let PathMotion {
+            gamma,
+            gamma_dot,
+            gamma_ddot,
+        } = self.motion;
+        PathGeneratorState {
+            gamma,
+            gamma_dot,
+            gamma_ddot,
+            states: self.states.save(),
+        }
     }
 
     fn restore(&mut self, state: &PathGeneratorState) {
-        self.state = *state;
+        self.motion = PathMotion {
+            gamma: state.gamma,
+            gamma_dot: state.gamma_dot,
+            gamma_ddot: state.gamma_ddot,
+        };
+        self.states.restore(&state.states);
     }
 }

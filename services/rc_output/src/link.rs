@@ -5,10 +5,9 @@
 //!   is what the channels mean. With the paper's calibration a travel is TRC = (T − 2.3071)/3.138 and
 //!   ωRC = −[ωx/19, ωy/19, ωz/8].
 //!
-//! What a link cannot carry becomes a failsafe frame, with which the motors rest: no command at all, one that holds
-//! a number that is not finite, and torque on the radio link.
+//! What a link cannot carry becomes a failsafe frame, with which the motors rest: no command at all, the command to
+//! do so, and torque on the radio link.
 
-use shared_types::sample::Field;
 use shared_types::samples::{ControlCommand, RcFrame};
 use shared_types::scenario::RcLink;
 
@@ -30,10 +29,11 @@ impl Link {
         link.map_or(Self::Ideal, |link| Self::Radio(Radio::new(link)))
     }
 
-    /// Writes the frame that carries `command`, all but its header and what is counted.
+    /// Writes the frame that carries `command`, whose numbers are finite: all but its header, its stage and what is
+    /// counted.
     #[inline]
     pub fn transmit(&self, command: Option<&ControlCommand>, frame: &mut RcFrame) {
-        match (self, command.filter(|command| command.is_finite())) {
+        match (self, command.filter(|command| command.mode != ControlCommand::MODE_FAILSAFE)) {
             (Self::Ideal, Some(command)) => transmit_as_it_is(command, frame),
             (Self::Radio(radio), Some(command)) if command.mode == ControlCommand::MODE_RATES => {
                 radio.transmit(command, frame);

@@ -94,6 +94,7 @@ fn carried_commands() -> impl Strategy<Value = ControlCommand> {
 fn without_a_command_the_frame_is_a_failsafe_with_the_motors_at_rest() {
     let failsafe = RcFrame {
         failsafe: true.into(),
+        stage: RcFrame::STAGE_FAILSAFE,
         ..RcFrame::new_zeroed()
     };
     assert_eq!(step(&mut service(), None), failsafe);
@@ -202,6 +203,7 @@ fn what_the_link_cannot_carry_becomes_a_failsafe_frame() {
     let nothing = RcFrame {
         mode: RcFrame::MODE_RATES,
         failsafe: true.into(),
+        stage: RcFrame::STAGE_FAILSAFE,
         ..RcFrame::new_zeroed()
     };
     assert_eq!(step(&mut radio(), None), nothing);
@@ -211,7 +213,11 @@ fn what_the_link_cannot_carry_becomes_a_failsafe_frame() {
             rates_command(number, [0.0; 3]),
             rates_command(2.0, [0.0, number, 0.0]),
         ] {
-            assert_eq!(step(&mut radio(), Some(&command)), nothing);
+            let refused = RcFrame {
+                commands_refused: 1,
+                ..nothing
+            };
+            assert_eq!(step(&mut radio(), Some(&command)), refused);
             let ideal = step(&mut service(), Some(&command));
             assert!(ideal.failsafe.is_set() && ideal.thrust == 0.0 && ideal.rates_body == [0.0; 3]);
         }

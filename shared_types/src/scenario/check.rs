@@ -10,6 +10,7 @@ mod events;
 mod faults;
 mod path;
 mod radio;
+mod safety;
 mod sections;
 mod vehicle;
 
@@ -31,6 +32,7 @@ impl Scenario {
         self.check_assumption_1(&mut found);
         self.check_rig(&root, &mut found);
         self.check_faults(&mut found);
+        self.check_safety(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems
     }

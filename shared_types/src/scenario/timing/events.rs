@@ -22,6 +22,12 @@ impl Scenario {
         for (key, time) in self.planned_delays() {
             reader.read(&key, time, 1..=LONGEST_DELAY);
         }
+        for (key, time) in self.input_ages() {
+            reader.read(&key, time, 1..=LONGEST_FLIGHT);
+        }
+        for (key, time) in self.recoveries() {
+            reader.read(&key, time, 0..=LONGEST_DELAY);
+        }
         let longest = LONGEST_PREDICTION_NS / reader.tick_ns();
         for (key, time) in self.believed_latencies() {
             reader.read(&key, time, 0..=longest);
@@ -88,6 +94,28 @@ impl Scenario {
         let faults = self.fault.iter().enumerate();
         faults
             .filter_map(|(index, fault)| Some((Key::root().then("fault").then(index).then("by"), fault.by?)))
+            .collect()
+    }
+
+    /// From which ages on samples are too old.
+    fn input_ages(&self) -> Vec<StatedTime> {
+        let inputs = self.safety.iter();
+        inputs
+            .flat_map(|(edge, safety)| {
+                let at = Key::root().then("safety").then(edge);
+                let ages = safety.ages().into_iter();
+                ages.filter_map(move |(name, age)| Some((at.then(name), age?)))
+            })
+            .collect()
+    }
+
+    /// How long commands pass over to those of the law.
+    fn recoveries(&self) -> Vec<StatedTime> {
+        let inputs = self.safety.iter();
+        inputs
+            .filter_map(|(edge, safety)| {
+                Some((Key::root().then("safety").then(edge).then("recover"), safety.recover?))
+            })
             .collect()
     }
 

@@ -1,0 +1,149 @@
+//! What is commanded when the vehicle's state is too old for the law, by its age.
+//!
+//! | stage | what is commanded |
+//! | --- | --- |
+//! | law | what the law says, on a state that is reckoned on ([`crate::reckoning`]) if it is later than it should be |
+//! | hold | the last command again: for a tenth of a second nothing is better |
+//! | level | the vehicle levels out and stops to rise and to sink |
+//! | descend | level, it sinks at [`DESCENT`] |
+//! | failsafe | the motors are to rest |
+//!
+//! Which stages there are, and from which ages on, says the scenario; a stage begins when the state is *older* than
+//! its age. Level means R e3 = e3. With n = Rᵀe3 and V = 1 − e3ᵀn, the body rates ω = k (e3 × n) make
+//! V̇ = −k‖e3 × n‖²: the vehicle levels out from every attitude but upside down, and does not yaw. Attitude, rates and
+//! velocity are the reckoned ones; the thrust m̂(g + b̂z + kv (vz − sink))/n3 makes vz that of the stage.
+//!
+//! Failure policy: a stage that needs what there is not (nothing was commanded yet, no state was ever good) leaves the
+//! controller with nothing to say. No stage is for good: the next good state gives the law back.
+
+use nalgebra::Vector3;
+use shared_types::rotation;
+use shared_types::samples::ControlAdaptation;
+use shared_types::scenario::{GRAVITY, InputSafety};
+use shared_types::service::nanoseconds;
+
+use crate::reckoning::{Believed, Commanded, Reckoned};
+
+/// At what speed the vehicle descends, m/s.
+pub const DESCENT: f64 = 0.3;
+/// k, gain of the body rates on the tilt, 1/s.
+const LEVELLING: f64 = 5.0;
+/// kv, gain of the thrust on the vertical velocity, 1/s.
+const BRAKING: f64 = 2.0;
+/// Gain of the torque on the body rates, 1/s, and its largest product with the time between two commands.
+const TURNING: f64 = 20.0;
+const LARGEST_GAIN: f64 = 0.5;
+/// Least n3 that the thrust makes up for: 60 degrees.
+const LEAST_UPRIGHTNESS: f64 = 0.5;
+/// Most thrust, in weights.
+const MOST_THRUST: f64 = 1.5;
+
+/// By what commands are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// The law.
+    Law,
+    /// The last command.
+    Hold,
+    /// Level, neither rising nor sinking.
+    Level,
+    /// Level, sinking.
+    Descend,
+    /// The motors rest.
+    Failsafe,
+}
+
+impl Stage {
+    /// The stage as telemetry says it.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Law => ControlAdaptation::STAGE_LAW,
+            Self::Hold => ControlAdaptation::STAGE_HOLD,
+            Self::Level => ControlAdaptation::STAGE_LEVEL,
+            Self::Descend => ControlAdaptation::STAGE_DESCEND,
+            Self::Failsafe => ControlAdaptation::STAGE_FAILSAFE,
+        }
+    }
+
+    /// The stage of a code; the law for a code of none.
+    #[must_use]
+    pub fn from_code(code: u8) -> Self {
+        let stages = [Self::Hold, Self::Level, Self::Descend, Self::Failsafe];
+        stages
+            .into_iter()
+            .find(|stage| stage.code() == code)
+            .unwrap_or(Self::Law)
+    }
+}
+
+/// From which ages on which stage is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stages {
+    /// Each stage that there is after the law with the age above which it is, ns, in their order.
+    begins: [(Stage, Option<u64>); 4],
+}
+
+impl Stages {
+    /// The stages that a scenario states.
+    #[must_use]
+    pub fn new(safety: &InputSafety) -> Self {
+        let [hold, level, descend, failsafe] = safety.ages().map(|(_, age)| age.map(nanoseconds));
+        Self {
+            begins: [
+                (Stage::Hold, hold),
+                (Stage::Level, level),
+                (Stage::Descend, descend),
+                (Stage::Failsafe, failsafe),
+            ],
+        }
+    }
+
+    /// The stage of an age, ns.
+    #[must_use]
+    pub fn at(&self, age_ns: u64) -> Stage {
+        let begun = |&&(_, begins): &&(Stage, Option<u64>)| begins.is_some_and(|begins| age_ns > begins);
+        self.begins.iter().rfind(begun).map_or(Stage::Law, |&(stage, _)| stage)
+    }
+}
+
+/// Makes commands that level the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leveller {
+    inertia: Vector3<f64>,
+    /// Gain of the torque on the body rates, 1/s.
+    turning: f64,
+}
+
+impl Leveller {
+    /// For a vehicle with J = Diag(`inertia`) (kg m²) and commands that are held for `hold` seconds.
+    #[must_use]
+    pub fn new(inertia: Vector3<f64>, hold: f64) -> Self {
+        Self {
+            inertia,
+            turning: TURNING.min(LARGEST_GAIN / hold),
+        }
+    }
+
+    /// The command that levels a vehicle and makes it sink at `sink` m/s.
+    #[must_use]
+    pub fn command(&self, vehicle: &Reckoned, believed: &Believed, sink: f64) -> Commanded {
+        let r = rotation::from_row_major(&vehicle.world_from_body);
+        let n = r.row(2).transpose(); // Rᵀ e3
+        let rates = Vector3::z().cross(&n) * LEVELLING;
+        let omega = Vector3::from(vehicle.angular_velocity_body);
+        let momentum = self.inertia.component_mul(&omega);
+        let torque = self.inertia.component_mul(&(rates - omega)) * self.turning + omega.cross(&momentum);
+        let [.., vertical] = vehicle.velocity_world;
+        let pull = GRAVITY + believed.disturbance_world.z + BRAKING * (vertical - sink);
+        let thrust = believed.mass * pull / n.z.max(LEAST_UPRIGHTNESS);
+        Commanded {
+            thrust: thrust.clamp(0.0, MOST_THRUST * believed.mass * GRAVITY),
+            torque_body: torque.into(),
+            rates_body: rates.into(),
+        }
+    }
+}
+
+
+

@@ -1,0 +1,311 @@
+//! Dead reckoning: where the vehicle is by now, from the last good state and the commands given since.
+//!
+//! ```text
+//! ṗ = Rv          Ṙ = R S(ω)          d(Rv)/dt = g e3 + b̂ − (T/m̂) R e3 + push
+//! body rates:     Ṫ = (T* − T)/τT     ω̇ = (ω* − ω)/τω        T*, ω* commanded, within what the link carries
+//! torque:         T = T*              ω̇ = J⁻¹(τ* − ω × Jω)    J nominal
+//! ```
+//!
+//! `push` is what the filter saw at the last good state and the estimates do not explain. It fades away, because what
+//! pushes a vehicle for long is learned. Ideal cameras tell nothing of it: with commands of torque there is none.
+//!
+//! Whatever the numbers are that it begins with, within those of a flight, the reckoning stays finite: the rates are
+//! bounded, and the attitude is pulled back to SO(3).
+
+use nalgebra::{Matrix3, Vector3};
+use shared_types::rotation;
+use shared_types::sample::Flag;
+use shared_types::samples::VehicleState;
+use shared_types::scenario::{GRAVITY, RcLink, Scenario};
+
+use crate::parameters::Parameters;
+use crate::signals::Estimates;
+
+/// Longest step of the reckoning, s, and most steps at once: a longer while is reckoned in longer steps.
+const STEP: f64 = 0.002;
+const MOST_STEPS: f64 = 200.0;
+/// Time constant with which the push fades away, s.
+const PUSH_FADES: f64 = 0.5;
+/// Largest body rate that is believed, each component, rad/s.
+const FASTEST_TURN: f64 = 50.0;
+
+shared_types::sample! {
+    /// Thrust with torque or body rates, as commanded.
+    pub struct Commanded {
+        /// T, N.
+        pub thrust: f64,
+        /// τ in {B}, N m.
+        pub torque_body: [f64; 3],
+        /// Body rates in {B}, rad/s.
+        pub rates_body: [f64; 3],
+    }
+
+    /// The vehicle as reckoned.
+    pub struct Reckoned {
+        /// p in {I}, m.
+        pub position_world: [f64; 3],
+        /// R, row-major.
+        pub world_from_body: [f64; 9],
+        /// Rv, velocity in {I}, m/s.
+        pub velocity_world: [f64; 3],
+        /// ω in {B}, rad/s.
+        pub angular_velocity_body: [f64; 3],
+        /// T, N.
+        pub thrust: f64,
+        /// What the estimates do not explain, in {I}, m/s².
+        pub push_world: [f64; 3],
+        /// Whether there was a state to begin with.
+        pub has_begun: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
+    }
+}
+
+impl Commanded {
+    /// No thrust, no torque, no rates.
+    pub const NOTHING: Self = Self {
+        thrust: 0.0,
+        torque_body: [0.0; 3],
+        rates_body: [0.0; 3],
+    };
+}
+
+/// What thrust and gravity do to a vehicle, as the estimates say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Believed {
+    /// m̂, kg.
+    pub mass: f64,
+    /// b̂ in {I}, m/s².
+    pub disturbance_world: Vector3<f64>,
+}
+
+impl Believed {
+    /// What the projected estimates say.
+    #[must_use]
+    pub fn new(parameters: &Parameters, estimates: &Estimates) -> Self {
+        Self {
+            mass: 1.0 / parameters.eta_projection.value(estimates.eta),
+            disturbance_world: estimates
+                .disturbance_world
+                .map(|b| parameters.disturbance_projection.value(b)),
+        }
+    }
+
+    fn acceleration(&self, world_from_body: &Matrix3<f64>, thrust: f64) -> Vector3<f64> {
+        Vector3::z() * GRAVITY + self.disturbance_world - world_from_body.column(2) * (thrust / self.mass)
+    }
+}
+
+/// How the vehicle follows commands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reckoner {
+    /// Diagonal of J, kg m².
+    pub inertia: Vector3<f64>,
+    actuation: Actuation,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Actuation {
+    /// Thrust and torque follow at once.
+    Torque,
+    /// Thrust and body rates follow as lags, s, within limits.
+    Rates {
+        thrust_lag: f64,
+        rate_lag: f64,
+        thrust_limits: [f64; 2],
+        rate_limits: Vector3<f64>,
+    },
+}
+
+impl Reckoner {
+    /// The reckoner of a scenario that has been checked.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Self {
+        let model = scenario.model.clone().unwrap_or_default();
+        let (thrust_limits, rate_limits) = scenario
+            .rc_output
+            .as_ref()
+            .map_or(([0.0, f64::INFINITY], [f64::INFINITY; 3]), |link| {
+                (RcLink::thrust_limits(link), RcLink::rate_limits(link))
+            });
+        let actuation = match scenario.controller.rates {
+            None => Actuation::Torque,
+            Some(_) => Actuation::Rates {
+                thrust_lag: model.thrust_lag,
+                rate_lag: model.rate_lag,
+                thrust_limits,
+                rate_limits: rate_limits.into(),
+            },
+        };
+        Self {
+            inertia: scenario.controller.initial.inertia.into(),
+            actuation,
+        }
+    }
+
+    /// The vehicle in a state that was measured, flying by what was commanded last.
+    #[must_use]
+    pub fn begin(&self, state: &VehicleState, last: &Commanded, believed: &Believed) -> Reckoned {
+        let r = rotation::from_row_major(&state.world_from_body);
+        let (thrust, push) = match self.actuation {
+            Actuation::Torque => (last.thrust, Vector3::zeros()),
+            Actuation::Rates { .. } => {
+                let explained = believed.acceleration(&r, state.thrust);
+                (state.thrust, Vector3::from(state.acceleration_world) - explained)
+            }
+        };
+        Reckoned {
+            position_world: state.position_world,
+            world_from_body: state.world_from_body,
+            velocity_world: (r * Vector3::from(state.velocity_body)).into(),
+            angular_velocity_body: bounded(state.angular_velocity_body.into()).into(),
+            thrust,
+            push_world: push.into(),
+            has_begun: true.into(),
+            pad0: [0; 7],
+        }
+    }
+
+    /// The vehicle `elapsed` seconds later, flying by a command.
+    #[must_use]
+    pub fn advanced(&self, before: &Reckoned, command: &Commanded, believed: &Believed, elapsed: f64) -> Reckoned {
+        let count = libm::ceil(elapsed / STEP).clamp(1.0, MOST_STEPS);
+        let h = elapsed / count;
+        let mut r = rotation::from_row_major(&before.world_from_body);
+        let mut position = Vector3::from(before.position_world);
+        let mut velocity = Vector3::from(before.velocity_world);
+        let mut omega = Vector3::from(before.angular_velocity_body);
+        let (mut thrust, mut push) = (before.thrust, Vector3::from(before.push_world));
+        let fading = libm::exp(-h / PUSH_FADES);
+        let follow = self.following(command, h);
+        let mut left = count;
+        while left >= 1.0 {
+            let omega_before = omega;
+            (thrust, omega) = follow.step(thrust, &omega);
+            let turned = r * rotation::exp(&((omega_before + omega) * (0.5 * h)));
+            let middle = (r + turned) * 0.5;
+            let velocity_before = velocity;
+            velocity += (believed.acceleration(&middle, thrust) + push) * h;
+            position += (velocity_before + velocity) * (0.5 * h);
+            push *= fading;
+            r = rotation::orthonormalized(&turned);
+            left -= 1.0;
+        }
+        Reckoned {
+            position_world: position.into(),
+            world_from_body: rotation::to_row_major(&r),
+            velocity_world: velocity.into(),
+            angular_velocity_body: omega.into(),
+            thrust,
+            push_world: push.into(),
+            ..*before
+        }
+    }
+
+    fn following(&self, command: &Commanded, h: f64) -> Following {
+        match self.actuation {
+            Actuation::Torque => Following::Torque {
+                thrust: command.thrust,
+                torque: command.torque_body.into(),
+                inertia: self.inertia,
+                h,
+            },
+            Actuation::Rates {
+                thrust_lag,
+                rate_lag,
+                thrust_limits: [least, most],
+                rate_limits,
+            } => Following::Rates {
+                thrust: command.thrust.max(least).min(most),
+                omega: Vector3::from(command.rates_body).zip_map(&rate_limits, |rate, limit| rate.max(-limit).min(limit)),
+                thrust_share: share(h, thrust_lag),
+                rate_share: share(h, rate_lag),
+            },
+        }
+    }
+}
+
+/// How thrust and rates move on over a step under one command.
+enum Following {
+    Torque {
+        thrust: f64,
+        torque: Vector3<f64>,
+        inertia: Vector3<f64>,
+        h: f64,
+    },
+    Rates {
+        thrust: f64,
+        omega: Vector3<f64>,
+        thrust_share: f64,
+        rate_share: f64,
+    },
+}
+
+impl Following {
+    fn step(&self, now_thrust: f64, now_omega: &Vector3<f64>) -> (f64, Vector3<f64>) {
+        match self {
+            Self::Torque {
+                thrust,
+                torque,
+                inertia,
+                h,
+            } => {
+                let momentum = inertia.component_mul(now_omega);
+                let acceleration = (torque - now_omega.cross(&momentum)).component_div(inertia); // (4)
+                (*thrust, bounded(now_omega + acceleration * *h))
+            }
+            Self::Rates {
+                thrust,
+                omega,
+                thrust_share,
+                rate_share,
+            } => (
+                now_thrust + (thrust - now_thrust) * *thrust_share,
+                bounded(now_omega + (omega - now_omega) * *rate_share),
+            ),
+        }
+    }
+}
+
+/// The share of the way to its goal that a lag makes in `h` seconds.
+fn share(h: f64, lag: f64) -> f64 {
+    if lag == 0.0 { 1.0 } else { -libm::expm1(-h / lag) }
+}
+
+fn bounded(omega: Vector3<f64>) -> Vector3<f64> {
+    omega.map(|rate| rate.clamp(-FASTEST_TURN, FASTEST_TURN))
+}
+
+impl Reckoned {
+    /// Nothing to reckon from.
+    pub const NOTHING: Self = Self {
+        position_world: [0.0; 3],
+        world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        velocity_world: [0.0; 3],
+        angular_velocity_body: [0.0; 3],
+        thrust: 0.0,
+        push_world: [0.0; 3],
+        has_begun: Flag::CLEAR,
+        pad0: [0; 7],
+    };
+
+    /// The reckoned vehicle in the words of a state, which rests on no measurement; `last` has what is not reckoned.
+    #[must_use]
+    pub fn state(&self, last: &VehicleState, believed: &Believed) -> VehicleState {
+        let r = rotation::from_row_major(&self.world_from_body);
+        let acceleration = believed.acceleration(&r, self.thrust) + Vector3::from(self.push_world);
+        VehicleState {
+            position_world: self.position_world,
+            world_from_body: self.world_from_body,
+            velocity_body: r.tr_mul(&Vector3::from(self.velocity_world)).into(),
+            angular_velocity_body: self.angular_velocity_body,
+            acceleration_world: acceleration.into(),
+            thrust: self.thrust,
+            tracked: false.into(),
+            ..*last
+        }
+    }
+}
+
+
+

@@ -1,0 +1,128 @@
+//! What the controller does about the age of the vehicle's state: which stage it is in, what it reckons, and how it
+//! comes back to the law.
+//!
+//! While the last good state is no older than it is when nothing fails, the law has it as it is. An older one is
+//! reckoned on to now, for the law as for what comes after it: the law of this paper on a state that stands still is
+//! worse than no law at all, because it keeps turning the vehicle by an error that it has long mended.
+
+use shared_types::samples::VehicleState;
+use shared_types::scenario::{EdgeName, GRAVITY, InputSafety, Scenario};
+use shared_types::service::seconds;
+use shared_types::{Now, ServiceId, Topic};
+
+use crate::commander::hold;
+use crate::fallback::{DESCENT, Leveller, Stage, Stages};
+use crate::reckoning::{Believed, Commanded, Reckoned, Reckoner};
+use crate::transfer::Transfer;
+
+/// The policy for the vehicle's state, and what it remembers.
+#[derive(Clone, Copy, Debug)]
+pub struct Safety {
+    stages: Stages,
+    recover_ns: u64,
+    /// The oldest that the state is while nothing fails, ns.
+    ordinary_age_ns: u64,
+    reckoner: Reckoner,
+    leveller: Leveller,
+    /// The vehicle as reckoned.
+    pub reckoned: Reckoned,
+    /// The way back to the law.
+    pub transfer: Transfer,
+}
+
+impl Safety {
+    /// What a scenario that has been checked states for the state of the vehicle.
+    #[must_use]
+    pub fn new(scenario: &Scenario, stated: &InputSafety) -> Self {
+        let reckoner = Reckoner::new(scenario);
+        let edge = EdgeName::all().find(|edge| {
+            (edge.topic, edge.service) == (Topic::VehicleState, ServiceId::Controller)
+        });
+        let ordinary_age = edge.and_then(|edge| scenario.ordinary_age(edge));
+        let tick_ns = scenario.schedule().map_or(0, |schedule| schedule.tick_ns());
+        Self {
+            stages: Stages::new(stated),
+            recover_ns: stated.recover_ns(),
+            ordinary_age_ns: ordinary_age.unwrap_or(0) * tick_ns,
+            reckoner,
+            leveller: Leveller::new(reckoner.inertia, hold(scenario)),
+            reckoned: Reckoned::NOTHING,
+            transfer: Transfer::NONE,
+        }
+    }
+
+    /// The stage of a state's age, ns. Without a last command there is none to hold: the vehicle levels out instead.
+    #[must_use]
+    pub fn stage(&self, age_ns: u64, last: Option<&Commanded>) -> Stage {
+        match self.stages.at(age_ns) {
+            Stage::Hold if last.is_none() => Stage::Level,
+            stage => stage,
+        }
+    }
+
+    /// Reckons the vehicle on to now: from the last good state, if it `is_new`, else from where it was reckoned to be.
+    pub fn reckon(
+        &mut self,
+        now: &Now,
+        state: &VehicleState,
+        is_new: bool,
+        age_ns: u64,
+        last: Option<&Commanded>,
+        believed: &Believed,
+    ) {
+        let hover = Commanded {
+            thrust: believed.mass * GRAVITY,
+            ..Commanded::NOTHING
+        };
+        let last = last.unwrap_or(&hover);
+        if is_new || !self.reckoned.has_begun.is_set() {
+            self.reckoned = self.reckoner.begin(state, last, believed);
+            let late_ns = age_ns.saturating_sub(self.ordinary_age_ns);
+            self.pass(late_ns, last, believed);
+        } else {
+            self.pass(now.elapsed_ns, last, believed);
+        }
+    }
+
+    fn pass(&mut self, elapsed_ns: u64, last: &Commanded, believed: &Believed) {
+        if elapsed_ns > 0 {
+            self.reckoned = self
+                .reckoner
+                .advanced(&self.reckoned, last, believed, seconds(elapsed_ns));
+        }
+    }
+
+    /// The state for the law: the last good one, or if that is later than it should be the reckoned one.
+    #[must_use]
+    pub fn state_for_law(&self, state: &VehicleState, age_ns: u64, believed: &Believed) -> VehicleState {
+        if age_ns > self.ordinary_age_ns {
+            self.reckoned.state(state, believed)
+        } else {
+            *state
+        }
+    }
+
+    /// What is commanded in a stage without the law.
+    #[must_use]
+    pub fn command(&self, stage: Stage, last: Option<&Commanded>, believed: &Believed) -> Commanded {
+        match stage {
+            Stage::Law | Stage::Hold => last.copied().unwrap_or(Commanded::NOTHING),
+            Stage::Level => self.leveller.command(&self.reckoned, believed, 0.0),
+            Stage::Descend => self.leveller.command(&self.reckoned, believed, DESCENT),
+            Stage::Failsafe => Commanded::NOTHING,
+        }
+    }
+
+    /// The command when the law says `law`, after a step in the stage `before`.
+    ///
+    /// There is no way back from motors at rest: the law takes over at once.
+    #[must_use]
+    pub fn pass_over(&mut self, now: &Now, before: Stage, last: Option<&Commanded>, law: &Commanded) -> Commanded {
+        self.transfer = match (before, last) {
+            (Stage::Law, _) => self.transfer.advanced(now.elapsed_ns),
+            (Stage::Failsafe, _) | (_, None) => Transfer::NONE,
+            (_, Some(last)) => Transfer::new(last, law, self.recover_ns),
+        };
+        self.transfer.command(law)
+    }
+}

@@ -1,0 +1,153 @@
+//! Which sample of an input a service uses: the last one that can be true.
+//!
+//! Failure policy:
+//! * a sample is judged once, when it is new. One that cannot be true is refused and counted, and the last good
+//!   one stays in its place;
+//! * a number that is not finite or larger than [`LARGEST`] can never be true; what else cannot be, each service
+//!   says by itself, and of a vehicle's state [`StateGate`] does;
+//! * a sample may also say nothing new. Then it is not counted, but the last good one goes on growing old;
+//! * what was refused, however often, is no reason to refuse what comes next: no gate stays shut for ever.
+
+mod state;
+
+use crate::sample::{Flag, Sample};
+use crate::service::{Input, Now};
+
+pub use state::{StateGate, StateGateState};
+
+/// Magnitude above which a number is not one of a flight, SI units; powers and products of several stay finite.
+pub const LARGEST: f64 = 1e9;
+
+/// What a sample is good for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It can be true and says something new.
+    Good,
+    /// It says nothing new.
+    Mute,
+    /// It cannot be true.
+    Refused,
+}
+
+crate::sample! {
+    /// What a gate remembers besides the sample.
+    pub struct GateState {
+        /// Number of the sample that was judged last, plus 1; 0 before the first.
+        pub judged: u64,
+        /// Samples refused since the start of the flight.
+        pub refused: u32,
+        /// Whether there was a good sample.
+        pub has_held: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 3],
+    }
+}
+
+/// An input with its last good sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gate<T> {
+    held: Option<T>,
+    judged: u64,
+    refused: u32,
+}
+
+impl<T> Default for Gate<T> {
+    fn default() -> Self {
+        Self {
+            held: None,
+            judged: 0,
+            refused: 0,
+        }
+    }
+}
+
+impl<T: Sample> Gate<T> {
+    /// Judges the newest sample if it is new; `judge` is asked of numbers of a flight only, with the last good sample
+    /// beside it. Returns the verdict on a new sample.
+    #[inline]
+    pub fn look(&mut self, input: &Input<'_, T>, judge: impl FnOnce(&T, Option<&T>) -> Verdict) -> Option<Verdict> {
+        let newest = input.newest()?;
+        let number = newest.header().seq.wrapping_add(1);
+        if input.fresh().is_none() && number == self.judged {
+            return None;
+        }
+        self.judged = number;
+        let verdict = if newest.is_within(LARGEST) {
+            judge(newest, self.held.as_ref())
+        } else {
+            Verdict::Refused
+        };
+        match verdict {
+            Verdict::Good => self.held = Some(*newest),
+            Verdict::Mute => {}
+            Verdict::Refused => self.refuse(),
+        }
+        Some(verdict)
+    }
+
+    /// The last good sample; `None` where the input has none at all.
+    #[must_use]
+    #[inline]
+    pub fn held(&self, input: &Input<'_, T>) -> Option<&T> {
+        self.held.as_ref().filter(|_| input.newest().is_some())
+    }
+
+    /// Whether the last good sample is also the newest one.
+    #[must_use]
+    #[inline]
+    pub fn is_newest(&self, input: &Input<'_, T>) -> bool {
+        let newest = input.newest().map(|sample| sample.header().seq);
+        newest == self.held.as_ref().map(|sample| sample.header().seq)
+    }
+
+    /// Time since the last good sample was published, ns.
+    #[must_use]
+    #[inline]
+    pub fn age_ns(&self, now: &Now) -> Option<u64> {
+        let held = self.held.as_ref()?;
+        Some(now.time_ns.saturating_sub(held.header().stamp_ns))
+    }
+
+    /// Samples refused since the start of the flight.
+    #[must_use]
+    #[inline]
+    pub fn refused(&self) -> u32 {
+        self.refused
+    }
+
+    /// Counts a sample as refused that only its use has shown to be impossible.
+    pub fn refuse(&mut self) {
+        self.refused = self.refused.saturating_add(1);
+    }
+
+    /// What it remembers, and the last good sample, all zero before the first.
+    #[must_use]
+    pub fn save(&self) -> (GateState, T) {
+        let state = GateState {
+            judged: self.judged,
+            refused: self.refused,
+            has_held: self.held.is_some().into(),
+            pad0: [0; 3],
+        };
+        (state, self.held.unwrap_or_else(T::new_zeroed))
+    }
+
+    /// Goes on with what was saved.
+    pub fn restore(&mut self, state: &GateState, held: &T) {
+        *self = Self {
+            held: state.has_held.is_set().then_some(*held),
+            judged: state.judged,
+            refused: state.refused,
+        };
+    }
+}
+
+/// Whether a sample was published by now; one from the future would never grow old.
+#[must_use]
+#[inline]
+pub fn is_of_the_past<T: Sample>(sample: &T, now: &Now) -> bool {
+    sample.header().stamp_ns <= now.time_ns
+}
+
+#[cfg(test)]
+mod tests;

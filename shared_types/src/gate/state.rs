@@ -1,0 +1,195 @@
+//! Which state of the vehicle is used.
+//!
+//! Without a policy every state whose numbers are those of a flight. With one, a state is good that
+//! * rests on a measurement (`tracked`) and speaks of another time than the last good one;
+//! * is in range: no vehicle of this laboratory is further away, faster or turns faster, and R is a rotation;
+//! * is where the last good one was going, up to [`jump`](crate::scenario::InputSafety::jump).
+//!
+//! A state that jumped is looked at again with the one after it. Once the last good state is too old
+//! ([`max_age`](crate::scenario::InputSafety::max_age)), a state is believed that is where the *refused* one before
+//! it was going: the vehicle really is elsewhere, or was carried there. So a true state is kept out for `max_age` and
+//! two samples at most, and noise, which does not agree with itself, for as long as it lasts.
+
+use nalgebra::Vector3;
+
+use super::{Gate, GateState, Verdict, is_of_the_past};
+use crate::rotation::{defect, from_row_major};
+use crate::sample::{Field, Flag};
+use crate::samples::VehicleState;
+use crate::scenario::InputSafety;
+use crate::service::{Input, Now, nanoseconds, seconds};
+
+/// Distance from SO(3) up to which nine numbers are taken for an attitude: single precision passes.
+const ATTITUDE_DEFECT: f64 = 1e-3;
+/// Largest distance from the origin along each axis, m.
+const FARTHEST: f64 = 1e4;
+/// Largest speed (m/s) and body rate (rad/s), each component.
+const FASTEST: f64 = 1e3;
+/// Largest acceleration (m/s²) and thrust (N), each component.
+const STRONGEST: f64 = 1e4;
+
+crate::sample! {
+    /// What a gate for states remembers.
+    pub struct StateGateState {
+        /// As every gate.
+        pub gate: GateState,
+        /// The last good state.
+        pub held: VehicleState,
+        /// The last state that was refused because it had jumped, since the last good one.
+        pub suspect: VehicleState,
+        /// Whether there is one.
+        pub has_suspect: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
+    }
+}
+
+/// An input of states with its last good one.
+#[derive(Clone, Debug)]
+pub struct StateGate {
+    policy: Option<Policy>,
+    gate: Gate<VehicleState>,
+    suspect: Option<VehicleState>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Policy {
+    max_age_ns: u64,
+    jump: Option<f64>,
+}
+
+impl StateGate {
+    /// A gate before the first state.
+    #[must_use]
+    pub fn new(safety: Option<&InputSafety>) -> Self {
+        Self {
+            policy: safety.map(|safety| Policy {
+                max_age_ns: nanoseconds(safety.max_age),
+                jump: safety.jump,
+            }),
+            gate: Gate::default(),
+            suspect: None,
+        }
+    }
+
+    /// Judges the newest state if it is new; whether there is a new one that is good.
+    #[inline]
+    pub fn look(&mut self, now: &Now, input: &Input<'_, VehicleState>) -> bool {
+        let Self { policy, gate, suspect } = self;
+        let verdict = gate.look(input, |state, held| match policy {
+            None => Verdict::Good,
+            Some(policy) => policy.judge(now, state, held, suspect),
+        });
+        verdict == Some(Verdict::Good)
+    }
+
+    /// The last good state; `None` where the input has none at all.
+    #[must_use]
+    #[inline]
+    pub fn held(&self, input: &Input<'_, VehicleState>) -> Option<&VehicleState> {
+        self.gate.held(input)
+    }
+
+    /// Time since the last good state was published, ns; `None` before the first.
+    #[must_use]
+    #[inline]
+    pub fn age_ns(&self, now: &Now) -> Option<u64> {
+        self.gate.age_ns(now)
+    }
+
+    /// Whether the last good state is too old; never without a policy.
+    #[must_use]
+    #[inline]
+    pub fn is_too_old(&self, now: &Now) -> bool {
+        let oldest = self.policy.map_or(u64::MAX, |policy| policy.max_age_ns);
+        self.age_ns(now).is_some_and(|age| age > oldest)
+    }
+
+    /// States refused since the start of the flight.
+    #[must_use]
+    #[inline]
+    pub fn refused(&self) -> u32 {
+        self.gate.refused()
+    }
+
+    /// Counts a state as refused that only its use has shown to be impossible.
+    pub fn refuse(&mut self) {
+        self.gate.refuse();
+    }
+
+    /// What it remembers.
+    #[must_use]
+    pub fn save(&self) -> StateGateState {
+        let (gate, held) = self.gate.save();
+        StateGateState {
+            gate,
+            held,
+            suspect: self.suspect.unwrap_or_else(zerocopy::FromZeros::new_zeroed),
+            has_suspect: self.suspect.is_some().into(),
+            pad0: [0; 7],
+        }
+    }
+
+    /// Goes on with what was saved.
+    pub fn restore(&mut self, state: &StateGateState) {
+        self.gate.restore(&state.gate, &state.held);
+        self.suspect = state.has_suspect.is_set().then_some(state.suspect);
+    }
+}
+
+impl Policy {
+    fn judge(
+        self,
+        now: &Now,
+        state: &VehicleState,
+        held: Option<&VehicleState>,
+        suspect: &mut Option<VehicleState>,
+    ) -> Verdict {
+        if !is_of_the_past(state, now) || !is_in_range(state) {
+            return Verdict::Refused;
+        }
+        let Some(held) = held.filter(|_| state.tracked.is_set()) else {
+            return if state.tracked.is_set() { Verdict::Good } else { Verdict::Mute };
+        };
+        if state.state_time_ns == held.state_time_ns {
+            return Verdict::Mute;
+        }
+        if self.leads_to(held, state) {
+            *suspect = None;
+            return Verdict::Good;
+        }
+        let is_lost = now.time_ns.saturating_sub(held.header.stamp_ns) > self.max_age_ns;
+        let agrees = suspect.is_some_and(|suspect| {
+            suspect.state_time_ns != state.state_time_ns && self.leads_to(&suspect, state)
+        });
+        if is_lost && agrees {
+            *suspect = None;
+            return Verdict::Good;
+        }
+        *suspect = Some(*state);
+        Verdict::Refused
+    }
+
+    /// Whether a vehicle that was at `earlier` can be at `later`.
+    fn leads_to(self, earlier: &VehicleState, later: &VehicleState) -> bool {
+        let Some(jump) = self.jump else {
+            return true;
+        };
+        let time = seconds(later.header.stamp_ns.saturating_sub(earlier.header.stamp_ns));
+        let velocity = from_row_major(&earlier.world_from_body) * Vector3::from(earlier.velocity_body);
+        let acceleration = Vector3::from(earlier.acceleration_world);
+        let predicted =
+            Vector3::from(earlier.position_world) + velocity * time + acceleration * (0.5 * time * time);
+        (Vector3::from(later.position_world) - predicted).norm() <= jump
+    }
+}
+
+/// Whether a vehicle can be in this state.
+fn is_in_range(state: &VehicleState) -> bool {
+    state.position_world.is_within(FARTHEST)
+        && state.velocity_body.is_within(FASTEST)
+        && state.angular_velocity_body.is_within(FASTEST)
+        && state.acceleration_world.is_within(STRONGEST)
+        && state.thrust.is_within(STRONGEST)
+        && defect(&from_row_major(&state.world_from_body)) <= ATTITUDE_DEFECT
+}

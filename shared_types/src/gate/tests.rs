@@ -1,0 +1,175 @@
+use proptest::prelude::*;
+use zerocopy::{FromBytes, IntoBytes};
+
+use super::*;
+use crate::samples::VehicleState;
+use crate::scenario::InputSafety;
+use crate::service::InputView;
+
+const PERIOD_NS: u64 = 10_000_000;
+
+fn now(number: u64) -> Now {
+    Now {
+        tick: number * 10,
+        time_ns: number * PERIOD_NS,
+        elapsed_ns: PERIOD_NS,
+    }
+}
+
+fn gate(jump: Option<f64>) -> StateGate {
+    StateGate::new(Some(&InputSafety {
+        jump,
+        ..InputSafety::new(0.03)
+    }))
+}
+
+/// The state of a vehicle that flies along x at 1 m/s from `start`.
+fn state(number: u64, start: f64) -> VehicleState {
+    let mut state = VehicleState::new_zeroed();
+    state.header.seq = number;
+    state.header.stamp_ns = now(number).time_ns;
+    state.state_time_ns = state.header.stamp_ns;
+    state.position_world = [start + 0.01 * number as f64, 0.0, -1.0];
+    state.velocity_body = [1.0, 0.0, 0.0];
+    state.world_from_body = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    state.tracked = true.into();
+    state
+}
+
+fn look(gate: &mut StateGate, number: u64, state: &VehicleState) -> bool {
+    let input = Input::from_view(InputView {
+        bytes: Some(state.as_bytes()),
+        fresh: true,
+    });
+    gate.look(&now(number), &input)
+}
+
+fn held(gate: &StateGate) -> VehicleState {
+    gate.save().held
+}
+
+#[test]
+fn a_number_of_no_flight_is_refused_with_and_without_a_policy_and_the_last_good_sample_stays() {
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 2e9] {
+        for mut gate in [StateGate::new(None), gate(None)] {
+            assert!(look(&mut gate, 1, &state(1, 0.0)));
+            let mut garbage = state(2, 0.0);
+            garbage.acceleration_world[1] = value;
+            assert!(!look(&mut gate, 2, &garbage));
+            assert_eq!((gate.refused(), held(&gate)), (1, state(1, 0.0)));
+            assert!(look(&mut gate, 3, &state(3, 0.0)));
+        }
+    }
+}
+
+#[test]
+fn without_a_policy_every_finite_state_is_good() {
+    let mut gate = StateGate::new(None);
+    let mut odd = state(1, 5e8);
+    odd.tracked = false.into();
+    odd.world_from_body = [7.0; 9];
+    assert!(look(&mut gate, 1, &odd) && look(&mut gate, 1, &odd));
+    assert!(!gate.is_too_old(&now(1_000_000)));
+}
+
+#[test]
+fn with_a_policy_what_no_vehicle_does_is_refused_and_counted() {
+    let spoil: [fn(&mut VehicleState); 6] = [
+        |state| state.position_world[2] = 1.1e4,
+        |state| state.velocity_body[0] = -1.1e3,
+        |state| state.angular_velocity_body[1] = 1.1e3,
+        |state| state.world_from_body[4] = 1.1,
+        |state| state.world_from_body[8] = -1.0,
+        |state| state.header.stamp_ns += 10 * PERIOD_NS,
+    ];
+    for (number, spoil) in (2..).zip(spoil) {
+        let mut gate = gate(None);
+        assert!(look(&mut gate, 1, &state(1, 0.0)));
+        let mut spoilt = state(2, 0.0);
+        spoil(&mut spoilt);
+        assert!(!look(&mut gate, 2, &spoilt), "{number}");
+        assert_eq!(gate.refused(), 1, "{number}");
+    }
+}
+
+#[test]
+fn a_state_that_rests_on_nothing_or_repeats_another_is_not_counted_but_makes_nothing_young() {
+    let mut gate = gate(None);
+    assert!(look(&mut gate, 1, &state(1, 0.0)));
+    let untracked = VehicleState {
+        tracked: false.into(),
+        ..state(2, 0.0)
+    };
+    let repeated = VehicleState {
+        state_time_ns: state(1, 0.0).state_time_ns,
+        ..state(3, 0.0)
+    };
+    assert!(!look(&mut gate, 2, &untracked) && !look(&mut gate, 3, &repeated));
+    assert_eq!((gate.refused(), gate.age_ns(&now(3))), (0, Some(2 * PERIOD_NS)));
+    assert!(!gate.is_too_old(&now(4)) && gate.is_too_old(&now(5)));
+}
+
+#[test]
+fn a_state_that_jumps_is_refused_and_one_that_goes_on_is_not() {
+    let mut gate = gate(Some(0.05));
+    assert!(look(&mut gate, 1, &state(1, 0.0)));
+    assert!(!look(&mut gate, 2, &state(2, 0.06)));
+    assert!(look(&mut gate, 3, &state(3, 0.0)));
+    assert!(look(&mut gate, 4, &state(4, 0.04)));
+}
+
+#[test]
+fn a_jump_that_lasts_is_believed_once_the_last_good_state_is_too_old() {
+    let mut gate = gate(Some(0.05));
+    assert!(look(&mut gate, 1, &state(1, 0.0)));
+    let believed: Vec<bool> = (2..8).map(|number| look(&mut gate, number, &state(number, 1.0))).collect();
+    assert_eq!(believed, [false, false, false, true, true, true]);
+    assert_eq!(gate.refused(), 3);
+}
+
+#[test]
+fn jumps_that_do_not_agree_with_each_other_are_never_believed() {
+    let mut gate = gate(Some(0.05));
+    assert!(look(&mut gate, 1, &state(1, 0.0)));
+    for number in 2..50 {
+        let to = if number % 2 == 0 { 1.0 } else { -1.0 };
+        assert!(!look(&mut gate, number, &state(number, to)), "{number}");
+    }
+    assert!(look(&mut gate, 50, &state(50, 0.0)), "the true one is");
+}
+
+proptest! {
+    /// However it was treated, a gate lets a true state in after a while.
+    #[test]
+    fn no_gate_stays_shut(
+        garbage in proptest::collection::vec(proptest::collection::vec(any::<u8>(), size_of::<VehicleState>()), 0..30),
+        jump in proptest::option::of(0.01..1.0f64),
+    ) {
+        let mut gate = gate(jump);
+        let mut number = 0;
+        for bytes in &garbage {
+            number += 1;
+            let mut sample = VehicleState::read_from_bytes(bytes).unwrap();
+            sample.header = state(number, 0.0).header;
+            look(&mut gate, number, &sample);
+        }
+        let opened = (number + 1..number + 10).any(|number| look(&mut gate, number, &state(number, 0.0)));
+        prop_assert!(opened);
+    }
+
+    #[test]
+    fn a_restored_gate_goes_on_as_before(starts in proptest::collection::vec(-0.1..0.1f64, 1..20), at in 0..20usize) {
+        let (mut steady, mut restarted) = (gate(Some(0.05)), gate(Some(0.05)));
+        for (index, (number, &start)) in (1..).zip(&starts).enumerate() {
+            let sample = state(number, start);
+            prop_assert_eq!(look(&mut steady, number, &sample), look(&mut restarted, number, &sample));
+            if index == at {
+                let saved = restarted.save();
+                restarted = gate(Some(0.05));
+                restarted.restore(&saved);
+                prop_assert_eq!(restarted.save(), saved);
+            }
+            prop_assert_eq!(steady.save(), restarted.save());
+        }
+    }
+}
