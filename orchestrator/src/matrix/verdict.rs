@@ -49,7 +49,7 @@ pub fn judge(flown: &Flown) -> (Verdict, Option<String>) {
     if flown.has_tipped {
         lost("tipped over")
     } else if peak > LOST {
-        lost("left the place")
+        lost("left the path")
     } else if peak <= SURVIVES * report.bound {
         (Verdict::Survived, None)
     } else if report.back_after.is_some() {
