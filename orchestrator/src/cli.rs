@@ -58,7 +58,7 @@ pub enum Command {
     ///
     /// The vehicle has survived if it strayed no further than 1.5 times the bound, which is its largest distance from the
     /// path in the 5 s before or 0.02 m; it is degraded if it did and came back inside the bound, and lost if it did not,
-    /// came 5 m away, tipped over, or a number was not finite. To lose it is a result, not an error.
+    /// came 5 m away, tipped over, a number was not finite, or a service died of it. To lose it is a result, not an error.
     ///
     /// Writes faults.json and faults.md.
     #[command(after_help = Faults::EXAMPLES)]

@@ -11,7 +11,7 @@ pub enum Exit {
     Trouble,
     /// The command line or the scenario is wrong; nothing was started.
     BadInput,
-    /// The flight failed: a service died, gave up or computed nonsense.
+    /// The flight failed: a service died, gave up or computed nonsense, or processes flew other bytes than one process.
     FlightFailed,
     /// The results could not be written.
     NotWritten,

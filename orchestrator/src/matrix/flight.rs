@@ -2,6 +2,7 @@
 
 use std::convert::Infallible;
 use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use runtime::in_process::TickSink;
 use shared_types::samples::VehicleTruth;
@@ -12,7 +13,7 @@ use shared_types::{Schedule, Topic};
 use super::plan::Cell;
 use crate::flight::crew::Crew;
 use crate::flight::lock_step::{CrewObserver, Deployment};
-use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step};
+use crate::flight::{FlightFailure, Outcome, in_process, lock_step};
 use crate::interrupt::Interrupt;
 use crate::log::LogDigest;
 use crate::summary::faults::{FaultReport, FaultWatch};
@@ -25,10 +26,19 @@ pub struct Flown {
     pub report: Option<FaultReport>,
     /// Whether the vehicle's thrust pointed below the horizon after the fault had begun.
     pub has_tipped: bool,
-    /// Why the flight ended early, if a number that is not finite ended it.
-    pub not_finite: Option<String>,
+    /// Why the flight ended early, if the fault ended it.
+    pub ended: Option<Ended>,
     /// Digest of all samples, if it was asked for.
     pub digest: Option<String>,
+}
+
+/// What a fault can do to a flight beside losing the vehicle.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// A service computed a number that is not finite; these are the words for it.
+    NotFinite(String),
+    /// A service died of what it was given, again and again as a process, once and for all in this one.
+    Died,
 }
 
 /// How a cell is flown.
@@ -57,26 +67,42 @@ pub fn fly(cell: &Cell, way: Way, interrupt: &Interrupt) -> Result<Flown, String
         has_tipped: false,
         digest: with_digest.then(LogDigest::default),
     };
-    let ending = match way {
-        Way::InProcess { .. } => in_process::fly(scenario, &mut onlooker, interrupt),
+    let outcome = match way {
+        Way::InProcess { .. } => in_this_process(scenario, &mut onlooker, interrupt),
         Way::Processes => as_processes(scenario, &mut onlooker, interrupt),
     };
-    let not_finite = match ending.map_err(|failure| failure.to_string())?.outcome {
-        Outcome::Completed => None,
-        Outcome::Failed(FlightFailure::NonFinite(found)) => Some(found.to_string()),
-        Outcome::Failed(failure) => return Err(failure.to_string()),
-        Outcome::Interrupted { signal } => return Err(format!("ended by signal {signal}")),
+    let ended = match outcome.map_err(|failure| failure.to_string())? {
+        Some(Outcome::Completed) => None,
+        Some(Outcome::Failed(FlightFailure::NonFinite(found))) => Some(Ended::NotFinite(found.to_string())),
+        None | Some(Outcome::Failed(FlightFailure::Died { .. })) => Some(Ended::Died),
+        Some(Outcome::Failed(failure)) => return Err(failure.to_string()),
+        Some(Outcome::Interrupted { signal }) => return Err(format!("ended by signal {signal}")),
     };
-    Ok(onlooker.finish(&schedule, not_finite))
+    Ok(onlooker.finish(&schedule, ended))
+}
+
+/// How the flight ended; nothing if a service panicked, which is how it would die as a process.
+fn in_this_process(
+    scenario: &Scenario,
+    onlooker: &mut Onlooker,
+    interrupt: &Interrupt,
+) -> Result<Option<Outcome>, FlightFailure> {
+    // What it leaves half done is its own; the onlooker has had whole ticks.
+    let flight = AssertUnwindSafe(|| in_process::fly(scenario, onlooker, interrupt));
+    match catch_unwind(flight) {
+        Ok(ending) => Ok(Some(ending?.outcome)),
+        Err(_) => Ok(None),
+    }
 }
 
 fn as_processes(
     scenario: &Scenario,
     onlooker: &mut Onlooker,
     interrupt: &Interrupt,
-) -> Result<Ending, FlightFailure> {
+) -> Result<Option<Outcome>, FlightFailure> {
     let deployment = Deployment::default();
-    lock_step::fly(scenario, &deployment, onlooker, interrupt, &mut Unrecorded)
+    let ending = lock_step::fly(scenario, &deployment, onlooker, interrupt, &mut Unrecorded)?;
+    Ok(Some(ending.outcome))
 }
 
 /// Looks at the samples of a flight; none is kept.
@@ -89,11 +115,11 @@ struct Onlooker {
 }
 
 impl Onlooker {
-    fn finish(self, schedule: &Schedule, not_finite: Option<String>) -> Flown {
+    fn finish(self, schedule: &Schedule, ended: Option<Ended>) -> Flown {
         Flown {
             report: self.watch.finish(schedule).pop(),
             has_tipped: self.has_tipped,
-            not_finite,
+            ended,
             digest: self.digest.map(LogDigest::finish),
         }
     }

@@ -13,7 +13,7 @@ pub fn on_tick(scenario: &Scenario, time: f64) -> f64 {
     seconds((nanoseconds(time) + tick / 2) / tick * tick)
 }
 
-/// So many moments, spread evenly over the calm parts of the flight: with [`SETTLING`] since anything happened, and
+/// So many moments, spread evenly over the calm parts of the flight: with 10 s since anything happened, and
 /// `watched` (s) until it does. Where nothing is calm, over the flight.
 #[must_use]
 pub fn spread(scenario: &Scenario, count: usize, watched: f64) -> Vec<f64> {

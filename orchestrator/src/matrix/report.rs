@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::flight::Flown;
 use super::plan::{Cell, Times};
-use super::verdict::{Verdict, judge};
+use super::verdict::{Loss, Verdict, judge};
 use super::{DELAY, FRACTION, LOST, RANGE, SURVIVES};
 use crate::summary::SETTLED;
 use crate::summary::faults::FaultReport;
@@ -96,7 +96,7 @@ pub struct CellReport {
     pub verdict: Verdict,
     /// Why it is lost, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub why: Option<String>,
+    pub why: Option<Loss>,
     /// What the fault did; none if the flight ended before it began.
     pub report: Option<FaultReport>,
 }

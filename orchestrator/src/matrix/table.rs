@@ -25,7 +25,7 @@ pub fn sheet(report: &Report) -> Sheet {
 pub fn key() -> String {
     format!(
         "Bound: the largest distance of the {BEFORE} s before, at least {SETTLED} m. Survived: within {SURVIVES} times the bound; \
-         degraded: came back inside the bound; LOST: did not, came {LOST} m away, tipped over, or a number was not finite.\n\
+         degraded: came back inside the bound; LOST: did not, came {LOST} m away, tipped over, a number was not finite, or a service died of it.\n\
          Peak, way back and notice are those of the worst moment."
     )
 }
@@ -92,9 +92,9 @@ fn remarks(report: &Report) -> Vec<String> {
     let mut lines = Vec::new();
     for row in &report.rows {
         for cell in &row.cells {
-            if let Some(why) = cell.why.as_ref().filter(|why| why.contains("not finite")) {
+            if let Some(details) = cell.why.as_ref().and_then(|why| why.details.as_ref()) {
                 let [target, fault] = names(row);
-                lines.push(format!("{target}, {fault}, at {} s: {why}", cell.moment));
+                lines.push(format!("{target}, {fault}, at {} s: {details}", cell.moment));
             }
         }
     }
@@ -119,13 +119,12 @@ fn line(row: &Row) -> Vec<String> {
     cells
 }
 
-/// The verdict of a cell, with the reason if it is short.
+/// The verdict of a cell, with the reason if there is one.
 fn verdict(cell: &CellReport) -> String {
     let name = cell.verdict.name();
     match &cell.why {
         None => name.to_owned(),
-        Some(why) if why.contains("not finite") => format!("{name}: not finite"),
-        Some(why) => format!("{name}: {why}"),
+        Some(why) => format!("{name}: {}", why.reason),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::flight::Flown;
+use super::flight::{Ended, Flown};
 use super::{LOST, SURVIVES};
 
 /// What became of the vehicle. The worst comes last.
@@ -13,7 +13,7 @@ pub enum Verdict {
     Survived,
     /// It did, and came back inside the bound for good.
     Degraded,
-    /// It did not come back, came [`LOST`] away from the path, tipped over, or a number was not finite.
+    /// It did not come back, came [`LOST`] away from the path, tipped over, a number was not finite, or a service died of it.
     Lost,
 }
 
@@ -32,30 +32,66 @@ impl Verdict {
     }
 }
 
+/// Why a vehicle is lost.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Loss {
+    /// In short.
+    pub reason: &'static str,
+    /// What else is known of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub details: Option<String>,
+}
+
+impl Loss {
+    fn new(reason: &'static str) -> Self {
+        Self {
+            reason,
+            details: None,
+        }
+    }
+}
+
 /// The verdict on a flight, and for one that is lost why.
 #[must_use]
-pub fn judge(flown: &Flown) -> (Verdict, Option<String>) {
-    let lost = |reason: &str| (Verdict::Lost, Some(reason.to_owned()));
-    if let Some(reason) = &flown.not_finite {
-        return lost(reason);
+pub fn judge(flown: &Flown) -> (Verdict, Option<Loss>) {
+    if let Some(loss) = loss(flown) {
+        return (Verdict::Lost, Some(loss));
     }
-    let Some((report, peak)) = flown
-        .report
-        .as_ref()
-        .and_then(|report| Some((report, report.peak_error?)))
-    else {
-        return lost("it is not known where the vehicle was");
+    let survives = flown.report.as_ref().is_some_and(|report| {
+        let peak = report.peak_error;
+        peak.is_some_and(|peak| peak <= SURVIVES * report.bound)
+    });
+    let verdict = if survives {
+        Verdict::Survived
+    } else {
+        Verdict::Degraded
+    };
+    (verdict, None)
+}
+
+fn loss(flown: &Flown) -> Option<Loss> {
+    match &flown.ended {
+        Some(Ended::NotFinite(words)) => {
+            return Some(Loss {
+                reason: "not finite",
+                details: Some(words.clone()),
+            });
+        }
+        Some(Ended::Died) => return Some(Loss::new("a service died")),
+        None => {}
+    }
+    let report = flown.report.as_ref();
+    let Some((report, peak)) = report.and_then(|report| Some((report, report.peak_error?))) else {
+        return Some(Loss::new("it is not known where the vehicle was"));
     };
     if flown.has_tipped {
-        lost("tipped over")
+        Some(Loss::new("tipped over"))
     } else if peak > LOST {
-        lost("left the place")
-    } else if peak <= SURVIVES * report.bound {
-        (Verdict::Survived, None)
-    } else if report.back_after.is_some() {
-        (Verdict::Degraded, None)
+        Some(Loss::new("left the path"))
+    } else if peak > SURVIVES * report.bound && report.back_after.is_none() {
+        Some(Loss::new("did not come back"))
     } else {
-        lost("did not come back")
+        None
     }
 }
 
@@ -81,7 +117,7 @@ mod tests {
                 others: String::new(),
             }),
             has_tipped: false,
-            not_finite: None,
+            ended: None,
             digest: None,
         }
     }
@@ -103,18 +139,22 @@ mod tests {
     }
 
     #[test]
-    fn a_vehicle_that_tips_over_or_computes_what_is_not_finite_is_lost_however_near_it_was() {
+    fn a_vehicle_that_tips_over_or_whose_flight_the_fault_ended_is_lost_however_near_it_was() {
         let near = flown(0.01, Some(0.0));
         let tipped = Flown {
             has_tipped: true,
             ..near.clone()
         };
-        let not_finite = Flown {
-            not_finite: Some("`plant` computed a number that is not finite".to_owned()),
+        let [not_finite, died] = [
+            Ended::NotFinite("`plant` computed a number that is not finite".to_owned()),
+            Ended::Died,
+        ]
+        .map(|ended| Flown {
+            ended: Some(ended),
             ..near.clone()
-        };
+        });
         let unseen = Flown { report: None, ..near };
-        for lost in [tipped, not_finite, unseen] {
+        for lost in [tipped, not_finite, died, unseen] {
             assert_eq!(judge(&lost).0, Verdict::Lost, "{lost:?}");
         }
     }

@@ -1,7 +1,7 @@
 //! What a figure marks beside the curves: the theorem's bound, changes of the vehicle, planned faults.
 
 use kuva::prelude::{ReferenceLine, ShadedRegion};
-use shared_types::scenario::{Fault, VehicleChange};
+use shared_types::scenario::{Fault, FaultState, VehicleChange};
 
 use super::CHANGE_COLOR;
 use super::curve::Curve;
@@ -76,7 +76,7 @@ pub(super) fn fault_lines(curves: &[Curve], span: [f64; 2]) -> Vec<ReferenceLine
         .map(|same_time| {
             let is_same_fault = same_time.iter().all(|fault| fault == &same_time[0]);
             let what = if is_same_fault {
-                same_time[0].to_string().replace('`', "")
+                in_short(same_time[0])
             } else {
                 "faults".to_owned()
             };
@@ -91,6 +91,18 @@ pub(super) fn fault_lines(curves: &[Curve], span: [f64; 2]) -> Vec<ReferenceLine
                 })
         })
         .collect()
+}
+
+/// What fails and how: there is little room.
+fn in_short(fault: &Fault) -> String {
+    let target = fault
+        .target()
+        .map_or_else(String::new, |target| target.to_string());
+    let state = match fault.state {
+        FaultState::Cold => ", cold,",
+        FaultState::Warm => "",
+    };
+    format!("{target} {}{state}", fault.kind)
 }
 
 /// How long the planned faults of any flight last.

@@ -148,7 +148,7 @@ fn a_planned_fault_is_shaded_and_named_where_it_is_in_view() {
         z1(std::slice::from_ref(&log), span, &out).unwrap();
         let figure = std::fs::read_to_string(&out).unwrap();
         assert_eq!(
-            figure.contains("controller is off for 0.5 s"),
+            figure.contains("controller off for 0.5 s"),
             is_in_view,
             "{from:?}"
         );
