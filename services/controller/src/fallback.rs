@@ -145,5 +145,80 @@ impl Leveller {
     }
 }
 
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reckoning::Reckoner;
+    use proptest::prelude::*;
+    use shared_types::samples::VehicleState;
+    use shared_types::scenario::Scenario;
+    use zerocopy::FromZeros;
 
+    const BELIEVED: Believed = Believed {
+        mass: 0.2,
+        disturbance_world: Vector3::new(0.0, 0.0, 0.3),
+    };
 
+    fn scenario(rates: bool) -> Scenario {
+        let rig = if rates {
+            r#""controller": {"rates": {}}, "model": {}, "rc_output": {}, "estimator": {"kalman": {}},"#
+        } else {
+            ""
+        };
+        serde_json::from_str(&format!(
+            r#"{{"duration": 1, {rig} "vehicle": {{"mass": 0.2, "inertia": [6.5e-4, 6.5e-4, 13e-4]}},
+                "path": {{"curve": {{"hover": {{"position": [0.0, 0.0, -1.0]}}}}}}}}"#
+        ))
+        .unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn the_vehicle_levels_out_from_any_tilt_and_goes_at_the_stated_speed(
+            tilt in 0.0..2.5f64, direction in 0.0..6.3f64, yaw in -3.0..3.0f64, vertical in -1.0..1.0f64,
+            turns in [-2.0..2.0f64, -2.0..2.0f64, -2.0..2.0f64], sink in prop_oneof![Just(0.0), Just(DESCENT)],
+            rates in any::<bool>(), hold in prop_oneof![Just(0.001), Just(0.022)],
+        ) {
+            let reckoner = Reckoner::new(&scenario(rates));
+            let leveller = Leveller::new(reckoner.inertia, hold);
+            let (sine, cosine) = libm::sincos(direction);
+            let tilted = rotation::exp(&(Vector3::new(cosine, sine, 0.0) * tilt));
+            let attitude = tilted * rotation::exp(&(Vector3::z() * yaw));
+            let mut state = VehicleState::new_zeroed();
+            state.world_from_body = rotation::to_row_major(&attitude);
+            state.velocity_body = attitude.tr_mul(&Vector3::new(0.5, 0.0, vertical)).into();
+            (state.angular_velocity_body, state.thrust) = (turns, 1.9);
+            state.acceleration_world = (Vector3::z() * (GRAVITY + 0.3) - attitude.column(2) * (1.9 / 0.2)).into();
+            let mut vehicle = reckoner.begin(&state, &Commanded::NOTHING, &BELIEVED);
+            let mut time = 0.0;
+            while time < 5.0 {
+                let command = leveller.command(&vehicle, &BELIEVED, sink);
+                vehicle = reckoner.advanced(&vehicle, &command, &BELIEVED, hold);
+                time += hold;
+            }
+            let r = rotation::from_row_major(&vehicle.world_from_body);
+            prop_assert!(r[(2, 2)] > 0.9999, "level: {}", r[(2, 2)]);
+            prop_assert!((vehicle.velocity_world[2] - sink).abs() < 0.02, "{:?}", vehicle.velocity_world);
+        }
+    }
+
+    #[test]
+    fn a_stage_that_is_not_stated_is_left_out() {
+        let safety = InputSafety {
+            descend: Some(0.3),
+            ..InputSafety::new(0.1)
+        };
+        let stages = Stages::new(&safety);
+        let at = |time: f64| stages.at(nanoseconds(time));
+        assert_eq!([at(0.0), at(0.1)], [Stage::Law; 2]);
+        assert_eq!([at(0.101), at(0.3)], [Stage::Hold; 2]);
+        assert_eq!([at(0.301), at(1e3)], [Stage::Descend; 2]);
+    }
+
+    #[test]
+    fn a_stage_is_known_by_its_code() {
+        for stage in [Stage::Law, Stage::Hold, Stage::Level, Stage::Descend, Stage::Failsafe] {
+            assert_eq!(Stage::from_code(stage.code()), stage);
+        }
+    }
+}

@@ -307,5 +307,112 @@ impl Reckoned {
     }
 }
 
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use zerocopy::FromZeros;
 
+    const MASS: f64 = 0.2;
 
+    fn scenario(rates: bool) -> Scenario {
+        let rig = if rates {
+            r#""controller": {"rates": {}}, "model": {}, "rc_output": {}, "estimator": {"kalman": {}},"#
+        } else {
+            ""
+        };
+        serde_json::from_str(&format!(
+            r#"{{"duration": 1, {rig} "vehicle": {{"mass": 0.2, "inertia": [6.5e-4, 6.5e-4, 13e-4]}},
+                "path": {{"curve": {{"hover": {{"position": [0.0, 0.0, -1.0]}}}}}}}}"#
+        ))
+        .unwrap()
+    }
+
+    fn believed() -> Believed {
+        Believed {
+            mass: MASS,
+            disturbance_world: Vector3::new(0.1, 0.0, -0.2),
+        }
+    }
+
+    fn state(attitude: [f64; 3], velocity: [f64; 3], omega: [f64; 3]) -> VehicleState {
+        let mut state = VehicleState::new_zeroed();
+        state.world_from_body = rotation::to_row_major(&rotation::from_roll_pitch_yaw(attitude));
+        (state.velocity_body, state.angular_velocity_body) = (velocity, omega);
+        (state.thrust, state.tracked) = (1.9, true.into());
+        state
+    }
+
+    fn vector(bound: f64) -> impl Strategy<Value = [f64; 3]> {
+        [-bound..bound, -bound..bound, -bound..bound]
+    }
+
+    fn command(thrust: f64, rates_body: [f64; 3]) -> Commanded {
+        Commanded {
+            thrust,
+            torque_body: rates_body.map(|rate| 1e-3 * rate),
+            rates_body,
+        }
+    }
+
+    proptest! {
+        /// The steps are fine enough that it does not matter how a while is cut into steps.
+        #[test]
+        fn two_whiles_are_one(
+            attitude in vector(0.5), velocity in vector(1.0), omega in vector(1.0), rates in vector(2.0),
+            thrust in 1.0..3.0f64, rates_mode in any::<bool>(),
+        ) {
+            let reckoner = Reckoner::new(&scenario(rates_mode));
+            let command = command(thrust, rates);
+            let start = reckoner.begin(&state(attitude, velocity, omega), &command, &believed());
+            let whole = reckoner.advanced(&start, &command, &believed(), 0.1);
+            let mut parts = start;
+            for _ in 0..100 {
+                parts = reckoner.advanced(&parts, &command, &believed(), 0.001);
+            }
+            let distance = (Vector3::from(whole.position_world) - Vector3::from(parts.position_world)).norm();
+            prop_assert!(distance < 5e-4, "{} m", distance);
+            let turn = rotation::from_row_major(&whole.world_from_body) - rotation::from_row_major(&parts.world_from_body);
+            prop_assert!(turn.norm() < 5e-3, "{}", turn.norm());
+        }
+
+        #[test]
+        fn whatever_it_begins_with_it_stays_finite_and_keeps_a_rotation(
+            velocity in vector(1e3), omega in vector(1e3), rates in vector(1e9), thrust in -1e9..1e9f64,
+            elapsed in 1e-3..1e4f64, rates_mode in any::<bool>(),
+        ) {
+            let reckoner = Reckoner::new(&scenario(rates_mode));
+            let command = command(thrust, rates);
+            let start = reckoner.begin(&state([0.3, 0.2, 0.1], velocity, omega), &command, &believed());
+            let end = reckoner.advanced(&start, &command, &believed(), elapsed);
+            prop_assert!(shared_types::sample::Field::is_finite(&end), "{:?}", end);
+            prop_assert!(rotation::defect(&rotation::from_row_major(&end.world_from_body)) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn rates_and_thrust_follow_as_the_lags_that_are_believed() {
+        let reckoner = Reckoner::new(&scenario(true));
+        let command = command(2.5, [1.0, 0.0, 0.0]);
+        let start = reckoner.begin(&state([0.0; 3], [0.0; 3], [0.0; 3]), &command, &believed());
+        let after = reckoner.advanced(&start, &command, &believed(), 0.02);
+        assert!((after.angular_velocity_body[0] - (1.0 - libm::exp(-1.0))).abs() < 1e-12);
+        assert!((after.thrust - (2.5 - 0.6 * libm::exp(-0.02 / 0.03))).abs() < 1e-12);
+    }
+
+    /// What the filter saw of the acceleration is what the vehicle is reckoned to have, and fades.
+    #[test]
+    fn what_the_estimates_do_not_explain_pushes_on_for_a_while() {
+        let reckoner = Reckoner::new(&scenario(true));
+        let mut pushed = state([0.0; 3], [0.0; 3], [0.0; 3]);
+        pushed.thrust = MASS * (GRAVITY - 0.2);
+        pushed.acceleration_world = [0.6, 0.0, 0.0];
+        let hover = command(pushed.thrust, [0.0; 3]);
+        let start = reckoner.begin(&pushed, &hover, &believed());
+        let [soon, late] = [0.01, 3.0].map(|time| reckoner.advanced(&start, &hover, &believed(), time));
+        assert!((soon.velocity_world[0] - 0.006).abs() < 1e-4, "{soon:?}");
+        // b̂ of 0.1 m/s² for 3 s, and 0.5 m/s² for half a second.
+        assert!((late.velocity_world[0] - 0.55).abs() < 0.02, "{late:?}");
+        assert!(late.velocity_world[2].abs() < 1e-9);
+    }
+}

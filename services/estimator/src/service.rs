@@ -1,12 +1,20 @@
 //! The step function of the estimator.
+//!
+//! Failure policy of ideal captures; that of the filter stands with [`crate::kalman::filter`]:
+//! * one that says to have seen the body and holds no pose, or a number that is none of a flight, is refused and
+//!   counted; the last good one stays in its place;
+//! * with a policy the state no longer counts as tracked when the last good one is too old.
 
+use shared_types::gate::{Gate, GateState, Verdict};
+use shared_types::samples::MocapPose;
 use shared_types::scenario::{Problem, Scenario};
+use shared_types::service::nanoseconds;
 use shared_types::wiring::{EstimatorInputs, EstimatorOutputs};
-use shared_types::{Now, Service, ServiceId};
+use shared_types::{Now, Service, ServiceId, Topic};
 use zerocopy::FromZeros;
 
 use crate::kalman::{KalmanFilter, KalmanState};
-use crate::source::{Estimate, Source, as_captured};
+use crate::source::{Estimate, Source, as_captured, is_pose};
 
 shared_types::sample! {
     /// Everything that the next step depends on besides its inputs.
@@ -15,6 +23,10 @@ shared_types::sample! {
         pub last: Estimate,
         /// What the filter remembers; all zero without one.
         pub kalman: KalmanState,
+        /// The last good capture of ideal cameras; all zero without them.
+        pub capture: MocapPose,
+        /// What is remembered of these captures.
+        pub captures: GateState,
     }
 }
 
@@ -23,6 +35,10 @@ shared_types::sample! {
 pub struct EstimatorService {
     source: Source,
     last: Estimate,
+    /// Captures of ideal cameras.
+    captures: Gate<MocapPose>,
+    /// Age up to which such a capture is good, ns.
+    max_age_ns: u64,
 }
 
 impl EstimatorService {
@@ -38,7 +54,32 @@ impl EstimatorService {
                 Some(estimator) => Source::Kalman(Box::new(KalmanFilter::new(scenario, &estimator.kalman)?)),
             },
             last: Estimate::UNMEASURED,
+            captures: Gate::default(),
+            max_age_ns: scenario
+                .safety_of(Topic::MocapPose, ServiceId::Estimator)
+                .map_or(u64::MAX, |safety| nanoseconds(safety.max_age)),
         })
+    }
+
+    /// Takes what ideal cameras see as it is.
+    #[inline]
+    fn take(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
+        self.captures.look(&inputs.pose, |capture, _| {
+            if !capture.tracked.is_set() || is_pose(capture) {
+                Verdict::Good
+            } else {
+                Verdict::Refused
+            }
+        });
+        let is_too_old = self.captures.age_ns(now).is_some_and(|age| age > self.max_age_ns);
+        let measured = as_captured(self.captures.held(&inputs.pose));
+        self.last = measured.unwrap_or(self.last);
+        if let Some(state) = outputs.state.due() {
+            self.last.write(state);
+            state.tracked = (measured.is_some() && !is_too_old).into();
+            state.coasting = is_too_old.into();
+            state.captures_refused = self.captures.refused();
+        }
     }
 }
 
@@ -52,14 +93,7 @@ impl Service for EstimatorService {
     /// first one that is a level attitude at the origin, at rest.
     fn step(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
         match &mut self.source {
-            Source::IdealCapture => {
-                let measured = as_captured(inputs.pose.newest());
-                self.last = measured.unwrap_or(self.last);
-                if let Some(state) = outputs.state.due() {
-                    self.last.write(state);
-                    state.tracked = measured.is_some().into();
-                }
-            }
+            Source::IdealCapture => self.take(now, inputs, outputs),
             Source::Kalman(filter) => {
                 if let Some(frame) = inputs.frame.fresh() {
                     filter.hear(now.time_ns, frame);
@@ -71,6 +105,7 @@ impl Service for EstimatorService {
                     self.last = filter.estimate(now.time_ns).unwrap_or(self.last);
                     self.last.write(state);
                     state.tracked = filter.is_tracking(now.time_ns).into();
+                    state.coasting = filter.is_coasting(now.time_ns).into();
                     state.captures_refused = filter.captures_refused();
                 }
             }
@@ -78,17 +113,21 @@ impl Service for EstimatorService {
     }
 
     fn save(&self) -> EstimatorState {
+        let (captures, capture) = self.captures.save();
         EstimatorState {
             last: self.last,
             kalman: match &self.source {
                 Source::IdealCapture => KalmanState::new_zeroed(),
                 Source::Kalman(filter) => filter.save(),
             },
+            capture,
+            captures,
         }
     }
 
     fn restore(&mut self, state: &EstimatorState) {
         self.last = state.last;
+        self.captures.restore(&state.captures, &state.capture);
         if let Source::Kalman(filter) = &mut self.source {
             filter.restore(&state.kalman);
         }

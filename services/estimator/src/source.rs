@@ -1,5 +1,8 @@
 //! What a state may rest on.
 
+use shared_types::gate::LARGEST;
+use shared_types::rotation::{defect, from_row_major};
+use shared_types::sample::Field;
 use shared_types::samples::{MocapPose, VehicleState};
 
 use crate::kalman::KalmanFilter;
@@ -51,6 +54,16 @@ impl Estimate {
         state.thrust = self.thrust;
         state.position_sigma = self.position_sigma;
     }
+}
+
+/// Distance from SO(3) up to which nine numbers are taken for an attitude: single precision passes.
+const ATTITUDE_DEFECT: f64 = 1e-3;
+
+/// Whether a capture that says to have seen the body holds a pose.
+#[must_use]
+pub fn is_pose(capture: &MocapPose) -> bool {
+    capture.position_world.is_within(LARGEST)
+        && defect(&from_row_major(&capture.world_from_body)) <= ATTITUDE_DEFECT
 }
 
 /// How the state is made from what the cameras saw.

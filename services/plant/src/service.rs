@@ -3,12 +3,16 @@
 //! `truth(k)` is the state at time k·h. Over [(k−1)·h, k·h) the newest frame received by tick k acts, on the body
 //! and in the air that are in force from tick k−1. A change at tick k is published in `truth(k)` and acts from
 //! k·h on. What is published is the motion of the body's origin; what is kept that of the centre of mass.
+//!
+//! A frame that holds a number which is none of a flight is not received, as a receiver drops what fails its checksum:
+//! the frame before goes on acting.
 
 use std::ops::Range;
 
 use nalgebra::Vector3;
+use shared_types::gate::LARGEST;
 use shared_types::rotation::{from_roll_pitch_yaw, from_row_major, to_row_major};
-use shared_types::sample::Flag;
+use shared_types::sample::{Field, Flag};
 use shared_types::samples::{RcFrame, VehicleTruth};
 use shared_types::scenario::{InitialState, Scenario};
 use shared_types::wiring::{PlantInputs, PlantOutputs};
@@ -36,7 +40,7 @@ shared_types::sample! {
         pub angular_velocity_body: [f64; 3],
         /// T of a vehicle with a rate loop, N.
         pub thrust: f64,
-        /// The frame that acts on a vehicle with a rate loop, all zero before the first.
+        /// The frame that acts, all zero before the first.
         pub received: RcFrame,
         /// Turbulence of the air, an acceleration in {I}, m/s².
         pub turbulence_world: [f64; 3],
@@ -60,6 +64,8 @@ pub struct PlantService {
     cameras: Cameras,
     /// Of the centre of mass.
     motion: Motion,
+    /// The last frame that was whole; a vehicle with a rate loop remembers its own.
+    received: Option<RcFrame>,
 }
 
 impl PlantService {
@@ -75,6 +81,19 @@ impl PlantService {
             actuators: Actuators::new(scenario),
             air: Air::new(scenario),
             cameras: Cameras::new(scenario),
+            received: None,
+        }
+    }
+
+    /// The newest frame that is whole.
+    #[inline]
+    fn receive(&mut self, newest: Option<&RcFrame>) -> Option<RcFrame> {
+        let whole = newest.filter(|frame| frame.is_within(LARGEST)).copied();
+        if matches!(self.actuators, Actuators::Ideal) && newest.is_some() {
+            self.received = whole.or(self.received);
+            self.received
+        } else {
+            whole
         }
     }
 
@@ -164,7 +183,8 @@ impl Service for PlantService {
     /// The first step publishes the initial state as it is: nothing has acted yet.
     fn step(&mut self, now: &Now, inputs: &PlantInputs<'_>, outputs: &mut PlantOutputs<'_>) {
         let acted = if now.elapsed_ns > 0 {
-            self.advance(now, inputs.frame.newest())
+            let frame = self.receive(inputs.frame.newest());
+            self.advance(now, frame.as_ref())
         } else {
             self.pass_center(0, now.tick);
             self.actuators.at_start()
@@ -192,7 +212,7 @@ impl Service for PlantService {
 
     fn save(&self) -> PlantState {
         let (thrust, received) = match &self.actuators {
-            Actuators::Ideal => (0.0, None),
+            Actuators::Ideal => (0.0, self.received.as_ref()),
             Actuators::RateLoop(rate_loop) => (rate_loop.thrust(), rate_loop.received()),
         };
         let gusts = self.air.as_ref().map(Air::gusts).unwrap_or_default();
@@ -217,11 +237,10 @@ impl Service for PlantService {
             velocity_world: state.velocity_world.into(),
             angular_velocity_body: state.angular_velocity_body.into(),
         };
-        if let Actuators::RateLoop(rate_loop) = &mut self.actuators {
-            rate_loop.restore(
-                state.thrust,
-                state.has_received.is_set().then_some(state.received),
-            );
+        let received = state.has_received.is_set().then_some(state.received);
+        match &mut self.actuators {
+            Actuators::Ideal => self.received = received,
+            Actuators::RateLoop(rate_loop) => rate_loop.restore(state.thrust, received),
         }
         if let Some(air) = &mut self.air {
             air.restore(&Gusts {

@@ -1,5 +1,5 @@
 use proptest::prelude::*;
-use zerocopy::{FromBytes, IntoBytes};
+use zerocopy::{FromBytes, FromZeros, IntoBytes};
 
 use super::*;
 use crate::samples::VehicleState;

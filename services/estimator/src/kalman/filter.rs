@@ -9,25 +9,25 @@
 //! * one that is no pose at all, or from the future, is refused and counted, and never started from;
 //! * when numbers of no flight (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next capture
 //!   that is believed starts the filter from nothing;
+//! * a frame with a number that is not finite is not heard, as the vehicle does not receive it;
+//! * without a capture used for two periods of the cameras and their latency the state is said to coast;
 //! * without any for [`coast`](Kalman::coast) the state is predicted on, but no longer counts as tracked; when
 //!   `restart_after` has passed as well the vehicle is lost: there is no state any more, and the next capture
 //!   starts the filter anew.
 
 use nalgebra::SVector;
-use shared_types::rotation::{defect, from_row_major, to_row_major};
+use shared_types::rotation::{from_row_major, to_row_major};
+use shared_types::sample::Field;
 use shared_types::samples::{MocapPose, RcFrame};
 use shared_types::scenario::{Kalman, Key, Model, Problem, Scenario};
 use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use super::belief::{Belief, Innovation, MEASURED, Pose, PoseNoise, ProcessModel};
-use super::commands::{CAPACITY, CommandHistory, LARGEST};
+use super::commands::{CAPACITY, CommandHistory};
 use super::error_state::ProcessNoise;
 use super::motion::{Actuation, VehicleModel};
-use crate::source::Estimate;
-
-/// Distance from SO(3) up to which nine numbers are taken for an attitude: single precision passes.
-const ATTITUDE_DEFECT: f64 = 1e-3;
+use crate::source::{Estimate, is_pose};
 
 /// What has become of a capture.
 #[derive(Clone, Debug)]
@@ -50,6 +50,8 @@ pub struct KalmanFilter {
     gate: f64,
     restart_after_ns: u64,
     coast_ns: u64,
+    /// Time without a capture after which one must be missing, ns.
+    patience_ns: u64,
     prediction: bool,
     radio_latency_ns: u64,
     capture_latency_ns: Option<u64>,
@@ -86,8 +88,10 @@ impl KalmanFilter {
     /// history holds ([`CAPACITY`]); or the scenario's times make no schedule.
     pub fn new(scenario: &Scenario, kalman: &Kalman) -> Result<Self, Problem> {
         let model = scenario.model.clone().unwrap_or_default();
-        check_history(scenario, &model)?;
+        let schedule = schedule_of(scenario)?;
+        check_history(&schedule, &model)?;
         Ok(Self {
+            patience_ns: schedule.time_ns(longest_gap(&schedule)),
             process: ProcessModel {
                 vehicle: VehicleModel::new(&model),
                 noise: ProcessNoise::new(kalman),
@@ -112,6 +116,9 @@ impl KalmanFilter {
     /// If the history is full, as in a long while without captures, the belief is carried on to where its second
     /// command begins, so that none is forgotten before it has been used; older captures then come too late.
     pub fn hear(&mut self, now_ns: u64, frame: &RcFrame) {
+        if !frame.is_finite() {
+            return;
+        }
         let is_lost = self.is_lost(now_ns);
         let Memory { history, track, .. } = &mut self.memory;
         if history.is_full() {
@@ -199,6 +206,13 @@ impl KalmanFilter {
             .is_some_and(|unseen| unseen <= self.coast_ns)
     }
 
+    /// Whether captures that were due are missing, so that the state is predicted further than it should be.
+    #[must_use]
+    pub fn is_coasting(&self, now_ns: u64) -> bool {
+        self.unseen_for_ns(now_ns)
+            .is_some_and(|unseen| unseen > self.patience_ns)
+    }
+
     /// Captures refused since the start of the flight.
     #[must_use]
     pub fn captures_refused(&self) -> u32 {
@@ -257,8 +271,7 @@ fn pose_of(capture: &MocapPose) -> Option<Pose> {
         position_world: capture.position_world.into(),
         world_from_body: from_row_major(&capture.world_from_body),
     };
-    let is_near = pose.position_world.amax() <= LARGEST;
-    (is_near && defect(&pose.world_from_body) <= ATTITUDE_DEFECT).then_some(pose)
+    is_pose(capture).then_some(pose)
 }
 
 fn estimate_of(belief: &Belief, vehicle: &VehicleModel) -> Estimate {
@@ -276,12 +289,21 @@ fn estimate_of(belief: &Belief, vehicle: &VehicleModel) -> Estimate {
     }
 }
 
-/// Refuses latencies during which more frames are sent than the history holds.
-fn check_history(scenario: &Scenario, model: &Model) -> Result<(), Problem> {
-    let schedule = scenario
+fn schedule_of(scenario: &Scenario) -> Result<Schedule, Problem> {
+    scenario
         .schedule()
-        .map_err(|mut problems| problems.swap_remove(0))?;
-    let needed = commands_under_way(&schedule, model);
+        .map_err(|mut problems| problems.swap_remove(0))
+}
+
+/// Longest time between two captures that are used while none is missing but one by chance, ticks.
+fn longest_gap(schedule: &Schedule) -> u64 {
+    let captures = schedule.edge(ServiceId::Estimator, 0);
+    2 * schedule.topic_rate(Topic::MocapPose).period + captures.latency
+}
+
+/// Refuses latencies during which more frames are sent than the history holds.
+fn check_history(schedule: &Schedule, model: &Model) -> Result<(), Problem> {
+    let needed = commands_under_way(schedule, model);
     if needed <= CAPACITY as u64 {
         return Ok(());
     }

@@ -84,6 +84,7 @@ fn the_service_tells_what_the_filter_tells() {
         let moment = rig.step(pilot_on_the_eight);
         let state = step(&mut service, tick, moment.seen.as_ref(), moment.heard.as_ref());
         assert_eq!(state.tracked.is_set(), rig.filter.is_tracking(now_ns));
+        assert_eq!(state.coasting.is_set(), rig.filter.is_coasting(now_ns));
         assert_eq!(state.captures_refused, rig.filter.captures_refused());
         let Some(told) = moment.told else {
             continue;
@@ -93,6 +94,7 @@ fn the_service_tells_what_the_filter_tells() {
         assert_eq!(
             VehicleState {
                 tracked: false.into(),
+                coasting: false.into(),
                 captures_refused: 0,
                 ..state
             },

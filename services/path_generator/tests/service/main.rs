@@ -5,4 +5,5 @@ mod allocation;
 mod allocations;
 mod evaluations;
 mod flight;
+mod safety;
 mod step;

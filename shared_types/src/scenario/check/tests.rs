@@ -1,4 +1,5 @@
 mod rig;
+mod safety;
 
 use proptest::prelude::*;
 

@@ -1,0 +1,341 @@
+//! What the controller does about states and references that are too old or cannot be true.
+
+use controller::ControllerService;
+use proptest::prelude::*;
+use shared_types::sample::Field;
+use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
+use shared_types::scenario::Scenario;
+use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::{Now, rotation};
+use zerocopy::{FromBytes, FromZeros, IntoBytes};
+
+const TICK_NS: u64 = 1_000_000;
+
+/// A policy with every stage, ages in s.
+const POLICY: &str = r#""safety": {
+    "vehicle/state -> controller": {
+        "max_age": 0.02, "level": 0.05, "descend": 0.1, "failsafe": 0.3, "jump": 0.1, "recover": 0.04
+    },
+    "path/reference -> controller": {"max_age": 0.02}
+},"#;
+
+/// A controller of torque, or of body rates.
+fn scenario(rates: bool, policy: &str) -> Scenario {
+    let rig = if rates {
+        r#""controller": {"rates": {}}, "model": {}, "rc_output": {}, "estimator": {"kalman": {}},"#
+    } else {
+        ""
+    };
+    serde_json::from_str(&format!(
+        r#"{{
+            "duration": 1, {policy} {rig}
+            "vehicle": {{"mass": 0.2, "inertia": [6.5e-4, 6.5e-4, 13e-4]}},
+            "path": {{"curve": {{"hover": {{"position": [0.0, 0.0, -1.0]}}}}}}
+        }}"#
+    ))
+    .unwrap()
+}
+
+fn scenarios() -> [Scenario; 4] {
+    [
+        scenario(false, ""),
+        scenario(true, ""),
+        scenario(false, POLICY),
+        scenario(true, POLICY),
+    ]
+}
+
+/// A vehicle that is a little off its place and slowly swings.
+fn state(tick: u64) -> VehicleState {
+    let phase = 0.01 * tick as f64;
+    let mut state = VehicleState::new_zeroed();
+    (state.header.seq, state.header.stamp_ns) = (tick, tick * TICK_NS);
+    state.state_time_ns = state.header.stamp_ns;
+    state.position_world = [0.1, -0.05 + 0.01 * libm::sin(phase), -0.9];
+    let attitude = rotation::from_roll_pitch_yaw([0.2 * libm::cos(phase), -0.1, 0.4]);
+    state.world_from_body = rotation::to_row_major(&attitude);
+    state.velocity_body = [0.1, 0.0, -0.1];
+    state.angular_velocity_body = [-0.2 * libm::sin(phase), 0.0, 0.0];
+    state.thrust = 1.9;
+    state.tracked = true.into();
+    state
+}
+
+fn reference(tick: u64) -> PathReference {
+    let mut reference = PathReference::new_zeroed();
+    (reference.header.seq, reference.header.stamp_ns) = (tick, tick * TICK_NS);
+    reference.gamma = 1e-3 * tick as f64;
+    (reference.gamma_dot, reference.gamma_dot_desired) = (1.0, 1.0);
+    reference.position_world = [0.0, 0.0, -1.0];
+    reference.derivative1_world = [0.3, 0.1, 0.0];
+    reference.derivative2_world = [-0.3, -0.1, 0.2];
+    reference.vehicle_known = true.into();
+    reference
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Published {
+    command: ControlCommand,
+    adaptation: ControlAdaptation,
+    errors: ControlErrors,
+}
+
+fn step(service: &mut ControllerService, tick: u64, state: &VehicleState, reference: &PathReference) -> Published {
+    let mut published = Published {
+        command: ControlCommand::new_zeroed(),
+        adaptation: ControlAdaptation::new_zeroed(),
+        errors: ControlErrors::new_zeroed(),
+    };
+    let time_ns = tick * TICK_NS;
+    let view = |bytes, stamp_ns| InputView {
+        bytes: Some(bytes),
+        fresh: stamp_ns == time_ns,
+    };
+    let inputs = [
+        view(state.as_bytes(), state.header.stamp_ns),
+        view(reference.as_bytes(), reference.header.stamp_ns),
+    ];
+    let mut outputs = [
+        OutputSlot {
+            bytes: Some(published.command.as_mut_bytes()),
+        },
+        OutputSlot {
+            bytes: Some(published.adaptation.as_mut_bytes()),
+        },
+        OutputSlot {
+            bytes: Some(published.errors.as_mut_bytes()),
+        },
+    ];
+    let now = Now {
+        tick,
+        time_ns,
+        elapsed_ns: if tick == 0 { 0 } else { TICK_NS },
+    };
+    ErasedService::step(service, &now, &inputs, &mut outputs);
+    published
+}
+
+/// One controller that flies on, and one that is born anew before every step: they must say the same.
+struct Twins {
+    scenario: Scenario,
+    steady: ControllerService,
+    restarted: ControllerService,
+}
+
+impl Twins {
+    fn new(scenario: Scenario) -> Self {
+        Self {
+            steady: ControllerService::new(&scenario),
+            restarted: ControllerService::new(&scenario),
+            scenario,
+        }
+    }
+
+    fn step(&mut self, tick: u64, state: &VehicleState, reference: &PathReference) -> Published {
+        let mut saved = vec![0; self.restarted.state_size()];
+        ErasedService::save(&self.restarted, &mut saved);
+        self.restarted = ControllerService::new(&self.scenario);
+        ErasedService::restore(&mut self.restarted, &saved);
+        let again = step(&mut self.restarted, tick, state, reference);
+        let published = step(&mut self.steady, tick, state, reference);
+        assert_eq!(published.command.as_bytes(), again.command.as_bytes(), "{tick}");
+        assert_eq!(published.adaptation.as_bytes(), again.adaptation.as_bytes(), "{tick}");
+        assert_eq!(published.errors.as_bytes(), again.errors.as_bytes(), "{tick}");
+        published
+    }
+}
+
+fn largest_difference(one: &ControlCommand, other: &ControlCommand) -> f64 {
+    let pairs = one.torque_body.iter().zip(&other.torque_body);
+    let pairs = pairs.chain(one.rates_body.iter().zip(&other.rates_body));
+    pairs.fold((one.thrust - other.thrust).abs(), |most, (x, y)| most.max((x - y).abs()))
+}
+
+#[test]
+fn stages_begin_above_exactly_the_stated_ages_and_rebirth_in_any_changes_nothing() {
+    for rates in [false, true] {
+        let mut twins = Twins::new(scenario(rates, POLICY));
+        let mut last = None;
+        for tick in 0..=50 {
+            last = Some(twins.step(tick, &state(tick), &reference(tick)));
+        }
+        for age in 1..400 {
+            let tick = 50 + age;
+            let published = twins.step(tick, &state(50), &reference(tick));
+            let expected = match age {
+                0..=20 => ControlAdaptation::STAGE_LAW,
+                21..=50 => ControlAdaptation::STAGE_HOLD,
+                51..=100 => ControlAdaptation::STAGE_LEVEL,
+                101..=300 => ControlAdaptation::STAGE_DESCEND,
+                _ => ControlAdaptation::STAGE_FAILSAFE,
+            };
+            assert_eq!(published.adaptation.stage, expected, "{age} ms");
+            assert!(published.adaptation.resting.is_set(), "nothing is learned from what is not seen");
+            let is_failsafe = expected == ControlAdaptation::STAGE_FAILSAFE;
+            assert_eq!(published.command.mode == ControlCommand::MODE_FAILSAFE, is_failsafe);
+            assert_eq!(published.command.thrust == 0.0, is_failsafe);
+            if expected == ControlAdaptation::STAGE_HOLD {
+                let before: Published = last.unwrap();
+                assert_eq!(largest_difference(&published.command, &before.command), 0.0);
+                assert_eq!(published.errors.z2, [0.0; 3]);
+            }
+            last = Some(published);
+        }
+        let back = twins.step(450, &state(450), &reference(450));
+        assert_eq!(back.adaptation.stage, ControlAdaptation::STAGE_LAW);
+        assert!(back.command.thrust > 0.0, "motors that rested take over at once");
+    }
+}
+
+#[test]
+fn without_a_policy_no_state_and_no_reference_is_too_old() {
+    for rates in [false, true] {
+        let mut service = ControllerService::new(&scenario(rates, ""));
+        let first = step(&mut service, 0, &state(0), &reference(0));
+        let late = step(&mut service, 1_000_000, &state(0), &reference(0));
+        assert_eq!(late.adaptation.stage, ControlAdaptation::STAGE_LAW);
+        assert_eq!(late.errors.z1, first.errors.z1);
+    }
+}
+
+/// From step to step commands differ by what the law does by itself, and a share of the way back.
+#[test]
+fn the_law_comes_back_without_a_jump_from_every_stage_in_which_something_is_commanded() {
+    for rates in [false, true] {
+        for gone in [30, 70, 200] {
+            let mut twins = Twins::new(scenario(rates, POLICY));
+            let mut last = twins.step(0, &state(0), &reference(0));
+            for tick in 1..50 + gone {
+                let seen = if tick <= 50 { tick } else { 50 };
+                last = twins.step(tick, &state(seen), &reference(tick));
+            }
+            assert_ne!(last.adaptation.stage, ControlAdaptation::STAGE_LAW);
+            // The vehicle is elsewhere than it was, by as much as is believed.
+            let moved = |tick| {
+                let mut state = state(tick);
+                state.position_world[1] += 0.05;
+                state
+            };
+            let mut undisturbed = ControllerService::new(&scenario(rates, ""));
+            let mut law = step(&mut undisturbed, 49 + gone, &moved(49 + gone), &reference(49 + gone)).command;
+            let jump = largest_difference(&law, &last.command);
+            let (mut largest, mut by_itself) = (0.0_f64, 0.0_f64);
+            for tick in 50 + gone..50 + gone + 60 {
+                let published = twins.step(tick, &moved(tick), &reference(tick));
+                assert_eq!(published.adaptation.stage, ControlAdaptation::STAGE_LAW);
+                let moves = largest_difference(&published.command, &last.command);
+                assert!(tick > 50 + gone || moves < 1e-9, "it begins with the last command: {moves}");
+                largest = largest.max(moves);
+                let is_on_the_way = tick - (50 + gone) < 40;
+                assert!(published.adaptation.resting.is_set() || !is_on_the_way);
+                last = published;
+                let before = law;
+                law = step(&mut undisturbed, tick, &moved(tick), &reference(tick)).command;
+                by_itself = by_itself.max(largest_difference(&law, &before));
+            }
+            assert!(jump > 0.01, "there is a jump to be made");
+            assert!(largest < 0.1 * jump + by_itself, "{rates} {gone}: {largest} of {jump}, {by_itself}");
+        }
+    }
+}
+
+#[test]
+fn a_reference_that_is_too_old_is_flown_by_at_rest() {
+    let mut twins = Twins::new(scenario(false, POLICY));
+    for tick in 0..=50 {
+        twins.step(tick, &state(tick), &reference(tick));
+    }
+    for age in 1..100 {
+        let published = twins.step(50 + age, &state(50 + age), &reference(50));
+        assert_eq!(published.adaptation.stage, ControlAdaptation::STAGE_LAW);
+        // z4 = γ̇ − γ̇d is 0 both ways; what the velocity of the path makes of z2 is not.
+        let at_rest = age > 20;
+        let mut still = reference(50 + age);
+        (still.gamma_dot, still.gamma_dot_desired) = (0.0, 0.0);
+        let mut other = ControllerService::new(&scenario(false, ""));
+        let expected = step(&mut other, 50 + age, &state(50 + age), &still).errors.z2;
+        assert_eq!(published.errors.z2 == expected, at_rest, "{age} ms");
+    }
+}
+
+#[test]
+fn inputs_that_cannot_be_true_are_counted_and_the_last_good_ones_stay() {
+    for scenario in scenarios() {
+        let mut twins = Twins::new(scenario);
+        twins.step(0, &state(0), &reference(0));
+        let mut no_state = state(1);
+        no_state.velocity_body[2] = f64::NAN;
+        let first = twins.step(1, &no_state, &reference(1));
+        assert_eq!(first.adaptation.inputs_refused, 1);
+        let mut no_reference = reference(2);
+        no_reference.derivative3_world[0] = f64::INFINITY;
+        let second = twins.step(2, &state(2), &no_reference);
+        assert_eq!(second.adaptation.inputs_refused, 2);
+        for published in [first, second] {
+            assert_eq!(published.adaptation.stage, ControlAdaptation::STAGE_LAW);
+            assert!(published.errors.z1.iter().all(|error| error.abs() < 0.2), "{:?}", published.errors);
+        }
+    }
+}
+
+#[test]
+fn with_a_policy_a_jump_is_refused_and_flown_over() {
+    let mut twins = Twins::new(scenario(true, POLICY));
+    for tick in 0..50 {
+        twins.step(tick, &state(tick), &reference(tick));
+    }
+    let mut jumped = state(50);
+    jumped.position_world[0] += 1.0;
+    let published = twins.step(50, &jumped, &reference(50));
+    assert_eq!(published.adaptation.inputs_refused, 1);
+    assert!(published.errors.z1[0] < 0.2, "{:?}", published.errors.z1);
+}
+
+#[test]
+fn a_controller_that_begins_in_the_middle_of_a_loss_levels_the_vehicle() {
+    let mut service = ControllerService::new(&scenario(true, POLICY));
+    let published = step(&mut service, 80, &state(50), &reference(80));
+    assert_eq!(published.adaptation.stage, ControlAdaptation::STAGE_LEVEL);
+    assert!((1.5..2.5).contains(&published.command.thrust));
+}
+
+/// Bits of which some are what they should be, and always the header.
+fn sample<T: FromBytes + IntoBytes + zerocopy::Immutable>(bits: &[u8], good: &T, keep: &[bool]) -> T {
+    let mut bytes = good.as_bytes().to_vec();
+    for (index, chunk) in bytes.chunks_mut(8).enumerate().skip(3) {
+        if !keep[index % keep.len()] {
+            chunk.copy_from_slice(&bits[index * 8..index * 8 + chunk.len()]);
+        }
+    }
+    T::read_from_bytes(&bytes).unwrap()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn whatever_bits_come_all_outputs_are_finite_and_rebirth_changes_nothing(
+        garbage in proptest::collection::vec(
+            (proptest::collection::vec(any::<u8>(), 300), proptest::collection::vec(any::<bool>(), 29), 0..4u8, 1..40u64),
+            1..30,
+        ),
+    ) {
+        for scenario in scenarios() {
+            let mut twins = Twins::new(scenario);
+            let mut tick = 0;
+            for (bits, keep, which, pause) in &garbage {
+                tick += pause;
+                let all = [true].repeat(keep.len());
+                let keep_of = |bit: u8| if which & bit == 0 { &all } else { keep };
+                let published = twins.step(
+                    tick,
+                    &sample(bits, &state(tick), keep_of(1)),
+                    &sample(bits, &reference(tick), keep_of(2)),
+                );
+                prop_assert!(published.command.is_finite(), "{:?}", published);
+                prop_assert!(published.adaptation.is_finite(), "{:?}", published);
+                prop_assert!(published.errors.is_finite(), "{:?}", published);
+            }
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! What the path does about states that are too old or cannot be true.
+
+use path_generator::PathGeneratorService;
+use proptest::prelude::*;
+use shared_types::sample::Field;
+use shared_types::samples::VehicleState;
+use shared_types::scenario::{InputSafety, Scenario};
+use shared_types::service::ErasedService;
+use zerocopy::{FromBytes, IntoBytes};
+
+use crate::flight::{TICK_NS, paper_path, scenario, step_at, vehicle};
+
+const MAX_AGE_TICKS: u64 = 30;
+
+fn with_policy(jump: Option<f64>) -> Scenario {
+    let mut scenario = scenario(paper_path());
+    let safety = InputSafety {
+        jump,
+        ..InputSafety::new(1e-3 * MAX_AGE_TICKS as f64)
+    };
+    scenario
+        .safety
+        .insert("vehicle/state -> path_generator".to_owned(), safety);
+    scenario
+}
+
+fn generator(scenario: &Scenario) -> PathGeneratorService {
+    PathGeneratorService::new(scenario).unwrap()
+}
+
+/// The state of a vehicle at the path's start, published at a tick.
+fn state(tick: u64) -> VehicleState {
+    let mut state = vehicle([0.0, -0.18, -1.18], [0.0; 3]);
+    (state.header.seq, state.header.stamp_ns) = (tick, tick * TICK_NS);
+    state.state_time_ns = state.header.stamp_ns;
+    state
+}
+
+fn reborn(service: &PathGeneratorService, scenario: &Scenario) -> PathGeneratorService {
+    let mut saved = vec![0; service.state_size()];
+    ErasedService::save(service, &mut saved);
+    let mut fresh = generator(scenario);
+    ErasedService::restore(&mut fresh, &saved);
+    fresh
+}
+
+#[test]
+fn the_path_goes_on_until_the_state_is_older_than_the_stated_age_and_then_stands_still() {
+    let scenario = with_policy(None);
+    let mut path = generator(&scenario);
+    for tick in 0..100 {
+        step_at(&mut path, tick, Some(&state(tick)));
+    }
+    for age in 1..100 {
+        path = reborn(&path, &scenario);
+        let reference = step_at(&mut path, 99 + age, Some(&state(99)));
+        let known = age <= MAX_AGE_TICKS;
+        assert_eq!(reference.vehicle_known.is_set(), known, "{age} ms");
+        assert_eq!(reference.gamma_dot > 0.0, known, "{age} ms");
+    }
+    let back = step_at(&mut path, 199, Some(&state(199)));
+    assert!(back.vehicle_known.is_set());
+    let next = step_at(&mut path, 200, Some(&state(200)));
+    assert!(next.gamma_dot > 0.0, "the path moves on when the vehicle is seen again");
+}
+
+#[test]
+fn a_state_that_cannot_be_true_is_counted_and_the_path_goes_on_by_the_last_good_one() {
+    for scenario in [scenario(paper_path()), with_policy(None)] {
+        let mut path = generator(&scenario);
+        for tick in 0..10 {
+            step_at(&mut path, tick, Some(&state(tick)));
+        }
+        let mut garbage = state(10);
+        garbage.position_world[1] = f64::NAN;
+        let reference = step_at(&mut path, 10, Some(&garbage));
+        assert_eq!(reference.states_refused, 1);
+        assert!(reference.vehicle_known.is_set() && reference.gamma_dot > 0.0);
+    }
+}
+
+proptest! {
+    #[test]
+    fn whatever_bits_come_the_reference_is_finite_and_rebirth_changes_nothing(
+        states in proptest::collection::vec(
+            (proptest::collection::vec(any::<u8>(), size_of::<VehicleState>()), any::<[bool; 5]>()), 1..30),
+    ) {
+        for scenario in [scenario(paper_path()), with_policy(None), with_policy(Some(0.1))] {
+            let (mut steady, mut restarted) = (generator(&scenario), generator(&scenario));
+            for (tick, (bytes, keep)) in (0..).zip(&states) {
+                let good = state(tick);
+                let mut sample = VehicleState::read_from_bytes(bytes).unwrap();
+                sample.header = good.header;
+                for (chunk, kept) in keep.iter().enumerate() {
+                    // A fifth of the sample after the other is as it should be.
+                    let range = 24 + chunk * 40..24 + (chunk + 1) * 40;
+                    if *kept {
+                        sample.as_mut_bytes()[range.clone()].copy_from_slice(&good.as_bytes()[range]);
+                    }
+                }
+                let reference = step_at(&mut steady, tick, Some(&sample));
+                prop_assert!(reference.is_finite(), "{:?}", reference);
+                restarted = reborn(&restarted, &scenario);
+                let again = step_at(&mut restarted, tick, Some(&sample));
+                prop_assert_eq!(again.as_bytes(), reference.as_bytes());
+            }
+        }
+    }
+}
