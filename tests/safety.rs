@@ -62,7 +62,8 @@ impl TickSink for Flight {
                 if truth.header.tick as f64 * 1e-3 >= self.counts_from {
                     let [vx, vy, vz] = truth.velocity_body;
                     let r = truth.world_from_body;
-                    self.falls.push((truth.header.tick, r[6] * vx + r[7] * vy + r[8] * vz));
+                    self.falls
+                        .push((truth.header.tick, r[6] * vx + r[7] * vy + r[8] * vz));
                 }
             }
             Topic::ControlAdaptation => {
@@ -96,7 +97,10 @@ fn fly(name: &str, settings: &[&str], counts_from: f64) -> Flight {
         ..Flight::default()
     };
     let ending = in_process::fly(&scenario, &mut flight, &Interrupt::never()).unwrap();
-    assert!(matches!(ending.outcome, Outcome::Completed), "{name} {settings:?}");
+    assert!(
+        matches!(ending.outcome, Outcome::Completed),
+        "{name} {settings:?}"
+    );
     flight
 }
 
@@ -119,8 +123,11 @@ fn while_nothing_fails_a_policy_changes_no_byte() {
                  \"control/command -> rc_output\" = {max_age=0.001, failsafe=0.1}, \
                  \"mocap/pose -> estimator\" = {max_age=0.001}}";
     for (name, with) in [("fault_isolation", "seed=1"), ("fig1", ideal)] {
-        let [with, without] =
-            [with, "safety={}"].map(|setting| fly(name, &["duration=5.0", "vehicle.change=[]", setting], 0.0).digest.finish());
+        let [with, without] = [with, "safety={}"].map(|setting| {
+            fly(name, &["duration=5.0", "vehicle.change=[]", setting], 0.0)
+                .digest
+                .finish()
+        });
         assert_eq!(with, without, "{name}");
     }
 }
@@ -133,9 +140,17 @@ fn a_policy_makes_the_loss_of_the_estimator_on_the_eight_a_small_matter() {
     let with = fly("fault_isolation", &["duration=16.0", &fault], 12.0);
     assert!(without.farthest > 0.18, "{} m", without.farthest);
     assert!(with.farthest < 0.02, "{} m", with.farthest);
-    let longer = fly("fault_isolation", &["duration=18.0", &out("estimator", ", for=0.5")], 12.0);
+    let longer = fly(
+        "fault_isolation",
+        &["duration=18.0", &out("estimator", ", for=0.5")],
+        12.0,
+    );
     assert!(longer.farthest < 0.1, "{} m", longer.farthest);
-    assert!(longer.lately < 0.02, "{} m, the vehicle is back on its path", longer.lately);
+    assert!(
+        longer.lately < 0.02,
+        "{} m, the vehicle is back on its path",
+        longer.lately
+    );
 }
 
 /// Fig. 1's vehicle and the laboratory's in hover, the estimator lost.
@@ -146,7 +161,11 @@ fn in_hover_the_vehicle_stays_at_its_place_while_its_state_is_lost() {
     for (name, policy) in [("fault_isolation", "seed=1"), ("fig1", ideal.as_str())] {
         for (lasts, most) in [("0.1", 0.02), ("0.5", 0.06)] {
             let fault = out("estimator", &format!(", for={lasts}"));
-            let flight = fly(name, &["duration=16.0", "vehicle.change=[]", hover, policy, &fault], 12.0);
+            let flight = fly(
+                name,
+                &["duration=16.0", "vehicle.change=[]", hover, policy, &fault],
+                12.0,
+            );
             let undisturbed = fly(name, &["duration=16.0", "vehicle.change=[]", hover, policy], 12.0);
             let cost = flight.farthest - undisturbed.farthest;
             assert!(cost < most, "{name} {lasts} s: {cost} m");
@@ -170,7 +189,11 @@ fn a_state_lost_for_good_leads_through_all_stages_at_their_ages_to_motors_at_res
     assert_eq!(stages(&flight), expected);
     for (tick, command) in &flight.commands {
         let is_failsafe = *tick >= first_above(5000);
-        assert_eq!(command.mode == ControlCommand::MODE_FAILSAFE, is_failsafe, "{tick}");
+        assert_eq!(
+            command.mode == ControlCommand::MODE_FAILSAFE,
+            is_failsafe,
+            "{tick}"
+        );
     }
     for (tick, frame) in &flight.frames {
         assert_eq!(frame.failsafe.is_set(), *tick >= first_above(5000), "{tick}");
@@ -183,7 +206,11 @@ fn a_state_lost_for_good_leads_through_all_stages_at_their_ages_to_motors_at_res
 
 #[test]
 fn without_commands_the_radio_holds_and_then_stops_the_motors_at_the_stated_ages() {
-    let flight = fly("fault_isolation", &["duration=14.0", &out("controller", "")], 12.0);
+    let flight = fly(
+        "fault_isolation",
+        &["duration=14.0", &out("controller", "")],
+        12.0,
+    );
     let last = 545 * 22;
     for (tick, frame) in flight.frames.iter().filter(|(tick, _)| *tick >= last) {
         let expected = match tick - last {
@@ -203,12 +230,20 @@ fn what_outages_cost_with_and_without_a_policy() {
             let fault = format!("fault=[{{at=12.0, service=\"{service}\", kind=\"off\", for={lasts}}}]");
             let costs = [&["safety={}"][..], &[]].map(|more| {
                 let mut distances = ["seed=1", "seed=2", "seed=3", "seed=4", "seed=5"].map(|seed| {
-                    fly("fault_isolation", &[&["duration=18.0", seed, &fault], more].concat(), 12.0).farthest
+                    fly(
+                        "fault_isolation",
+                        &[&["duration=18.0", seed, &fault], more].concat(),
+                        12.0,
+                    )
+                    .farthest
                 });
                 distances.sort_by(f64::total_cmp);
                 format!("{:.2} ({:.2})", 100.0 * distances[2], 100.0 * distances[4])
             });
-            println!("{service} {lasts} s: {} cm without, {} with a policy", costs[0], costs[1]);
+            println!(
+                "{service} {lasts} s: {} cm without, {} with a policy",
+                costs[0], costs[1]
+            );
         }
     }
 }

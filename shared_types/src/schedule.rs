@@ -334,7 +334,8 @@ impl Schedule {
     #[must_use]
     pub fn run_ahead_ticks(&self) -> u64 {
         let late = self.edge_faults.iter().flatten().flat_map(|faults| faults.iter());
-        let latencies: u64 = self.latencies.iter().flatten().sum::<u64>() + late.map(EdgeFault::ticks_late).sum::<u64>();
+        let latencies: u64 =
+            self.latencies.iter().flatten().sum::<u64>() + late.map(EdgeFault::ticks_late).sum::<u64>();
         let periods: u64 = self
             .services
             .iter()
@@ -403,7 +404,11 @@ impl Publication {
 }
 
 fn greatest_common_divisor(a: u64, b: u64) -> u64 {
-    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
+    if b == 0 {
+        a
+    } else {
+        greatest_common_divisor(b, a % b)
+    }
 }
 
 /// The latencies of the wiring table, ticks.

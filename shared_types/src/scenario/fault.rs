@@ -165,7 +165,11 @@ impl Fault {
             ("edge", self.edge.is_some(), !kind.is_outage()),
             ("state", self.state != FaultState::Warm, kind == FaultKind::Off),
             ("by", self.by.is_some(), kind == FaultKind::Delay),
-            ("fraction", self.fraction.is_some(), kind == FaultKind::Intermittent),
+            (
+                "fraction",
+                self.fraction.is_some(),
+                kind == FaultKind::Intermittent,
+            ),
             ("field", self.field.is_some(), kind == FaultKind::Wrong),
             ("scale", self.scale.is_some(), kind == FaultKind::Wrong),
             ("bias", self.bias.is_some(), kind == FaultKind::Wrong),
@@ -203,7 +207,11 @@ impl std::fmt::Display for Fault {
             FaultKind::Freeze => write!(formatter, "`{target}` stands still"),
             FaultKind::Delay => write!(formatter, "`{target}` is late by {} s", number(self.by)),
             FaultKind::Intermittent => {
-                write!(formatter, "`{target}` loses {} of its samples", number(self.fraction))
+                write!(
+                    formatter,
+                    "`{target}` loses {} of its samples",
+                    number(self.fraction)
+                )
             }
             FaultKind::Stuck => write!(formatter, "`{target}` repeats its last sample"),
             FaultKind::Wrong => {

@@ -139,7 +139,11 @@ impl Alteration {
                     *number = (scale * x + bias).to_le_bytes();
                 }
             }
-            Self::Random { numbers, range, draws } => {
+            Self::Random {
+                numbers,
+                range,
+                draws,
+            } => {
                 let mut noise = draws.of(Stream::EdgeGarbage);
                 let mut draws = noise.at(tick * SPREAD);
                 for numbers in numbers.iter() {
@@ -218,7 +222,10 @@ mod tests {
 
     #[test]
     fn the_stated_share_of_the_samples_is_lost() {
-        let loss = |fraction| Loss { fraction, draws: DRAWS };
+        let loss = |fraction| Loss {
+            fraction,
+            draws: DRAWS,
+        };
         let lost = (0..10_000).filter(|&tick| loss(0.3).befalls(tick)).count();
         assert!((2850..3150).contains(&lost), "{lost}");
         assert!((0..100).all(|tick| loss(1.0).befalls(tick)));

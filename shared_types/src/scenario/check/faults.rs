@@ -83,7 +83,10 @@ impl Fault {
 
     /// A value that the kind needs is not there.
     fn found_nothing(&self, key: &Key, found: &mut Findings) {
-        let reason = format!("it is not stated, and a fault of the kind `{}` needs it", self.kind);
+        let reason = format!(
+            "it is not stated, and a fault of the kind `{}` needs it",
+            self.kind
+        );
         found.add(key.clone(), reason, self.kind.needs());
     }
 
@@ -125,16 +128,19 @@ impl Fault {
             && edge.topic.find_numbers(field).is_none()
         {
             let members = edge.topic.members();
-            let names: Vec<_> = members.iter().filter(|member| member.is_number()).map(Member::to_string).collect();
+            let names: Vec<_> = members
+                .iter()
+                .filter(|member| member.is_number())
+                .map(Member::to_string)
+                .collect();
             found.add(
                 at.then("field"),
                 format!("the samples of `{}` have no number `{field}`", edge.topic),
                 format!("there are {}", names.join(", ")),
             );
         }
-        let [scale, bias] = [("scale", self.scale), ("bias", self.bias)].map(|(name, value)| {
-            value.is_none_or(|value| found.number(&at.then(name), value))
-        });
+        let [scale, bias] = [("scale", self.scale), ("bias", self.bias)]
+            .map(|(name, value)| value.is_none_or(|value| found.number(&at.then(name), value)));
         if scale && bias && self.scale.unwrap_or(1.0) == 1.0 && self.bias.unwrap_or(0.0) == 0.0 {
             found.add(
                 at.clone(),

@@ -1,7 +1,7 @@
 //! When something happens in flight, how long it lasts, and which latencies are believed in: whole ticks too.
 
-use super::{LONGEST_DELAY, LONGEST_FLIGHT};
 use super::ticks::TickReader;
+use super::{LONGEST_DELAY, LONGEST_FLIGHT};
 use crate::scenario::{Key, Scenario};
 
 /// Longest latency that a model may state, ns: what a vehicle does in a longer time cannot be predicted.
@@ -114,7 +114,10 @@ impl Scenario {
         let inputs = self.safety.iter();
         inputs
             .filter_map(|(edge, safety)| {
-                Some((Key::root().then("safety").then(edge).then("recover"), safety.recover?))
+                Some((
+                    Key::root().then("safety").then(edge).then("recover"),
+                    safety.recover?,
+                ))
             })
             .collect()
     }

@@ -2,9 +2,7 @@
 
 use super::SERVICES;
 use crate::scenario::{EdgeName, Fault, FaultKind, FaultState, Scenario, Target};
-use crate::schedule::{
-    Alteration, Draws, EdgeFault, EdgeFaultKind, Fate, Loss, MAX_PORTS, Outage,
-};
+use crate::schedule::{Alteration, Draws, EdgeFault, EdgeFaultKind, Fate, Loss, MAX_PORTS, Outage};
 use crate::wiring::{ServiceId, Topic};
 
 impl Scenario {
@@ -79,7 +77,11 @@ impl Scenario {
             FaultKind::Garbage => EdgeFaultKind::Altered(match fault.range {
                 None => Alteration::Noise(draws),
                 Some(range) => Alteration::Random {
-                    numbers: topic.members().iter().filter_map(|member| member.numbers(None)).collect(),
+                    numbers: topic
+                        .members()
+                        .iter()
+                        .filter_map(|member| member.numbers(None))
+                        .collect(),
                     range,
                     draws,
                 },
