@@ -153,6 +153,15 @@ fn a_policy_makes_the_loss_of_the_estimator_on_the_eight_a_small_matter() {
     );
 }
 
+#[test]
+fn a_lost_path_generator_is_not_noticed_while_its_reference_is_carried_on() {
+    let fault = out("path_generator", ", for=0.2");
+    let without = fly("fault_isolation", &["duration=14.0", "safety={}", &fault], 12.0);
+    let with = fly("fault_isolation", &["duration=14.0", &fault], 12.0);
+    assert!(without.farthest > 0.03, "{} m", without.farthest);
+    assert!(with.farthest < 0.015, "{} m", with.farthest);
+}
+
 /// Fig. 1's vehicle and the laboratory's in hover, the estimator lost.
 #[test]
 fn in_hover_the_vehicle_stays_at_its_place_while_its_state_is_lost() {

@@ -192,9 +192,7 @@ proptest! {
         let mut topics = [every; Topic::ALL.len()];
         let mut latencies: [[u64; MAX_PORTS]; ServiceId::ALL.len()] = crate::schedule::default_latencies();
         services[ServiceId::Estimator.index()] = Rate { period: periods[0], phase: phases[0] };
-        for topic in [Topic::VehicleState] {
-            topics[topic.index()] = services[ServiceId::Estimator.index()];
-        }
+        topics[Topic::VehicleState.index()] = services[ServiceId::Estimator.index()];
         topics[Topic::MocapPose.index()] = Rate { period: periods[1], phase: phases[1] };
         latencies[edge.service.index()][edge.input] = latency;
         let schedule = Schedule::new(1, 1000, services, topics, latencies);
