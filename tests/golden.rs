@@ -19,27 +19,27 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
     (
         "fig1",
         SHORT,
-        "606068db6cc4ae965b80a83b2404d7c403c6be3bd877e29d116e864f7d683fef",
+        "156455ddd8190e6672714def7185887c3f745c1dbee7c3da8d85e00adb4d9a8c",
     ),
     (
         "fig2_near",
         SHORT,
-        "17a519180d2b986ad3b66740f2ea5ac058adc948d4632d44efd6b092647cca6a",
+        "dd91719344cf6288329a9d7b81c0c07b028213ec61b9f2e4ff770e9280287795",
     ),
     (
         "circle",
         SHORT,
-        "8d2ea468913a0894df634c8dc5e46fe8f395adc4112882265d69d22a209d08e5",
+        "27b1451d173ef1c2d7197b420d68bfef2d1def68b2f650da16edbec9deb2b6a1",
     ),
     (
         "waypoints",
         SHORT,
-        "203e7a90f06c691bdb9be8e2a23b8939a640dca9651d4d6e49ad0a30bb1a0032",
+        "316773ebe6a0dcdfe41506656611751bcc30f2d38f4610bf8b636d77cc05a097",
     ),
     (
         "fig3_6",
         &common::ALL_OF_THE_RIG,
-        "d8e42c1ab1b47af05e4b61353b4cc18fda94cfdcc3070f6282b3acd1fbb12e72",
+        "3f68ad7afbbe0261242e519463cf3ad9805f4b8272dccabf7a0bd5ca36610ac1",
     ),
 ];
 

@@ -65,7 +65,11 @@ impl<T: Sample> Gate<T> {
     /// Judges the newest sample if it is new; `judge` is asked of numbers of a flight only, with the last good sample
     /// beside it. Returns the verdict on a new sample.
     #[inline]
-    pub fn look(&mut self, input: &Input<'_, T>, judge: impl FnOnce(&T, Option<&T>) -> Verdict) -> Option<Verdict> {
+    pub fn look(
+        &mut self,
+        input: &Input<'_, T>,
+        judge: impl FnOnce(&T, Option<&T>) -> Verdict,
+    ) -> Option<Verdict> {
         let newest = input.newest()?;
         let number = newest.header().seq.wrapping_add(1);
         if input.fresh().is_none() && number == self.judged {

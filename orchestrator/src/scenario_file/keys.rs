@@ -271,7 +271,11 @@ mod tests {
             "`vehicle.turbulence` is a table that holds `correlation_time`, `deviation`"
         );
         assert_eq!(
-            advice(&["safety", "vehicle/state -> controller", "jump"].into_iter().collect()),
+            advice(
+                &["safety", "vehicle/state -> controller", "jump"]
+                    .into_iter()
+                    .collect()
+            ),
             "`safety.\"vehicle/state -> controller\".jump` is a number: Largest distance of a state from where the last good one was going, m; any unless stated"
         );
         assert_eq!(

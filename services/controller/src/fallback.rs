@@ -103,7 +103,10 @@ impl Stages {
     #[must_use]
     pub fn at(&self, age_ns: u64) -> Stage {
         let begun = |&&(_, begins): &&(Stage, Option<u64>)| begins.is_some_and(|begins| age_ns > begins);
-        self.begins.iter().rfind(begun).map_or(Stage::Law, |&(stage, _)| stage)
+        self.begins
+            .iter()
+            .rfind(begun)
+            .map_or(Stage::Law, |&(stage, _)| stage)
     }
 }
 
@@ -217,7 +220,13 @@ mod tests {
 
     #[test]
     fn a_stage_is_known_by_its_code() {
-        for stage in [Stage::Law, Stage::Hold, Stage::Level, Stage::Descend, Stage::Failsafe] {
+        for stage in [
+            Stage::Law,
+            Stage::Hold,
+            Stage::Level,
+            Stage::Descend,
+            Stage::Failsafe,
+        ] {
             assert_eq!(Stage::from_code(stage.code()), stage);
         }
     }

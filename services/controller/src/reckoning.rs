@@ -168,7 +168,13 @@ impl Reckoner {
 
     /// The vehicle `elapsed` seconds later, flying by a command.
     #[must_use]
-    pub fn advanced(&self, before: &Reckoned, command: &Commanded, believed: &Believed, elapsed: f64) -> Reckoned {
+    pub fn advanced(
+        &self,
+        before: &Reckoned,
+        command: &Commanded,
+        believed: &Believed,
+        elapsed: f64,
+    ) -> Reckoned {
         let count = libm::ceil(elapsed / STEP).clamp(1.0, MOST_STEPS);
         let h = elapsed / count;
         let mut r = rotation::from_row_major(&before.world_from_body);
@@ -217,7 +223,8 @@ impl Reckoner {
                 rate_limits,
             } => Following::Rates {
                 thrust: command.thrust.max(least).min(most),
-                omega: Vector3::from(command.rates_body).zip_map(&rate_limits, |rate, limit| rate.max(-limit).min(limit)),
+                omega: Vector3::from(command.rates_body)
+                    .zip_map(&rate_limits, |rate, limit| rate.max(-limit).min(limit)),
                 thrust_share: share(h, thrust_lag),
                 rate_share: share(h, rate_lag),
             },

@@ -1,15 +1,15 @@
 //! Which reference the law flies by.
 //!
 //! Failure policy: a reference whose numbers are none of a flight is refused and counted, and the last good one stays
-//! in its place. With a policy one that is too old is flown by with the path at rest: the vehicle goes to where the
-//! path was last and stays there. One that repeats the γ of a path that moves is a repetition of old news, and makes
-//! nothing young.
+//! in its place. With a policy one that is later than it should be is carried on along the path at its γ̈, up to
+//! `max_age`; where it has come to then the path is taken to rest, and the vehicle with it. One that repeats the γ of
+//! a path that moves is a repetition of old news, and makes nothing young.
 
 use shared_types::gate::{Gate, GateState, Verdict, is_of_the_past};
 use shared_types::samples::PathReference;
-use shared_types::scenario::InputSafety;
-use shared_types::service::nanoseconds;
-use shared_types::{Input, Now};
+use shared_types::scenario::{EdgeName, Scenario};
+use shared_types::service::{nanoseconds, seconds};
+use shared_types::{Input, Now, ServiceId, Topic};
 
 use crate::signals::Reference;
 
@@ -19,16 +19,30 @@ const MOVES: f64 = 1e-6;
 /// The input of references.
 #[derive(Clone, Debug)]
 pub struct References {
-    max_age_ns: Option<u64>,
+    patience: Option<Patience>,
     gate: Gate<PathReference>,
 }
 
+/// How old a reference may be, ns.
+#[derive(Clone, Copy, Debug)]
+struct Patience {
+    /// The oldest that it is while nothing fails.
+    ordinary: u64,
+    /// The oldest that it is carried on to.
+    most: u64,
+}
+
 impl References {
-    /// The input before the first reference.
+    /// The input of a scenario that has been checked, before the first reference.
     #[must_use]
-    pub fn new(safety: Option<&InputSafety>) -> Self {
+    pub fn new(scenario: &Scenario) -> Self {
+        let (topic, service) = (Topic::PathReference, ServiceId::Controller);
+        let safety = scenario.safety_of(topic, service);
         Self {
-            max_age_ns: safety.map(|safety| nanoseconds(safety.max_age)),
+            patience: safety.map(|safety| Patience {
+                ordinary: EdgeName::of(topic, service).map_or(0, |edge| scenario.ordinary_age_ns(edge)),
+                most: nanoseconds(safety.max_age),
+            }),
             gate: Gate::default(),
         }
     }
@@ -36,7 +50,7 @@ impl References {
     /// Judges the newest reference if it is new.
     #[inline]
     pub fn look(&mut self, now: &Now, input: &Input<'_, PathReference>) {
-        let has_policy = self.max_age_ns.is_some();
+        let has_policy = self.patience.is_some();
         self.gate.look(input, |reference, held| {
             if !has_policy {
                 Verdict::Good
@@ -57,16 +71,18 @@ impl References {
         self.gate.held(input)
     }
 
-    /// What the law is to fly by: a reference, at rest if it is too old.
+    /// What the law is to fly by: a reference, carried on if it is late, and at rest if it is too old.
     #[must_use]
     #[inline]
     pub fn target(&self, now: &Now, reference: &PathReference) -> Reference {
-        let age_ns = self.gate.age_ns(now).unwrap_or(0);
         let target = Reference::from(reference);
-        if self.max_age_ns.is_some_and(|oldest| age_ns > oldest) {
-            target.at_rest()
-        } else {
-            target
+        let age_ns = self.gate.age_ns(now).unwrap_or(0);
+        match self.patience {
+            Some(Patience { ordinary, most }) if age_ns > ordinary => {
+                let carried = target.ahead(seconds(age_ns.min(most).saturating_sub(ordinary)));
+                if age_ns > most { carried.at_rest() } else { carried }
+            }
+            _ => target,
         }
     }
 

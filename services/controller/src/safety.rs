@@ -35,15 +35,11 @@ impl Safety {
     #[must_use]
     pub fn new(scenario: &Scenario, stated: &InputSafety) -> Self {
         let reckoner = Reckoner::new(scenario);
-        let edge = EdgeName::all().find(|edge| {
-            (edge.topic, edge.service) == (Topic::VehicleState, ServiceId::Controller)
-        });
-        let ordinary_age = edge.and_then(|edge| scenario.ordinary_age(edge));
-        let tick_ns = scenario.schedule().map_or(0, |schedule| schedule.tick_ns());
+        let edge = EdgeName::of(Topic::VehicleState, ServiceId::Controller);
         Self {
             stages: Stages::new(stated),
             recover_ns: stated.recover_ns(),
-            ordinary_age_ns: ordinary_age.unwrap_or(0) * tick_ns,
+            ordinary_age_ns: edge.map_or(0, |edge| scenario.ordinary_age_ns(edge)),
             reckoner,
             leveller: Leveller::new(reckoner.inertia, hold(scenario)),
             reckoned: Reckoned::NOTHING,
@@ -117,7 +113,13 @@ impl Safety {
     ///
     /// There is no way back from motors at rest: the law takes over at once.
     #[must_use]
-    pub fn pass_over(&mut self, now: &Now, before: Stage, last: Option<&Commanded>, law: &Commanded) -> Commanded {
+    pub fn pass_over(
+        &mut self,
+        now: &Now,
+        before: Stage,
+        last: Option<&Commanded>,
+        law: &Commanded,
+    ) -> Commanded {
         self.transfer = match (before, last) {
             (Stage::Law, _) => self.transfer.advanced(now.elapsed_ns),
             (Stage::Failsafe, _) | (_, None) => Transfer::NONE,

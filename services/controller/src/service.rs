@@ -138,7 +138,7 @@ impl ControllerService {
                 .observer_gain
                 .map(|gain| MassObserver::new(gain, controller.initial.mass)),
             states: StateGate::new(safety),
-            references: References::new(scenario.safety_of(Topic::PathReference, ServiceId::Controller)),
+            references: References::new(scenario),
             safety: safety.map(|safety| Safety::new(scenario, safety)),
             last: None,
             stage: Stage::Law,
@@ -213,7 +213,7 @@ impl ControllerService {
         let mut measured = Measured::from(state);
         let target = self.references.target(now, reference);
         let tracked = state.tracked.is_set();
-        let z1 = Vector3::from(state.position_world) - Vector3::from(reference.position_world);
+        let z1 = Vector3::from(state.position_world) - target.position_world;
         let Some(commander) = &mut self.commander else {
             measured.position_world += self.parameters.offset(&measured.world_from_body);
             let law = evaluate(&self.parameters, &measured, &target, &self.estimates);
@@ -272,7 +272,13 @@ impl ControllerService {
 
 impl Said {
     #[inline]
-    fn new(command: Commanded, law: &Evaluation, z1: &Vector3<f64>, learns: bool, thrust: Option<f64>) -> Self {
+    fn new(
+        command: Commanded,
+        law: &Evaluation,
+        z1: &Vector3<f64>,
+        learns: bool,
+        thrust: Option<f64>,
+    ) -> Self {
         let mut errors = ControlErrors::new_zeroed();
         write_errors(&mut errors, law);
         errors.z1 = (*z1).into();
@@ -291,7 +297,9 @@ impl Said {
         let rates = self.rates.disturbance_world.iter().chain(self.rates.w.iter());
         self.command.is_within(LARGEST)
             && self.errors.is_within(LARGEST)
-            && rates.fold(self.rates.eta.is_within(LARGEST), |all, rate| all & rate.is_within(LARGEST))
+            && rates.fold(self.rates.eta.is_within(LARGEST), |all, rate| {
+                all & rate.is_within(LARGEST)
+            })
     }
 }
 
@@ -313,10 +321,15 @@ impl Service for ControllerService {
         self.references.look(now, &inputs.reference);
         let mut command = Commanded::NOTHING;
         let mut learns = false;
-        if let (Some(&state), Some(&reference)) =
-            (self.states.held(&inputs.state), self.references.held(&inputs.reference))
-        {
-            self.stage = if self.safety.is_some() { self.stage } else { Stage::Law };
+        if let (Some(&state), Some(&reference)) = (
+            self.states.held(&inputs.state),
+            self.references.held(&inputs.reference),
+        ) {
+            self.stage = if self.safety.is_some() {
+                self.stage
+            } else {
+                Stage::Law
+            };
             let said;
             (command, said) = self.fly(now, &state, is_new, &reference);
             learns = said.as_ref().is_some_and(|said| said.learns);

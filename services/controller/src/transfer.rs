@@ -39,7 +39,11 @@ impl Transfer {
     #[must_use]
     pub fn advanced(self, elapsed_ns: u64) -> Self {
         let left_ns = self.left_ns.saturating_sub(elapsed_ns);
-        if left_ns == 0 { Self::NONE } else { Self { left_ns, ..self } }
+        if left_ns == 0 {
+            Self::NONE
+        } else {
+            Self { left_ns, ..self }
+        }
     }
 
     /// Whether commands still differ from the law's.
@@ -50,7 +54,10 @@ impl Transfer {
 
     /// The command when the law says `law`.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "2^53 ns are 104 days, longer than any flight")]
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "2^53 ns are 104 days, longer than any flight"
+    )]
     pub fn command(&self, law: &Commanded) -> Commanded {
         if self.is_under_way() {
             combined(law, &self.offset, self.left_ns as f64 / self.length_ns as f64)

@@ -106,7 +106,11 @@ fn an_ideal_capture_of_no_pose_is_counted_and_the_last_good_one_stays() {
         let state = step(&mut service, tick, (&spoilt, true), None);
         assert_eq!(state.captures_refused, tick as u32 - 1);
         assert_eq!(state.position_world, pose(1).position_world);
-        assert_eq!(state.state_time_ns, pose(1).capture_time_ns, "consumers see that nothing is new");
+        assert_eq!(
+            state.state_time_ns,
+            pose(1).capture_time_ns,
+            "consumers see that nothing is new"
+        );
     }
 }
 
@@ -115,7 +119,12 @@ fn a_filtered_state_coasts_when_nothing_was_used_for_two_periods_and_the_latency
     let mut service = service(FILTER);
     for tick in 0..=105 {
         let arrives = tick % 10 == 5;
-        let state = step(&mut service, tick, (&pose(tick - tick.min(5)), arrives), Some(&frame(tick)));
+        let state = step(
+            &mut service,
+            tick,
+            (&pose(tick - tick.min(5)), arrives),
+            Some(&frame(tick)),
+        );
         assert!(!state.coasting.is_set(), "{tick}");
     }
     for tick in 106..200 {
@@ -136,7 +145,10 @@ fn a_frame_that_is_not_finite_is_not_heard() {
         let capture = (&pose(tick), tick % 10 == 0);
         let heard = if tick % 3 == 1 { Some(&garbage) } else { None };
         let state = step(&mut with, tick, capture, heard);
-        assert_eq!(state.as_bytes(), step(&mut without, tick, capture, None).as_bytes());
+        assert_eq!(
+            state.as_bytes(),
+            step(&mut without, tick, capture, None).as_bytes()
+        );
     }
 }
 

@@ -10,7 +10,8 @@ use zerocopy::{FromBytes, FromZeros, IntoBytes};
 
 const TICK_NS: u64 = 1_000_000;
 const IDEAL: &str = "";
-const RATE_LOOP: &str = "[vehicle.actuators]\ninitial_thrust = 1.962\n[controller.rates]\n[model]\n[estimator.kalman]\n[cameras]";
+const RATE_LOOP: &str =
+    "[vehicle.actuators]\ninitial_thrust = 1.962\n[controller.rates]\n[model]\n[estimator.kalman]\n[cameras]";
 
 fn service(sections: &str) -> PlantService {
     let head = "duration = 1.0\n\
@@ -73,7 +74,11 @@ fn a_frame_that_is_not_finite_is_not_received_and_the_one_before_goes_on_acting(
             }
             disturbed = reborn(&disturbed, sections);
             let (truth, _) = step(&mut disturbed, tick, &received);
-            assert_eq!(truth.as_bytes(), step(&mut undisturbed, tick, &before).0.as_bytes(), "{tick}");
+            assert_eq!(
+                truth.as_bytes(),
+                step(&mut undisturbed, tick, &before).0.as_bytes(),
+                "{tick}"
+            );
         }
     }
 }

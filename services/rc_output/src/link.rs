@@ -33,7 +33,10 @@ impl Link {
     /// counted.
     #[inline]
     pub fn transmit(&self, command: Option<&ControlCommand>, frame: &mut RcFrame) {
-        match (self, command.filter(|command| command.mode != ControlCommand::MODE_FAILSAFE)) {
+        match (
+            self,
+            command.filter(|command| command.mode != ControlCommand::MODE_FAILSAFE),
+        ) {
             (Self::Ideal, Some(command)) => transmit_as_it_is(command, frame),
             (Self::Radio(radio), Some(command)) if command.mode == ControlCommand::MODE_RATES => {
                 radio.transmit(command, frame);

@@ -64,7 +64,10 @@ impl RcOutputService {
         };
         match held.filter(|_| !is_older_than(|patience| patience.failsafe_ns)) {
             None => (None, RcFrame::STAGE_FAILSAFE),
-            Some(held) if self.commands.is_newest(&inputs.command) && !is_older_than(|patience| patience.max_age_ns) => {
+            Some(held)
+                if self.commands.is_newest(&inputs.command)
+                    && !is_older_than(|patience| patience.max_age_ns) =>
+            {
                 (Some(held), RcFrame::STAGE_COMMAND)
             }
             Some(held) => (Some(held), RcFrame::STAGE_HOLD),

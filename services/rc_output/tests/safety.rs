@@ -23,7 +23,8 @@ fn command(tick: u64, thrust: f64) -> ControlCommand {
     let mut command = ControlCommand::new_zeroed();
     command.header.seq = tick;
     command.header.stamp_ns = tick * TICK_NS;
-    (command.thrust, command.rates_body, command.mode) = (thrust, [0.1, 0.2, 0.3], ControlCommand::MODE_RATES);
+    (command.thrust, command.rates_body, command.mode) =
+        (thrust, [0.1, 0.2, 0.3], ControlCommand::MODE_RATES);
     command
 }
 
@@ -69,9 +70,15 @@ fn stages_begin_above_exactly_the_stated_ages_and_the_held_frame_is_the_last_one
         assert_eq!(frame.stage, expected, "age {} ms", tick - 5);
         let is_failsafe = expected == RcFrame::STAGE_FAILSAFE;
         assert_eq!(frame.failsafe.is_set(), is_failsafe);
-        assert_eq!((frame.channels, frame.thrust) == (sent.channels, sent.thrust), !is_failsafe);
+        assert_eq!(
+            (frame.channels, frame.thrust) == (sent.channels, sent.thrust),
+            !is_failsafe
+        );
     }
-    assert_eq!(step(&mut transmitter, 200, Some(&command(200, 2.0))).stage, RcFrame::STAGE_COMMAND);
+    assert_eq!(
+        step(&mut transmitter, 200, Some(&command(200, 2.0))).stage,
+        RcFrame::STAGE_COMMAND
+    );
 }
 
 #[test]
@@ -91,10 +98,17 @@ fn a_command_that_cannot_be_meant_is_counted_and_the_last_good_one_held_in_its_p
             mode: 7,
             ..command(3, 2.0)
         };
-        for (tick, garbage) in [(2, command(2, f64::NAN)), (3, unknown_mode), (4, command(4, 1e300))] {
+        for (tick, garbage) in [
+            (2, command(2, f64::NAN)),
+            (3, unknown_mode),
+            (4, command(4, 1e300)),
+        ] {
             let frame = step(&mut transmitter, tick, Some(&garbage));
             assert_eq!((frame.thrust, frame.rates_body), (sent.thrust, sent.rates_body));
-            assert_eq!((frame.stage, frame.commands_refused), (RcFrame::STAGE_HOLD, tick as u32 - 1));
+            assert_eq!(
+                (frame.stage, frame.commands_refused),
+                (RcFrame::STAGE_HOLD, tick as u32 - 1)
+            );
         }
         let good = step(&mut transmitter, 5, Some(&command(5, 2.0)));
         assert_eq!((good.stage, good.commands_refused), (RcFrame::STAGE_COMMAND, 3));

@@ -75,7 +75,11 @@ impl StateGate {
     /// Judges the newest state if it is new; whether there is a new one that is good.
     #[inline]
     pub fn look(&mut self, now: &Now, input: &Input<'_, VehicleState>) -> bool {
-        let Self { policy, gate, suspect } = self;
+        let Self {
+            policy,
+            gate,
+            suspect,
+        } = self;
         let verdict = gate.look(input, |state, held| match policy {
             None => Verdict::Good,
             Some(policy) => policy.judge(now, state, held, suspect),
@@ -149,7 +153,11 @@ impl Policy {
             return Verdict::Refused;
         }
         let Some(held) = held.filter(|_| state.tracked.is_set()) else {
-            return if state.tracked.is_set() { Verdict::Good } else { Verdict::Mute };
+            return if state.tracked.is_set() {
+                Verdict::Good
+            } else {
+                Verdict::Mute
+            };
         };
         if state.state_time_ns == held.state_time_ns {
             return Verdict::Mute;

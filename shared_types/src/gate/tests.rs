@@ -122,7 +122,9 @@ fn a_state_that_jumps_is_refused_and_one_that_goes_on_is_not() {
 fn a_jump_that_lasts_is_believed_once_the_last_good_state_is_too_old() {
     let mut gate = gate(Some(0.05));
     assert!(look(&mut gate, 1, &state(1, 0.0)));
-    let believed: Vec<bool> = (2..8).map(|number| look(&mut gate, number, &state(number, 1.0))).collect();
+    let believed: Vec<bool> = (2..8)
+        .map(|number| look(&mut gate, number, &state(number, 1.0)))
+        .collect();
     assert_eq!(believed, [false, false, false, true, true, true]);
     assert_eq!(gate.refused(), 3);
 }

@@ -87,7 +87,9 @@ impl InputSafety {
             }
             (ServiceId::PathGenerator, Topic::VehicleState) => Some(&["jump"]),
             (ServiceId::RcOutput, Topic::ControlCommand) => Some(&["failsafe"]),
-            (ServiceId::Controller, Topic::PathReference) | (ServiceId::Estimator, Topic::MocapPose) => Some(&[]),
+            (ServiceId::Controller, Topic::PathReference) | (ServiceId::Estimator, Topic::MocapPose) => {
+                Some(&[])
+            }
             _ => None,
         }
     }
@@ -100,18 +102,23 @@ impl Scenario {
         self.safety.get(&format!("{topic} -> {service}"))
     }
 
-    /// The oldest that an input is at a step of its service while nothing fails, ticks: since the newest sample that
-    /// tells something new was published.
+    /// The oldest that an input is at a step of its service while nothing fails, ns: since the newest sample that
+    /// tells something new was published. 0 if the times make no schedule.
     ///
-    /// A state that is not predicted tells the same until the next capture. `None` if the times make no schedule.
+    /// A state that is not predicted tells the same until the next capture.
     #[must_use]
-    pub fn ordinary_age(&self, edge: EdgeName) -> Option<u64> {
-        let schedule = self.schedule().ok()?;
+    pub fn ordinary_age_ns(&self, edge: EdgeName) -> u64 {
+        let Ok(schedule) = self.schedule() else {
+            return 0;
+        };
         let age = schedule.ordinary_age(edge.service, edge.input);
-        let is_predicted = self.estimator.as_ref().is_some_and(|estimator| estimator.kalman.prediction);
+        let is_predicted = self
+            .estimator
+            .as_ref()
+            .is_some_and(|estimator| estimator.kalman.prediction);
         let between_captures = schedule.topic_rate(Topic::MocapPose).period;
         let between_states = schedule.topic_rate(Topic::VehicleState).period;
         let repeats = edge.topic == Topic::VehicleState && !is_predicted && between_captures > between_states;
-        Some(age + if repeats { between_captures } else { 0 })
+        schedule.time_ns(age + if repeats { between_captures } else { 0 })
     }
 }

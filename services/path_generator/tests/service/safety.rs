@@ -61,7 +61,10 @@ fn the_path_goes_on_until_the_state_is_older_than_the_stated_age_and_then_stands
     let back = step_at(&mut path, 199, Some(&state(199)));
     assert!(back.vehicle_known.is_set());
     let next = step_at(&mut path, 200, Some(&state(200)));
-    assert!(next.gamma_dot > 0.0, "the path moves on when the vehicle is seen again");
+    assert!(
+        next.gamma_dot > 0.0,
+        "the path moves on when the vehicle is seen again"
+    );
 }
 
 #[test]

@@ -48,10 +48,7 @@ impl Scenario {
 
     /// No sample is too old while nothing fails.
     fn check_ordinary_age(&self, edge: EdgeName, safety: &InputSafety, key: &Key, found: &mut Findings) {
-        let (Some(ticks), Ok(schedule)) = (self.ordinary_age(edge), self.schedule()) else {
-            return;
-        };
-        let ordinary = seconds(schedule.time_ns(ticks));
+        let ordinary = seconds(self.ordinary_age_ns(edge));
         if safety.max_age > 0.0 && safety.max_age < ordinary {
             found.add(
                 key.clone(),
@@ -69,7 +66,11 @@ impl Scenario {
 impl InputSafety {
     /// Ages that grow from stage to stage, and numbers that can be meant.
     fn check_numbers(&self, at: &Key, found: &mut Findings) {
-        let stated: Vec<_> = self.ages().into_iter().filter_map(|(name, age)| Some((name, age?))).collect();
+        let stated: Vec<_> = self
+            .ages()
+            .into_iter()
+            .filter_map(|(name, age)| Some((name, age?)))
+            .collect();
         let all_good = stated.iter().fold(true, |good, &(name, age)| {
             found.positive(&at.then(name), "the age", age) && good
         });

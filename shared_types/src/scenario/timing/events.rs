@@ -114,7 +114,10 @@ impl Scenario {
         let inputs = self.safety.iter();
         inputs
             .filter_map(|(edge, safety)| {
-                Some((Key::root().then("safety").then(edge).then("recover"), safety.recover?))
+                Some((
+                    Key::root().then("safety").then(edge).then("recover"),
+                    safety.recover?,
+                ))
             })
             .collect()
     }

@@ -21,6 +21,12 @@ impl EdgeName {
         edges_into(&ServiceId::ALL)
     }
 
+    /// The edge from a topic to a service, if there is one.
+    #[must_use]
+    pub fn of(topic: Topic, service: ServiceId) -> Option<Self> {
+        Self::all().find(|edge| (edge.topic, edge.service) == (topic, service))
+    }
+
     /// The edge of a name.
     #[must_use]
     pub fn find(name: &str) -> Option<Self> {
