@@ -34,6 +34,21 @@ fn short_rig() -> Scenario {
     scenario_file::load(&common::scenario("fig3_6"), &sets, None).unwrap()
 }
 
+/// Policies that go through all stages and back while services are lost.
+fn short_losses() -> Scenario {
+    let sets = [
+        "duration=2.0",
+        "safety.\"vehicle/state -> controller\"={max_age=0.05, level=0.1, descend=0.2, failsafe=0.4, jump=0.2}",
+        "safety.\"control/command -> rc_output\"={max_age=0.044, failsafe=0.1}",
+        "fault=[{at=0.5, service=\"estimator\", kind=\"off\", for=0.6}, \
+         {at=1.3, service=\"path_generator\", kind=\"off\", for=0.6}, \
+         {at=1.4, service=\"controller\", kind=\"off\", for=0.2}, \
+         {at=1.7, service=\"estimator\", kind=\"off\", state=\"cold\", for=0.1}]",
+    ];
+    let sets = sets.map(str::to_owned);
+    scenario_file::load(&common::scenario("fault_isolation"), &sets, None).unwrap()
+}
+
 /// Digests what is published and stops after every tick.
 #[derive(Default)]
 struct Stopping(LogDigest);
@@ -65,7 +80,7 @@ fn digest(scenario: &Scenario, mut between: impl FnMut(&mut InProcess)) -> Strin
 /// A service keeps nothing beside what it saves: born anew after every tick, all fly on with the same bytes.
 #[test]
 fn services_have_no_hidden_state() {
-    for scenario in [short_fig1(), short_rig()] {
+    for scenario in [short_fig1(), short_rig(), short_losses()] {
         let undisturbed = digest(&scenario, |_| {});
         let reborn = digest(&scenario, |host| {
             for service in ServiceId::ALL {

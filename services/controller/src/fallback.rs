@@ -13,8 +13,9 @@
 //! V̇ = −k‖e3 × n‖²: the vehicle levels out from every attitude but upside down, and does not yaw. Attitude, rates and
 //! velocity are the reckoned ones; the thrust m̂(g + b̂z + kv (vz − sink))/n3 makes vz that of the stage.
 //!
-//! Failure policy: a stage that needs what there is not (nothing was commanded yet, no state was ever good) leaves the
-//! controller with nothing to say. No stage is for good: the next good state gives the law back.
+//! Failure policy: where there is no last command to hold, as in a controller that begins anew, the vehicle levels out
+//! instead. Before the first good state there is nothing to go by, and nothing is commanded. No stage is for good: the
+//! next good state gives the law back.
 
 use nalgebra::Vector3;
 use shared_types::rotation;
