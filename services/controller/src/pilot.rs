@@ -185,7 +185,7 @@ impl Pilot {
         } = course;
         let mut measured = Measured::from(state);
         let tracked = state.tracked.is_set();
-        let z1 = Vector3::from(state.position_world) - Vector3::from(reference.position_world);
+        let z1 = Vector3::from(state.position_world) - target.position_world;
         let Some(commander) = &mut self.commander else {
             measured.position_world += self.parameters.offset(&measured.world_from_body);
             let law = evaluate(&self.parameters, &measured, target, &self.estimates);
