@@ -5,7 +5,7 @@
 //! `max_age`; where it has come to then the path is taken to rest, and the vehicle with it. One that repeats the γ of
 //! a path that moves is a repetition of old news, and makes nothing young.
 
-use shared_types::gate::{Gate, GateState, Verdict, is_of_the_past};
+use shared_types::gate::{Gate, GateState, Verdict, by_magnitude, is_of_the_past};
 use shared_types::samples::PathReference;
 use shared_types::scenario::{EdgeName, Scenario};
 use shared_types::service::{nanoseconds, seconds};
@@ -53,13 +53,13 @@ impl References {
         let has_policy = self.patience.is_some();
         self.gate.look(input, |reference, held| {
             if !has_policy {
-                Verdict::Good
+                by_magnitude(reference)
             } else if !is_of_the_past(reference, now) {
                 Verdict::Refused
             } else if held.is_some_and(|held| held.gamma == reference.gamma && held.gamma_dot.abs() > MOVES) {
                 Verdict::Mute
             } else {
-                Verdict::Good
+                by_magnitude(reference)
             }
         });
     }

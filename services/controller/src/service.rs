@@ -10,7 +10,8 @@
 //! * with a policy for the age of the state it goes from the law over holding, levelling and descending to failsafe,
 //!   and back without a jump ([`crate::safety`]); with one for the reference an old path stands still
 //!   ([`crate::references`]). The estimates rest meanwhile, on reckoned states, and on the way back;
-//! * where numbers that passed as those of a flight make the law say some that are not, the last command is repeated;
+//! * where numbers that passed as those of a flight make the law say some that are not finite, the last command is
+//!   repeated; estimates that would not be finite rest;
 //! * without a state or without a reference the law has nothing to say: the command is no thrust and no
 //!   torque or rates, the errors are zero, and the estimates rest. The ideal schedule has no such step;
 //! * while the state does not rest on a measurement of the body (`tracked` is not set) the law commands on what
@@ -19,7 +20,7 @@
 //!   while the vehicle's thrust could not carry the lightest vehicle: it is not airborne.
 
 use nalgebra::Vector3;
-use shared_types::gate::{GateState, LARGEST, StateGate, StateGateState};
+use shared_types::gate::{GateState, StateGate, StateGateState};
 use shared_types::sample::{Field, Flag};
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
 use shared_types::scenario::Scenario;
@@ -188,7 +189,7 @@ impl ControllerService {
         (command, said)
     }
 
-    /// The law's command, and all else that it says; if that are no numbers of a flight, the last command.
+    /// The law's command, and all else that it says; if that are no finite numbers, the last command.
     #[inline]
     fn fly_by_law(
         &mut self,
@@ -291,15 +292,10 @@ impl Said {
         }
     }
 
-    /// Whether all that it says are numbers of a flight.
+    /// Whether all that it says are finite numbers.
     #[inline]
     fn is_sound(&self) -> bool {
-        let rates = self.rates.disturbance_world.iter().chain(self.rates.w.iter());
-        self.command.is_within(LARGEST)
-            && self.errors.is_within(LARGEST)
-            && rates.fold(self.rates.eta.is_within(LARGEST), |all, rate| {
-                all & rate.is_within(LARGEST)
-            })
+        self.command.is_finite() && self.errors.is_finite() && self.rates.is_finite()
     }
 }
 
@@ -311,7 +307,10 @@ impl Service for ControllerService {
 
     #[inline]
     fn step(&mut self, now: &Now, inputs: &ControllerInputs<'_>, outputs: &mut ControllerOutputs<'_>) {
-        self.estimates = self.estimates.advanced(&self.rates, now.elapsed());
+        let advanced = self.estimates.advanced(&self.rates, now.elapsed());
+        if advanced.is_finite() {
+            self.estimates = advanced;
+        }
         self.rates = EstimateRates::ZERO;
         if let Some(adaptation) = outputs.adaptation.due() {
             write_adaptation(adaptation, &self.parameters, &self.estimates);

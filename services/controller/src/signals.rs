@@ -124,6 +124,13 @@ impl Reference {
 }
 
 impl Estimates {
+    /// Whether all of them are finite numbers.
+    #[must_use]
+    #[inline]
+    pub fn is_finite(&self) -> bool {
+        are_finite(self.eta, &self.disturbance_world, &self.w)
+    }
+
     /// The estimates after `elapsed` seconds at constant rates: a step of the explicit Euler method.
     #[must_use]
     #[inline]
@@ -143,6 +150,19 @@ impl EstimateRates {
         disturbance_world: Vector3::new(0.0, 0.0, 0.0),
         w: ParameterVector::from_array_storage(nalgebra::ArrayStorage([[0.0; 15]])),
     };
+
+    /// Whether all of them are finite numbers.
+    #[must_use]
+    #[inline]
+    pub fn is_finite(&self) -> bool {
+        are_finite(self.eta, &self.disturbance_world, &self.w)
+    }
+}
+
+#[inline]
+fn are_finite(eta: f64, disturbance_world: &Vector3<f64>, w: &ParameterVector) -> bool {
+    let numbers = disturbance_world.iter().chain(w.iter());
+    numbers.fold(eta.is_finite(), |all, number| all & number.is_finite())
 }
 
 impl From<&VehicleState> for Measured {

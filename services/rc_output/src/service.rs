@@ -75,7 +75,7 @@ impl RcOutputService {
     }
 }
 
-/// Whether a command can be meant, its numbers being those of a flight.
+/// Whether a command can be meant, its numbers being finite.
 fn judge(command: &ControlCommand, now: &Now, has_patience: bool) -> Verdict {
     let has_mode = matches!(
         command.mode,
