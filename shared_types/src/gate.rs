@@ -3,7 +3,7 @@
 //! Failure policy:
 //! * a sample is judged once, when it is new. One that cannot be true is refused and counted, and the last good
 //!   one stays in its place;
-//! * a number that is not finite or larger than [`LARGEST`] can never be true; what else cannot be, each service
+//! * a number that is not finite can never be true, nor in most samples one above [`LARGEST`]; what else cannot be, each service
 //!   says by itself, and of a vehicle's state [`StateGate`] does;
 //! * a sample may also say nothing new. Then it is not counted, but the last good one goes on growing old;
 //! * what was refused, however often, is no reason to refuse what comes next: no gate stays shut for ever.
@@ -62,12 +62,13 @@ impl<T> Default for Gate<T> {
 }
 
 impl<T: Sample> Gate<T> {
-    /// Judges the newest sample if it is new; `judge` is asked of numbers of a flight only, with the last good sample
-    /// beside it. Returns the verdict on a new sample.
+    /// Judges the newest sample if it is new; `judge` is asked of numbers up to the magnitude `largest` only, with the
+    /// last good sample beside it. Returns the verdict on a new sample.
     #[inline]
     pub fn look(
         &mut self,
         input: &Input<'_, T>,
+        largest: f64,
         judge: impl FnOnce(&T, Option<&T>) -> Verdict,
     ) -> Option<Verdict> {
         let newest = input.newest()?;
@@ -76,7 +77,7 @@ impl<T: Sample> Gate<T> {
             return None;
         }
         self.judged = number;
-        let verdict = if newest.is_within(LARGEST) {
+        let verdict = if newest.is_within(largest) {
             judge(newest, self.held.as_ref())
         } else {
             Verdict::Refused

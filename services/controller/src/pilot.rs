@@ -1,7 +1,6 @@
 //! What is commanded on a state and a reference: by the law, or while the state is too old by something safer.
 
 use nalgebra::Vector3;
-use shared_types::gate::LARGEST;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlCommand, ControlErrors, PathReference, VehicleState};
 use shared_types::scenario::Scenario;
@@ -156,7 +155,7 @@ impl Pilot {
         flown
     }
 
-    /// The law's command, and all else that it says; if that are no numbers of a flight, the last command.
+    /// The law's command, and all else that it says; if that are no finite numbers, the last command.
     #[inline]
     fn fly_by_law(&mut self, state: &VehicleState, course: &Course<'_>) -> Flown {
         let said = self.ask_law(state, course);
@@ -264,15 +263,10 @@ impl Said {
         }
     }
 
-    /// Whether all that it says are numbers of a flight.
+    /// Whether all that it says is finite; of the rates that is seen when they act.
     #[inline]
     fn is_sound(&self) -> bool {
-        let rates = self.rates.disturbance_world.iter().chain(self.rates.w.iter());
-        self.command.is_within(LARGEST)
-            && self.errors.is_within(LARGEST)
-            && rates.fold(self.rates.eta.is_within(LARGEST), |all, rate| {
-                all & rate.is_within(LARGEST)
-            })
+        self.command.is_finite() & self.errors.is_finite()
     }
 }
 

@@ -5,7 +5,7 @@
 //! `max_age`; where it has come to then the path is taken to rest, and the vehicle with it. One that repeats the γ of
 //! a path that moves is a repetition of old news, and makes nothing young.
 
-use shared_types::gate::{Gate, GateState, Verdict, is_of_the_past};
+use shared_types::gate::{Gate, GateState, LARGEST, Verdict, is_of_the_past};
 use shared_types::samples::PathReference;
 use shared_types::scenario::{EdgeName, Scenario};
 use shared_types::service::{nanoseconds, seconds};
@@ -51,7 +51,7 @@ impl References {
     #[inline]
     pub fn look(&mut self, now: &Now, input: &Input<'_, PathReference>) {
         let has_policy = self.patience.is_some();
-        self.gate.look(input, |reference, held| {
+        self.gate.look(input, LARGEST, |reference, held| {
             if !has_policy {
                 Verdict::Good
             } else if !is_of_the_past(reference, now) {

@@ -10,7 +10,8 @@
 //! * with a policy for the age of the state it goes from the law over holding, levelling and descending to failsafe,
 //!   and back without a jump ([`crate::safety`]); with one for the reference an old path stands still
 //!   ([`crate::references`]). The estimates rest meanwhile, on reckoned states, and on the way back;
-//! * where numbers that passed as those of a flight make the law say some that are not, the last command is repeated;
+//! * where numbers that passed as those of a flight make the law say some that are not finite, the last command is
+//!   repeated; estimates that would not be finite rest;
 //! * without a state or without a reference the law has nothing to say: the command is no thrust and no
 //!   torque or rates, the errors are zero, and the estimates rest. The ideal schedule has no such step;
 //! * while the state does not rest on a measurement of the body (`tracked` is not set) the law commands on what
@@ -125,7 +126,10 @@ impl Service for ControllerService {
             states,
             references,
         } = self;
-        pilot.estimates = pilot.estimates.advanced(rates, now.elapsed());
+        let advanced = pilot.estimates.advanced(rates, now.elapsed());
+        if advanced.is_finite() {
+            pilot.estimates = advanced;
+        }
         *rates = EstimateRates::ZERO;
         if let Some(adaptation) = outputs.adaptation.due() {
             write_adaptation(adaptation, &pilot.parameters, &pilot.estimates);

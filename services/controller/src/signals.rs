@@ -124,6 +124,14 @@ impl Reference {
 }
 
 impl Estimates {
+    /// Whether all of them are finite numbers.
+    #[must_use]
+    #[inline]
+    pub fn is_finite(&self) -> bool {
+        let numbers = self.disturbance_world.iter().chain(self.w.iter());
+        numbers.fold(self.eta.is_finite(), |all, number| all & number.is_finite())
+    }
+
     /// The estimates after `elapsed` seconds at constant rates: a step of the explicit Euler method.
     #[must_use]
     #[inline]

@@ -36,8 +36,19 @@ fn scenario(rates: bool, policy: &str) -> Scenario {
     .unwrap()
 }
 
-fn scenarios() -> [Scenario; 4] {
+/// Body rates that are held for as long as the paper's radio holds them: the law is rolled out over many steps.
+fn held_for_long(policy: &str) -> Scenario {
+    let mut scenario = scenario(true, policy);
+    for name in ["vehicle/state", "path_generator", "controller"] {
+        scenario.schedule.period.insert(name.to_owned(), 0.022);
+    }
+    scenario
+}
+
+fn scenarios() -> [Scenario; 6] {
     [
+        held_for_long(""),
+        held_for_long(POLICY),
         scenario(false, ""),
         scenario(true, ""),
         scenario(false, POLICY),
@@ -330,11 +341,12 @@ fn inputs_that_cannot_be_true_are_counted_and_the_last_good_ones_stay() {
 /// Each number of this state is one of a flight, but the law's products of them are not.
 #[test]
 fn where_the_law_has_no_answer_the_last_command_is_held_until_it_has_one() {
-    let mut twins = Twins::new(scenario(true, ""));
+    let mut twins = Twins::new(held_for_long(""));
     let good = twins.step(0, &state(0), &reference(0));
     for tick in 1..5 {
         let mut wild = state(tick);
         wild.velocity_body = [9e8, -9e8, 9e8];
+        wild.world_from_body = [9e8, 1e8, -3e8, 2e8, 7e8, 4e8, -5e8, 6e8, 8e8];
         let held = twins.step(tick, &wild, &reference(tick));
         assert_eq!(held.adaptation.stage, ControlAdaptation::STAGE_HOLD);
         assert_eq!(u64::from(held.adaptation.inputs_refused), tick);
@@ -382,7 +394,7 @@ fn sample<T: FromBytes + IntoBytes + zerocopy::Immutable>(bits: &[u8], good: &T,
     for (index, chunk) in bytes.chunks_mut(8).enumerate().skip(3) {
         if !keep[index % keep.len()] {
             let garbage = bits[index * 8..index * 8 + 8].try_into().unwrap();
-            chunk.copy_from_slice(&number(garbage, bits[0] % 2 == 0)[..chunk.len()]);
+            chunk.copy_from_slice(&number(garbage, bits[0].is_multiple_of(2))[..chunk.len()]);
         }
     }
     T::read_from_bytes(&bytes).unwrap()

@@ -251,15 +251,23 @@ fn a_restored_service_continues_with_equal_bytes() {
 
 #[test]
 fn steps_saves_and_restores_do_not_allocate() {
-    let mut service = ControllerService::new(&scenario());
-    let mut saved = vec![0; ErasedService::state_size(&service)];
-    let count = allocations::allocations_during(|| {
-        for tick in 0..100 {
-            step_with_both(&mut service, tick);
-            step(&mut service, tick, None, None);
-            ErasedService::save(&service, &mut saved);
-            ErasedService::restore(&mut service, &saved);
-        }
-    });
-    assert_eq!(count, 0);
+    let mut with_policy = scenario();
+    let policy =
+        serde_json::from_str(r#"{"max_age": 0.001, "level": 0.02, "descend": 0.03, "jump": 0.1}"#).unwrap();
+    with_policy
+        .safety
+        .insert("vehicle/state -> controller".to_owned(), policy);
+    for scenario in [scenario(), with_policy] {
+        let mut service = ControllerService::new(&scenario);
+        let mut saved = vec![0; ErasedService::state_size(&service)];
+        let count = allocations::allocations_during(|| {
+            for tick in 0..100 {
+                step_with_both(&mut service, tick);
+                step(&mut service, tick, None, None);
+                ErasedService::save(&service, &mut saved);
+                ErasedService::restore(&mut service, &saved);
+            }
+        });
+        assert_eq!(count, 0);
+    }
 }

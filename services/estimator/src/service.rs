@@ -5,7 +5,7 @@
 //!   counted; the last good one stays in its place;
 //! * with a policy the state no longer counts as tracked when the last good one is too old.
 
-use shared_types::gate::{Gate, GateState, Verdict};
+use shared_types::gate::{Gate, GateState, LARGEST, Verdict};
 use shared_types::samples::MocapPose;
 use shared_types::scenario::{Problem, Scenario};
 use shared_types::service::nanoseconds;
@@ -64,7 +64,7 @@ impl EstimatorService {
     /// Takes what ideal cameras see as it is.
     #[inline]
     fn take(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
-        self.captures.look(&inputs.pose, |capture, _| {
+        self.captures.look(&inputs.pose, LARGEST, |capture, _| {
             if !capture.tracked.is_set() || is_pose(capture) {
                 Verdict::Good
             } else {

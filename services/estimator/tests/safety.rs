@@ -168,7 +168,7 @@ fn sample<T: FromBytes + IntoBytes + zerocopy::Immutable>(bits: &[u8], good: &T,
     for (index, chunk) in bytes.chunks_mut(8).enumerate().skip(3) {
         if !keep[index % keep.len()] {
             let garbage = bits[index * 8..index * 8 + 8].try_into().unwrap();
-            chunk.copy_from_slice(&number(garbage, bits[0] % 2 == 0)[..chunk.len()]);
+            chunk.copy_from_slice(&number(garbage, bits[0].is_multiple_of(2))[..chunk.len()]);
         }
     }
     T::read_from_bytes(&bytes).unwrap()

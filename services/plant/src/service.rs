@@ -4,13 +4,12 @@
 //! and in the air that are in force from tick k−1. A change at tick k is published in `truth(k)` and acts from
 //! k·h on. What is published is the motion of the body's origin; what is kept that of the centre of mass.
 //!
-//! A frame that holds a number which is none of a flight is not received, as a receiver drops what fails its checksum:
+//! A frame that holds a number which is not finite is not received, as a receiver drops what fails its checksum:
 //! the frame before goes on acting.
 
 use std::ops::Range;
 
 use nalgebra::Vector3;
-use shared_types::gate::LARGEST;
 use shared_types::rotation::{from_roll_pitch_yaw, from_row_major, to_row_major};
 use shared_types::sample::{Field, Flag};
 use shared_types::samples::{RcFrame, VehicleTruth};
@@ -88,7 +87,7 @@ impl PlantService {
     /// The newest frame that is whole.
     #[inline]
     fn receive(&mut self, newest: Option<&RcFrame>) -> Option<RcFrame> {
-        let whole = newest.filter(|frame| frame.is_within(LARGEST)).copied();
+        let whole = newest.filter(|frame| frame.is_finite()).copied();
         if matches!(self.actuators, Actuators::Ideal) && newest.is_some() {
             self.received = whole.or(self.received);
             self.received

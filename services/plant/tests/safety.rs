@@ -70,7 +70,7 @@ fn a_frame_that_is_not_finite_is_not_received_and_the_one_before_goes_on_acting(
             if tick > 7 && tick % 7 != 0 {
                 received.header.seq = tick;
                 received.channels = [9; 16];
-                received.thrust = [f64::NAN, f64::INFINITY, 1e12][tick as usize % 3];
+                received.thrust = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY][tick as usize % 3];
             }
             disturbed = reborn(&disturbed, sections);
             let (truth, _) = step(&mut disturbed, tick, &received);

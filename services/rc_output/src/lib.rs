@@ -7,7 +7,7 @@
 //! Failure policy:
 //! * without any command, and with one that the link cannot carry or that asks for it, it sends failsafe frames, with
 //!   which the motors rest;
-//! * a command that cannot be meant (a number that is none of a flight, an unknown mode) is refused and counted; the
+//! * a command that cannot be meant (a number that is not finite, an unknown mode) is refused and counted; the
 //!   last good one is sent again in its place, which is what the vehicle would do without a frame;
 //! * with a policy a command that is too old is sent again as well, and from a greater age on failsafe frames are;
 //! * the frame's `stage` says which of it is the case; a limit that changes a command is said and counted as well.

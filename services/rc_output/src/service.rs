@@ -75,7 +75,7 @@ impl RcOutputService {
     }
 }
 
-/// Whether a command can be meant, its numbers being those of a flight.
+/// Whether a command can be meant, its numbers being finite.
 fn judge(command: &ControlCommand, now: &Now, has_patience: bool) -> Verdict {
     let has_mode = matches!(
         command.mode,
@@ -96,8 +96,9 @@ impl Service for RcOutputService {
 
     fn step(&mut self, now: &Now, inputs: &RcOutputInputs<'_>, outputs: &mut RcOutputOutputs<'_>) {
         let has_patience = self.patience.is_some();
-        self.commands
-            .look(&inputs.command, |command, _| judge(command, now, has_patience));
+        self.commands.look(&inputs.command, f64::MAX, |command, _| {
+            judge(command, now, has_patience)
+        });
         let Some(frame) = outputs.frame.due() else {
             return;
         };

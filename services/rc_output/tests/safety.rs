@@ -101,7 +101,7 @@ fn a_command_that_cannot_be_meant_is_counted_and_the_last_good_one_held_in_its_p
         for (tick, garbage) in [
             (2, command(2, f64::NAN)),
             (3, unknown_mode),
-            (4, command(4, 1e300)),
+            (4, command(4, f64::INFINITY)),
         ] {
             let frame = step(&mut transmitter, tick, Some(&garbage));
             assert_eq!((frame.thrust, frame.rates_body), (sent.thrust, sent.rates_body));

@@ -1,6 +1,6 @@
 //! Which state of the vehicle is used.
 //!
-//! Without a policy every state whose numbers are those of a flight. With one, a state is good that
+//! Without a policy every state whose numbers are those of a flight ([`LARGEST`](super::LARGEST)). With one, a state is good that
 //! * rests on a measurement (`tracked`) and speaks of another time than the last good one;
 //! * is in range: no vehicle of this laboratory is further away, faster or turns faster, and R is a rotation;
 //! * is where the last good one was going, up to [`jump`](crate::scenario::InputSafety::jump).
@@ -12,7 +12,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Gate, GateState, Verdict, is_of_the_past};
+use super::{Gate, GateState, LARGEST, Verdict, is_of_the_past};
 use crate::rotation::{defect, from_row_major};
 use crate::sample::{Field, Flag};
 use crate::samples::VehicleState;
@@ -80,7 +80,7 @@ impl StateGate {
             gate,
             suspect,
         } = self;
-        let verdict = gate.look(input, |state, held| match policy {
+        let verdict = gate.look(input, LARGEST, |state, held| match policy {
             None => Verdict::Good,
             Some(policy) => policy.judge(now, state, held, suspect),
         });

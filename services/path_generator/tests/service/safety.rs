@@ -94,7 +94,7 @@ proptest! {
                 let good = state(tick);
                 let mut sample = VehicleState::read_from_bytes(bytes).unwrap();
                 sample.header = good.header;
-                if bytes[0] % 2 == 0 {
+                if bytes[0].is_multiple_of(2) {
                     // Numbers of a flight, but of none that can be true.
                     let word = |at: usize| f64::from(bytes[at]) - 128.0;
                     sample.position_world = [word(1), 1e3 * word(2), 1e6 * word(3)];
