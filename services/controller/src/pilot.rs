@@ -51,18 +51,13 @@ pub struct Course<'a> {
     pub target: Reference,
 }
 
-/// What the law says in a step.
-#[derive(Clone, Copy, Debug)]
-pub struct Said {
-    command: Commanded,
-    /// Errors of the law.
-    pub errors: ControlErrors,
-    /// Rates of the estimates.
-    pub rates: EstimateRates,
-    /// Whether the rates may act.
-    pub learns: bool,
-    /// The thrust that will act on a state that was measured, N; `None` if the motion then teaches nothing.
-    thrust: Option<f64>,
+/// Where the law's telemetry goes.
+#[derive(Debug)]
+pub struct Telemetry<'a> {
+    /// Errors of the law, if they are asked for; all zero where the law is not asked.
+    pub errors: Option<&'a mut ControlErrors>,
+    /// Rates of the estimates; zero where they must not act.
+    pub rates: &'a mut EstimateRates,
 }
 
 /// What is commanded.
@@ -70,10 +65,24 @@ pub struct Said {
 pub struct Flown {
     /// The command.
     pub command: Commanded,
-    /// What the law says, if it was asked and made sense.
-    pub said: Option<Said>,
+    /// Whether the motion teaches something, so that the estimates learn.
+    pub learns: bool,
     /// Whether the law was asked and made no sense.
     pub is_nonsense: bool,
+    /// The thrust that will act on a state that was measured, N; `None` if the motion then teaches nothing.
+    thrust: Option<f64>,
+}
+
+impl Flown {
+    /// Something else than what the law says.
+    fn without_law(command: Commanded) -> Self {
+        Self {
+            command,
+            learns: false,
+            is_nonsense: false,
+            thrust: None,
+        }
+    }
 }
 
 impl Pilot {
@@ -100,23 +109,25 @@ impl Pilot {
 
     /// What is commanded.
     #[inline]
-    pub fn fly(&mut self, now: &Now, course: &Course<'_>) -> Flown {
+    pub fn fly(&mut self, now: &Now, course: &Course<'_>, mut telemetry: Telemetry<'_>) -> Flown {
         let flown = if self.safety.is_some() {
-            self.fly_by_age(now, course)
+            self.fly_by_age(now, course, &mut telemetry)
         } else {
             self.stage = Stage::Law;
-            self.fly_by_law(course.state, course)
+            self.fly_by_law(course.state, course, &mut telemetry)
         };
-        let thrust = flown.said.as_ref().and_then(|said| said.thrust);
-        self.observe(course.state, thrust, now.elapsed());
+        if !flown.learns {
+            *telemetry.rates = EstimateRates::ZERO;
+        }
+        self.observe(course.state, flown.thrust, now.elapsed());
         flown
     }
 
     /// What is commanded by the age of the state.
-    fn fly_by_age(&mut self, now: &Now, course: &Course<'_>) -> Flown {
+    fn fly_by_age(&mut self, now: &Now, course: &Course<'_>, telemetry: &mut Telemetry<'_>) -> Flown {
         let before = self.stage;
         let Some(mut safety) = self.safety else {
-            return self.fly_by_law(course.state, course);
+            return self.fly_by_law(course.state, course, telemetry);
         };
         let Course {
             state,
@@ -132,11 +143,7 @@ impl Pilot {
             safety.transfer = Transfer::NONE;
             let command = safety.command(self.stage, last.as_ref(), &believed);
             self.safety = Some(safety);
-            return Flown {
-                command,
-                said: None,
-                is_nonsense: false,
-            };
+            return Flown::without_law(command);
         }
         let state = safety.state_for_law(state, age_ns, &believed);
         if before != Stage::Law
@@ -144,11 +151,11 @@ impl Pilot {
         {
             commander.memory.artificial_omega = state.angular_velocity_body.into();
         }
-        let mut flown = self.fly_by_law(&state, course);
-        if let Some(said) = &mut flown.said {
-            flown.command = safety.pass_over(now, before, last.as_ref(), &said.command);
+        let mut flown = self.fly_by_law(&state, course, telemetry);
+        if !flown.is_nonsense {
+            flown.command = safety.pass_over(now, before, last.as_ref(), &flown.command);
             if safety.transfer.is_under_way() {
-                (said.learns, said.thrust) = (false, None);
+                (flown.learns, flown.thrust) = (false, None);
             }
         }
         self.safety = Some(safety);
@@ -157,13 +164,27 @@ impl Pilot {
 
     /// The law's command, and all else that it says; if that are no finite numbers, the last command.
     #[inline]
-    fn fly_by_law(&mut self, state: &VehicleState, course: &Course<'_>) -> Flown {
-        let said = self.ask_law(state, course);
-        if said.is_sound() {
-            return Flown {
-                command: said.command,
-                said: Some(said),
-                is_nonsense: false,
+    fn fly_by_law(
+        &mut self,
+        state: &VehicleState,
+        course: &Course<'_>,
+        telemetry: &mut Telemetry<'_>,
+    ) -> Flown {
+        let flown = self.ask_law(state, course, telemetry);
+        let errors = telemetry.errors.as_deref();
+        // That of the rates is seen when they act.
+        if flown.command.is_finite() & errors.is_none_or(Field::is_finite) {
+            return flown;
+        }
+        self.hold(telemetry)
+    }
+
+    #[cold]
+    fn hold(&mut self, telemetry: &mut Telemetry<'_>) -> Flown {
+        if let Some(errors) = &mut telemetry.errors {
+            **errors = ControlErrors {
+                header: errors.header,
+                ..ControlErrors::new_zeroed()
             };
         }
         if let Some(commander) = &mut self.commander {
@@ -171,14 +192,13 @@ impl Pilot {
         }
         self.stage = Stage::Hold;
         Flown {
-            command: self.last.unwrap_or(Commanded::NOTHING),
-            said: None,
             is_nonsense: true,
+            ..Flown::without_law(self.last.unwrap_or(Commanded::NOTHING))
         }
     }
 
     #[inline]
-    fn ask_law(&mut self, state: &VehicleState, course: &Course<'_>) -> Said {
+    fn ask_law(&mut self, state: &VehicleState, course: &Course<'_>, telemetry: &mut Telemetry<'_>) -> Flown {
         let Course {
             reference, target, ..
         } = course;
@@ -188,12 +208,17 @@ impl Pilot {
         let Some(commander) = &mut self.commander else {
             measured.position_world += self.parameters.offset(&measured.world_from_body);
             let law = evaluate(&self.parameters, &measured, target, &self.estimates);
-            let command = Commanded {
-                thrust: law.thrust,
-                torque_body: law.torque.into(),
-                ..Commanded::NOTHING
+            telemetry.tell(&law, &z1);
+            return Flown {
+                command: Commanded {
+                    thrust: law.thrust,
+                    torque_body: law.torque.into(),
+                    ..Commanded::NOTHING
+                },
+                learns: tracked,
+                is_nonsense: false,
+                thrust: tracked.then_some(law.thrust),
             };
-            return Said::new(command, &law, &z1, tracked, tracked.then_some(law.thrust));
         };
         let output = commander.command(
             &self.parameters,
@@ -203,13 +228,17 @@ impl Pilot {
             &self.estimates,
             reference.yaw,
         );
-        let command = Commanded {
-            thrust: output.thrust,
-            rates_body: output.rates_body.into(),
-            ..Commanded::NOTHING
-        };
-        let thrust = tracked.then_some(output.limited_thrust);
-        Said::new(command, &output.law, &z1, tracked && output.is_telling, thrust)
+        telemetry.tell(&output.law, &z1);
+        Flown {
+            command: Commanded {
+                thrust: output.thrust,
+                rates_body: output.rates_body.into(),
+                ..Commanded::NOTHING
+            },
+            learns: tracked && output.is_telling,
+            is_nonsense: false,
+            thrust: tracked.then_some(output.limited_thrust),
+        }
     }
 
     /// The mode of the commands of this step.
@@ -242,40 +271,18 @@ impl Pilot {
     }
 }
 
-impl Said {
+impl Telemetry<'_> {
+    /// What the law says; z1 is without the offset that the law may be shifted by.
     #[inline]
-    fn new(
-        command: Commanded,
-        law: &Evaluation,
-        z1: &Vector3<f64>,
-        learns: bool,
-        thrust: Option<f64>,
-    ) -> Self {
-        let mut errors = ControlErrors::new_zeroed();
-        write_errors(&mut errors, law);
-        errors.z1 = (*z1).into();
-        Self {
-            command,
-            errors,
-            rates: law.rates,
-            learns,
-            thrust,
+    fn tell(&mut self, law: &Evaluation, z1: &Vector3<f64>) {
+        *self.rates = law.rates;
+        if let Some(errors) = &mut self.errors {
+            errors.z1 = (*z1).into();
+            errors.z2 = law.z2.into();
+            errors.z3 = law.z3.into();
+            errors.z4 = law.z4;
+            errors.zeta = law.zeta.into();
+            errors.omega_desired = law.omega_desired.into();
         }
     }
-
-    /// Whether all that it says is finite; of the rates that is seen when they act.
-    #[inline]
-    fn is_sound(&self) -> bool {
-        self.command.is_finite() & self.errors.is_finite()
-    }
-}
-
-#[inline]
-fn write_errors(errors: &mut ControlErrors, evaluation: &Evaluation) {
-    errors.z1 = evaluation.z1.into();
-    errors.z2 = evaluation.z2.into();
-    errors.z3 = evaluation.z3.into();
-    errors.z4 = evaluation.z4;
-    errors.zeta = evaluation.zeta.into();
-    errors.omega_desired = evaluation.omega_desired.into();
 }

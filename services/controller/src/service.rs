@@ -22,7 +22,7 @@
 use nalgebra::Vector3;
 use shared_types::gate::{GateState, StateGate, StateGateState};
 use shared_types::sample::Flag;
-use shared_types::samples::{ControlAdaptation, ControlErrors, PathReference};
+use shared_types::samples::{ControlAdaptation, PathReference};
 use shared_types::scenario::Scenario;
 use shared_types::wiring::{ControllerInputs, ControllerOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
@@ -31,7 +31,7 @@ use crate::commander::Memory;
 use crate::fallback::Stage;
 use crate::observer::Sight;
 use crate::parameters::Parameters;
-use crate::pilot::{Course, Pilot};
+use crate::pilot::{Course, Pilot, Telemetry};
 use crate::reckoning::{Commanded, Reckoned};
 use crate::references::References;
 use crate::regressor::ParameterVector;
@@ -149,20 +149,13 @@ impl Service for ControllerService {
                 reference,
                 target: references.target(now, reference),
             };
-            let flown = pilot.fly(now, &course);
-            (command, is_nonsense) = (flown.command, flown.is_nonsense);
-            if let Some(said) = &flown.said {
-                learns = said.learns;
-                if learns {
-                    *rates = said.rates;
-                }
-                if let Some(errors) = outputs.errors.due() {
-                    *errors = ControlErrors {
-                        header: errors.header,
-                        ..said.errors
-                    };
-                }
-            }
+            let telemetry = Telemetry {
+                errors: outputs.errors.due(),
+                rates,
+            };
+            let flown = pilot.fly(now, &course, telemetry);
+            command = flown.command;
+            (learns, is_nonsense) = (flown.learns, flown.is_nonsense);
             if outputs.command.due().is_some() {
                 pilot.last = Some(command);
             }
