@@ -84,8 +84,8 @@ crate::sample! {
     pub struct PathReference {
         /// Common header.
         pub header: Header,
-        /// The time that the reference speaks of, that of the state it was made for, ns since the start of the
-        /// flight.
+        /// The time that the reference speaks of, ns since the start of the flight: that of the state it was made for,
+        /// and since that was new as much later as it has become.
         pub reference_time_ns: u64,
         /// γ, path parameter.
         pub gamma: f64,

@@ -31,6 +31,8 @@ shared_types::sample! {
         pub gamma_dot: f64,
         /// γ̈, 1/s².
         pub gamma_ddot: f64,
+        /// When the last good state was new, ns since the start of the flight.
+        pub taken_at_ns: u64,
         /// What is remembered of the vehicle's states.
         pub states: StateGateState,
     }
@@ -73,6 +75,8 @@ pub struct PathGeneratorService {
     /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
     yaws: Vec<(u64, f64)>,
     states: StateGate,
+    /// When the last good state was new, ns since the start of the flight.
+    taken_at_ns: u64,
     motion: PathMotion,
 }
 
@@ -105,6 +109,7 @@ impl PathGeneratorService {
                 )
                 .collect(),
             states: StateGate::new(scenario.safety_of(Topic::VehicleState, ServiceId::PathGenerator)),
+            taken_at_ns: 0,
             motion: PathMotion {
                 gamma: path.initial_gamma,
                 gamma_dot: path.initial_gamma_dot,
@@ -160,7 +165,9 @@ impl Service for PathGeneratorService {
 
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
         self.motion.advance(now.elapsed());
-        self.states.look(now, &inputs.state);
+        if self.states.look(now, &inputs.state) {
+            self.taken_at_ns = now.time_ns;
+        }
         let point = self.curve.at(self.motion.gamma);
         let newest = self.states.held(&inputs.state);
         let known = newest.filter(|vehicle| vehicle.tracked.is_set() && !self.states.is_too_old(now));
@@ -173,7 +180,12 @@ impl Service for PathGeneratorService {
         if let Some(reference) = outputs.reference.due() {
             *reference = PathReference {
                 header: reference.header,
-                reference_time_ns: newest.map_or(now.time_ns, |vehicle| vehicle.state_time_ns),
+                // The path has moved on since the state was new.
+                reference_time_ns: newest.map_or(now.time_ns, |vehicle| {
+                    vehicle
+                        .state_time_ns
+                        .saturating_add(now.time_ns - self.taken_at_ns)
+                }),
                 gamma: self.motion.gamma,
                 gamma_dot: rates.gamma_dot,
                 gamma_ddot: rates.gamma_ddot,
@@ -203,11 +215,13 @@ impl Service for PathGeneratorService {
             gamma,
             gamma_dot,
             gamma_ddot,
+            taken_at_ns: self.taken_at_ns,
             states: self.states.save(),
         }
     }
 
     fn restore(&mut self, state: &PathGeneratorState) {
+        self.taken_at_ns = state.taken_at_ns;
         self.motion = PathMotion {
             gamma: state.gamma,
             gamma_dot: state.gamma_dot,

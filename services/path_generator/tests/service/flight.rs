@@ -39,15 +39,37 @@ pub(crate) fn step(
     elapsed_ticks: u64,
     state: Option<&VehicleState>,
 ) -> PathReference {
+    let input = InputView {
+        bytes: state.map(IntoBytes::as_bytes),
+        fresh: true,
+    };
+    step_on(generator, tick, elapsed_ticks, input)
+}
+
+/// One step at a base tick, the next after the one before, with a state that has been there before.
+pub(crate) fn step_on_old(
+    generator: &mut PathGeneratorService,
+    tick: u64,
+    state: &VehicleState,
+) -> PathReference {
+    let input = InputView {
+        bytes: Some(state.as_bytes()),
+        fresh: false,
+    };
+    step_on(generator, tick, 1, input)
+}
+
+fn step_on(
+    generator: &mut PathGeneratorService,
+    tick: u64,
+    elapsed_ticks: u64,
+    input: InputView<'_>,
+) -> PathReference {
     let mut reference = PathReference::new_zeroed();
     let now = Now {
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: elapsed_ticks * TICK_NS,
-    };
-    let input = InputView {
-        bytes: state.map(IntoBytes::as_bytes),
-        fresh: true,
     };
     let output = OutputSlot {
         bytes: Some(reference.as_mut_bytes()),

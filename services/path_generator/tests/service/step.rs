@@ -1,6 +1,6 @@
 //! How γ moves from step to step.
 
-use crate::flight::{TICK_NS, generator, paper_path, scenario, step, step_at, vehicle};
+use crate::flight::{TICK_NS, generator, paper_path, scenario, step, step_at, step_on_old, vehicle};
 use path_generator::{CurveError, PathGeneratorError, PathGeneratorService, PathGeneratorState};
 use proptest::prelude::*;
 use shared_types::Service;
@@ -268,6 +268,20 @@ fn the_reference_speaks_of_the_time_of_the_state_it_was_made_for() {
         (Some(&predicted(false)), 15_000_000),
     ] {
         assert_eq!(step(&mut generator, 10, 1, state).reference_time_ns, time_ns);
+    }
+}
+
+#[test]
+fn the_time_of_a_reference_goes_on_with_the_path_while_no_new_state_comes() {
+    let mut generator = generator(paper_path());
+    let state = VehicleState {
+        state_time_ns: 15_000_000,
+        ..vehicle([0.0; 3], [0.0; 3])
+    };
+    step(&mut generator, 10, 1, Some(&state));
+    for late in 1..50 {
+        let reference = step_on_old(&mut generator, 10 + late, &state);
+        assert_eq!(reference.reference_time_ns, (15 + late) * 1_000_000);
     }
 }
 
