@@ -85,7 +85,7 @@ crate::sample! {
         /// Common header.
         pub header: Header,
         /// The time that the reference speaks of, ns since the start of the flight: that of the state it was made for,
-        /// and since that was new as much later as it has become.
+        /// and as much later as that is older than it should be.
         pub reference_time_ns: u64,
         /// γ, path parameter.
         pub gamma: f64,

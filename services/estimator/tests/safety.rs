@@ -137,11 +137,17 @@ fn a_filtered_state_coasts_when_nothing_was_used_for_two_periods_and_the_latency
 }
 
 #[test]
-fn a_frame_that_is_not_finite_is_not_heard() {
-    let (mut with, mut without) = (service(FILTER), service(FILTER));
+fn a_frame_that_is_not_finite_or_asks_for_more_than_the_link_carries_is_not_heard() {
+    let with_link = format!("{FILTER}\n[rc_output]");
+    let (mut with, mut without) = (service(&with_link), service(&with_link));
     for tick in 0..200 {
         let mut garbage = frame(tick);
-        garbage.rates_body[1] = f64::NAN;
+        match tick % 4 {
+            0 => garbage.rates_body[1] = f64::NAN,
+            1 => garbage.rates_body[1] = -19.1,
+            2 => garbage.rates_body[2] = 8.1,
+            _ => garbage.thrust = 5.5,
+        }
         let capture = (&pose(tick), tick % 10 == 0);
         let heard = if tick % 3 == 1 { Some(&garbage) } else { None };
         let state = step(&mut with, tick, capture, heard);

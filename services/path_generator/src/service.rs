@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 use shared_types::gate::{StateGate, StateGateState};
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{PathReference, VehicleState};
-use shared_types::scenario::{self, PathMode, Scenario};
+use shared_types::scenario::{self, EdgeName, PathMode, Scenario};
 use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
 
@@ -31,8 +31,6 @@ shared_types::sample! {
         pub gamma_dot: f64,
         /// γ̈, 1/s².
         pub gamma_ddot: f64,
-        /// When the last good state was new, ns since the start of the flight.
-        pub taken_at_ns: u64,
         /// What is remembered of the vehicle's states.
         pub states: StateGateState,
     }
@@ -75,8 +73,8 @@ pub struct PathGeneratorService {
     /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
     yaws: Vec<(u64, f64)>,
     states: StateGate,
-    /// When the last good state was new, ns since the start of the flight.
-    taken_at_ns: u64,
+    /// The oldest that a state is while nothing fails, ns.
+    ordinary_age_ns: u64,
     motion: PathMotion,
 }
 
@@ -109,7 +107,8 @@ impl PathGeneratorService {
                 )
                 .collect(),
             states: StateGate::new(scenario.safety_of(Topic::VehicleState, ServiceId::PathGenerator)),
-            taken_at_ns: 0,
+            ordinary_age_ns: EdgeName::of(Topic::VehicleState, ServiceId::PathGenerator)
+                .map_or(0, |edge| scenario.ordinary_age_ns(edge)),
             motion: PathMotion {
                 gamma: path.initial_gamma,
                 gamma_dot: path.initial_gamma_dot,
@@ -165,9 +164,7 @@ impl Service for PathGeneratorService {
 
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
         self.motion.advance(now.elapsed());
-        if self.states.look(now, &inputs.state) {
-            self.taken_at_ns = now.time_ns;
-        }
+        self.states.look(now, &inputs.state);
         let point = self.curve.at(self.motion.gamma);
         let newest = self.states.held(&inputs.state);
         let known = newest.filter(|vehicle| vehicle.tracked.is_set() && !self.states.is_too_old(now));
@@ -177,14 +174,14 @@ impl Service for PathGeneratorService {
         };
         self.motion.gamma_dot = rates.gamma_dot;
         self.motion.gamma_ddot = rates.gamma_ddot;
+        // The path does not wait for a state that is late.
+        let age_ns = self.states.age_ns(now).unwrap_or(0);
+        let late_ns = age_ns.saturating_sub(self.ordinary_age_ns);
         if let Some(reference) = outputs.reference.due() {
             *reference = PathReference {
                 header: reference.header,
-                // The path has moved on since the state was new.
                 reference_time_ns: newest.map_or(now.time_ns, |vehicle| {
-                    vehicle
-                        .state_time_ns
-                        .saturating_add(now.time_ns - self.taken_at_ns)
+                    vehicle.state_time_ns.saturating_add(late_ns)
                 }),
                 gamma: self.motion.gamma,
                 gamma_dot: rates.gamma_dot,
@@ -215,13 +212,11 @@ impl Service for PathGeneratorService {
             gamma,
             gamma_dot,
             gamma_ddot,
-            taken_at_ns: self.taken_at_ns,
             states: self.states.save(),
         }
     }
 
     fn restore(&mut self, state: &PathGeneratorState) {
-        self.taken_at_ns = state.taken_at_ns;
         self.motion = PathMotion {
             gamma: state.gamma,
             gamma_dot: state.gamma_dot,

@@ -4,8 +4,8 @@
 //! and in the air that are in force from tick k−1. A change at tick k is published in `truth(k)` and acts from
 //! k·h on. What is published is the motion of the body's origin; what is kept that of the centre of mass.
 //!
-//! A frame that holds a number which is not finite is not received, as a receiver drops what fails its checksum:
-//! the frame before goes on acting.
+//! A frame that holds a number which is not finite, or asks for something that nobody knows, is not received, as a
+//! receiver drops what fails its checksum: the frame before goes on acting.
 
 use std::ops::Range;
 
@@ -87,7 +87,10 @@ impl PlantService {
     /// The newest frame that is whole.
     #[inline]
     fn receive(&mut self, newest: Option<&RcFrame>) -> Option<RcFrame> {
-        let whole = newest.filter(|frame| frame.is_finite()).copied();
+        let is_known = |mode| matches!(mode, RcFrame::MODE_TORQUE | RcFrame::MODE_RATES);
+        let whole = newest
+            .filter(|frame| frame.is_finite() && is_known(frame.mode))
+            .copied();
         if matches!(self.actuators, Actuators::Ideal) && newest.is_some() {
             self.received = whole.or(self.received);
             self.received

@@ -60,7 +60,7 @@ fn reborn(service: &PlantService, sections: &str) -> PlantService {
 }
 
 #[test]
-fn a_frame_that_is_not_finite_is_not_received_and_the_one_before_goes_on_acting() {
+fn a_frame_that_is_not_finite_or_of_an_unknown_mode_is_not_received_and_the_one_before_goes_on_acting() {
     for (sections, mode) in [(IDEAL, RcFrame::MODE_TORQUE), (RATE_LOOP, RcFrame::MODE_RATES)] {
         let (mut disturbed, mut undisturbed) = (service(sections), service(sections));
         for tick in 0..300 {
@@ -70,7 +70,10 @@ fn a_frame_that_is_not_finite_is_not_received_and_the_one_before_goes_on_acting(
             if tick > 7 && tick % 7 != 0 {
                 received.header.seq = tick;
                 received.channels = [9; 16];
-                received.thrust = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY][tick as usize % 3];
+                match tick % 4 {
+                    3 => received.mode = 77,
+                    kind => received.thrust = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY][kind as usize],
+                }
             }
             disturbed = reborn(&disturbed, sections);
             let (truth, _) = step(&mut disturbed, tick, &received);
@@ -95,8 +98,6 @@ proptest! {
             let mut frame = RcFrame::read_from_bytes(bytes).unwrap();
             if *sends_rates {
                 frame.mode = RcFrame::MODE_RATES;
-            } else {
-                frame.torque_body = [0.0; 3];
             }
             let (truth, pose) = step(&mut service, tick, &frame);
             prop_assert!(truth.is_finite() && pose.is_finite(), "{:?}", truth);

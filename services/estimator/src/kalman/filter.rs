@@ -9,7 +9,8 @@
 //! * one that is no pose at all, or from the future, is refused and counted, and never started from;
 //! * when numbers of no flight (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next capture
 //!   that is believed starts the filter from nothing;
-//! * a frame with a number that is not finite is not heard, as the vehicle does not receive it;
+//! * a frame with a number that is not finite is not heard, as the vehicle does not receive it, nor one that asks for
+//!   more than the link can carry;
 //! * without a capture used for two periods of the cameras and their latency the state is said to coast;
 //! * without any for [`coast`](Kalman::coast) the state is predicted on, but no longer counts as tracked; when
 //!   `restart_after` has passed as well the vehicle is lost: there is no state any more, and the next capture
@@ -19,7 +20,7 @@ use nalgebra::SVector;
 use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::sample::Field;
 use shared_types::samples::{MocapPose, RcFrame};
-use shared_types::scenario::{Kalman, Key, Model, Problem, Scenario};
+use shared_types::scenario::{Kalman, Key, Model, Problem, RcLink, Scenario};
 use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -28,6 +29,9 @@ use super::commands::{CAPACITY, CommandHistory};
 use super::error_state::ProcessNoise;
 use super::motion::{Actuation, VehicleModel};
 use crate::source::{Estimate, is_pose};
+
+/// By how much more than its limits a channel may mean, as a share.
+const ROUNDING: f64 = 1e-9;
 
 /// What has become of a capture.
 #[derive(Clone, Debug)]
@@ -53,6 +57,8 @@ pub struct KalmanFilter {
     /// Time without a capture after which one must be missing, ns.
     patience_ns: u64,
     prediction: bool,
+    /// Largest thrust (N) and body rates (rad/s) that the link can carry.
+    most_sent: [f64; 4],
     radio_latency_ns: u64,
     capture_latency_ns: Option<u64>,
     pub(super) memory: Memory,
@@ -101,6 +107,7 @@ impl KalmanFilter {
             restart_after_ns: nanoseconds(kalman.restart_after),
             coast_ns: nanoseconds(kalman.coast),
             prediction: kalman.prediction,
+            most_sent: scenario.rc_output.as_ref().map_or([f64::INFINITY; 4], most_sent),
             radio_latency_ns: nanoseconds(model.radio_latency),
             capture_latency_ns: model.capture_latency.map(nanoseconds),
             memory: Memory {
@@ -116,7 +123,7 @@ impl KalmanFilter {
     /// If the history is full, as in a long while without captures, the belief is carried on to where its second
     /// command begins, so that none is forgotten before it has been used; older captures then come too late.
     pub fn hear(&mut self, now_ns: u64, frame: &RcFrame) {
-        if !frame.is_finite() {
+        if !frame.is_finite() || !self.can_be_sent(frame) {
             return;
         }
         let is_lost = self.is_lost(now_ns);
@@ -130,6 +137,16 @@ impl KalmanFilter {
         }
         let acts_from_ns = frame.header.stamp_ns.saturating_add(self.radio_latency_ns);
         history.push(history.meaning(acts_from_ns, frame));
+    }
+
+    /// Whether the link can carry a frame.
+    fn can_be_sent(&self, frame: &RcFrame) -> bool {
+        if !matches!(frame.mode, RcFrame::MODE_TORQUE | RcFrame::MODE_RATES) {
+            return false;
+        }
+        let [most_thrust, rates @ ..] = self.most_sent;
+        let asked = frame.rates_body.iter().zip(&rates);
+        frame.thrust.abs() <= most_thrust && asked.into_iter().all(|(rate, most)| rate.abs() <= *most)
     }
 
     /// Looks at a capture that has arrived.
@@ -263,6 +280,14 @@ impl KalmanFilter {
         self.memory.captures_refused = self.memory.captures_refused.saturating_add(1);
         Outcome::Refused
     }
+}
+
+/// Largest thrust (N) and body rates (rad/s) that a link can carry, and a rounding more.
+fn most_sent(link: &RcLink) -> [f64; 4] {
+    let [_, thrust] = link.thrust_limits();
+    let [least, most] = link.rate_range.map(f64::abs);
+    let [x, y, z] = link.rate_slope.map(|slope| slope.abs() * least.max(most));
+    [thrust, x, y, z].map(|limit| limit * (1.0 + ROUNDING))
 }
 
 /// The pose of a capture, if it is one.

@@ -253,13 +253,19 @@ fn a_generator_restored_between_yaw_steps_goes_on_with_the_yaw_of_the_time() {
     }
 }
 
+/// A state of tick 10 that is predicted 5 ms ahead.
+fn predicted() -> VehicleState {
+    let mut state = vehicle([0.0; 3], [0.0; 3]);
+    (state.header.stamp_ns, state.state_time_ns) = (10_000_000, 15_000_000);
+    state
+}
+
 #[test]
 fn the_reference_speaks_of_the_time_of_the_state_it_was_made_for() {
-    // A state that is predicted 5 ms ahead, seen or not; without any there is only the time of the step.
+    // A state, seen or not; without any there is only the time of the step.
     let predicted = |tracked: bool| VehicleState {
-        state_time_ns: 15_000_000,
         tracked: tracked.into(),
-        ..vehicle([0.0; 3], [0.0; 3])
+        ..predicted()
     };
     let mut generator = generator(paper_path());
     for (state, time_ns) in [
@@ -272,12 +278,9 @@ fn the_reference_speaks_of_the_time_of_the_state_it_was_made_for() {
 }
 
 #[test]
-fn the_time_of_a_reference_goes_on_with_the_path_while_no_new_state_comes() {
+fn the_time_of_a_reference_goes_on_with_the_path_while_states_are_late() {
     let mut generator = generator(paper_path());
-    let state = VehicleState {
-        state_time_ns: 15_000_000,
-        ..vehicle([0.0; 3], [0.0; 3])
-    };
+    let state = predicted();
     step(&mut generator, 10, 1, Some(&state));
     for late in 1..50 {
         let reference = step_on_old(&mut generator, 10 + late, &state);
