@@ -31,9 +31,10 @@ impl TickSink for Flight {
 
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
         match topic {
-            Topic::ControlErrors => self
-                .z1
-                .push(z1_norm(ControlErrors::ref_from_bytes(bytes).unwrap())),
+            Topic::ControlErrors => self.z1.push(
+                z1_norm(ControlErrors::ref_from_bytes(bytes).unwrap())
+                    .expect("the law is asked at every tick"),
+            ),
             Topic::PathReference => self
                 .gamma_dot
                 .push(PathReference::ref_from_bytes(bytes).unwrap().gamma_dot),

@@ -80,7 +80,11 @@ fn faults_of_all_edges(milliseconds: u32) -> String {
     let (lasts, by) = (f64::from(milliseconds) / 1e3, f64::from(milliseconds / 2) / 1e3);
     let mut faults = Vec::new();
     for (edge, number) in EdgeName::all().zip(0..) {
-        let numbers = edge.topic.members().into_iter().find(|member| member.is_number());
+        let numbers = edge
+            .topic
+            .members()
+            .into_iter()
+            .find(shared_types::sample::Member::is_number);
         let field = numbers.expect("every topic of an edge has numbers").name;
         let kinds = [
             format!("kind = \"delay\", by = {by:?}"),

@@ -298,12 +298,14 @@ impl SequenceCount {
     }
 }
 
-/// ‖z1‖, the distance of the vehicle from its point on the path, m.
+/// ‖z1‖, the distance of the vehicle from its point on the path, m; `None` where the law was not asked: its ζ is
+/// never zero, being what holds the vehicle against gravity.
 #[must_use]
 #[inline]
-pub fn z1_norm(errors: &ControlErrors) -> f64 {
+pub fn z1_norm(errors: &ControlErrors) -> Option<f64> {
     let [x, y, z] = errors.z1;
-    (x * x + y * y + z * z).sqrt()
+    let was_asked = (errors.z1, errors.zeta) != ([0.0; 3], [0.0; 3]);
+    was_asked.then(|| (x * x + y * y + z * z).sqrt())
 }
 
 #[inline]

@@ -48,7 +48,7 @@ pub(super) struct Stretch {
 pub(super) enum Source {
     /// The controller told it.
     Controller,
-    /// The controller was out: the true distance from the newest reference.
+    /// The controller was out, or its law was not asked: the true distance from the newest reference.
     Truth,
 }
 
@@ -66,17 +66,13 @@ impl Curve {
             .map(|schedule| Gaps::new(&schedule));
         let mut pen = Pen::new(span.within(scenario.duration));
         while let Some(logged) = reader.next_sample()? {
-            if logged.topic == Topic::ControlErrors {
-                let errors = read::<ControlErrors>(logged.bytes);
+            let errors = (logged.topic == Topic::ControlErrors).then(|| read::<ControlErrors>(logged.bytes));
+            if let Some((errors, z1_norm)) = errors.and_then(|errors| Some((errors, z1_norm(&errors)?))) {
                 let is_first_after_gap = gaps.as_mut().is_some_and(|gaps| gaps.close(errors.header.tick));
                 if is_first_after_gap {
                     pen.lift();
                 }
-                pen.draw(
-                    Source::Controller,
-                    seconds(errors.header.stamp_ns),
-                    z1_norm(&errors),
-                );
+                pen.draw(Source::Controller, seconds(errors.header.stamp_ns), z1_norm);
             } else if let Some((time, error)) = gaps
                 .as_mut()
                 .and_then(|gaps| gaps.observe(logged.topic, logged.bytes))

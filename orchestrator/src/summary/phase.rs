@@ -66,8 +66,11 @@ impl PhaseRecord {
 
     /// Takes ‖z1‖ (m) at a tick into account.
     #[inline]
-    pub(super) fn observe_error(&mut self, tick: u64, z1_norm: f64) {
+    pub(super) fn observe_error(&mut self, tick: u64, z1_norm: Option<f64>) {
         self.last_tick = Some(tick);
+        let Some(z1_norm) = z1_norm else {
+            return;
+        };
         self.peak = self.peak.max(z1_norm);
         if tick >= self.window_tick {
             self.ultimate = self.ultimate.max(z1_norm);
