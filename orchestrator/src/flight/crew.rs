@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use runtime::checkpoints::Checkpoints;
 use runtime::control::{ControlError, Start, ToOrchestrator, ToService};
 use runtime::crash::Crash;
+use runtime::deployment;
 use runtime::doorbell::Doorbell;
 use runtime::ports::Member;
 use runtime::shared_page::SharedPage;
@@ -196,6 +197,19 @@ impl<'a> Crew<'a> {
         Process::start(service, &files).map_err(setup)
     }
 
+    /// Starts a process on the core on which it will fly: the others of the run wait for it there, while this process
+    /// is busy on another one.
+    fn spawn_on_its_core(&self, service: ServiceId) -> Result<Process, FlightFailure> {
+        let own = deployment::allowed_cores();
+        let moved = self.start.core.map(|core| deployment::pin_to(&[core]));
+        let process = self.spawn(service);
+        if moved.is_some_and(|moved| moved.is_ok()) {
+            // Only slower if it is refused.
+            let _ = deployment::pin_to(&own);
+        }
+        process
+    }
+
     /// Tells a process that has just been started what to fly.
     fn instruct(&mut self, service: ServiceId) -> Result<(), FlightFailure> {
         let life = self.members[service.index()].lives - 1;
@@ -300,7 +314,7 @@ impl<'a> Crew<'a> {
 
     fn give_birth(&mut self, at: usize) -> Result<(), FlightFailure> {
         let service = self.members[at].service;
-        let process = self.spawn(service)?;
+        let process = self.spawn_on_its_core(service)?;
         let member = &mut self.members[at];
         member.process = process;
         member.lives += 1;

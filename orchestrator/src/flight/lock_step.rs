@@ -21,6 +21,9 @@ use crate::run_root::RunRoot;
 /// How often the recorder looks: between two looks the fastest flight fills a tenth of its buffers.
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
+/// How often it looks while a service is being born again and the flight waits.
+const BIRTH_PERIOD: Duration = Duration::from_micros(100);
+
 /// How the processes of a run use the machine. Nothing of it changes the log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Deployment {
@@ -162,7 +165,12 @@ impl Flight<'_> {
             if let Some(signal) = interrupt.signal() {
                 return Ok(Outcome::Interrupted { signal });
             }
-            for event in self.crew.watch(RECORDER_PERIOD) {
+            let period = if self.crew.needs_care() {
+                BIRTH_PERIOD
+            } else {
+                RECORDER_PERIOD
+            };
+            for event in self.crew.watch(period) {
                 self.attend_to(event)?;
             }
             if self.crew.needs_care() {
