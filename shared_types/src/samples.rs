@@ -1,6 +1,6 @@
 //! The samples of the flight. Frames: {I} ("world", z down) and {B} ("body"). SI units, radians.
 
-use crate::sample::{Flag, Header};
+use crate::sample::{Field, Flag, Header};
 
 crate::sample! {
     /// The plant's true state at the sample's tick.
@@ -228,5 +228,14 @@ crate::sample! {
         pub text_length: u32,
         /// What happens, in words, UTF-8, filled up with zeros.
         pub text: [u8; 120],
+    }
+}
+
+impl RcFrame {
+    /// Whether a receiver takes it: its numbers are finite, and what it asks for is something that is known.
+    #[must_use]
+    #[inline]
+    pub fn is_whole(&self) -> bool {
+        self.is_finite() && matches!(self.mode, Self::MODE_TORQUE | Self::MODE_RATES)
     }
 }

@@ -117,7 +117,7 @@ fn cases(arguments: &Faults) -> Result<Vec<Case>, Failure> {
     let services: Vec<ServiceId> = plan::services()
         .filter(|service| !is_narrowed || arguments.services.contains(service))
         .collect();
-    let edges: Vec<EdgeName> = plan::edges()
+    let edges: Vec<EdgeName> = EdgeName::all()
         .filter(|edge| !is_narrowed || arguments.edges.contains(edge))
         .collect();
     let cases = plan::cases(&services, &edges, &troubles);

@@ -14,11 +14,6 @@ pub fn services() -> impl Iterator<Item = ServiceId> {
     all.filter(|&service| service != ServiceId::Plant)
 }
 
-/// The edges that can fail: all.
-pub fn edges() -> impl Iterator<Item = EdgeName> {
-    EdgeName::all()
-}
-
 /// What befalls whom.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Case {
@@ -120,7 +115,7 @@ mod tests {
     #[test]
     fn the_whole_matrix_has_every_service_but_the_plant_and_every_edge_in_all_ways() {
         let services: Vec<_> = services().collect();
-        let edges: Vec<_> = edges().collect();
+        let edges: Vec<_> = EdgeName::all().collect();
         let cases = cases(&services, &edges, &Trouble::ALL);
         assert_eq!(cases.len(), 3 * (ServiceId::ALL.len() - 1) + 6 * edges.len());
         assert!(

@@ -170,14 +170,15 @@ impl FromStr for Troubles {
 mod tests {
     use super::*;
     use crate::log::test_flight::scenario;
-    use crate::matrix::plan::{edges, services};
+    use crate::matrix::plan::services;
+    use shared_types::scenario::EdgeName;
 
     #[test]
     fn every_fault_of_the_matrix_can_be_flown() {
         for tick in [0.001, 0.022, 0.1] {
             let plain = scenario(tick, 22.0);
             let services = services().map(Target::Service);
-            for target in services.chain(edges().map(Target::Edge)) {
+            for target in services.chain(EdgeName::all().map(Target::Edge)) {
                 for trouble in Trouble::ALL.into_iter().filter(|trouble| trouble.befalls(target)) {
                     let mut scenario = plain.clone();
                     scenario.fault = vec![trouble.fault(target, &scenario, 11.0, 2.2)];

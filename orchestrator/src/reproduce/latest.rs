@@ -1,9 +1,10 @@
 //! The latest of what a flight published that is compared with something else.
 
+use shared_types::Topic;
 use shared_types::samples::{ControlAdaptation, PathReference, VehicleTruth};
-use shared_types::{Sample, Topic};
 
 use super::path_clock::PathClock;
+use crate::summary::read;
 
 /// The latest samples of a flight under way.
 #[derive(Clone, Debug, Default)]
@@ -27,10 +28,4 @@ impl Latest {
             _ => {}
         }
     }
-}
-
-/// A sample of its topic.
-#[inline]
-pub(super) fn read<T: Sample>(bytes: &[u8]) -> T {
-    T::read_from_bytes(bytes).expect("hosts hand out samples of their topic")
 }

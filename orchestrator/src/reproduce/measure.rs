@@ -15,10 +15,11 @@ use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::samples::{ControlAdaptation, RcFrame, VehicleTruth};
 use shared_types::scenario::Scenario;
 
-use super::latest::{Latest, read};
+use super::latest::Latest;
 use super::path_clock::Demand;
 use super::statistics::Statistics;
 use super::windows::{JUDGED, Windows};
+use crate::summary::read;
 
 /// What a flight came to; SI units.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -14,7 +14,7 @@ fn flight() -> (Scenario, Schedule) {
     (scenario, schedule)
 }
 
-fn facts() -> RunFacts {
+pub(super) fn facts() -> RunFacts {
     RunFacts {
         scenario: "test".to_owned(),
         host: "inprocess".to_owned(),

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use shared_types::Topic;
-use shared_types::scenario::{GRAVITY, RateCommand, RcLink, Scenario};
+use shared_types::scenario::{GRAVITY, RateCommand, Scenario, Vector};
 use shared_types::service::seconds;
 
 use crate::law::Evaluation;
@@ -61,12 +61,7 @@ impl Commander {
     #[must_use]
     pub fn new(scenario: &Scenario, rates: &RateCommand) -> Self {
         let model = scenario.model.clone().unwrap_or_default();
-        let (thrust_limits, rate_limits) = scenario
-            .rc_output
-            .as_ref()
-            .map_or(([0.0, f64::INFINITY], [f64::INFINITY; 3]), |link| {
-                (RcLink::thrust_limits(link), RcLink::rate_limits(link))
-            });
+        let (thrust_limits, rate_limits) = link_limits(scenario);
         Self {
             roll_out: RollOut::new(rates, &model, hold(scenario)),
             yaw: YawLaw::new(rates, rate_limits[2]),
@@ -116,6 +111,14 @@ impl Commander {
             is_telling: is_within && acting.thrust >= self.airborne_thrust,
         }
     }
+}
+
+/// Least and largest thrust (N), and largest body rates (rad/s), that the link can carry; an ideal one carries all.
+pub(crate) fn link_limits(scenario: &Scenario) -> ([f64; 2], Vector) {
+    let link = scenario.rc_output.as_ref();
+    link.map_or(([0.0, f64::INFINITY], [f64::INFINITY; 3]), |link| {
+        (link.thrust_limits(), link.rate_limits())
+    })
 }
 
 /// For how long a command is held, s.

@@ -153,28 +153,15 @@ impl Leveller {
 mod tests {
     use super::*;
     use crate::reckoning::Reckoner;
+    use crate::reckoning::tests::scenario;
     use proptest::prelude::*;
     use shared_types::samples::VehicleState;
-    use shared_types::scenario::Scenario;
     use zerocopy::FromZeros;
 
     const BELIEVED: Believed = Believed {
         mass: 0.2,
         disturbance_world: Vector3::new(0.0, 0.0, 0.3),
     };
-
-    fn scenario(rates: bool) -> Scenario {
-        let rig = if rates {
-            r#""controller": {"rates": {}}, "model": {}, "rc_output": {}, "estimator": {"kalman": {}},"#
-        } else {
-            ""
-        };
-        serde_json::from_str(&format!(
-            r#"{{"duration": 1, {rig} "vehicle": {{"mass": 0.2, "inertia": [6.5e-4, 6.5e-4, 13e-4]}},
-                "path": {{"curve": {{"hover": {{"position": [0.0, 0.0, -1.0]}}}}}}}}"#
-        ))
-        .unwrap()
-    }
 
     proptest! {
         #[test]

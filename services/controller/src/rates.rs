@@ -19,12 +19,12 @@
 
 use nalgebra::Vector3;
 use shared_types::rotation;
-use shared_types::scenario::{GRAVITY, Model, RateCommand};
+use shared_types::scenario::{Model, RateCommand};
 
 use crate::law::{Evaluation, evaluate};
 use crate::offset::hanging_offset;
 use crate::parameters::Parameters;
-use crate::signals::{Acting, Estimates, Measured, Reference};
+use crate::signals::{Acting, Estimates, Measured, ProjectedEstimates, Reference, acceleration};
 
 /// What the roll-out knows of vehicle and link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -179,22 +179,22 @@ fn unexplained(
     estimates: &Estimates,
     acting: &Acting,
 ) -> Vector3<f64> {
-    acting.acceleration_world - acceleration(parameters, estimates, measured, acting.thrust)
+    acting.acceleration_world - estimated_acceleration(parameters, estimates, measured, acting.thrust)
 }
 
 /// v̇ of (2) in {I}, m/s², with the estimates for the unknown parameters.
 #[inline]
-fn acceleration(
+fn estimated_acceleration(
     parameters: &Parameters,
     estimates: &Estimates,
     vehicle: &Measured,
     thrust: f64,
 ) -> Vector3<f64> {
-    let eta = parameters.eta_projection.value(estimates.eta);
-    let b = estimates
-        .disturbance_world
-        .map(|b| parameters.disturbance_projection.value(b));
-    Vector3::z() * GRAVITY + b - vehicle.world_from_body.column(2) * (eta * thrust)
+    let ProjectedEstimates {
+        eta,
+        disturbance_world,
+    } = estimates.projected(parameters);
+    acceleration(&vehicle.world_from_body, eta * thrust, &disturbance_world)
 }
 
 /// Vehicle and path in the roll-out.
@@ -219,7 +219,7 @@ impl Flight {
     /// (1)–(3), over `h` seconds.
     #[inline]
     fn move_vehicle(&mut self, parameters: &Parameters, estimates: &Estimates, thrust: f64, h: f64) {
-        let acceleration = acceleration(parameters, estimates, &self.vehicle, thrust) + self.push;
+        let acceleration = estimated_acceleration(parameters, estimates, &self.vehicle, thrust) + self.push;
         let vehicle = &mut self.vehicle;
         let r = vehicle.world_from_body;
         let velocity = r * vehicle.velocity_body;

@@ -16,10 +16,11 @@ use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation;
 use shared_types::sample::Flag;
 use shared_types::samples::VehicleState;
-use shared_types::scenario::{GRAVITY, RcLink, Scenario};
+use shared_types::scenario::Scenario;
 
+use crate::commander::link_limits;
 use crate::parameters::Parameters;
-use crate::signals::Estimates;
+use crate::signals::{Estimates, acceleration};
 
 /// Longest step of the reckoning, s, and most steps at once: a longer while is reckoned in longer steps.
 const STEP: f64 = 0.002;
@@ -83,16 +84,15 @@ impl Believed {
     /// What the projected estimates say.
     #[must_use]
     pub fn new(parameters: &Parameters, estimates: &Estimates) -> Self {
+        let projected = estimates.projected(parameters);
         Self {
-            mass: 1.0 / parameters.eta_projection.value(estimates.eta),
-            disturbance_world: estimates
-                .disturbance_world
-                .map(|b| parameters.disturbance_projection.value(b)),
+            mass: 1.0 / projected.eta,
+            disturbance_world: projected.disturbance_world,
         }
     }
 
     fn acceleration(&self, world_from_body: &Matrix3<f64>, thrust: f64) -> Vector3<f64> {
-        Vector3::z() * GRAVITY + self.disturbance_world - world_from_body.column(2) * (thrust / self.mass)
+        acceleration(world_from_body, thrust / self.mass, &self.disturbance_world)
     }
 }
 
@@ -122,12 +122,7 @@ impl Reckoner {
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let model = scenario.model.clone().unwrap_or_default();
-        let (thrust_limits, rate_limits) = scenario
-            .rc_output
-            .as_ref()
-            .map_or(([0.0, f64::INFINITY], [f64::INFINITY; 3]), |link| {
-                (RcLink::thrust_limits(link), RcLink::rate_limits(link))
-            });
+        let (thrust_limits, rate_limits) = link_limits(scenario);
         let actuation = match scenario.controller.rates {
             None => Actuation::Torque,
             Some(_) => Actuation::Rates {
@@ -315,14 +310,15 @@ impl Reckoned {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use proptest::prelude::*;
+    use shared_types::scenario::GRAVITY;
     use zerocopy::FromZeros;
 
     const MASS: f64 = 0.2;
 
-    fn scenario(rates: bool) -> Scenario {
+    pub(crate) fn scenario(rates: bool) -> Scenario {
         let rig = if rates {
             r#""controller": {"rates": {}}, "model": {}, "rc_output": {}, "estimator": {"kalman": {}},"#
         } else {

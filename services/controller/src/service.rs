@@ -247,14 +247,11 @@ impl Service for ControllerService {
 
 #[inline]
 fn write_adaptation(adaptation: &mut ControlAdaptation, parameters: &Parameters, estimates: &Estimates) {
-    let eta_projected = parameters.eta_projection.value(estimates.eta);
-    let disturbance_projected = estimates
-        .disturbance_world
-        .map(|b| parameters.disturbance_projection.value(b));
+    let projected = estimates.projected(parameters);
     adaptation.eta_hat = estimates.eta;
-    adaptation.eta_projected = eta_projected;
-    adaptation.mass_estimate = 1.0 / eta_projected;
+    adaptation.eta_projected = projected.eta;
+    adaptation.mass_estimate = 1.0 / projected.eta;
     adaptation.disturbance_hat_world = estimates.disturbance_world.into();
-    adaptation.disturbance_projected_world = disturbance_projected.into();
+    adaptation.disturbance_projected_world = projected.disturbance_world.into();
     adaptation.w_hat = estimates.w.into();
 }

@@ -3,8 +3,9 @@
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation;
 use shared_types::samples::{PathReference, VehicleState};
-use shared_types::scenario::InitialEstimates;
+use shared_types::scenario::{GRAVITY, InitialEstimates};
 
+use crate::parameters::Parameters;
 use crate::regressor::{ParameterVector, parameter_vector};
 
 /// State of the vehicle as the law sees it.
@@ -123,7 +124,40 @@ impl Reference {
     }
 }
 
+/// What the projections (5) make of the estimates of η and b.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ProjectedEstimates {
+    /// π(η̂), 1/kg.
+    pub eta: f64,
+    /// π(b̂) in {I}, m/s².
+    pub disturbance_world: Vector3<f64>,
+}
+
+/// v̇ of (2) in {I}, m/s², of a vehicle that its thrust would accelerate by `pull` (T/m, m/s²) and that is pushed by
+/// `disturbance_world`.
+#[must_use]
+#[inline]
+pub fn acceleration(
+    world_from_body: &Matrix3<f64>,
+    pull: f64,
+    disturbance_world: &Vector3<f64>,
+) -> Vector3<f64> {
+    Vector3::z() * GRAVITY + disturbance_world - world_from_body.column(2) * pull
+}
+
 impl Estimates {
+    /// What the projections make of them.
+    #[must_use]
+    #[inline]
+    pub fn projected(&self, parameters: &Parameters) -> ProjectedEstimates {
+        ProjectedEstimates {
+            eta: parameters.eta_projection.value(self.eta),
+            disturbance_world: self
+                .disturbance_world
+                .map(|b| parameters.disturbance_projection.value(b)),
+        }
+    }
+
     /// Whether all of them are finite numbers.
     #[must_use]
     #[inline]

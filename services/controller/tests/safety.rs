@@ -1,15 +1,23 @@
 //! What the controller does about states and references that are too old or cannot be true.
 
+#[path = "../../../tests/common/garbage.rs"]
+mod garbage;
+#[path = "../../../tests/common/rebirth.rs"]
+mod rebirth;
+mod support;
+
 use controller::ControllerService;
 use proptest::prelude::*;
+use shared_types::rotation;
 use shared_types::sample::Field;
-use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
+use shared_types::samples::{ControlAdaptation, ControlCommand, PathReference, VehicleState};
 use shared_types::scenario::Scenario;
-use shared_types::service::{ErasedService, InputView, OutputSlot};
-use shared_types::{Now, rotation};
-use zerocopy::{FromBytes, FromZeros, IntoBytes};
+use shared_types::service::InputView;
+use zerocopy::{FromZeros, IntoBytes};
 
-const TICK_NS: u64 = 1_000_000;
+use garbage::sample;
+use rebirth::reborn;
+use support::{Published, TICK_NS};
 
 /// A policy with every stage, ages in s.
 const POLICY: &str = r#""safety": {
@@ -84,51 +92,22 @@ fn reference(tick: u64) -> PathReference {
     reference
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Published {
-    command: ControlCommand,
-    adaptation: ControlAdaptation,
-    errors: ControlErrors,
-}
-
+/// One step on samples that are fresh in the tick in which they were published.
 fn step(
     service: &mut ControllerService,
     tick: u64,
     state: &VehicleState,
     reference: &PathReference,
 ) -> Published {
-    let mut published = Published {
-        command: ControlCommand::new_zeroed(),
-        adaptation: ControlAdaptation::new_zeroed(),
-        errors: ControlErrors::new_zeroed(),
-    };
-    let time_ns = tick * TICK_NS;
     let view = |bytes, stamp_ns| InputView {
         bytes: Some(bytes),
-        fresh: stamp_ns == time_ns,
+        fresh: stamp_ns == tick * TICK_NS,
     };
     let inputs = [
         view(state.as_bytes(), state.header.stamp_ns),
         view(reference.as_bytes(), reference.header.stamp_ns),
     ];
-    let mut outputs = [
-        OutputSlot {
-            bytes: Some(published.command.as_mut_bytes()),
-        },
-        OutputSlot {
-            bytes: Some(published.adaptation.as_mut_bytes()),
-        },
-        OutputSlot {
-            bytes: Some(published.errors.as_mut_bytes()),
-        },
-    ];
-    let now = Now {
-        tick,
-        time_ns,
-        elapsed_ns: if tick == 0 { 0 } else { TICK_NS },
-    };
-    ErasedService::step(service, &now, &inputs, &mut outputs);
-    published
+    support::step(service, tick, inputs)
 }
 
 /// One controller that flies on, and one that is born anew before every step: they must say the same.
@@ -148,10 +127,7 @@ impl Twins {
     }
 
     fn step(&mut self, tick: u64, state: &VehicleState, reference: &PathReference) -> Published {
-        let mut saved = vec![0; self.restarted.state_size()];
-        ErasedService::save(&self.restarted, &mut saved);
-        self.restarted = ControllerService::new(&self.scenario);
-        ErasedService::restore(&mut self.restarted, &saved);
+        self.restarted = reborn(&self.restarted, ControllerService::new(&self.scenario));
         let again = step(&mut self.restarted, tick, state, reference);
         let published = step(&mut self.steady, tick, state, reference);
         assert_eq!(published.command.as_bytes(), again.command.as_bytes(), "{tick}");
@@ -376,28 +352,6 @@ fn a_controller_that_begins_in_the_middle_of_a_loss_levels_the_vehicle() {
     let published = step(&mut service, 80, &state(50), &reference(80));
     assert_eq!(published.adaptation.stage, ControlAdaptation::STAGE_LEVEL);
     assert!((1.5..2.5).contains(&published.command.thrust));
-}
-
-/// Any bits, or if they are tame a number of any magnitude up to that of a flight's largest.
-fn number(bits: [u8; 8], tame: bool) -> [u8; 8] {
-    let word = u64::from_le_bytes(bits);
-    if !tame {
-        return bits;
-    }
-    let magnitude = libm::pow(10.0, (word % 13) as f64 - 3.0);
-    (magnitude * (word as f64 / 9.2e18 - 1.0)).to_le_bytes()
-}
-
-/// Bits of which some are what they should be, and always the header.
-fn sample<T: FromBytes + IntoBytes + zerocopy::Immutable>(bits: &[u8], good: &T, keep: &[bool]) -> T {
-    let mut bytes = good.as_bytes().to_vec();
-    for (index, chunk) in bytes.chunks_mut(8).enumerate().skip(3) {
-        if !keep[index % keep.len()] {
-            let garbage = bits[index * 8..index * 8 + 8].try_into().unwrap();
-            chunk.copy_from_slice(&number(garbage, bits[0].is_multiple_of(2))[..chunk.len()]);
-        }
-    }
-    T::read_from_bytes(&bytes).unwrap()
 }
 
 proptest! {

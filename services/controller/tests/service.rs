@@ -3,17 +3,18 @@
 
 #[path = "../../../tests/common/allocations.rs"]
 mod allocations;
+mod support;
 
 use controller::regressor::ParameterVector;
 use controller::{ControllerService, Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
 use nalgebra::Vector3;
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
 use shared_types::scenario::{Controller, Scenario};
-use shared_types::service::{ErasedService, InputView, OutputSlot};
-use shared_types::{Now, Service, rotation};
+use shared_types::service::{ErasedService, InputView};
+use shared_types::{Service, rotation};
 use zerocopy::{FromZeros, IntoBytes};
 
-const TICK_NS: u64 = 1_000_000;
+use support::Published;
 
 fn scenario() -> Scenario {
     serde_json::from_str(
@@ -56,54 +57,19 @@ fn reference() -> PathReference {
     reference
 }
 
-/// What a step published.
-#[derive(Debug, PartialEq)]
-struct Published {
-    command: ControlCommand,
-    adaptation: ControlAdaptation,
-    errors: ControlErrors,
-}
-
-/// One step as a host makes it.
+/// One step on fresh samples.
 fn step(
     service: &mut ControllerService,
     tick: u64,
     state: Option<&VehicleState>,
     reference: Option<&PathReference>,
 ) -> Published {
-    let mut published = Published {
-        command: ControlCommand::new_zeroed(),
-        adaptation: ControlAdaptation::new_zeroed(),
-        errors: ControlErrors::new_zeroed(),
-    };
-    let inputs = [
-        InputView {
-            bytes: state.map(IntoBytes::as_bytes),
-            fresh: true,
-        },
-        InputView {
-            bytes: reference.map(IntoBytes::as_bytes),
-            fresh: true,
-        },
-    ];
-    let mut outputs = [
-        OutputSlot {
-            bytes: Some(published.command.as_mut_bytes()),
-        },
-        OutputSlot {
-            bytes: Some(published.adaptation.as_mut_bytes()),
-        },
-        OutputSlot {
-            bytes: Some(published.errors.as_mut_bytes()),
-        },
-    ];
-    let now = Now {
+    let inputs = [state.map(IntoBytes::as_bytes), reference.map(IntoBytes::as_bytes)];
+    support::step(
+        service,
         tick,
-        time_ns: tick * TICK_NS,
-        elapsed_ns: if tick == 0 { 0 } else { TICK_NS },
-    };
-    ErasedService::step(service, &now, &inputs, &mut outputs);
-    published
+        inputs.map(|bytes| InputView { bytes, fresh: true }),
+    )
 }
 
 fn step_with_both(service: &mut ControllerService, tick: u64) -> Published {

@@ -1,12 +1,19 @@
 //! What the estimator does about captures and frames that are missing, too old or cannot be true.
 
+#[path = "../../../tests/common/garbage.rs"]
+mod garbage;
+#[path = "../../../tests/common/rebirth.rs"]
+mod rebirth;
+
 use estimator::EstimatorService;
 use proptest::prelude::*;
 use shared_types::Now;
 use shared_types::sample::Field;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
-use zerocopy::{FromBytes, FromZeros, IntoBytes};
+use zerocopy::{FromZeros, IntoBytes};
+
+use garbage::sample;
 
 const TICK_NS: u64 = 1_000_000;
 const IDEAL: &str = "";
@@ -69,11 +76,7 @@ fn step(
 }
 
 fn reborn(service: &EstimatorService, sections: &str) -> EstimatorService {
-    let mut saved = vec![0; service.state_size()];
-    ErasedService::save(service, &mut saved);
-    let mut fresh = self::service(sections);
-    ErasedService::restore(&mut fresh, &saved);
-    fresh
+    rebirth::reborn(service, self::service(sections))
 }
 
 #[test]
@@ -156,28 +159,6 @@ fn a_frame_that_is_not_finite_or_asks_for_more_than_the_link_carries_is_not_hear
             step(&mut without, tick, capture, None).as_bytes()
         );
     }
-}
-
-/// Any bits, or if they are tame a number of any magnitude up to that of a flight's largest.
-fn number(bits: [u8; 8], tame: bool) -> [u8; 8] {
-    let word = u64::from_le_bytes(bits);
-    if !tame {
-        return bits;
-    }
-    let magnitude = libm::pow(10.0, (word % 13) as f64 - 3.0);
-    (magnitude * (word as f64 / 9.2e18 - 1.0)).to_le_bytes()
-}
-
-/// Bits of which some are what they should be.
-fn sample<T: FromBytes + IntoBytes + zerocopy::Immutable>(bits: &[u8], good: &T, keep: &[bool]) -> T {
-    let mut bytes = good.as_bytes().to_vec();
-    for (index, chunk) in bytes.chunks_mut(8).enumerate().skip(3) {
-        if !keep[index % keep.len()] {
-            let garbage = bits[index * 8..index * 8 + 8].try_into().unwrap();
-            chunk.copy_from_slice(&number(garbage, bits[0].is_multiple_of(2))[..chunk.len()]);
-        }
-    }
-    T::read_from_bytes(&bytes).unwrap()
 }
 
 type Bits = (Vec<u8>, Vec<bool>, bool);

@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use nalgebra::Vector3;
 use shared_types::rotation::{from_roll_pitch_yaw, from_row_major, to_row_major};
-use shared_types::sample::{Field, Flag};
+use shared_types::sample::Flag;
 use shared_types::samples::{RcFrame, VehicleTruth};
 use shared_types::scenario::{InitialState, Scenario};
 use shared_types::wiring::{PlantInputs, PlantOutputs};
@@ -87,10 +87,7 @@ impl PlantService {
     /// The newest frame that is whole.
     #[inline]
     fn receive(&mut self, newest: Option<&RcFrame>) -> Option<RcFrame> {
-        let is_known = |mode| matches!(mode, RcFrame::MODE_TORQUE | RcFrame::MODE_RATES);
-        let whole = newest
-            .filter(|frame| frame.is_finite() && is_known(frame.mode))
-            .copied();
+        let whole = newest.filter(|frame| frame.is_whole()).copied();
         if matches!(self.actuators, Actuators::Ideal) && newest.is_some() {
             self.received = whole.or(self.received);
             self.received

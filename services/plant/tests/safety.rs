@@ -1,5 +1,8 @@
 //! What the vehicle does about frames that cannot have been sent.
 
+#[path = "../../../tests/common/rebirth.rs"]
+mod rebirth;
+
 use plant::PlantService;
 use proptest::prelude::*;
 use shared_types::Now;
@@ -52,11 +55,7 @@ fn step(service: &mut PlantService, tick: u64, frame: &RcFrame) -> (VehicleTruth
 }
 
 fn reborn(service: &PlantService, sections: &str) -> PlantService {
-    let mut saved = vec![0; service.state_size()];
-    ErasedService::save(service, &mut saved);
-    let mut fresh = self::service(sections);
-    ErasedService::restore(&mut fresh, &saved);
-    fresh
+    rebirth::reborn(service, self::service(sections))
 }
 
 #[test]

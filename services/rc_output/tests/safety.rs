@@ -1,5 +1,8 @@
 //! What the transmitter does about commands that are too old or cannot be meant.
 
+#[path = "../../../tests/common/rebirth.rs"]
+mod rebirth;
+
 use proptest::prelude::*;
 use rc_output::RcOutputService;
 use shared_types::Now;
@@ -47,11 +50,7 @@ fn step(service: &mut RcOutputService, tick: u64, command: Option<&ControlComman
 }
 
 fn reborn(service: &RcOutputService, sections: &[&str]) -> RcOutputService {
-    let mut saved = vec![0; service.state_size()];
-    ErasedService::save(service, &mut saved);
-    let mut fresh = self::service(sections);
-    ErasedService::restore(&mut fresh, &saved);
-    fresh
+    rebirth::reborn(service, self::service(sections))
 }
 
 #[test]

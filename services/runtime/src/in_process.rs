@@ -44,6 +44,8 @@ pub struct InProcess {
     stations: Vec<Station>,
     /// What services publish, in the order of the log.
     published: Vec<Source>,
+    /// Whether any input has planned faults.
+    has_stores: bool,
     next_tick: u64,
 }
 
@@ -162,6 +164,7 @@ impl InProcess {
         assert!(complete, "one of each service");
         let topics = Topic::ALL.into_iter();
         Self {
+            has_stores: stations.iter().any(|station| station.has_stores),
             stations,
             published: topics
                 .filter_map(|topic| Source::of(topic, schedule.order()))
@@ -225,6 +228,15 @@ impl InProcess {
                 station.step(&Others { before, after }, tick)?;
             }
         }
+        if self.has_stores {
+            self.keep_published(tick);
+        }
+        Ok(())
+    }
+
+    /// Lets every input with planned faults keep what was published at a tick.
+    #[cold]
+    fn keep_published(&mut self, tick: u64) {
         for place in 0..self.stations.len() {
             let (before, rest) = self.stations.split_at_mut(place);
             let (station, after) = rest.split_first_mut().expect("the place is one of theirs");
@@ -232,7 +244,6 @@ impl InProcess {
                 station.keep_published(&Others { before, after }, tick, |_| true);
             }
         }
-        Ok(())
     }
 
     #[inline]

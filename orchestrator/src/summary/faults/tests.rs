@@ -281,15 +281,8 @@ fn the_error_is_known_while_the_path_generator_is_out_and_its_point_moves_on_for
 
 #[test]
 fn a_summary_tells_of_faults_only_where_some_were_planned() {
-    use crate::summary::{FlightSummary, Outcome, RunFacts};
-    let facts = || RunFacts {
-        scenario: "test".to_owned(),
-        host: "inprocess".to_owned(),
-        outcome: Outcome::Completed,
-        reason: String::new(),
-        wall_seconds: 0.5,
-        rebirths: Vec::new(),
-    };
+    use crate::summary::FlightSummary;
+    use crate::summary::tests::facts;
     for is_planned in [false, true] {
         let mut scenario = scenario(0.01, 20.0);
         if is_planned {

@@ -9,8 +9,8 @@
 //! * one that is no pose at all, or from the future, is refused and counted, and never started from;
 //! * when numbers of no flight (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next capture
 //!   that is believed starts the filter from nothing;
-//! * a frame with a number that is not finite is not heard, as the vehicle does not receive it, nor one that asks for
-//!   more than the link can carry;
+//! * a frame that the vehicle does not receive ([`RcFrame::is_whole`]) is not heard, nor one that asks for more than the
+//!   link can carry;
 //! * without a capture used for two periods of the cameras and their latency the state is said to coast;
 //! * without any for [`coast`](Kalman::coast) the state is predicted on, but no longer counts as tracked; when
 //!   `restart_after` has passed as well the vehicle is lost: there is no state any more, and the next capture
@@ -18,7 +18,6 @@
 
 use nalgebra::SVector;
 use shared_types::rotation::{from_row_major, to_row_major};
-use shared_types::sample::Field;
 use shared_types::samples::{MocapPose, RcFrame};
 use shared_types::scenario::{Kalman, Key, Model, Problem, RcLink, Scenario};
 use shared_types::service::nanoseconds;
@@ -123,7 +122,7 @@ impl KalmanFilter {
     /// If the history is full, as in a long while without captures, the belief is carried on to where its second
     /// command begins, so that none is forgotten before it has been used; older captures then come too late.
     pub fn hear(&mut self, now_ns: u64, frame: &RcFrame) {
-        if !frame.is_finite() || !self.can_be_sent(frame) {
+        if !frame.is_whole() || !self.can_be_sent(frame) {
             return;
         }
         let is_lost = self.is_lost(now_ns);
@@ -141,9 +140,6 @@ impl KalmanFilter {
 
     /// Whether the link can carry a frame.
     fn can_be_sent(&self, frame: &RcFrame) -> bool {
-        if !matches!(frame.mode, RcFrame::MODE_TORQUE | RcFrame::MODE_RATES) {
-            return false;
-        }
         let [most_thrust, rates @ ..] = self.most_sent;
         let asked = frame.rates_body.iter().zip(&rates);
         frame.thrust.abs() <= most_thrust && asked.into_iter().all(|(rate, most)| rate.abs() <= *most)

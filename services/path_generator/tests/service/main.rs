@@ -5,5 +5,7 @@ mod allocation;
 mod allocations;
 mod evaluations;
 mod flight;
+#[path = "../../../../tests/common/rebirth.rs"]
+mod rebirth;
 mod safety;
 mod step;

@@ -5,10 +5,10 @@ use proptest::prelude::*;
 use shared_types::sample::Field;
 use shared_types::samples::VehicleState;
 use shared_types::scenario::{InputSafety, Scenario};
-use shared_types::service::ErasedService;
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::flight::{TICK_NS, paper_path, scenario, step_at, vehicle};
+use crate::rebirth;
 
 const MAX_AGE_TICKS: u64 = 30;
 
@@ -37,11 +37,7 @@ fn state(tick: u64) -> VehicleState {
 }
 
 fn reborn(service: &PathGeneratorService, scenario: &Scenario) -> PathGeneratorService {
-    let mut saved = vec![0; service.state_size()];
-    ErasedService::save(service, &mut saved);
-    let mut fresh = generator(scenario);
-    ErasedService::restore(&mut fresh, &saved);
-    fresh
+    rebirth::reborn(service, generator(scenario))
 }
 
 #[test]

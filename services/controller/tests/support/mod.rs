@@ -1,0 +1,39 @@
+//! Steps of the controller as a host makes them.
+
+use controller::ControllerService;
+use shared_types::Now;
+use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors};
+use shared_types::service::{ErasedService, InputView, OutputSlot};
+use zerocopy::{FromZeros, IntoBytes};
+
+pub(crate) const TICK_NS: u64 = 1_000_000;
+
+/// What a step published.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Published {
+    pub(crate) command: ControlCommand,
+    pub(crate) adaptation: ControlAdaptation,
+    pub(crate) errors: ControlErrors,
+}
+
+/// One step at a tick, one after the step before, on a state and a reference.
+pub(crate) fn step(service: &mut ControllerService, tick: u64, inputs: [InputView<'_>; 2]) -> Published {
+    let mut published = Published {
+        command: ControlCommand::new_zeroed(),
+        adaptation: ControlAdaptation::new_zeroed(),
+        errors: ControlErrors::new_zeroed(),
+    };
+    let mut outputs = [
+        published.command.as_mut_bytes(),
+        published.adaptation.as_mut_bytes(),
+        published.errors.as_mut_bytes(),
+    ]
+    .map(|bytes| OutputSlot { bytes: Some(bytes) });
+    let now = Now {
+        tick,
+        time_ns: tick * TICK_NS,
+        elapsed_ns: if tick == 0 { 0 } else { TICK_NS },
+    };
+    ErasedService::step(service, &now, &inputs, &mut outputs);
+    published
+}
