@@ -17,8 +17,9 @@ use runtime::crash::Crash;
 use runtime::deployment;
 use runtime::doorbell::Doorbell;
 use runtime::ports::Member;
-use runtime::shared_page::SharedPage;
+use runtime::shared_page::{Cell, SharedPage};
 use runtime::step::Timetable;
+use runtime::step_log::StepLog;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serde::Serialize;
 use shared_types::schedule::MAX_PORTS;
@@ -51,6 +52,7 @@ pub struct Crew<'a> {
     members: Vec<CrewMember>,
     page: SharedPage,
     checkpoints: Checkpoints,
+    step_log: StepLog,
     doorbells: Vec<Doorbell>,
     is_flying: bool,
     exits: Vec<(ServiceId, u32, Exit)>,
@@ -164,6 +166,7 @@ impl<'a> Crew<'a> {
             members: Vec::new(),
             page: SharedPage::create().map_err(setup)?,
             checkpoints: Checkpoints::create().map_err(setup)?,
+            step_log: StepLog::create().map_err(setup)?,
             doorbells,
             is_flying: false,
             exits: Vec::new(),
@@ -190,7 +193,7 @@ impl<'a> Crew<'a> {
 
     fn spawn(&self, service: ServiceId) -> Result<Process, FlightFailure> {
         let doorbells = self.doorbells.iter().map(AsFd::as_fd);
-        let files: Vec<_> = [self.page.file(), self.checkpoints.file()]
+        let files: Vec<_> = [self.page.file(), self.checkpoints.file(), self.step_log.file()]
             .into_iter()
             .chain(doorbells)
             .collect();
@@ -225,6 +228,12 @@ impl<'a> Crew<'a> {
     #[must_use]
     pub fn page(&self) -> &SharedPage {
         &self.page
+    }
+
+    /// What the services tell of their steps in real time.
+    #[must_use]
+    pub fn step_log(&self) -> &StepLog {
+        &self.step_log
     }
 
     /// The processes, by service.
@@ -355,6 +364,40 @@ impl<'a> Crew<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Lets services that were born again in real time go on at once, with the newest that comes.
+    ///
+    /// # Errors
+    /// [`FlightFailure`] if the system refuses.
+    pub fn resume_in_real_time(&mut self) -> Result<(), FlightFailure> {
+        for at in 0..self.members.len() {
+            if self.members[at].phase == Phase::Ready {
+                let service = self.members[at].service;
+                self.members[at].phase = Phase::Flying;
+                self.note_rebirth(service, self.next_tick(service).checked_sub(1));
+                self.say(service, &ToService::Go { reborn: true })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a service is in flight: neither being born nor dead nor at its end.
+    #[must_use]
+    pub fn flies(&self, service: ServiceId) -> bool {
+        self.members[service.index()].phase == Phase::Flying
+    }
+
+    /// Kills the process of a service, which is then born again.
+    pub fn kill(&mut self, service: ServiceId) {
+        // It fails only for a process that is gone.
+        let _ = self.members[service.index()].process.child.kill();
+    }
+
+    /// Whether every service has flown its last tick.
+    #[must_use]
+    pub fn has_finished(&self) -> bool {
+        self.members.iter().all(|member| member.phase == Phase::Finished)
     }
 
     fn resume_one(&mut self, service: ServiceId, recorder: &Recorder) -> Result<(), FlightFailure> {
@@ -551,6 +594,7 @@ impl<'a> Crew<'a> {
     /// Wakes everybody to look again, whatever has become of their wake-ups.
     pub fn rouse(&self) {
         self.doorbells.iter().for_each(Doorbell::ring);
+        self.page.words().cells.iter().for_each(Cell::ring);
     }
 
     /// Tells everybody to stop, waits until all are gone, and kills who does not go.

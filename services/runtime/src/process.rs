@@ -1,24 +1,29 @@
 //! What a service process does: join the run, make its ports, say that it is ready, fly, wait for the end.
 
+use std::num::NonZeroU64;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
-use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 use shared_types::service::ErasedService;
+use shared_types::{Schedule, ServiceId};
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
-    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, Start,
-    ToOrchestrator, ToService,
+    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, RealTime, SHARED_PAGE_FD,
+    STEP_LOG_FD, Start, ToOrchestrator, ToService,
 };
 use crate::crash::{CrashPlace, CrashPoint};
 use crate::deployment::{self, Scheduler};
 use crate::descriptors::inherited;
 use crate::doorbell::Doorbell;
+use crate::flight_clock::FlightClock;
 use crate::lock_step::{self, Cockpit, FlightError, ServicePorts};
 use crate::ports::{Member, PortError};
+use crate::real_time::{self, RealTimePorts};
 use crate::shared_page::SharedPage;
 use crate::step::Timetable;
+use crate::step_log::StepLog;
 use crate::wait::Waiter;
 
 /// Why a service process could not do its work, if there was no orchestrator left to be told.
@@ -60,6 +65,7 @@ pub fn run(
         channel,
         page,
         checkpoints,
+        step_log,
         doorbells,
     } = inherited;
     let start = match channel.receive()? {
@@ -68,8 +74,16 @@ pub fn run(
         ToService::Stop | ToService::Go { .. } | ToService::Missed { .. } => return Ok(()),
     };
     let (scheduler, warnings) = deploy(&start);
+    if start.real_time.is_some() {
+        // The system may end sleeps late to save power: by 50 µs unless it is told otherwise. It refuses nobody.
+        let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
+    }
     let mut waiter = Waiter::new(id, Arc::new(page), doorbells, channel, scheduler);
-    let result = fly(id, build, &start, warnings, &checkpoints, &mut waiter);
+    let kept = Kept {
+        checkpoints,
+        step_log,
+    };
+    let result = fly(id, build, &start, warnings, &kept, &mut waiter);
     report(waiter.channel(), result)
 }
 
@@ -105,7 +119,7 @@ fn fly(
     build: impl FnOnce(&Scenario) -> Result<Box<dyn ErasedService>, String>,
     start: &Start,
     warnings: Vec<String>,
-    checkpoints: &Checkpoints,
+    kept: &Kept,
     waiter: &mut Waiter,
 ) -> Result<(), ProcessError> {
     let crash = CrashPoint::new(start.crash);
@@ -115,36 +129,20 @@ fn fly(
         .map_err(|problems| ProcessError::Scenario(format!("{problems:?}")))?;
     let mut service = build(&start.scenario).map_err(ProcessError::Scenario)?;
     let member = Member::join(&start.iceoryx2_configuration, id.name())?;
-    crash.pass(CrashPlace::BeforePorts, 0);
-    let mut ports = ServicePorts::open(&member, id, &schedule, waiter)?;
-    ports.connect()?;
-    crash.pass(CrashPlace::AfterPorts, 0);
-    waiter.channel().send(&ToOrchestrator::Ready { warnings })?;
-    let ToService::Go { reborn } = waiter.channel().receive()? else {
-        return Ok(());
-    };
-    ports.connect()?;
-    ports.make_known();
-    let mut first_tick = 0;
-    if reborn {
-        ports.expect_missed(waiter.channel().try_clone()?)?;
-        if let Some(checkpoint) = checkpoints.newest(id) {
-            first_tick = checkpoint.next_tick;
-            let timetable = Timetable::new(&schedule, id);
-            let next = timetable.steps.first_at_or_after(first_tick);
-            if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
-                service.restore(&checkpoint.state);
-            }
-        }
-        crash.pass(CrashPlace::Recovering, first_tick);
-    }
-    let mut cockpit = Cockpit {
-        ports: &mut ports,
-        waiter,
-        checkpoints,
+    let launch = Launch {
+        schedule: &schedule,
+        member: &member,
+        kept,
         crash,
+        warnings,
     };
-    lock_step::fly(service.as_mut(), &schedule, first_tick, &mut cockpit)?;
+    let flown = match start.real_time {
+        None => launch.in_lock_step(service.as_mut(), waiter)?,
+        Some(settings) => launch.in_real_time(service.as_mut(), settings, waiter)?,
+    };
+    if !flown {
+        return Ok(());
+    }
     waiter.channel().send(&ToOrchestrator::Finished)?;
     // The last samples stay mapped until everyone has read them.
     loop {
@@ -155,6 +153,108 @@ fn fly(
             Err(error) => return Err(error.into()),
         }
     }
+}
+
+/// What a service knows and tells outside of its process.
+struct Kept {
+    checkpoints: Checkpoints,
+    step_log: StepLog,
+}
+
+/// A service that has joined the run, before it flies.
+struct Launch<'a> {
+    schedule: &'a Schedule,
+    member: &'a Member,
+    kept: &'a Kept,
+    crash: CrashPoint,
+    warnings: Vec<String>,
+}
+
+impl Launch<'_> {
+    /// Makes the ports and flies in lock-step; `false` if the run ended before.
+    fn in_lock_step(
+        self,
+        service: &mut dyn ErasedService,
+        waiter: &mut Waiter,
+    ) -> Result<bool, ProcessError> {
+        let id = service.id();
+        self.crash.pass(CrashPlace::BeforePorts, 0);
+        let mut ports = ServicePorts::open(self.member, id, self.schedule, waiter)?;
+        ports.connect()?;
+        self.crash.pass(CrashPlace::AfterPorts, 0);
+        let Some(reborn) = await_go(waiter.channel(), self.warnings)? else {
+            return Ok(false);
+        };
+        ports.connect()?;
+        ports.make_known();
+        let mut first_tick = 0;
+        if reborn {
+            ports.expect_missed(waiter.channel().try_clone()?)?;
+            if let Some(checkpoint) = self.kept.checkpoints.newest(id) {
+                first_tick = checkpoint.next_tick;
+                let timetable = Timetable::new(self.schedule, id);
+                let next = timetable.steps.first_at_or_after(first_tick);
+                if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
+                    service.restore(&checkpoint.state);
+                }
+            }
+            self.crash.pass(CrashPlace::Recovering, first_tick);
+        }
+        let mut cockpit = Cockpit {
+            ports: &mut ports,
+            waiter,
+            checkpoints: &self.kept.checkpoints,
+            crash: self.crash,
+        };
+        lock_step::fly(service, self.schedule, first_tick, &mut cockpit)?;
+        Ok(true)
+    }
+
+    /// Makes the ports and flies in real time; `false` if the run ended before.
+    fn in_real_time(
+        self,
+        service: &mut dyn ErasedService,
+        settings: RealTime,
+        waiter: &mut Waiter,
+    ) -> Result<bool, ProcessError> {
+        let id = service.id();
+        self.crash.pass(CrashPlace::BeforePorts, 0);
+        let mut ports = RealTimePorts::open(self.member, id, self.schedule)?;
+        self.crash.pass(CrashPlace::AfterPorts, 0);
+        let Some(reborn) = await_go(waiter.channel(), self.warnings)? else {
+            return Ok(false);
+        };
+        ports.connect()?;
+        let checkpoint = self.kept.checkpoints.newest(id).filter(|_| reborn);
+        if let Some(checkpoint) = &checkpoint {
+            self.crash.pass(CrashPlace::Recovering, checkpoint.next_tick);
+        }
+        let page = Arc::clone(waiter.page());
+        let mut cockpit = real_time::Cockpit {
+            ports,
+            checkpoints: &self.kept.checkpoints,
+            step_log: &self.kept.step_log,
+            clock: FlightClock {
+                start_ns: page.words().start_ns.load(Ordering::Acquire),
+                tick_ns: self.schedule.tick_ns(),
+            },
+            page,
+            grace_ns: settings.grace_ns,
+            crash: self.crash,
+        };
+        real_time::fly(service, self.schedule, checkpoint.as_ref(), &mut cockpit)?;
+        Ok(true)
+    }
+}
+
+/// Says that all ports are made and waits for the start: whether another process has flown before this one; none if
+/// the run ends.
+fn await_go(channel: &Channel, warnings: Vec<String>) -> Result<Option<bool>, ProcessError> {
+    channel.send(&ToOrchestrator::Ready { warnings })?;
+    Ok(match channel.receive()? {
+        ToService::Go { reborn } => Some(reborn),
+        _ => None,
+    })
 }
 
 /// Tells the orchestrator how it went, if it is still there.
@@ -176,6 +276,7 @@ struct Inherited {
     channel: Channel,
     page: SharedPage,
     checkpoints: Checkpoints,
+    step_log: StepLog,
     doorbells: Vec<Doorbell>,
 }
 
@@ -186,6 +287,7 @@ impl Inherited {
         let page = SharedPage::open(inherited(SHARED_PAGE_FD)?).map_err(|_| ProcessError::NotSpawned)?;
         let checkpoints =
             Checkpoints::open(inherited(CHECKPOINTS_FD)?).map_err(|_| ProcessError::NotSpawned)?;
+        let step_log = StepLog::open(inherited(STEP_LOG_FD)?).map_err(|_| ProcessError::NotSpawned)?;
         let numbers = (FIRST_DOORBELL_FD..).take(ServiceId::ALL.len());
         let doorbells = numbers
             .map(|number| inherited(number).map(Doorbell::inherited))
@@ -194,6 +296,7 @@ impl Inherited {
             channel,
             page,
             checkpoints,
+            step_log,
             doorbells,
         })
     }
