@@ -8,9 +8,9 @@
     reason = "iceoryx2 asks for promises about memory layout that only `unsafe` can give"
 )]
 
-use std::path::Path;
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, OnceLock};
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -21,7 +21,7 @@ use iceoryx2::sample::Sample as Received;
 use iceoryx2::sample_mut::SampleMut as Loaned;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
 use shared_types::wiring::TopicVisitor;
-use shared_types::{Sample, Schedule, Topic};
+use shared_types::{Sample, Schedule, ServiceId, Topic};
 
 use crate::doorbell::Doorbell;
 use crate::shared_page::{Owner, SharedPage};
@@ -99,6 +99,9 @@ unsafe impl<T: Sample> ZeroCopySend for Wire<T> {
     }
 }
 
+/// The configuration file of the run that this process belongs to: iceoryx2 keeps one for the whole process.
+static RUN: OnceLock<PathBuf> = OnceLock::new();
+
 /// A process's membership in the run.
 pub struct Member {
     node: Node<ipc::Service>,
@@ -118,17 +121,23 @@ impl Member {
         };
         let path = FilePath::new(configuration.as_os_str().as_encoded_bytes())
             .map_err(|error| bad_configuration(format!("{error:?}")))?;
-        let config = Config::setup_global_config_from_file(&path)
-            .map_err(|error| bad_configuration(format!("{error:?}")))?;
-        if Config::from_file(&path).is_ok_and(|wanted| wanted != *config) {
+        if RUN.get_or_init(|| configuration.to_owned()) != configuration {
             return Err(bad_configuration(
                 "this process already belongs to another run".to_owned(),
             ));
         }
+        let mut config = Config::setup_global_config_from_file(&path)
+            .map_err(|error| bad_configuration(format!("{error:?}")))?
+            .clone();
+        // The orchestrator alone cleans up after the dead, and knows when: nobody looks for them besides, which
+        // takes longer than all else at every topic.
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
         let name = NodeName::new(name).map_err(|error| PortError::Node(format!("{error:?}")))?;
         let node = NodeBuilder::new()
             .name(&name)
-            .config(config)
+            .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(|error| PortError::Node(error.to_string()))?;
@@ -169,6 +178,46 @@ impl Member {
             consumer_buffer: consumer_buffer(schedule, topic),
             access,
         })
+    }
+}
+
+/// The topics that a process has opened, each once, before or when it is needed.
+pub struct Topics<'a> {
+    member: &'a Member,
+    schedule: &'a Schedule,
+    opened: [Option<Box<dyn TopicPorts>>; Topic::ALL.len()],
+}
+
+impl<'a> Topics<'a> {
+    /// None is open yet.
+    #[must_use]
+    pub fn new(member: &'a Member, schedule: &'a Schedule) -> Self {
+        Self {
+            member,
+            schedule,
+            opened: [const { None }; Topic::ALL.len()],
+        }
+    }
+
+    /// Opens all topics that services publish, for whoever does not know yet which it will need.
+    ///
+    /// # Errors
+    /// [`PortError::Open`].
+    pub fn open_all(&mut self) -> Result<(), PortError> {
+        let mut topics = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
+        topics.try_for_each(|topic| self.of(topic).map(drop))
+    }
+
+    /// A topic, which is opened if it is not open yet.
+    ///
+    /// # Errors
+    /// [`PortError::Open`].
+    pub fn of(&mut self, topic: Topic) -> Result<&dyn TopicPorts, PortError> {
+        let ports = match self.opened[topic.index()].take() {
+            Some(ports) => ports,
+            None => self.member.open_topic(topic, self.schedule)?,
+        };
+        Ok(&**self.opened[topic.index()].insert(ports))
     }
 }
 
@@ -289,12 +338,14 @@ impl TopicVisitor for Enter<'_> {
                 let specifier = AttributeSpecifier::new();
                 let attributes = specifier.define(&key, &hash).map_err(|reason| error(&reason))?;
                 let consumers = topic.consumers().count();
+                // Every process of the run may open every topic, a spare one too.
+                let members = ServiceId::ALL.len() + 2;
                 builder
                     .enable_safe_overflow(false)
                     .history_size(0)
                     .max_publishers(1)
                     .max_subscribers(consumers + 1 + OBSERVERS)
-                    .max_nodes(consumers + 2 + OBSERVERS)
+                    .max_nodes(members + OBSERVERS)
                     .subscriber_max_buffer_size(RECORDER_BUFFER)
                     .subscriber_max_borrowed_samples(2)
                     .create_with_attributes(&attributes)

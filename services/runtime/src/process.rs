@@ -1,10 +1,13 @@
 //! What a service process does: join the run, make its ports, say that it is ready, fly, wait for the end.
+//!
+//! A **spare** process does what every service needs before it knows which one it is to be: it has loaded, joined the
+//! run, opened all topics and built all services when one dies whose place it takes.
 
 use std::sync::Arc;
 
-use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 use shared_types::service::ErasedService;
+use shared_types::{Schedule, ServiceId};
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
@@ -16,10 +19,13 @@ use crate::deployment::{self, Scheduler};
 use crate::descriptors::inherited;
 use crate::doorbell::Doorbell;
 use crate::lock_step::{self, Cockpit, FlightError, ServicePorts};
-use crate::ports::{Member, PortError};
+use crate::ports::{Member, PortError, Topics};
 use crate::shared_page::SharedPage;
 use crate::step::Timetable;
 use crate::wait::Waiter;
+
+/// What a process is called that waits for a service to die.
+pub const SPARE: &str = "spare";
 
 /// Why a service process could not do its work, if there was no orchestrator left to be told.
 #[derive(Debug, thiserror::Error)]
@@ -46,31 +52,75 @@ pub enum ProcessError {
     Flight(#[from] FlightError),
 }
 
-/// Runs a service that `gerono run` has spawned, from its first message to its last.
+/// Runs a process that `gerono run` has spawned, from its first message to its last: a service, or a spare process
+/// that waits for one to die and then takes its place. `name` is what the system calls the process meanwhile.
 ///
 /// # Errors
 /// [`ProcessError`].
 pub fn run(
-    id: ServiceId,
-    build: impl FnOnce(&Scenario) -> Result<Box<dyn ErasedService>, String>,
+    name: &str,
+    build: impl Fn(ServiceId, &Scenario) -> Result<Box<dyn ErasedService>, String>,
 ) -> Result<(), ProcessError> {
     let inherited = Inherited::take()?;
     deployment::die_with_parent()?;
+    deployment::call_process(name)?;
+    // Anything else has ended it before it began.
+    let ToService::Start(start) = inherited.channel.receive()? else {
+        return Ok(());
+    };
+    let channel = inherited.channel.try_clone()?;
+    let result = live(inherited, &start, name, build);
+    report(&channel, result)
+}
+
+/// Makes what is needed to fly, and flies. Who has no role yet makes what every role needs and waits for one.
+fn live(
+    inherited: Inherited,
+    start: &Start,
+    name: &str,
+    build: impl Fn(ServiceId, &Scenario) -> Result<Box<dyn ErasedService>, String>,
+) -> Result<(), ProcessError> {
     let Inherited {
         channel,
         page,
         checkpoints,
         doorbells,
     } = inherited;
-    let start = match channel.receive()? {
-        ToService::Start(start) => *start,
-        // Ended before it began.
-        ToService::Stop | ToService::Go { .. } | ToService::Missed { .. } => return Ok(()),
+    let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
+    // A spare process stays off the services' core until it is one of them.
+    let deployed = start.role.map(|_| deploy(start));
+    let schedule = start
+        .scenario
+        .schedule()
+        .map_err(|problems| ProcessError::Scenario(format!("{problems:?}")))?;
+    let member = Member::join(&start.iceoryx2_configuration, name)?;
+    let mut topics = Topics::new(&member, &schedule);
+    let (role, mut service) = if let Some(role) = start.role {
+        (role, build(role.service)?)
+    } else {
+        topics.open_all()?;
+        let services: Result<Vec<_>, _> = ServiceId::ALL.into_iter().map(build).collect();
+        let ToService::Become(role) = channel.receive()? else {
+            return Ok(());
+        };
+        deployment::call_process(role.service.name())?;
+        (role, services?.swap_remove(role.service.index()))
     };
-    let (scheduler, warnings) = deploy(&start);
-    let mut waiter = Waiter::new(id, Arc::new(page), doorbells, channel, scheduler);
-    let result = fly(id, build, &start, warnings, &checkpoints, &mut waiter);
-    report(waiter.channel(), result)
+    let (scheduler, warnings) = deployed.unwrap_or_else(|| deploy(start));
+    let crash = CrashPoint::new(role.crash);
+    crash.pass(CrashPlace::BeforePorts, 0);
+    let mut waiter = Waiter::new(role.service, Arc::new(page), doorbells, channel, scheduler);
+    let mut ports = ServicePorts::open(&mut topics, role.service, &schedule, &waiter)?;
+    ports.connect()?;
+    crash.pass(CrashPlace::AfterPorts, 0);
+    waiter.channel().send(&ToOrchestrator::Ready { warnings })?;
+    let mut cockpit = Cockpit {
+        ports: &mut ports,
+        waiter: &mut waiter,
+        checkpoints: &checkpoints,
+        crash,
+    };
+    fly(service.as_mut(), &schedule, &mut cockpit)
 }
 
 /// Pins the process and sets its scheduler, as far as the system permits.
@@ -100,61 +150,56 @@ fn deploy(start: &Start) -> (Scheduler, Vec<String>) {
     (scheduler, warnings)
 }
 
+/// Flies once everybody is ready, and stays until the run has ended.
 fn fly(
-    id: ServiceId,
-    build: impl FnOnce(&Scenario) -> Result<Box<dyn ErasedService>, String>,
-    start: &Start,
-    warnings: Vec<String>,
-    checkpoints: &Checkpoints,
-    waiter: &mut Waiter,
+    service: &mut dyn ErasedService,
+    schedule: &Schedule,
+    cockpit: &mut Cockpit<'_>,
 ) -> Result<(), ProcessError> {
-    let crash = CrashPoint::new(start.crash);
-    let schedule = start
-        .scenario
-        .schedule()
-        .map_err(|problems| ProcessError::Scenario(format!("{problems:?}")))?;
-    let mut service = build(&start.scenario).map_err(ProcessError::Scenario)?;
-    let member = Member::join(&start.iceoryx2_configuration, id.name())?;
-    crash.pass(CrashPlace::BeforePorts, 0);
-    let mut ports = ServicePorts::open(&member, id, &schedule, waiter)?;
-    ports.connect()?;
-    crash.pass(CrashPlace::AfterPorts, 0);
-    waiter.channel().send(&ToOrchestrator::Ready { warnings })?;
-    let ToService::Go { reborn } = waiter.channel().receive()? else {
+    let ToService::Go { reborn } = cockpit.waiter.channel().receive()? else {
         return Ok(());
     };
-    ports.connect()?;
-    ports.make_known();
-    let mut first_tick = 0;
-    if reborn {
-        ports.expect_missed(waiter.channel().try_clone()?)?;
-        if let Some(checkpoint) = checkpoints.newest(id) {
-            first_tick = checkpoint.next_tick;
-            let timetable = Timetable::new(&schedule, id);
-            let next = timetable.steps.first_at_or_after(first_tick);
-            if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
-                service.restore(&checkpoint.state);
-            }
-        }
-        crash.pass(CrashPlace::Recovering, first_tick);
-    }
-    let mut cockpit = Cockpit {
-        ports: &mut ports,
-        waiter,
-        checkpoints,
-        crash,
+    cockpit.ports.connect()?;
+    cockpit.ports.make_known();
+    let first_tick = if reborn {
+        go_on(service, schedule, cockpit)?
+    } else {
+        0
     };
-    lock_step::fly(service.as_mut(), &schedule, first_tick, &mut cockpit)?;
-    waiter.channel().send(&ToOrchestrator::Finished)?;
+    lock_step::fly(service, schedule, first_tick, cockpit)?;
+    let channel = cockpit.waiter.channel();
+    channel.send(&ToOrchestrator::Finished)?;
     // The last samples stay mapped until everyone has read them.
     loop {
-        match waiter.channel().receive::<ToService>() {
+        match channel.receive::<ToService>() {
             // Nothing is missing any more.
             Ok(ToService::Missed { .. }) => {}
             Ok(_) | Err(ControlError::Closed) => return Ok(()),
             Err(error) => return Err(error.into()),
         }
     }
+}
+
+/// Takes what the dead predecessor knew; the tick after the last one that it kept.
+fn go_on(
+    service: &mut dyn ErasedService,
+    schedule: &Schedule,
+    cockpit: &mut Cockpit<'_>,
+) -> Result<u64, ProcessError> {
+    let mut first_tick = 0;
+    cockpit
+        .ports
+        .expect_missed(cockpit.waiter.channel().try_clone()?)?;
+    if let Some(checkpoint) = cockpit.checkpoints.newest(service.id()) {
+        first_tick = checkpoint.next_tick;
+        let timetable = Timetable::new(schedule, service.id());
+        let next = timetable.steps.first_at_or_after(first_tick);
+        if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
+            service.restore(&checkpoint.state);
+        }
+    }
+    cockpit.crash.pass(CrashPlace::Recovering, first_tick);
+    Ok(first_tick)
 }
 
 /// Tells the orchestrator how it went, if it is still there.
