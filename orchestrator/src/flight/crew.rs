@@ -113,6 +113,7 @@ impl<'a> Crew<'a> {
                 crash: crew.crash_of(service, 0),
             };
             crew.instruct(&crew.members[service.index()].process, Some(role))?;
+            crew.say(service, &ToService::MakePorts)?;
         }
         Ok(crew)
     }

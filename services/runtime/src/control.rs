@@ -35,6 +35,8 @@ pub enum ToService {
     Start(Box<Start>),
     /// To a spare process: take the place of a service that has died.
     Become(Role),
+    /// Nothing is left of whoever was this service before: make its ports.
+    MakePorts,
     /// Everyone is ready: fly.
     Go {
         /// Whether another process has flown before this one and died: go on from its last checkpoint.

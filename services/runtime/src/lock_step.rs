@@ -86,7 +86,7 @@ impl ServicePorts {
     /// # Errors
     /// [`PortError`].
     pub fn open(
-        topics: &mut Topics<'_>,
+        topics: &Topics,
         id: ServiceId,
         schedule: &Schedule,
         waiter: &Waiter,
@@ -94,7 +94,7 @@ impl ServicePorts {
         let page = waiter.page();
         let mut inlets = Vec::new();
         for (index, spec) in id.inputs().iter().enumerate() {
-            let receiver = topics.of(spec.topic)?.receiver()?;
+            let receiver = topics.of(spec.topic).receiver()?;
             let publisher = spec
                 .topic
                 .publisher()
@@ -111,7 +111,7 @@ impl ServicePorts {
             outputs.push(OutputPort {
                 publication: schedule.publication(spec.topic),
                 sender: topics
-                    .of(spec.topic)?
+                    .of(spec.topic)
                     .sender(Arc::clone(page), waiter.doorbells())?,
             });
         }

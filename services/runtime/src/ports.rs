@@ -181,43 +181,32 @@ impl Member {
     }
 }
 
-/// The topics that a process has opened, each once, before or when it is needed.
-pub struct Topics<'a> {
-    member: &'a Member,
-    schedule: &'a Schedule,
-    opened: [Option<Box<dyn TopicPorts>>; Topic::ALL.len()],
-}
+/// The topics that a service has opened, each once.
+pub struct Topics([Option<Box<dyn TopicPorts>>; Topic::ALL.len()]);
 
-impl<'a> Topics<'a> {
-    /// None is open yet.
-    #[must_use]
-    pub fn new(member: &'a Member, schedule: &'a Schedule) -> Self {
-        Self {
-            member,
-            schedule,
-            opened: [const { None }; Topic::ALL.len()],
+impl Topics {
+    /// Opens all topics that a service publishes or consumes. The dead that it follows may still have their ports.
+    ///
+    /// # Errors
+    /// [`PortError::Open`].
+    pub fn open(member: &Member, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
+        let inputs = service.inputs().iter().map(|input| input.topic);
+        let outputs = service.outputs().iter().map(|output| output.topic);
+        let mut topics = Self([const { None }; Topic::ALL.len()]);
+        for topic in inputs.chain(outputs) {
+            topics.0[topic.index()] = Some(member.open_topic(topic, schedule)?);
         }
+        Ok(topics)
     }
 
-    /// Opens all topics that services publish, for whoever does not know yet which it will need.
+    /// A topic of the service.
     ///
-    /// # Errors
-    /// [`PortError::Open`].
-    pub fn open_all(&mut self) -> Result<(), PortError> {
-        let mut topics = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
-        topics.try_for_each(|topic| self.of(topic).map(drop))
-    }
-
-    /// A topic, which is opened if it is not open yet.
-    ///
-    /// # Errors
-    /// [`PortError::Open`].
-    pub fn of(&mut self, topic: Topic) -> Result<&dyn TopicPorts, PortError> {
-        let ports = match self.opened[topic.index()].take() {
-            Some(ports) => ports,
-            None => self.member.open_topic(topic, self.schedule)?,
-        };
-        Ok(&**self.opened[topic.index()].insert(ports))
+    /// # Panics
+    /// If it is not.
+    #[must_use]
+    pub fn of(&self, topic: Topic) -> &dyn TopicPorts {
+        let ports = self.0[topic.index()].as_deref();
+        ports.expect("all topics of the service are open")
     }
 }
 
@@ -338,8 +327,8 @@ impl TopicVisitor for Enter<'_> {
                 let specifier = AttributeSpecifier::new();
                 let attributes = specifier.define(&key, &hash).map_err(|reason| error(&reason))?;
                 let consumers = topic.consumers().count();
-                // Every process of the run may open every topic, a spare one too.
-                let members = ServiceId::ALL.len() + 2;
+                // The publisher, the consumers, each beside the dead one whose place it takes, and the recorder.
+                let members = 2 * (1 + consumers) + 1;
                 builder
                     .enable_safe_overflow(false)
                     .history_size(0)

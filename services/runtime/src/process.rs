@@ -1,7 +1,7 @@
 //! What a service process does: join the run, make its ports, say that it is ready, fly, wait for the end.
 //!
 //! A **spare** process does what every service needs before it knows which one it is to be: it has loaded, joined the
-//! run, opened all topics and built all services when one dies whose place it takes.
+//! run and built all services when one dies whose place it takes.
 
 use std::sync::Arc;
 
@@ -94,23 +94,26 @@ fn live(
         .schedule()
         .map_err(|problems| ProcessError::Scenario(format!("{problems:?}")))?;
     let member = Member::join(&start.iceoryx2_configuration, name)?;
-    let mut topics = Topics::new(&member, &schedule);
     let (role, mut service) = if let Some(role) = start.role {
         (role, build(role.service)?)
     } else {
-        topics.open_all()?;
         let services: Result<Vec<_>, _> = ServiceId::ALL.into_iter().map(build).collect();
+        let mut services = services?;
         let ToService::Become(role) = channel.receive()? else {
             return Ok(());
         };
         deployment::call_process(role.service.name())?;
-        (role, services?.swap_remove(role.service.index()))
+        (role, services.swap_remove(role.service.index()))
     };
     let (scheduler, warnings) = deployed.unwrap_or_else(|| deploy(start));
+    let topics = Topics::open(&member, role.service, &schedule)?;
+    let ToService::MakePorts = channel.receive()? else {
+        return Ok(());
+    };
     let crash = CrashPoint::new(role.crash);
     crash.pass(CrashPlace::BeforePorts, 0);
     let mut waiter = Waiter::new(role.service, Arc::new(page), doorbells, channel, scheduler);
-    let mut ports = ServicePorts::open(&mut topics, role.service, &schedule, &waiter)?;
+    let mut ports = ServicePorts::open(&topics, role.service, &schedule, &waiter)?;
     ports.connect()?;
     crash.pass(CrashPlace::AfterPorts, 0);
     waiter.channel().send(&ToOrchestrator::Ready { warnings })?;

@@ -102,24 +102,24 @@ impl Crew<'_> {
             service,
             crash: self.crash_of(service, self.members[at].lives),
         };
-        let process = match self.take_spare(role) {
+        let spare = self.take_spare(role);
+        let is_new = spare.is_none();
+        let process = match spare {
             Some(process) => process,
-            None => self.start_anew(role)?,
+            None => self.spawn_on_its_core(service)?,
         };
         let member = &mut self.members[at];
         member.process = process;
         member.lives += 1;
         member.phase = Phase::Starting;
+        if is_new {
+            self.instruct(&self.members[at].process, Some(role))?;
+        }
+        // While the process loads or opens its topics.
+        self.member.clean_up_after_the_dead();
+        self.say(service, &ToService::MakePorts)?;
         self.rouse();
         Ok(())
-    }
-
-    fn start_anew(&self, role: Role) -> Result<Process, FlightFailure> {
-        let process = self.spawn_on_its_core(role.service)?;
-        // While the process loads; it makes its ports when it is told what to fly.
-        self.member.clean_up_after_the_dead();
-        self.instruct(&process, Some(role))?;
-        Ok(process)
     }
 
     /// Lets services that were born again in flight go on, once all others are connected to their ports: what is

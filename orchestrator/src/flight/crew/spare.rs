@@ -1,7 +1,6 @@
 //! A process that waits to take the place of whoever dies next.
 //!
-//! It has loaded, joined the run, opened all topics and built all services by then, which is most of what a new process
-//! has to do. A run never depends on it: without one the dead are followed by processes that are started then.
+//! It has loaded, joined the run and built all services by then, which is most of what a new process has to do. A run never depends on it: without one the dead are followed by processes that are started then.
 
 use std::time::{Duration, Instant};
 
@@ -72,8 +71,6 @@ impl Crew<'_> {
     pub(super) fn take_spare(&mut self, role: Role) -> Option<Process> {
         self.listen_to_spare();
         let mut process = self.spare.process.take()?;
-        // Before it makes the ports that the dead had.
-        self.member.clean_up_after_the_dead();
         if process.channel.send(&ToService::Become(role)).is_err() {
             self.bury_spare(process);
             return None;
