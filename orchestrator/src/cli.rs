@@ -78,9 +78,9 @@ pub enum Command {
     /// Run one service; only `gerono run` can start it.
     #[command(hide = true)]
     Service {
-        /// Name of the service.
-        #[arg(value_parser = service)]
-        name: ServiceId,
+        /// Name of the service, or of a process that waits for one to die.
+        #[arg(value_parser = service_process)]
+        name: String,
     },
     /// Take part in a bare ring; only `gerono bench` can start it.
     #[command(hide = true)]
@@ -91,6 +91,13 @@ pub enum Command {
         /// The core.
         core: usize,
     },
+}
+
+fn service_process(name: &str) -> Result<String, String> {
+    if name != runtime::process::SPARE {
+        service(name)?;
+    }
+    Ok(name.to_owned())
 }
 
 fn service(name: &str) -> Result<ServiceId, String> {

@@ -83,7 +83,7 @@ impl HostRecord {
             } else {
                 HostEvent::KIND_EXITED
             };
-            self.event(Some(*service), kind, *pid, &exit.description);
+            self.event(*service, kind, *pid, &exit.description);
         }
         self.ends_written = crew.exits().len();
     }

@@ -165,6 +165,20 @@ impl std::fmt::Display for Topic {
     }
 }
 
+impl serde::Serialize for ServiceId {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+impl<'de> serde::Deserialize<'de> for ServiceId {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = <std::borrow::Cow<'_, str>>::deserialize(deserializer)?;
+        let unknown = || serde::de::Error::custom(format!("there is no service `{name}`"));
+        Self::from_name(&name).ok_or_else(unknown)
+    }
+}
+
 impl std::fmt::Display for ServiceId {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter.pad(self.name())

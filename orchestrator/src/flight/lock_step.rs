@@ -101,7 +101,7 @@ where
         iceoryx2_configuration: root.configuration(),
         core: cores.ring,
         scheduler: deployment.scheduler,
-        crash: None,
+        role: None,
         real_time: None,
     };
     let mut crew = Crew::start(
@@ -181,6 +181,8 @@ impl Flight<'_> {
                 self.crew.resume(&mut self.recorder)?;
                 self.observer.changed(&self.crew);
                 self.crew.hand_over(&self.recorder)?;
+            } else {
+                self.crew.keep_spare();
             }
             if Instant::now() >= next_health {
                 self.crew.rouse();

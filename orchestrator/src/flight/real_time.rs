@@ -80,7 +80,7 @@ where
         iceoryx2_configuration: root.configuration(),
         core: cores.ring,
         scheduler: deployment.scheduler,
-        crash: None,
+        role: None,
         real_time: Some(RealTime {
             grace_ns: nanoseconds(GRACE),
         }),
@@ -160,6 +160,8 @@ impl Flight<'_> {
                 self.crew.mend()?;
                 self.crew.resume_in_real_time()?;
                 self.observer.changed(&self.crew);
+            } else {
+                self.crew.keep_spare();
             }
             self.record(sink)?;
             self.replace_the_hung();

@@ -14,7 +14,7 @@
 //! planned), [`mailbox`] (an input in real time), [`flight_clock`] (ticks on the system's clock), [`step_log`] (what every
 //! step in real time was made of), [`control`] (the
 //! orchestrator's line to each service), [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler,
-//! parent's death), [`descriptors`] (what a started process inherits) and [`process`] (what `gerono service NAME`
+//! parent's death), [`descriptors`] (what a started process inherits) and [`process`] and [`launch`] (what `gerono service NAME`
 //! runs).
 //!
 //! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the
@@ -31,6 +31,7 @@ pub mod edge_store;
 pub mod flight_clock;
 pub mod in_process;
 pub mod inlet;
+pub mod launch;
 pub mod lock_step;
 pub mod mailbox;
 pub mod ports;

@@ -9,9 +9,9 @@
     reason = "iceoryx2 asks for promises about memory layout that only `unsafe` can give"
 )]
 
-use std::path::Path;
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, OnceLock};
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -22,7 +22,7 @@ use iceoryx2::sample::Sample as Received;
 use iceoryx2::sample_mut::SampleMut as Loaned;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
 use shared_types::wiring::TopicVisitor;
-use shared_types::{Sample, Schedule, Topic};
+use shared_types::{Sample, Schedule, ServiceId, Topic};
 
 use crate::doorbell::Doorbell;
 use crate::shared_page::{Owner, SharedPage};
@@ -100,6 +100,9 @@ unsafe impl<T: Sample> ZeroCopySend for Wire<T> {
     }
 }
 
+/// The configuration file of the run that this process belongs to: iceoryx2 keeps one for the whole process.
+static RUN: OnceLock<PathBuf> = OnceLock::new();
+
 /// A process's membership in the run.
 pub struct Member {
     node: Node<ipc::Service>,
@@ -119,17 +122,23 @@ impl Member {
         };
         let path = FilePath::new(configuration.as_os_str().as_encoded_bytes())
             .map_err(|error| bad_configuration(format!("{error:?}")))?;
-        let config = Config::setup_global_config_from_file(&path)
-            .map_err(|error| bad_configuration(format!("{error:?}")))?;
-        if Config::from_file(&path).is_ok_and(|wanted| wanted != *config) {
+        if RUN.get_or_init(|| configuration.to_owned()) != configuration {
             return Err(bad_configuration(
                 "this process already belongs to another run".to_owned(),
             ));
         }
+        let mut config = Config::setup_global_config_from_file(&path)
+            .map_err(|error| bad_configuration(format!("{error:?}")))?
+            .clone();
+        // The orchestrator alone cleans up after the dead, and knows when: nobody looks for them besides, which
+        // takes longer than all else at every topic.
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
         let name = NodeName::new(name).map_err(|error| PortError::Node(format!("{error:?}")))?;
         let node = NodeBuilder::new()
             .name(&name)
-            .config(config)
+            .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(|error| PortError::Node(error.to_string()))?;
@@ -175,6 +184,35 @@ impl Member {
             consumer_buffer: consumer_buffer(schedule, topic),
             access,
         })
+    }
+}
+
+/// The topics that a service has opened, each once.
+pub struct Topics([Option<Box<dyn TopicPorts>>; Topic::ALL.len()]);
+
+impl Topics {
+    /// Opens all topics that a service publishes or consumes. The dead that it follows may still have their ports.
+    ///
+    /// # Errors
+    /// [`PortError::Open`].
+    pub fn open(member: &Member, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
+        let inputs = service.inputs().iter().map(|input| input.topic);
+        let outputs = service.outputs().iter().map(|output| output.topic);
+        let mut topics = Self([const { None }; Topic::ALL.len()]);
+        for topic in inputs.chain(outputs) {
+            topics.0[topic.index()] = Some(member.open_topic(topic, schedule)?);
+        }
+        Ok(topics)
+    }
+
+    /// A topic of the service.
+    ///
+    /// # Panics
+    /// If it is not.
+    #[must_use]
+    pub fn of(&self, topic: Topic) -> &dyn TopicPorts {
+        let ports = self.0[topic.index()].as_deref();
+        ports.expect("all topics of the service are open")
     }
 }
 
@@ -310,12 +348,14 @@ impl TopicVisitor for Enter<'_> {
                 let specifier = AttributeSpecifier::new();
                 let attributes = specifier.define(&key, &hash).map_err(|reason| error(&reason))?;
                 let consumers = topic.consumers().count();
+                // The publisher, the consumers, each beside the dead one whose place it takes, and the recorder.
+                let members = 2 * (1 + consumers) + 1;
                 builder
                     .enable_safe_overflow(delivery == Delivery::NewestWins)
                     .history_size(0)
                     .max_publishers(1)
                     .max_subscribers(consumers + 1 + OBSERVERS)
-                    .max_nodes(consumers + 2 + OBSERVERS)
+                    .max_nodes(members + OBSERVERS)
                     .subscriber_max_buffer_size(RECORDER_BUFFER)
                     .subscriber_max_borrowed_samples(2)
                     .create_with_attributes(&attributes)

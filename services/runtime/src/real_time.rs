@@ -25,7 +25,7 @@ use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::flight_clock::{FlightClock, deadline, monotonic_ns};
 use crate::lock_step::FlightError;
 use crate::mailbox::Mailbox;
-use crate::ports::{Member, PortError, Sender};
+use crate::ports::{PortError, Sender, Topics};
 use crate::shared_page::{Cell, SharedPage};
 use crate::step::{self, Slots, Timetable, Views};
 use crate::step_log::{StepLog, StepRecord};
@@ -51,10 +51,10 @@ impl RealTimePorts {
     ///
     /// # Errors
     /// [`PortError`].
-    pub fn open(member: &Member, id: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
+    pub fn open(topics: &Topics, id: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
         let mut mailboxes = Vec::new();
         for (index, spec) in id.inputs().iter().enumerate() {
-            let receiver = member.open_topic(spec.topic, schedule)?.receiver()?;
+            let receiver = topics.of(spec.topic).receiver()?;
             let publisher = spec
                 .topic
                 .publisher()
@@ -69,7 +69,7 @@ impl RealTimePorts {
         for spec in id.outputs() {
             outputs.push(OutputPort {
                 publication: schedule.publication(spec.topic),
-                sender: member.open_topic(spec.topic, schedule)?.newest_sender()?,
+                sender: topics.of(spec.topic).newest_sender()?,
             });
         }
         Ok(Self {
