@@ -126,7 +126,7 @@ pub struct Run {
     /// What to fly.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
-    /// Where the services run; the log is the same.
+    /// Where the services run and what makes them step; in simulated time the log is the same.
     #[arg(long, value_enum, default_value_t)]
     pub host: Host,
     /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-N].
@@ -227,6 +227,8 @@ pub enum Host {
     Lockstep,
     /// All services in one thread of this process.
     Inprocess,
+    /// One process a service, the system's clock, the newest sample wins.
+    Realtime,
 }
 
 impl Host {
@@ -236,6 +238,7 @@ impl Host {
         match self {
             Self::Lockstep => "lockstep",
             Self::Inprocess => "inprocess",
+            Self::Realtime => "realtime",
         }
     }
 }

@@ -145,6 +145,13 @@ impl ServiceId {
         self as usize
     }
 
+    /// Whether the service stands for the world in which the vehicle flies, whose time never stands still.
+    #[must_use]
+    #[inline]
+    pub const fn is_the_world(self) -> bool {
+        matches!(self, Self::Plant)
+    }
+
     /// The service of a name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {

@@ -22,7 +22,8 @@ use runtime::control::{ControlError, Role, Start, ToOrchestrator, ToService};
 use runtime::crash::Crash;
 use runtime::doorbell::Doorbell;
 use runtime::ports::Member;
-use runtime::shared_page::SharedPage;
+use runtime::shared_page::{Cell, SharedPage};
+use runtime::step_log::StepLog;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use shared_types::{Schedule, ServiceId};
 
@@ -54,6 +55,7 @@ pub struct Crew<'a> {
     members: Vec<CrewMember>,
     page: SharedPage,
     checkpoints: Checkpoints,
+    step_log: StepLog,
     doorbells: Vec<Doorbell>,
     spare: Spare,
     exits: Vec<(Option<ServiceId>, u32, Exit)>,
@@ -99,6 +101,7 @@ impl<'a> Crew<'a> {
             members: Vec::new(),
             page: SharedPage::create().map_err(setup)?,
             checkpoints: Checkpoints::create().map_err(setup)?,
+            step_log: StepLog::create().map_err(setup)?,
             doorbells,
             spare: Spare::default(),
             exits: Vec::new(),
@@ -126,7 +129,7 @@ impl<'a> Crew<'a> {
 
     fn spawn(&self, name: &str) -> Result<Process, FlightFailure> {
         let doorbells = self.doorbells.iter().map(AsFd::as_fd);
-        let files: Vec<_> = [self.page.file(), self.checkpoints.file()]
+        let files: Vec<_> = [self.page.file(), self.checkpoints.file(), self.step_log.file()]
             .into_iter()
             .chain(doorbells)
             .collect();
@@ -146,6 +149,12 @@ impl<'a> Crew<'a> {
     #[must_use]
     pub fn page(&self) -> &SharedPage {
         &self.page
+    }
+
+    /// What the services tell of their steps in real time.
+    #[must_use]
+    pub fn step_log(&self) -> &StepLog {
+        &self.step_log
     }
 
     /// The processes, by service.
@@ -211,6 +220,24 @@ impl<'a> Crew<'a> {
         !self.members.iter().all(is_well)
     }
 
+    /// Whether a service is in flight: neither being born nor dead nor at its end.
+    #[must_use]
+    pub fn flies(&self, service: ServiceId) -> bool {
+        self.members[service.index()].phase == Phase::Flying
+    }
+
+    /// Kills the process of a service, which is then born again.
+    pub fn kill(&mut self, service: ServiceId) {
+        // It fails only for a process that is gone.
+        let _ = self.members[service.index()].process.child.kill();
+    }
+
+    /// Whether every service has flown its last tick.
+    #[must_use]
+    pub fn has_finished(&self) -> bool {
+        self.members.iter().all(|member| member.phase == Phase::Finished)
+    }
+
     /// Waits up to `limit` for something to happen and tells what did.
     pub fn watch(&mut self, limit: Duration) -> Vec<CrewEvent> {
         let timeout = Timespec {
@@ -273,6 +300,7 @@ impl<'a> Crew<'a> {
     /// Wakes everybody to look again, whatever has become of their wake-ups.
     pub fn rouse(&self) {
         self.doorbells.iter().for_each(Doorbell::ring);
+        self.page.words().cells.iter().for_each(Cell::ring);
     }
 
     /// Tells everybody to stop, waits until all are gone, and kills who does not go.

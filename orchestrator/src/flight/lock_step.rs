@@ -22,7 +22,7 @@ use crate::run_root::RunRoot;
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
 /// How often it looks while a service is being born again and the flight waits.
-const BIRTH_PERIOD: Duration = Duration::from_micros(100);
+pub(super) const BIRTH_PERIOD: Duration = Duration::from_micros(100);
 
 /// How the processes of a run use the machine. Nothing of it changes the log.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -102,6 +102,7 @@ where
         core: cores.ring,
         scheduler: deployment.scheduler,
         role: None,
+        real_time: None,
     };
     let mut crew = Crew::start(
         &member,
@@ -137,6 +138,7 @@ where
         wall_time,
         warnings,
         rebirths: flight.crew.rebirths().to_vec(),
+        timing: None,
     })
 }
 
@@ -232,18 +234,18 @@ where
     clippy::needless_pass_by_value,
     reason = "used to map errors, which come by value"
 )]
-fn port_failure(error: PortError) -> FlightFailure {
+pub(super) fn port_failure(error: PortError) -> FlightFailure {
     FlightFailure::Setup(error.to_string())
 }
 
 /// Which cores the services and the recorder use.
-struct Cores {
-    ring: Option<usize>,
+pub(super) struct Cores {
+    pub(super) ring: Option<usize>,
     others: Vec<usize>,
 }
 
 impl Cores {
-    fn choose(placement: Placement) -> Self {
+    pub(super) fn choose(placement: Placement) -> Self {
         let allowed = deployment::allowed_cores();
         let ring = match placement {
             Placement::Idlest => deployment::idlest(&allowed),
@@ -255,7 +257,7 @@ impl Cores {
     }
 
     /// Keeps this process off the services' core, if there is another.
-    fn keep_off(&self) {
+    pub(super) fn keep_off(&self) {
         if self.ring.is_some() && !self.others.is_empty() {
             // Only slower if it is refused.
             let _ = deployment::pin_to(&self.others);

@@ -22,8 +22,10 @@ pub const CONTROL_FD: i32 = 3;
 pub const SHARED_PAGE_FD: i32 = 4;
 /// File descriptor of the checkpoints in a service.
 pub const CHECKPOINTS_FD: i32 = 5;
+/// File descriptor of the step records in a service.
+pub const STEP_LOG_FD: i32 = 6;
 /// File descriptor of the first service's doorbell in a service; the others' follow in the table's order.
-pub const FIRST_DOORBELL_FD: i32 = 6;
+pub const FIRST_DOORBELL_FD: i32 = 7;
 
 /// Largest message, bytes; a scenario is far below.
 const MESSAGE_LIMIT: usize = 128 * 1024;
@@ -66,6 +68,8 @@ pub struct Start {
     pub scheduler: Scheduler,
     /// Which service it is; a spare process is told later.
     pub role: Option<Role>,
+    /// How to fly in real time; else in lock-step.
+    pub real_time: Option<RealTime>,
 }
 
 /// Which service a process is.
@@ -75,6 +79,13 @@ pub struct Role {
     pub service: ServiceId,
     /// Where the process shall kill itself, for tests.
     pub crash: Option<Crash>,
+}
+
+/// What a service needs to know to fly in real time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RealTime {
+    /// How long a step waits beyond the begin of its tick for inputs of that tick, ns.
+    pub grace_ns: u64,
 }
 
 /// What a service says to the orchestrator.

@@ -1,8 +1,9 @@
 //! iceoryx2 ports, seen as bytes: a host moves samples of every topic with the same code.
 //!
 //! Samples travel without a copy: an output is written in loaned shared memory, an input is read there and
-//! held until a newer one takes its place. Delivery is lossless for the run's own receivers; any other
-//! subscriber (somebody looking at the flight) loses samples instead of blocking it.
+//! held until a newer one takes its place. In lock-step delivery is lossless for the run's own receivers; any other
+//! subscriber (somebody looking at the flight) loses samples instead of blocking it. In real time nobody is waited
+//! for: in a full buffer the newest sample takes the place of the oldest.
 #![expect(
     unsafe_code,
     reason = "iceoryx2 asks for promises about memory layout that only `unsafe` can give"
@@ -154,8 +155,13 @@ impl Member {
     ///
     /// # Errors
     /// [`PortError::Open`].
-    pub fn create_topic(&self, topic: Topic, schedule: &Schedule) -> Result<Box<dyn TopicPorts>, PortError> {
-        self.enter(topic, schedule, Access::Create)
+    pub fn create_topic(
+        &self,
+        topic: Topic,
+        schedule: &Schedule,
+        delivery: Delivery,
+    ) -> Result<Box<dyn TopicPorts>, PortError> {
+        self.enter(topic, schedule, Access::Create(delivery))
     }
 
     /// Opens a topic that the orchestrator has made, if its layout is the one of this build.
@@ -214,6 +220,15 @@ fn consumer_buffer(schedule: &Schedule, topic: Topic) -> usize {
     usize::try_from(schedule.buffer_size(topic)).map_or(RECORDER_BUFFER, |size| size.min(RECORDER_BUFFER))
 }
 
+/// What becomes of a sample for which a receiver has no room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Delivery {
+    /// Its publisher waits until there is.
+    Lossless,
+    /// It takes the place of the oldest that has not been received.
+    NewestWins,
+}
+
 /// A topic that has been opened, ready to make ports of it.
 pub trait TopicPorts {
     /// Makes the publisher. `page` tells which receivers it waits for when their buffers are full, and when the
@@ -223,6 +238,12 @@ pub trait TopicPorts {
     /// [`PortError::Create`].
     fn sender(&self, page: Arc<SharedPage>, doorbells: Arc<[Doorbell]>)
     -> Result<Box<dyn Sender>, PortError>;
+
+    /// Makes the publisher of a topic in which the newest sample wins. It waits for nobody.
+    ///
+    /// # Errors
+    /// [`PortError::Create`].
+    fn newest_sender(&self) -> Result<Box<dyn Sender>, PortError>;
 
     /// Makes a consumer's subscriber, its buffer sized by the schedule.
     ///
@@ -283,7 +304,7 @@ pub trait Receiver {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Access {
     /// It makes it.
-    Create,
+    Create(Delivery),
     /// It expects it to be there, with the layout of this build.
     Open,
 }
@@ -323,14 +344,14 @@ impl TopicVisitor for Enter<'_> {
         let (key, hash) = layout_attribute::<T>(&error)?;
         let builder = member.node.service_builder(&name).publish_subscribe::<Wire<T>>();
         let service = match access {
-            Access::Create => {
+            Access::Create(delivery) => {
                 let specifier = AttributeSpecifier::new();
                 let attributes = specifier.define(&key, &hash).map_err(|reason| error(&reason))?;
                 let consumers = topic.consumers().count();
                 // The publisher, the consumers, each beside the dead one whose place it takes, and the recorder.
                 let members = 2 * (1 + consumers) + 1;
                 builder
-                    .enable_safe_overflow(false)
+                    .enable_safe_overflow(delivery == Delivery::NewestWins)
                     .history_size(0)
                     .max_publishers(1)
                     .max_subscribers(consumers + 1 + OBSERVERS)
@@ -372,16 +393,28 @@ fn layout_attribute<T: Sample>(
 }
 
 impl<T: Sample> Ports<T> {
+    fn not_created(&self, reason: &dyn std::fmt::Display) -> PortError {
+        PortError::Create {
+            topic: self.topic,
+            reason: reason.to_string(),
+        }
+    }
+
+    fn typed_sender(&self, publisher: Publisher<ipc::Service, Wire<T>, ()>) -> Box<dyn Sender> {
+        Box::new(TypedSender::<T> {
+            publisher,
+            loaned: None,
+            topic: self.topic,
+        })
+    }
+
     fn receiver_of_size(&self, buffer_size: usize) -> Result<Box<dyn Receiver>, PortError> {
         let subscriber = self
             .service
             .subscriber_builder()
             .buffer_size(buffer_size)
             .create()
-            .map_err(|reason| PortError::Create {
-                topic: self.topic,
-                reason: reason.to_string(),
-            })?;
+            .map_err(|reason| self.not_created(&reason))?;
         Ok(Box::new(TypedReceiver::<T> {
             subscriber,
             held: None,
@@ -416,15 +449,19 @@ impl<T: Sample> TopicPorts for Ports<T> {
                 BackpressureAction::Retry
             })
             .create()
-            .map_err(|reason| PortError::Create {
-                topic: self.topic,
-                reason: reason.to_string(),
-            })?;
-        Ok(Box::new(TypedSender::<T> {
-            publisher,
-            loaned: None,
-            topic: self.topic,
-        }))
+            .map_err(|reason| self.not_created(&reason))?;
+        Ok(self.typed_sender(publisher))
+    }
+
+    fn newest_sender(&self) -> Result<Box<dyn Sender>, PortError> {
+        let publisher = self
+            .service
+            .publisher_builder()
+            .max_loaned_samples(2)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|reason| self.not_created(&reason))?;
+        Ok(self.typed_sender(publisher))
     }
 
     fn receiver(&self) -> Result<Box<dyn Receiver>, PortError> {

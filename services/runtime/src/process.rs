@@ -3,25 +3,27 @@
 //! A **spare** process does what every service needs before it knows which one it is to be: it has loaded, joined the
 //! run and built all services when one dies whose place it takes.
 
+use std::num::NonZeroU64;
 use std::sync::Arc;
 
+use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 use shared_types::service::ErasedService;
-use shared_types::{Schedule, ServiceId};
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
-    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, Start,
-    ToOrchestrator, ToService,
+    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD,
+    STEP_LOG_FD, Start, ToOrchestrator, ToService,
 };
-use crate::crash::{CrashPlace, CrashPoint};
+use crate::crash::CrashPoint;
 use crate::deployment::{self, Scheduler};
 use crate::descriptors::inherited;
 use crate::doorbell::Doorbell;
-use crate::lock_step::{self, Cockpit, FlightError, ServicePorts};
+use crate::launch::Launch;
+use crate::lock_step::FlightError;
 use crate::ports::{Member, PortError, Topics};
 use crate::shared_page::SharedPage;
-use crate::step::Timetable;
+use crate::step_log::StepLog;
 use crate::wait::Waiter;
 
 /// What a process is called that waits for a service to die.
@@ -84,6 +86,7 @@ fn live(
         channel,
         page,
         checkpoints,
+        step_log,
         doorbells,
     } = inherited;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
@@ -110,20 +113,19 @@ fn live(
     let ToService::MakePorts = channel.receive()? else {
         return Ok(());
     };
-    let crash = CrashPoint::new(role.crash);
-    crash.pass(CrashPlace::BeforePorts, 0);
     let mut waiter = Waiter::new(role.service, Arc::new(page), doorbells, channel, scheduler);
-    let mut ports = ServicePorts::open(&topics, role.service, &schedule, &waiter)?;
-    ports.connect()?;
-    crash.pass(CrashPlace::AfterPorts, 0);
-    waiter.channel().send(&ToOrchestrator::Ready { warnings })?;
-    let mut cockpit = Cockpit {
-        ports: &mut ports,
-        waiter: &mut waiter,
+    let launch = Launch {
+        schedule: &schedule,
+        topics: &topics,
         checkpoints: &checkpoints,
-        crash,
+        step_log: &step_log,
+        crash: CrashPoint::new(role.crash),
+        warnings,
     };
-    fly(service.as_mut(), &schedule, &mut cockpit)
+    match start.real_time {
+        None => launch.in_lock_step(service.as_mut(), &mut waiter),
+        Some(settings) => launch.in_real_time(service.as_mut(), settings, &waiter),
+    }
 }
 
 /// Pins the process and sets its scheduler, as far as the system permits.
@@ -150,59 +152,11 @@ fn deploy(start: &Start) -> (Scheduler, Vec<String>) {
         // It needs no privilege; a sandbox that refuses it costs a little time and nothing else.
         (Scheduler::Batch | Scheduler::Fair, Some(_)) => Scheduler::Fair,
     };
+    if start.real_time.is_some() {
+        // The system may end sleeps late to save power: by 50 µs unless it is told otherwise. It refuses nobody.
+        let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
+    }
     (scheduler, warnings)
-}
-
-/// Flies once everybody is ready, and stays until the run has ended.
-fn fly(
-    service: &mut dyn ErasedService,
-    schedule: &Schedule,
-    cockpit: &mut Cockpit<'_>,
-) -> Result<(), ProcessError> {
-    let ToService::Go { reborn } = cockpit.waiter.channel().receive()? else {
-        return Ok(());
-    };
-    cockpit.ports.connect()?;
-    cockpit.ports.make_known();
-    let first_tick = if reborn {
-        go_on(service, schedule, cockpit)?
-    } else {
-        0
-    };
-    lock_step::fly(service, schedule, first_tick, cockpit)?;
-    let channel = cockpit.waiter.channel();
-    channel.send(&ToOrchestrator::Finished)?;
-    // The last samples stay mapped until everyone has read them.
-    loop {
-        match channel.receive::<ToService>() {
-            // Nothing is missing any more.
-            Ok(ToService::Missed { .. }) => {}
-            Ok(_) | Err(ControlError::Closed) => return Ok(()),
-            Err(error) => return Err(error.into()),
-        }
-    }
-}
-
-/// Takes what the dead predecessor knew; the tick after the last one that it kept.
-fn go_on(
-    service: &mut dyn ErasedService,
-    schedule: &Schedule,
-    cockpit: &mut Cockpit<'_>,
-) -> Result<u64, ProcessError> {
-    let mut first_tick = 0;
-    cockpit
-        .ports
-        .expect_missed(cockpit.waiter.channel().try_clone()?)?;
-    if let Some(checkpoint) = cockpit.checkpoints.newest(service.id()) {
-        first_tick = checkpoint.next_tick;
-        let timetable = Timetable::new(schedule, service.id());
-        let next = timetable.steps.first_at_or_after(first_tick);
-        if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
-            service.restore(&checkpoint.state);
-        }
-    }
-    cockpit.crash.pass(CrashPlace::Recovering, first_tick);
-    Ok(first_tick)
 }
 
 /// Tells the orchestrator how it went, if it is still there.
@@ -224,6 +178,7 @@ struct Inherited {
     channel: Channel,
     page: SharedPage,
     checkpoints: Checkpoints,
+    step_log: StepLog,
     doorbells: Vec<Doorbell>,
 }
 
@@ -234,6 +189,7 @@ impl Inherited {
         let page = SharedPage::open(inherited(SHARED_PAGE_FD)?).map_err(|_| ProcessError::NotSpawned)?;
         let checkpoints =
             Checkpoints::open(inherited(CHECKPOINTS_FD)?).map_err(|_| ProcessError::NotSpawned)?;
+        let step_log = StepLog::open(inherited(STEP_LOG_FD)?).map_err(|_| ProcessError::NotSpawned)?;
         let numbers = (FIRST_DOORBELL_FD..).take(ServiceId::ALL.len());
         let doorbells = numbers
             .map(|number| inherited(number).map(Doorbell::inherited))
@@ -242,6 +198,7 @@ impl Inherited {
             channel,
             page,
             checkpoints,
+            step_log,
             doorbells,
         })
     }

@@ -74,6 +74,22 @@ impl Crew<'_> {
         Some(CrewEvent::Died)
     }
 
+    /// Lets services that were born again in real time go on at once, with the newest that comes.
+    ///
+    /// # Errors
+    /// [`FlightFailure`] if the system refuses.
+    pub fn resume_in_real_time(&mut self) -> Result<(), FlightFailure> {
+        for at in 0..self.members.len() {
+            if self.members[at].phase == Phase::Ready {
+                let service = self.members[at].service;
+                self.members[at].phase = Phase::Flying;
+                self.note_rebirth(service, self.next_tick(service).checked_sub(1));
+                self.say(service, &ToService::Go { reborn: true })?;
+            }
+        }
+        Ok(())
+    }
+
     /// Starts again what is dead and due.
     ///
     /// # Errors
