@@ -6,9 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{
-    Place, finish, output, processes_of, scenario, services_of, shared_memory_of, signal, succeed, until,
-};
+use common::{Place, finish, output, processes_of, scenario, shared_memory_of, signal, succeed, until};
 use orchestrator::log::LogReader;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
