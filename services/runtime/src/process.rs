@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use shared_types::ServiceId;
-use shared_types::scenario::Scenario;
+use shared_types::scenario::{Scenario, ServiceDeployment};
 use shared_types::service::ErasedService;
 
 use crate::checkpoints::Checkpoints;
@@ -12,7 +12,7 @@ use crate::control::{
     ToOrchestrator, ToService,
 };
 use crate::crash::{CrashPlace, CrashPoint};
-use crate::deployment::{self, Scheduler};
+use crate::deployment::{self, Scheduler, Setting};
 use crate::descriptors::inherited;
 use crate::doorbell::Doorbell;
 use crate::lock_step::{self, Cockpit, FlightError, ServicePorts};
@@ -67,37 +67,31 @@ pub fn run(
         // Ended before it began.
         ToService::Stop | ToService::Go { .. } | ToService::Missed { .. } => return Ok(()),
     };
-    let (scheduler, warnings) = deploy(&start);
+    let (scheduler, warnings) = deploy(id, &start);
     let mut waiter = Waiter::new(id, Arc::new(page), doorbells, channel, scheduler);
     let result = fly(id, build, &start, warnings, &checkpoints, &mut waiter);
     report(waiter.channel(), result)
 }
 
-/// Pins the process and sets its scheduler, as far as the system permits.
-fn deploy(start: &Start) -> (Scheduler, Vec<String>) {
-    let mut warnings = Vec::new();
-    if let Some(core) = start.core
-        && let Err(error) = deployment::pin_to(&[core])
-    {
-        warnings.push(format!("cannot pin to core {core}: {error}"));
-    }
-    let refused = match start.scheduler {
-        Scheduler::Fair => None,
-        scheduler => deployment::use_scheduler(scheduler).err(),
+/// Lets the process use the machine as the scenario and the command line say, as far as the system permits.
+fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
+    let stated = start.scenario.deployment_of(id);
+    let of_the_run = start.core.and_then(|core| u32::try_from(core).ok());
+    let fifo = (start.scheduler == Scheduler::Fifo).then_some(deployment::FIFO_PRIORITY);
+    let settings = ServiceDeployment {
+        core: stated.core.or(of_the_run),
+        priority: stated.priority.or(fifo),
+        ..stated
     };
-    let scheduler = match (start.scheduler, refused) {
-        (scheduler, None) => scheduler,
-        (Scheduler::Fifo, Some(error)) => {
-            warnings.push(format!(
-                "SCHED_FIFO is not permitted ({error}): flying with the ordinary scheduler. \
-                 Grant CAP_SYS_NICE or raise `rtprio` in /etc/security/limits.conf"
-            ));
-            Scheduler::Fair
-        }
+    let refusals = deployment::apply(&settings);
+    let may_not = |setting| refusals.iter().any(|refusal| refusal.setting == setting);
+    let scheduler = match (settings.priority, start.scheduler) {
+        (Some(_), _) if !may_not(Setting::Priority) => Scheduler::Fifo,
         // It needs no privilege; a sandbox that refuses it costs a little time and nothing else.
-        (Scheduler::Batch | Scheduler::Fair, Some(_)) => Scheduler::Fair,
+        (None, Scheduler::Batch) if deployment::use_scheduler(Scheduler::Batch).is_ok() => Scheduler::Batch,
+        _ => Scheduler::Fair,
     };
-    (scheduler, warnings)
+    (scheduler, refusals.iter().map(ToString::to_string).collect())
 }
 
 fn fly(

@@ -75,6 +75,29 @@ impl Deployment {
         }
     }
 
+    /// States no core any more: somebody else decides.
+    pub fn forget_cores(&mut self) {
+        self.core = None;
+        self.owns_mut().for_each(|own| own.core = None);
+    }
+
+    /// States no priority any more: somebody else decides.
+    pub fn forget_priorities(&mut self) {
+        self.priority = None;
+        self.owns_mut().for_each(|own| own.priority = None);
+    }
+
+    fn owns_mut(&mut self) -> impl Iterator<Item = &mut ServiceDeployment> {
+        let owns = [
+            &mut self.plant,
+            &mut self.estimator,
+            &mut self.path_generator,
+            &mut self.controller,
+            &mut self.rc_output,
+        ];
+        owns.into_iter().flatten()
+    }
+
     /// What is said for all services.
     #[must_use]
     pub fn common(&self) -> ServiceDeployment {
@@ -178,6 +201,38 @@ mod tests {
         assert_eq!(of(ServiceId::RcOutput).core, Some(1));
         assert_eq!(of(ServiceId::RcOutput).lock_memory, Some(false));
         assert_eq!(of(ServiceId::RcOutput).timer_slack, None);
+    }
+
+    #[test]
+    fn what_is_forgotten_is_forgotten_for_every_service() {
+        let own = Some(ServiceDeployment {
+            core: Some(2),
+            priority: Some(30),
+            lock_memory: Some(true),
+            ..ServiceDeployment::default()
+        });
+        let mut deployment = Deployment {
+            core: Some(1),
+            priority: Some(20),
+            plant: own,
+            estimator: own,
+            path_generator: own,
+            controller: own,
+            rc_output: own,
+            ..Deployment::default()
+        };
+        deployment.forget_cores();
+        for service in ServiceId::ALL {
+            let of = deployment.of(service);
+            assert_eq!(
+                (of.core, of.priority, of.lock_memory),
+                (None, Some(30), Some(true))
+            );
+        }
+        deployment.forget_priorities();
+        for service in ServiceId::ALL {
+            assert_eq!(deployment.of(service).priority, None);
+        }
     }
 
     #[test]
