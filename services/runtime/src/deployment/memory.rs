@@ -8,7 +8,7 @@ use rustix::process::{Resource, Rlimit};
 use rustix::thread::CapabilitySet;
 
 /// Most memory that a service process locks, bytes: about ten times what one has mapped, shared memory included.
-pub const LOCKED_MEMORY: u64 = 512 << 20;
+pub const LOCKED_MEMORY: u64 = 256 << 20;
 
 /// Stack that is touched, bytes: far more than a step needs, far less than a process has.
 const STACK: usize = 256 << 10;
