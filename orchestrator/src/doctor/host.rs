@@ -52,12 +52,13 @@ impl Host {
         (self.space)(path)
     }
 
-    /// The soft limit of a resource, by its name in /proc/self/limits; `u64::MAX` is none.
+    /// The limit to which a run may raise a resource, by its name in /proc/self/limits; `u64::MAX` is none.
     #[must_use]
     pub fn limit(&self, name: &str) -> Option<u64> {
         let limits = self.text("proc/self/limits")?;
         let line = limits.lines().find_map(|line| line.strip_prefix(name))?;
-        match line.split_whitespace().next()? {
+        // The soft limit, which is in force, and the hard one, up to which everyone may raise it.
+        match line.split_whitespace().nth(1)? {
             "unlimited" => Some(u64::MAX),
             number => number.parse().ok(),
         }
@@ -158,8 +159,8 @@ mod tests {
     #[test]
     fn limits_and_capabilities_are_read_as_the_system_writes_them() {
         let limits = "Limit                     Soft Limit           Hard Limit           Units     \n\
-            Max locked memory         8388608              unlimited            bytes     \n\
-            Max realtime priority     unlimited            0                    \n";
+            Max locked memory         65536                8388608              bytes     \n\
+            Max realtime priority     0                    unlimited            \n";
         let status = "Name:\tgerono\nCapEff:\t0000000000804000\nCpus_allowed_list:\t0-1\n";
         let (_folder, host) = fake(
             &[("proc/self/limits", limits), ("proc/self/status", status)],

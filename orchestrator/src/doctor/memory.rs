@@ -122,7 +122,7 @@ mod tests {
     }
 
     fn locked_verdict(limit: &str, capabilities: &str, needs: &Needs) -> Verdict {
-        let limits = format!("Max locked memory         {limit}              unlimited      bytes\n");
+        let limits = format!("Max locked memory         65536              {limit}      bytes\n");
         let status = format!("CapEff:\t{capabilities}\n");
         let (_folder, host) = fake(
             &[("proc/self/limits", &limits), ("proc/self/status", &status)],

@@ -91,7 +91,7 @@ mod tests {
     }
 
     fn priority_verdict(limit: &str, capabilities: &str, needs: &Needs) -> Verdict {
-        let limits = format!("Max realtime priority     {limit}                    0\n");
+        let limits = format!("Max realtime priority     0                    {limit}\n");
         let status = format!("CapEff:\t{capabilities}\n");
         let (_folder, host) = fake(
             &[("proc/self/limits", &limits), ("proc/self/status", &status)],

@@ -7,6 +7,7 @@
 mod memory;
 mod settings;
 
+use rustix::process::{Resource, Rlimit};
 use rustix::thread::CpuSet;
 use serde::{Deserialize, Serialize};
 
@@ -67,7 +68,21 @@ pub fn use_scheduler(scheduler: Scheduler) -> std::io::Result<()> {
 /// # Errors
 /// If the system does not permit it.
 pub fn use_fifo(priority: u32) -> std::io::Result<()> {
+    raised_limit(Resource::Rtprio);
     set_policy(libc::SCHED_FIFO, i32::try_from(priority).unwrap_or(i32::MAX))
+}
+
+/// A limit after it has been raised as far as everyone may; `None` is no limit.
+fn raised_limit(resource: Resource) -> Option<u64> {
+    let limit = rustix::process::getrlimit(resource);
+    let raised = Rlimit {
+        current: limit.maximum,
+        maximum: limit.maximum,
+    };
+    match rustix::process::setrlimit(resource, raised) {
+        Ok(()) => limit.maximum,
+        Err(_) => limit.current,
+    }
 }
 
 fn set_policy(policy: i32, sched_priority: i32) -> std::io::Result<()> {

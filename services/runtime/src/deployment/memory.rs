@@ -4,8 +4,10 @@ use std::hint::black_box;
 use std::io;
 
 use rustix::mm::MlockAllFlags;
-use rustix::process::{Resource, Rlimit};
+use rustix::process::Resource;
 use rustix::thread::CapabilitySet;
+
+use super::raised_limit;
 
 /// Most memory that a service process locks, bytes: about ten times what one has mapped, shared memory included.
 pub const LOCKED_MEMORY: u64 = 256 << 20;
@@ -40,20 +42,7 @@ pub(super) fn lock() -> io::Result<()> {
 fn may_lock() -> bool {
     let is_privileged = rustix::thread::capabilities(None)
         .is_ok_and(|capabilities| capabilities.effective.contains(CapabilitySet::IPC_LOCK));
-    is_privileged || raised_limit().is_none_or(|limit| limit >= LOCKED_MEMORY)
-}
-
-/// The limit of locked memory, bytes, after it has been raised as far as everyone may; `None` is no limit.
-fn raised_limit() -> Option<u64> {
-    let limit = rustix::process::getrlimit(Resource::Memlock);
-    let raised = Rlimit {
-        current: limit.maximum,
-        maximum: limit.maximum,
-    };
-    match rustix::process::setrlimit(Resource::Memlock, raised) {
-        Ok(()) => limit.maximum,
-        Err(_) => limit.current,
-    }
+    is_privileged || raised_limit(Resource::Memlock).is_none_or(|limit| limit >= LOCKED_MEMORY)
 }
 
 /// Lets the allocator keep what is freed, instead of giving it back to the system and asking for it again.
