@@ -8,6 +8,7 @@ mod controller;
 mod estimator;
 mod events;
 mod faults;
+mod machine;
 mod path;
 mod radio;
 mod safety;
@@ -33,6 +34,7 @@ impl Scenario {
         self.check_rig(&root, &mut found);
         self.check_faults(&mut found);
         self.check_safety(&mut found);
+        self.check_machine(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems
     }
