@@ -4,6 +4,7 @@
 //! long the flight is. [`Summary`] is what comes of it: `summary.json` for programs, a table for people.
 
 pub mod faults;
+mod flight;
 mod phase;
 mod table;
 
@@ -15,6 +16,8 @@ use shared_types::{Header, Sample, Schedule, Topic};
 
 use crate::flight::crew::Rebirth;
 use faults::{FaultReport, FaultWatch, PlannedFault};
+pub use flight::FlightPhaseBegin;
+use flight::FlightWatch;
 use phase::PhaseRecord;
 
 /// How much of the end of a phase counts as its ultimate behaviour, s: what the paper's figures show.
@@ -101,6 +104,9 @@ pub struct Summary {
     pub ultimate_bound: f64,
     /// The phases between the changes of the vehicle, as far as they were flown.
     pub phases: Vec<Phase>,
+    /// The phases from disarmed to disarmed, in their order; none in a flight that is in the air from the start.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub flight: Vec<FlightPhaseBegin>,
     /// The planned faults, as far as they were flown.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultReport>,
@@ -165,6 +171,8 @@ pub struct FlightSummary {
     phases: Vec<PhaseRecord>,
     /// Only where faults are planned: who plans none does not pay for them.
     faults: Option<Box<FaultWatch>>,
+    /// Only of a flight with phases.
+    flight: Option<FlightWatch>,
     current: usize,
     counts: [SequenceCount; Topic::ALL.len()],
     last_tick: Option<u64>,
@@ -188,6 +196,7 @@ impl FlightSummary {
             bound: Controller::ultimate_bound(&scenario.controller),
             phases: phase::phases(scenario, schedule),
             faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, schedule))),
+            flight: scenario.flight.as_ref().map(|_| FlightWatch::default()),
             current: 0,
             counts: [SequenceCount::default(); Topic::ALL.len()],
             last_tick: None,
@@ -218,7 +227,11 @@ impl FlightSummary {
                 parameters.disturbance_estimate = Some(adaptation.disturbance_projected_world);
             }
             Topic::PathReference => {
-                self.phase_at(header.tick).gamma = Some(read::<PathReference>(bytes).gamma);
+                let reference = read::<PathReference>(bytes);
+                self.phase_at(header.tick).gamma = Some(reference.gamma);
+                if let Some(flight) = &mut self.flight {
+                    flight.observe(&reference);
+                }
             }
             Topic::ControlErrors => {
                 let z1_norm = z1_norm(&read::<ControlErrors>(bytes));
@@ -251,6 +264,7 @@ impl FlightSummary {
             phases: flown
                 .map(|phase| phase.finish(&self.schedule, self.bound))
                 .collect(),
+            flight: self.flight.as_ref().map(FlightWatch::finish).unwrap_or_default(),
             faults: self
                 .faults
                 .as_ref()

@@ -36,12 +36,16 @@ fn step(service: &mut RcOutputService, tick: u64, command: Option<&ControlComman
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: TICK_NS,
+        operator: shared_types::Operator::FLYING,
     };
     let mut frame = RcFrame::new_zeroed();
-    let inputs = [InputView {
-        bytes: command.map(IntoBytes::as_bytes),
-        fresh: command.is_some_and(|command| command.header.stamp_ns == now.time_ns),
-    }];
+    let inputs = [
+        InputView {
+            bytes: command.map(IntoBytes::as_bytes),
+            fresh: command.is_some_and(|command| command.header.stamp_ns == now.time_ns),
+        },
+        InputView::default(),
+    ];
     let mut outputs = [OutputSlot {
         bytes: Some(frame.as_mut_bytes()),
     }];

@@ -42,11 +42,15 @@ fn step_into(service: &mut RcOutputService, command: Option<&ControlCommand>, fr
         tick: 9,
         time_ns: 9_000_000,
         elapsed_ns: 1_000_000,
+        operator: shared_types::Operator::FLYING,
     };
-    let inputs = [InputView {
-        bytes: command.map(IntoBytes::as_bytes),
-        fresh: command.is_some(),
-    }];
+    let inputs = [
+        InputView {
+            bytes: command.map(IntoBytes::as_bytes),
+            fresh: command.is_some(),
+        },
+        InputView::default(),
+    ];
     ErasedService::step(service, &now, &inputs, &mut [OutputSlot { bytes: frame }]);
 }
 

@@ -5,9 +5,11 @@ mod air;
 mod assumption;
 mod cameras;
 mod controller;
+mod envelope;
 mod estimator;
 mod events;
 mod faults;
+mod flight;
 mod path;
 mod radio;
 mod safety;
@@ -33,6 +35,8 @@ impl Scenario {
         self.check_rig(&root, &mut found);
         self.check_faults(&mut found);
         self.check_safety(&mut found);
+        self.check_flight(&mut found);
+        self.check_envelope(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems
     }

@@ -70,11 +70,12 @@ fn step_on(
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: elapsed_ticks * TICK_NS,
+        operator: shared_types::Operator::FLYING,
     };
     let output = OutputSlot {
         bytes: Some(reference.as_mut_bytes()),
     };
-    ErasedService::step(generator, &now, &[input], &mut [output]);
+    ErasedService::step(generator, &now, &[input, InputView::default()], &mut [output]);
     reference
 }
 
