@@ -71,6 +71,17 @@ pub enum Command {
     /// docs/deployment.md explains every number.
     #[command(after_help = Doctor::EXAMPLES)]
     Doctor(Doctor),
+    /// Let the motors of a flight in real time turn: it takes off as soon as all is ready.
+    ///
+    /// Only a scenario with `[flight]` has something to arm. Refused while a service does not fly, the vehicle is not
+    /// seen, its state is old, or the estimator has not converged.
+    Arm(Operate),
+    /// Let the motors of a flight in real time rest at once, in the air too; `gerono arm` takes it back.
+    Disarm(Operate),
+    /// Let the motors of a flight in real time rest at once and until the end of the run, whatever anybody asks for then.
+    Kill(Operate),
+    /// End a flight in real time: it lands and disarms first; asked again, it disarms in the air.
+    Stop(Operate),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
@@ -249,6 +260,14 @@ impl Host {
             Self::Realtime => "realtime",
         }
     }
+}
+
+/// Arguments of the commands that ask something of a live run.
+#[derive(Debug, Args)]
+pub struct Operate {
+    /// The run, if several are under way: the name of its place, as `gerono doctor` shows it.
+    #[arg(long, value_name = "ID")]
+    pub run: Option<String>,
 }
 
 /// Arguments of `gerono check`.

@@ -4,6 +4,7 @@ pub mod bench;
 pub mod check;
 pub mod doctor;
 pub mod faults;
+pub mod operate;
 pub mod reproduce;
 pub mod run;
 pub mod small;

@@ -158,8 +158,12 @@ impl StepObserver for HostRecord {
             service: u32::try_from(service.index()).expect("few services"),
             missed: u32::try_from(record.missed).unwrap_or(u32::MAX),
             late_inputs: record.late_inputs as u32,
-            pad0: 0,
+            operator: record.operator as u32,
         });
+    }
+
+    fn note(&mut self, text: &str) {
+        self.event(None, HostEvent::KIND_NOTE, 0, text);
     }
 
     fn hung(&mut self, service: ServiceId) {

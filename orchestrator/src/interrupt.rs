@@ -31,6 +31,14 @@ impl Interrupt {
         Self(Arc::new(AtomicUsize::new(0)))
     }
 
+    /// Number of the signal that asked for the end, once: a later one is another one.
+    #[must_use]
+    pub fn take(&self) -> Option<i32> {
+        i32::try_from(self.0.swap(0, Ordering::Relaxed))
+            .ok()
+            .filter(|&number| number != 0)
+    }
+
     /// Number of the signal that asked for the end.
     #[must_use]
     pub fn signal(&self) -> Option<i32> {

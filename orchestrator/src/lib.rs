@@ -17,6 +17,7 @@ pub mod exit;
 pub mod flight;
 pub mod host_record;
 pub mod interrupt;
+pub mod live;
 pub mod log;
 pub mod matrix;
 pub mod plot;

@@ -3,9 +3,11 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use orchestrator::cli::{Cli, Command};
-use orchestrator::commands::{bench, check, doctor, faults, reproduce, run, small};
+use orchestrator::cli::{Cli, Command, Operate};
+use orchestrator::commands::{Failure, bench, check, doctor, faults, operate, reproduce, run, small};
 use orchestrator::exit::Exit;
+use orchestrator::live::Question;
+use runtime::shared_page::Request;
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
@@ -18,6 +20,10 @@ fn main() -> ExitCode {
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
+        Command::Arm(arguments) => operate(&arguments, &Question::Operate(Request::Arm)),
+        Command::Disarm(arguments) => operate(&arguments, &Question::Operate(Request::Disarm)),
+        Command::Kill(arguments) => operate(&arguments, &Question::Operate(Request::Kill)),
+        Command::Stop(arguments) => operate(&arguments, &Question::Stop),
         Command::Clean => small::clean().map(|()| Exit::Success),
         Command::Schema => {
             small::schema();
@@ -38,4 +44,8 @@ fn main() -> ExitCode {
             failure.exit.into()
         }
     }
+}
+
+fn operate(arguments: &Operate, question: &Question) -> Result<Exit, Failure> {
+    operate::operate(arguments, question).map(|()| Exit::Success)
 }

@@ -73,8 +73,8 @@ shared_types::sample! {
         pub missed: u32,
         /// Inputs of its own tick that had not come when it was given up waiting for them: bit i for input i.
         pub late_inputs: u32,
-        /// Explicit padding.
-        pub pad0: u32,
+        /// What the operator asked for: bit 0 armed, bit 1 land, bit 2 killed.
+        pub operator: u32,
     }
 }
 

@@ -4,6 +4,7 @@
 //! run and built all services when one dies whose place it takes.
 
 use std::num::NonZeroU64;
+use std::os::fd::OwnedFd;
 use std::sync::Arc;
 
 use shared_types::ServiceId;
@@ -12,8 +13,8 @@ use shared_types::service::ErasedService;
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
-    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, STEP_LOG_FD, Start,
-    ToOrchestrator, ToService,
+    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, LOCK_FD, SHARED_PAGE_FD,
+    STEP_LOG_FD, Start, ToOrchestrator, ToService,
 };
 use crate::crash::CrashPoint;
 use crate::deployment::{self, Scheduler, Setting};
@@ -70,6 +71,10 @@ pub fn run(
     let ToService::Start(start) = inherited.channel.receive()? else {
         return Ok(());
     };
+    if start.real_time.is_some() {
+        // A vehicle in the air outlives the orchestrator: see `lone_flight`.
+        deployment::outlive_parent()?;
+    }
     let channel = inherited.channel.try_clone()?;
     let result = live(inherited, &start, name, build);
     report(&channel, result)
@@ -87,6 +92,7 @@ fn live(
         page,
         checkpoints,
         step_log,
+        _lock,
         doorbells,
     } = inherited;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
@@ -124,7 +130,7 @@ fn live(
     };
     match start.real_time {
         None => launch.in_lock_step(service.as_mut(), &mut waiter),
-        Some(settings) => launch.in_real_time(service.as_mut(), settings, &waiter),
+        Some(settings) => launch.in_real_time(service.as_mut(), &start.scenario, settings, &waiter),
     }
 }
 
@@ -173,6 +179,8 @@ struct Inherited {
     page: SharedPage,
     checkpoints: Checkpoints,
     step_log: StepLog,
+    /// Held until the process ends.
+    _lock: OwnedFd,
     doorbells: Vec<Doorbell>,
 }
 
@@ -193,6 +201,7 @@ impl Inherited {
             page,
             checkpoints,
             step_log,
+            _lock: inherited(LOCK_FD)?,
             doorbells,
         })
     }

@@ -17,13 +17,14 @@ use std::sync::atomic::{Ordering, fence};
 use rustix::thread::{clock_nanosleep_absolute, futex};
 use rustix::time::ClockId;
 use shared_types::schedule::Publication;
-use shared_types::service::ErasedService;
-use shared_types::{Schedule, ServiceId};
+use shared_types::service::{ErasedService, Operator};
+use shared_types::{Now, Schedule, ServiceId};
 
 use crate::checkpoints::{Checkpoint, Checkpoints};
 use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::flight_clock::{FlightClock, deadline, monotonic_ns};
 use crate::lock_step::FlightError;
+use crate::lone_flight::LoneFlight;
 use crate::mailbox::Mailbox;
 use crate::ports::{PortError, Sender, Topics};
 use crate::shared_page::{Cell, SharedPage};
@@ -118,8 +119,15 @@ pub struct Cockpit<'a> {
     /// How long a step waits beyond the begin of its tick for inputs of that tick, ns: half of the service's period if
     /// that is longer, and never longer than to its next.
     pub grace_ns: u64,
+    /// What it does once the orchestrator is gone.
+    pub lone_flight: LoneFlight,
     /// Where it shall die.
     pub crash: CrashPoint,
+}
+
+fn bits_of(operator: Operator) -> u64 {
+    let Operator { armed, land, killed } = operator;
+    u64::from(armed) | u64::from(land) << 1 | u64::from(killed) << 2
 }
 
 /// Flies a service from now to its last step; with `checkpoint` as it was after an earlier one.
@@ -149,6 +157,9 @@ pub fn fly(
         cockpit.sleep_until(service.id(), cockpit.clock.begins_at(tick))?;
         let late_inputs = cockpit.await_inputs(&timetable, tick)?;
         cockpit.crash.pass(CrashPlace::BeforeStep, tick);
+        if cockpit.lone_flight.has_ended(cockpit.page.words()) {
+            return Err(FlightError::Stopping);
+        }
         if timetable.begins_anew_at(tick) {
             previous = None;
         }
@@ -299,6 +310,12 @@ impl Cockpit<'_> {
     ) -> Result<(), FlightError> {
         let tick = begun.tick;
         let mut record = begun;
+        let planned = timetable.now_after(previous, tick);
+        let now = Now {
+            operator: self.operator(planned.operator),
+            ..planned
+        };
+        record.operator = bits_of(now.operator);
         let RealTimePorts {
             mailboxes, outputs, ..
         } = &mut self.ports;
@@ -317,7 +334,6 @@ impl Cockpit<'_> {
                 *slot = step::prepared(output.publication.topic, header, output.sender.loan()?);
             }
         }
-        let now = timetable.now_after(previous, tick);
         timetable.step_at(service, &now, &views, &mut slots)?;
         self.crash.pass(CrashPlace::AfterStep, tick);
         for output in outputs {
@@ -330,6 +346,16 @@ impl Cockpit<'_> {
         self.wake(service.id());
         self.keep(service, record);
         Ok(())
+    }
+
+    /// What the operator asks for, or whoever takes the place of people once the orchestrator is gone.
+    #[inline]
+    fn operator(&self, planned: Operator) -> Operator {
+        let asked = self.page.words().operator(planned);
+        Operator {
+            land: asked.land || self.lone_flight.is_to_land(),
+            ..asked
+        }
     }
 
     /// Wakes those services that sleep for a publication of this one.
