@@ -12,8 +12,8 @@ use shared_types::service::ErasedService;
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
-    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD,
-    STEP_LOG_FD, Start, ToOrchestrator, ToService,
+    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, STEP_LOG_FD, Start,
+    ToOrchestrator, ToService,
 };
 use crate::crash::CrashPoint;
 use crate::deployment::{self, Scheduler};
