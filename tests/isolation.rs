@@ -212,6 +212,53 @@ fn a_place_that_cannot_be_written_is_refused_before_anything_starts() {
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
+/// Every service is refused the same core: it is said once.
+#[test]
+fn what_the_machine_does_not_permit_is_said_once_and_flown_without() {
+    let place = Place::new();
+    let flight = succeed(&mut place.short_flight("out", 0.1, &["--set", "deployment.core=1023"]));
+    let said = String::from_utf8_lossy(&flight.stderr).into_owned();
+    assert_eq!(said.matches("core 1023 cannot be used").count(), 1, "{said}");
+    assert!(said.contains("gerono doctor"), "no fix: {said}");
+
+    let on_a_core_that_is_there = ["--set", "deployment.core=1023", "--no-pin"];
+    let flight = succeed(&mut place.short_flight("unpinned", 0.1, &on_a_core_that_is_there));
+    let said = String::from_utf8_lossy(&flight.stderr).into_owned();
+    assert!(!said.contains("1023"), "the command line goes first: {said}");
+}
+
+#[test]
+fn a_strict_deployment_that_is_not_permitted_is_not_flown() {
+    let place = Place::new();
+    let sets = [
+        "--set",
+        "deployment.strict=true",
+        "--set",
+        "deployment.controller.core=1023",
+    ];
+    let flight = output(&mut place.short_flight("out", 1.0, &sets));
+    assert_eq!(flight.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&flight.stderr).into_owned();
+    // Lines are broken for the terminal wherever they are.
+    let said = said
+        .replace(['│', '\n'], " ")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ");
+    for piece in [
+        "`deployment.strict`",
+        "core 1023 cannot be used",
+        "`gerono doctor`",
+        "nothing was flown",
+    ] {
+        assert!(said.contains(piece), "no `{piece}` in: {said}");
+    }
+    let summary = std::fs::read_to_string(place.path("out/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert_eq!(summary["outcome"], "failed");
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
 #[test]
 fn a_number_that_is_not_finite_is_stopped_where_it_was_made_in_every_host() {
     let place = Place::new();

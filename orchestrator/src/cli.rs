@@ -63,6 +63,14 @@ pub enum Command {
     /// Writes faults.json and faults.md.
     #[command(after_help = Faults::EXAMPLES)]
     Faults(Faults),
+    /// Check this machine before a flight: what is good (green), poor (yellow) or would not work (red), and how to mend it.
+    ///
+    /// Looks at shared memory, limits, cores, clock, governor, other runs and what dead ones have left, and measures for some
+    /// seconds how fast the disk is and how late a sleeper wakes. With a scenario, all of it is judged by what that asks for:
+    /// its `[deployment]`, the size of its log, its `real_time.grace`. Only flights in real time need sharp wake-ups. Changes nothing;
+    /// docs/deployment.md explains every number.
+    #[command(after_help = Doctor::EXAMPLES)]
+    Doctor(Doctor),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
@@ -303,6 +311,44 @@ pub struct Bench {
     /// Write the figures as JSON to this file as well.
     #[arg(long)]
     pub json: Option<PathBuf>,
+}
+
+/// Arguments of `gerono doctor`.
+#[derive(Debug, Args)]
+pub struct Doctor {
+    /// The scenario that is to be flown [default: a minute at 1 kHz that asks for nothing].
+    pub scenario: Option<PathBuf>,
+    /// Change a value of the scenario, for example `--set deployment.core=1`; may be given several times.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", requires = "scenario")]
+    pub sets: Vec<String>,
+    /// How long to measure wake-ups, s; the longer, the more of what is rare is seen.
+    #[arg(long, value_name = "T", default_value = "3", value_parser = measuring_time)]
+    pub seconds: f64,
+    /// The folder into which runs write.
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    pub runs: PathBuf,
+    /// Print what was found as JSON, for other programs.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Doctor {
+    /// What `gerono doctor --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono doctor\n  \
+        gerono doctor scenarios/fig1.toml --set deployment.core=1 --set deployment.priority=20\n  \
+        gerono doctor scenarios/fig1.toml --seconds 60 --runs /data/runs\n  \
+        gerono doctor --json | jq '.checks[] | select(.verdict != \"green\")'\n\n\
+        Exit codes: 0 nothing is red; 2 the scenario is wrong; 6 something is red: the flight would fail or be worth nothing.";
+}
+
+fn measuring_time(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "give a number of seconds".to_owned())?;
+    if (0.01..=3600.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("give a time from 0.01 to 3600 s".to_owned())
+    }
 }
 
 /// Arguments of `gerono reproduce`.

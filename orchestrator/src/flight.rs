@@ -96,6 +96,16 @@ pub enum FlightFailure {
         /// How long they had.
         limit: Duration,
     },
+    /// The machine does not permit what the scenario insists on.
+    #[error(
+        "the scenario insists on its deployment (`deployment.strict`), of which this machine does not permit all: {}; \
+         nothing was flown",
+        .refusals.join("; ")
+    )]
+    NotPermitted {
+        /// What is not permitted, with the fixes.
+        refusals: Vec<String>,
+    },
     /// A sample did not reach the recorder.
     #[error("a sample of `{topic}` was lost: tick {due} was due and {got} came")]
     Lost {

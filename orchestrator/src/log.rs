@@ -19,6 +19,7 @@ mod manifest;
 mod reader;
 mod records;
 mod schema;
+mod size;
 mod writer;
 
 pub use digest::{LogDigest, digest};
@@ -28,6 +29,7 @@ pub use host_samples::{HostEvent, HostSample, ServiceHealth, ServiceStep};
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest};
 pub use reader::{LogReadError, LogReader, LoggedSample};
+pub use size::predicted_bytes;
 pub use writer::RunLogWriter;
 
 #[cfg(test)]

@@ -27,6 +27,9 @@ use crate::summary::{self, RunFacts, Summary};
 /// [`Failure`] if nothing was flown; a flight that ends badly is an [`Exit`].
 pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let scenario = load(&arguments.scenario)?;
+    if let Some(problem) = scenario.unasked() {
+        return Err(Failure::new(Exit::BadInput, problem));
+    }
     let schedule = scenario
         .schedule()
         .map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
@@ -115,7 +118,7 @@ fn deployment(arguments: &DeploymentArguments) -> Deployment {
         placement: match (arguments.no_pin, arguments.core) {
             (true, _) => Placement::Anywhere,
             (false, Some(core)) => Placement::Core(core),
-            (false, None) => Placement::Idlest,
+            (false, None) => Placement::AsStated,
         },
         scheduler: match (arguments.fifo, arguments.no_yield) {
             (true, _) => Scheduler::Fifo,
@@ -173,7 +176,9 @@ fn exit(outcome: &Outcome) -> Exit {
         Outcome::Completed => Exit::Success,
         Outcome::Interrupted { signal } => Exit::Signal(*signal),
         Outcome::Failed(FlightFailure::Log(_)) => Exit::NotWritten,
-        Outcome::Failed(FlightFailure::Setup(_) | FlightFailure::NotReady { .. }) => Exit::Trouble,
+        Outcome::Failed(
+            FlightFailure::Setup(_) | FlightFailure::NotReady { .. } | FlightFailure::NotPermitted { .. },
+        ) => Exit::Trouble,
         Outcome::Failed(_) => Exit::FlightFailed,
     }
 }

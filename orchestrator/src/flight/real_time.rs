@@ -17,13 +17,14 @@ use runtime::in_process::TickSink;
 use runtime::ports::Member;
 use runtime::step_log::StepRecord;
 use shared_types::scenario::Scenario;
+use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use self::heartbeat::Heartbeats;
 use self::monitor::Monitor;
-use self::recorder::{Recorder, SETTLING};
+use self::recorder::{Recorder, SETTLING_NS};
 use super::crew::{Crew, CrewEvent};
-use super::lock_step::{BIRTH_PERIOD, Cores, CrewObserver, Deployment, port_failure};
+use super::lock_step::{BIRTH_PERIOD, Cores, CrewObserver, Deployment, permitted, port_failure};
 use super::{Ending, FlightFailure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::run_root::RunRoot;
@@ -34,12 +35,6 @@ const RECORDER_PERIOD: Duration = Duration::from_millis(10);
 
 /// From the decision to fly until tick 0 begins: everybody has been told by then.
 const COUNTDOWN: Duration = Duration::from_millis(50);
-
-/// How long a step waits beyond the begin of its tick for inputs of that tick.
-const GRACE: Duration = Duration::from_millis(2);
-
-/// A service that has not stepped for so long is replaced.
-const HANG_LIMIT: Duration = Duration::from_millis(250);
 
 /// What happens in a flight in real time, for whoever keeps a record of the machine.
 pub trait StepObserver: CrewObserver {
@@ -71,18 +66,21 @@ where
         .schedule()
         .map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
     let root = RunRoot::create().map_err(|error| FlightFailure::Setup(error.to_string()))?;
-    let cores = Cores::choose(deployment.placement);
+    let scenario = deployment.stated_over(scenario);
+    let is_strict = scenario.deployment.as_ref().is_some_and(|stated| stated.strict);
+    let settings = scenario.real_time.unwrap_or_default();
+    let cores = Cores::choose(deployment.placement, &scenario);
     cores.keep_off();
     let member = Member::join(&root.configuration(), "orchestrator").map_err(port_failure)?;
     let (mut recorder, _topics) = Recorder::create(&member, &schedule).map_err(port_failure)?;
     let start = Start {
-        scenario: scenario.clone(),
+        scenario,
         iceoryx2_configuration: root.configuration(),
         core: cores.ring,
         scheduler: deployment.scheduler,
         role: None,
         real_time: Some(RealTime {
-            grace_ns: nanoseconds(GRACE),
+            grace_ns: nanoseconds(settings.grace),
         }),
     };
     let mut crew = Crew::start(
@@ -92,7 +90,7 @@ where
         deployment.crashes.clone(),
         deployment.restarts,
     )?;
-    let warnings = crew.await_ready()?;
+    let warnings = permitted(is_strict, crew.await_ready()?)?;
     observer.ready(&crew, cores.ring);
     recorder.connect().map_err(port_failure)?;
 
@@ -105,7 +103,7 @@ where
     let started = Instant::now();
     crew.go()?;
     let mut flight = Flight {
-        heartbeats: Heartbeats::new(&schedule, nanoseconds(HANG_LIMIT) / schedule.tick_ns()),
+        heartbeats: Heartbeats::new(&schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
         monitor: Monitor::new(&schedule),
         schedule: &schedule,
         clock,
@@ -188,7 +186,7 @@ impl Flight<'_> {
     {
         self.recorder.receive()?;
         self.observe_steps();
-        let settled_ns = self.clock.elapsed_ns().saturating_sub(nanoseconds(SETTLING));
+        let settled_ns = self.clock.elapsed_ns().saturating_sub(SETTLING_NS);
         let settled = (settled_ns / self.clock.tick_ns).min(self.schedule.last_tick() + 1);
         Ok(self.recorder.write_before(settled, sink)?)
     }
@@ -275,8 +273,4 @@ fn unrecorded(schedule: &Schedule, monitor: &Monitor, recorder: &Recorder) -> Ve
         })
     };
     Topic::ALL.into_iter().filter_map(of_topic).collect()
-}
-
-fn nanoseconds(duration: Duration) -> u64 {
-    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }

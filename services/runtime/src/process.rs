@@ -7,7 +7,7 @@ use std::num::NonZeroU64;
 use std::sync::Arc;
 
 use shared_types::ServiceId;
-use shared_types::scenario::Scenario;
+use shared_types::scenario::{Scenario, ServiceDeployment};
 use shared_types::service::ErasedService;
 
 use crate::checkpoints::Checkpoints;
@@ -16,7 +16,7 @@ use crate::control::{
     ToOrchestrator, ToService,
 };
 use crate::crash::CrashPoint;
-use crate::deployment::{self, Scheduler};
+use crate::deployment::{self, Scheduler, Setting};
 use crate::descriptors::inherited;
 use crate::doorbell::Doorbell;
 use crate::launch::Launch;
@@ -91,7 +91,7 @@ fn live(
     } = inherited;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
     // A spare process stays off the services' core until it is one of them.
-    let deployed = start.role.map(|_| deploy(start));
+    let deployed = start.role.map(|role| deploy(role.service, start));
     let schedule = start
         .scenario
         .schedule()
@@ -108,7 +108,7 @@ fn live(
         deployment::call_process(role.service.name())?;
         (role, services.swap_remove(role.service.index()))
     };
-    let (scheduler, warnings) = deployed.unwrap_or_else(|| deploy(start));
+    let (scheduler, warnings) = deployed.unwrap_or_else(|| deploy(role.service, start));
     let topics = Topics::open(&member, role.service, &schedule)?;
     let ToService::MakePorts = channel.receive()? else {
         return Ok(());
@@ -128,35 +128,29 @@ fn live(
     }
 }
 
-/// Pins the process and sets its scheduler, as far as the system permits.
-fn deploy(start: &Start) -> (Scheduler, Vec<String>) {
-    let mut warnings = Vec::new();
-    if let Some(core) = start.core
-        && let Err(error) = deployment::pin_to(&[core])
-    {
-        warnings.push(format!("cannot pin to core {core}: {error}"));
-    }
-    let refused = match start.scheduler {
-        Scheduler::Fair => None,
-        scheduler => deployment::use_scheduler(scheduler).err(),
+/// Lets the process use the machine as the scenario and the command line say, as far as the system permits.
+fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
+    let stated = start.scenario.deployment_of(id);
+    let of_the_run = start.core.and_then(|core| u32::try_from(core).ok());
+    let fifo = (start.scheduler == Scheduler::Fifo).then_some(deployment::FIFO_PRIORITY);
+    let settings = ServiceDeployment {
+        core: stated.core.or(of_the_run),
+        priority: stated.priority.or(fifo),
+        ..stated
     };
-    let scheduler = match (start.scheduler, refused) {
-        (scheduler, None) => scheduler,
-        (Scheduler::Fifo, Some(error)) => {
-            warnings.push(format!(
-                "SCHED_FIFO is not permitted ({error}): flying with the ordinary scheduler. \
-                 Grant CAP_SYS_NICE or raise `rtprio` in /etc/security/limits.conf"
-            ));
-            Scheduler::Fair
-        }
+    let refusals = deployment::apply(&settings);
+    let may_not = |setting| refusals.iter().any(|refusal| refusal.setting == setting);
+    let scheduler = match (settings.priority, start.scheduler) {
+        (Some(_), _) if !may_not(Setting::Priority) => Scheduler::Fifo,
         // It needs no privilege; a sandbox that refuses it costs a little time and nothing else.
-        (Scheduler::Batch | Scheduler::Fair, Some(_)) => Scheduler::Fair,
+        (None, Scheduler::Batch) if deployment::use_scheduler(Scheduler::Batch).is_ok() => Scheduler::Batch,
+        _ => Scheduler::Fair,
     };
-    if start.real_time.is_some() {
+    if start.real_time.is_some() && settings.timer_slack.is_none() {
         // The system may end sleeps late to save power: by 50 µs unless it is told otherwise. It refuses nobody.
         let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
     }
-    (scheduler, warnings)
+    (scheduler, refusals.iter().map(ToString::to_string).collect())
 }
 
 /// Tells the orchestrator how it went, if it is still there.

@@ -1,3 +1,4 @@
+mod machine;
 mod rig;
 mod safety;
 
