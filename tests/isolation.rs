@@ -6,7 +6,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use common::{
-    Place, finish, is_alive, output, scenario, services_of, shared_memory_of, signal, succeed, until,
+    Place, finish, is_alive, output, processes_of, scenario, services_of, shared_memory_of, signal, succeed,
+    until,
 };
 use iceoryx2::prelude::*;
 use orchestrator::log::LogReader;
@@ -45,11 +46,14 @@ fn last_tick(log: &Path) -> u64 {
 #[test]
 fn services_end_with_a_killed_orchestrator_and_the_next_run_sweeps_up() {
     let place = Place::new();
-    let (child, services) = fly(&place, "killed");
+    let (child, _) = fly(&place, "killed");
     let orchestrator = child.id();
+    let processes = until("a spare process beside the services", || {
+        Some(processes_of(orchestrator)).filter(|processes| processes.len() > ServiceId::ALL.len())
+    });
     signal(orchestrator, Signal::KILL);
     finish(child);
-    for (name, pid) in services {
+    for (name, pid) in processes {
         until(&format!("the end of {name}"), || (!is_alive(pid)).then_some(()));
     }
     assert!(place.path("killed/run.mcap.partial").exists() && !place.path("killed/run.mcap").exists());

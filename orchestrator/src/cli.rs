@@ -86,9 +86,9 @@ pub enum Command {
     /// Run one service; only `gerono run` can start it.
     #[command(hide = true)]
     Service {
-        /// Name of the service.
-        #[arg(value_parser = service)]
-        name: ServiceId,
+        /// Name of the service, or of a process that waits for one to die.
+        #[arg(value_parser = service_process)]
+        name: String,
     },
     /// Take part in a bare ring; only `gerono bench` can start it.
     #[command(hide = true)]
@@ -99,6 +99,13 @@ pub enum Command {
         /// The core.
         core: usize,
     },
+}
+
+fn service_process(name: &str) -> Result<String, String> {
+    if name != runtime::process::SPARE {
+        service(name)?;
+    }
+    Ok(name.to_owned())
 }
 
 fn service(name: &str) -> Result<ServiceId, String> {
@@ -127,7 +134,7 @@ pub struct Run {
     /// What to fly.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
-    /// Where the services run; the log is the same.
+    /// Where the services run and what makes them step; in simulated time the log is the same.
     #[arg(long, value_enum, default_value_t)]
     pub host: Host,
     /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-N].
@@ -228,6 +235,8 @@ pub enum Host {
     Lockstep,
     /// All services in one thread of this process.
     Inprocess,
+    /// One process a service, the system's clock, the newest sample wins.
+    Realtime,
 }
 
 impl Host {
@@ -237,6 +246,7 @@ impl Host {
         match self {
             Self::Lockstep => "lockstep",
             Self::Inprocess => "inprocess",
+            Self::Realtime => "realtime",
         }
     }
 }

@@ -27,7 +27,7 @@ fn main() -> ExitCode {
             small::completions(shell);
             Ok(Exit::Success)
         }
-        Command::Service { name } => small::service(name).map(|()| Exit::Success),
+        Command::Service { name } => small::service(&name).map(|()| Exit::Success),
         Command::Load { core } => bench::load(core).map(|()| Exit::Success),
         Command::RingMember(arguments) => bench::ring_member(&arguments).map(|()| Exit::Success),
     };

@@ -6,6 +6,7 @@
 pub mod faults;
 mod phase;
 mod table;
+pub mod timing;
 
 use serde::Serialize;
 use shared_types::samples::{ControlAdaptation, ControlErrors, PathReference, VehicleTruth};
@@ -16,6 +17,7 @@ use shared_types::{Header, Sample, Schedule, Topic};
 use crate::flight::crew::Rebirth;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 use phase::PhaseRecord;
+use timing::TimingReport;
 
 /// How much of the end of a phase counts as its ultimate behaviour, s: what the paper's figures show.
 pub const ULTIMATE_WINDOW: f64 = 5.0;
@@ -83,6 +85,9 @@ pub struct RunFacts {
     /// Deaths of services in flight that were mended; nothing of them is in the log.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rebirths: Vec<Rebirth>,
+    /// How well the flight kept time, if it was flown in real time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingReport>,
 }
 
 /// What a flight came to.

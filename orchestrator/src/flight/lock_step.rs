@@ -22,7 +22,7 @@ use crate::run_root::RunRoot;
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
 /// How often it looks while a service is being born again and the flight waits.
-const BIRTH_PERIOD: Duration = Duration::from_micros(100);
+pub(super) const BIRTH_PERIOD: Duration = Duration::from_micros(100);
 
 /// How the processes of a run use the machine. Nothing of it changes the log.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,7 +53,7 @@ impl Default for Deployment {
 
 impl Deployment {
     /// The scenario with the command line's word in place of its own about cores and priorities.
-    fn stated_over(&self, scenario: &Scenario) -> Scenario {
+    pub(super) fn stated_over(&self, scenario: &Scenario) -> Scenario {
         let mut scenario = scenario.clone();
         if let Some(stated) = &mut scenario.deployment {
             if self.placement != Placement::AsStated {
@@ -130,7 +130,8 @@ where
         iceoryx2_configuration: root.configuration(),
         core: cores.ring,
         scheduler: deployment.scheduler,
-        crash: None,
+        role: None,
+        real_time: None,
     };
     let mut crew = Crew::start(
         &member,
@@ -166,6 +167,7 @@ where
         wall_time,
         warnings,
         rebirths: flight.crew.rebirths().to_vec(),
+        timing: None,
     })
 }
 
@@ -208,6 +210,8 @@ impl Flight<'_> {
                 self.crew.resume(&mut self.recorder)?;
                 self.observer.changed(&self.crew);
                 self.crew.hand_over(&self.recorder)?;
+            } else {
+                self.crew.keep_spare();
             }
             if Instant::now() >= next_health {
                 self.crew.rouse();
@@ -259,19 +263,19 @@ where
     clippy::needless_pass_by_value,
     reason = "used to map errors, which come by value"
 )]
-fn port_failure(error: PortError) -> FlightFailure {
+pub(super) fn port_failure(error: PortError) -> FlightFailure {
     FlightFailure::Setup(error.to_string())
 }
 
 /// Which cores the services and the recorder use.
-struct Cores {
+pub(super) struct Cores {
     /// That of all services that state none of their own.
-    ring: Option<usize>,
+    pub(super) ring: Option<usize>,
     others: Vec<usize>,
 }
 
 impl Cores {
-    fn choose(placement: Placement, scenario: &Scenario) -> Self {
+    pub(super) fn choose(placement: Placement, scenario: &Scenario) -> Self {
         let allowed = deployment::allowed_cores();
         let of_all = scenario.deployment.as_ref().and_then(|stated| stated.core);
         let ring = match (placement, of_all) {
@@ -287,7 +291,7 @@ impl Cores {
     }
 
     /// Keeps this process off the services' cores, if there is another.
-    fn keep_off(&self) {
+    pub(super) fn keep_off(&self) {
         if !self.others.is_empty() {
             // Only slower if it is refused.
             let _ = deployment::pin_to(&self.others);

@@ -96,6 +96,14 @@ fn set_policy(policy: i32, sched_priority: i32) -> std::io::Result<()> {
     }
 }
 
+/// Gives this process the name by which `ps`, `top` and `pkill -x` know it: its first 15 bytes.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn call_process(name: &str) -> std::io::Result<()> {
+    Ok(rustix::thread::set_name(&std::ffi::CString::new(name)?)?)
+}
+
 /// Lets the system kill this process when the thread that started it ends.
 ///
 /// # Errors
