@@ -4,6 +4,7 @@
 //! long the flight is. [`Summary`] is what comes of it: `summary.json` for programs, a table for people.
 
 pub mod faults;
+mod flight;
 mod phase;
 mod table;
 pub mod timing;
@@ -16,6 +17,8 @@ use shared_types::{Header, Sample, Schedule, Topic};
 
 use crate::flight::crew::Rebirth;
 use faults::{FaultReport, FaultWatch, PlannedFault};
+pub use flight::FlightPhaseBegin;
+use flight::FlightWatch;
 use phase::PhaseRecord;
 use timing::TimingReport;
 
@@ -106,6 +109,9 @@ pub struct Summary {
     pub ultimate_bound: f64,
     /// The phases between the changes of the vehicle, as far as they were flown.
     pub phases: Vec<Phase>,
+    /// The phases from disarmed to disarmed, in their order; none in a flight that is in the air from the start.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub flight: Vec<FlightPhaseBegin>,
     /// The planned faults, as far as they were flown.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultReport>,
@@ -170,6 +176,8 @@ pub struct FlightSummary {
     phases: Vec<PhaseRecord>,
     /// Only where faults are planned: who plans none does not pay for them.
     faults: Option<Box<FaultWatch>>,
+    /// Only of a flight with phases.
+    flight: Option<FlightWatch>,
     current: usize,
     counts: [SequenceCount; Topic::ALL.len()],
     last_tick: Option<u64>,
@@ -193,6 +201,7 @@ impl FlightSummary {
             bound: Controller::ultimate_bound(&scenario.controller),
             phases: phase::phases(scenario, schedule),
             faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, schedule))),
+            flight: scenario.flight.as_ref().map(|_| FlightWatch::default()),
             current: 0,
             counts: [SequenceCount::default(); Topic::ALL.len()],
             last_tick: None,
@@ -223,7 +232,11 @@ impl FlightSummary {
                 parameters.disturbance_estimate = Some(adaptation.disturbance_projected_world);
             }
             Topic::PathReference => {
-                self.phase_at(header.tick).gamma = Some(read::<PathReference>(bytes).gamma);
+                let reference = read::<PathReference>(bytes);
+                self.phase_at(header.tick).gamma = Some(reference.gamma);
+                if let Some(flight) = &mut self.flight {
+                    flight.observe(&reference);
+                }
             }
             Topic::ControlErrors => {
                 let z1_norm = z1_norm(&read::<ControlErrors>(bytes));
@@ -256,6 +269,7 @@ impl FlightSummary {
             phases: flown
                 .map(|phase| phase.finish(&self.schedule, self.bound))
                 .collect(),
+            flight: self.flight.as_ref().map(FlightWatch::finish).unwrap_or_default(),
             faults: self
                 .faults
                 .as_ref()

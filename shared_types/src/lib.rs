@@ -6,12 +6,14 @@
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
 //! * [`schedule`]: who steps when, and which sample is due where, computable by everyone;
 //! * [`scenario`]: the parameters of a flight, with their validation;
+//! * [`flight_phase`]: from disarmed to disarmed, one table;
 //! * [`gate`]: which sample of an input a service uses: the last one that can be true;
 //! * [`noise`]: random numbers as functions of seed, stream and tick;
 //! * [`rotation`]: the conventions of attitude.
 //!
 //! Nothing in this crate does input or output.
 
+pub mod flight_phase;
 pub mod gate;
 pub mod noise;
 pub mod rotation;
@@ -22,7 +24,8 @@ pub mod schedule;
 pub mod service;
 pub mod wiring;
 
+pub use flight_phase::FlightPhase;
 pub use sample::{Header, Sample};
 pub use schedule::Schedule;
-pub use service::{Input, Now, Output, Service};
+pub use service::{Input, Now, Operator, Output, Service};
 pub use wiring::{ServiceId, Topic};

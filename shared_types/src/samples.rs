@@ -81,6 +81,8 @@ crate::sample! {
     }
 
     /// Where the vehicle should be: the point of the path, its γ-derivatives and the timing law's terms.
+    ///
+    /// While it takes off and lands, the path is a straight line, and γ the time on it in s.
     pub struct PathReference {
         /// Common header.
         pub header: Header,
@@ -115,8 +117,15 @@ crate::sample! {
         pub states_refused: u32,
         /// Whether it is known where the vehicle is; if not the path stands still.
         pub vehicle_known: Flag,
+        #[values(
+            PHASE_DISARMED = 0, PHASE_ARMED = 1, PHASE_TAKE_OFF = 2, PHASE_FLY = 3, PHASE_LAND = 4
+        )]
+        /// The phase of the flight; one without phases is flown from its start.
+        pub phase: u8,
+        /// Whether the vehicle carries itself, as far as its motion tells.
+        pub airborne: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 3],
+        pub pad0: u8,
     }
 
     /// What the controller commands.
@@ -210,8 +219,19 @@ crate::sample! {
         #[values(STAGE_COMMAND = 0, STAGE_HOLD = 1, STAGE_FAILSAFE = 4)]
         /// What the frame carries: the newest command, or by how old that is something safer.
         pub stage: u8,
+        #[values(
+            LIMIT_NONE = 0, LIMIT_BOX = 1, LIMIT_TILT = 2, LIMIT_SPEED = 3, LIMIT_ESTIMATE = 4, LIMIT_THRUST = 5,
+            LIMIT_TORQUE = 6, LIMIT_RATES = 7, LIMIT_LANDING_TIME = 8
+        )]
+        /// The limit of the envelope that `action` is taken for; none where the operator killed.
+        pub limit: u8,
+        #[values(ACTION_NONE = 0, ACTION_WARN = 1, ACTION_LAND = 2, ACTION_KILL = 3)]
+        /// What the transmitter does about it: it says so, demands that the vehicle lands, or lets the motors rest for ever.
+        pub action: u8,
+        /// Whether what the transmitter needs is there and recent.
+        pub inputs_fresh: Flag,
         /// Explicit padding.
-        pub pad0: u8,
+        pub pad0: [u8; 6],
     }
 
     /// Something that the scenario schedules. Never something that happened to the machine.
@@ -220,7 +240,8 @@ crate::sample! {
         pub header: Header,
         #[values(
             KIND_FLIGHT_STARTS = 1, KIND_VEHICLE_CHANGES = 2, KIND_FLIGHT_ENDS = 3, KIND_OUTAGE_BEGINS = 4,
-            KIND_OUTAGE_ENDS = 5, KIND_EDGE_FAULT_BEGINS = 6, KIND_EDGE_FAULT_ENDS = 7
+            KIND_OUTAGE_ENDS = 5, KIND_EDGE_FAULT_BEGINS = 6, KIND_EDGE_FAULT_ENDS = 7, KIND_OPERATOR_ARMS = 8,
+            KIND_OPERATOR_LANDS = 9, KIND_OPERATOR_KILLS = 10
         )]
         /// What happens.
         pub kind: u32,

@@ -5,7 +5,9 @@
 //! give its results.
 
 mod check;
+mod envelope;
 mod fault;
+mod flight;
 mod machine;
 mod problem;
 mod safety;
@@ -20,7 +22,9 @@ use std::f64::consts::PI;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use envelope::{Action, Envelope, EstimateLimit, Fence, Limit, VectorLimit};
 pub use fault::{Fault, FaultKind, FaultState, Target};
+pub use flight::Flight;
 pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
 pub use problem::{Key, Problem};
 pub use safety::InputSafety;
@@ -66,6 +70,13 @@ pub struct Scenario {
     /// What estimator and controller believe of vehicle and links; the truth may be otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<Model>,
+    /// The phases of the flight, from the ground to the ground; without it the vehicle is in the air from the start to
+    /// the end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flight: Option<Flight>,
+    /// What the transmitter does not let the vehicle and the controller do; nothing is refused unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub envelope: Option<Envelope>,
     /// Planned faults of services and of their inputs, exact in simulated time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fault: Vec<Fault>,
@@ -803,6 +814,8 @@ impl Scenario {
             estimator: None,
             rc_output: None,
             model: None,
+            flight: None,
+            envelope: None,
             fault: Vec::new(),
             safety: BTreeMap::new(),
             deployment: None,

@@ -11,12 +11,14 @@
 
 mod edge;
 mod edge_fault;
+mod operator;
 mod presence;
 
 use std::sync::Arc;
 
 pub use edge::Edge;
 pub use edge_fault::{Alteration, Draws, EdgeFault, EdgeFaultKind, Loss};
+pub use operator::OperatorPlan;
 pub use presence::{Fate, Outage, Presence};
 
 use crate::sample::Header;
@@ -139,6 +141,7 @@ pub struct Schedule {
     order: [ServiceId; SERVICES],
     outages: [Arc<[Outage]>; SERVICES],
     edge_faults: [[Arc<[EdgeFault]>; MAX_PORTS]; SERVICES],
+    operator: OperatorPlan,
 }
 
 impl Schedule {
@@ -163,6 +166,7 @@ impl Schedule {
             order,
             outages: Default::default(),
             edge_faults: Default::default(),
+            operator: OperatorPlan::FLYING,
         };
         for topic in Topic::ALL {
             if let Some(publisher) = topic.publisher()
@@ -189,6 +193,19 @@ impl Schedule {
     pub fn with_edge_faults(mut self, faults: [[Vec<EdgeFault>; MAX_PORTS]; SERVICES]) -> Self {
         self.edge_faults = faults.map(|inputs| inputs.map(Arc::from));
         self
+    }
+
+    /// The same schedule with planned requests of the people responsible for the flight.
+    #[must_use]
+    pub fn with_operator(mut self, plan: OperatorPlan) -> Self {
+        self.operator = plan;
+        self
+    }
+
+    /// When the people responsible for the flight are planned to ask for what.
+    #[must_use]
+    pub fn operator(&self) -> OperatorPlan {
+        self.operator
     }
 
     /// Whether anything is planned to fail, so that publishers may run ahead until buffers are full.

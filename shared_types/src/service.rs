@@ -19,6 +19,28 @@ pub struct Now {
     pub time_ns: u64,
     /// Time since this service's previous step, ns; 0 at its first.
     pub elapsed_ns: u64,
+    /// What the people responsible for the flight ask for.
+    pub operator: Operator,
+}
+
+/// What the people responsible for the flight ask for. Hosts say it, like the time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Operator {
+    /// The motors may turn. Whoever takes it back in the air stops them there.
+    pub armed: bool,
+    /// The vehicle shall come down, and rest disarmed.
+    pub land: bool,
+    /// The motors shall rest, now and for ever: it is not taken back in a flight.
+    pub killed: bool,
+}
+
+impl Operator {
+    /// The flight is flown: nothing else is asked for.
+    pub const FLYING: Self = Self {
+        armed: true,
+        land: false,
+        killed: false,
+    };
 }
 
 impl Now {

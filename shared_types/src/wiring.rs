@@ -349,7 +349,7 @@ wiring! {
         }
         /// The path and its timing law.
         PathGenerator = "path_generator" {
-            PathGeneratorInputs { state: VehicleState }
+            PathGeneratorInputs { state: VehicleState, frame: RcFrame after 1 }
             PathGeneratorOutputs { reference: PathReference }
         }
         /// The adaptive control law.
@@ -359,7 +359,7 @@ wiring! {
         }
         /// The radio link's transmitter.
         RcOutput = "rc_output" {
-            RcOutputInputs { command: ControlCommand }
+            RcOutputInputs { command: ControlCommand, state: VehicleState }
             RcOutputOutputs { frame: RcFrame }
         }
     }

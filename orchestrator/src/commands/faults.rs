@@ -27,6 +27,9 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
                       fly it without them: --set fault=[]";
         return Err(bad(reason));
     }
+    if let Some(problem) = scenario.unasked() {
+        return Err(bad(problem));
+    }
     let times = times(arguments, &scenario)?;
     let cells = plan::cells(&scenario, &cases(arguments)?, &times).map_err(bad)?;
     let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;

@@ -69,7 +69,7 @@ pub enum CrewEvent {
     Ready(ServiceId, Vec<String>),
     /// It has flown its last tick.
     Finished(ServiceId),
-    /// It died, and will be started again.
+    /// It died, or the spare process did, and will be started again.
     Died,
     /// It cannot go on.
     Lost(FlightFailure),
@@ -266,10 +266,12 @@ impl<'a> Crew<'a> {
             .filter(|(_, pair)| has_called(pair))
             .map(|(&at, _)| at)
             .collect();
-        if pairs.next().is_some_and(has_called) {
-            self.listen_to_spare();
+        let spare_has_called = pairs.next().is_some_and(has_called);
+        let mut events: Vec<_> = called.into_iter().flat_map(|at| self.listen(at)).collect();
+        if spare_has_called {
+            events.extend(self.listen_to_spare());
         }
-        called.into_iter().flat_map(|at| self.listen(at)).collect()
+        events
     }
 
     /// Everything that a process has said, and its end if it has ended.

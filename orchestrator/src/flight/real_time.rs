@@ -17,12 +17,12 @@ use runtime::in_process::TickSink;
 use runtime::ports::Member;
 use runtime::step_log::StepRecord;
 use shared_types::scenario::Scenario;
-use shared_types::service;
+use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use self::heartbeat::Heartbeats;
 use self::monitor::Monitor;
-use self::recorder::{Recorder, SETTLING};
+use self::recorder::{Recorder, SETTLING_NS};
 use super::crew::{Crew, CrewEvent};
 use super::lock_step::{BIRTH_PERIOD, Cores, CrewObserver, Deployment, permitted, port_failure};
 use super::{Ending, FlightFailure, Outcome};
@@ -68,7 +68,7 @@ where
     let root = RunRoot::create().map_err(|error| FlightFailure::Setup(error.to_string()))?;
     let scenario = deployment.stated_over(scenario);
     let is_strict = scenario.deployment.as_ref().is_some_and(|stated| stated.strict);
-    let real_time = scenario.real_time.unwrap_or_default();
+    let settings = scenario.real_time.unwrap_or_default();
     let cores = Cores::choose(deployment.placement, &scenario);
     cores.keep_off();
     let member = Member::join(&root.configuration(), "orchestrator").map_err(port_failure)?;
@@ -80,7 +80,7 @@ where
         scheduler: deployment.scheduler,
         role: None,
         real_time: Some(RealTime {
-            grace_ns: service::nanoseconds(real_time.grace),
+            grace_ns: nanoseconds(settings.grace),
         }),
     };
     let mut crew = Crew::start(
@@ -103,10 +103,7 @@ where
     let started = Instant::now();
     crew.go()?;
     let mut flight = Flight {
-        heartbeats: Heartbeats::new(
-            &schedule,
-            service::nanoseconds(real_time.hang_limit) / schedule.tick_ns(),
-        ),
+        heartbeats: Heartbeats::new(&schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
         monitor: Monitor::new(&schedule),
         schedule: &schedule,
         clock,
@@ -189,7 +186,7 @@ impl Flight<'_> {
     {
         self.recorder.receive()?;
         self.observe_steps();
-        let settled_ns = self.clock.elapsed_ns().saturating_sub(nanoseconds(SETTLING));
+        let settled_ns = self.clock.elapsed_ns().saturating_sub(SETTLING_NS);
         let settled = (settled_ns / self.clock.tick_ns).min(self.schedule.last_tick() + 1);
         Ok(self.recorder.write_before(settled, sink)?)
     }
@@ -276,8 +273,4 @@ fn unrecorded(schedule: &Schedule, monitor: &Monitor, recorder: &Recorder) -> Ve
         })
     };
     Topic::ALL.into_iter().filter_map(of_topic).collect()
-}
-
-fn nanoseconds(duration: Duration) -> u64 {
-    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use runtime::in_process::TickSink;
 use shared_types::samples::RunEvent;
-use shared_types::scenario::{Fault, Scenario, Target, VehicleChange};
+use shared_types::scenario::{Fault, Flight, Scenario, Target, VehicleChange};
 use shared_types::{Header, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
 
@@ -93,6 +93,7 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<RunEvent> {
             describe(change),
         ));
     }
+    events.extend(operator_requests(scenario));
     for fault in &scenario.fault {
         let (begins, ends) = if fault.kind.is_outage() {
             (RunEvent::KIND_OUTAGE_BEGINS, RunEvent::KIND_OUTAGE_ENDS)
@@ -121,6 +122,19 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<RunEvent> {
                 &text,
             )
         })
+        .collect()
+}
+
+/// What the operator is planned to ask for.
+fn operator_requests(scenario: &Scenario) -> Vec<(u64, u32, String)> {
+    let kinds = [
+        (RunEvent::KIND_OPERATOR_ARMS, "the operator arms"),
+        (RunEvent::KIND_OPERATOR_LANDS, "the operator lets it land"),
+        (RunEvent::KIND_OPERATOR_KILLS, "the operator kills"),
+    ];
+    let requests = scenario.flight.iter().flat_map(Flight::requests).zip(kinds);
+    requests
+        .filter_map(|((_, at), (kind, words))| Some((scenario.tick_of(at?), kind, words.to_owned())))
         .collect()
 }
 

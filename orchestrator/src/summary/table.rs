@@ -6,6 +6,7 @@ use comfy_table::{Table, presets};
 use shared_types::scenario::Vector;
 
 use super::faults::{BEFORE, fault_table};
+use super::flight;
 use super::{Outcome, Phase, SETTLED, Summary, TopicCount, ULTIMATE_WINDOW, Verdict};
 
 impl Display for Summary {
@@ -30,6 +31,9 @@ impl Display for Summary {
             "‖z1‖: distance from the path. Ultimate: largest in a phase's last {ULTIMATE_WINDOW} s; the theorem bounds it by {:.5} m.",
             self.ultimate_bound
         )?;
+        if !self.flight.is_empty() {
+            writeln!(formatter, "{}", flight::in_words(&self.flight))?;
+        }
         if !self.faults.is_empty() {
             writeln!(formatter, "\n{}\n", fault_table(&self.faults))?;
             writeln!(

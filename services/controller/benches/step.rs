@@ -65,6 +65,7 @@ fn service_step(bencher: Bencher<'_, '_>) {
         tick: 1,
         time_ns: 1_000_000,
         elapsed_ns: 1,
+        operator: shared_types::Operator::FLYING,
     };
     bencher.bench_local(|| {
         let view = |bytes| InputView {

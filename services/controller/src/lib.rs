@@ -17,6 +17,7 @@
 //! * [`transfer`]: commands that pass over to the law's without a jump;
 //! * [`safety`]: the three of them together, by the age of the state;
 //! * [`references`]: which reference the law flies by;
+//! * [`phase`]: what the phase of the flight leaves to the controller;
 //! * [`pilot`]: what is commanded, by the law or something safer;
 //! * [`observer`]: a mass observer of another kind, to compare with;
 //! * [`service`]: the law and its estimators as a service of the flight.
@@ -34,6 +35,7 @@ pub mod lyapunov;
 pub mod observer;
 pub mod offset;
 pub mod parameters;
+pub mod phase;
 pub mod pilot;
 pub mod projection;
 pub mod rates;

@@ -7,12 +7,13 @@ use shared_types::scenario::Scenario;
 use shared_types::{Now, ServiceId, Topic, rotation};
 use zerocopy::FromZeros;
 
-use crate::commander::Commander;
+use crate::commander::{Commander, Memory};
 use crate::fallback::Stage;
 use crate::law::{Evaluation, evaluate};
 use crate::observer::{MassObserver, Sight};
 use crate::parameters::Parameters;
-use crate::reckoning::{Believed, Commanded};
+use crate::phase::Duty;
+use crate::reckoning::{Believed, Commanded, Reckoned};
 use crate::safety::Safety;
 use crate::signals::{Acting, EstimateRates, Estimates, Measured, Reference};
 use crate::transfer::Transfer;
@@ -49,6 +50,8 @@ pub struct Course<'a> {
     pub reference: &'a PathReference,
     /// The reference for the law.
     pub target: Reference,
+    /// Whether the motion can teach something: the vehicle carries itself.
+    pub teaches: bool,
 }
 
 /// Where the law's telemetry goes.
@@ -110,17 +113,39 @@ impl Pilot {
     /// What is commanded.
     #[inline]
     pub fn fly(&mut self, now: &Now, course: &Course<'_>, mut telemetry: Telemetry<'_>) -> Flown {
-        let flown = if self.safety.is_some() {
+        let mut flown = if self.safety.is_some() {
             self.fly_by_age(now, course, &mut telemetry)
         } else {
             self.stage = Stage::Law;
             self.fly_by_law(course.state, course, &mut telemetry)
         };
+        if !course.teaches {
+            (flown.learns, flown.thrust) = (false, None);
+        }
         if !flown.learns {
             *telemetry.rates = EstimateRates::ZERO;
         }
         self.observe(course.state, flown.thrust, now.elapsed());
         flown
+    }
+
+    /// Commands nothing, and begins anew with the next flight: only the estimates are kept.
+    pub fn stand_by(&mut self, duty: Duty) {
+        self.stage = if duty == Duty::Rest {
+            Stage::Failsafe
+        } else {
+            Stage::Law
+        };
+        self.last = None;
+        if let Some(commander) = &mut self.commander {
+            commander.memory = Memory::NONE;
+        }
+        if let Some(observer) = &mut self.observer {
+            observer.interrupt();
+        }
+        if let Some(safety) = &mut self.safety {
+            (safety.reckoned, safety.transfer) = (Reckoned::NOTHING, Transfer::NONE);
+        }
     }
 
     /// What is commanded by the age of the state.

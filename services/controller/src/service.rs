@@ -16,6 +16,8 @@
 //!   torque or rates, the errors are zero, and the estimates rest. The ideal schedule has no such step;
 //! * while the state does not rest on a measurement of the body (`tracked` is not set) the law commands on what
 //!   the estimator believes, but the estimates rest: there is nothing to learn from a prediction;
+//! * in a flight with phases it commands nothing but failsafe while it is disarmed ([`crate::phase`]), and the estimates
+//!   rest while the vehicle is not airborne;
 //! * with body rates the estimates also rest while the link cannot carry the thrust that the law asks for, and
 //!   while the vehicle's thrust could not carry the lightest vehicle: it is not airborne.
 
@@ -31,6 +33,7 @@ use crate::commander::Memory;
 use crate::fallback::Stage;
 use crate::observer::Sight;
 use crate::parameters::Parameters;
+use crate::phase::{Duties, Duty};
 use crate::pilot::{Course, Pilot, Telemetry};
 use crate::reckoning::{Commanded, Reckoned};
 use crate::references::References;
@@ -96,6 +99,7 @@ pub struct ControllerService {
     rates: EstimateRates,
     states: StateGate,
     references: References,
+    duties: Duties,
 }
 
 impl ControllerService {
@@ -108,6 +112,7 @@ impl ControllerService {
             rates: EstimateRates::ZERO,
             states: StateGate::new(safety),
             references: References::new(scenario),
+            duties: Duties::new(scenario),
         }
     }
 }
@@ -125,6 +130,7 @@ impl Service for ControllerService {
             rates,
             states,
             references,
+            duties,
         } = self;
         let advanced = pilot.estimates.advanced(rates, now.elapsed());
         if advanced.is_finite() {
@@ -139,7 +145,10 @@ impl Service for ControllerService {
         references.look(now, &inputs.reference);
         let mut command = Commanded::NOTHING;
         let (mut learns, mut is_nonsense) = (false, false);
-        if let (Some(state), Some(reference)) =
+        let duty = duties.of(references.held(&inputs.reference));
+        if matches!(duty, Duty::Rest | Duty::Idle) {
+            pilot.stand_by(duty);
+        } else if let (Some(state), Some(reference)) =
             (states.held(&inputs.state), references.held(&inputs.reference))
         {
             let course = Course {
@@ -148,6 +157,7 @@ impl Service for ControllerService {
                 age_ns: states.age_ns(now).unwrap_or(0),
                 reference,
                 target: references.target(now, reference),
+                teaches: duty == Duty::Fly,
             };
             let telemetry = Telemetry {
                 errors: outputs.errors.due(),

@@ -35,6 +35,7 @@ fn tracked_and_allocations(scenario: &str) -> (u32, u64) {
                 tick,
                 time_ns: tick * 1_000_000,
                 elapsed_ns: tick.min(1) * 1_000_000,
+                operator: shared_types::Operator::FLYING,
             };
             seen.capture_time_ns = now.time_ns;
             sent.header.stamp_ns = now.time_ns;

@@ -56,6 +56,7 @@ fn step(
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: TICK_NS,
+        operator: shared_types::Operator::FLYING,
     };
     let inputs = [
         InputView {

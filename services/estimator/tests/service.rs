@@ -44,6 +44,7 @@ fn step_into(service: &mut EstimatorService, pose: Option<&MocapPose>, state: Op
         tick: 9,
         time_ns: 9_000_000,
         elapsed_ns: 1_000_000,
+        operator: shared_types::Operator::FLYING,
     };
     let pose = InputView {
         bytes: pose.map(IntoBytes::as_bytes),

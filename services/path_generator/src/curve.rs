@@ -34,7 +34,7 @@ pub struct CurvePoint {
 
 impl CurvePoint {
     /// A point at which the curve stands still.
-    fn at_rest(position: Vector3<f64>) -> Self {
+    pub(crate) fn at_rest(position: Vector3<f64>) -> Self {
         Self {
             position,
             derivative1: Vector3::zeros(),

@@ -9,17 +9,22 @@
 //! * A state that cannot be true is refused and counted ([`StateGate`]); the last good one stays in its place.
 //! * Without a policy the vehicle is known while that one is `tracked`, however old it is.
 //! * With one it is known until the last good state, which was tracked, is too old.
+//!
+//! In a flight with phases ([`crate::phases`]) γ rests until the vehicle has come to the path, and after it has left it.
 
 use nalgebra::Vector3;
-use shared_types::gate::{StateGate, StateGateState};
+use shared_types::gate::{Gate, GateState, LARGEST, StateGate, StateGateState, Verdict, is_of_the_past};
 use shared_types::rotation::from_row_major;
-use shared_types::samples::{PathReference, VehicleState};
+use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::scenario::{self, EdgeName, PathMode, Scenario};
 use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
-use shared_types::{Now, Service, ServiceId, Topic};
+use shared_types::{FlightPhase, Now, Service, ServiceId, Topic};
+use zerocopy::FromZeros;
 
 use crate::bump::TransitionError;
 use crate::curve::{Curve, CurveError, CurvePoint};
+use crate::pace::Pace;
+use crate::phases::{Lead, Phases, PhasesMemory, Sight};
 use crate::timing_law::{PathRates, TimingLaw};
 
 shared_types::sample! {
@@ -33,6 +38,12 @@ shared_types::sample! {
         pub gamma_ddot: f64,
         /// What is remembered of the vehicle's states.
         pub states: StateGateState,
+        /// The last good frame; all zero before the first, and in a flight without phases.
+        pub frame: RcFrame,
+        /// What is remembered of the frames.
+        pub frames: GateState,
+        /// What is remembered of the phases.
+        pub phases: PhasesMemory,
     }
 }
 
@@ -76,6 +87,18 @@ pub struct PathGeneratorService {
     /// The oldest that a state is while nothing fails, ns.
     ordinary_age_ns: u64,
     motion: PathMotion,
+    /// `None` where the vehicle is in the air from the start.
+    phases: Option<Phases>,
+    /// Looked at by the phases only.
+    frames: Gate<RcFrame>,
+}
+
+/// What the vehicle is led by at a step.
+struct Led {
+    point: CurvePoint,
+    /// Parameter of the path or the line.
+    gamma: f64,
+    rates: PathRates,
 }
 
 /// Where the path is, and how it moves on.
@@ -114,7 +137,69 @@ impl PathGeneratorService {
                 gamma_dot: path.initial_gamma_dot,
                 gamma_ddot: 0.0,
             },
+            phases: Phases::new(scenario),
+            frames: Gate::default(),
         })
+    }
+
+    /// Where the path is, moved on by how the vehicle follows it; it stands still where that is not known.
+    fn along_path(&mut self, vehicle: Option<&VehicleState>, pace: &Pace) -> Led {
+        let point = self.curve.at(self.motion.gamma);
+        let rates = match vehicle {
+            Some(vehicle) => self.mover.rates(vehicle, &point, self.motion.gamma_dot, pace),
+            None => PathRates::steady(0.0),
+        };
+        self.motion.take(&rates);
+        Led {
+            point,
+            gamma: self.motion.gamma,
+            rates,
+        }
+    }
+
+    /// What leads the vehicle by the phase of the flight.
+    fn by_phase(
+        &mut self,
+        now: &Now,
+        inputs: &PathGeneratorInputs<'_>,
+        vehicle: Option<&VehicleState>,
+    ) -> Led {
+        self.frames.look(&inputs.frame, LARGEST, |frame, _| {
+            if frame.is_whole() && is_of_the_past(frame, now) {
+                Verdict::Good
+            } else {
+                Verdict::Refused
+            }
+        });
+        let path = self.curve.at(self.motion.gamma);
+        let sight = Sight {
+            vehicle,
+            vehicle_age_ns: self.states.age_ns(now).unwrap_or(u64::MAX),
+            frame: self.frames.held(&inputs.frame),
+            frame_age_ns: self.frames.age_ns(now).unwrap_or(u64::MAX),
+            path: path.position,
+            path_rates: [self.motion.gamma_dot, self.motion.gamma_ddot],
+        };
+        let Some(phases) = &mut self.phases else {
+            return self.along_path(vehicle, &Pace::FULL);
+        };
+        phases.advance(now, &sight);
+        match phases.lead(now, vehicle.is_some()) {
+            Lead::Path(pace) => self.along_path(vehicle, &pace),
+            Lead::PathAt(rates) => {
+                let rates = PathRates::stated(rates);
+                self.motion.take(&rates);
+                Led {
+                    point: path,
+                    gamma: self.motion.gamma,
+                    rates,
+                }
+            }
+            Lead::Line(point, gamma, rates) => {
+                self.motion.take(&PathRates::steady(0.0));
+                Led { point, gamma, rates }
+            }
+        }
     }
 
     /// ψd at a tick, rad.
@@ -133,7 +218,7 @@ impl Mover {
     }
 
     /// How γ moves with the vehicle at `vehicle` and the path at `point`.
-    fn rates(&self, vehicle: &VehicleState, point: &CurvePoint, gamma_dot: f64) -> PathRates {
+    fn rates(&self, vehicle: &VehicleState, point: &CurvePoint, gamma_dot: f64, pace: &Pace) -> PathRates {
         match self {
             Self::TimingLaw(law) => {
                 let p = Vector3::from(vehicle.position_world);
@@ -141,9 +226,11 @@ impl Mover {
                 let p_dot = world_from_body * Vector3::from(vehicle.velocity_body); // (1)
                 let z1 = p - point.position; // (7)
                 let z1_dot = p_dot - point.derivative1 * gamma_dot;
-                law.rates(&z1, &z1_dot, gamma_dot)
+                law.paced(pace, &z1, &z1_dot, gamma_dot)
             }
-            Self::Trajectory { speed } => PathRates::steady(*speed),
+            Self::Trajectory { speed } => {
+                PathRates::stated([pace.value, pace.rate, pace.acceleration].map(|w| w * speed))
+            }
         }
     }
 }
@@ -153,6 +240,11 @@ impl PathMotion {
     fn advance(&mut self, h: f64) {
         self.gamma += h * self.gamma_dot;
         self.gamma_dot += h * self.gamma_ddot;
+    }
+
+    fn take(&mut self, rates: &PathRates) {
+        self.gamma_dot = rates.gamma_dot;
+        self.gamma_ddot = rates.gamma_ddot;
     }
 }
 
@@ -165,15 +257,13 @@ impl Service for PathGeneratorService {
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
         self.motion.advance(now.elapsed());
         self.states.look(now, &inputs.state);
-        let point = self.curve.at(self.motion.gamma);
-        let newest = self.states.held(&inputs.state);
+        let newest = self.states.held(&inputs.state).copied();
         let known = newest.filter(|vehicle| vehicle.tracked.is_set() && !self.states.is_too_old(now));
-        let rates = match known {
-            Some(vehicle) => self.mover.rates(vehicle, &point, self.motion.gamma_dot),
-            None => PathRates::steady(0.0),
+        let Led { point, gamma, rates } = if self.phases.is_some() {
+            self.by_phase(now, inputs, known.as_ref())
+        } else {
+            self.along_path(known.as_ref(), &Pace::FULL)
         };
-        self.motion.gamma_dot = rates.gamma_dot;
-        self.motion.gamma_ddot = rates.gamma_ddot;
         // The path does not wait for a state that is late.
         let age_ns = self.states.age_ns(now).unwrap_or(0);
         let late_ns = age_ns.saturating_sub(self.ordinary_age_ns);
@@ -183,7 +273,7 @@ impl Service for PathGeneratorService {
                 reference_time_ns: newest.map_or(now.time_ns, |vehicle| {
                     vehicle.state_time_ns.saturating_add(late_ns)
                 }),
-                gamma: self.motion.gamma,
+                gamma,
                 gamma_dot: rates.gamma_dot,
                 gamma_ddot: rates.gamma_ddot,
                 gamma_dot_desired: rates.gamma_dot_desired,
@@ -197,7 +287,13 @@ impl Service for PathGeneratorService {
                 yaw_rate: 0.0,
                 states_refused: self.states.refused(),
                 vehicle_known: known.is_some().into(),
-                pad0: [0; 3],
+                phase: self
+                    .phases
+                    .as_ref()
+                    .map_or(FlightPhase::Fly, Phases::phase)
+                    .code(),
+                airborne: self.phases.as_ref().is_none_or(Phases::is_airborne).into(),
+                pad0: 0,
             };
         }
     }
@@ -208,11 +304,18 @@ impl Service for PathGeneratorService {
             gamma_dot,
             gamma_ddot,
         } = self.motion;
+        let (frames, frame) = self.frames.save();
         PathGeneratorState {
             gamma,
             gamma_dot,
             gamma_ddot,
             states: self.states.save(),
+            frame,
+            frames,
+            phases: self
+                .phases
+                .as_ref()
+                .map_or_else(PhasesMemory::new_zeroed, |phases| phases.memory),
         }
     }
 
@@ -223,5 +326,9 @@ impl Service for PathGeneratorService {
             gamma_ddot: state.gamma_ddot,
         };
         self.states.restore(&state.states);
+        self.frames.restore(&state.frames, &state.frame);
+        if let Some(phases) = &mut self.phases {
+            phases.memory = state.phases;
+        }
     }
 }

@@ -8,6 +8,13 @@
 //! γ⃛  = vd (ψ″ (‖z1‖˙)² + ψ′ ‖z1‖¨) − k4 (γ̈ − γ̈d)  =  c0 + c1 ‖z1‖¨
 //! ```
 //!
+//! From rest the path comes to its speed by a [`Pace`] w: vd is w(t) vd then, and
+//!
+//! ```text
+//! γ̈d = ẇ vd ψ + w vd ψ′ ‖z1‖˙
+//! γ⃛d = ẅ vd ψ + 2ẇ vd ψ′ ‖z1‖˙ + w vd (ψ″ (‖z1‖˙)² + ψ′ ‖z1‖¨)
+//! ```
+//!
 //! ‖z1‖¨ holds the unknown acceleration of the vehicle, which is the controller's business: γ⃛ is handed on
 //! as c0 and c1. Where ψ is flat the terms in ‖z1‖˙ are not evaluated, which spares the division by ‖z1‖ = 0.
 
@@ -15,6 +22,7 @@ use nalgebra::Vector3;
 use shared_types::scenario;
 
 use crate::bump::{Bump, TransitionError};
+use crate::pace::Pace;
 
 /// How γ moves at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,12 +45,18 @@ impl PathRates {
     /// γ moves at a constant rate, 1/s, whatever the vehicle does.
     #[must_use]
     pub fn steady(gamma_dot: f64) -> Self {
+        Self::stated([gamma_dot, 0.0, 0.0])
+    }
+
+    /// γ moves with these γ̇ (1/s), γ̈ (1/s²) and γ⃛ (1/s³), whatever the vehicle does.
+    #[must_use]
+    pub fn stated([gamma_dot, gamma_ddot, gamma_dddot]: [f64; 3]) -> Self {
         Self {
             gamma_dot,
-            gamma_ddot: 0.0,
+            gamma_ddot,
             gamma_dot_desired: gamma_dot,
-            gamma_ddot_desired: 0.0,
-            gamma_dddot_constant: 0.0,
+            gamma_ddot_desired: gamma_ddot,
+            gamma_dddot_constant: gamma_dddot,
             gamma_dddot_slope: 0.0,
         }
     }
@@ -75,7 +89,14 @@ impl TimingLaw {
     /// The law at z1 = p − pd(γ) (7), ż1 = ṗ − pd′γ̇ and γ̇.
     #[must_use]
     pub fn rates(&self, z1: &Vector3<f64>, z1_dot: &Vector3<f64>, gamma_dot: f64) -> PathRates {
-        let Self { speed: vd, k4, bump } = *self;
+        self.paced(&Pace::FULL, z1, z1_dot, gamma_dot)
+    }
+
+    /// The law of a path on its way from rest.
+    #[must_use]
+    pub fn paced(&self, pace: &Pace, z1: &Vector3<f64>, z1_dot: &Vector3<f64>, gamma_dot: f64) -> PathRates {
+        let Self { speed, k4, bump } = *self;
+        let [vd, vd_dot, vd_ddot] = [pace.value, pace.rate, pace.acceleration].map(|w| w * speed);
         let z1_norm = z1.norm();
         let psi = bump.at(z1_norm);
         let z1_norm_dot = if psi.is_flat() {
@@ -86,14 +107,16 @@ impl TimingLaw {
 
         let gamma_dot_desired = vd * psi.value;
         let z4 = gamma_dot - gamma_dot_desired; // (22)
-        let gamma_ddot_desired = vd * psi.slope * z1_norm_dot;
+        let gamma_ddot_desired = vd_dot * psi.value + vd * psi.slope * z1_norm_dot;
         let gamma_ddot = gamma_ddot_desired - k4 * z4; // (25)
         PathRates {
             gamma_dot,
             gamma_ddot,
             gamma_dot_desired,
             gamma_ddot_desired,
-            gamma_dddot_constant: vd * psi.curvature * z1_norm_dot * z1_norm_dot
+            gamma_dddot_constant: vd_ddot * psi.value
+                + 2.0 * vd_dot * psi.slope * z1_norm_dot
+                + vd * psi.curvature * z1_norm_dot * z1_norm_dot
                 - k4 * (gamma_ddot - gamma_ddot_desired),
             gamma_dddot_slope: vd * psi.slope,
         }
@@ -129,13 +152,15 @@ mod tests {
         #[test]
         fn the_split_third_derivative_is_that_of_the_second_along_the_motion(
             gamma in -10.0..10.0f64, gamma_dot in -1.0..2.0f64, phase in 0.0..6.3f64, distance in 0.2..2.0f64,
+            since_start in 0.1..3.0f64,
         ) {
             let law = paper();
             let eight = Curve::TiltedEight(TiltedEight::new(&Default::default()));
             let rates = |time: f64, gamma: f64, gamma_dot: f64| {
                 let [p, p_dot, _] = vehicle(time, phase, distance);
                 let point = eight.at(gamma);
-                law.rates(&(p - point.position), &(p_dot - point.derivative1 * gamma_dot), gamma_dot)
+                let pace = Pace::from_rest(since_start + time, 2.0);
+                law.paced(&pace, &(p - point.position), &(p_dot - point.derivative1 * gamma_dot), gamma_dot)
             };
             let now = rates(0.0, gamma, gamma_dot);
             // γ̈ is a function of (t, γ, γ̇), which move by (1, γ̇, γ̈).

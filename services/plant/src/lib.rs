@@ -7,6 +7,7 @@
 //! * [`lag`]: first-order lags, exact over a tick;
 //! * [`air`]: drag, turbulence and a fan's jet;
 //! * [`dynamics`]: all of these together over a tick;
+//! * [`ground`]: what holds the vehicle before and after a flight with phases;
 //! * [`changes`]: which mass, inertia, centre of mass and disturbance are in force at a tick;
 //! * [`cameras`]: from the motion to what the motion-capture system reports;
 //! * [`PlantService`]: the step function, with the conventions of time.
@@ -22,6 +23,7 @@ pub mod cameras;
 pub mod cayley;
 pub mod changes;
 pub mod dynamics;
+pub mod ground;
 pub mod integrator;
 pub mod lag;
 pub mod rigid_body;

@@ -23,6 +23,7 @@ use crate::air::{Air, Gusts, Wind};
 use crate::cameras::Cameras;
 use crate::changes::Changes;
 use crate::dynamics::Dynamics;
+use crate::ground::Ground;
 use crate::integrator::{Stage, advanced};
 use crate::rigid_body::{Body, Motion, Wrench};
 
@@ -60,6 +61,7 @@ pub struct PlantService {
     changes: Changes,
     actuators: Actuators,
     air: Option<Air>,
+    ground: Option<Ground>,
     cameras: Cameras,
     /// Of the centre of mass.
     motion: Motion,
@@ -79,6 +81,7 @@ impl PlantService {
             changes,
             actuators: Actuators::new(scenario),
             air: Air::new(scenario),
+            ground: Ground::new(scenario),
             cameras: Cameras::new(scenario),
             received: None,
         }
@@ -102,8 +105,8 @@ impl PlantService {
         let count = libm::round(now.elapsed() / self.tick).max(1.0);
         let h = now.elapsed() / count;
         let ticks = now.tick.saturating_sub(whole(count))..now.tick;
-        match (&self.actuators, &self.air) {
-            (Actuators::Ideal, None) => self.advance_ideally(ticks, h, &ideal_wrench(newest)),
+        match (&self.actuators, &self.air, &self.ground) {
+            (Actuators::Ideal, None, None) => self.advance_ideally(ticks, h, &ideal_wrench(newest)),
             _ => self.advance_among_all(ticks, h, newest),
         }
     }
@@ -121,7 +124,7 @@ impl PlantService {
         Drive::Held(wrench)
     }
 
-    /// The vehicle with its actuators, in the air.
+    /// The vehicle with its actuators, in the air or on the ground.
     #[inline(never)]
     fn advance_among_all(&mut self, ticks: Range<u64>, h: f64, newest: Option<&RcFrame>) -> Drive {
         let mut drive = self.actuators.at_start();
@@ -135,7 +138,10 @@ impl PlantService {
                 drive: &drive,
                 wind: wind.as_ref(),
             };
-            self.motion = dynamics.advanced(&self.motion, h);
+            self.motion = match &self.ground {
+                None => dynamics.advanced(&self.motion, h),
+                Some(ground) => ground.advanced(&dynamics, &self.motion, h),
+            };
             if let Some(air) = &mut self.air {
                 air.advance(tick + 1);
             }
@@ -169,6 +175,11 @@ impl PlantService {
             wind: wind.as_ref(),
         };
         let rate = dynamics.motion_rate(&self.motion, Stage::End);
+        if let Some(ground) = &self.ground
+            && ground.holds(&dynamics, &self.motion, &rate)
+        {
+            return Vector3::zeros();
+        }
         body.origin_acceleration(&self.motion, &rate)
     }
 }

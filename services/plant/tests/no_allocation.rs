@@ -27,6 +27,7 @@ fn a_step_of_the_plant_does_not_allocate() {
                 tick,
                 time_ns: tick * 1_000_000,
                 elapsed_ns: tick.min(1) * 1_000_000,
+                operator: shared_types::Operator::FLYING,
             };
             let inputs = [InputView {
                 bytes: Some(frame.as_bytes()),

@@ -36,6 +36,7 @@ fn step(service: &mut PlantService, tick: u64, frame: &RcFrame) -> (VehicleTruth
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: if tick == 0 { 0 } else { TICK_NS },
+        operator: shared_types::Operator::FLYING,
     };
     let inputs = [InputView {
         bytes: Some(frame.as_bytes()),

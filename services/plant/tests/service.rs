@@ -67,6 +67,7 @@ fn step_into(
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: elapsed * TICK_NS,
+        operator: shared_types::Operator::FLYING,
     };
     let inputs = [InputView {
         bytes: frame.map(IntoBytes::as_bytes),
@@ -193,7 +194,7 @@ proptest! {
     #[test]
     fn a_change_is_published_at_its_tick_and_acts_from_it_on_not_before(at in 1..60u64) {
         let stated = format!("{{ at = {}, mass = 0.5, disturbance = [1.0, 0.0, 0.0] }}", Now {
-            tick: at, time_ns: at * TICK_NS, elapsed_ns: 0,
+            tick: at, time_ns: at * TICK_NS, elapsed_ns: 0, operator: shared_types::Operator::FLYING,
         }.time());
         let truths = truths(&scenario("", &stated), Some(&hover_frame()), at + 1);
         let at = usize::try_from(at).unwrap();
@@ -209,7 +210,7 @@ proptest! {
     #[test]
     fn a_plant_that_steps_less_often_flies_the_same_bits(period in 2..12u64, at in 1..60u64) {
         let stated = format!("{{ at = {}, mass = 0.5 }}", Now {
-            tick: at, time_ns: at * TICK_NS, elapsed_ns: 0,
+            tick: at, time_ns: at * TICK_NS, elapsed_ns: 0, operator: shared_types::Operator::FLYING,
         }.time());
         let scenario = scenario(TUMBLING, &stated);
         let frame = frame(2.0, [1e-3, -2e-3, 1e-3]);

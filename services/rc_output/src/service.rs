@@ -1,12 +1,13 @@
 //! The step function of the transmitter.
 
-use shared_types::gate::{Gate, GateState, Verdict, is_of_the_past};
+use shared_types::gate::{Gate, GateState, StateGate, StateGateState, Verdict, is_of_the_past};
 use shared_types::samples::{ControlCommand, RcFrame};
 use shared_types::scenario::Scenario;
 use shared_types::service::nanoseconds;
 use shared_types::wiring::{RcOutputInputs, RcOutputOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
 
+use crate::guard::{Case, Guard, GuardMemory};
 use crate::link::Link;
 
 shared_types::sample! {
@@ -16,6 +17,10 @@ shared_types::sample! {
         pub held: ControlCommand,
         /// What is remembered of the commands.
         pub gate: GateState,
+        /// What is remembered of the vehicle's states; as at the start without an envelope.
+        pub states: StateGateState,
+        /// What the guard remembers.
+        pub guard: GuardMemory,
         /// Saturated frames since the start of the flight.
         pub saturated_frames: u32,
         /// Explicit padding.
@@ -29,6 +34,10 @@ pub struct RcOutputService {
     link: Link,
     patience: Option<Patience>,
     commands: Gate<ControlCommand>,
+    states: StateGate,
+    guard: Guard,
+    /// Ages up to which commands and states are recent, ns.
+    fresh_ns: [u64; 2],
     saturated_frames: u32,
 }
 
@@ -51,8 +60,27 @@ impl RcOutputService {
                 failsafe_ns: safety.failsafe.map_or(u64::MAX, nanoseconds),
             }),
             commands: Gate::default(),
+            states: StateGate::new(scenario.safety_of(Topic::VehicleState, ServiceId::RcOutput)),
+            guard: Guard::new(scenario),
+            fresh_ns: [Topic::ControlCommand, Topic::VehicleState]
+                .map(|topic| scenario.fresh_age_ns(topic, ServiceId::RcOutput)),
             saturated_frames: 0,
         }
+    }
+
+    /// Whether the newest command is a good one and recent, and whether the state is where it is needed.
+    fn freshness(&self, now: &Now, inputs: &RcOutputInputs<'_>) -> [bool; 2] {
+        let [oldest_command, oldest_state] = self.fresh_ns;
+        let is_within = |age: Option<u64>, oldest: u64| age.is_some_and(|age| age <= oldest);
+        let command = self.commands.is_newest(&inputs.command)
+            && self.commands.held(&inputs.command).is_some()
+            && is_within(self.commands.age_ns(now), oldest_command);
+        let state = self
+            .states
+            .held(&inputs.state)
+            .is_some_and(|state| state.tracked.is_set())
+            && is_within(self.states.age_ns(now), oldest_state);
+        [command, state]
     }
 
     /// What the frame of this step is to carry, and its stage.
@@ -99,11 +127,35 @@ impl Service for RcOutputService {
         self.commands.look(&inputs.command, f64::MAX, |command, _| {
             judge(command, now, has_patience)
         });
+        let needs_state = self.guard.needs_state();
+        if needs_state {
+            self.states.look(now, &inputs.state);
+        }
+        let [command_is_fresh, state_is_fresh] = self.freshness(now, inputs);
+        let inputs_are_fresh = command_is_fresh && (state_is_fresh || !needs_state);
+        let (command, stage) = self.choose(now, inputs);
+        let command = command.copied();
+        let ruling = self.guard.rule(
+            now,
+            &Case {
+                command: command.as_ref(),
+                state: self.states.held(&inputs.state),
+                state_is_fresh,
+                inputs_are_fresh,
+            },
+        );
         let Some(frame) = outputs.frame.due() else {
             return;
         };
-        let (command, stage) = self.choose(now, inputs);
-        self.link.transmit(command, frame);
+        let sent = command
+            .filter(|_| ruling.passes)
+            .map(|command| self.guard.limited(&command));
+        self.link.transmit(sent.as_ref(), frame);
+        if !frame.failsafe.is_set() && sent.zip(command).is_some_and(|(sent, asked)| sent != asked) {
+            frame.saturated = true.into();
+        }
+        (frame.limit, frame.action) = (ruling.limit, ruling.action);
+        frame.inputs_fresh = inputs_are_fresh.into();
         frame.stage = if frame.failsafe.is_set() {
             RcFrame::STAGE_FAILSAFE
         } else {
@@ -120,6 +172,8 @@ impl Service for RcOutputService {
         RcOutputState {
             held,
             gate,
+            states: self.states.save(),
+            guard: self.guard.memory,
             saturated_frames: self.saturated_frames,
             pad0: 0,
         }
@@ -127,6 +181,8 @@ impl Service for RcOutputService {
 
     fn restore(&mut self, state: &RcOutputState) {
         self.commands.restore(&state.gate, &state.held);
+        self.states.restore(&state.states);
+        self.guard.memory = state.guard;
         self.saturated_frames = state.saturated_frames;
     }
 }

@@ -38,11 +38,15 @@ fn allocations_and_failsafes(link: &str) -> (u64, u32) {
                 tick,
                 time_ns: tick * 1_000_000,
                 elapsed_ns: tick.min(1) * 1_000_000,
+                operator: shared_types::Operator::FLYING,
             };
-            let inputs = [InputView {
-                bytes: (tick % 2 == 0).then_some(command.as_bytes()),
-                fresh: true,
-            }];
+            let inputs = [
+                InputView {
+                    bytes: (tick % 2 == 0).then_some(command.as_bytes()),
+                    fresh: true,
+                },
+                InputView::default(),
+            ];
             let mut outputs = [OutputSlot {
                 bytes: Some(frame.as_mut_bytes()),
             }];

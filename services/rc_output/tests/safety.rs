@@ -36,12 +36,16 @@ fn step(service: &mut RcOutputService, tick: u64, command: Option<&ControlComman
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: TICK_NS,
+        operator: shared_types::Operator::FLYING,
     };
     let mut frame = RcFrame::new_zeroed();
-    let inputs = [InputView {
-        bytes: command.map(IntoBytes::as_bytes),
-        fresh: command.is_some_and(|command| command.header.stamp_ns == now.time_ns),
-    }];
+    let inputs = [
+        InputView {
+            bytes: command.map(IntoBytes::as_bytes),
+            fresh: command.is_some_and(|command| command.header.stamp_ns == now.time_ns),
+        },
+        InputView::default(),
+    ];
     let mut outputs = [OutputSlot {
         bytes: Some(frame.as_mut_bytes()),
     }];
@@ -85,7 +89,11 @@ fn without_a_policy_no_command_is_too_old() {
     let mut transmitter = service(&[RADIO]);
     let last = command(5, 2.0);
     let sent = step(&mut transmitter, 5, Some(&last));
-    assert_eq!(step(&mut transmitter, 1_000_000, Some(&last)), sent);
+    let much_later = RcFrame {
+        inputs_fresh: false.into(),
+        ..sent
+    };
+    assert_eq!(step(&mut transmitter, 1_000_000, Some(&last)), much_later);
 }
 
 #[test]

@@ -42,11 +42,15 @@ fn step_into(service: &mut RcOutputService, command: Option<&ControlCommand>, fr
         tick: 9,
         time_ns: 9_000_000,
         elapsed_ns: 1_000_000,
+        operator: shared_types::Operator::FLYING,
     };
-    let inputs = [InputView {
-        bytes: command.map(IntoBytes::as_bytes),
-        fresh: command.is_some(),
-    }];
+    let inputs = [
+        InputView {
+            bytes: command.map(IntoBytes::as_bytes),
+            fresh: command.is_some(),
+        },
+        InputView::default(),
+    ];
     ErasedService::step(service, &now, &inputs, &mut [OutputSlot { bytes: frame }]);
 }
 
@@ -71,6 +75,7 @@ fn carrying(command: &ControlCommand) -> RcFrame {
         torque_body: command.torque_body,
         rates_body: command.rates_body,
         mode: command.mode,
+        inputs_fresh: true.into(),
         ..RcFrame::new_zeroed()
     }
 }
@@ -207,7 +212,11 @@ fn what_the_link_cannot_carry_becomes_a_failsafe_frame() {
         ..RcFrame::new_zeroed()
     };
     assert_eq!(step(&mut radio(), None), nothing);
-    assert_eq!(step(&mut radio(), Some(&torque)), nothing);
+    let fresh = RcFrame {
+        inputs_fresh: true.into(),
+        ..nothing
+    };
+    assert_eq!(step(&mut radio(), Some(&torque)), fresh);
     for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         for command in [
             rates_command(number, [0.0; 3]),

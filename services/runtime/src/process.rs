@@ -156,8 +156,8 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
     (scheduler, refusals.iter().map(ToString::to_string).collect())
 }
 
-/// Locks the memory of a spare process before it is needed, if any service has its memory locked: it takes longer than
-/// all the rest of a birth. What is not permitted, the services tell.
+/// Locks the memory of a spare process before it is needed, if any service has its memory locked: every page is touched,
+/// for which a birth has no time. What is not permitted, the services tell.
 fn prepare_spare(start: &Start) {
     let locks = |id| start.scenario.deployment_of(id).lock_memory == Some(true);
     let settings = ServiceDeployment {

@@ -1,6 +1,6 @@
 //! One step of a service, the same in every host.
 
-use shared_types::schedule::{Edge, Fate, MAX_PORTS, Presence, Publication, Rate};
+use shared_types::schedule::{Edge, Fate, MAX_PORTS, OperatorPlan, Presence, Publication, Rate};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, Schedule, ServiceId, Topic};
 
@@ -39,6 +39,7 @@ pub struct Timetable {
     /// Its outputs, in the order of the wiring table.
     pub outputs: Vec<Publication>,
     tick_ns: u64,
+    operator: OperatorPlan,
 }
 
 impl Timetable {
@@ -54,6 +55,7 @@ impl Timetable {
                 .collect(),
             outputs: outputs.map(|output| schedule.publication(output.topic)).collect(),
             tick_ns: schedule.tick_ns(),
+            operator: schedule.operator(),
         }
     }
 
@@ -71,6 +73,7 @@ impl Timetable {
             tick,
             time_ns: tick * self.tick_ns,
             elapsed_ns: elapsed_ticks * self.tick_ns,
+            operator: self.operator.at(tick),
         }
     }
 

@@ -13,6 +13,7 @@ fn now(number: u64) -> Now {
         tick: number * 10,
         time_ns: number * PERIOD_NS,
         elapsed_ns: PERIOD_NS,
+        operator: crate::service::Operator::FLYING,
     }
 }
 

@@ -5,9 +5,11 @@ mod air;
 mod assumption;
 mod cameras;
 mod controller;
+mod envelope;
 mod estimator;
 mod events;
 mod faults;
+mod flight;
 mod machine;
 mod path;
 mod radio;
@@ -34,6 +36,8 @@ impl Scenario {
         self.check_rig(&root, &mut found);
         self.check_faults(&mut found);
         self.check_safety(&mut found);
+        self.check_flight(&mut found);
+        self.check_envelope(&mut found);
         self.check_machine(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems

@@ -10,6 +10,9 @@ use crate::wiring::{ServiceId, Topic};
 /// For how long commands pass over to those of the law unless stated, s.
 const RECOVER: f64 = 0.1;
 
+/// How much older than usual an input is fresh unless stated, s.
+const GRACE: f64 = 0.1;
+
 /// What a service does about an input whose samples are too old or cannot be true.
 ///
 /// A sample's age is the time since it was published; only one that can be true makes the input young again. Which
@@ -85,11 +88,11 @@ impl InputSafety {
             (ServiceId::Controller, Topic::VehicleState) => {
                 Some(&["level", "descend", "failsafe", "jump", "recover"])
             }
-            (ServiceId::PathGenerator, Topic::VehicleState) => Some(&["jump"]),
+            (ServiceId::PathGenerator | ServiceId::RcOutput, Topic::VehicleState) => Some(&["jump"]),
             (ServiceId::RcOutput, Topic::ControlCommand) => Some(&["failsafe"]),
-            (ServiceId::Controller, Topic::PathReference) | (ServiceId::Estimator, Topic::MocapPose) => {
-                Some(&[])
-            }
+            (ServiceId::Controller, Topic::PathReference)
+            | (ServiceId::Estimator, Topic::MocapPose)
+            | (ServiceId::PathGenerator, Topic::RcFrame) => Some(&[]),
             _ => None,
         }
     }
@@ -100,6 +103,15 @@ impl Scenario {
     #[must_use]
     pub fn safety_of(&self, topic: Topic, service: ServiceId) -> Option<&InputSafety> {
         self.safety.get(&format!("{topic} -> {service}"))
+    }
+
+    /// Age up to which an input counts as fresh, ns: what the scenario states for it, or a tenth of a second more than
+    /// it is while nothing fails.
+    #[must_use]
+    pub fn fresh_age_ns(&self, topic: Topic, service: ServiceId) -> u64 {
+        let stated = self.safety_of(topic, service).map(|safety| safety.max_age);
+        let ordinary = EdgeName::of(topic, service).map_or(0, |edge| self.ordinary_age_ns(edge));
+        stated.map_or(ordinary + nanoseconds(GRACE), nanoseconds)
     }
 
     /// The oldest that an input is at a step of its service while nothing fails, ns: since the newest sample that

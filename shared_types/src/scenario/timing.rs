@@ -39,6 +39,7 @@ impl Scenario {
                 schedule
                     .with_outages(self.outages())
                     .with_edge_faults(self.edge_faults())
+                    .with_operator(self.operator_plan())
             })
             .map_err(|error| vec![self.schedule.explain(&error)])
     }

@@ -9,7 +9,7 @@ use runtime::process::SPARE;
 
 use super::process::Process;
 use super::restart::RestartPolicy;
-use super::{Crew, Exit};
+use super::{Crew, CrewEvent, Exit};
 
 /// One that has lived for so long was well: what it died of was no fault of its own.
 const SETTLED: Duration = Duration::from_secs(1);
@@ -81,15 +81,14 @@ impl Crew<'_> {
     }
 
     /// Notices that the spare process has died or cannot do its work. It has nothing else to say.
-    pub(super) fn listen_to_spare(&mut self) {
-        let Some(process) = &self.spare.process else {
-            return;
-        };
-        if !matches!(process.channel.try_receive::<ToOrchestrator>(), Ok(None))
-            && let Some(process) = self.spare.process.take()
-        {
-            self.bury_spare(process);
+    pub(super) fn listen_to_spare(&mut self) -> Option<CrewEvent> {
+        let channel = &self.spare.process.as_ref()?.channel;
+        if matches!(channel.try_receive::<ToOrchestrator>(), Ok(None)) {
+            return None;
         }
+        let process = self.spare.process.take()?;
+        self.bury_spare(process);
+        Some(CrewEvent::Died)
     }
 
     fn bury_spare(&mut self, mut process: Process) {

@@ -54,7 +54,12 @@ impl Pulse {
             return false;
         }
         let due = self.steps.first_at_or_after(self.since.max(steps_until));
-        due.is_some_and(|due| now > due + limit)
+        let hangs = due.is_some_and(|due| now > due + limit);
+        if hangs {
+            // It is told once, and again only if nothing has come of it.
+            self.since = now;
+        }
+        hangs
     }
 }
 

@@ -1,11 +1,10 @@
 //! Records a flight in real time: takes what comes, puts it into the order of the log, and holds nobody up.
 //!
 //! Samples of one tick come within about a millisecond of each other, but nothing promises it. They are put in order
-//! among those of the last [`SETTLING`]; one that comes even later is still recorded, after younger ones. What was
+//! among those of the last [`SETTLING_NS`]; one that comes even later is still recorded, after younger ones. What was
 //! overwritten before it could be taken shows as a gap between what was published and what was recorded.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
 use runtime::in_process::TickSink;
 use runtime::ports::{Delivery, Member, PortError, Receiver, TopicPorts};
@@ -14,8 +13,8 @@ use shared_types::{Schedule, Topic};
 
 use crate::flight::FlightFailure;
 
-/// How long samples of a tick are waited for before the tick is written.
-pub const SETTLING: Duration = Duration::from_millis(50);
+/// How long samples of a tick are waited for before the tick is written, ns.
+pub const SETTLING_NS: u64 = 50_000_000;
 
 /// Subscribes to every topic of a flight in real time.
 pub struct Recorder {

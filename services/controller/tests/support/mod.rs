@@ -33,6 +33,7 @@ pub(crate) fn step(service: &mut ControllerService, tick: u64, inputs: [InputVie
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: if tick == 0 { 0 } else { TICK_NS },
+        operator: shared_types::Operator::FLYING,
     };
     ErasedService::step(service, &now, &inputs, &mut outputs);
     published

@@ -30,6 +30,7 @@ fn step(
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: TICK_NS,
+        operator: shared_types::Operator::FLYING,
     };
     let mut state = VehicleState::new_zeroed();
     let mut outputs = [OutputSlot {

@@ -1,7 +1,7 @@
 //! A path generator in the air, driven as a host would drive it.
 
 use path_generator::PathGeneratorService;
-use shared_types::samples::{PathReference, VehicleState};
+use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::scenario::{Curve, Path, Scenario, TiltedEight, Vehicle};
 use shared_types::service::{ErasedService, InputView, Now, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
@@ -70,11 +70,32 @@ fn step_on(
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: elapsed_ticks * TICK_NS,
+        operator: shared_types::Operator::FLYING,
     };
     let output = OutputSlot {
         bytes: Some(reference.as_mut_bytes()),
     };
-    ErasedService::step(generator, &now, &[input], &mut [output]);
+    ErasedService::step(generator, &now, &[input, InputView::default()], &mut [output]);
+    reference
+}
+
+/// One step at a time of its own, with a state and a frame, both fresh, and what the operator asks for.
+pub(crate) fn step_in_phases(
+    generator: &mut PathGeneratorService,
+    now: &Now,
+    state: Option<&VehicleState>,
+    frame: Option<&RcFrame>,
+) -> PathReference {
+    let mut reference = PathReference::new_zeroed();
+    let view = |bytes| InputView { bytes, fresh: true };
+    let inputs = [
+        view(state.map(IntoBytes::as_bytes)),
+        view(frame.map(IntoBytes::as_bytes)),
+    ];
+    let output = OutputSlot {
+        bytes: Some(reference.as_mut_bytes()),
+    };
+    ErasedService::step(generator, now, &inputs, &mut [output]);
     reference
 }
 

@@ -5,6 +5,7 @@ mod allocation;
 mod allocations;
 mod evaluations;
 mod flight;
+mod phases;
 #[path = "../../../../tests/common/rebirth.rs"]
 mod rebirth;
 mod safety;

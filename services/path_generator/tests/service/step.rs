@@ -301,12 +301,13 @@ fn the_path_moves_on_also_in_a_step_without_a_due_reference() {
             tick,
             time_ns: tick * 1_000_000,
             elapsed_ns: tick.min(1) * 1_000_000,
+            operator: shared_types::Operator::FLYING,
         };
         let input = shared_types::service::InputView {
             bytes: Some(seen.as_bytes()),
             fresh: false,
         };
-        ErasedService::step(&mut generator, &now, &[input], &mut slot);
+        ErasedService::step(&mut generator, &now, &[input, Default::default()], &mut slot);
     }
     let PathGeneratorState { gamma, .. } = Service::save(&generator);
     assert!((gamma - 2e-3).abs() < 1e-15);

@@ -4,7 +4,7 @@ use super::Findings;
 use crate::scenario::timing::names::unknown_edge;
 use crate::scenario::{EdgeName, InputSafety, Key, Scenario};
 use crate::service::seconds;
-use crate::wiring::Topic;
+use crate::wiring::{ServiceId, Topic};
 
 impl Scenario {
     /// Policies of inputs that there are and that their services can follow.
@@ -31,6 +31,21 @@ impl Scenario {
                 at.clone(),
                 "a filter knows by itself how long it can do without captures",
                 format!("leave `{at}` out and state `estimator.kalman.coast`"),
+            );
+        }
+        let section = match (edge.service, edge.topic) {
+            (ServiceId::RcOutput, Topic::VehicleState) => Some(("envelope", self.envelope.is_some())),
+            (ServiceId::PathGenerator, Topic::RcFrame) => Some(("flight", self.flight.is_some())),
+            _ => None,
+        };
+        if let Some((section, false)) = section {
+            return found.add(
+                at.clone(),
+                format!(
+                    "without `[{section}]` `{}` has no use for this input",
+                    edge.service
+                ),
+                format!("add `[{section}]`, or leave `{at}` out"),
             );
         }
         for (name, is_stated) in safety.special_values() {

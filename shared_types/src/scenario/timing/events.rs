@@ -54,6 +54,11 @@ impl Scenario {
             moments.extend(fan.off_at.map(|time| (at.then("off_at"), time)));
             moments.extend(in_array(&at.then("moves"), "at", &fan.moves, |place| place.at));
         }
+        if let Some(flight) = &self.flight {
+            let at = root.then("flight");
+            let requests = flight.requests().into_iter();
+            moments.extend(requests.filter_map(|(name, time)| Some((at.then(name), time?))));
+        }
         if let Some(cameras) = &self.cameras {
             let at = root.then("cameras");
             moments.extend(in_array(&at.then("occlusion"), "at", &cameras.occlusion, |one| {

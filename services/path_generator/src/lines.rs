@@ -1,0 +1,137 @@
+//! The straight lines between the ground and the path. Their parameter is the time on them, s.
+
+use nalgebra::Vector3;
+
+use crate::curve::CurvePoint;
+use crate::pace::{MOST_CURVED, STEEPEST, Step};
+
+/// Largest acceleration on a leg, m/s².
+const ACCELERATION: f64 = 1.0;
+/// Time in which a descent reaches its speed, s.
+pub const DESCENT_BEGIN: f64 = 1.0;
+
+/// From a point to another, from rest to rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    /// Where it begins in {I}, m.
+    pub from: Vector3<f64>,
+    /// Where it ends in {I}, m.
+    pub to: Vector3<f64>,
+    /// Largest speed, m/s.
+    pub speed: f64,
+}
+
+impl Leg {
+    /// How long it takes, s.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        let way = (self.to - self.from).norm();
+        let by_speed = STEEPEST * way / self.speed;
+        let by_acceleration = (MOST_CURVED * way / ACCELERATION).sqrt();
+        by_speed.max(by_acceleration)
+    }
+
+    /// The point at a time on it, s.
+    #[must_use]
+    pub fn at(&self, time: f64) -> CurvePoint {
+        let duration = self.duration();
+        if time >= duration {
+            return CurvePoint::at_rest(self.to);
+        }
+        let (way, rate) = (self.to - self.from, 1.0 / duration);
+        let step = Step::at(time * rate);
+        CurvePoint {
+            position: self.from + way * step.value,
+            derivative1: way * (step.slope * rate),
+            derivative2: way * (step.curvature * rate * rate),
+            derivative3: way * (step.third * rate * rate * rate),
+            ..CurvePoint::at_rest(self.from)
+        }
+    }
+}
+
+/// From a point straight down without an end: the ground ends it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Descent {
+    /// Where it begins in {I}, m.
+    pub from: Vector3<f64>,
+    /// Its speed after [`DESCENT_BEGIN`], m/s.
+    pub speed: f64,
+}
+
+impl Descent {
+    /// The point at a time on it, s.
+    #[must_use]
+    pub fn at(&self, time: f64) -> CurvePoint {
+        let (down, rate) = (Vector3::z() * self.speed, 1.0 / DESCENT_BEGIN);
+        let step = Step::at(time * rate);
+        CurvePoint {
+            position: self.from + down * (DESCENT_BEGIN * Step::integral(time * rate)),
+            derivative1: down * step.value,
+            derivative2: down * (step.slope * rate),
+            derivative3: down * (step.curvature * rate * rate),
+            ..CurvePoint::at_rest(self.from)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn assert_derivatives(at: impl Fn(f64) -> CurvePoint, time: f64) -> Result<(), TestCaseError> {
+        let h = 1e-4;
+        let point = at(time);
+        let slopes =
+            |part: fn(&CurvePoint) -> Vector3<f64>| (part(&at(time + h)) - part(&at(time - h))) / (2.0 * h);
+        for (got, wanted) in [
+            (point.derivative1, slopes(|point| point.position)),
+            (point.derivative2, slopes(|point| point.derivative1)),
+            (point.derivative3, slopes(|point| point.derivative2)),
+        ] {
+            prop_assert!((got - wanted).norm() < 1e-4, "{} {}", got, wanted);
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn a_leg_keeps_to_its_speed_and_its_acceleration_and_is_smooth(
+            to in [-3.0..3.0f64, -3.0..3.0f64, -3.0..3.0f64], speed in 0.1..2.0f64, share in 0.01..0.99f64,
+        ) {
+            let leg = Leg { from: Vector3::new(0.3, -0.2, 0.1), to: to.into(), speed };
+            let time = share * leg.duration();
+            let point = leg.at(time);
+            prop_assert!(point.derivative1.norm() <= speed * (1.0 + 1e-9));
+            prop_assert!(point.derivative2.norm() <= ACCELERATION * (1.0 + 1e-9));
+            prop_assume!(leg.duration() > 0.5);
+            assert_derivatives(|time| leg.at(time), time)?;
+        }
+
+        #[test]
+        fn a_descent_is_smooth_and_comes_to_its_speed(time in 0.01..3.0f64, speed in 0.1..1.0f64) {
+            let descent = Descent { from: Vector3::new(1.0, 2.0, -3.0), speed };
+            assert_derivatives(|time| descent.at(time), time)?;
+            let later = descent.at(DESCENT_BEGIN + time);
+            prop_assert_eq!(later.derivative1, Vector3::z() * speed);
+            prop_assert_eq!(later.derivative2, Vector3::zeros());
+        }
+    }
+
+    #[test]
+    fn a_leg_begins_and_ends_at_rest_where_it_should() {
+        let leg = Leg {
+            from: Vector3::zeros(),
+            to: Vector3::new(0.0, 0.0, -1.0),
+            speed: 0.5,
+        };
+        assert_eq!(leg.at(0.0), CurvePoint::at_rest(leg.from));
+        assert_eq!(leg.at(leg.duration()), CurvePoint::at_rest(leg.to));
+        let nowhere = Leg { to: leg.from, ..leg };
+        assert_eq!(
+            (nowhere.duration(), nowhere.at(0.0)),
+            (0.0, CurvePoint::at_rest(leg.from))
+        );
+    }
+}

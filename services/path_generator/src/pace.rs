@@ -1,0 +1,204 @@
+//! From rest and to rest: how a rate grows and falls without a jump that the law could feel.
+//!
+//! The step s(x) = 35x⁴ − 84x⁵ + 70x⁶ − 20x⁷ leads from 0 at x = 0 to 1 at x = 1; its first three derivatives are 0 at
+//! both ends, so that what moves by it is C³. It is never steeper than 35/16.
+
+/// Largest slope of [`Step`].
+pub const STEEPEST: f64 = 35.0 / 16.0;
+/// Largest curvature of [`Step`] is below this: 84√5/25 = 7.513….
+pub const MOST_CURVED: f64 = 7.5132;
+
+/// s and its first three derivatives at a place; flat before 0 and after 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// s.
+    pub value: f64,
+    /// s′.
+    pub slope: f64,
+    /// s″.
+    pub curvature: f64,
+    /// s‴.
+    pub third: f64,
+}
+
+impl Step {
+    /// The step at `x`.
+    #[must_use]
+    pub fn at(x: f64) -> Self {
+        if x <= 0.0 || x >= 1.0 {
+            return Self {
+                value: if x <= 0.0 { 0.0 } else { 1.0 },
+                slope: 0.0,
+                curvature: 0.0,
+                third: 0.0,
+            };
+        }
+        let q = x * (1.0 - x);
+        let x4 = x * x * x * x;
+        Self {
+            value: x4 * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x))),
+            slope: 140.0 * q * q * q,
+            curvature: 420.0 * q * q * (1.0 - 2.0 * x),
+            third: 840.0 * q * (1.0 - 5.0 * q),
+        }
+    }
+
+    /// The integral of s from 0 to `x`.
+    #[must_use]
+    pub fn integral(x: f64) -> f64 {
+        if x <= 0.0 {
+            return 0.0;
+        }
+        if x >= 1.0 {
+            return 0.5 + (x - 1.0);
+        }
+        x * x * x * x * x * (7.0 + x * (-14.0 + x * (10.0 - 2.5 * x)))
+    }
+}
+
+/// w, the share of its speed with which a path goes, from 0 at rest to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// w.
+    pub value: f64,
+    /// ẇ, 1/s.
+    pub rate: f64,
+    /// ẅ, 1/s².
+    pub acceleration: f64,
+}
+
+impl Pace {
+    /// Full speed.
+    pub const FULL: Self = Self {
+        value: 1.0,
+        rate: 0.0,
+        acceleration: 0.0,
+    };
+
+    /// The pace some seconds after the start, when full speed is reached `duration` seconds after it.
+    #[must_use]
+    pub fn from_rest(since_start: f64, duration: f64) -> Self {
+        let step = Step::at(since_start / duration);
+        Self {
+            value: step.value,
+            rate: step.slope / duration,
+            acceleration: step.curvature / (duration * duration),
+        }
+    }
+}
+
+/// A rate that is brought to rest: the quintic with the rate and the acceleration of its begin, and nothing at its end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// The rate at the begin, 1/s.
+    pub rate: f64,
+    /// Its derivative there, 1/s².
+    pub acceleration: f64,
+    /// How long it takes, s.
+    pub duration: f64,
+}
+
+impl Stop {
+    /// The rate and its first two derivatives some seconds after the begin.
+    #[must_use]
+    pub fn at(&self, since_begin: f64) -> [f64; 3] {
+        let Self {
+            rate,
+            acceleration,
+            duration,
+        } = *self;
+        let x = since_begin / duration;
+        if x >= 1.0 {
+            return [0.0; 3];
+        }
+        let (x2, x3) = (x * x, x * x * x);
+        let slope = acceleration * duration;
+        [
+            rate * (1.0 - x3 * (10.0 - x * (15.0 - 6.0 * x)))
+                + slope * (x - x3 * (6.0 - x * (8.0 - 3.0 * x))),
+            (-30.0 * rate * x2 * (1.0 - x) * (1.0 - x) + slope * (1.0 - x2 * (18.0 - x * (32.0 - 15.0 * x))))
+                / duration,
+            (-60.0 * rate * x * (1.0 - x * (3.0 - 2.0 * x)) - slope * x * (36.0 - x * (96.0 - 60.0 * x)))
+                / (duration * duration),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The derivative at `x` by central differences of fourth order.
+    fn derivative(f: impl Fn(f64) -> f64, x: f64) -> f64 {
+        let h = 1e-3;
+        (8.0 * (f(x + h) - f(x - h)) - (f(x + 2.0 * h) - f(x - 2.0 * h))) / (12.0 * h)
+    }
+
+    proptest! {
+        #[test]
+        fn the_steps_derivatives_are_its_derivatives(x in 0.01..0.99f64) {
+            let step = Step::at(x);
+            for (got, wanted) in [
+                (step.value, derivative(Step::integral, x)),
+                (step.slope, derivative(|x| Step::at(x).value, x)),
+                (step.curvature, derivative(|x| Step::at(x).slope, x)),
+                (step.third, derivative(|x| Step::at(x).curvature, x)),
+            ] {
+                prop_assert!((got - wanted).abs() < 1e-7, "{} {}", got, wanted);
+            }
+            prop_assert!((0.0..=1.0).contains(&step.value));
+            prop_assert!((0.0..=STEEPEST).contains(&step.slope));
+            prop_assert!(step.curvature.abs() <= MOST_CURVED);
+        }
+
+        #[test]
+        fn a_stop_begins_as_it_was_and_ends_at_rest(
+            rate in 0.0..2.0f64, acceleration in -1.0..1.0f64, duration in 0.2..5.0f64, share in 0.01..0.99f64,
+        ) {
+            let stop = Stop { rate, acceleration, duration };
+            let [begin, slope, curvature] = stop.at(0.0);
+            prop_assert_eq!((begin, curvature.abs()), (rate, 0.0));
+            prop_assert!((slope - acceleration).abs() < 1e-14);
+            let near_end = stop.at(duration * (1.0 - 1e-7));
+            let small = 1e-4 * (1.0 + 1.0 / (duration * duration));
+            prop_assert!(near_end.iter().all(|value| value.abs() < small), "{:?}", near_end);
+            prop_assert_eq!(stop.at(duration), [0.0; 3]);
+            let at = share * duration;
+            let [_, first, second] = stop.at(at);
+            // The steps of the difference quotient are a thousandth of the stop's length.
+            let scaled = |place: usize| derivative(|x| stop.at(x * duration)[place], share) / duration;
+            prop_assert!((first - scaled(0)).abs() < 1e-6 / duration);
+            prop_assert!((second - scaled(1)).abs() < 1e-5 / (duration * duration));
+        }
+    }
+
+    #[test]
+    fn the_ends_are_flat() {
+        for (x, value) in [(-1.0, 0.0), (0.0, 0.0), (1.0, 1.0), (7.0, 1.0)] {
+            let flat = Step {
+                value,
+                slope: 0.0,
+                curvature: 0.0,
+                third: 0.0,
+            };
+            assert_eq!(Step::at(x), flat);
+        }
+        let before = Step::at(1.0 - 1e-9);
+        assert!(before.third.abs() < 1e-5 && (before.value - 1.0).abs() < 1e-12);
+        assert!((Step::integral(1.0 - 1e-9) - 0.5).abs() < 1e-8);
+    }
+
+    #[test]
+    fn a_pace_goes_from_rest_to_full() {
+        assert_eq!(
+            Pace::from_rest(0.0, 2.0),
+            Pace {
+                value: 0.0,
+                rate: 0.0,
+                acceleration: 0.0
+            }
+        );
+        assert_eq!(Pace::from_rest(2.0, 2.0), Pace::FULL);
+    }
+}

@@ -1,0 +1,368 @@
+//! A flight from the ground to the path and back: which phase it is in, and what leads the vehicle there.
+//!
+//! The phases and what leads from one to the next are those of [`shared_types::flight_phase`]; here stands how their
+//! conditions are made of what the path generator sees, which is the estimated state and the frames that are sent:
+//! * *ready*: the newest good state is recent, tracked, does not coast and its `position_sigma` is within the scenario's
+//!   limit; the newest frame is recent, its transmitter's inputs are too, and it demands nothing;
+//! * *airborne*: the vehicle has risen by [`LIFTED`] above where it was armed;
+//! * *touched down*: on its way down for [`STANDING`] seconds it did not sink while the reference went on sinking,
+//!   and the frames asked for less than [`UNLOADED`] of the thrust that carried it. As long as that lasts the vehicle
+//!   no longer counts as airborne.
+//!
+//! What leads the vehicle is a parameter that moves along something: along the path by the timing law, along straight
+//! [lines](crate::lines) like time. A landing brings the parameter to rest, wherever it is, and a descent begins there.
+//!
+//! Failure policy: while it is not known where the vehicle is, everything stands still and no condition of motion comes
+//! to hold. An arming is good for one take-off: after a landing, or a take-off that was given up, the operator arms anew.
+
+use nalgebra::Vector3;
+use shared_types::flight_phase::{Conditions, FlightPhase};
+use shared_types::rotation::from_row_major;
+use shared_types::sample::Flag;
+use shared_types::samples::{RcFrame, VehicleState};
+use shared_types::scenario::{self, Scenario};
+use shared_types::service::{Operator, nanoseconds};
+use shared_types::{Now, ServiceId, Topic};
+use zerocopy::FromZeros;
+
+use crate::curve::CurvePoint;
+use crate::lines::{DESCENT_BEGIN, Descent, Leg};
+use crate::pace::{Pace, Stop};
+use crate::timing_law::PathRates;
+
+/// By how much a vehicle has risen that carries itself, m.
+pub const LIFTED: f64 = 0.05;
+/// How close to the path's begin the vehicle has arrived, m.
+pub const ARRIVED: f64 = 0.3;
+/// How long a take-off waits at the end of a leg for the vehicle, s.
+pub const PATIENCE: f64 = 5.0;
+/// Share of the speed of the descent below which the vehicle does not sink.
+pub const SINKING: f64 = 0.25;
+/// Share of the thrust that carried the vehicle below which something else carries it.
+pub const UNLOADED: f64 = 0.75;
+/// How long that must last, s.
+pub const STANDING: f64 = 0.4;
+/// Time constant of the mean of the thrust that carries the vehicle, s.
+const CARRYING: f64 = 1.0;
+
+shared_types::sample! {
+    /// What is remembered of the phases; all zero in a flight without them, and before the first arming.
+    pub struct PhasesMemory {
+        /// When the phase began, ns.
+        pub began_ns: u64,
+        /// Where the line begins in {I}, m.
+        pub from_world: [f64; 3],
+        /// Where it ends in {I}, m.
+        pub to_world: [f64; 3],
+        /// Time on the line, s.
+        pub along: f64,
+        /// How fast it goes on.
+        pub along_rate: f64,
+        /// For how long the end of a leg has waited for the vehicle, s.
+        pub waited: f64,
+        /// Rate of the parameter when it began to be brought to rest, 1/s.
+        pub stop_rate: f64,
+        /// Its derivative then, 1/s².
+        pub stop_acceleration: f64,
+        /// For how long it has been brought to rest, s.
+        pub stopping_for: f64,
+        /// z of the vehicle in {I} when it was armed, m.
+        pub ground: f64,
+        /// Mean of the thrust that carries the vehicle, N.
+        pub carrying_thrust: f64,
+        /// For how long the vehicle has not sunk while it should, s.
+        pub standing_for: f64,
+        /// Code of the phase.
+        pub phase: u8,
+        #[values(WAY_PATH = 0, WAY_RISE = 1, WAY_TRANSIT = 2, WAY_DESCENT = 3)]
+        /// What is moved along.
+        pub way: u8,
+        /// Whether the vehicle carries itself.
+        pub airborne: Flag,
+        /// Whether the parameter is brought to rest.
+        pub stopping: Flag,
+        /// Whether the operator's arming has been used up.
+        pub spent: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 3],
+    }
+}
+
+/// What the path generator sees at a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight<'a> {
+    /// The last good state, if it is known where the vehicle is.
+    pub vehicle: Option<&'a VehicleState>,
+    /// How old it is, ns.
+    pub vehicle_age_ns: u64,
+    /// The last good frame.
+    pub frame: Option<&'a RcFrame>,
+    /// How old it is, ns.
+    pub frame_age_ns: u64,
+    /// Where the path stands, or is, in {I}, m.
+    pub path: Vector3<f64>,
+    /// γ̇ and γ̈ of the path.
+    pub path_rates: [f64; 2],
+}
+
+/// What leads the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Lead {
+    /// The path, at a pace.
+    Path(Pace),
+    /// The path, with γ̇, γ̈ and γ⃛ as stated.
+    PathAt([f64; 3]),
+    /// A line: its point, and its parameter with how that moves.
+    Line(CurvePoint, f64, PathRates),
+}
+
+/// The phases of a flight.
+#[derive(Clone, Debug)]
+pub struct Phases {
+    stated: scenario::Flight,
+    /// Ages up to which states and frames are recent, ns.
+    fresh_ns: [u64; 2],
+    /// What is remembered.
+    pub memory: PhasesMemory,
+}
+
+impl Phases {
+    /// The phases of a scenario that has been checked, at its start; `None` if it has none.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Option<Self> {
+        let topics = [Topic::VehicleState, Topic::RcFrame];
+        scenario.flight.as_ref().map(|stated| Self {
+            stated: stated.clone(),
+            fresh_ns: topics.map(|topic| scenario.fresh_age_ns(topic, ServiceId::PathGenerator)),
+            memory: PhasesMemory::new_zeroed(),
+        })
+    }
+
+    /// The phase.
+    #[must_use]
+    pub fn phase(&self) -> FlightPhase {
+        FlightPhase::from_code(self.memory.phase)
+    }
+
+    /// Whether the vehicle carries itself, as far as its motion tells.
+    #[must_use]
+    pub fn is_airborne(&self) -> bool {
+        self.memory.airborne.is_set() && self.memory.standing_for == 0.0
+    }
+
+    /// Goes on to now, with what is seen then.
+    pub fn advance(&mut self, now: &Now, sight: &Sight<'_>) {
+        let elapsed = now.elapsed();
+        let memory = &mut self.memory;
+        memory.along += elapsed * memory.along_rate;
+        if memory.stopping.is_set() {
+            memory.stopping_for += elapsed;
+        }
+        if let Some(vehicle) = sight.vehicle {
+            self.feel(elapsed, vehicle, sight.frame);
+        } else {
+            self.memory.standing_for = 0.0;
+        }
+        self.go_along(elapsed, sight);
+        let conditions = self.conditions(now, sight);
+        let (before, after) = (self.phase(), self.phase().next(&conditions));
+        if !now.operator.armed {
+            self.memory.spent = false.into();
+        }
+        if after != before {
+            self.enter(now, after, sight);
+        }
+    }
+
+    /// What leads the vehicle now; `known` tells whether it is known where that is.
+    #[must_use]
+    pub fn lead(&mut self, now: &Now, known: bool) -> Lead {
+        let is_led = !matches!(self.phase(), FlightPhase::Disarmed | FlightPhase::Armed);
+        let rates = match (is_led && known, self.memory.stopping.is_set()) {
+            (false, _) => [0.0; 3],
+            (true, true) => self.stop().at(self.memory.stopping_for),
+            (true, false) => [1.0, 0.0, 0.0],
+        };
+        if is_led && !known && self.memory.stopping.is_set() {
+            // It stands already.
+            (self.memory.stop_rate, self.memory.stop_acceleration) = (0.0, 0.0);
+        }
+        match self.line_point() {
+            Some(point) => {
+                self.memory.along_rate = rates[0];
+                Lead::Line(point, self.memory.along, PathRates::stated(rates))
+            }
+            None if is_led && !self.memory.stopping.is_set() => {
+                let since = now.time_ns.saturating_sub(self.memory.began_ns);
+                Lead::Path(Pace::from_rest(
+                    shared_types::service::seconds(since),
+                    self.stated.transition_time,
+                ))
+            }
+            None => Lead::PathAt(rates),
+        }
+    }
+
+    /// Notices by the vehicle's motion, and by the thrust that is asked for, what carries it.
+    fn feel(&mut self, elapsed: f64, vehicle: &VehicleState, frame: Option<&RcFrame>) {
+        let phase = self.phase();
+        let memory = &mut self.memory;
+        let [.., z] = vehicle.position_world;
+        let thrust = frame.map_or(0.0, |frame| frame.thrust);
+        if phase == FlightPhase::TakeOff && !memory.airborne.is_set() && z < memory.ground - LIFTED {
+            memory.airborne = true.into();
+            memory.carrying_thrust = thrust;
+        }
+        if !memory.airborne.is_set() {
+            return;
+        }
+        let velocity = from_row_major(&vehicle.world_from_body) * Vector3::from(vehicle.velocity_body);
+        let should_sink = memory.way == PhasesMemory::WAY_DESCENT && memory.along > DESCENT_BEGIN;
+        let stands = should_sink
+            && velocity.z < SINKING * self.stated.landing_speed
+            && thrust < UNLOADED * memory.carrying_thrust;
+        memory.standing_for = if stands {
+            memory.standing_for + elapsed
+        } else {
+            0.0
+        };
+        if !should_sink {
+            let share = (elapsed / CARRYING).min(1.0);
+            memory.carrying_thrust += (thrust - memory.carrying_thrust) * share;
+        }
+    }
+
+    /// Goes from one line to the next where one has come to its end.
+    fn go_along(&mut self, elapsed: f64, sight: &Sight<'_>) {
+        let at_end = self.leg().is_some_and(|leg| self.memory.along >= leg.duration());
+        if at_end && !self.memory.stopping.is_set() {
+            self.memory.waited += elapsed;
+            if self.memory.way == PhasesMemory::WAY_RISE && self.memory.airborne.is_set() {
+                let from = Vector3::from(self.memory.to_world);
+                self.begin(PhasesMemory::WAY_TRANSIT, from, sight.path);
+            }
+        }
+        let has_stopped =
+            self.memory.stopping.is_set() && self.memory.stopping_for >= self.stated.transition_time;
+        if has_stopped && self.memory.way != PhasesMemory::WAY_DESCENT {
+            let from = self.line_point().map_or(sight.path, |point| point.position);
+            self.begin(PhasesMemory::WAY_DESCENT, from, from);
+        }
+    }
+
+    fn conditions(&self, now: &Now, sight: &Sight<'_>) -> Conditions {
+        let Operator { armed, land, killed } = now.operator;
+        let memory = &self.memory;
+        let action = sight.frame.map_or(RcFrame::ACTION_NONE, |frame| frame.action);
+        let in_phase = now.time_ns.saturating_sub(memory.began_ns);
+        let way_from_path = sight
+            .vehicle
+            .map(|vehicle| Vector3::from(vehicle.position_world) - sight.path);
+        Conditions {
+            armed,
+            killed: killed || action == RcFrame::ACTION_KILL,
+            arming_is_new: armed && !memory.spent.is_set(),
+            land: land || action == RcFrame::ACTION_LAND,
+            ready: self.is_ready(sight),
+            spooled_up: in_phase >= nanoseconds(self.stated.spool_up),
+            airborne: memory.airborne.is_set(),
+            arrived: memory.way == PhasesMemory::WAY_TRANSIT
+                && memory.waited > 0.0
+                && way_from_path.is_some_and(|way| way.norm() <= ARRIVED),
+            overdue: memory.waited > PATIENCE,
+            touched_down: memory.standing_for >= STANDING,
+        }
+    }
+
+    fn is_ready(&self, sight: &Sight<'_>) -> bool {
+        let [oldest_state, oldest_frame] = self.fresh_ns;
+        let sees = sight.vehicle.is_some_and(|vehicle| {
+            vehicle.tracked.is_set()
+                && !vehicle.coasting.is_set()
+                && vehicle.position_sigma <= self.stated.position_sigma_max
+                && sight.vehicle_age_ns <= oldest_state
+        });
+        let is_heard = sight.frame.is_some_and(|frame| {
+            frame.inputs_fresh.is_set()
+                && frame.action <= RcFrame::ACTION_WARN
+                && sight.frame_age_ns <= oldest_frame
+        });
+        sees && is_heard
+    }
+
+    fn enter(&mut self, now: &Now, phase: FlightPhase, sight: &Sight<'_>) {
+        let was_led = self.phase();
+        self.memory.phase = phase.code();
+        self.memory.began_ns = now.time_ns;
+        match phase {
+            FlightPhase::Disarmed => {
+                self.memory = PhasesMemory {
+                    began_ns: now.time_ns,
+                    spent: (self.memory.spent.is_set() || was_led != FlightPhase::Armed).into(),
+                    ..PhasesMemory::new_zeroed()
+                };
+            }
+            FlightPhase::Armed => {
+                let place = sight.vehicle.map_or([0.0; 3], |vehicle| vehicle.position_world);
+                self.memory.ground = place[2];
+            }
+            FlightPhase::TakeOff => {
+                self.memory.spent = true.into();
+                let from = sight
+                    .vehicle
+                    .map_or(sight.path, |vehicle| Vector3::from(vehicle.position_world));
+                let to = from - Vector3::z() * self.stated.takeoff_height;
+                self.begin(PhasesMemory::WAY_RISE, from, to);
+            }
+            FlightPhase::Fly => self.memory.way = PhasesMemory::WAY_PATH,
+            FlightPhase::Land => {
+                let [rate, acceleration] = if self.memory.way == PhasesMemory::WAY_PATH {
+                    sight.path_rates
+                } else {
+                    [self.memory.along_rate, 0.0]
+                };
+                self.memory.stopping = true.into();
+                self.memory.stopping_for = 0.0;
+                (self.memory.stop_rate, self.memory.stop_acceleration) = (rate, acceleration);
+            }
+        }
+    }
+
+    fn begin(&mut self, way: u8, from: Vector3<f64>, to: Vector3<f64>) {
+        let memory = &mut self.memory;
+        (memory.way, memory.from_world, memory.to_world) = (way, from.into(), to.into());
+        (memory.along, memory.along_rate, memory.waited) = (0.0, 1.0, 0.0);
+        memory.stopping = false.into();
+    }
+
+    fn stop(&self) -> Stop {
+        Stop {
+            rate: self.memory.stop_rate,
+            acceleration: self.memory.stop_acceleration,
+            duration: self.stated.transition_time,
+        }
+    }
+
+    fn leg(&self) -> Option<Leg> {
+        let is_leg = matches!(
+            self.memory.way,
+            PhasesMemory::WAY_RISE | PhasesMemory::WAY_TRANSIT
+        );
+        is_leg.then(|| Leg {
+            from: self.memory.from_world.into(),
+            to: self.memory.to_world.into(),
+            speed: self.stated.takeoff_speed,
+        })
+    }
+
+    fn line_point(&self) -> Option<CurvePoint> {
+        if self.memory.way == PhasesMemory::WAY_DESCENT {
+            let descent = Descent {
+                from: self.memory.from_world.into(),
+                speed: self.stated.landing_speed,
+            };
+            return Some(descent.at(self.memory.along));
+        }
+        self.leg().map(|leg| leg.at(self.memory.along))
+    }
+}

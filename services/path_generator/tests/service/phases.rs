@@ -1,0 +1,453 @@
+//! From the ground to the path and back: phases in their order, references without jumps.
+
+use path_generator::PathGeneratorService;
+use path_generator::phases::{LIFTED, PATIENCE, STANDING};
+use shared_types::samples::{PathReference, RcFrame, VehicleState};
+use shared_types::scenario::{Curve, Flight, Path, PathMode, Scenario, TiltedEight};
+use shared_types::service::{Now, Operator, Service};
+use zerocopy::FromZeros;
+
+use crate::allocations::allocations_during;
+use crate::flight::{TICK_NS, paper_path, scenario, step_in_phases, vehicle};
+use crate::rebirth::reborn;
+
+const H: f64 = 1e-3;
+/// Where the vehicle stands at the start, away from the begin of the path.
+const PLACE: [f64; 3] = [0.5, 0.4, 0.1];
+const ARMED: Operator = Operator::FLYING;
+const DISARMED: Operator = Operator {
+    armed: false,
+    ..ARMED
+};
+const TO_LAND: Operator = Operator { land: true, ..ARMED };
+
+fn phased(path: Path) -> Scenario {
+    Scenario {
+        flight: Some(Flight::default()),
+        ..scenario(path)
+    }
+}
+
+/// A path generator with a vehicle that is where its reference leads it, but for the ground.
+struct Flown {
+    scenario: Scenario,
+    generator: PathGeneratorService,
+    tick: u64,
+    vehicle: VehicleState,
+    frame: RcFrame,
+    reference: PathReference,
+    /// Whether the motors can lift it.
+    lifts: bool,
+    phases: Vec<u8>,
+}
+
+fn at_rest_on_the_ground() -> VehicleState {
+    vehicle(PLACE, [0.0; 3])
+}
+
+fn idle_frame() -> RcFrame {
+    RcFrame {
+        inputs_fresh: true.into(),
+        failsafe: true.into(),
+        ..RcFrame::new_zeroed()
+    }
+}
+
+impl Flown {
+    fn new(path: Path) -> Self {
+        let scenario = phased(path);
+        Self {
+            generator: PathGeneratorService::new(&scenario).unwrap(),
+            scenario,
+            tick: 0,
+            vehicle: at_rest_on_the_ground(),
+            frame: idle_frame(),
+            reference: PathReference::new_zeroed(),
+            lifts: true,
+            phases: Vec::new(),
+        }
+    }
+
+    fn eight() -> Self {
+        Self::new(paper_path())
+    }
+
+    /// One tick; the path generator dies before it and is born again.
+    fn step(&mut self, operator: Operator) -> PathReference {
+        self.generator = reborn(
+            &self.generator,
+            PathGeneratorService::new(&self.scenario).unwrap(),
+        );
+        let now = Now {
+            tick: self.tick,
+            time_ns: self.tick * TICK_NS,
+            elapsed_ns: self.tick.min(1) * TICK_NS,
+            operator,
+        };
+        for header in [&mut self.vehicle.header, &mut self.frame.header] {
+            (header.seq, header.stamp_ns) = (self.tick, now.time_ns);
+        }
+        let (state, frame) = (self.vehicle, self.frame);
+        self.reference = step_in_phases(&mut self.generator, &now, Some(&state), Some(&frame));
+        self.tick += 1;
+        if self.phases.last() != Some(&self.reference.phase) {
+            self.phases.push(self.reference.phase);
+        }
+        self.follow();
+        self.reference
+    }
+
+    /// The vehicle goes where it is led; on the ground it stands, and the law asks for less thrust the deeper it is led.
+    fn follow(&mut self) {
+        let reference = &self.reference;
+        let is_led = reference.phase >= PathReference::PHASE_TAKE_OFF;
+        let mut position = reference.position_world;
+        let depth = position[2] - PLACE[2];
+        self.frame.thrust = match (is_led, depth > 0.0) {
+            (false, _) => 0.0,
+            (true, false) => 2.0,
+            (true, true) => 2.0 / (1.0 + 10.0 * depth),
+        };
+        position[2] = position[2].min(PLACE[2]);
+        if is_led && self.lifts {
+            let [.., rise] = motion(reference)[1];
+            self.vehicle.position_world = position;
+            self.vehicle.velocity_body = [0.0, 0.0, if depth < 0.0 { rise } else { 0.0 }];
+        }
+    }
+
+    fn until(&mut self, operator: Operator, phase: u8) {
+        for _ in 0..60_000 {
+            if self.step(operator).phase == phase {
+                return;
+            }
+        }
+        panic!("phase {phase} never comes: {:?}", self.phases);
+    }
+
+    fn for_seconds(&mut self, operator: Operator, seconds: f64) {
+        for _ in 0..(seconds / H) as u64 {
+            self.step(operator);
+        }
+    }
+
+    fn gamma(&self) -> f64 {
+        Service::save(&self.generator).gamma
+    }
+}
+
+/// Position, velocity and acceleration of a reference in {I}.
+fn motion(reference: &PathReference) -> [[f64; 3]; 3] {
+    let (rate, change) = (reference.gamma_dot, reference.gamma_ddot);
+    let [first, second] = [reference.derivative1_world, reference.derivative2_world];
+    [
+        reference.position_world,
+        first.map(|d| d * rate),
+        std::array::from_fn(|axis| second[axis] * rate * rate + first[axis] * change),
+    ]
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b) * (a - b))
+        .sum::<f64>()
+        .sqrt()
+}
+
+/// A whole flight, in which each reference is where the one before was going.
+fn assert_smooth_flight(mut flown: Flown) -> Vec<u8> {
+    flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
+    let mut before = flown.reference;
+    let land_at = flown.tick + 16_000;
+    while flown.reference.phase != PathReference::PHASE_DISARMED {
+        let operator = if flown.tick < land_at { ARMED } else { TO_LAND };
+        let now = flown.step(operator);
+        if now.phase == PathReference::PHASE_DISARMED {
+            break;
+        }
+        let ([p, v, a], [p0, v0, a0]) = (motion(&now), motion(&before));
+        let moved: [f64; 3] = std::array::from_fn(|axis| p0[axis] + H * v0[axis]);
+        assert!(
+            distance(p, moved) < 3.0 * H * H,
+            "position at {}",
+            now.header.tick
+        );
+        assert!(
+            distance(v, v0) < 2.5 * H,
+            "velocity from {v0:?} to {v:?} in phase {}",
+            now.phase
+        );
+        assert!(
+            distance(a, a0) < 12.0 * H,
+            "acceleration from {a0:?} to {a:?} in phase {}",
+            now.phase
+        );
+        before = now;
+    }
+    flown.for_seconds(TO_LAND, 2.0);
+    flown.phases
+}
+
+#[test]
+fn a_flight_passes_through_all_phases_and_its_references_have_no_jump_up_to_the_acceleration() {
+    let all = [
+        PathReference::PHASE_ARMED,
+        PathReference::PHASE_TAKE_OFF,
+        PathReference::PHASE_FLY,
+        PathReference::PHASE_LAND,
+        PathReference::PHASE_DISARMED,
+    ];
+    assert_eq!(assert_smooth_flight(Flown::eight()), all);
+    let tracking = Path {
+        mode: PathMode::TrajectoryTracking,
+        ..paper_path()
+    };
+    assert_eq!(assert_smooth_flight(Flown::new(tracking)), all);
+}
+
+#[test]
+fn gamma_stands_still_until_the_vehicle_is_at_the_path_and_after_it_has_left_it() {
+    let mut flown = Flown::new(Path {
+        initial_gamma: 0.7,
+        initial_gamma_dot: 0.5,
+        curve: Curve::TiltedEight(TiltedEight::default()),
+        ..paper_path()
+    });
+    while flown.step(ARMED).phase != PathReference::PHASE_FLY {
+        assert_eq!(flown.gamma(), 0.7);
+    }
+    flown.for_seconds(ARMED, 5.0);
+    assert!(flown.gamma() > 3.0);
+    flown.until(TO_LAND, PathReference::PHASE_LAND);
+    flown.for_seconds(TO_LAND, Flight::default().transition_time + 0.01);
+    let stopped = flown.gamma();
+    flown.until(TO_LAND, PathReference::PHASE_DISARMED);
+    assert_eq!(flown.gamma(), stopped);
+}
+
+#[test]
+fn the_vehicle_counts_as_airborne_from_lift_off_to_touch_down_only() {
+    let mut flown = Flown::eight();
+    let lifted = |flown: &Flown| flown.vehicle.position_world[2] < PLACE[2] - LIFTED;
+    while flown.reference.phase != PathReference::PHASE_FLY {
+        let was_lifted = lifted(&flown);
+        assert_eq!(
+            flown.step(ARMED).airborne.is_set(),
+            was_lifted,
+            "tick {}",
+            flown.tick
+        );
+    }
+    let mut stands_for = 0.0;
+    while flown.reference.phase != PathReference::PHASE_DISARMED {
+        let stands = flown.vehicle.position_world[2] >= PLACE[2];
+        let is_airborne = flown.step(TO_LAND).airborne.is_set();
+        assert!(is_airborne || stands);
+        stands_for += if is_airborne { 0.0 } else { H };
+    }
+    assert!((stands_for - STANDING).abs() < 2.0 * H, "{stands_for}");
+    assert!(!flown.reference.airborne.is_set());
+}
+
+#[test]
+fn nothing_arms_while_anything_is_not_ready() {
+    let spoilers: [(&str, fn(&mut Flown)); 8] = [
+        ("not tracked", |flown| flown.vehicle.tracked = false.into()),
+        ("coasting", |flown| flown.vehicle.coasting = true.into()),
+        ("not converged", |flown| flown.vehicle.position_sigma = 0.021),
+        ("the transmitter lacks an input", |flown| {
+            flown.frame.inputs_fresh = false.into()
+        }),
+        ("it demands to land", |flown| {
+            flown.frame.action = RcFrame::ACTION_LAND
+        }),
+        ("it has killed", |flown| flown.frame.action = RcFrame::ACTION_KILL),
+        ("frames are none of a link", |flown| flown.frame.mode = 9),
+        ("frames hold no numbers", |flown| flown.frame.thrust = f64::NAN),
+    ];
+    for (words, spoil) in spoilers {
+        let mut flown = Flown::eight();
+        for _ in 0..3000 {
+            spoil(&mut flown);
+            assert_eq!(flown.step(ARMED).phase, PathReference::PHASE_DISARMED, "{words}");
+        }
+        let mut flown = Flown::eight();
+        flown.until(ARMED, PathReference::PHASE_ARMED);
+        // An unreadable frame is as none: the last good one is recent for a tenth of a second.
+        for _ in 0..200 {
+            spoil(&mut flown);
+            flown.step(ARMED);
+        }
+        assert_eq!(
+            flown.reference.phase,
+            PathReference::PHASE_DISARMED,
+            "{words}, when armed"
+        );
+    }
+    for operator in [
+        DISARMED,
+        TO_LAND,
+        Operator {
+            killed: true,
+            ..ARMED
+        },
+    ] {
+        let mut flown = Flown::eight();
+        flown.for_seconds(operator, 2.0);
+        assert_eq!(flown.phases, [PathReference::PHASE_DISARMED], "{operator:?}");
+    }
+}
+
+#[test]
+fn without_frames_or_with_old_ones_nothing_arms() {
+    for frame in [None, Some(idle_frame())] {
+        let scenario = phased(paper_path());
+        let mut generator = PathGeneratorService::new(&scenario).unwrap();
+        for tick in 200..2000 {
+            let now = Now {
+                tick,
+                time_ns: tick * TICK_NS,
+                elapsed_ns: TICK_NS,
+                operator: ARMED,
+            };
+            let mut state = at_rest_on_the_ground();
+            state.header.stamp_ns = now.time_ns;
+            let reference = step_in_phases(&mut generator, &now, Some(&state), frame.as_ref());
+            assert_eq!(reference.phase, PathReference::PHASE_DISARMED);
+        }
+    }
+}
+
+#[test]
+fn a_take_off_that_does_not_lift_off_is_given_up_and_needs_a_new_arming() {
+    let mut flown = Flown::eight();
+    flown.lifts = false;
+    flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
+    let from = flown.tick;
+    flown.until(ARMED, PathReference::PHASE_DISARMED);
+    assert!((flown.tick - from) as f64 * H > PATIENCE);
+    flown.for_seconds(ARMED, 3.0);
+    assert_eq!(flown.reference.phase, PathReference::PHASE_DISARMED);
+    flown.for_seconds(DISARMED, 0.01);
+    flown.until(ARMED, PathReference::PHASE_ARMED);
+}
+
+#[test]
+fn a_landing_begins_anywhere_without_a_jump_and_on_the_ground_it_disarms() {
+    // Before lift-off, on the way up, on the way to the path.
+    for (after, expected) in [
+        (0.05, PathReference::PHASE_DISARMED),
+        (2.2, PathReference::PHASE_LAND),
+        (6.5, PathReference::PHASE_LAND),
+    ] {
+        let mut flown = Flown::eight();
+        flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
+        flown.for_seconds(ARMED, after);
+        assert_eq!(flown.reference.phase, PathReference::PHASE_TAKE_OFF);
+        let [_, before, _] = motion(&flown.reference);
+        let reference = flown.step(TO_LAND);
+        assert_eq!(reference.phase, expected, "{after} s");
+        if expected == PathReference::PHASE_LAND {
+            assert!(distance(motion(&reference)[1], before) < 2.0 * H);
+            flown.until(TO_LAND, PathReference::PHASE_DISARMED);
+        }
+    }
+}
+
+#[test]
+fn the_transmitters_demand_lands_and_its_kill_disarms() {
+    let mut flown = Flown::eight();
+    flown.until(ARMED, PathReference::PHASE_FLY);
+    flown.frame.action = RcFrame::ACTION_LAND;
+    assert_eq!(flown.step(ARMED).phase, PathReference::PHASE_LAND);
+    // The demand is withdrawn; the landing is not.
+    flown.frame.action = RcFrame::ACTION_NONE;
+    flown.until(ARMED, PathReference::PHASE_DISARMED);
+    flown.for_seconds(ARMED, 3.0);
+    assert_eq!(flown.reference.phase, PathReference::PHASE_DISARMED);
+
+    let mut killed = Flown::eight();
+    killed.until(ARMED, PathReference::PHASE_FLY);
+    killed.frame.action = RcFrame::ACTION_KILL;
+    assert_eq!(killed.step(ARMED).phase, PathReference::PHASE_DISARMED);
+}
+
+#[test]
+fn who_kills_or_takes_the_arming_back_disarms_from_every_phase() {
+    for phase in [
+        PathReference::PHASE_ARMED,
+        PathReference::PHASE_TAKE_OFF,
+        PathReference::PHASE_FLY,
+    ] {
+        for operator in [
+            DISARMED,
+            Operator {
+                killed: true,
+                ..ARMED
+            },
+        ] {
+            let mut flown = Flown::eight();
+            flown.until(ARMED, phase);
+            assert_eq!(flown.step(operator).phase, PathReference::PHASE_DISARMED);
+        }
+    }
+}
+
+#[test]
+fn while_it_is_not_known_where_the_vehicle_is_everything_stands_still_and_nothing_touches_down() {
+    let mut flown = Flown::eight();
+    flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
+    flown.for_seconds(ARMED, 2.0);
+    flown.vehicle.tracked = false.into();
+    let stood = flown.step(ARMED);
+    assert_eq!((stood.gamma_dot, stood.gamma_ddot), (0.0, 0.0));
+    assert_eq!(flown.step(ARMED).position_world, stood.position_world);
+    flown.vehicle.tracked = true.into();
+    flown.until(ARMED, PathReference::PHASE_FLY);
+    flown.until(TO_LAND, PathReference::PHASE_LAND);
+    flown.for_seconds(TO_LAND, Flight::default().transition_time + 1.5);
+    flown.vehicle.tracked = false.into();
+    (flown.frame.thrust, flown.lifts) = (0.0, false);
+    flown.for_seconds(TO_LAND, 3.0);
+    assert_eq!(flown.reference.phase, PathReference::PHASE_LAND);
+}
+
+#[test]
+fn a_vehicle_that_a_gust_holds_up_has_not_touched_down_while_it_is_carried_by_its_thrust() {
+    let mut flown = Flown::eight();
+    flown.until(ARMED, PathReference::PHASE_FLY);
+    flown.until(TO_LAND, PathReference::PHASE_LAND);
+    flown.for_seconds(TO_LAND, Flight::default().transition_time + 1.5);
+    flown.lifts = false;
+    flown.vehicle.velocity_body = [0.0; 3];
+    for _ in 0..2000 {
+        flown.frame.thrust = 1.7;
+        assert_eq!(flown.step(TO_LAND).phase, PathReference::PHASE_LAND);
+        flown.frame.thrust = 1.7;
+    }
+}
+
+#[test]
+fn a_step_in_any_phase_allocates_nothing() {
+    let mut flown = Flown::eight();
+    let scenario = flown.scenario.clone();
+    let mut generator = PathGeneratorService::new(&scenario).unwrap();
+    let count = allocations_during(|| {
+        for tick in 0..30_000 {
+            let operator = if tick < 15_000 { ARMED } else { TO_LAND };
+            let now = Now {
+                tick,
+                time_ns: tick * TICK_NS,
+                elapsed_ns: tick.min(1) * TICK_NS,
+                operator,
+            };
+            for header in [&mut flown.vehicle.header, &mut flown.frame.header] {
+                (header.seq, header.stamp_ns) = (tick, now.time_ns);
+            }
+            flown.reference = step_in_phases(&mut generator, &now, Some(&flown.vehicle), Some(&flown.frame));
+            flown.follow();
+        }
+    });
+    assert_eq!((count, flown.reference.phase), (0, PathReference::PHASE_DISARMED));
+}

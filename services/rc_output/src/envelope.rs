@@ -1,0 +1,152 @@
+//! The limits of the envelope: which of them vehicle and command exceed, and commands cut to them.
+//!
+//! All is a pure function of the newest good state and command. What is done about a limit that is exceeded says
+//! [`crate::guard`].
+
+use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
+use shared_types::scenario::{self, Action, Fence, Vector};
+use shared_types::service::nanoseconds;
+
+/// How many limits there are.
+pub const LIMITS: usize = 7;
+
+/// What the limits are asked about.
+#[derive(Clone, Copy, Debug)]
+pub struct Situation<'a> {
+    /// The last good state.
+    pub state: Option<&'a VehicleState>,
+    /// Whether it is recent.
+    pub state_is_fresh: bool,
+    /// What is to be sent.
+    pub command: &'a ControlCommand,
+}
+
+/// The limits of a flight.
+#[derive(Clone, Debug)]
+pub struct Envelope {
+    stated: scenario::Envelope,
+    /// Cosine of the largest tilt; R33 is that of the tilt.
+    least_uprightness: Option<f64>,
+}
+
+impl Envelope {
+    /// The limits that a scenario states.
+    #[must_use]
+    pub fn new(stated: &scenario::Envelope) -> Self {
+        Self {
+            stated: stated.clone(),
+            least_uprightness: stated.tilt.as_ref().map(|limit| libm::cos(limit.max)),
+        }
+    }
+
+    /// Each limit with its code, its action, and whether it is exceeded; `None` where it is not stated.
+    #[must_use]
+    pub fn exceeded(&self, situation: &Situation<'_>) -> [Option<(u8, Action, bool)>; LIMITS] {
+        let (stated, state, command) = (&self.stated, situation.state, situation.command);
+        let of_state = |exceeds: &dyn Fn(&VehicleState) -> bool| state.is_some_and(exceeds);
+        let estimate_is_bad = |limit: f64| {
+            let is_good = |state: &VehicleState| state.tracked.is_set() && state.position_sigma <= limit;
+            !situation.state_is_fresh || !state.is_some_and(is_good)
+        };
+        [
+            stated.r#box.as_ref().map(|fence| {
+                let is_outside = of_state(&|state| distance_outside(fence, state) > 0.0);
+                (RcFrame::LIMIT_BOX, fence.action, is_outside)
+            }),
+            stated
+                .tilt
+                .as_ref()
+                .zip(self.least_uprightness)
+                .map(|(limit, least)| {
+                    let is_tilted = of_state(&|state| state.world_from_body[8] < least);
+                    (RcFrame::LIMIT_TILT, limit.action, is_tilted)
+                }),
+            stated.speed.as_ref().map(|limit| {
+                let is_fast = of_state(&|state| norm(&state.velocity_body) > limit.max);
+                (RcFrame::LIMIT_SPEED, limit.action, is_fast)
+            }),
+            stated.estimate.as_ref().map(|limit| {
+                let is_bad = estimate_is_bad(limit.position_sigma);
+                (RcFrame::LIMIT_ESTIMATE, limit.action, is_bad)
+            }),
+            stated.thrust.as_ref().map(|limit| {
+                let is_strong = command.thrust > limit.max;
+                (RcFrame::LIMIT_THRUST, limit.action, is_strong)
+            }),
+            stated.torque.as_ref().map(|limit| {
+                let is_strong = exceeds(&command.torque_body, &limit.max);
+                (RcFrame::LIMIT_TORQUE, limit.action, is_strong)
+            }),
+            stated.rates.as_ref().map(|limit| {
+                let is_fast = exceeds(&command.rates_body, &limit.max);
+                (RcFrame::LIMIT_RATES, limit.action, is_fast)
+            }),
+        ]
+    }
+
+    /// Whether a vehicle that is to land is so far outside of the box that it is not coming back.
+    #[must_use]
+    pub fn is_leaving(&self, state: Option<&VehicleState>) -> bool {
+        let (fence, state) = (self.stated.r#box.as_ref(), state);
+        fence
+            .zip(state)
+            .is_some_and(|(fence, state)| distance_outside(fence, state) > fence.margin)
+    }
+
+    /// The command within the limits, whatever their actions: thrust from 0 to its largest, torque and rates cut axis
+    /// by axis.
+    #[must_use]
+    pub fn limited(&self, command: &ControlCommand) -> ControlCommand {
+        let mut limited = *command;
+        if let Some(limit) = &self.stated.thrust {
+            limited.thrust = command.thrust.clamp(0.0, limit.max);
+        }
+        if let Some(limit) = &self.stated.torque {
+            limited.torque_body = cut(&command.torque_body, &limit.max);
+        }
+        if let Some(limit) = &self.stated.rates {
+            limited.rates_body = cut(&command.rates_body, &limit.max);
+        }
+        limited
+    }
+
+    /// For how long a limit is exceeded before its action is taken, ns.
+    #[must_use]
+    pub fn after_ns(&self) -> u64 {
+        nanoseconds(self.stated.after)
+    }
+
+    /// How long a landing may take, ns.
+    #[must_use]
+    pub fn land_within_ns(&self) -> u64 {
+        nanoseconds(self.stated.land_within)
+    }
+
+    /// Whether anything is checked on the state.
+    #[must_use]
+    pub fn needs_state(&self) -> bool {
+        self.stated.estimate.is_some()
+    }
+}
+
+/// Distance of a vehicle from the box, m; 0 inside.
+fn distance_outside(fence: &Fence, state: &VehicleState) -> f64 {
+    let position = state.position_world;
+    let beyond = |axis: usize| {
+        let [below, above] = [fence.min[axis] - position[axis], position[axis] - fence.max[axis]];
+        below.max(above).max(0.0)
+    };
+    norm(&[beyond(0), beyond(1), beyond(2)])
+}
+
+fn norm([x, y, z]: &Vector) -> f64 {
+    (x * x + y * y + z * z).sqrt()
+}
+
+fn exceeds(value: &Vector, most: &Vector) -> bool {
+    value.iter().zip(most).any(|(value, most)| value.abs() > *most)
+}
+
+fn cut(value: &Vector, most: &Vector) -> Vector {
+    std::array::from_fn(|axis| value[axis].clamp(-most[axis], most[axis]))
+}

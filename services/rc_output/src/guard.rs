@@ -1,0 +1,217 @@
+//! What may be sent: nothing before the vehicle is armed, nothing after it was killed, and nothing beyond the envelope.
+//!
+//! | what | what follows |
+//! | --- | --- |
+//! | the operator has not armed | failsafe frames |
+//! | in a flight with phases the inputs have not been recent since the arming, or since the transmitter began anew | failsafe frames |
+//! | the operator killed | failsafe frames for ever |
+//! | a limit is exceeded for [`after`](shared_types::scenario::Envelope::after), action *warn* | frames say so as long as that lasts |
+//! | … action *land* | frames demand it until the vehicle rests disarmed, whatever becomes of the limit |
+//! | … action *kill* | failsafe frames for ever |
+//! | the vehicle is to land and takes too long, or goes on leaving the box | failsafe frames for ever |
+//!
+//! Limits are checked while something is sent that moves the vehicle. Of several that are exceeded the gravest action
+//! counts, and of those the first. What is for ever is in the checkpoint; a transmitter that begins anew without one
+//! knows of the operator's kill, which is kept outside of it, and judges the envelope afresh.
+
+use shared_types::Now;
+use shared_types::sample::Flag;
+use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
+use shared_types::scenario::{Action, Scenario};
+
+use crate::envelope::{Envelope, LIMITS, Situation};
+
+shared_types::sample! {
+    /// What the guard remembers.
+    pub struct GuardMemory {
+        /// Since when each limit has been exceeded without a break, ns, plus 1; 0 while it is not.
+        pub since_ns: [u64; 7],
+        /// Since when the vehicle has been to land, ns.
+        pub landing_since_ns: u64,
+        /// The limit for which the vehicle is to land or was killed.
+        pub limit: u8,
+        /// What is done until the vehicle rests or for ever: nothing, land or kill.
+        pub action: u8,
+        /// Whether the inputs have been recent since the arming.
+        pub passes: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 5],
+    }
+}
+
+/// What the guard is asked about.
+#[derive(Clone, Copy, Debug)]
+pub struct Case<'a> {
+    /// The command that would be sent.
+    pub command: Option<&'a ControlCommand>,
+    /// The last good state of the vehicle.
+    pub state: Option<&'a VehicleState>,
+    /// Whether it is recent.
+    pub state_is_fresh: bool,
+    /// Whether all that is needed is there and recent.
+    pub inputs_are_fresh: bool,
+}
+
+/// What the guard says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ruling {
+    /// Whether commands are sent.
+    pub passes: bool,
+    /// The limit that acts.
+    pub limit: u8,
+    /// What is done.
+    pub action: u8,
+}
+
+/// Watches over what is sent.
+#[derive(Clone, Debug)]
+pub struct Guard {
+    envelope: Option<Envelope>,
+    has_phases: bool,
+    /// What it remembers.
+    pub memory: GuardMemory,
+}
+
+impl GuardMemory {
+    const NOTHING: Self = Self {
+        since_ns: [0; LIMITS],
+        landing_since_ns: 0,
+        limit: RcFrame::LIMIT_NONE,
+        action: RcFrame::ACTION_NONE,
+        passes: Flag::CLEAR,
+        pad0: [0; 5],
+    };
+}
+
+impl Guard {
+    /// The guard of a scenario that has been checked, at the start of its flight.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            envelope: scenario.envelope.as_ref().map(Envelope::new),
+            has_phases: scenario.flight.is_some(),
+            memory: GuardMemory::NOTHING,
+        }
+    }
+
+    /// Whether it looks at the vehicle's state.
+    #[must_use]
+    pub fn needs_state(&self) -> bool {
+        self.envelope.as_ref().is_some_and(Envelope::needs_state)
+    }
+
+    /// What may be sent now.
+    pub fn rule(&mut self, now: &Now, case: &Case<'_>) -> Ruling {
+        if now.operator.killed && self.memory.action != RcFrame::ACTION_KILL {
+            self.kill(RcFrame::LIMIT_NONE);
+        }
+        let is_killed = self.memory.action == RcFrame::ACTION_KILL;
+        if !is_killed && !now.operator.armed {
+            self.memory = GuardMemory::NOTHING;
+        }
+        let may_begin = !self.has_phases || case.inputs_are_fresh;
+        if now.operator.armed && may_begin {
+            self.memory.passes = true.into();
+        }
+        if is_killed || !self.memory.passes.is_set() {
+            return self.ruling(None);
+        }
+        let warned = self.check(now, case);
+        self.ruling(warned)
+    }
+
+    /// The command as it may be sent.
+    #[must_use]
+    pub fn limited(&self, command: &ControlCommand) -> ControlCommand {
+        let envelope = self.envelope.as_ref();
+        envelope.map_or(*command, |envelope| envelope.limited(command))
+    }
+
+    /// Checks the limits and takes their actions; returns the limit that is only warned of.
+    fn check(&mut self, now: &Now, case: &Case<'_>) -> Option<u8> {
+        let envelope = self.envelope.as_ref()?;
+        let moving = case
+            .command
+            .filter(|command| command.mode != ControlCommand::MODE_FAILSAFE);
+        let Some(command) = moving else {
+            // It rests: a landing is over.
+            let passes = self.memory.passes;
+            self.memory = GuardMemory {
+                passes,
+                ..GuardMemory::NOTHING
+            };
+            return None;
+        };
+        let situation = Situation {
+            state: case.state,
+            state_is_fresh: case.state_is_fresh,
+            command,
+        };
+        let (after_ns, land_within_ns) = (envelope.after_ns(), envelope.land_within_ns());
+        let is_leaving = envelope.is_leaving(case.state);
+        let exceeded = envelope.exceeded(&situation);
+        let gravest = gravest(now, &mut self.memory.since_ns, &exceeded, after_ns);
+        match gravest {
+            Some((limit, Action::Kill)) => self.kill(limit),
+            Some((limit, Action::Land)) if self.memory.action == RcFrame::ACTION_NONE => {
+                (self.memory.limit, self.memory.action) = (limit, RcFrame::ACTION_LAND);
+                self.memory.landing_since_ns = now.time_ns;
+            }
+            _ => {}
+        }
+        if self.memory.action == RcFrame::ACTION_LAND {
+            if is_leaving {
+                self.kill(RcFrame::LIMIT_BOX);
+            } else if now.time_ns.saturating_sub(self.memory.landing_since_ns) > land_within_ns {
+                self.kill(RcFrame::LIMIT_LANDING_TIME);
+            }
+        }
+        gravest.map(|(limit, _)| limit)
+    }
+
+    fn kill(&mut self, limit: u8) {
+        (self.memory.limit, self.memory.action) = (limit, RcFrame::ACTION_KILL);
+    }
+
+    fn ruling(&self, warned: Option<u8>) -> Ruling {
+        let GuardMemory {
+            limit,
+            action,
+            passes,
+            ..
+        } = self.memory;
+        let (limit, action) = match warned {
+            Some(limit) if action == RcFrame::ACTION_NONE => (limit, RcFrame::ACTION_WARN),
+            _ => (limit, action),
+        };
+        Ruling {
+            passes: passes.is_set() && action != RcFrame::ACTION_KILL,
+            limit,
+            action,
+        }
+    }
+}
+
+/// The gravest action of the limits that have been exceeded for long enough, and the first limit that asks for it.
+fn gravest(
+    now: &Now,
+    since_ns: &mut [u64; LIMITS],
+    exceeded: &[Option<(u8, Action, bool)>; LIMITS],
+    after_ns: u64,
+) -> Option<(u8, Action)> {
+    let mut gravest: Option<(u8, Action)> = None;
+    for (since, limit) in since_ns.iter_mut().zip(exceeded) {
+        let Some((limit, action, true)) = *limit else {
+            *since = 0;
+            continue;
+        };
+        if *since == 0 {
+            *since = now.time_ns + 1;
+        }
+        let acts = now.time_ns + 1 - *since >= after_ns;
+        if acts && gravest.is_none_or(|(_, other)| action > other) {
+            gravest = Some((limit, action));
+        }
+    }
+    gravest
+}

@@ -1,0 +1,196 @@
+use super::FlightPhase::{Armed, Disarmed, Fly, Land, TakeOff};
+use super::*;
+
+/// In flight with nothing the matter: no row of `TakeOff`, `Fly` and `Land` holds.
+const CALM: Conditions = Conditions {
+    armed: true,
+    killed: false,
+    arming_is_new: false,
+    land: false,
+    ready: true,
+    spooled_up: false,
+    airborne: true,
+    arrived: false,
+    overdue: false,
+    touched_down: false,
+};
+
+/// All that can be the case.
+fn every_condition() -> impl Iterator<Item = Conditions> {
+    (0..1_u32 << 10).map(|bits| {
+        let is = |place: u32| bits >> place & 1 == 1;
+        Conditions {
+            armed: is(0),
+            killed: is(1),
+            arming_is_new: is(2),
+            land: is(3),
+            ready: is(4),
+            spooled_up: is(5),
+            airborne: is(6),
+            arrived: is(7),
+            overdue: is(8),
+            touched_down: is(9),
+        }
+    })
+}
+
+/// Whether every set of conditions that passes leads from one phase to the other, and none that does not pass.
+fn leads_exactly_when(from: FlightPhase, to: FlightPhase, passes: impl Fn(&Conditions) -> bool) {
+    for now in every_condition() {
+        assert_eq!(
+            from.next(&now) == to,
+            passes(&now),
+            "{from:?} → {to:?} with {now:?}"
+        );
+    }
+}
+
+fn flies_on(now: &Conditions) -> bool {
+    now.armed && !now.killed
+}
+
+#[test]
+fn it_arms_when_asked_anew_with_all_ready_and_nobody_who_wants_it_down() {
+    leads_exactly_when(Disarmed, Armed, |now| {
+        flies_on(now) && now.arming_is_new && now.ready && !now.land
+    });
+}
+
+#[test]
+fn armed_on_the_ground_it_disarms_when_it_is_to_land_or_no_longer_ready() {
+    leads_exactly_when(Armed, Disarmed, |now| !flies_on(now) || now.land || !now.ready);
+}
+
+#[test]
+fn it_takes_off_when_the_motors_have_idled() {
+    leads_exactly_when(Armed, TakeOff, |now| {
+        flies_on(now) && !now.land && now.ready && now.spooled_up
+    });
+}
+
+#[test]
+fn a_take_off_that_is_called_off_before_it_has_lifted_off_disarms() {
+    leads_exactly_when(TakeOff, Disarmed, |now| {
+        !flies_on(now) || (now.land || now.overdue) && !now.airborne
+    });
+}
+
+#[test]
+fn a_take_off_that_is_called_off_in_the_air_lands() {
+    leads_exactly_when(TakeOff, Land, |now| {
+        flies_on(now) && (now.land || now.overdue) && now.airborne
+    });
+}
+
+#[test]
+fn it_flies_once_it_is_airborne_and_at_the_path() {
+    leads_exactly_when(TakeOff, Fly, |now| {
+        flies_on(now) && !now.land && !now.overdue && now.airborne && now.arrived
+    });
+}
+
+#[test]
+fn in_flight_only_who_stops_the_motors_disarms() {
+    leads_exactly_when(Fly, Disarmed, |now| !flies_on(now));
+}
+
+#[test]
+fn in_flight_it_lands_when_asked_to() {
+    leads_exactly_when(Fly, Land, |now| flies_on(now) && now.land);
+}
+
+#[test]
+fn on_its_way_down_it_disarms_on_the_ground() {
+    leads_exactly_when(Land, Disarmed, |now| !flies_on(now) || now.touched_down);
+}
+
+#[test]
+fn nothing_else_leads_anywhere() {
+    let ways = [
+        (Disarmed, [Disarmed, Armed].as_slice()),
+        (Armed, &[Armed, Disarmed, TakeOff]),
+        (TakeOff, &[TakeOff, Disarmed, Land, Fly]),
+        (Fly, &[Fly, Disarmed, Land]),
+        (Land, &[Land, Disarmed]),
+    ];
+    for (from, reached) in ways {
+        for now in every_condition() {
+            assert!(reached.contains(&from.next(&now)), "{from:?} with {now:?}");
+        }
+    }
+}
+
+#[test]
+fn every_row_is_the_first_that_holds_for_some_conditions() {
+    for (place, row) in ROWS.iter().enumerate() {
+        let earlier = || ROWS[..place].iter().filter(|other| other.from == row.from);
+        let counts =
+            every_condition().any(|now| (row.when)(&now) && !earlier().any(|other| (other.when)(&now)));
+        assert!(counts, "{:?}: {}", row.from, row.words);
+    }
+}
+
+#[test]
+fn a_calm_flight_stays_in_its_phase() {
+    for phase in [TakeOff, Fly, Land] {
+        assert_eq!(phase.next(&CALM), phase);
+    }
+}
+
+#[test]
+fn a_flight_passes_through_all_phases() {
+    let moments = [
+        (
+            Conditions {
+                arming_is_new: true,
+                airborne: false,
+                ..CALM
+            },
+            Armed,
+        ),
+        (
+            Conditions {
+                spooled_up: true,
+                airborne: false,
+                ..CALM
+            },
+            TakeOff,
+        ),
+        (
+            Conditions {
+                arrived: true,
+                ..CALM
+            },
+            Fly,
+        ),
+        (Conditions { land: true, ..CALM }, Land),
+        (
+            Conditions {
+                land: true,
+                touched_down: true,
+                ..CALM
+            },
+            Disarmed,
+        ),
+        // What has been used up does not arm again.
+        (
+            Conditions {
+                airborne: false,
+                ..CALM
+            },
+            Disarmed,
+        ),
+    ];
+    moments.iter().fold(Disarmed, |phase, (now, expected)| {
+        assert_eq!(phase.next(now), *expected, "from {phase:?}");
+        *expected
+    });
+}
+
+#[test]
+fn a_phase_is_known_by_its_code_and_no_code_flies_by_mistake() {
+    for phase in FlightPhase::ALL {
+        assert_eq!(FlightPhase::from_code(phase.code()), phase);
+    }
+    assert_eq!(FlightPhase::from_code(77), Disarmed);
+}
