@@ -3,7 +3,6 @@
 //! A **spare** process does what every service needs before it knows which one it is to be: it has loaded, joined the
 //! run and built all services when one dies whose place it takes.
 
-use std::num::NonZeroU64;
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
 
@@ -29,6 +28,9 @@ use crate::wait::Waiter;
 
 /// What a process is called that waits for a service to die.
 pub const SPARE: &str = "spare";
+
+/// Timer slack of services in real time unless one is stated, s: the least that there is.
+const SHARPEST: f64 = 1e-9;
 
 /// Why a service process could not do its work, if there was no orchestrator left to be told.
 #[derive(Debug, thiserror::Error)]
@@ -98,6 +100,9 @@ fn live(
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
     // A spare process stays off the services' core until it is one of them.
     let deployed = start.role.map(|role| deploy(role.service, start));
+    if deployed.is_none() {
+        prepare_spare(start);
+    }
     let schedule = start
         .scenario
         .schedule()
@@ -142,6 +147,8 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
     let settings = ServiceDeployment {
         core: stated.core.or(of_the_run),
         priority: stated.priority.or(fifo),
+        // The system may end sleeps late to save power: by 50 µs unless it is told otherwise.
+        timer_slack: stated.timer_slack.or(start.real_time.map(|_| SHARPEST)),
         ..stated
     };
     let refusals = deployment::apply(&settings);
@@ -152,11 +159,18 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
         (None, Scheduler::Batch) if deployment::use_scheduler(Scheduler::Batch).is_ok() => Scheduler::Batch,
         _ => Scheduler::Fair,
     };
-    if start.real_time.is_some() && settings.timer_slack.is_none() {
-        // The system may end sleeps late to save power: by 50 µs unless it is told otherwise. It refuses nobody.
-        let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
-    }
     (scheduler, refusals.iter().map(ToString::to_string).collect())
+}
+
+/// Locks the memory of a spare process before it is needed, if any service has its memory locked: every page is touched,
+/// for which a birth has no time. What is not permitted, the services tell.
+fn prepare_spare(start: &Start) {
+    let locks = |id| start.scenario.deployment_of(id).lock_memory == Some(true);
+    let settings = ServiceDeployment {
+        lock_memory: Some(ServiceId::ALL.into_iter().any(locks)),
+        ..ServiceDeployment::default()
+    };
+    let _told_by_the_services = deployment::apply(&settings);
 }
 
 /// Tells the orchestrator how it went, if it is still there.
