@@ -8,6 +8,7 @@ pub mod operate;
 pub mod reproduce;
 pub mod run;
 pub mod small;
+pub mod top;
 
 use std::path::{Path, PathBuf};
 
