@@ -6,7 +6,7 @@ mod terminal;
 
 use std::process::{Child, Command, Stdio};
 
-use common::{Place, finish, is_alive, output, scenario, services_of, signal, succeed, until};
+use common::{Place, finish, is_alive, output, scenario, services_of, signal, succeed, until, wait};
 use rustix::process::Signal;
 use shared_types::ServiceId;
 use terminal::{Screen, Terminal};
@@ -100,6 +100,13 @@ fn a_live_flight_is_looked_at_broken_and_left_behind_with_the_terminal_as_it_was
     assert_left_clean(&mut terminal, top, 143, &settings);
 
     printed_once(&place);
+
+    let mut gone = Terminal::open(80, 24);
+    let mut top = gone.start(&mut place.gerono(&["top"]));
+    await_rates(&mut gone);
+    drop(gone);
+    let status = wait(&mut top);
+    assert!(matches!(status.code(), Some(0 | 129)), "{status:?}");
 
     let top = terminal.start(&mut place.gerono(&["top"]));
     await_rates(&mut terminal);

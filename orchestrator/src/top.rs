@@ -30,6 +30,9 @@ const LOOK_PERIOD: Duration = Duration::from_millis(250);
 /// A run that has not answered for this long is said not to.
 const PATIENCE: Duration = Duration::from_secs(2);
 
+/// How the system tells that the other end of the terminal is closed.
+const GONE: PollFlags = PollFlags::HUP.union(PollFlags::ERR);
+
 /// Why the view was left.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Leaving {
@@ -57,6 +60,13 @@ pub enum TopError {
 /// # Errors
 /// [`TopError`].
 pub fn watch(run: &LiveRun, may_break: bool, interrupt: &Interrupt) -> Result<Leaving, TopError> {
+    match show(run, may_break, interrupt) {
+        Err(TopError::Terminal(_)) if is_terminal_gone() => Ok(Leaving::Wanted),
+        result => result,
+    }
+}
+
+fn show(run: &LiveRun, may_break: bool, interrupt: &Interrupt) -> Result<Leaving, TopError> {
     let mut screen = Screen::enter()?;
     let mut watch = Watch::new(run, may_break);
     loop {
@@ -68,8 +78,10 @@ pub fn watch(run: &LiveRun, may_break: bool, interrupt: &Interrupt) -> Result<Le
             result => result?,
         }
         screen.draw(|frame| frame.render_widget(&watch.view(), frame.area()))?;
-        if !wait(run, watch.next_look)? {
-            return Ok(Leaving::Wanted);
+        match wait(run, watch.next_look)? {
+            Woken::ByKeys => {}
+            Woken::ByOthers => continue,
+            Woken::TerminalGone => return Ok(Leaving::Wanted),
         }
         while event::poll(Duration::ZERO)? {
             match watch.attend_to(&event::read()?) {
@@ -96,8 +108,16 @@ pub fn once(run: &str, snapshot: &Snapshot, width: u16) -> String {
     view.without_keys(width)
 }
 
-/// Waits for a key, a word of the run, a signal, or the moment; tells whether the terminal is still there.
-fn wait(run: &LiveRun, until: Instant) -> io::Result<bool> {
+/// What ended a wait.
+enum Woken {
+    ByKeys,
+    /// The run, a signal (the terminal may have another size, or somebody wants the end), or the time.
+    ByOthers,
+    TerminalGone,
+}
+
+/// Waits for a key, a word of the run, a signal, or the moment.
+fn wait(run: &LiveRun, until: Instant) -> io::Result<Woken> {
     let left = until.saturating_duration_since(Instant::now());
     let left = Timespec::try_from(left).map_err(io::Error::other)?;
     let terminal = io::stdin();
@@ -106,11 +126,22 @@ fn wait(run: &LiveRun, until: Instant) -> io::Result<bool> {
         PollFd::from_borrowed_fd(run.as_fd(), PollFlags::IN),
     ];
     match rustix::event::poll(&mut files, Some(&left)) {
-        Ok(_) => Ok(!files[0].revents().intersects(PollFlags::HUP | PollFlags::ERR)),
-        // A signal: the terminal has another size, or somebody wants the end.
-        Err(rustix::io::Errno::INTR) => Ok(true),
+        Ok(_) => Ok(match files[0].revents() {
+            // Who reads keys of a terminal that is gone reads for ever.
+            happened if happened.intersects(GONE) => Woken::TerminalGone,
+            happened if happened.contains(PollFlags::IN) => Woken::ByKeys,
+            _ => Woken::ByOthers,
+        }),
+        Err(rustix::io::Errno::INTR) => Ok(Woken::ByOthers),
         Err(error) => Err(error.into()),
     }
+}
+
+fn is_terminal_gone() -> bool {
+    let terminal = io::stdin();
+    let mut files = [PollFd::new(&terminal, PollFlags::empty())];
+    let looked = rustix::io::retry_on_intr(|| rustix::event::poll(&mut files, Some(&Timespec::default())));
+    looked.is_ok() && files[0].revents().intersects(GONE)
 }
 
 /// What is known of the run, and what the user is about to do.

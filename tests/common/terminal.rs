@@ -193,18 +193,23 @@ impl Screen {
             "\r" => self.column = 0,
             "\n" => self.row += 1,
             // It goes onto the character before it.
-            "\u{302}" => self.cells[self.row][self.column - 1] += character,
+            "\u{302}" => {
+                if let Some(cell) = self.cell(self.column.saturating_sub(1)) {
+                    *cell += character;
+                }
+            }
             _ => {
-                let cell = self
-                    .cells
-                    .get_mut(self.row)
-                    .and_then(|row| row.get_mut(self.column));
-                if let Some(cell) = cell {
+                if let Some(cell) = self.cell(self.column) {
                     character.clone_into(cell);
                 }
                 self.column += 1;
             }
         }
+    }
+
+    /// A cell of this row, if there is one: a program may still be drawing for the size before.
+    fn cell(&mut self, column: usize) -> Option<&mut String> {
+        self.cells.get_mut(self.row)?.get_mut(column)
     }
 }
 

@@ -1,13 +1,15 @@
 //! The terminal while it shows the view, and as it was before whenever that ends.
 
 use std::io;
+use std::mem::ManuallyDrop;
 
 use ratatui::{DefaultTerminal, Frame};
 
 /// A terminal in raw mode that shows its alternate screen. Dropped, it is as before; a panic restores it first, so
 /// that its message is seen. No mouse is captured: a selection with it goes on to work.
 pub struct Screen {
-    terminal: DefaultTerminal,
+    // Never dropped: on a terminal that is gone its own end would panic.
+    terminal: ManuallyDrop<DefaultTerminal>,
     _restored: Restored,
 }
 
@@ -23,7 +25,7 @@ impl Screen {
         // Whatever has been changed when this fails half-way is undone as well.
         let restored = Restored;
         Ok(Self {
-            terminal: ratatui::try_init()?,
+            terminal: ManuallyDrop::new(ratatui::try_init()?),
             _restored: restored,
         })
     }
@@ -37,9 +39,18 @@ impl Screen {
     }
 }
 
+impl Drop for Screen {
+    fn drop(&mut self) {
+        let _ = self.terminal.show_cursor();
+    }
+}
+
 impl Drop for Restored {
     fn drop(&mut self) {
-        // A terminal that is gone needs nothing.
-        let _ = ratatui::try_restore();
+        // A panic has restored it already; once more would put the cursor onto its message.
+        if !std::thread::panicking() {
+            // A terminal that is gone needs nothing.
+            let _ = ratatui::try_restore();
+        }
     }
 }
