@@ -41,6 +41,11 @@ pub enum Command {
     Plot(Plot),
     /// Write the samples of a log as JSON lines, for other programs.
     Export(Export),
+    /// Do the steps of a log again on what it has recorded, and compare what comes of them byte for byte.
+    ///
+    /// Every service is fed the recorded samples, so that a difference names the service that made it. Works on logs of
+    /// simulated and of real time (whose host.mcap must lie beside run.mcap), with planned faults, and cut short.
+    Replay(Replay),
     /// Print the SHA-256 of a log's messages (topic, time, payload): equal logs of equal experiments.
     Digest(Digest),
     /// Measure this machine: simulated seconds per wall second of every host, beside bare rings as floors.
@@ -260,6 +265,23 @@ impl Host {
             Self::Realtime => "realtime",
         }
     }
+}
+
+/// Arguments of `gerono replay`.
+#[derive(Debug, Args)]
+pub struct Replay {
+    /// The log, or the folder of a run.
+    pub log: PathBuf,
+    /// Which services [default: all].
+    #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = service)]
+    pub services: Vec<ServiceId>,
+    /// Change a value of the scenario, for example `--set controller.k1=5`: what would have been published on these
+    /// inputs? May be given several times; a difference is then no failure.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Show no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 /// Arguments of the commands that ask something of a live run.

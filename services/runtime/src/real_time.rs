@@ -316,6 +316,7 @@ impl Cockpit<'_> {
             ..planned
         };
         record.operator = bits_of(now.operator);
+        record.previous = previous.map_or(0, |previous| previous + 1);
         let RealTimePorts {
             mailboxes, outputs, ..
         } = &mut self.ports;
@@ -324,6 +325,7 @@ impl Cockpit<'_> {
             let index = mailbox.index;
             if let Some(delivery) = mailbox.deliver(tick) {
                 record.consumed[index] = delivery.tick + 1;
+                record.fresh_inputs |= u64::from(delivery.view.fresh) << index;
                 views[index] = delivery.view;
             }
         }
@@ -372,9 +374,10 @@ impl Cockpit<'_> {
         }
     }
 
-    /// Keeps what the service knows, and tells of the step.
+    /// Tells of the step, and keeps what the service knows: in this order, so that a step is never known and untold.
     #[inline]
     fn keep(&self, service: &dyn ErasedService, record: StepRecord) {
+        self.step_log.write(service.id(), record);
         let write = |bytes: &mut [u8]| {
             service.save(bytes);
             self.crash.pass(CrashPlace::Checkpointing, record.tick + 1);
@@ -384,6 +387,5 @@ impl Cockpit<'_> {
         let cell = self.cell(service.id());
         cell.steps_until.store(record.tick + 1, Ordering::Relaxed);
         Cell::count(&cell.steps);
-        self.step_log.write(service.id(), record);
     }
 }
