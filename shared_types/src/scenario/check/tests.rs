@@ -1,3 +1,4 @@
+mod flight;
 mod rig;
 mod safety;
 
