@@ -33,6 +33,30 @@ fn six_processes_and_one_write_the_same_bytes() {
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
+/// How the machine is used is no part of the experiment: neither of its samples nor of the manifest.
+#[test]
+fn a_deployment_changes_no_byte() {
+    let place = Place::new();
+    let deployed = [
+        "--set",
+        "deployment={core=0, priority=30, lock_memory=true, timer_slack=1e-6, plant={core=1, priority=10}}",
+        "--set",
+        "real_time={grace=0.001, orchestrator_loss=\"continue\"}",
+    ];
+    let on_the_command_line = [&deployed[..], &["--core", "0", "--fifo"]].concat();
+    let in_process = [&deployed[..], &["--host", "inprocess"]].concat();
+    for (out, more) in [
+        ("first", &[][..]),
+        ("deployed", &deployed),
+        ("on-the-command-line", &on_the_command_line),
+        ("in-process", &in_process),
+    ] {
+        succeed(&mut place.short_flight(out, 0.5, more));
+        assert!(log(&place, out) == log(&place, "first"), "{out} differs");
+    }
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
 #[test]
 fn the_rig_writes_the_same_bytes_from_six_processes_and_one() {
     let place = Place::new();

@@ -6,7 +6,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use common::{
-    Place, finish, is_alive, output, scenario, services_of, shared_memory_of, signal, succeed, until,
+    Place, finish, is_alive, output, processes_of, scenario, services_of, shared_memory_of, signal, succeed,
+    until,
 };
 use iceoryx2::prelude::*;
 use orchestrator::log::LogReader;
@@ -45,11 +46,14 @@ fn last_tick(log: &Path) -> u64 {
 #[test]
 fn services_end_with_a_killed_orchestrator_and_the_next_run_sweeps_up() {
     let place = Place::new();
-    let (child, services) = fly(&place, "killed");
+    let (child, _) = fly(&place, "killed");
     let orchestrator = child.id();
+    let processes = until("a spare process beside the services", || {
+        Some(processes_of(orchestrator)).filter(|processes| processes.len() > ServiceId::ALL.len())
+    });
     signal(orchestrator, Signal::KILL);
     finish(child);
-    for (name, pid) in services {
+    for (name, pid) in processes {
         until(&format!("the end of {name}"), || (!is_alive(pid)).then_some(()));
     }
     assert!(place.path("killed/run.mcap.partial").exists() && !place.path("killed/run.mcap").exists());
@@ -205,6 +209,53 @@ fn a_place_that_cannot_be_written_is_refused_before_anything_starts() {
     let output = output(&mut place.short_flight("file/out", 1.0, &[]));
     assert_eq!(output.status.code(), Some(4));
     assert!(String::from_utf8_lossy(&output.stderr).contains("--out"));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+/// Every service is refused the same core: it is said once.
+#[test]
+fn what_the_machine_does_not_permit_is_said_once_and_flown_without() {
+    let place = Place::new();
+    let flight = succeed(&mut place.short_flight("out", 0.1, &["--set", "deployment.core=1023"]));
+    let said = String::from_utf8_lossy(&flight.stderr).into_owned();
+    assert_eq!(said.matches("core 1023 cannot be used").count(), 1, "{said}");
+    assert!(said.contains("gerono doctor"), "no fix: {said}");
+
+    let on_a_core_that_is_there = ["--set", "deployment.core=1023", "--no-pin"];
+    let flight = succeed(&mut place.short_flight("unpinned", 0.1, &on_a_core_that_is_there));
+    let said = String::from_utf8_lossy(&flight.stderr).into_owned();
+    assert!(!said.contains("1023"), "the command line goes first: {said}");
+}
+
+#[test]
+fn a_strict_deployment_that_is_not_permitted_is_not_flown() {
+    let place = Place::new();
+    let sets = [
+        "--set",
+        "deployment.strict=true",
+        "--set",
+        "deployment.controller.core=1023",
+    ];
+    let flight = output(&mut place.short_flight("out", 1.0, &sets));
+    assert_eq!(flight.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&flight.stderr).into_owned();
+    // Lines are broken for the terminal wherever they are.
+    let said = said
+        .replace(['│', '\n'], " ")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ");
+    for piece in [
+        "`deployment.strict`",
+        "core 1023 cannot be used",
+        "`gerono doctor`",
+        "nothing was flown",
+    ] {
+        assert!(said.contains(piece), "no `{piece}` in: {said}");
+    }
+    let summary = std::fs::read_to_string(place.path("out/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert_eq!(summary["outcome"], "failed");
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 

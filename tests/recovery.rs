@@ -6,10 +6,11 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{Place, finish, output, scenario, services_of, shared_memory_of, signal, succeed, until};
+use common::{Place, finish, output, processes_of, scenario, shared_memory_of, signal, succeed, until};
 use orchestrator::log::LogReader;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use runtime::process::SPARE;
 use rustix::process::{Pid, Signal, kill_process};
 use shared_types::ServiceId;
 
@@ -148,10 +149,22 @@ fn begin(mut command: Command) -> Child {
 }
 
 fn pid_of(child: &Child, service: ServiceId) -> u32 {
-    until("the service", || {
-        let services = services_of(child.id());
-        let found = services.iter().find(|(name, _)| *name == service.name());
+    pid_named(child, service.name())
+}
+
+fn pid_named(child: &Child, wanted: &str) -> u32 {
+    until(wanted, || {
+        let processes = processes_of(child.id());
+        let found = processes.iter().find(|(name, _)| name == wanted);
         found.map(|(_, pid)| *pid)
+    })
+}
+
+/// Process id of a service once it is another process than `before`.
+fn successor_of(child: &Child, service: ServiceId, before: u32) -> u32 {
+    until("the next process of the service", || {
+        let now = pid_of(child, service);
+        (now != before).then_some(now)
     })
 }
 
@@ -202,6 +215,74 @@ fn a_consumer_that_dies_while_its_publisher_waits_in_send_is_mended() {
     assert_eq!(rebirths(&place, "choked").len(), 3);
     succeed(&mut place.short_flight("undisturbed", 20.0, &["--host", "inprocess"]));
     assert!(log(&place, "choked") == log(&place, "undisturbed"));
+}
+
+/// Ends the flight `out` of 40 s, in which so many deaths were mended, and compares it with an undisturbed one.
+fn finish_like_undisturbed(place: &Place, out: &str, child: Child, deaths: usize) {
+    let orchestrator = child.id();
+    let ended = finish(child);
+    let errors = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.success(), "{errors}");
+    assert_eq!(rebirths(place, out).len(), deaths);
+    succeed(&mut place.short_flight("undisturbed", 40.0, &["--host", "inprocess"]));
+    assert!(log(place, out) == log(place, "undisturbed"));
+    assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
+fn of_two_services_that_die_at_once_one_goes_on_in_the_spare_process_and_both_leave_no_trace() {
+    let place = Place::new();
+    let child = begin(place.short_flight("both", 40.0, &[]));
+    let spare = pid_named(&child, SPARE);
+    let both = [ServiceId::Estimator, ServiceId::RcOutput].map(|service| (service, pid_of(&child, service)));
+    // Together, so that both are found dead at once.
+    signal(child.id(), Signal::STOP);
+    for (_, pid) in both {
+        signal(pid, Signal::KILL);
+    }
+    signal(child.id(), Signal::CONT);
+    let successors = both.map(|(service, pid)| successor_of(&child, service, pid));
+    assert!(successors.contains(&spare), "{spare} {successors:?}");
+    assert_ne!(pid_named(&child, SPARE), spare);
+    finish_like_undisturbed(&place, "both", child, 2);
+}
+
+#[test]
+fn a_service_that_dies_together_with_the_spare_process_leaves_no_trace() {
+    let place = Place::new();
+    let child = begin(place.short_flight("together", 40.0, &[]));
+    for service in ServiceId::ALL {
+        let spare = pid_named(&child, SPARE);
+        let pid = pid_of(&child, service);
+        signal(child.id(), Signal::STOP);
+        signal(pid, Signal::KILL);
+        signal(spare, Signal::KILL);
+        signal(child.id(), Signal::CONT);
+        assert_ne!(successor_of(&child, service, pid), spare);
+    }
+    finish_like_undisturbed(&place, "together", child, ServiceId::ALL.len());
+}
+
+#[test]
+fn a_run_goes_on_without_a_spare_process_if_that_dies_again_and_again() {
+    let place = Place::new();
+    let child = begin(place.short_flight("without", 40.0, &[]));
+    let mut last = None;
+    // It is not started again after nine deaths in a row.
+    for _ in 0..9 {
+        let spare = until("another spare process", || {
+            Some(pid_named(&child, SPARE)).filter(|pid| Some(*pid) != last)
+        });
+        signal(spare, Signal::KILL);
+        last = Some(spare);
+    }
+    for service in [ServiceId::Controller, ServiceId::Plant] {
+        let pid = pid_of(&child, service);
+        signal(pid, Signal::KILL);
+        successor_of(&child, service, pid);
+    }
+    finish_like_undisturbed(&place, "without", child, 2);
 }
 
 #[test]
@@ -281,9 +362,10 @@ fn under_fire(mut child: Child, random: &mut ChaCha8Rng, longest_pause_ms: u32) 
         std::thread::sleep(Duration::from_micros(u64::from(
             random.next_u32() % (1000 * longest_pause_ms),
         )));
-        let services = services_of(child.id());
-        let chosen = usize::try_from(random.next_u32()).unwrap() % ServiceId::ALL.len();
-        if let Some((_, pid)) = services.get(chosen) {
+        // The services, and the spare process.
+        let processes = processes_of(child.id());
+        let chosen = usize::try_from(random.next_u32()).unwrap() % (ServiceId::ALL.len() + 1);
+        if let Some((_, pid)) = processes.get(chosen) {
             let pid = Pid::from_raw(i32::try_from(*pid).unwrap()).unwrap();
             kills += u32::from(kill_process(pid, Signal::KILL).is_ok());
         }
@@ -312,7 +394,7 @@ fn kills_at_random_moments_leave_no_trace_in_the_log_nor_anything_behind() {
         );
         assert!(log(&place, &out) == log(&place, "undisturbed"), "{out} differs");
         assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
-        assert!(services_of(orchestrator).is_empty());
+        assert!(processes_of(orchestrator).is_empty());
         std::fs::remove_dir_all(place.path(&out)).unwrap();
         kills += more;
         if kills >= wanted {

@@ -63,6 +63,14 @@ pub enum Command {
     /// Writes faults.json and faults.md.
     #[command(after_help = Faults::EXAMPLES)]
     Faults(Faults),
+    /// Check this machine before a flight: what is good (green), poor (yellow) or would not work (red), and how to mend it.
+    ///
+    /// Looks at shared memory, limits, cores, clock, governor, other runs and what dead ones have left, and measures for some
+    /// seconds how fast the disk is and how late a sleeper wakes. With a scenario, all of it is judged by what that asks for:
+    /// its `[deployment]`, the size of its log, its `real_time.grace`. Only flights in real time need sharp wake-ups. Changes nothing;
+    /// docs/deployment.md explains every number.
+    #[command(after_help = Doctor::EXAMPLES)]
+    Doctor(Doctor),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
@@ -78,9 +86,9 @@ pub enum Command {
     /// Run one service; only `gerono run` can start it.
     #[command(hide = true)]
     Service {
-        /// Name of the service.
-        #[arg(value_parser = service)]
-        name: ServiceId,
+        /// Name of the service, or of a process that waits for one to die.
+        #[arg(value_parser = service_process)]
+        name: String,
     },
     /// Take part in a bare ring; only `gerono bench` can start it.
     #[command(hide = true)]
@@ -91,6 +99,13 @@ pub enum Command {
         /// The core.
         core: usize,
     },
+}
+
+fn service_process(name: &str) -> Result<String, String> {
+    if name != runtime::process::SPARE {
+        service(name)?;
+    }
+    Ok(name.to_owned())
 }
 
 fn service(name: &str) -> Result<ServiceId, String> {
@@ -119,7 +134,7 @@ pub struct Run {
     /// What to fly.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
-    /// Where the services run; the log is the same.
+    /// Where the services run and what makes them step; in simulated time the log is the same.
     #[arg(long, value_enum, default_value_t)]
     pub host: Host,
     /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-N].
@@ -220,6 +235,8 @@ pub enum Host {
     Lockstep,
     /// All services in one thread of this process.
     Inprocess,
+    /// One process a service, the system's clock, the newest sample wins.
+    Realtime,
 }
 
 impl Host {
@@ -229,6 +246,7 @@ impl Host {
         match self {
             Self::Lockstep => "lockstep",
             Self::Inprocess => "inprocess",
+            Self::Realtime => "realtime",
         }
     }
 }
@@ -293,6 +311,44 @@ pub struct Bench {
     /// Write the figures as JSON to this file as well.
     #[arg(long)]
     pub json: Option<PathBuf>,
+}
+
+/// Arguments of `gerono doctor`.
+#[derive(Debug, Args)]
+pub struct Doctor {
+    /// The scenario that is to be flown [default: a minute at 1 kHz that asks for nothing].
+    pub scenario: Option<PathBuf>,
+    /// Change a value of the scenario, for example `--set deployment.core=1`; may be given several times.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", requires = "scenario")]
+    pub sets: Vec<String>,
+    /// How long to measure wake-ups, s; the longer, the more of what is rare is seen.
+    #[arg(long, value_name = "T", default_value = "3", value_parser = measuring_time)]
+    pub seconds: f64,
+    /// The folder into which runs write.
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    pub runs: PathBuf,
+    /// Print what was found as JSON, for other programs.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Doctor {
+    /// What `gerono doctor --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono doctor\n  \
+        gerono doctor scenarios/fig1.toml --set deployment.core=1 --set deployment.priority=20\n  \
+        gerono doctor scenarios/fig1.toml --seconds 60 --runs /data/runs\n  \
+        gerono doctor --json | jq '.checks[] | select(.verdict != \"green\")'\n\n\
+        Exit codes: 0 nothing is red; 2 the scenario is wrong; 6 something is red: the flight would fail or be worth nothing.";
+}
+
+fn measuring_time(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "give a number of seconds".to_owned())?;
+    if (0.01..=3600.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("give a time from 0.01 to 3600 s".to_owned())
+    }
 }
 
 /// Arguments of `gerono reproduce`.

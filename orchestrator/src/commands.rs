@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod check;
+pub mod doctor;
 pub mod faults;
 pub mod reproduce;
 pub mod run;

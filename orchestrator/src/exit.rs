@@ -17,6 +17,8 @@ pub enum Exit {
     NotWritten,
     /// A figure of the paper is no longer reproduced as it was.
     Regressed,
+    /// The machine is not fit for the flight.
+    Unfit,
     /// A signal ended the run in good order.
     Signal(i32),
 }
@@ -24,7 +26,7 @@ pub enum Exit {
 impl Exit {
     /// What `gerono help` says about exit codes.
     pub const HELP: &str = "Exit codes: 0 done; 1 trouble with the machine; 2 wrong command line or scenario, nothing was \
-        started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 130 or 143 ended by \
+        started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 6 the machine is not fit for the flight (`gerono doctor`); 130 or 143 ended by \
         Ctrl-C or SIGTERM, the log complete up to there.";
 }
 
@@ -37,6 +39,7 @@ impl From<Exit> for ExitCode {
             Exit::FlightFailed => 3,
             Exit::NotWritten => 4,
             Exit::Regressed => 5,
+            Exit::Unfit => 6,
             // As shells report it.
             Exit::Signal(number) => u8::try_from(128 + number).unwrap_or(u8::MAX),
         })

@@ -4,12 +4,15 @@ pub mod archive;
 pub mod crew;
 pub mod in_process;
 pub mod lock_step;
+pub mod real_time;
 pub mod recorder;
 pub mod tape;
 
 use std::time::Duration;
 
 use runtime::step::NonFinite;
+
+use crate::summary::timing::TimingReport;
 
 /// How a flight ended.
 #[derive(Debug)]
@@ -24,6 +27,8 @@ pub struct Ending {
     pub warnings: Vec<String>,
     /// Deaths in flight that were mended, in their order.
     pub rebirths: Vec<crew::Rebirth>,
+    /// How well it kept time, if it was flown in real time.
+    pub timing: Option<TimingReport>,
 }
 
 /// Why a flight ended.
@@ -90,6 +95,16 @@ pub enum FlightFailure {
         services: Vec<String>,
         /// How long they had.
         limit: Duration,
+    },
+    /// The machine does not permit what the scenario insists on.
+    #[error(
+        "the scenario insists on its deployment (`deployment.strict`), of which this machine does not permit all: {}; \
+         nothing was flown",
+        .refusals.join("; ")
+    )]
+    NotPermitted {
+        /// What is not permitted, with the fixes.
+        refusals: Vec<String>,
     },
     /// A sample did not reach the recorder.
     #[error("a sample of `{topic}` was lost: tick {due} was due and {got} came")]

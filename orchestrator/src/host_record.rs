@@ -3,19 +3,24 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::Ordering;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use shared_types::ServiceId;
+use runtime::step_log::StepRecord;
+use shared_types::{Schedule, ServiceId};
 
 use crate::flight::Outcome;
 use crate::flight::crew::{Crew, Rebirth};
 use crate::flight::lock_step::CrewObserver;
-use crate::log::{Compression, HostEvent, HostLogWriter, HostSample, LogError, ServiceHealth};
+use crate::flight::real_time::StepObserver;
+use crate::log::{Compression, HostEvent, HostLogWriter, HostSample, LogError, ServiceHealth, ServiceStep};
+use crate::summary::timing::TimingReport;
 
 /// Keeps `host.mcap`. A write that fails is reported when the record is finished; the flight goes on.
 pub struct HostRecord {
     log: HostLogWriter,
     started: Instant,
+    /// When tick 0 began, in real time, since the start of the run.
+    flight_begins_ns: u64,
     failure: Option<LogError>,
     /// How many of the crew's ends have been written.
     ends_written: usize,
@@ -32,6 +37,7 @@ impl HostRecord {
         Ok(Self {
             log: HostLogWriter::create(path, compression)?,
             started: Instant::now(),
+            flight_begins_ns: 0,
             failure: None,
             ends_written: 0,
             rebirths_written: 0,
@@ -77,7 +83,7 @@ impl HostRecord {
             } else {
                 HostEvent::KIND_EXITED
             };
-            self.event(Some(*service), kind, *pid, &exit.description);
+            self.event(*service, kind, *pid, &exit.description);
         }
         self.ends_written = crew.exits().len();
     }
@@ -127,6 +133,50 @@ impl CrewObserver for HostRecord {
             Outcome::Failed(failure) => failure.to_string(),
         };
         self.event(None, HostEvent::KIND_FINISHED, 0, &text);
+    }
+}
+
+impl StepObserver for HostRecord {
+    fn flight_begins_in(&mut self, countdown: Duration) {
+        self.flight_begins_ns = self.time_ns() + u64::try_from(countdown.as_nanos()).unwrap_or(0);
+    }
+
+    fn step(&mut self, service: ServiceId, record: &StepRecord, schedule: &Schedule) {
+        let consumed = std::array::from_fn(|input| {
+            let tick = record.consumed_tick(input);
+            tick.map_or(0, |tick| {
+                let topic = service.inputs()[input].topic;
+                1 + schedule.publications(topic).count_before(tick)
+            })
+        });
+        self.write(&ServiceStep {
+            time_ns: self.flight_begins_ns + record.began_ns,
+            began_ns: record.began_ns,
+            published_ns: record.published_ns,
+            tick: record.tick,
+            consumed,
+            service: u32::try_from(service.index()).expect("few services"),
+            missed: u32::try_from(record.missed).unwrap_or(u32::MAX),
+            late_inputs: record.late_inputs as u32,
+            pad0: 0,
+        });
+    }
+
+    fn hung(&mut self, service: ServiceId) {
+        let text = "has not stepped for too long and is replaced";
+        self.event(Some(service), HostEvent::KIND_HUNG, 0, text);
+    }
+
+    fn timing(&mut self, report: &TimingReport) {
+        let rows = report.services.iter();
+        let facts = rows.map(|timing| {
+            let text = serde_json::to_string(timing).unwrap_or_default();
+            (timing.service.to_owned(), text)
+        });
+        let chain = serde_json::to_string(&report.capture_to_frame).unwrap_or_default();
+        let facts = facts.chain([("capture to frame".to_owned(), chain)]).collect();
+        let result = self.log.write_facts("timing", facts);
+        self.keep_first(result);
     }
 }
 

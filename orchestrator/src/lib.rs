@@ -7,10 +7,12 @@
 //! * [`log`], [`summary`], [`plot`], [`host_record`]: what remains of a flight;
 //! * [`reproduce`]: the paper's figures, flown again and judged;
 //! * [`matrix`]: everything that can fail, failing in every way, judged;
+//! * [`doctor`]: whether the machine is fit for a flight;
 //! * [`run_folder`], [`run_root`]: its places on disk and in shared memory.
 
 pub mod cli;
 pub mod commands;
+pub mod doctor;
 pub mod exit;
 pub mod flight;
 pub mod host_record;

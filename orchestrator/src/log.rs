@@ -19,15 +19,17 @@ mod manifest;
 mod reader;
 mod records;
 mod schema;
+mod size;
 mod writer;
 
 pub use digest::{LogDigest, digest};
 pub use export::{ExportError, export_json};
 pub use framing::{Compression, LogError, Written, partial_path};
-pub use host_samples::{HostEvent, HostSample, ServiceHealth};
+pub use host_samples::{HostEvent, HostSample, ServiceHealth, ServiceStep};
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest};
 pub use reader::{LogReadError, LogReader, LoggedSample};
+pub use size::predicted_bytes;
 pub use writer::RunLogWriter;
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use orchestrator::cli::{Cli, Command};
-use orchestrator::commands::{bench, check, faults, reproduce, run, small};
+use orchestrator::commands::{bench, check, doctor, faults, reproduce, run, small};
 use orchestrator::exit::Exit;
 
 fn main() -> ExitCode {
@@ -17,6 +17,7 @@ fn main() -> ExitCode {
         Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
+        Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Clean => small::clean().map(|()| Exit::Success),
         Command::Schema => {
             small::schema();
@@ -26,7 +27,7 @@ fn main() -> ExitCode {
             small::completions(shell);
             Ok(Exit::Success)
         }
-        Command::Service { name } => small::service(name).map(|()| Exit::Success),
+        Command::Service { name } => small::service(&name).map(|()| Exit::Success),
         Command::Load { core } => bench::load(core).map(|()| Exit::Success),
         Command::RingMember(arguments) => bench::ring_member(&arguments).map(|()| Exit::Success),
     };

@@ -18,6 +18,15 @@ pub fn flights(count: usize) -> ProgressBar {
     bar
 }
 
+/// Says that something takes a while; nothing where standard error is no terminal.
+#[must_use]
+pub fn waiting(what: &'static str) -> ProgressBar {
+    let spinner = ProgressBar::new_spinner();
+    spinner.set_message(what);
+    spinner.tick();
+    spinner
+}
+
 /// A bar of simulated time.
 #[derive(Debug)]
 pub struct Progress {

@@ -109,6 +109,25 @@ pub fn clean() -> io::Result<Swept> {
     sweep(&base)
 }
 
+/// The places of this user's runs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Found {
+    /// Those of dead runs.
+    pub dead: Vec<PathBuf>,
+    /// Those of live runs.
+    pub live: Vec<PathBuf>,
+}
+
+/// Looks for the places of this user's runs and leaves all of them as they are.
+///
+/// # Errors
+/// If the folder for what lives no longer than the machine runs cannot be written.
+pub fn find() -> io::Result<Found> {
+    let base = base_folder();
+    let _door = close_door(&base)?;
+    look(&base)
+}
+
 /// Held while places come and go, so that nobody sweeps one that is just being made.
 fn close_door(base: &Path) -> io::Result<File> {
     fs::create_dir_all(base)?;
@@ -151,7 +170,20 @@ fn unused_id(base: &Path) -> String {
 
 /// Removes the places of dead runs.
 fn sweep(base: &Path) -> io::Result<Swept> {
-    let mut swept = Swept::default();
+    let found = look(base)?;
+    for folder in &found.dead {
+        let id = folder.file_name().unwrap_or_default();
+        remove(folder, &prefix_of(&id.to_string_lossy()))?;
+    }
+    Ok(Swept {
+        removed: found.dead,
+        live: found.live,
+    })
+}
+
+/// Tells the places of dead runs from those of live ones, behind the closed door.
+fn look(base: &Path) -> io::Result<Found> {
+    let mut found = Found::default();
     for entry in fs::read_dir(base)?.flatten() {
         let folder = entry.path();
         if !folder.is_dir() {
@@ -160,16 +192,12 @@ fn sweep(base: &Path) -> io::Result<Swept> {
         // A place without a lock died while it was being made: behind the closed door nobody makes one now.
         let is_live = File::open(lock_path(&folder))
             .is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err());
-        if is_live {
-            swept.live.push(folder);
-        } else {
-            remove(&folder, &prefix_of(&entry.file_name().to_string_lossy()))?;
-            swept.removed.push(folder);
-        }
+        let side = if is_live { &mut found.live } else { &mut found.dead };
+        side.push(folder);
     }
-    swept.removed.sort();
-    swept.live.sort();
-    Ok(swept)
+    found.dead.sort();
+    found.live.sort();
+    Ok(found)
 }
 
 /// Removes a place and all shared memory with its prefix.
@@ -221,6 +249,9 @@ mod tests {
         let kept = Path::new(SHARED_MEMORY).join(format!("{}segment", live.prefix()));
         fs::write(&kept, b"in use").unwrap();
 
+        let found = find().unwrap();
+        assert!(found.dead.contains(&dead) && found.live.contains(&live.folder().to_owned()));
+        assert!(dead.exists() && memory.exists(), "who looks sweeps nothing");
         let swept = clean().unwrap();
         assert!(swept.removed.contains(&dead) && swept.live.contains(&live.folder().to_owned()));
         assert!(!dead.exists() && !memory.exists());

@@ -10,11 +10,12 @@ use path_generator::PathGeneratorService;
 use plant::PlantService;
 use rc_output::RcOutputService;
 
-/// Builds the step logic of a service.
+/// Builds the step logic of a service, which knows nothing of how the machine is used.
 ///
 /// # Errors
 /// What the scenario asks for and the service cannot do, in words.
 pub fn build(service: ServiceId, scenario: &Scenario) -> Result<Box<dyn ErasedService>, String> {
+    let scenario = &scenario.experiment();
     Ok(match service {
         ServiceId::Plant => Box::new(PlantService::new(scenario)),
         ServiceId::Estimator => {

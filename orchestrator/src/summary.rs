@@ -7,6 +7,7 @@ pub mod faults;
 mod flight;
 mod phase;
 mod table;
+pub mod timing;
 
 use serde::Serialize;
 use shared_types::samples::{ControlAdaptation, ControlErrors, PathReference, VehicleTruth};
@@ -19,6 +20,7 @@ use faults::{FaultReport, FaultWatch, PlannedFault};
 pub use flight::FlightPhaseBegin;
 use flight::FlightWatch;
 use phase::PhaseRecord;
+use timing::TimingReport;
 
 /// How much of the end of a phase counts as its ultimate behaviour, s: what the paper's figures show.
 pub const ULTIMATE_WINDOW: f64 = 5.0;
@@ -86,6 +88,9 @@ pub struct RunFacts {
     /// Deaths of services in flight that were mended; nothing of them is in the log.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rebirths: Vec<Rebirth>,
+    /// How well the flight kept time, if it was flown in real time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingReport>,
 }
 
 /// What a flight came to.

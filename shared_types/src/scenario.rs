@@ -1,13 +1,14 @@
 //! The parameters of a flight, as a scenario file states them and as every service reads them.
 //!
-//! A scenario determines the experiment together with its seed; nothing of the machine is in it. SI units and
-//! radians. Defaults are those of the paper where it gives them (section V), else those that were checked to
+//! A scenario determines the experiment together with its seed. How the machine is used stands in sections of its
+//! own, which [`Scenario::experiment`] leaves out. SI units and radians. Defaults are those of the paper where it gives them (section V), else those that were checked to
 //! give its results.
 
 mod check;
 mod envelope;
 mod fault;
 mod flight;
+mod machine;
 mod problem;
 mod safety;
 pub mod suggest;
@@ -24,6 +25,7 @@ use serde::{Deserialize, Serialize};
 pub use envelope::{Action, Envelope, EstimateLimit, Fence, Limit, VectorLimit};
 pub use fault::{Fault, FaultKind, FaultState, Target};
 pub use flight::Flight;
+pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
 pub use problem::{Key, Problem};
 pub use safety::InputSafety;
 pub use timing::names::EdgeName;
@@ -81,6 +83,12 @@ pub struct Scenario {
     /// What services do about samples that are too old or cannot be true, by input: `"topic -> service"`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub safety: BTreeMap<String, InputSafety>,
+    /// How the services use the machine; never changes the log.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deployment: Option<Deployment>,
+    /// What a flight in real time does when services are late, hang, or are alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub real_time: Option<RealTime>,
 }
 
 /// Base tick, rates and transport latencies, s. Every time is a whole number of base ticks.
@@ -810,6 +818,8 @@ impl Scenario {
             envelope: None,
             fault: Vec::new(),
             safety: BTreeMap::new(),
+            deployment: None,
+            real_time: None,
         }
     }
 }

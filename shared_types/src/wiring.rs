@@ -145,6 +145,13 @@ impl ServiceId {
         self as usize
     }
 
+    /// Whether the service stands for the world in which the vehicle flies, whose time never stands still.
+    #[must_use]
+    #[inline]
+    pub const fn is_the_world(self) -> bool {
+        matches!(self, Self::Plant)
+    }
+
     /// The service of a name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
@@ -155,6 +162,20 @@ impl ServiceId {
 impl std::fmt::Display for Topic {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter.pad(self.name())
+    }
+}
+
+impl serde::Serialize for ServiceId {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+impl<'de> serde::Deserialize<'de> for ServiceId {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = <std::borrow::Cow<'_, str>>::deserialize(deserializer)?;
+        let unknown = || serde::de::Error::custom(format!("there is no service `{name}`"));
+        Self::from_name(&name).ok_or_else(unknown)
     }
 }
 

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use runtime::process::SPARE;
+use shared_types::ServiceId;
 use tempfile::TempDir;
 
 /// No command of a test may take longer; a hang becomes a failure.
@@ -172,22 +174,34 @@ pub(crate) fn succeed(command: &mut Command) -> Output {
 
 /// Process ids of the services of a live run, by name.
 pub(crate) fn services_of(orchestrator: u32) -> Vec<(String, u32)> {
+    let mut services = processes_of(orchestrator);
+    services.retain(|(name, _)| name != SPARE);
+    services
+}
+
+/// Process ids of the services of a live run and of its spare process, by name.
+pub(crate) fn processes_of(orchestrator: u32) -> Vec<(String, u32)> {
     let children = format!("/proc/{orchestrator}/task/{orchestrator}/children");
     let children = std::fs::read_to_string(children).unwrap_or_default();
-    let mut services = Vec::new();
-    for pid in children
-        .split_whitespace()
-        .filter_map(|word| word.parse::<u32>().ok())
-    {
-        let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-        let mut words = line
-            .split(|&byte| byte == 0)
-            .map(|word| String::from_utf8_lossy(word).into_owned());
-        if let (_, Some("service"), Some(name)) = (words.next(), words.next().as_deref(), words.next()) {
-            services.push((name, pid));
-        }
+    let pids = children.split_whitespace().filter_map(|word| word.parse().ok());
+    pids.filter_map(|pid| Some((name_of(pid)?, pid))).collect()
+}
+
+/// What a process of a run is called by the system, or, if it has only just been started, by its command line.
+fn name_of(pid: u32) -> Option<String> {
+    let called = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
+    let called = called.trim_end();
+    if called == SPARE || ServiceId::from_name(called).is_some() {
+        return Some(called.to_owned());
     }
-    services
+    let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+    let mut words = line
+        .split(|&byte| byte == 0)
+        .map(|word| String::from_utf8_lossy(word).into_owned());
+    match (words.next(), words.next().as_deref(), words.next()) {
+        (_, Some("service"), name) => name,
+        _ => None,
+    }
 }
 
 /// Polls until something is so, under the watchdog.

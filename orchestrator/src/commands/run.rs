@@ -13,7 +13,7 @@ use crate::exit::Exit;
 use crate::flight::crew::restart::{PerService, RestartPolicy};
 use crate::flight::lock_step::{Deployment, Placement};
 use crate::flight::tape::Tape;
-use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step};
+use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
 use crate::host_record::HostRecord;
 use crate::interrupt::Interrupt;
 use crate::log::{Manifest, RunLogWriter};
@@ -83,14 +83,7 @@ fn fly(
 ) -> Ending {
     let result = match arguments.host {
         Host::Inprocess => in_process::fly(scenario, tape, interrupt),
-        Host::Lockstep => HostRecord::create(&folder.host_log(), arguments.compression)
-            .map_err(FlightFailure::from)
-            .and_then(|mut record| {
-                let deployment = deployment(&arguments.deployment);
-                let ending = lock_step::fly(scenario, &deployment, tape, interrupt, &mut record)?;
-                record.finish()?;
-                Ok(ending)
-            }),
+        Host::Lockstep | Host::Realtime => fly_processes(arguments, scenario, folder, tape, interrupt),
     };
     result.unwrap_or_else(|failure| Ending {
         outcome: Outcome::Failed(failure),
@@ -98,7 +91,26 @@ fn fly(
         wall_time: Duration::ZERO,
         warnings: Vec::new(),
         rebirths: Vec::new(),
+        timing: None,
     })
+}
+
+fn fly_processes(
+    arguments: &Run,
+    scenario: &Scenario,
+    folder: &RunFolder,
+    tape: &mut Tape<'_>,
+    interrupt: &Interrupt,
+) -> Result<Ending, FlightFailure> {
+    let mut record = HostRecord::create(&folder.host_log(), arguments.compression)?;
+    let deployment = deployment(&arguments.deployment);
+    let ending = if arguments.host == Host::Realtime {
+        real_time::fly(scenario, &deployment, tape, interrupt, &mut record)?
+    } else {
+        lock_step::fly(scenario, &deployment, tape, interrupt, &mut record)?
+    };
+    record.finish()?;
+    Ok(ending)
 }
 
 fn deployment(arguments: &DeploymentArguments) -> Deployment {
@@ -106,7 +118,7 @@ fn deployment(arguments: &DeploymentArguments) -> Deployment {
         placement: match (arguments.no_pin, arguments.core) {
             (true, _) => Placement::Anywhere,
             (false, Some(core)) => Placement::Core(core),
-            (false, None) => Placement::Idlest,
+            (false, None) => Placement::AsStated,
         },
         scheduler: match (arguments.fifo, arguments.no_yield) {
             (true, _) => Scheduler::Fifo,
@@ -143,6 +155,7 @@ fn facts(name: &str, host: Host, ending: &Ending) -> RunFacts {
         reason,
         wall_seconds: ending.wall_time.as_secs_f64(),
         rebirths: ending.rebirths.clone(),
+        timing: ending.timing.clone(),
     }
 }
 
@@ -163,7 +176,9 @@ fn exit(outcome: &Outcome) -> Exit {
         Outcome::Completed => Exit::Success,
         Outcome::Interrupted { signal } => Exit::Signal(*signal),
         Outcome::Failed(FlightFailure::Log(_)) => Exit::NotWritten,
-        Outcome::Failed(FlightFailure::Setup(_) | FlightFailure::NotReady { .. }) => Exit::Trouble,
+        Outcome::Failed(
+            FlightFailure::Setup(_) | FlightFailure::NotReady { .. } | FlightFailure::NotPermitted { .. },
+        ) => Exit::Trouble,
         Outcome::Failed(_) => Exit::FlightFailed,
     }
 }

@@ -5,7 +5,6 @@ use std::io::{self, BufWriter, Write};
 
 use clap::CommandFactory;
 use clap_complete::Shell;
-use shared_types::ServiceId;
 
 use super::{Failure, log_path, print};
 use crate::cli::{Cli, Digest, Export, Plot};
@@ -72,8 +71,8 @@ pub fn completions(shell: Shell) {
 ///
 /// # Errors
 /// [`Failure`].
-pub fn service(id: ServiceId) -> Result<(), Failure> {
-    runtime::process::run(id, |scenario| services::build(id, scenario)).map_err(|error| match error {
+pub fn service(name: &str) -> Result<(), Failure> {
+    runtime::process::run(name, services::build).map_err(|error| match error {
         runtime::process::ProcessError::NotSpawned => Failure::new(Exit::BadInput, error),
         error => Failure::new(Exit::FlightFailed, error),
     })

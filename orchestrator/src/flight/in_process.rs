@@ -47,6 +47,7 @@ where
         wall_time: started.elapsed(),
         warnings: Vec::new(),
         rebirths: Vec::new(),
+        timing: None,
     })
 }
 

@@ -22,7 +22,7 @@ use crate::run_root::RunRoot;
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
 /// How often it looks while a service is being born again and the flight waits.
-const BIRTH_PERIOD: Duration = Duration::from_micros(100);
+pub(super) const BIRTH_PERIOD: Duration = Duration::from_micros(100);
 
 /// How the processes of a run use the machine. Nothing of it changes the log.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,7 +42,7 @@ pub struct Deployment {
 impl Default for Deployment {
     fn default() -> Self {
         Self {
-            placement: Placement::Idlest,
+            placement: Placement::AsStated,
             scheduler: Scheduler::Fair,
             yielding: true,
             crashes: Vec::new(),
@@ -51,11 +51,38 @@ impl Default for Deployment {
     }
 }
 
+impl Deployment {
+    /// The scenario with the command line's word in place of its own about cores and priorities.
+    pub(super) fn stated_over(&self, scenario: &Scenario) -> Scenario {
+        let mut scenario = scenario.clone();
+        if let Some(stated) = &mut scenario.deployment {
+            if self.placement != Placement::AsStated {
+                stated.forget_cores();
+            }
+            if self.scheduler == Scheduler::Fifo {
+                stated.forget_priorities();
+            }
+        }
+        scenario
+    }
+}
+
+/// What of a deployment could not be had, if the flight may do without it.
+///
+/// # Errors
+/// [`FlightFailure::NotPermitted`] if the scenario says that it may not.
+pub fn permitted(is_strict: bool, warnings: Vec<String>) -> Result<Vec<String>, FlightFailure> {
+    if is_strict && !warnings.is_empty() {
+        return Err(FlightFailure::NotPermitted { refusals: warnings });
+    }
+    Ok(warnings)
+}
+
 /// Which core the services of a run use. Together on one is the fastest way; the recorder takes the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Placement {
-    /// The one that is idlest as the run begins.
-    Idlest,
+    /// As the scenario says; where it does not, the one that is idlest as the run begins.
+    AsStated,
     /// This one.
     Core(usize),
     /// Wherever the system puts them.
@@ -92,16 +119,19 @@ where
         .schedule()
         .map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
     let root = RunRoot::create().map_err(|error| FlightFailure::Setup(error.to_string()))?;
-    let cores = Cores::choose(deployment.placement);
+    let scenario = deployment.stated_over(scenario);
+    let is_strict = scenario.deployment.as_ref().is_some_and(|stated| stated.strict);
+    let cores = Cores::choose(deployment.placement, &scenario);
     cores.keep_off();
     let member = Member::join(&root.configuration(), "orchestrator").map_err(port_failure)?;
     let (mut recorder, _topics) = Recorder::create(&member, &schedule).map_err(port_failure)?;
     let start = Start {
-        scenario: scenario.clone(),
+        scenario,
         iceoryx2_configuration: root.configuration(),
         core: cores.ring,
         scheduler: deployment.scheduler,
-        crash: None,
+        role: None,
+        real_time: None,
     };
     let mut crew = Crew::start(
         &member,
@@ -115,7 +145,7 @@ where
     if !deployment.yielding {
         words.block_only.store(BLOCK_ALWAYS, Ordering::Relaxed);
     }
-    let warnings = crew.await_ready()?;
+    let warnings = permitted(is_strict, crew.await_ready()?)?;
     observer.ready(&crew, cores.ring);
 
     let started = Instant::now();
@@ -137,6 +167,7 @@ where
         wall_time,
         warnings,
         rebirths: flight.crew.rebirths().to_vec(),
+        timing: None,
     })
 }
 
@@ -179,6 +210,8 @@ impl Flight<'_> {
                 self.crew.resume(&mut self.recorder)?;
                 self.observer.changed(&self.crew);
                 self.crew.hand_over(&self.recorder)?;
+            } else {
+                self.crew.keep_spare();
             }
             if Instant::now() >= next_health {
                 self.crew.rouse();
@@ -230,31 +263,36 @@ where
     clippy::needless_pass_by_value,
     reason = "used to map errors, which come by value"
 )]
-fn port_failure(error: PortError) -> FlightFailure {
+pub(super) fn port_failure(error: PortError) -> FlightFailure {
     FlightFailure::Setup(error.to_string())
 }
 
 /// Which cores the services and the recorder use.
-struct Cores {
-    ring: Option<usize>,
+pub(super) struct Cores {
+    /// That of all services that state none of their own.
+    pub(super) ring: Option<usize>,
     others: Vec<usize>,
 }
 
 impl Cores {
-    fn choose(placement: Placement) -> Self {
+    pub(super) fn choose(placement: Placement, scenario: &Scenario) -> Self {
         let allowed = deployment::allowed_cores();
-        let ring = match placement {
-            Placement::Idlest => deployment::idlest(&allowed),
-            Placement::Core(core) => Some(core),
-            Placement::Anywhere => None,
+        let of_all = scenario.deployment.as_ref().and_then(|stated| stated.core);
+        let ring = match (placement, of_all) {
+            (Placement::AsStated, Some(core)) => Some(core as usize),
+            (Placement::AsStated, None) => deployment::idlest(&allowed),
+            (Placement::Core(core), _) => Some(core),
+            (Placement::Anywhere, _) => None,
         };
-        let others = allowed.into_iter().filter(|&core| Some(core) != ring).collect();
+        let own = ServiceId::ALL.map(|service| scenario.deployment_of(service).core);
+        let taken = |core: usize| Some(core) == ring || own.contains(&u32::try_from(core).ok());
+        let others = allowed.into_iter().filter(|&core| !taken(core)).collect();
         Self { ring, others }
     }
 
-    /// Keeps this process off the services' core, if there is another.
-    fn keep_off(&self) {
-        if self.ring.is_some() && !self.others.is_empty() {
+    /// Keeps this process off the services' cores, if there is another.
+    pub(super) fn keep_off(&self) {
+        if !self.others.is_empty() {
             // Only slower if it is refused.
             let _ = deployment::pin_to(&self.others);
         }

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use runtime::in_process::TickSink;
-use runtime::ports::{Member, PortError, Receiver, TopicPorts};
+use runtime::ports::{Delivery, Member, PortError, Receiver, TopicPorts};
 use runtime::shared_page::Words;
 use shared_types::schedule::Presence;
 use shared_types::{Schedule, Topic};
@@ -47,7 +47,7 @@ impl Recorder {
         let mut feeds = Vec::new();
         let mut topics = Vec::new();
         for topic in Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some()) {
-            let ports = member.create_topic(topic, schedule)?;
+            let ports = member.create_topic(topic, schedule, Delivery::Lossless)?;
             feeds.push(Feed {
                 topic,
                 rate: schedule.publications(topic),

@@ -23,7 +23,7 @@ shared_types::sample! {
         pub service: u32,
         #[values(
             KIND_NOTE = 0, KIND_SPAWNED = 1, KIND_READY = 2, KIND_EXITED = 3, KIND_KILLED = 4, KIND_FINISHED = 5,
-            KIND_REBORN = 6
+            KIND_REBORN = 6, KIND_HUNG = 7
         )]
         /// What happened.
         pub kind: u32,
@@ -54,7 +54,34 @@ shared_types::sample! {
         /// CPU time of the process, user and system, ns.
         pub cpu_time_ns: u64,
     }
+
+    /// One step of a service in real time: what it consumed and when.
+    pub struct ServiceStep {
+        /// Wall time since the start of the run, ns.
+        pub time_ns: u64,
+        /// When it began, ns since the start of the flight: its time had come, and what it waited for was here or given up.
+        pub began_ns: u64,
+        /// When all that it had to publish was published, ns since the start of the flight.
+        pub published_ns: u64,
+        /// Tick of the step.
+        pub tick: u64,
+        /// Of each input, 1 + the sequence number of the sample that it saw; 0 if it saw none.
+        pub consumed: [u64; 4],
+        /// Position of the service in the wiring table.
+        pub service: u32,
+        /// Steps before it that were left out because their time had passed.
+        pub missed: u32,
+        /// Inputs of its own tick that had not come when it was given up waiting for them: bit i for input i.
+        pub late_inputs: u32,
+        /// Explicit padding.
+        pub pad0: u32,
+    }
 }
+
+const _: () = assert!(
+    shared_types::schedule::MAX_PORTS == 4,
+    "a step tells of each input"
+);
 
 impl HostEvent {
     /// An event of a service or, without one, of the run; a text too long for its place is cut.
@@ -76,6 +103,14 @@ impl HostEvent {
 
 impl HostSample for HostEvent {
     const CHANNEL: &'static str = "host/events";
+
+    fn time_ns(&self) -> u64 {
+        self.time_ns
+    }
+}
+
+impl HostSample for ServiceStep {
+    const CHANNEL: &'static str = "host/steps";
 
     fn time_ns(&self) -> u64 {
         self.time_ns

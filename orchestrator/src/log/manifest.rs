@@ -16,7 +16,7 @@ const LAYOUT_PREFIX: &str = "layout/";
 /// What determines a run's results, and nothing else: no wall clock, no path, nothing of the machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Manifest {
-    /// The scenario as flown, seed included.
+    /// The scenario as flown, seed included; without what says how the machine is used.
     pub scenario: Scenario,
 }
 
@@ -39,7 +39,7 @@ impl Manifest {
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         Self {
-            scenario: scenario.clone(),
+            scenario: scenario.experiment(),
         }
     }
 

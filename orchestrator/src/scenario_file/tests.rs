@@ -3,6 +3,7 @@
 mod arguments;
 mod committed;
 mod files;
+mod machine;
 mod mutations;
 mod optional;
 mod semantics;

@@ -41,13 +41,19 @@ impl Display for Summary {
                 "‖p − pd‖: true distance from the path's point. Back: for good within {SETTLED} m or the largest distance of the {BEFORE} s before, counted from the fault's end."
             )?;
         }
+        if let Some(timing) = &run.timing {
+            writeln!(formatter, "\n{timing}\n")?;
+        }
         write!(formatter, "{}", samples_in_words(&self.topics))?;
         if let [first, others @ ..] = run.rebirths.as_slice() {
-            write!(formatter, "\n{first}; the log shows nothing of it")?;
+            write!(formatter, "\n{first}")?;
+            if run.timing.is_none() {
+                write!(formatter, "; the log shows nothing of it")?;
+            }
             if !others.is_empty() {
                 write!(
                     formatter,
-                    ", nor of {} other deaths (see host.mcap)",
+                    "; so did others, {} times (see host.mcap)",
                     others.len()
                 )?;
             }

@@ -22,6 +22,7 @@ pub(super) fn facts() -> RunFacts {
         reason: String::new(),
         wall_seconds: 0.5,
         rebirths: Vec::new(),
+        timing: None,
     }
 }
 

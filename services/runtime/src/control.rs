@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 
 use crate::crash::Crash;
@@ -21,8 +22,10 @@ pub const CONTROL_FD: i32 = 3;
 pub const SHARED_PAGE_FD: i32 = 4;
 /// File descriptor of the checkpoints in a service.
 pub const CHECKPOINTS_FD: i32 = 5;
+/// File descriptor of the step records in a service.
+pub const STEP_LOG_FD: i32 = 6;
 /// File descriptor of the first service's doorbell in a service; the others' follow in the table's order.
-pub const FIRST_DOORBELL_FD: i32 = 6;
+pub const FIRST_DOORBELL_FD: i32 = 7;
 
 /// Largest message, bytes; a scenario is far below.
 const MESSAGE_LIMIT: usize = 128 * 1024;
@@ -32,6 +35,10 @@ const MESSAGE_LIMIT: usize = 128 * 1024;
 pub enum ToService {
     /// The first message: what to fly and where.
     Start(Box<Start>),
+    /// To a spare process: take the place of a service that has died.
+    Become(Role),
+    /// Nothing is left of whoever was this service before: make its ports.
+    MakePorts,
     /// Everyone is ready: fly.
     Go {
         /// Whether another process has flown before this one and died: go on from its last checkpoint.
@@ -48,7 +55,7 @@ pub enum ToService {
     Stop,
 }
 
-/// What a service needs to know to take part in a run.
+/// What a process needs to know to take part in a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start {
     /// The resolved scenario.
@@ -59,8 +66,26 @@ pub struct Start {
     pub core: Option<usize>,
     /// How the core is shared.
     pub scheduler: Scheduler,
+    /// Which service it is; a spare process is told later.
+    pub role: Option<Role>,
+    /// How to fly in real time; else in lock-step.
+    pub real_time: Option<RealTime>,
+}
+
+/// Which service a process is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Role {
+    /// The service.
+    pub service: ServiceId,
     /// Where the process shall kill itself, for tests.
     pub crash: Option<Crash>,
+}
+
+/// What a service needs to know to fly in real time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RealTime {
+    /// How long a step waits beyond the begin of its tick for inputs of that tick, ns.
+    pub grace_ns: u64,
 }
 
 /// What a service says to the orchestrator.

@@ -1,11 +1,18 @@
-//! Where and how a process runs: its core, its scheduler, its fate when its parent dies.
+//! Where and how a process runs: its core, its scheduler, its memory, its fate when its parent dies.
 #![expect(
     unsafe_code,
     reason = "the scheduler of a thread can only be set by a call of libc"
 )]
 
+mod memory;
+mod settings;
+
+use rustix::process::{Resource, Rlimit};
 use rustix::thread::CpuSet;
 use serde::{Deserialize, Serialize};
+
+pub use memory::LOCKED_MEMORY;
+pub use settings::{Refusal, Setting, apply};
 
 /// How a core is shared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -20,8 +27,8 @@ pub enum Scheduler {
     Fifo,
 }
 
-/// `SCHED_FIFO` priority of services: above ordinary work, below the kernel's own threads.
-const FIFO_PRIORITY: i32 = 20;
+/// `SCHED_FIFO` priority of services unless one is stated: above ordinary work, below the kernel's own threads.
+pub const FIFO_PRIORITY: u32 = 20;
 
 /// The cores that this process may use.
 #[must_use]
@@ -49,11 +56,36 @@ pub fn pin_to(cores: &[usize]) -> std::io::Result<()> {
 /// # Errors
 /// If the system does not permit it.
 pub fn use_scheduler(scheduler: Scheduler) -> std::io::Result<()> {
-    let (policy, sched_priority) = match scheduler {
-        Scheduler::Fair => (libc::SCHED_OTHER, 0),
-        Scheduler::Batch => (libc::SCHED_BATCH, 0),
-        Scheduler::Fifo => (libc::SCHED_FIFO, FIFO_PRIORITY),
+    match scheduler {
+        Scheduler::Fair => set_policy(libc::SCHED_OTHER, 0),
+        Scheduler::Batch => set_policy(libc::SCHED_BATCH, 0),
+        Scheduler::Fifo => use_fifo(FIFO_PRIORITY),
+    }
+}
+
+/// Puts this thread under `SCHED_FIFO` with a priority of 1 to 99.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn use_fifo(priority: u32) -> std::io::Result<()> {
+    raised_limit(Resource::Rtprio);
+    set_policy(libc::SCHED_FIFO, i32::try_from(priority).unwrap_or(i32::MAX))
+}
+
+/// A limit after it has been raised as far as everyone may; `None` is no limit.
+fn raised_limit(resource: Resource) -> Option<u64> {
+    let limit = rustix::process::getrlimit(resource);
+    let raised = Rlimit {
+        current: limit.maximum,
+        maximum: limit.maximum,
     };
+    match rustix::process::setrlimit(resource, raised) {
+        Ok(()) => limit.maximum,
+        Err(_) => limit.current,
+    }
+}
+
+fn set_policy(policy: i32, sched_priority: i32) -> std::io::Result<()> {
     let parameters = libc::sched_param { sched_priority };
     // SAFETY: the parameters are valid and outlive the call; 0 is the calling thread.
     let result = unsafe { libc::sched_setscheduler(0, policy, &raw const parameters) };
@@ -62,6 +94,14 @@ pub fn use_scheduler(scheduler: Scheduler) -> std::io::Result<()> {
     } else {
         Err(std::io::Error::last_os_error())
     }
+}
+
+/// Gives this process the name by which `ps`, `top` and `pkill -x` know it: its first 15 bytes.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn call_process(name: &str) -> std::io::Result<()> {
+    Ok(rustix::thread::set_name(&std::ffi::CString::new(name)?)?)
 }
 
 /// Lets the system kill this process when the thread that started it ends.

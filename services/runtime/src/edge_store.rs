@@ -72,6 +72,12 @@ impl EdgeStore {
             .map_or(due, |repeated| repeated.min(due))
     }
 
+    /// Tick of the newest sample that is not newer than `due`.
+    #[must_use]
+    pub fn newest_at_or_before(&self, due: u64) -> Option<u64> {
+        self.samples.range(..=due).next_back().map(|(&tick, _)| tick)
+    }
+
     /// Tick of the newest sample.
     #[must_use]
     pub fn newest(&self) -> Option<u64> {

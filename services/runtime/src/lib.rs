@@ -4,15 +4,17 @@
 //! now, and they must agree to the byte:
 //! * [`in_process`]: all services in one thread, no shared memory: sweeps, tests, and the reference that the
 //!   others must equal;
-//! * [`lock_step`]: one process per service, simulated time, no sample ever lost.
+//! * [`lock_step`]: one process per service, simulated time, no sample ever lost;
+//! * [`real_time`]: one process per service, the system's clock, the newest sample wins.
 //!
 //! Under them lie [`ports`] (iceoryx2, in bytes), [`wait`] (yield once, then block on a doorbell),
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
 //! service knew, for whoever is born after its death; both are a [`shared_file`]), [`sample_ring`] (the latest
 //! samples of a topic), [`inlet`] (an input, also after a rebirth), [`edge_store`] (its samples, where faults are
-//! planned), [`control`] (the
+//! planned), [`mailbox`] (an input in real time), [`flight_clock`] (ticks on the system's clock), [`step_log`] (what every
+//! step in real time was made of), [`control`] (the
 //! orchestrator's line to each service), [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler,
-//! parent's death), [`descriptors`] (what a started process inherits) and [`process`] (what `gerono service NAME`
+//! parent's death), [`descriptors`] (what a started process inherits) and [`process`] and [`launch`] (what `gerono service NAME`
 //! runs).
 //!
 //! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the
@@ -26,13 +28,18 @@ pub mod deployment;
 pub mod descriptors;
 pub mod doorbell;
 pub mod edge_store;
+pub mod flight_clock;
 pub mod in_process;
 pub mod inlet;
+pub mod launch;
 pub mod lock_step;
+pub mod mailbox;
 pub mod ports;
 pub mod process;
+pub mod real_time;
 pub mod sample_ring;
 pub mod shared_file;
 pub mod shared_page;
 pub mod step;
+pub mod step_log;
 pub mod wait;

@@ -19,7 +19,7 @@ use crate::checkpoints::Checkpoints;
 use crate::control::{Channel, ControlError, ToOrchestrator, ToService};
 use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::inlet::Inlet;
-use crate::ports::{Member, PortError, Sender};
+use crate::ports::{PortError, Sender, Topics};
 use crate::shared_page::{Cell, SharedPage};
 use crate::step::{self, NonFinite, Slots, Timetable, Views};
 use crate::wait::{Interrupted, Waiter};
@@ -86,7 +86,7 @@ impl ServicePorts {
     /// # Errors
     /// [`PortError`].
     pub fn open(
-        member: &Member,
+        topics: &Topics,
         id: ServiceId,
         schedule: &Schedule,
         waiter: &Waiter,
@@ -94,7 +94,7 @@ impl ServicePorts {
         let page = waiter.page();
         let mut inlets = Vec::new();
         for (index, spec) in id.inputs().iter().enumerate() {
-            let receiver = member.open_topic(spec.topic, schedule)?.receiver()?;
+            let receiver = topics.of(spec.topic).receiver()?;
             let publisher = spec
                 .topic
                 .publisher()
@@ -110,8 +110,8 @@ impl ServicePorts {
         for spec in id.outputs() {
             outputs.push(OutputPort {
                 publication: schedule.publication(spec.topic),
-                sender: member
-                    .open_topic(spec.topic, schedule)?
+                sender: topics
+                    .of(spec.topic)
                     .sender(Arc::clone(page), waiter.doorbells())?,
             });
         }

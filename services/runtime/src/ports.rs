@@ -1,16 +1,17 @@
 //! iceoryx2 ports, seen as bytes: a host moves samples of every topic with the same code.
 //!
 //! Samples travel without a copy: an output is written in loaned shared memory, an input is read there and
-//! held until a newer one takes its place. Delivery is lossless for the run's own receivers; any other
-//! subscriber (somebody looking at the flight) loses samples instead of blocking it.
+//! held until a newer one takes its place. In lock-step delivery is lossless for the run's own receivers; any other
+//! subscriber (somebody looking at the flight) loses samples instead of blocking it. In real time nobody is waited
+//! for: in a full buffer the newest sample takes the place of the oldest.
 #![expect(
     unsafe_code,
     reason = "iceoryx2 asks for promises about memory layout that only `unsafe` can give"
 )]
 
-use std::path::Path;
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, OnceLock};
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -21,7 +22,7 @@ use iceoryx2::sample::Sample as Received;
 use iceoryx2::sample_mut::SampleMut as Loaned;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
 use shared_types::wiring::TopicVisitor;
-use shared_types::{Sample, Schedule, Topic};
+use shared_types::{Sample, Schedule, ServiceId, Topic};
 
 use crate::doorbell::Doorbell;
 use crate::shared_page::{Owner, SharedPage};
@@ -99,6 +100,9 @@ unsafe impl<T: Sample> ZeroCopySend for Wire<T> {
     }
 }
 
+/// The configuration file of the run that this process belongs to: iceoryx2 keeps one for the whole process.
+static RUN: OnceLock<PathBuf> = OnceLock::new();
+
 /// A process's membership in the run.
 pub struct Member {
     node: Node<ipc::Service>,
@@ -118,17 +122,23 @@ impl Member {
         };
         let path = FilePath::new(configuration.as_os_str().as_encoded_bytes())
             .map_err(|error| bad_configuration(format!("{error:?}")))?;
-        let config = Config::setup_global_config_from_file(&path)
-            .map_err(|error| bad_configuration(format!("{error:?}")))?;
-        if Config::from_file(&path).is_ok_and(|wanted| wanted != *config) {
+        if RUN.get_or_init(|| configuration.to_owned()) != configuration {
             return Err(bad_configuration(
                 "this process already belongs to another run".to_owned(),
             ));
         }
+        let mut config = Config::setup_global_config_from_file(&path)
+            .map_err(|error| bad_configuration(format!("{error:?}")))?
+            .clone();
+        // The orchestrator alone cleans up after the dead, and knows when: nobody looks for them besides, which
+        // takes longer than all else at every topic.
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
         let name = NodeName::new(name).map_err(|error| PortError::Node(format!("{error:?}")))?;
         let node = NodeBuilder::new()
             .name(&name)
-            .config(config)
+            .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(|error| PortError::Node(error.to_string()))?;
@@ -145,8 +155,13 @@ impl Member {
     ///
     /// # Errors
     /// [`PortError::Open`].
-    pub fn create_topic(&self, topic: Topic, schedule: &Schedule) -> Result<Box<dyn TopicPorts>, PortError> {
-        self.enter(topic, schedule, Access::Create)
+    pub fn create_topic(
+        &self,
+        topic: Topic,
+        schedule: &Schedule,
+        delivery: Delivery,
+    ) -> Result<Box<dyn TopicPorts>, PortError> {
+        self.enter(topic, schedule, Access::Create(delivery))
     }
 
     /// Opens a topic that the orchestrator has made, if its layout is the one of this build.
@@ -172,8 +187,46 @@ impl Member {
     }
 }
 
+/// The topics that a service has opened, each once.
+pub struct Topics([Option<Box<dyn TopicPorts>>; Topic::ALL.len()]);
+
+impl Topics {
+    /// Opens all topics that a service publishes or consumes. The dead that it follows may still have their ports.
+    ///
+    /// # Errors
+    /// [`PortError::Open`].
+    pub fn open(member: &Member, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
+        let inputs = service.inputs().iter().map(|input| input.topic);
+        let outputs = service.outputs().iter().map(|output| output.topic);
+        let mut topics = Self([const { None }; Topic::ALL.len()]);
+        for topic in inputs.chain(outputs) {
+            topics.0[topic.index()] = Some(member.open_topic(topic, schedule)?);
+        }
+        Ok(topics)
+    }
+
+    /// A topic of the service.
+    ///
+    /// # Panics
+    /// If it is not.
+    #[must_use]
+    pub fn of(&self, topic: Topic) -> &dyn TopicPorts {
+        let ports = self.0[topic.index()].as_deref();
+        ports.expect("all topics of the service are open")
+    }
+}
+
 fn consumer_buffer(schedule: &Schedule, topic: Topic) -> usize {
     usize::try_from(schedule.buffer_size(topic)).map_or(RECORDER_BUFFER, |size| size.min(RECORDER_BUFFER))
+}
+
+/// What becomes of a sample for which a receiver has no room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Delivery {
+    /// Its publisher waits until there is.
+    Lossless,
+    /// It takes the place of the oldest that has not been received.
+    NewestWins,
 }
 
 /// A topic that has been opened, ready to make ports of it.
@@ -185,6 +238,12 @@ pub trait TopicPorts {
     /// [`PortError::Create`].
     fn sender(&self, page: Arc<SharedPage>, doorbells: Arc<[Doorbell]>)
     -> Result<Box<dyn Sender>, PortError>;
+
+    /// Makes the publisher of a topic in which the newest sample wins. It waits for nobody.
+    ///
+    /// # Errors
+    /// [`PortError::Create`].
+    fn newest_sender(&self) -> Result<Box<dyn Sender>, PortError>;
 
     /// Makes a consumer's subscriber, its buffer sized by the schedule.
     ///
@@ -245,7 +304,7 @@ pub trait Receiver {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Access {
     /// It makes it.
-    Create,
+    Create(Delivery),
     /// It expects it to be there, with the layout of this build.
     Open,
 }
@@ -285,16 +344,18 @@ impl TopicVisitor for Enter<'_> {
         let (key, hash) = layout_attribute::<T>(&error)?;
         let builder = member.node.service_builder(&name).publish_subscribe::<Wire<T>>();
         let service = match access {
-            Access::Create => {
+            Access::Create(delivery) => {
                 let specifier = AttributeSpecifier::new();
                 let attributes = specifier.define(&key, &hash).map_err(|reason| error(&reason))?;
                 let consumers = topic.consumers().count();
+                // The publisher, the consumers, each beside the dead one whose place it takes, and the recorder.
+                let members = 2 * (1 + consumers) + 1;
                 builder
-                    .enable_safe_overflow(false)
+                    .enable_safe_overflow(delivery == Delivery::NewestWins)
                     .history_size(0)
                     .max_publishers(1)
                     .max_subscribers(consumers + 1 + OBSERVERS)
-                    .max_nodes(consumers + 2 + OBSERVERS)
+                    .max_nodes(members + OBSERVERS)
                     .subscriber_max_buffer_size(RECORDER_BUFFER)
                     .subscriber_max_borrowed_samples(2)
                     .create_with_attributes(&attributes)
@@ -332,16 +393,28 @@ fn layout_attribute<T: Sample>(
 }
 
 impl<T: Sample> Ports<T> {
+    fn not_created(&self, reason: &dyn std::fmt::Display) -> PortError {
+        PortError::Create {
+            topic: self.topic,
+            reason: reason.to_string(),
+        }
+    }
+
+    fn typed_sender(&self, publisher: Publisher<ipc::Service, Wire<T>, ()>) -> Box<dyn Sender> {
+        Box::new(TypedSender::<T> {
+            publisher,
+            loaned: None,
+            topic: self.topic,
+        })
+    }
+
     fn receiver_of_size(&self, buffer_size: usize) -> Result<Box<dyn Receiver>, PortError> {
         let subscriber = self
             .service
             .subscriber_builder()
             .buffer_size(buffer_size)
             .create()
-            .map_err(|reason| PortError::Create {
-                topic: self.topic,
-                reason: reason.to_string(),
-            })?;
+            .map_err(|reason| self.not_created(&reason))?;
         Ok(Box::new(TypedReceiver::<T> {
             subscriber,
             held: None,
@@ -376,15 +449,19 @@ impl<T: Sample> TopicPorts for Ports<T> {
                 BackpressureAction::Retry
             })
             .create()
-            .map_err(|reason| PortError::Create {
-                topic: self.topic,
-                reason: reason.to_string(),
-            })?;
-        Ok(Box::new(TypedSender::<T> {
-            publisher,
-            loaned: None,
-            topic: self.topic,
-        }))
+            .map_err(|reason| self.not_created(&reason))?;
+        Ok(self.typed_sender(publisher))
+    }
+
+    fn newest_sender(&self) -> Result<Box<dyn Sender>, PortError> {
+        let publisher = self
+            .service
+            .publisher_builder()
+            .max_loaned_samples(2)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|reason| self.not_created(&reason))?;
+        Ok(self.typed_sender(publisher))
     }
 
     fn receiver(&self) -> Result<Box<dyn Receiver>, PortError> {

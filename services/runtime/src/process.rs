@@ -1,25 +1,33 @@
 //! What a service process does: join the run, make its ports, say that it is ready, fly, wait for the end.
+//!
+//! A **spare** process does what every service needs before it knows which one it is to be: it has loaded, joined the
+//! run and built all services when one dies whose place it takes.
 
+use std::num::NonZeroU64;
 use std::sync::Arc;
 
 use shared_types::ServiceId;
-use shared_types::scenario::Scenario;
+use shared_types::scenario::{Scenario, ServiceDeployment};
 use shared_types::service::ErasedService;
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
-    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, Start,
+    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, STEP_LOG_FD, Start,
     ToOrchestrator, ToService,
 };
-use crate::crash::{CrashPlace, CrashPoint};
-use crate::deployment::{self, Scheduler};
+use crate::crash::CrashPoint;
+use crate::deployment::{self, Scheduler, Setting};
 use crate::descriptors::inherited;
 use crate::doorbell::Doorbell;
-use crate::lock_step::{self, Cockpit, FlightError, ServicePorts};
-use crate::ports::{Member, PortError};
+use crate::launch::Launch;
+use crate::lock_step::FlightError;
+use crate::ports::{Member, PortError, Topics};
 use crate::shared_page::SharedPage;
-use crate::step::Timetable;
+use crate::step_log::StepLog;
 use crate::wait::Waiter;
+
+/// What a process is called that waits for a service to die.
+pub const SPARE: &str = "spare";
 
 /// Why a service process could not do its work, if there was no orchestrator left to be told.
 #[derive(Debug, thiserror::Error)]
@@ -46,115 +54,103 @@ pub enum ProcessError {
     Flight(#[from] FlightError),
 }
 
-/// Runs a service that `gerono run` has spawned, from its first message to its last.
+/// Runs a process that `gerono run` has spawned, from its first message to its last: a service, or a spare process
+/// that waits for one to die and then takes its place. `name` is what the system calls the process meanwhile.
 ///
 /// # Errors
 /// [`ProcessError`].
 pub fn run(
-    id: ServiceId,
-    build: impl FnOnce(&Scenario) -> Result<Box<dyn ErasedService>, String>,
+    name: &str,
+    build: impl Fn(ServiceId, &Scenario) -> Result<Box<dyn ErasedService>, String>,
 ) -> Result<(), ProcessError> {
     let inherited = Inherited::take()?;
     deployment::die_with_parent()?;
+    deployment::call_process(name)?;
+    // Anything else has ended it before it began.
+    let ToService::Start(start) = inherited.channel.receive()? else {
+        return Ok(());
+    };
+    let channel = inherited.channel.try_clone()?;
+    let result = live(inherited, &start, name, build);
+    report(&channel, result)
+}
+
+/// Makes what is needed to fly, and flies. Who has no role yet makes what every role needs and waits for one.
+fn live(
+    inherited: Inherited,
+    start: &Start,
+    name: &str,
+    build: impl Fn(ServiceId, &Scenario) -> Result<Box<dyn ErasedService>, String>,
+) -> Result<(), ProcessError> {
     let Inherited {
         channel,
         page,
         checkpoints,
+        step_log,
         doorbells,
     } = inherited;
-    let start = match channel.receive()? {
-        ToService::Start(start) => *start,
-        // Ended before it began.
-        ToService::Stop | ToService::Go { .. } | ToService::Missed { .. } => return Ok(()),
-    };
-    let (scheduler, warnings) = deploy(&start);
-    let mut waiter = Waiter::new(id, Arc::new(page), doorbells, channel, scheduler);
-    let result = fly(id, build, &start, warnings, &checkpoints, &mut waiter);
-    report(waiter.channel(), result)
-}
-
-/// Pins the process and sets its scheduler, as far as the system permits.
-fn deploy(start: &Start) -> (Scheduler, Vec<String>) {
-    let mut warnings = Vec::new();
-    if let Some(core) = start.core
-        && let Err(error) = deployment::pin_to(&[core])
-    {
-        warnings.push(format!("cannot pin to core {core}: {error}"));
-    }
-    let refused = match start.scheduler {
-        Scheduler::Fair => None,
-        scheduler => deployment::use_scheduler(scheduler).err(),
-    };
-    let scheduler = match (start.scheduler, refused) {
-        (scheduler, None) => scheduler,
-        (Scheduler::Fifo, Some(error)) => {
-            warnings.push(format!(
-                "SCHED_FIFO is not permitted ({error}): flying with the ordinary scheduler. \
-                 Grant CAP_SYS_NICE or raise `rtprio` in /etc/security/limits.conf"
-            ));
-            Scheduler::Fair
-        }
-        // It needs no privilege; a sandbox that refuses it costs a little time and nothing else.
-        (Scheduler::Batch | Scheduler::Fair, Some(_)) => Scheduler::Fair,
-    };
-    (scheduler, warnings)
-}
-
-fn fly(
-    id: ServiceId,
-    build: impl FnOnce(&Scenario) -> Result<Box<dyn ErasedService>, String>,
-    start: &Start,
-    warnings: Vec<String>,
-    checkpoints: &Checkpoints,
-    waiter: &mut Waiter,
-) -> Result<(), ProcessError> {
-    let crash = CrashPoint::new(start.crash);
+    let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
+    // A spare process stays off the services' core until it is one of them.
+    let deployed = start.role.map(|role| deploy(role.service, start));
     let schedule = start
         .scenario
         .schedule()
         .map_err(|problems| ProcessError::Scenario(format!("{problems:?}")))?;
-    let mut service = build(&start.scenario).map_err(ProcessError::Scenario)?;
-    let member = Member::join(&start.iceoryx2_configuration, id.name())?;
-    crash.pass(CrashPlace::BeforePorts, 0);
-    let mut ports = ServicePorts::open(&member, id, &schedule, waiter)?;
-    ports.connect()?;
-    crash.pass(CrashPlace::AfterPorts, 0);
-    waiter.channel().send(&ToOrchestrator::Ready { warnings })?;
-    let ToService::Go { reborn } = waiter.channel().receive()? else {
+    let member = Member::join(&start.iceoryx2_configuration, name)?;
+    let (role, mut service) = if let Some(role) = start.role {
+        (role, build(role.service)?)
+    } else {
+        let services: Result<Vec<_>, _> = ServiceId::ALL.into_iter().map(build).collect();
+        let mut services = services?;
+        let ToService::Become(role) = channel.receive()? else {
+            return Ok(());
+        };
+        deployment::call_process(role.service.name())?;
+        (role, services.swap_remove(role.service.index()))
+    };
+    let (scheduler, warnings) = deployed.unwrap_or_else(|| deploy(role.service, start));
+    let topics = Topics::open(&member, role.service, &schedule)?;
+    let ToService::MakePorts = channel.receive()? else {
         return Ok(());
     };
-    ports.connect()?;
-    ports.make_known();
-    let mut first_tick = 0;
-    if reborn {
-        ports.expect_missed(waiter.channel().try_clone()?)?;
-        if let Some(checkpoint) = checkpoints.newest(id) {
-            first_tick = checkpoint.next_tick;
-            let timetable = Timetable::new(&schedule, id);
-            let next = timetable.steps.first_at_or_after(first_tick);
-            if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
-                service.restore(&checkpoint.state);
-            }
-        }
-        crash.pass(CrashPlace::Recovering, first_tick);
-    }
-    let mut cockpit = Cockpit {
-        ports: &mut ports,
-        waiter,
-        checkpoints,
-        crash,
+    let mut waiter = Waiter::new(role.service, Arc::new(page), doorbells, channel, scheduler);
+    let launch = Launch {
+        schedule: &schedule,
+        topics: &topics,
+        checkpoints: &checkpoints,
+        step_log: &step_log,
+        crash: CrashPoint::new(role.crash),
+        warnings,
     };
-    lock_step::fly(service.as_mut(), &schedule, first_tick, &mut cockpit)?;
-    waiter.channel().send(&ToOrchestrator::Finished)?;
-    // The last samples stay mapped until everyone has read them.
-    loop {
-        match waiter.channel().receive::<ToService>() {
-            // Nothing is missing any more.
-            Ok(ToService::Missed { .. }) => {}
-            Ok(_) | Err(ControlError::Closed) => return Ok(()),
-            Err(error) => return Err(error.into()),
-        }
+    match start.real_time {
+        None => launch.in_lock_step(service.as_mut(), &mut waiter),
+        Some(settings) => launch.in_real_time(service.as_mut(), settings, &waiter),
     }
+}
+
+/// Lets the process use the machine as the scenario and the command line say, as far as the system permits.
+fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
+    let stated = start.scenario.deployment_of(id);
+    let of_the_run = start.core.and_then(|core| u32::try_from(core).ok());
+    let fifo = (start.scheduler == Scheduler::Fifo).then_some(deployment::FIFO_PRIORITY);
+    let settings = ServiceDeployment {
+        core: stated.core.or(of_the_run),
+        priority: stated.priority.or(fifo),
+        ..stated
+    };
+    let refusals = deployment::apply(&settings);
+    let may_not = |setting| refusals.iter().any(|refusal| refusal.setting == setting);
+    let scheduler = match (settings.priority, start.scheduler) {
+        (Some(_), _) if !may_not(Setting::Priority) => Scheduler::Fifo,
+        // It needs no privilege; a sandbox that refuses it costs a little time and nothing else.
+        (None, Scheduler::Batch) if deployment::use_scheduler(Scheduler::Batch).is_ok() => Scheduler::Batch,
+        _ => Scheduler::Fair,
+    };
+    if start.real_time.is_some() && settings.timer_slack.is_none() {
+        // The system may end sleeps late to save power: by 50 µs unless it is told otherwise. It refuses nobody.
+        let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
+    }
+    (scheduler, refusals.iter().map(ToString::to_string).collect())
 }
 
 /// Tells the orchestrator how it went, if it is still there.
@@ -176,6 +172,7 @@ struct Inherited {
     channel: Channel,
     page: SharedPage,
     checkpoints: Checkpoints,
+    step_log: StepLog,
     doorbells: Vec<Doorbell>,
 }
 
@@ -186,6 +183,7 @@ impl Inherited {
         let page = SharedPage::open(inherited(SHARED_PAGE_FD)?).map_err(|_| ProcessError::NotSpawned)?;
         let checkpoints =
             Checkpoints::open(inherited(CHECKPOINTS_FD)?).map_err(|_| ProcessError::NotSpawned)?;
+        let step_log = StepLog::open(inherited(STEP_LOG_FD)?).map_err(|_| ProcessError::NotSpawned)?;
         let numbers = (FIRST_DOORBELL_FD..).take(ServiceId::ALL.len());
         let doorbells = numbers
             .map(|number| inherited(number).map(Doorbell::inherited))
@@ -194,6 +192,7 @@ impl Inherited {
             channel,
             page,
             checkpoints,
+            step_log,
             doorbells,
         })
     }

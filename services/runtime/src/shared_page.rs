@@ -10,6 +10,7 @@
 use std::os::fd::{BorrowedFd, OwnedFd};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
+use rustix::thread::futex;
 use shared_types::schedule::MAX_PORTS;
 use shared_types::{ServiceId, Topic};
 
@@ -27,6 +28,8 @@ pub struct Words {
     pub misses: AtomicU32,
     /// How often a service was born again: whoever sees that it has grown connects to the new ports.
     pub births: AtomicU32,
+    /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; set before anybody flies.
+    pub start_ns: AtomicU64,
     /// One cell a service.
     pub cells: [Cell; ServiceId::ALL.len()],
     /// The recorder's receivers.
@@ -39,6 +42,8 @@ pub struct Words {
 pub struct Cell {
     /// 0, or 1 + the index of the service whose publication this service sleeps for.
     pub waiting_for: AtomicU32,
+    /// Counts what the service was woken for in real time; it sleeps on this word.
+    pub bell: AtomicU32,
     /// How many of the births this service has seen, and is connected to what came of them.
     pub births_seen: AtomicU32,
     /// 1 + the last tick that the service has stepped, 0 before the first.
@@ -104,6 +109,14 @@ impl Words {
 }
 
 impl Cell {
+    /// Wakes the service from its sleep in real time.
+    #[inline]
+    pub fn ring(&self) {
+        self.bell.fetch_add(1, Ordering::SeqCst);
+        // It fails for no word that is mapped.
+        let _ = futex::wake(&self.bell, futex::Flags::empty(), 1);
+    }
+
     /// Adds one to a count that only this process writes.
     #[inline]
     pub fn count(counter: &AtomicU64) {

@@ -77,6 +77,18 @@ impl Timetable {
         }
     }
 
+    /// The moment of the step at `tick` where the clock says which steps there are: the one before, if it is
+    /// remembered, was at `previous`.
+    #[must_use]
+    #[inline]
+    pub fn now_after(&self, previous: Option<u64>, tick: u64) -> Now {
+        let elapsed_ticks = previous.map_or(0, |previous| tick - previous);
+        Now {
+            elapsed_ns: elapsed_ticks * self.tick_ns,
+            ..self.now(tick)
+        }
+    }
+
     /// Ticks since the previous step that the service remembers.
     #[cold]
     fn elapsed_ticks(&self, tick: u64) -> u64 {
@@ -126,13 +138,28 @@ impl Timetable {
         views: &Views<'_>,
         slots: &mut Slots<'_>,
     ) -> Result<(), NonFinite> {
+        self.step_at(service, &self.now(tick), views, slots)
+    }
+
+    /// Steps `service` at a moment that a host has told, and examines what it wrote.
+    ///
+    /// # Errors
+    /// [`NonFinite`] if an output holds a number that is not finite.
+    #[inline]
+    pub fn step_at(
+        &self,
+        service: &mut dyn ErasedService,
+        now: &Now,
+        views: &Views<'_>,
+        slots: &mut Slots<'_>,
+    ) -> Result<(), NonFinite> {
         let (inputs, outputs) = (self.inputs.len(), self.outputs.len());
-        service.step(&self.now(tick), &views[..inputs], &mut slots[..outputs]);
+        service.step(now, &views[..inputs], &mut slots[..outputs]);
         for (slot, output) in slots.iter().zip(&self.outputs) {
             if let Some(bytes) = slot.bytes.as_deref()
                 && let Some(field) = output.topic.kind().first_non_finite_field(bytes)
             {
-                return Err(self.non_finite(tick, output.topic, field));
+                return Err(self.non_finite(now.tick, output.topic, field));
             }
         }
         Ok(())

@@ -200,8 +200,9 @@ impl Waiter {
 }
 
 /// What a service announces while it sleeps for a publication of `publisher`.
+#[must_use]
 #[inline]
-fn announcement(publisher: ServiceId) -> u32 {
+pub fn announcement(publisher: ServiceId) -> u32 {
     1 + u32::try_from(publisher.index()).expect("few services")
 }
 

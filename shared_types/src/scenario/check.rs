@@ -10,6 +10,7 @@ mod estimator;
 mod events;
 mod faults;
 mod flight;
+mod machine;
 mod path;
 mod radio;
 mod safety;
@@ -37,6 +38,7 @@ impl Scenario {
         self.check_safety(&mut found);
         self.check_flight(&mut found);
         self.check_envelope(&mut found);
+        self.check_machine(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems
     }

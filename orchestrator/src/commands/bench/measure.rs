@@ -27,6 +27,16 @@ type Result<T> = std::result::Result<T, FlightFailure>;
 /// Rounds of a bare ring in one measurement.
 const RING_ROUNDS: u64 = 50_000;
 
+/// Ticks of a simulated second in the scenario that is measured.
+const TICKS_PER_SECOND: u64 = 1000;
+
+/// Ticks between two deaths, some hundredths of a second of wall time: the spare process is ready by then, as it is for
+/// whoever kills services by hand.
+const DEATHS_APART: u64 = 1000;
+
+/// Ticks between two deaths, some milliseconds: the spare process has only just been started.
+const QUICK_DEATHS_APART: u64 = 100;
+
 /// All measurements, in turns, `repetitions` times.
 pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Result<Measured> {
     let folder = Scratch::create()?;
@@ -51,6 +61,7 @@ pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Resu
     bar.finish_and_clear();
     Ok(Measured {
         restart_milliseconds: median(series.restart_milliseconds.clone()),
+        quick_restart_milliseconds: median(series.quick_restart_milliseconds.clone()),
         rates: series.rows(),
     })
 }
@@ -68,6 +79,7 @@ struct Series {
     in_process: Vec<f64>,
     in_process_recorded: Vec<f64>,
     restart_milliseconds: Vec<f64>,
+    quick_restart_milliseconds: Vec<f64>,
     fifo_refused: Option<String>,
 }
 
@@ -92,7 +104,9 @@ impl Series {
             self.lock_step_loaded
                 .push(fly_processes(flight, &["--core", &core.to_string()])?);
         }
-        self.restart_milliseconds.extend(restarts(flight)?);
+        self.restart_milliseconds.extend(restarts(flight, DEATHS_APART)?);
+        self.quick_restart_milliseconds
+            .extend(restarts(flight, QUICK_DEATHS_APART)?);
         self.in_process
             .push(rate(&in_process::fly(whole, &mut Nowhere, &Interrupt::never())?)?);
         self.in_process_recorded
@@ -168,21 +182,26 @@ fn fly_processes(flight: &FlightCommand, options: &[&str]) -> Result<f64> {
         .ok_or_else(|| FlightFailure::Setup("the summary states no real-time factor".to_owned()))
 }
 
-/// Kills each service in turn some times and says how long each time nobody flew in its place, ms.
-fn restarts(flight: &FlightCommand) -> Result<Vec<f64>> {
-    let deaths = ServiceId::ALL
-        .iter()
-        .cycle()
-        .take(4 * ServiceId::ALL.len())
-        .zip(1..);
-    let options: Vec<_> = deaths
-        .flat_map(|(service, number)| {
-            [
-                "--crash".to_owned(),
-                format!("{service}@{}:after-step", 100 * number),
-            ]
-        })
-        .collect();
+/// Lets each service in turn die some times, so many ticks apart, and says how long each time nobody flew in its
+/// place, ms.
+fn restarts(flight: &FlightCommand, ticks_apart: u64) -> Result<Vec<f64>> {
+    let count = 4 * ServiceId::ALL.len() as u64;
+    let deaths = ServiceId::ALL.iter().cycle().zip(1..=count);
+    let ticks = (count + 1) * ticks_apart;
+    let duration = format!(
+        "duration={}.{:03}",
+        ticks / TICKS_PER_SECOND,
+        ticks % TICKS_PER_SECOND
+    );
+    let mut options = ["--set", "vehicle.change=[]", "--set", &duration]
+        .map(str::to_owned)
+        .to_vec();
+    options.extend(deaths.flat_map(|(service, number)| {
+        [
+            "--crash".to_owned(),
+            format!("{service}@{}:after-step", number * ticks_apart),
+        ]
+    }));
     let options: Vec<_> = options.iter().map(String::as_str).collect();
     let summary = summary_of_flight(flight, &options)?;
     let rebirths = summary["rebirths"].as_array().into_iter().flatten();

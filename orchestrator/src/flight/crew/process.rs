@@ -1,4 +1,4 @@
-//! One process of a service: started with what it inherits, and waited for.
+//! One process of the crew: started with what it inherits, and waited for.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -9,14 +9,14 @@ use std::time::Instant;
 use runtime::control::{CONTROL_FD, Channel};
 use runtime::descriptors::hand_on;
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
-use shared_types::ServiceId;
 
 /// A process that has been started.
 pub(super) struct Process {
     pub(super) child: Child,
     pub(super) death: OwnedFd,
     pub(super) channel: Channel,
-    pub(super) started_at: Instant,
+    /// When it was started, or asked for what it does now.
+    pub(super) asked_at: Instant,
     pub(super) is_gone: bool,
 }
 
@@ -30,16 +30,16 @@ pub struct Exit {
 }
 
 impl Process {
-    /// Starts the process of a service, which inherits one end of its control channel and then `files`.
+    /// Starts a process of this name, which inherits one end of its control channel and then `files`.
     ///
     /// # Errors
     /// If the system refuses.
-    pub(super) fn start(service: ServiceId, files: &[BorrowedFd<'_>]) -> io::Result<Self> {
+    pub(super) fn start(name: &str, files: &[BorrowedFd<'_>]) -> io::Result<Self> {
         let (channel, theirs) = Channel::pair()?;
         // The running program itself, even if its file has been replaced meanwhile.
         let mut command = Command::new("/proc/self/exe");
         command
-            .args(["service", service.name()])
+            .args(["service", name])
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             // Ctrl-C in a terminal is for the orchestrator alone.
@@ -53,7 +53,7 @@ impl Process {
             child,
             death,
             channel,
-            started_at: Instant::now(),
+            asked_at: Instant::now(),
             is_gone: false,
         })
     }

@@ -1,4 +1,5 @@
 mod flight;
+mod machine;
 mod rig;
 mod safety;
 

@@ -1,0 +1,79 @@
+//! `gerono doctor`: whether this machine is fit for a flight, and what to do if not.
+
+use std::io::IsTerminal;
+use std::time::Duration;
+
+use super::{Failure, print};
+use crate::cli::Doctor;
+use crate::doctor::report::Report;
+use crate::doctor::{Host, Needs, Verdict, disk, examine, runs, wake_up};
+use crate::exit::Exit;
+use crate::interrupt::Interrupt;
+use crate::{progress, run_root, scenario_file};
+
+/// `gerono doctor`.
+///
+/// # Errors
+/// [`Failure`] if the scenario cannot be flown; a machine that is not fit for it is an [`Exit`].
+pub fn doctor(arguments: &Doctor) -> Result<Exit, Failure> {
+    let needs = needs(arguments)?;
+    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let bar = progress::waiting("measuring the disk and the wake-ups");
+    let report = report(arguments, &needs, &interrupt);
+    bar.finish_and_clear();
+    let Some(report) = report else {
+        return Ok(Exit::Signal(interrupt.signal().unwrap_or_default()));
+    };
+    if arguments.json {
+        let text =
+            serde_json::to_string_pretty(&report).map_err(|error| Failure::new(Exit::Trouble, error))?;
+        print(text + "\n");
+    } else {
+        let is_coloured = std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+        print(report.text(is_coloured));
+    }
+    Ok(match report.verdict {
+        Verdict::Green | Verdict::Yellow => Exit::Success,
+        Verdict::Red => Exit::Unfit,
+    })
+}
+
+fn needs(arguments: &Doctor) -> Result<Needs, Failure> {
+    let Some(path) = &arguments.scenario else {
+        return Ok(Needs::ordinary());
+    };
+    let scenario = scenario_file::load(path, &arguments.sets, None).map_err(|error| Failure {
+        report: error.into(),
+        exit: Exit::BadInput,
+    })?;
+    let schedule = scenario
+        .schedule()
+        .map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
+    Ok(Needs::of(&scenario, &schedule))
+}
+
+/// Looks and measures; `None` if somebody has asked for the end.
+fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<Report> {
+    let host = Host::this();
+    let stopped = || interrupt.signal().is_some();
+    let mut checks = examine(&host, needs);
+    let found = run_root::find();
+    checks.extend([runs::live(&found), runs::leavings(&found)]);
+
+    let folder = disk::nearest_folder(&arguments.runs);
+    checks.push(disk::space(&host, &folder, needs));
+    let free = host.space(&folder).map_or(0, |space| space.free);
+    let speed = disk::measure(&folder, free, stopped);
+    if matches!(speed, Ok(None)) {
+        return None;
+    }
+    checks.push(disk::speed(&speed.map(Option::unwrap_or_default), needs));
+
+    let lateness = wake_up::measure(
+        needs.foremost,
+        Duration::from_secs_f64(arguments.seconds),
+        stopped,
+    )?;
+    checks.push(wake_up::judge(&lateness, needs));
+    Some(Report::new(checks, lateness))
+}

@@ -1,0 +1,192 @@
+//! How late a sleeper wakes: the least time by which every step of a flight in real time is late.
+
+use std::time::Duration;
+
+use runtime::deployment::{self, Refusal};
+use rustix::thread::{ClockId, Timespec, clock_nanosleep_absolute};
+use rustix::time::clock_gettime;
+use serde::Serialize;
+use shared_types::scenario::ServiceDeployment;
+use shared_types::service::{nanoseconds, seconds};
+
+use super::check::Check;
+use super::needs::Needs;
+
+/// Time between two wake-ups, ns.
+const PERIOD_NS: u64 = 1_000_000;
+
+/// How late wake-ups were.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Lateness {
+    /// How many were measured.
+    pub count: usize,
+    /// Half of them were at most so late, s.
+    pub p50: f64,
+    /// 99 of 100 were at most so late, s.
+    pub p99: f64,
+    /// 999 of 1000 were at most so late, s.
+    pub p99_9: f64,
+    /// None was later, s.
+    pub max: f64,
+}
+
+impl Lateness {
+    /// From what was measured, ns; at least one.
+    fn of(mut measured: Vec<u64>) -> Self {
+        measured.sort_unstable();
+        let last = measured.len() - 1;
+        // The smallest that so many in a thousand do not exceed.
+        let per_mille = |share: usize| {
+            let rank = (measured.len() * share).div_ceil(1000);
+            seconds(measured[rank.saturating_sub(1)])
+        };
+        Self {
+            count: measured.len(),
+            p50: per_mille(500),
+            p99: per_mille(990),
+            p99_9: per_mille(999),
+            max: seconds(measured[last]),
+        }
+    }
+
+    /// The quantiles with their names.
+    #[must_use]
+    pub fn rows(&self) -> [(&'static str, f64); 4] {
+        [
+            ("p50", self.p50),
+            ("p99", self.p99),
+            ("p99.9", self.p99_9),
+            ("max", self.max),
+        ]
+    }
+}
+
+/// Sleeps to deadlines that are a millisecond apart, as a service of these settings would; `None` if it was stopped.
+///
+/// # Panics
+/// Never: the measuring thread does not.
+#[must_use]
+pub fn measure(
+    settings: ServiceDeployment,
+    lasts: Duration,
+    stopped: impl Fn() -> bool + Send,
+) -> Option<Lateness> {
+    std::thread::scope(|scope| {
+        // A thread of its own: core and priority end with it.
+        let sleeper = scope.spawn(|| {
+            let settings = ServiceDeployment {
+                lock_memory: None,
+                ..settings
+            };
+            // What is not permitted is told by the checks of the limits.
+            let _told_elsewhere: Vec<Refusal> = deployment::apply(&settings);
+            sleep_and_look(lasts, stopped)
+        });
+        sleeper.join().expect("the measuring thread does not panic")
+    })
+}
+
+fn sleep_and_look(lasts: Duration, stopped: impl Fn() -> bool) -> Option<Lateness> {
+    let count = (nanoseconds(lasts.as_secs_f64()) / PERIOD_NS).max(1);
+    let mut measured = Vec::with_capacity(usize::try_from(count).unwrap_or_default());
+    let mut deadline = now_ns();
+    for _ in 0..count {
+        deadline += PERIOD_NS;
+        // A signal wakes early: look whether it was meant for us, and sleep on.
+        while now_ns() < deadline {
+            if stopped() {
+                return None;
+            }
+            let _interrupted = clock_nanosleep_absolute(ClockId::Monotonic, &timespec(deadline));
+        }
+        measured.push(now_ns() - deadline);
+    }
+    Some(Lateness::of(measured))
+}
+
+fn now_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    u64::try_from(now.tv_sec).unwrap_or_default() * 1_000_000_000
+        + u64::try_from(now.tv_nsec).unwrap_or_default()
+}
+
+fn timespec(time_ns: u64) -> Timespec {
+    Timespec {
+        tv_sec: i64::try_from(time_ns / 1_000_000_000).unwrap_or(i64::MAX),
+        tv_nsec: (time_ns % 1_000_000_000) as _,
+    }
+}
+
+/// Whether wake-ups are sharp enough: a step flies with what it has once its `grace` is over.
+#[must_use]
+pub fn judge(lateness: &Lateness, needs: &Needs) -> Check {
+    const NAME: &str = "wake-ups";
+    let fix = "state `deployment.priority` and an isolated `deployment.core`, choose the governor `performance`, and \
+               end what else uses the machine (docs/deployment.md)";
+    let figure = format!(
+        "99 of 100 at most {} late, 999 of 1000 at most {}; a step waits {} for its inputs",
+        microseconds(lateness.p99),
+        microseconds(lateness.p99_9),
+        microseconds(needs.grace)
+    );
+    if lateness.p99 > needs.grace {
+        Check::red(NAME, figure, fix)
+    } else if lateness.p99_9 > needs.grace / 2.0 {
+        Check::yellow(NAME, figure, fix)
+    } else {
+        Check::green(NAME, figure)
+    }
+}
+
+/// A short time for people.
+#[must_use]
+pub fn microseconds(time: f64) -> String {
+    format!("{:.0} µs", 1e6 * time)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Verdict::{Green, Red, Yellow};
+    use super::*;
+
+    #[test]
+    fn quantiles_are_values_that_were_measured() {
+        let lateness = Lateness::of((1..=1000).rev().collect());
+        assert_eq!(lateness.count, 1000);
+        let nanoseconds = lateness.rows().map(|(_, value)| (value * 1e9).round());
+        assert_eq!(nanoseconds, [500.0, 990.0, 999.0, 1000.0]);
+        let one = Lateness::of(vec![7]);
+        assert!(one.rows().iter().all(|(_, value)| *value == 7e-9));
+    }
+
+    #[test]
+    fn wake_ups_are_judged_by_how_long_a_step_waits() {
+        let needs = Needs::ordinary();
+        for (p99, p99_9, verdict) in [
+            (1e-4, 1e-3, Green),
+            (1e-4, 1.1e-3, Yellow),
+            (2e-3, 5e-3, Yellow),
+            (2.1e-3, 5e-3, Red),
+        ] {
+            let lateness = Lateness {
+                count: 3000,
+                p50: 5e-5,
+                p99,
+                p99_9,
+                max: 1e-2,
+            };
+            let check = judge(&lateness, &needs);
+            assert_eq!(check.verdict, verdict, "{check:?}");
+            assert_eq!(check.fix.is_none(), verdict == Green);
+        }
+    }
+
+    #[test]
+    fn nobody_wakes_early_and_who_is_stopped_measures_nothing() {
+        let settings = ServiceDeployment::default();
+        let lateness = measure(settings, Duration::from_millis(20), || false).unwrap();
+        assert_eq!(lateness.count, 20);
+        assert!(lateness.p50 <= lateness.p99 && lateness.p99_9 <= lateness.max);
+        assert_eq!(measure(settings, Duration::from_secs(3600), || true), None);
+    }
+}

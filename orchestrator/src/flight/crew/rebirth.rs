@@ -1,0 +1,29 @@
+//! Deaths that were mended, as the summary and the record of the machine tell of them.
+
+use serde::Serialize;
+use shared_types::ServiceId;
+
+/// A death in flight that was mended.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Rebirth {
+    /// Which service.
+    pub service: ServiceId,
+    /// Id of the new process.
+    pub pid: u32,
+    /// The last tick that had been flown; `None` if it was the first.
+    pub tick: Option<u64>,
+    /// From the moment when the death was noticed until the new process flew, s.
+    pub lost_seconds: f64,
+}
+
+impl std::fmt::Display for Rebirth {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let service = self.service;
+        match self.tick {
+            Some(tick) => write!(formatter, "`{service}` died after tick {tick}")?,
+            None => write!(formatter, "`{service}` died before its first step")?,
+        }
+        let lost = 1e3 * self.lost_seconds;
+        write!(formatter, " and flew again {lost:.1} ms later")
+    }
+}

@@ -1,0 +1,104 @@
+//! A process that waits to take the place of whoever dies next.
+//!
+//! It has loaded, joined the run and built all services by then, which is most of what a new process has to do. A run never depends on it: without one the dead are followed by processes that are started then.
+
+use std::time::{Duration, Instant};
+
+use runtime::control::{Role, ToOrchestrator, ToService};
+use runtime::process::SPARE;
+
+use super::process::Process;
+use super::restart::RestartPolicy;
+use super::{Crew, CrewEvent, Exit};
+
+/// One that has lived for so long was well: what it died of was no fault of its own.
+const SETTLED: Duration = Duration::from_secs(1);
+
+/// The spare process, if there is one.
+#[derive(Default)]
+pub(super) struct Spare {
+    pub(super) process: Option<Process>,
+    /// How many in a row have died young.
+    fruitless: u32,
+    /// When the next one may be started, if not at once.
+    again_at: Option<Instant>,
+    policy: RestartPolicy,
+}
+
+impl Spare {
+    fn is_wanted(&self) -> bool {
+        self.process.is_none()
+            && self.policy.pause(self.fruitless).is_some()
+            && self.again_at.is_none_or(|again_at| again_at <= Instant::now())
+    }
+
+    /// Takes note that one has failed: the next one comes later, or never.
+    fn note_failure(&mut self, has_settled: bool) {
+        self.fruitless = if has_settled { 0 } else { self.fruitless + 1 };
+        let pause = self.policy.pause(self.fruitless);
+        self.again_at = pause.map(|pause| Instant::now() + pause);
+    }
+
+    /// Ends it; nobody misses anything that it has made.
+    pub(super) fn end(&mut self) {
+        if let Some(mut process) = self.process.take() {
+            // It fails only for a process that is gone.
+            let _ = process.child.kill();
+            process.wait();
+        }
+    }
+}
+
+impl Crew<'_> {
+    /// Starts a spare process if there is none. To be called while nobody needs care: whoever does comes first.
+    pub fn keep_spare(&mut self) {
+        if !self.spare.is_wanted() {
+            return;
+        }
+        // Nothing depends on it: what goes wrong with it is the next one's matter.
+        let Ok(process) = self.spawn(SPARE) else {
+            return self.spare.note_failure(false);
+        };
+        if self.instruct(&process, None).is_ok() {
+            self.spare.process = Some(process);
+        } else {
+            self.bury_spare(process);
+        }
+    }
+
+    /// Gives the role to the spare process, if there is one that lives, also if it is not done preparing: it is
+    /// further than one that begins now.
+    pub(super) fn take_spare(&mut self, role: Role) -> Option<Process> {
+        self.listen_to_spare();
+        let mut process = self.spare.process.take()?;
+        if process.channel.send(&ToService::Become(role)).is_err() {
+            self.bury_spare(process);
+            return None;
+        }
+        process.asked_at = Instant::now();
+        self.spare.fruitless = 0;
+        Some(process)
+    }
+
+    /// Notices that the spare process has died or cannot do its work. It has nothing else to say.
+    pub(super) fn listen_to_spare(&mut self) -> Option<CrewEvent> {
+        let channel = &self.spare.process.as_ref()?.channel;
+        if matches!(channel.try_receive::<ToOrchestrator>(), Ok(None)) {
+            return None;
+        }
+        let process = self.spare.process.take()?;
+        self.bury_spare(process);
+        Some(CrewEvent::Died)
+    }
+
+    fn bury_spare(&mut self, mut process: Process) {
+        // One that has only failed still lives.
+        let _ = process.child.kill();
+        let exit = process.wait();
+        self.spare.note_failure(process.asked_at.elapsed() > SETTLED);
+        let description = format!("a spare process: {}", exit.description);
+        self.exits
+            .push((None, process.child.id(), Exit { description, ..exit }));
+        self.member.clean_up_after_the_dead();
+    }
+}

@@ -1,0 +1,276 @@
+//! Flies a scenario as processes in real time: one a service, and this one, which supervises and records.
+//!
+//! Nobody waits for this process: services step by the clock and publish whether anybody listens or not. A service that
+//! dies is noticed at once, one that hangs when it has not stepped for too long; both are born again with what they
+//! knew after their last step, and fly on with the newest that comes.
+
+mod heartbeat;
+mod monitor;
+mod recorder;
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use runtime::control::{RealTime, Start};
+use runtime::flight_clock::FlightClock;
+use runtime::in_process::TickSink;
+use runtime::ports::Member;
+use runtime::step_log::StepRecord;
+use shared_types::scenario::Scenario;
+use shared_types::service::nanoseconds;
+use shared_types::{Schedule, ServiceId, Topic};
+
+use self::heartbeat::Heartbeats;
+use self::monitor::Monitor;
+use self::recorder::{Recorder, SETTLING_NS};
+use super::crew::{Crew, CrewEvent};
+use super::lock_step::{BIRTH_PERIOD, Cores, CrewObserver, Deployment, permitted, port_failure};
+use super::{Ending, FlightFailure, Outcome};
+use crate::interrupt::Interrupt;
+use crate::run_root::RunRoot;
+use crate::summary::timing::{TimingReport, Unrecorded};
+
+/// How often the recorder looks: a fast flight fills a hundredth of its buffers meanwhile.
+const RECORDER_PERIOD: Duration = Duration::from_millis(10);
+
+/// From the decision to fly until tick 0 begins: everybody has been told by then.
+const COUNTDOWN: Duration = Duration::from_millis(50);
+
+/// What happens in a flight in real time, for whoever keeps a record of the machine.
+pub trait StepObserver: CrewObserver {
+    /// Tick 0 will begin after this time.
+    fn flight_begins_in(&mut self, countdown: Duration);
+    /// A service has stepped.
+    fn step(&mut self, service: ServiceId, record: &StepRecord, schedule: &Schedule);
+    /// A service hung and was killed.
+    fn hung(&mut self, service: ServiceId);
+    /// How well the flight kept time.
+    fn timing(&mut self, report: &TimingReport);
+}
+
+/// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
+///
+/// # Errors
+/// [`FlightFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
+pub fn fly<S: TickSink>(
+    scenario: &Scenario,
+    deployment: &Deployment,
+    sink: &mut S,
+    interrupt: &Interrupt,
+    observer: &mut dyn StepObserver,
+) -> Result<Ending, FlightFailure>
+where
+    FlightFailure: From<S::Error>,
+{
+    let schedule = scenario
+        .schedule()
+        .map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
+    let root = RunRoot::create().map_err(|error| FlightFailure::Setup(error.to_string()))?;
+    let scenario = deployment.stated_over(scenario);
+    let is_strict = scenario.deployment.as_ref().is_some_and(|stated| stated.strict);
+    let settings = scenario.real_time.unwrap_or_default();
+    let cores = Cores::choose(deployment.placement, &scenario);
+    cores.keep_off();
+    let member = Member::join(&root.configuration(), "orchestrator").map_err(port_failure)?;
+    let (mut recorder, _topics) = Recorder::create(&member, &schedule).map_err(port_failure)?;
+    let start = Start {
+        scenario,
+        iceoryx2_configuration: root.configuration(),
+        core: cores.ring,
+        scheduler: deployment.scheduler,
+        role: None,
+        real_time: Some(RealTime {
+            grace_ns: nanoseconds(settings.grace),
+        }),
+    };
+    let mut crew = Crew::start(
+        &member,
+        &schedule,
+        start,
+        deployment.crashes.clone(),
+        deployment.restarts,
+    )?;
+    let warnings = permitted(is_strict, crew.await_ready()?)?;
+    observer.ready(&crew, cores.ring);
+    recorder.connect().map_err(port_failure)?;
+
+    let clock = FlightClock::starting_in(COUNTDOWN, schedule.tick_ns());
+    crew.page()
+        .words()
+        .start_ns
+        .store(clock.start_ns, Ordering::Release);
+    observer.flight_begins_in(COUNTDOWN);
+    let started = Instant::now();
+    crew.go()?;
+    let mut flight = Flight {
+        heartbeats: Heartbeats::new(&schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
+        monitor: Monitor::new(&schedule),
+        schedule: &schedule,
+        clock,
+        crew,
+        recorder,
+        observer,
+    };
+    let outcome = flight.supervise(sink, interrupt).unwrap_or_else(Outcome::Failed);
+    let wall_time = started.elapsed().saturating_sub(COUNTDOWN);
+    let outcome = flight.wind_up(sink, outcome);
+    Ok(flight.finish(outcome, wall_time, warnings))
+}
+
+/// A flight under way.
+struct Flight<'a> {
+    schedule: &'a Schedule,
+    clock: FlightClock,
+    crew: Crew<'a>,
+    recorder: Recorder,
+    monitor: Monitor,
+    heartbeats: Heartbeats,
+    observer: &'a mut dyn StepObserver,
+}
+
+impl Flight<'_> {
+    /// Records, watches and mends until the flight is over, one way or the other.
+    fn supervise<S: TickSink>(
+        &mut self,
+        sink: &mut S,
+        interrupt: &Interrupt,
+    ) -> Result<Outcome, FlightFailure>
+    where
+        FlightFailure: From<S::Error>,
+    {
+        let mut next_health = Instant::now() + Duration::from_secs(1);
+        loop {
+            if self.crew.has_finished() {
+                return Ok(Outcome::Completed);
+            }
+            if let Some(signal) = interrupt.signal() {
+                return Ok(Outcome::Interrupted { signal });
+            }
+            let period = if self.crew.needs_care() {
+                BIRTH_PERIOD
+            } else {
+                RECORDER_PERIOD
+            };
+            for event in self.crew.watch(period) {
+                self.attend_to(event)?;
+            }
+            if self.crew.needs_care() {
+                self.crew.mend()?;
+                self.crew.resume_in_real_time()?;
+                self.observer.changed(&self.crew);
+            } else {
+                self.crew.keep_spare();
+            }
+            self.record(sink)?;
+            self.replace_the_hung();
+            if Instant::now() >= next_health {
+                self.observer.health(&self.crew);
+                next_health += Duration::from_secs(1);
+            }
+        }
+    }
+
+    fn attend_to(&mut self, event: CrewEvent) -> Result<(), FlightFailure> {
+        match event {
+            CrewEvent::Lost(failure) => return Err(failure),
+            CrewEvent::Died => self.observer.changed(&self.crew),
+            CrewEvent::Ready(..) | CrewEvent::Finished(_) => {}
+        }
+        Ok(())
+    }
+
+    /// Takes what has been published and told, and writes the ticks that have settled.
+    fn record<S: TickSink>(&mut self, sink: &mut S) -> Result<(), FlightFailure>
+    where
+        FlightFailure: From<S::Error>,
+    {
+        self.recorder.receive()?;
+        self.observe_steps();
+        let settled_ns = self.clock.elapsed_ns().saturating_sub(SETTLING_NS);
+        let settled = (settled_ns / self.clock.tick_ns).min(self.schedule.last_tick() + 1);
+        Ok(self.recorder.write_before(settled, sink)?)
+    }
+
+    fn observe_steps(&mut self) {
+        let Self {
+            monitor,
+            observer,
+            crew,
+            schedule,
+            ..
+        } = self;
+        monitor.collect(crew.step_log(), |service, record| {
+            observer.step(service, record, schedule);
+        });
+    }
+
+    fn replace_the_hung(&mut self) {
+        let now = self.clock.tick().min(self.schedule.last_tick());
+        let crew = &self.crew;
+        let hanging = self
+            .heartbeats
+            .hanging(now, crew.page().words(), |service| crew.flies(service));
+        for service in hanging {
+            self.observer.hung(service);
+            self.crew.kill(service);
+        }
+    }
+
+    /// Ends the services and records what they had published.
+    fn wind_up<S: TickSink>(&mut self, sink: &mut S, outcome: Outcome) -> Outcome
+    where
+        FlightFailure: From<S::Error>,
+    {
+        self.crew.stop();
+        if let Outcome::Failed(FlightFailure::Log(_)) = outcome {
+            return outcome;
+        }
+        self.observe_steps();
+        let flown = ServiceId::ALL.map(|service| {
+            let cell = &self.crew.page().words().cells[service.index()];
+            cell.steps_until.load(Ordering::Relaxed)
+        });
+        let until = flown.into_iter().max().unwrap_or_default();
+        let written = self
+            .recorder
+            .receive()
+            .and_then(|()| Ok(self.recorder.write_before(until, sink)?));
+        match (written, outcome) {
+            (Ok(()), outcome) | (Err(_), outcome @ Outcome::Failed(_)) => outcome,
+            (Err(failure), _) => Outcome::Failed(failure),
+        }
+    }
+
+    fn finish(self, outcome: Outcome, wall_time: Duration, warnings: Vec<String>) -> Ending {
+        let unrecorded = unrecorded(self.schedule, &self.monitor, &self.recorder);
+        let report = TimingReport {
+            unrecorded,
+            ..self.monitor.finish()
+        };
+        self.observer.timing(&report);
+        self.observer.ended(&self.crew, &outcome);
+        Ending {
+            outcome,
+            ticks: self.recorder.ticks(),
+            wall_time,
+            warnings,
+            rebirths: self.crew.rebirths().to_vec(),
+            timing: Some(report),
+        }
+    }
+}
+
+/// Topics that a service publishes at every step and of which fewer samples were received than it did steps.
+fn unrecorded(schedule: &Schedule, monitor: &Monitor, recorder: &Recorder) -> Vec<Unrecorded> {
+    let of_topic = |topic: Topic| {
+        let publisher = topic.publisher()?;
+        let every_step = schedule.topic_rate(topic) == schedule.service_rate(publisher);
+        let steps = monitor.steps(publisher);
+        let samples = steps.saturating_sub(recorder.received(topic));
+        (every_step && samples > 0).then_some(Unrecorded {
+            topic: topic.name(),
+            samples,
+        })
+    };
+    Topic::ALL.into_iter().filter_map(of_topic).collect()
+}

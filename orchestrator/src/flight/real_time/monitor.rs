@@ -1,0 +1,266 @@
+//! Follows every step of a flight in real time: how late it began, how long it took, what it missed, and how long it is
+//! from a capture to the frame that comes of it.
+
+use hdrhistogram::Histogram;
+use runtime::step_log::{StepLog, StepReader, StepRecord};
+use shared_types::schedule::Edge;
+use shared_types::{Schedule, ServiceId, Topic};
+
+use crate::summary::timing::{Quantiles, ServiceTiming, TimingReport};
+
+/// Steps of each service that are kept to be found again by their tick.
+const HISTORY: u64 = 4096;
+
+/// From a capture to the frame: the services on the way, last first, each with the input by which the sample came.
+const CHAIN: [(ServiceId, Topic); 4] = [
+    (ServiceId::RcOutput, Topic::ControlCommand),
+    (ServiceId::Controller, Topic::PathReference),
+    (ServiceId::PathGenerator, Topic::VehicleState),
+    (ServiceId::Estimator, Topic::MocapPose),
+];
+
+/// Collects the records of steps and what follows from them.
+pub struct Monitor {
+    tracks: Vec<Track>,
+    /// Steps whose publishers may not have told of theirs yet.
+    unsettled: Vec<(ServiceId, StepRecord)>,
+    capture_to_frame: Histogram<u64>,
+}
+
+/// What is known of one service.
+struct Track {
+    service: ServiceId,
+    edges: Vec<Edge>,
+    tick_ns: u64,
+    reader: StepReader,
+    recent: Vec<Option<StepRecord>>,
+    steps: u64,
+    missed: u64,
+    late_inputs: u64,
+    stale_inputs: u64,
+    wake: Histogram<u64>,
+    duration: Histogram<u64>,
+}
+
+impl Monitor {
+    /// For a flight of `schedule`.
+    #[must_use]
+    pub fn new(schedule: &Schedule) -> Self {
+        Self {
+            tracks: ServiceId::ALL.map(|service| Track::new(service, schedule)).into(),
+            unsettled: Vec::new(),
+            capture_to_frame: histogram(),
+        }
+    }
+
+    /// Takes the records that have come, and hands each to `sink`.
+    pub fn collect(&mut self, log: &StepLog, mut sink: impl FnMut(ServiceId, &StepRecord)) {
+        let mut come = Vec::new();
+        for track in &mut self.tracks {
+            while let Some(record) = track.reader.next(log) {
+                track.keep(record);
+                sink(track.service, &record);
+                come.push((track.service, record));
+            }
+        }
+        // Those of the collection before: by now their publishers have told of what they consumed.
+        for (service, record) in std::mem::replace(&mut self.unsettled, come) {
+            self.settle(service, &record);
+        }
+    }
+
+    /// What the flight's timing came to.
+    #[must_use]
+    pub fn finish(mut self) -> TimingReport {
+        for (service, record) in std::mem::take(&mut self.unsettled) {
+            self.settle(service, &record);
+        }
+        TimingReport {
+            services: self.tracks.iter().map(Track::report).collect(),
+            capture_to_frame: Quantiles::of(&self.capture_to_frame),
+            unrecorded: Vec::new(),
+        }
+    }
+
+    /// Steps of a service of which records have come, those included that were overwritten before.
+    #[must_use]
+    pub fn steps(&self, service: ServiceId) -> u64 {
+        let track = &self.tracks[service.index()];
+        track.steps + track.reader.overwritten()
+    }
+
+    fn settle(&mut self, service: ServiceId, record: &StepRecord) {
+        let track = &self.tracks[service.index()];
+        let waited_for = track.edges.iter().enumerate().filter_map(|(input, edge)| {
+            let is_awaited = edge.due_sample(record.tick) == Some(record.tick);
+            let publisher = edge.topic.publisher().filter(|_| is_awaited)?;
+            let of_publisher = self.tracks[publisher.index()].at(record.consumed_tick(input)?)?;
+            Some(of_publisher.published_ns)
+        });
+        let could_begin = waited_for.fold(track.tick_ns * record.tick, u64::max);
+        let is_late = record.late_inputs != 0;
+        let track = &mut self.tracks[service.index()];
+        if !is_late {
+            track
+                .wake
+                .saturating_record(record.began_ns.saturating_sub(could_begin));
+        }
+        if let Some(elapsed) = self.since_capture(service, record) {
+            self.capture_to_frame.saturating_record(elapsed);
+        }
+    }
+
+    /// From the moment when the capture was published that a frame rests on until the frame was, ns.
+    fn since_capture(&self, service: ServiceId, record: &StepRecord) -> Option<u64> {
+        if service != ServiceId::RcOutput || record.late_inputs != 0 {
+            return None;
+        }
+        let mut at = *record;
+        for (consumer, topic) in CHAIN {
+            let input = consumer.inputs().iter().position(|input| input.topic == topic)?;
+            at = *self.tracks[topic.publisher()?.index()].at(at.consumed_tick(input)?)?;
+        }
+        record.published_ns.checked_sub(at.published_ns)
+    }
+}
+
+impl Track {
+    fn new(service: ServiceId, schedule: &Schedule) -> Self {
+        let inputs = 0..service.inputs().len();
+        Self {
+            service,
+            edges: inputs.map(|input| schedule.edge(service, input)).collect(),
+            tick_ns: schedule.tick_ns(),
+            reader: StepReader::new(service),
+            recent: vec![None; usize::try_from(HISTORY).expect("a few thousand")],
+            steps: 0,
+            missed: 0,
+            late_inputs: 0,
+            stale_inputs: 0,
+            wake: histogram(),
+            duration: histogram(),
+        }
+    }
+
+    fn keep(&mut self, record: StepRecord) {
+        self.steps += 1;
+        self.missed += record.missed;
+        self.late_inputs += u64::from(record.late_inputs.count_ones());
+        for (input, edge) in self.edges.iter().enumerate() {
+            let is_stale = edge.due_sample(record.tick) != record.consumed_tick(input);
+            self.stale_inputs += u64::from(is_stale);
+        }
+        self.duration
+            .saturating_record(record.published_ns.saturating_sub(record.began_ns));
+        self.recent[slot_of(record.tick)] = Some(record);
+    }
+
+    fn at(&self, tick: u64) -> Option<&StepRecord> {
+        self.recent[slot_of(tick)]
+            .as_ref()
+            .filter(|record| record.tick == tick)
+    }
+
+    fn report(&self) -> ServiceTiming {
+        ServiceTiming {
+            service: self.service.name(),
+            steps: self.steps,
+            missed_steps: self.missed,
+            late_inputs: self.late_inputs,
+            stale_inputs: self.stale_inputs,
+            records_overwritten: self.reader.overwritten(),
+            wake: Quantiles::of(&self.wake),
+            step: Quantiles::of(&self.duration),
+        }
+    }
+}
+
+fn slot_of(tick: u64) -> usize {
+    usize::try_from(tick % HISTORY).expect("below the depth")
+}
+
+/// A histogram of times in ns to two digits, from 1 ns to a minute.
+fn histogram() -> Histogram<u64> {
+    Histogram::new_with_bounds(1, 60_000_000_000, 2).expect("the bounds are those of a histogram")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TICK_NS: u64 = 1_000_000;
+
+    /// A step of the ideal profile that sees what is due, `hop` ns after the one before it in the ring.
+    fn step(schedule: &Schedule, service: ServiceId, tick: u64, hop: u64) -> StepRecord {
+        let place = schedule
+            .order()
+            .iter()
+            .position(|&other| other == service)
+            .unwrap() as u64;
+        let mut record = StepRecord {
+            tick,
+            began_ns: tick * TICK_NS + 2 * place * hop,
+            published_ns: tick * TICK_NS + (2 * place + 1) * hop,
+            ..StepRecord::default()
+        };
+        for input in 0..service.inputs().len() {
+            let due = schedule.edge(service, input).due_sample(tick);
+            record.consumed[input] = due.map_or(0, |due| due + 1);
+        }
+        record
+    }
+
+    fn flown(ticks: u64, change: impl Fn(ServiceId, &mut StepRecord)) -> TimingReport {
+        let schedule = Schedule::ideal(TICK_NS, 1000);
+        let log = StepLog::create().unwrap();
+        let mut monitor = Monitor::new(&schedule);
+        for tick in 0..ticks {
+            for service in ServiceId::ALL {
+                let mut record = step(&schedule, service, tick, 10_000);
+                change(service, &mut record);
+                log.write(service, record);
+            }
+            monitor.collect(&log, |_, _| {});
+        }
+        monitor.finish()
+    }
+
+    #[test]
+    fn hops_steps_and_the_whole_chain_are_measured() {
+        let report = flown(100, |_, _| {});
+        for timing in &report.services {
+            assert_eq!(
+                (timing.steps, timing.missed_steps, timing.late_inputs),
+                (100, 0, 0)
+            );
+            assert_eq!(timing.stale_inputs, 0, "{}", timing.service);
+            let step = timing.step.as_ref().unwrap();
+            assert!((step.p50 / 10e-6 - 1.0).abs() < 0.01, "{step:?}");
+        }
+        let chain = report.capture_to_frame.unwrap();
+        // Four hops and four steps after the capture is published.
+        assert_eq!(chain.count, 100);
+        assert!((chain.p50 / 80e-6 - 1.0).abs() < 0.01, "{chain:?}");
+    }
+
+    #[test]
+    fn what_is_missed_late_or_stale_is_counted() {
+        let report = flown(100, |service, record| {
+            if service == ServiceId::Controller && record.tick == 50 {
+                record.missed = 3;
+                record.late_inputs = 0b10;
+                record.consumed[1] = 47;
+            }
+        });
+        let controller = &report.services[ServiceId::Controller.index()];
+        assert_eq!(
+            (
+                controller.missed_steps,
+                controller.late_inputs,
+                controller.stale_inputs
+            ),
+            (3, 1, 1)
+        );
+        assert_eq!(controller.wake.as_ref().unwrap().count, 99);
+    }
+}

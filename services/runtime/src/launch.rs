@@ -1,0 +1,153 @@
+//! From a service that has joined the run to one that flies: its ports, the start, what a dead predecessor knew.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use shared_types::Schedule;
+use shared_types::service::ErasedService;
+
+use crate::checkpoints::Checkpoints;
+use crate::control::{Channel, ControlError, RealTime, ToOrchestrator, ToService};
+use crate::crash::{CrashPlace, CrashPoint};
+use crate::flight_clock::FlightClock;
+use crate::lock_step::{self, Cockpit, ServicePorts};
+use crate::ports::Topics;
+use crate::process::ProcessError;
+use crate::real_time::{self, RealTimePorts};
+use crate::step::Timetable;
+use crate::step_log::StepLog;
+use crate::wait::Waiter;
+
+/// What a service has that knows its role and may make its ports.
+pub struct Launch<'a> {
+    /// When everybody steps.
+    pub schedule: &'a Schedule,
+    /// The topics that it publishes or consumes.
+    pub topics: &'a Topics,
+    /// Where it keeps what it knows.
+    pub checkpoints: &'a Checkpoints,
+    /// Where it tells of its steps in real time.
+    pub step_log: &'a StepLog,
+    /// Where it shall die.
+    pub crash: CrashPoint,
+    /// What it could not have of its deployment.
+    pub warnings: Vec<String>,
+}
+
+impl Launch<'_> {
+    /// Flies in lock-step once everybody is ready, and stays until the run has ended.
+    ///
+    /// # Errors
+    /// [`ProcessError`].
+    pub fn in_lock_step(
+        self,
+        service: &mut dyn ErasedService,
+        waiter: &mut Waiter,
+    ) -> Result<(), ProcessError> {
+        self.crash.pass(CrashPlace::BeforePorts, 0);
+        let mut ports = ServicePorts::open(self.topics, service.id(), self.schedule, waiter)?;
+        ports.connect()?;
+        self.crash.pass(CrashPlace::AfterPorts, 0);
+        let Some(reborn) = await_go(waiter.channel(), self.warnings)? else {
+            return Ok(());
+        };
+        ports.connect()?;
+        ports.make_known();
+        let mut cockpit = Cockpit {
+            ports: &mut ports,
+            waiter,
+            checkpoints: self.checkpoints,
+            crash: self.crash,
+        };
+        let first_tick = if reborn {
+            go_on(service, self.schedule, &mut cockpit)?
+        } else {
+            0
+        };
+        lock_step::fly(service, self.schedule, first_tick, &mut cockpit)?;
+        stay_until_the_end(cockpit.waiter.channel())
+    }
+
+    /// Flies in real time once everybody is ready, and stays until the run has ended.
+    ///
+    /// # Errors
+    /// [`ProcessError`].
+    pub fn in_real_time(
+        self,
+        service: &mut dyn ErasedService,
+        settings: RealTime,
+        waiter: &Waiter,
+    ) -> Result<(), ProcessError> {
+        self.crash.pass(CrashPlace::BeforePorts, 0);
+        let mut ports = RealTimePorts::open(self.topics, service.id(), self.schedule)?;
+        self.crash.pass(CrashPlace::AfterPorts, 0);
+        let Some(reborn) = await_go(waiter.channel(), self.warnings)? else {
+            return Ok(());
+        };
+        ports.connect()?;
+        let checkpoint = self.checkpoints.newest(service.id()).filter(|_| reborn);
+        if let Some(checkpoint) = &checkpoint {
+            self.crash.pass(CrashPlace::Recovering, checkpoint.next_tick);
+        }
+        let page = Arc::clone(waiter.page());
+        let mut cockpit = real_time::Cockpit {
+            ports,
+            checkpoints: self.checkpoints,
+            step_log: self.step_log,
+            clock: FlightClock {
+                start_ns: page.words().start_ns.load(Ordering::Acquire),
+                tick_ns: self.schedule.tick_ns(),
+            },
+            page,
+            grace_ns: settings.grace_ns,
+            crash: self.crash,
+        };
+        real_time::fly(service, self.schedule, checkpoint.as_ref(), &mut cockpit)?;
+        stay_until_the_end(waiter.channel())
+    }
+}
+
+/// Says that all ports are made and waits for the start: whether another process has flown before this one; none if
+/// the run ends.
+fn await_go(channel: &Channel, warnings: Vec<String>) -> Result<Option<bool>, ProcessError> {
+    channel.send(&ToOrchestrator::Ready { warnings })?;
+    Ok(match channel.receive()? {
+        ToService::Go { reborn } => Some(reborn),
+        _ => None,
+    })
+}
+
+/// Takes what the dead predecessor knew; the tick after the last one that it kept.
+fn go_on(
+    service: &mut dyn ErasedService,
+    schedule: &Schedule,
+    cockpit: &mut Cockpit<'_>,
+) -> Result<u64, ProcessError> {
+    let mut first_tick = 0;
+    cockpit
+        .ports
+        .expect_missed(cockpit.waiter.channel().try_clone()?)?;
+    if let Some(checkpoint) = cockpit.checkpoints.newest(service.id()) {
+        first_tick = checkpoint.next_tick;
+        let timetable = Timetable::new(schedule, service.id());
+        let next = timetable.steps.first_at_or_after(first_tick);
+        if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
+            service.restore(&checkpoint.state);
+        }
+    }
+    cockpit.crash.pass(CrashPlace::Recovering, first_tick);
+    Ok(first_tick)
+}
+
+/// Says that all steps are done, and waits: the last samples stay mapped until everyone has read them.
+fn stay_until_the_end(channel: &Channel) -> Result<(), ProcessError> {
+    channel.send(&ToOrchestrator::Finished)?;
+    loop {
+        match channel.receive::<ToService>() {
+            // Nothing is missing any more.
+            Ok(ToService::Missed { .. }) => {}
+            Ok(_) | Err(ControlError::Closed) => return Ok(()),
+            Err(error) => return Err(error.into()),
+        }
+    }
+}

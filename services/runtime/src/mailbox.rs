@@ -1,0 +1,272 @@
+//! An input of a service in real time: the latest samples that have come, of which a step sees the newest that is due.
+//!
+//! Nothing is waited for and nothing is missed aloud: a newer sample takes the place of an older one. Some are kept
+//! nevertheless, because the newest to have come is not always due: samples of simulated cameras and radios are
+//! still under way for some ticks, and the controller joins two inputs of one tick while the next one of the first
+//! has already come.
+
+use shared_types::schedule::Edge;
+use shared_types::service::{InputView, header_of};
+use shared_types::{Schedule, ServiceId};
+use zerocopy::IntoBytes;
+
+use crate::edge_store::EdgeStore;
+use crate::ports::{PortError, Receiver};
+
+/// Samples that are kept beside those that are under way.
+const SPARE: u64 = 4;
+
+/// The latest samples of an input.
+pub struct Mailbox {
+    /// The input as the schedule sees it.
+    pub edge: Edge,
+    /// Place of the input in the wiring table.
+    pub index: usize,
+    /// Who publishes the topic.
+    pub publisher: ServiceId,
+    receiver: Box<dyn Receiver>,
+    slots: Vec<Slot>,
+    /// Where the next sample is written.
+    next: usize,
+    newest: Option<u64>,
+    /// Tick of the sample that the step before saw.
+    seen: Option<u64>,
+    /// Where faults are planned: all samples that may be due.
+    store: Option<EdgeStore>,
+}
+
+/// A sample that has come: whole words, because it is read in place.
+struct Slot {
+    tick: Option<u64>,
+    words: Box<[u64]>,
+}
+
+/// What a step sees of an input.
+#[derive(Clone, Copy, Debug)]
+pub struct Delivery<'a> {
+    /// The sample.
+    pub view: InputView<'a>,
+    /// Tick of the sample.
+    pub tick: u64,
+}
+
+impl Mailbox {
+    /// An empty mailbox of an input, filled from a port.
+    #[must_use]
+    pub fn new(
+        schedule: &Schedule,
+        service: ServiceId,
+        index: usize,
+        publisher: ServiceId,
+        receiver: Box<dyn Receiver>,
+    ) -> Self {
+        let edge = schedule.edge(service, index);
+        let depth = edge.latency / schedule.topic_rate(edge.topic).period + SPARE;
+        let words = edge.topic.kind().size.div_ceil(size_of::<u64>());
+        let slot = || Slot {
+            tick: None,
+            words: vec![0; words].into_boxed_slice(),
+        };
+        Self {
+            store: edge.has_faults().then(|| EdgeStore::new(edge.clone())),
+            edge,
+            index,
+            publisher,
+            receiver,
+            slots: (0..depth).map(|_| slot()).collect(),
+            next: 0,
+            newest: None,
+            seen: None,
+        }
+    }
+
+    /// Connects to all publishers that exist by now.
+    ///
+    /// # Errors
+    /// That of the port.
+    pub fn connect(&mut self) -> Result<(), PortError> {
+        self.receiver.connect()
+    }
+
+    /// Whether the step at `tick` is to wait for a sample of its own tick.
+    #[must_use]
+    #[inline]
+    pub fn is_awaited(&self, tick: u64) -> bool {
+        self.edge.due_sample(tick) == Some(tick)
+    }
+
+    /// Takes what has come; tells whether the sample of `tick` or a newer one has.
+    ///
+    /// # Errors
+    /// That of the port.
+    #[inline]
+    pub fn has_come(&mut self, tick: u64) -> Result<bool, PortError> {
+        self.collect()?;
+        Ok(self.newest >= Some(tick))
+    }
+
+    /// Takes what has come.
+    ///
+    /// # Errors
+    /// That of the port.
+    #[inline]
+    pub fn collect(&mut self) -> Result<(), PortError> {
+        while self.receiver.receive()? {
+            let bytes = self.receiver.held().expect("just received");
+            let tick = header_of(bytes).tick;
+            // One that was born again may repeat its last words.
+            if self.newest.is_some_and(|newest| tick <= newest) {
+                continue;
+            }
+            self.newest = Some(tick);
+            if let Some(store) = &mut self.store {
+                store.keep(bytes);
+                continue;
+            }
+            let slot = &mut self.slots[self.next];
+            slot.tick = Some(tick);
+            slot.words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
+            self.next = (self.next + 1) % self.slots.len();
+        }
+        Ok(())
+    }
+
+    /// The newest sample that is due at the step at `tick`.
+    #[inline]
+    pub fn deliver(&mut self, tick: u64) -> Option<Delivery<'_>> {
+        let due = self.edge.due_sample(tick)?;
+        if self.store.is_some() {
+            return self.deliver_among_faults(tick, due);
+        }
+        let arrived = self.slots.iter().filter(|slot| slot.tick <= Some(due));
+        let slot = arrived.max_by_key(|slot| slot.tick)?;
+        let found = slot.tick?;
+        let fresh = self.seen.replace(found) != Some(found);
+        Some(Delivery {
+            view: InputView {
+                bytes: Some(&slot.words.as_bytes()[..self.edge.topic.kind().size]),
+                fresh,
+            },
+            tick: found,
+        })
+    }
+
+    #[cold]
+    fn deliver_among_faults(&mut self, tick: u64, due: u64) -> Option<Delivery<'_>> {
+        let store = self.store.as_mut()?;
+        let found = store.newest_at_or_before(due)?;
+        store.forget_before(found);
+        let fresh = self.seen.replace(found) != Some(found);
+        let view = store.view(tick, found);
+        Some(Delivery {
+            view: InputView { fresh, ..view },
+            tick: found,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::VecDeque;
+
+    use super::*;
+    use proptest::prelude::*;
+    use shared_types::samples::RcFrame;
+    use shared_types::{Header, Topic};
+    use zerocopy::FromZeros;
+
+    /// A port on which samples of given ticks have come.
+    #[derive(Default)]
+    struct Port {
+        coming: VecDeque<RcFrame>,
+        held: Option<RcFrame>,
+    }
+
+    impl Receiver for Port {
+        fn receive(&mut self) -> Result<bool, PortError> {
+            let sample = self.coming.pop_front();
+            let is_new = sample.is_some();
+            self.held = sample.or(self.held.take());
+            Ok(is_new)
+        }
+
+        fn held(&self) -> Option<&[u8]> {
+            self.held.as_ref().map(IntoBytes::as_bytes)
+        }
+
+        fn id(&self) -> u128 {
+            0
+        }
+
+        fn connect(&mut self) -> Result<(), PortError> {
+            Ok(())
+        }
+    }
+
+    fn frame(tick: u64) -> RcFrame {
+        let header = Header {
+            tick,
+            stamp_ns: tick,
+            seq: tick,
+        };
+        RcFrame {
+            header,
+            ..RcFrame::new_zeroed()
+        }
+    }
+
+    fn mailbox(ticks: impl IntoIterator<Item = u64>) -> Mailbox {
+        let schedule = Schedule::ideal(1_000_000, 1_000_000);
+        assert_eq!(ServiceId::Plant.inputs()[0].topic, Topic::RcFrame);
+        let port = Port {
+            coming: ticks.into_iter().map(frame).collect(),
+            held: None,
+        };
+        let mut mailbox = Mailbox::new(
+            &schedule,
+            ServiceId::Plant,
+            0,
+            ServiceId::RcOutput,
+            Box::new(port),
+        );
+        mailbox.collect().unwrap();
+        mailbox
+    }
+
+    fn delivered(mailbox: &mut Mailbox, tick: u64) -> Option<(u64, bool)> {
+        let delivery = mailbox.deliver(tick)?;
+        let header = header_of(delivery.view.bytes.unwrap());
+        assert_eq!(header.tick, delivery.tick);
+        Some((delivery.tick, delivery.view.fresh))
+    }
+
+    proptest! {
+        /// The plant sees a frame one tick after it was sent.
+        #[test]
+        fn a_step_sees_the_newest_sample_that_is_due(gaps in prop::collection::vec(1u64..5, 1..20), at in 0u64..100) {
+            let ticks: Vec<u64> = gaps.iter().scan(0, |tick, gap| { *tick += gap; Some(*tick) }).collect();
+            let last = *ticks.last().unwrap();
+            let mut mailbox = mailbox(ticks.iter().copied());
+            // No more than the spare places are kept: a step long past is not asked for.
+            let at = last + at;
+            let expected = ticks.iter().rev().take(4).copied().find(|&tick| tick < at);
+            prop_assert_eq!(delivered(&mut mailbox, at).map(|(tick, _)| tick), expected);
+        }
+    }
+
+    #[test]
+    fn a_sample_is_fresh_once() {
+        let mut mailbox = mailbox([3, 4]);
+        assert_eq!(delivered(&mut mailbox, 3), None);
+        assert_eq!(delivered(&mut mailbox, 4), Some((3, true)));
+        assert_eq!(delivered(&mut mailbox, 5), Some((4, true)));
+        assert_eq!(delivered(&mut mailbox, 6), Some((4, false)));
+    }
+
+    #[test]
+    fn what_one_that_was_born_again_repeats_is_passed_over() {
+        let mut mailbox = mailbox([3, 4, 3, 4, 5]);
+        assert_eq!(delivered(&mut mailbox, 5), Some((4, true)));
+        assert_eq!(delivered(&mut mailbox, 6), Some((5, true)));
+    }
+}

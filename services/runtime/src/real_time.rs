@@ -1,0 +1,363 @@
+//! The real-time host of one service: the clock says when to step, and the newest sample wins.
+//!
+//! The schedule is that of lock-step, with ticks on `CLOCK_MONOTONIC`. A step begins when its tick does, and for inputs
+//! that are published at the same tick, as soon as they have come: the chain from the capture to the radio frame runs
+//! at the beginning of a tick, each service woken by the one before. Whoever waits in vain flies, after a grace, with
+//! what it has; whoever wakes too late leaves out the steps whose time has passed. So a flight in which nothing is late
+//! is the flight of lock-step, sample by sample, and else every deviation is in the records of the steps
+//! ([`crate::step_log`]), from which they can be done again.
+//!
+//! The simulated world is the exception: it leaves out no step, since its time does not stand still, and makes up for
+//! those that it could not do in time.
+
+use std::num::NonZeroU32;
+use std::sync::Arc;
+use std::sync::atomic::{Ordering, fence};
+
+use rustix::thread::{clock_nanosleep_absolute, futex};
+use rustix::time::ClockId;
+use shared_types::schedule::Publication;
+use shared_types::service::ErasedService;
+use shared_types::{Schedule, ServiceId};
+
+use crate::checkpoints::{Checkpoint, Checkpoints};
+use crate::crash::{self, CrashPlace, CrashPoint};
+use crate::flight_clock::{FlightClock, deadline, monotonic_ns};
+use crate::lock_step::FlightError;
+use crate::mailbox::Mailbox;
+use crate::ports::{PortError, Sender, Topics};
+use crate::shared_page::{Cell, SharedPage};
+use crate::step::{self, Slots, Timetable, Views};
+use crate::step_log::{StepLog, StepRecord};
+use crate::wait::announcement;
+
+/// Longest sleep before somebody looks whether the run is to end, ns.
+const LONGEST_SLEEP_NS: u64 = 100_000_000;
+
+/// A service's ports in real time.
+pub struct RealTimePorts {
+    mailboxes: Vec<Mailbox>,
+    outputs: Vec<OutputPort>,
+    consumers: Vec<ServiceId>,
+}
+
+struct OutputPort {
+    publication: Publication,
+    sender: Box<dyn Sender>,
+}
+
+impl RealTimePorts {
+    /// Makes the ports that the wiring table gives a service.
+    ///
+    /// # Errors
+    /// [`PortError`].
+    pub fn open(topics: &Topics, id: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
+        let mut mailboxes = Vec::new();
+        for (index, spec) in id.inputs().iter().enumerate() {
+            let receiver = topics.of(spec.topic).receiver()?;
+            let publisher = spec
+                .topic
+                .publisher()
+                .expect("services consume what services publish");
+            mailboxes.push(Mailbox::new(schedule, id, index, publisher, receiver));
+        }
+        // Whoever publishes last within a tick is waited for first: its sample is the last to come.
+        let place = |service| schedule.order().iter().position(|&other| other == service);
+        mailboxes
+            .sort_by_key(|mailbox| std::cmp::Reverse((mailbox.edge.latency == 0, place(mailbox.publisher))));
+        let mut outputs = Vec::new();
+        for spec in id.outputs() {
+            outputs.push(OutputPort {
+                publication: schedule.publication(spec.topic),
+                sender: topics.of(spec.topic).newest_sender()?,
+            });
+        }
+        Ok(Self {
+            mailboxes,
+            outputs,
+            consumers: consumers_of(id),
+        })
+    }
+
+    /// Connects all ports to those of the others that exist by now.
+    ///
+    /// # Errors
+    /// [`PortError`].
+    pub fn connect(&mut self) -> Result<(), PortError> {
+        self.mailboxes.iter_mut().try_for_each(Mailbox::connect)?;
+        self.outputs
+            .iter_mut()
+            .try_for_each(|output| output.sender.connect())
+    }
+}
+
+/// Who consumes what a service publishes.
+fn consumers_of(id: ServiceId) -> Vec<ServiceId> {
+    let topics = id.outputs().iter().map(|output| output.topic);
+    let mut consumers: Vec<_> = topics
+        .flat_map(shared_types::Topic::consumers)
+        .map(|(service, _)| service)
+        .collect();
+    consumers.sort_unstable();
+    consumers.dedup();
+    consumers
+}
+
+/// What a service flies with in real time beside its step logic.
+pub struct Cockpit<'a> {
+    /// Its ports.
+    pub ports: RealTimePorts,
+    /// The words that the run shares.
+    pub page: Arc<SharedPage>,
+    /// Where it keeps what it knows.
+    pub checkpoints: &'a Checkpoints,
+    /// Where it tells of its steps.
+    pub step_log: &'a StepLog,
+    /// The flight's clock.
+    pub clock: FlightClock,
+    /// How long a step waits beyond the begin of its tick for inputs of that tick, ns: half of the service's period if
+    /// that is longer, and never longer than to its next.
+    pub grace_ns: u64,
+    /// Where it shall die.
+    pub crash: CrashPoint,
+}
+
+/// Flies a service from now to its last step; with `checkpoint` as it was after an earlier one.
+///
+/// # Errors
+/// [`FlightError`].
+pub fn fly(
+    service: &mut dyn ErasedService,
+    schedule: &Schedule,
+    checkpoint: Option<&Checkpoint>,
+    cockpit: &mut Cockpit<'_>,
+) -> Result<(), FlightError> {
+    let timetable = Timetable::new(schedule, service.id());
+    let mut previous = None;
+    let mut first_tick = 0;
+    if let Some(checkpoint) = checkpoint {
+        first_tick = checkpoint.next_tick;
+        let next = timetable.steps.first_at_or_after(first_tick);
+        if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
+            service.restore(&checkpoint.state);
+            previous = checkpoint.next_tick.checked_sub(1);
+        }
+    }
+    let mut next = timetable.steps.first_at_or_after(first_tick);
+    while let Some(due) = next.filter(|&tick| tick <= schedule.last_tick()) {
+        let (tick, missed) = cockpit.step_to_do(&timetable, due, schedule.last_tick());
+        cockpit.sleep_until(service.id(), cockpit.clock.begins_at(tick))?;
+        let late_inputs = cockpit.await_inputs(&timetable, tick)?;
+        cockpit.crash.pass(CrashPlace::BeforeStep, tick);
+        if timetable.begins_anew_at(tick) {
+            previous = None;
+        }
+        let begun = StepRecord {
+            tick,
+            began_ns: cockpit.clock.elapsed_ns(),
+            missed,
+            late_inputs,
+            ..StepRecord::default()
+        };
+        cockpit.step_and_publish(service, &timetable, previous, begun)?;
+        previous = Some(tick);
+        next = timetable.steps.first_at_or_after(tick + 1);
+        if timetable.dies_after(tick, next) {
+            crash::die();
+        }
+    }
+    Ok(())
+}
+
+impl Cockpit<'_> {
+    /// The step to do next, of those from `due` on: the newest whose time has come, or else the first to come; and how
+    /// many are left out. None is left out that is the newest to publish something.
+    fn step_to_do(&self, timetable: &Timetable, due: u64, last_tick: u64) -> (u64, u64) {
+        if timetable.service.is_the_world() {
+            return (due, 0);
+        }
+        let now = self.clock.tick().min(last_tick);
+        let Some(newest) = timetable
+            .steps
+            .last_at_or_before(now)
+            .filter(|&newest| newest > due)
+        else {
+            return (due, 0);
+        };
+        let publications = timetable.outputs.iter();
+        let to_be_published = publications
+            .filter_map(|output| output.ticks.last_at_or_before(now))
+            .filter(|&tick| tick >= due);
+        let tick = to_be_published.min().unwrap_or(newest);
+        let missed = timetable.steps.count_before(tick) - timetable.steps.count_before(due);
+        (tick, missed)
+    }
+
+    fn cell(&self, service: ServiceId) -> &Cell {
+        &self.page.words().cells[service.index()]
+    }
+
+    fn is_stopping(&self) -> bool {
+        self.page.words().stopping.load(Ordering::Relaxed) != 0
+    }
+
+    /// Sleeps until a time has come.
+    fn sleep_until(&self, service: ServiceId, at_ns: u64) -> Result<(), FlightError> {
+        loop {
+            if self.is_stopping() {
+                return Err(FlightError::Stopping);
+            }
+            let now = monotonic_ns();
+            if now >= at_ns {
+                return Ok(());
+            }
+            if at_ns - now > LONGEST_SLEEP_NS {
+                let rung = self.cell(service).bell.load(Ordering::SeqCst);
+                self.doze(service, rung, now + LONGEST_SLEEP_NS);
+            } else {
+                // An interrupted sleep is continued.
+                let _ = clock_nanosleep_absolute(ClockId::Monotonic, &deadline(at_ns));
+            }
+        }
+    }
+
+    /// Sleeps until the bell has been rung more often than `rung` times, or a time has come.
+    #[inline]
+    fn doze(&self, service: ServiceId, rung: u32, until_ns: u64) {
+        // Rung meanwhile, interrupted or timed out: in any case everything is looked at again.
+        let _ = futex::wait_bitset(
+            &self.cell(service).bell,
+            futex::Flags::empty(),
+            rung,
+            Some(&deadline(until_ns)),
+            NonZeroU32::MAX,
+        );
+    }
+
+    /// Waits for the inputs that are published at the tick of the step, up to the grace; which of them are late.
+    #[inline]
+    fn await_inputs(&mut self, timetable: &Timetable, tick: u64) -> Result<u64, FlightError> {
+        let service = timetable.service;
+        let half_a_period_ns = timetable.steps.rate.period * self.clock.tick_ns / 2;
+        let next = timetable.steps.first_at_or_after(tick + 1);
+        let give_up_at = (self.clock.begins_at(tick) + self.grace_ns.max(half_a_period_ns))
+            .min(self.clock.begins_at(next.unwrap_or(u64::MAX)));
+        let mut late = 0;
+        for place in 0..self.ports.mailboxes.len() {
+            if !self.ports.mailboxes[place].is_awaited(tick) {
+                self.ports.mailboxes[place].collect()?;
+                continue;
+            }
+            if !self.await_input(service, place, tick, give_up_at)? {
+                late |= 1 << self.ports.mailboxes[place].index;
+            }
+        }
+        Ok(late)
+    }
+
+    /// Waits for one input; `false` if it is late.
+    #[inline]
+    fn await_input(
+        &mut self,
+        service: ServiceId,
+        place: usize,
+        tick: u64,
+        give_up_at: u64,
+    ) -> Result<bool, FlightError> {
+        if self.ports.mailboxes[place].has_come(tick)? {
+            return Ok(true);
+        }
+        let announced = announcement(self.ports.mailboxes[place].publisher);
+        self.cell(service).waiting_for.store(announced, Ordering::Relaxed);
+        let has_come = loop {
+            let rung = self.cell(service).bell.load(Ordering::SeqCst);
+            // Announcement before, the look after: pairs with the fence in `wake`.
+            fence(Ordering::SeqCst);
+            if self.ports.mailboxes[place].has_come(tick)? {
+                break true;
+            }
+            if self.is_stopping() {
+                return Err(FlightError::Stopping);
+            }
+            if monotonic_ns() >= give_up_at {
+                break false;
+            }
+            self.doze(service, rung, give_up_at);
+            Cell::count(&self.cell(service).blocks);
+        };
+        self.cell(service).waiting_for.store(0, Ordering::Relaxed);
+        Ok(has_come)
+    }
+
+    #[inline]
+    fn step_and_publish(
+        &mut self,
+        service: &mut dyn ErasedService,
+        timetable: &Timetable,
+        previous: Option<u64>,
+        begun: StepRecord,
+    ) -> Result<(), FlightError> {
+        let tick = begun.tick;
+        let mut record = begun;
+        let RealTimePorts {
+            mailboxes, outputs, ..
+        } = &mut self.ports;
+        let mut views = Views::default();
+        for mailbox in mailboxes {
+            let index = mailbox.index;
+            if let Some(delivery) = mailbox.deliver(tick) {
+                record.consumed[index] = delivery.tick + 1;
+                views[index] = delivery.view;
+            }
+        }
+        let mut slots = Slots::default();
+        for (slot, output) in slots.iter_mut().zip(&mut *outputs) {
+            if output.publication.is_due(tick) {
+                let header = output.publication.header(tick);
+                *slot = step::prepared(output.publication.topic, header, output.sender.loan()?);
+            }
+        }
+        let now = timetable.now_after(previous, tick);
+        timetable.step_at(service, &now, &views, &mut slots)?;
+        self.crash.pass(CrashPlace::AfterStep, tick);
+        for output in outputs {
+            output.sender.send()?;
+            self.crash.pass(CrashPlace::BetweenPublishes, tick);
+        }
+        self.crash.pass(CrashPlace::AfterPublishing, tick);
+        record.published_ns = self.clock.elapsed_ns();
+        self.crash.pass(CrashPlace::BeforeWaking, tick);
+        self.wake(service.id());
+        self.keep(service, record);
+        Ok(())
+    }
+
+    /// Wakes those services that sleep for a publication of this one.
+    #[inline]
+    fn wake(&self, service: ServiceId) {
+        // Publications before, announcements after: pairs with the fence in `await_input`.
+        fence(Ordering::SeqCst);
+        let mine = announcement(service);
+        for &consumer in &self.ports.consumers {
+            let cell = self.cell(consumer);
+            if cell.waiting_for.load(Ordering::Relaxed) == mine {
+                cell.ring();
+            }
+        }
+    }
+
+    /// Keeps what the service knows, and tells of the step.
+    #[inline]
+    fn keep(&self, service: &dyn ErasedService, record: StepRecord) {
+        let write = |bytes: &mut [u8]| {
+            service.save(bytes);
+            self.crash.pass(CrashPlace::Checkpointing, record.tick + 1);
+        };
+        self.checkpoints
+            .write(service.id(), record.tick + 1, service.state_size(), write);
+        let cell = self.cell(service.id());
+        cell.steps_until.store(record.tick + 1, Ordering::Relaxed);
+        Cell::count(&cell.steps);
+        self.step_log.write(service.id(), record);
+    }
+}

@@ -1,0 +1,243 @@
+//! Flights in real time: what they are compared with lock-step, and what becomes of services that die or hang in them.
+//!
+//! Nothing here depends on how fast or how punctual the machine is: what is late is told, and that is what is checked.
+
+mod common;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::process::{Child, Stdio};
+
+use common::{Place, finish, processes_of, scenario, services_of, shared_memory_of, signal, succeed, until};
+use orchestrator::log::{HostEvent, LogReader, ServiceStep};
+use orchestrator::summary::z1_norm;
+use rustix::process::Signal;
+use shared_types::ServiceId;
+use shared_types::samples::ControlErrors;
+use zerocopy::FromBytes;
+
+/// Samples of a type in `host.mcap`.
+fn host_samples<T: FromBytes>(place: &Place, out: &str, channel: &str) -> Vec<T> {
+    let file = std::fs::read(place.path(out).join("host.mcap")).unwrap();
+    let messages = mcap::MessageStream::new(&file).unwrap();
+    messages
+        .map(|message| message.unwrap())
+        .filter(|message| message.channel.topic == channel)
+        .map(|message| T::read_from_bytes(&message.data[4..]).unwrap())
+        .collect()
+}
+
+fn summary(place: &Place, out: &str) -> serde_json::Value {
+    let text = std::fs::read_to_string(place.path(out).join("summary.json")).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+/// All samples of a log, by tick and topic.
+fn samples(log: &Path) -> BTreeMap<(u64, usize), Vec<u8>> {
+    let mut reader = LogReader::open(log).unwrap();
+    let mut samples = BTreeMap::new();
+    while let Some(sample) = reader.next_sample().unwrap() {
+        samples.insert((sample.header.tick, sample.topic.index()), sample.bytes.to_vec());
+    }
+    samples
+}
+
+/// A flight in real time under way, to the folder `out`.
+fn take_off(place: &Place, out: &str, seconds: f64) -> Child {
+    let hover = scenario("hover");
+    let duration = format!("duration={seconds:?}");
+    let arguments = [
+        "run",
+        hover.to_str().unwrap(),
+        "--out",
+        out,
+        "--host",
+        "realtime",
+        "--set",
+        &duration,
+    ];
+    let mut command = place.gerono(&arguments);
+    let child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    until("all services", || {
+        (services_of(child.id()).len() == ServiceId::ALL.len()).then_some(())
+    });
+    // Its first chunk is written when it flies.
+    let log = place.path(out).join("run.mcap.partial");
+    until("the first chunk", || {
+        std::fs::metadata(&log)
+            .is_ok_and(|file| file.len() > 20_000)
+            .then_some(())
+    });
+    child
+}
+
+fn pid_of(orchestrator: u32, service: ServiceId) -> Option<u32> {
+    let services = services_of(orchestrator);
+    services
+        .into_iter()
+        .find(|(name, _)| name == service.name())
+        .map(|(_, pid)| pid)
+}
+
+/// Waits until another process than `pid` is the service.
+fn await_successor(orchestrator: u32, service: ServiceId, pid: u32) {
+    until("a successor", || {
+        pid_of(orchestrator, service).filter(|&now| now != pid)
+    });
+}
+
+fn assert_nothing_is_left(place: &Place, orchestrator: u32) {
+    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+    assert_eq!(processes_of(orchestrator), Vec::new());
+}
+
+#[test]
+fn until_something_is_late_a_flight_in_real_time_is_that_of_lock_step() {
+    let place = Place::new();
+    let slow = ["--set", "schedule.tick=0.005"];
+    succeed(&mut place.short_flight("lock-step", 2.0, &slow));
+    let theirs = samples(&place.path("lock-step").join("run.mcap"));
+    // A machine in use may be late from the first tick on, but not every time.
+    let punctual = (0..5).map(|flight| {
+        let out = format!("real-time-{flight}");
+        succeed(&mut place.short_flight(&out, 2.0, &[&slow[..], &["--host", "realtime"]].concat()));
+        punctual_samples(&place, &out, &theirs)
+    });
+    assert!(punctual.into_iter().any(|samples| samples > 0));
+}
+
+/// Demands of a flight in real time that its samples are those of lock-step until something was late; how many.
+fn punctual_samples(place: &Place, out: &str, theirs: &BTreeMap<(u64, usize), Vec<u8>>) -> usize {
+    let steps: Vec<ServiceStep> = host_samples(place, out, "host/steps");
+    let timing = &summary(place, out)["timing"];
+    assert_eq!(timing["unrecorded"], serde_json::json!([]));
+    let rows = timing["services"].as_array().unwrap().iter();
+    let steps_in_summary: u64 = rows.map(|row| row["steps"].as_u64().unwrap()).sum();
+    assert_eq!(steps_in_summary, steps.len() as u64);
+
+    // In the ideal profile the due sample of an input is the one of the tick, less its latency: 1 + its number.
+    let is_punctual = |step: &&ServiceStep| {
+        let service = ServiceId::ALL[step.service as usize];
+        let mut inputs = service.inputs().iter().zip(step.consumed);
+        step.missed == 0
+            && inputs.all(|(input, consumed)| {
+                consumed == (step.tick + 1).saturating_sub(input.default_latency_ticks)
+            })
+    };
+    let late = steps
+        .iter()
+        .filter(|step| !is_punctual(step))
+        .map(|step| step.tick);
+    let first_late = late.min().unwrap_or(u64::MAX);
+    let ours = samples(&place.path(out).join("run.mcap"));
+    let punctual = theirs.range(..(first_late, 0));
+    punctual
+        .map(|(key, sample)| assert!(ours.get(key) == Some(sample), "another sample at tick {}", key.0))
+        .count()
+}
+
+#[test]
+fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() {
+    let place = Place::new();
+    let child = take_off(&place, "out", 100.0);
+    let orchestrator = child.id();
+    for service in ServiceId::ALL {
+        let pid = until("the service", || pid_of(orchestrator, service));
+        signal(pid, Signal::KILL);
+        await_successor(orchestrator, service, pid);
+    }
+    // A second or so later all is as before.
+    let log = place.path("out").join("run.mcap.partial");
+    let size = || std::fs::metadata(&log).unwrap().len();
+    let size_then = size();
+    until("another second", || {
+        (size() > size_then + 2_000_000).then_some(())
+    });
+    signal(orchestrator, Signal::INT);
+    let output = finish(child);
+    assert_eq!(
+        output.status.code(),
+        Some(130),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+
+    let summary = summary(&place, "out");
+    let reborn: Vec<_> = summary["rebirths"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|one| one["service"].as_str().unwrap().to_owned())
+        .collect();
+    let names: BTreeSet<_> = reborn.into_iter().collect();
+    assert_eq!(
+        names,
+        ServiceId::ALL.map(|service| service.name().to_owned()).into()
+    );
+    // It ends where it should be, on the path that waited for it.
+    let log = LogReader::open(&place.path("out").join("run.mcap")).unwrap();
+    let errors = log.samples::<ControlErrors>().last().unwrap().unwrap();
+    let distance = z1_norm(&errors).unwrap();
+    assert!(distance < 0.2, "‖z1‖ ended at {distance} m");
+    let steps: Vec<ServiceStep> = host_samples(&place, "out", "host/steps");
+    for service in ServiceId::ALL {
+        let mut own = steps
+            .iter()
+            .filter(|step| step.service as usize == service.index());
+        let mut next = own.next().unwrap().tick + 1;
+        for step in own {
+            assert_eq!(
+                step.tick,
+                next + u64::from(step.missed),
+                "{service}: a step is neither told nor missed"
+            );
+            next = step.tick + 1;
+        }
+    }
+    assert_nothing_is_left(&place, orchestrator);
+}
+
+#[test]
+fn a_service_that_hangs_is_replaced() {
+    let place = Place::new();
+    let child = take_off(&place, "out", 5.0);
+    let orchestrator = child.id();
+    let services = [ServiceId::Controller, ServiceId::RcOutput];
+    for service in services {
+        let pid = until("the service", || pid_of(orchestrator, service));
+        signal(pid, Signal::STOP);
+        await_successor(orchestrator, service, pid);
+    }
+    let output = finish(child);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let events: Vec<HostEvent> = host_samples(&place, "out", "host/events");
+    let hung: Vec<_> = events
+        .iter()
+        .filter(|event| event.kind == HostEvent::KIND_HUNG)
+        .map(|event| event.service as usize)
+        .collect();
+    assert_eq!(hung, services.map(ServiceId::index));
+    assert_nothing_is_left(&place, orchestrator);
+}
+
+#[test]
+fn an_interrupt_ends_a_flight_with_its_log_whole() {
+    let place = Place::new();
+    let child = take_off(&place, "out", 60.0);
+    let orchestrator = child.id();
+    signal(orchestrator, Signal::INT);
+    let output = finish(child);
+    assert_eq!(output.status.code(), Some(130));
+    let ticks = samples(&place.path("out").join("run.mcap"));
+    assert!(ticks.len() > 100, "only {} samples", ticks.len());
+    assert_nothing_is_left(&place, orchestrator);
+}
