@@ -252,15 +252,16 @@ fn the_vehicle_counts_as_airborne_from_lift_off_to_touch_down_only() {
 
 #[test]
 fn nothing_arms_while_anything_is_not_ready() {
-    let spoilers: [(&str, fn(&mut Flown)); 8] = [
+    type Spoil = fn(&mut Flown);
+    let spoilers: [(&str, Spoil); 8] = [
         ("not tracked", |flown| flown.vehicle.tracked = false.into()),
         ("coasting", |flown| flown.vehicle.coasting = true.into()),
         ("not converged", |flown| flown.vehicle.position_sigma = 0.021),
         ("the transmitter lacks an input", |flown| {
-            flown.frame.inputs_fresh = false.into()
+            flown.frame.inputs_fresh = false.into();
         }),
         ("it demands to land", |flown| {
-            flown.frame.action = RcFrame::ACTION_LAND
+            flown.frame.action = RcFrame::ACTION_LAND;
         }),
         ("it has killed", |flown| flown.frame.action = RcFrame::ACTION_KILL),
         ("frames are none of a link", |flown| flown.frame.mode = 9),

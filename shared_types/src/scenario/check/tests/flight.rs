@@ -157,7 +157,7 @@ fn a_vehicle_that_moves_does_not_stand_on_the_ground() {
 fn limits_that_cannot_be_kept_are_refused() {
     let fence = |change: fn(&mut Fence)| {
         move |_: &mut Scenario, _: &mut Flight, envelope: &mut Envelope| {
-            change(envelope.r#box.as_mut().unwrap())
+            change(envelope.r#box.as_mut().unwrap());
         }
     };
     refused(
@@ -176,7 +176,7 @@ fn limits_that_cannot_be_kept_are_refused() {
         "0 or",
     );
     let swapped = problems(fence(|fence| {
-        std::mem::swap(&mut fence.min[2], &mut fence.max[2])
+        std::mem::swap(&mut fence.min[2], &mut fence.max[2]);
     }));
     assert_eq!(swapped[0].key.to_string(), "envelope.box.max.2");
     refused(
