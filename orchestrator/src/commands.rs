@@ -9,6 +9,7 @@ pub mod replay;
 pub mod reproduce;
 pub mod run;
 pub mod small;
+pub mod top;
 
 use std::path::{Path, PathBuf};
 

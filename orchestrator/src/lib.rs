@@ -8,6 +8,7 @@
 //! * [`reproduce`]: the paper's figures, flown again and judged;
 //! * [`matrix`]: everything that can fail, failing in every way, judged;
 //! * [`doctor`]: whether the machine is fit for a flight;
+//! * [`live`], [`top`]: a run in real time as seen from another terminal;
 //! * [`run_folder`], [`run_root`]: its places on disk and in shared memory.
 
 pub mod cli;
@@ -29,3 +30,4 @@ pub mod run_root;
 pub mod scenario_file;
 pub mod services;
 pub mod summary;
+pub mod top;
