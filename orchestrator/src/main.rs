@@ -37,6 +37,7 @@ fn main() -> ExitCode {
         }
         Command::Service { name } => small::service(&name).map(|()| Exit::Success),
         Command::Load { core } => bench::load(core).map(|()| Exit::Success),
+        Command::ChainMember(arguments) => bench::chain_member(&arguments).map(|()| Exit::Success),
         Command::RingMember(arguments) => bench::ring_member(&arguments).map(|()| Exit::Success),
     };
     match result {
