@@ -5,6 +5,7 @@ pub mod check;
 pub mod doctor;
 pub mod faults;
 pub mod operate;
+pub mod replay;
 pub mod reproduce;
 pub mod run;
 pub mod small;

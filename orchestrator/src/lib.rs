@@ -23,6 +23,7 @@ pub mod log;
 pub mod matrix;
 pub mod plot;
 pub mod progress;
+pub mod replay;
 pub mod reproduce;
 pub mod run_folder;
 pub mod run_root;

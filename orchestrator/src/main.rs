@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use orchestrator::cli::{Cli, Command, Operate};
-use orchestrator::commands::{Failure, bench, check, doctor, faults, operate, reproduce, run, small, top};
+use orchestrator::commands::{Failure, bench, check, doctor, faults, operate, replay, reproduce, run, small, top};
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
 use runtime::shared_page::Request;
@@ -15,6 +15,7 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
         Command::Plot(arguments) => small::plot(&arguments).map(|()| Exit::Success),
         Command::Export(arguments) => small::export(&arguments).map(|()| Exit::Success),
+        Command::Replay(arguments) => replay::replay(&arguments),
         Command::Digest(arguments) => small::digest(&arguments).map(|()| Exit::Success),
         Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
         }
         Command::Service { name } => small::service(&name).map(|()| Exit::Success),
         Command::Load { core } => bench::load(core).map(|()| Exit::Success),
+        Command::ChainMember(arguments) => bench::chain_member(&arguments).map(|()| Exit::Success),
         Command::RingMember(arguments) => bench::ring_member(&arguments).map(|()| Exit::Success),
     };
     match result {
