@@ -4,7 +4,9 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use orchestrator::cli::{Cli, Command, Operate};
-use orchestrator::commands::{Failure, bench, check, doctor, faults, operate, replay, reproduce, run, small, top};
+use orchestrator::commands::{
+    Failure, bench, check, doctor, faults, operate, replay, reproduce, run, small, top,
+};
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
 use runtime::shared_page::Request;
