@@ -1,6 +1,6 @@
 //! The real-time host of one service: the clock says when to step, and the newest sample wins.
 //!
-//! The schedule is that of lock-step, with ticks on `CLOCK_MONOTONIC`. A step begins when its tick does, and with inputs
+//! The schedule is that of lock-step, with ticks on `CLOCK_MONOTONIC`. A step begins when its tick does, and for inputs
 //! that are published at the same tick, as soon as they have come: the chain from the capture to the radio frame runs
 //! at the beginning of a tick, each service woken by the one before. Whoever waits in vain flies, after a grace, with
 //! what it has; whoever wakes too late leaves out the steps whose time has passed. So a flight in which nothing is late
@@ -40,8 +40,6 @@ pub struct RealTimePorts {
     mailboxes: Vec<Mailbox>,
     outputs: Vec<OutputPort>,
     consumers: Vec<ServiceId>,
-    /// Whether who publishes an input steps at other ticks too, and would wake the service for nothing.
-    is_disturbed: bool,
 }
 
 struct OutputPort {
@@ -75,11 +73,7 @@ impl RealTimePorts {
                 sender: topics.of(spec.topic).newest_sender()?,
             });
         }
-        let own = schedule.service_rate(id);
-        let disturbs =
-            |mailbox: &Mailbox| mailbox.edge.latency == 0 && schedule.service_rate(mailbox.publisher) != own;
         Ok(Self {
-            is_disturbed: mailboxes.iter().any(disturbs),
             mailboxes,
             outputs,
             consumers: consumers_of(id),
@@ -160,6 +154,8 @@ pub fn fly(
     let mut next = timetable.steps.first_at_or_after(first_tick);
     while let Some(due) = next.filter(|&tick| tick <= schedule.last_tick()) {
         let (tick, missed) = cockpit.step_to_do(&timetable, due, schedule.last_tick());
+        // Also who is woken by an input wakes with the tick: with its memory in the caches again it is a fifth faster then.
+        cockpit.sleep_until(service.id(), cockpit.clock.begins_at(tick))?;
         let late_inputs = cockpit.await_inputs(&timetable, tick)?;
         cockpit.crash.pass(CrashPlace::BeforeStep, tick);
         if cockpit.lone_flight.has_ended(cockpit.page.words()) {
@@ -250,34 +246,23 @@ impl Cockpit<'_> {
         );
     }
 
-    /// Waits for the tick of the step and for the inputs that are published at it, up to the grace; which of them are late.
-    ///
-    /// Such an input cannot come before the tick begins, so that whoever waits for one needs no other alarm, unless others
-    /// would wake it too. Were everyone to wake at the begin of a tick, most would do so only to sleep again, in the way
-    /// of the one that can step.
+    /// Waits for the inputs that are published at the tick of the step, up to the grace; which of them are late.
     #[inline]
     fn await_inputs(&mut self, timetable: &Timetable, tick: u64) -> Result<u64, FlightError> {
         let service = timetable.service;
         let half_a_period_ns = timetable.steps.rate.period * self.clock.tick_ns / 2;
         let next = timetable.steps.first_at_or_after(tick + 1);
-        let begins_at = self.clock.begins_at(tick);
-        let give_up_at = (begins_at + self.grace_ns.max(half_a_period_ns))
+        let give_up_at = (self.clock.begins_at(tick) + self.grace_ns.max(half_a_period_ns))
             .min(self.clock.begins_at(next.unwrap_or(u64::MAX)));
-        if self.ports.is_disturbed {
-            self.sleep_until(service, begins_at)?;
-        }
         let mut late = 0;
         for place in 0..self.ports.mailboxes.len() {
-            let mailbox = &self.ports.mailboxes[place];
-            let (index, is_awaited) = (mailbox.index, mailbox.is_awaited(tick));
-            if is_awaited && !self.await_input(service, place, tick, give_up_at)? {
-                late |= 1 << index;
+            if !self.ports.mailboxes[place].is_awaited(tick) {
+                self.ports.mailboxes[place].collect()?;
+                continue;
             }
-        }
-        self.sleep_until(service, begins_at)?;
-        let others = self.ports.mailboxes.iter_mut();
-        for mailbox in others.filter(|mailbox| !mailbox.is_awaited(tick)) {
-            mailbox.collect()?;
+            if !self.await_input(service, place, tick, give_up_at)? {
+                late |= 1 << self.ports.mailboxes[place].index;
+            }
         }
         Ok(late)
     }
@@ -306,11 +291,10 @@ impl Cockpit<'_> {
             if self.is_stopping() {
                 return Err(FlightError::Stopping);
             }
-            let now = monotonic_ns();
-            if now >= give_up_at {
+            if monotonic_ns() >= give_up_at {
                 break false;
             }
-            self.doze(service, rung, give_up_at.min(now + LONGEST_SLEEP_NS));
+            self.doze(service, rung, give_up_at);
             Cell::count(&self.cell(service).blocks);
         };
         self.cell(service).waiting_for.store(0, Ordering::Relaxed);
