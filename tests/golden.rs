@@ -19,27 +19,27 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
     (
         "fig1",
         SHORT,
-        "156455ddd8190e6672714def7185887c3f745c1dbee7c3da8d85e00adb4d9a8c",
+        "f6028e276680d95e741c34be6f2e9c67e291f74e520445ac3ad47b2fae757fba",
     ),
     (
         "fig2_near",
         SHORT,
-        "dd91719344cf6288329a9d7b81c0c07b028213ec61b9f2e4ff770e9280287795",
+        "39f8cf565c88e892a26bcbbd7b10bab9376c71e5d3b900cbfe93ce813bff2fec",
     ),
     (
         "circle",
         SHORT,
-        "27b1451d173ef1c2d7197b420d68bfef2d1def68b2f650da16edbec9deb2b6a1",
+        "cabd1540415a54bb73b9d8e0ebb05fda4e780739e96f7741b9769153ec0ef051",
     ),
     (
         "waypoints",
         SHORT,
-        "316773ebe6a0dcdfe41506656611751bcc30f2d38f4610bf8b636d77cc05a097",
+        "bb158590f56a24dd4d0d621b59b5786c065e5601043946aedeaa2d464a0d7ce4",
     ),
     (
         "fig3_6",
         &common::ALL_OF_THE_RIG,
-        "3f68ad7afbbe0261242e519463cf3ad9805f4b8272dccabf7a0bd5ca36610ac1",
+        "6188a01b7db77029b251a8ae816c1ded8db5c3ba48f7a83b51f59cda7facb106",
     ),
 ];
 

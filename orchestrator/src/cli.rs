@@ -41,6 +41,11 @@ pub enum Command {
     Plot(Plot),
     /// Write the samples of a log as JSON lines, for other programs.
     Export(Export),
+    /// Do the steps of a log again on what it has recorded, and compare what comes of them byte for byte.
+    ///
+    /// Every service is fed the recorded samples, so that a difference names the service that made it. Works on logs of
+    /// simulated and of real time (whose host.mcap must lie beside run.mcap), with planned faults, and cut short.
+    Replay(Replay),
     /// Print the SHA-256 of a log's messages (topic, time, payload): equal logs of equal experiments.
     Digest(Digest),
     /// Measure this machine: simulated seconds per wall second of every host, beside bare rings as floors.
@@ -84,6 +89,13 @@ pub enum Command {
     Kill(Operate),
     /// End a flight in real time: it lands and disarms first; asked again, it disarms in the air.
     Stop(Operate),
+    /// Look at a flight in real time while it goes on, from any terminal.
+    ///
+    /// Shows how every service keeps time, how long it is from a capture to the frame, the vehicle's error and estimates over
+    /// the last minute, and what has happened. It only looks, and the flight never waits for it. With --allow-faults
+    /// the selected service can be killed or frozen, each after a confirmation. The key `?` explains the keys and what is shown.
+    #[command(after_help = Top::EXAMPLES)]
+    Top(Top),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
@@ -267,12 +279,55 @@ impl Host {
     }
 }
 
+/// Arguments of `gerono replay`.
+#[derive(Debug, Args)]
+pub struct Replay {
+    /// The log, or the folder of a run.
+    pub log: PathBuf,
+    /// Which services [default: all].
+    #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = service)]
+    pub services: Vec<ServiceId>,
+    /// Change a value of the scenario, for example `--set controller.k1=5`: what would have been published on these
+    /// inputs? May be given several times; a difference is then no failure.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Show no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
 /// Arguments of the commands that ask something of a live run.
 #[derive(Debug, Args)]
 pub struct Operate {
     /// The run, if several are under way: the name of its place, as `gerono doctor` shows it.
     #[arg(long, value_name = "ID")]
     pub run: Option<String>,
+}
+
+/// Arguments of `gerono top`.
+#[derive(Debug, Args)]
+pub struct Top {
+    /// Which run.
+    #[command(flatten)]
+    pub run: Operate,
+    /// Permit the keys that kill (`k`) and freeze (`f`) the selected service; without it they do nothing.
+    #[arg(long, conflicts_with = "once")]
+    pub allow_faults: bool,
+    /// Print how the run is now, and no more; needs no terminal.
+    #[arg(long)]
+    pub once: bool,
+    /// Print it as JSON, for other programs.
+    #[arg(long, requires = "once")]
+    pub json: bool,
+}
+
+impl Top {
+    /// What `gerono top --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono top\n  \
+        gerono top --allow-faults\n  \
+        gerono top --once --json | jq '.services[] | {name, rate, wake: .wake.p99}'\n\n\
+        Exit codes: 0 left by a key, or the run has ended; 1 there is no such run, or no terminal.";
 }
 
 /// Arguments of `gerono check`.

@@ -5,9 +5,11 @@ pub mod check;
 pub mod doctor;
 pub mod faults;
 pub mod operate;
+pub mod replay;
 pub mod reproduce;
 pub mod run;
 pub mod small;
+pub mod top;
 
 use std::path::{Path, PathBuf};
 

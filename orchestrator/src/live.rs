@@ -5,6 +5,7 @@
 
 pub mod snapshot;
 
+use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 
 use runtime::control::{Channel, ControlError};
@@ -127,13 +128,42 @@ impl LiveRun {
     /// [`LiveError::Ended`] or [`LiveError::Socket`].
     pub fn ask(&self, question: &Question) -> Result<Answer, LiveError> {
         let answer = self.channel.send(question).and_then(|()| self.channel.receive());
-        answer.map_err(|error| match error {
+        answer.map_err(|error| self.failure(error))
+    }
+
+    /// Asks without waiting; tells whether the run could take the question. The answers come in the order of the questions.
+    ///
+    /// # Errors
+    /// [`LiveError::Ended`] or [`LiveError::Socket`].
+    pub fn say(&self, question: &Question) -> Result<bool, LiveError> {
+        self.channel
+            .try_send(question)
+            .map_err(|error| self.failure(error))
+    }
+
+    /// The next answer, if it has come.
+    ///
+    /// # Errors
+    /// [`LiveError::Ended`] or [`LiveError::Socket`].
+    pub fn hear(&self) -> Result<Option<Answer>, LiveError> {
+        self.channel.try_receive().map_err(|error| self.failure(error))
+    }
+
+    fn failure(&self, error: ControlError) -> LiveError {
+        match error {
             ControlError::Closed => LiveError::Ended(self.name.clone()),
             error => LiveError::Socket {
                 run: self.name.clone(),
                 reason: error.to_string(),
             },
-        })
+        }
+    }
+}
+
+/// Becomes readable when an answer has come or the run has ended.
+impl AsFd for LiveRun {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.channel.as_fd()
     }
 }
 

@@ -4,7 +4,9 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use orchestrator::cli::{Cli, Command, Operate};
-use orchestrator::commands::{Failure, bench, check, doctor, faults, operate, reproduce, run, small};
+use orchestrator::commands::{
+    Failure, bench, check, doctor, faults, operate, replay, reproduce, run, small, top,
+};
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
 use runtime::shared_page::Request;
@@ -15,6 +17,7 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
         Command::Plot(arguments) => small::plot(&arguments).map(|()| Exit::Success),
         Command::Export(arguments) => small::export(&arguments).map(|()| Exit::Success),
+        Command::Replay(arguments) => replay::replay(&arguments),
         Command::Digest(arguments) => small::digest(&arguments).map(|()| Exit::Success),
         Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
@@ -24,6 +27,7 @@ fn main() -> ExitCode {
         Command::Disarm(arguments) => operate(&arguments, &Question::Operate(Request::Disarm)),
         Command::Kill(arguments) => operate(&arguments, &Question::Operate(Request::Kill)),
         Command::Stop(arguments) => operate(&arguments, &Question::Stop),
+        Command::Top(arguments) => top::top(&arguments),
         Command::Clean => small::clean().map(|()| Exit::Success),
         Command::Schema => {
             small::schema();

@@ -48,6 +48,8 @@ pub struct Conditions {
     pub overdue: bool,
     /// The vehicle stands on the ground again.
     pub touched_down: bool,
+    /// Whoever keeps the phases begins anew, and finds frames on their way that carry a vehicle.
+    pub found_flying: bool,
 }
 
 /// A row of the table: in a phase, under a condition, comes another.
@@ -64,7 +66,7 @@ pub struct Row {
 }
 
 /// The table.
-pub const ROWS: [Row; 12] = {
+pub const ROWS: [Row; 13] = {
     use FlightPhase::{Armed, Disarmed, Fly, Land, TakeOff};
     const fn row(
         from: FlightPhase,
@@ -80,6 +82,12 @@ pub const ROWS: [Row; 12] = {
         }
     }
     [
+        row(
+            Disarmed,
+            TakeOff,
+            "found in the air by a path generator that begins anew",
+            |now| !now.stops() && now.found_flying,
+        ),
         row(
             Disarmed,
             Armed,

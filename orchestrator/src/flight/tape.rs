@@ -171,3 +171,34 @@ fn describe_end(fault: &Fault) -> String {
         None => String::new(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::log::test_flight::scenario;
+
+    #[test]
+    fn what_the_operator_is_planned_to_ask_for_is_an_event_of_its_tick() {
+        let mut flown = scenario(0.001, 20.0);
+        let kinds = |scenario: &Scenario| -> Vec<_> {
+            let events = scheduled_events(scenario, &scenario.schedule().unwrap()).into_iter();
+            events
+                .filter(|event| event.kind >= RunEvent::KIND_OPERATOR_ARMS)
+                .map(|event| (event.header.tick, event.kind))
+                .collect()
+        };
+        assert_eq!(kinds(&flown), []);
+        flown.flight = Some(Flight {
+            arm_at: Some(0.5),
+            kill_at: Some(3.0),
+            ..Flight::default()
+        });
+        assert_eq!(
+            kinds(&flown),
+            [
+                (500, RunEvent::KIND_OPERATOR_ARMS),
+                (3000, RunEvent::KIND_OPERATOR_KILLS)
+            ]
+        );
+    }
+}

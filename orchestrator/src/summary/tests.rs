@@ -232,3 +232,36 @@ fn the_summary_says_for_programs_and_for_people_what_is_lost() {
         assert!(text.contains(part), "{part} is not in\n{text}");
     }
 }
+
+#[test]
+fn the_phases_of_a_flight_from_the_ground_are_told_with_their_begins() {
+    let (mut scenario, schedule) = flight();
+    let phases = [(0, 0), (100, 1), (200, 2), (700, 3), (1500, 4), (1900, 0)];
+    let summary_of = |scenario: &Scenario| {
+        let mut summary = FlightSummary::new(scenario, &schedule);
+        for tick in 0..=2000 {
+            let mut reference = PathReference::new_zeroed();
+            reference.header = schedule.header(Topic::PathReference, tick);
+            let phase = phases.iter().rfind(|(from, _)| *from <= tick);
+            reference.phase = phase.map_or(0, |(_, phase)| *phase);
+            summary.observe(Topic::PathReference, reference.as_bytes());
+        }
+        summary.finish(facts())
+    };
+    assert_eq!(summary_of(&scenario).flight, []);
+    scenario.flight = Some(shared_types::scenario::Flight::default());
+    let summary = summary_of(&scenario);
+    let told: Vec<_> = summary
+        .flight
+        .iter()
+        .map(|begin| (begin.phase, begin.begins))
+        .collect();
+    let names = ["disarmed", "armed", "take-off", "fly", "land", "disarmed"];
+    let begins = phases.map(|(tick, _)| seconds(schedule.time_ns(tick)));
+    assert_eq!(told, names.into_iter().zip(begins).collect::<Vec<_>>());
+    let shown = summary.to_string();
+    assert!(
+        shown.contains("flight: disarmed at 0 s, armed at 1 s, take-off at 2 s"),
+        "{shown}"
+    );
+}

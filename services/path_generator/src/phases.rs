@@ -9,6 +9,9 @@
 //!   and the frames asked for less than [`UNLOADED`] of the thrust that carried it. As long as that lasts the vehicle
 //!   no longer counts as airborne.
 //!
+//! * *found flying*: at its first steps, born anew without its memory, it finds frames that ask for as much thrust as
+//!   the lightest vehicle needs. It then leads the vehicle from where that is to the path, as in a take-off.
+//!
 //! What leads the vehicle is a parameter that moves along something: along the path by the timing law, along straight
 //! [lines](crate::lines) like time. A landing brings the parameter to rest, wherever it is, and a descent begins there.
 //!
@@ -20,7 +23,7 @@ use shared_types::flight_phase::{Conditions, FlightPhase};
 use shared_types::rotation::from_row_major;
 use shared_types::sample::Flag;
 use shared_types::samples::{RcFrame, VehicleState};
-use shared_types::scenario::{self, Scenario};
+use shared_types::scenario::{self, GRAVITY, Scenario};
 use shared_types::service::{Operator, nanoseconds};
 use shared_types::{Now, ServiceId, Topic};
 use zerocopy::FromZeros;
@@ -83,8 +86,10 @@ shared_types::sample! {
         pub stopping: Flag,
         /// Whether the operator's arming has been used up.
         pub spent: Flag,
+        /// Whether it is known if the vehicle was in the air at the first step.
+        pub begun: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 3],
+        pub pad0: [u8; 2],
     }
 }
 
@@ -122,6 +127,8 @@ pub struct Phases {
     stated: scenario::Flight,
     /// Ages up to which states and frames are recent, ns.
     fresh_ns: [u64; 2],
+    /// Thrust below which the lightest vehicle cannot be flying, N.
+    airborne_thrust: f64,
     /// What is remembered.
     pub memory: PhasesMemory,
 }
@@ -134,6 +141,7 @@ impl Phases {
         scenario.flight.as_ref().map(|stated| Self {
             stated: stated.clone(),
             fresh_ns: topics.map(|topic| scenario.fresh_age_ns(topic, ServiceId::PathGenerator)),
+            airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
             memory: PhasesMemory::new_zeroed(),
         })
     }
@@ -166,6 +174,8 @@ impl Phases {
         self.go_along(elapsed, sight);
         let conditions = self.conditions(now, sight);
         let (before, after) = (self.phase(), self.phase().next(&conditions));
+        let has_seen = sight.frame.is_some_and(|frame| frame.failsafe.is_set()) || self.memory.begun.is_set();
+        self.memory.begun = (has_seen || conditions.found_flying).into();
         if !now.operator.armed {
             self.memory.spent = false.into();
         }
@@ -271,6 +281,12 @@ impl Phases {
                 && way_from_path.is_some_and(|way| way.norm() <= ARRIVED),
             overdue: memory.waited > PATIENCE,
             touched_down: memory.standing_for >= STANDING,
+            found_flying: !memory.begun.is_set()
+                && sight.vehicle.is_some()
+                && sight.frame_age_ns <= self.fresh_ns[1]
+                && sight
+                    .frame
+                    .is_some_and(|frame| !frame.failsafe.is_set() && frame.thrust >= self.airborne_thrust),
         }
     }
 
@@ -291,14 +307,15 @@ impl Phases {
     }
 
     fn enter(&mut self, now: &Now, phase: FlightPhase, sight: &Sight<'_>) {
-        let was_led = self.phase();
+        let before = self.phase();
         self.memory.phase = phase.code();
         self.memory.began_ns = now.time_ns;
         match phase {
             FlightPhase::Disarmed => {
                 self.memory = PhasesMemory {
                     began_ns: now.time_ns,
-                    spent: (self.memory.spent.is_set() || was_led != FlightPhase::Armed).into(),
+                    spent: (self.memory.spent.is_set() || before != FlightPhase::Armed).into(),
+                    begun: true.into(),
                     ..PhasesMemory::new_zeroed()
                 };
             }
@@ -311,8 +328,14 @@ impl Phases {
                 let from = sight
                     .vehicle
                     .map_or(sight.path, |vehicle| Vector3::from(vehicle.position_world));
-                let to = from - Vector3::z() * self.stated.takeoff_height;
-                self.begin(PhasesMemory::WAY_RISE, from, to);
+                if before == FlightPhase::Disarmed {
+                    self.memory.airborne = true.into();
+                    self.memory.carrying_thrust = sight.frame.map_or(0.0, |frame| frame.thrust);
+                    self.begin(PhasesMemory::WAY_TRANSIT, from, sight.path);
+                } else {
+                    let to = from - Vector3::z() * self.stated.takeoff_height;
+                    self.begin(PhasesMemory::WAY_RISE, from, to);
+                }
             }
             FlightPhase::Fly => self.memory.way = PhasesMemory::WAY_PATH,
             FlightPhase::Land => {

@@ -16,9 +16,11 @@ use std::sync::atomic::{Ordering, fence};
 
 use rustix::thread::{clock_nanosleep_absolute, futex};
 use rustix::time::ClockId;
+use shared_types::samples::PathReference;
 use shared_types::schedule::Publication;
 use shared_types::service::{ErasedService, Operator};
-use shared_types::{Now, Schedule, ServiceId};
+use shared_types::{Now, Schedule, ServiceId, Topic};
+use zerocopy::FromBytes;
 
 use crate::checkpoints::{Checkpoint, Checkpoints};
 use crate::crash::{self, CrashPlace, CrashPoint};
@@ -128,6 +130,16 @@ pub struct Cockpit<'a> {
 fn bits_of(operator: Operator) -> u64 {
     let Operator { armed, land, killed } = operator;
     u64::from(armed) | u64::from(land) << 1 | u64::from(killed) << 2
+}
+
+/// Whether what a service is about to publish says that the vehicle rests disarmed.
+#[cold]
+fn tells_of_rest(timetable: &Timetable, slots: &Slots<'_>) -> bool {
+    let mut outputs = timetable.outputs.iter().zip(slots);
+    let reference = outputs.find(|(output, _)| output.topic == Topic::PathReference);
+    let bytes = reference.and_then(|(_, slot)| slot.bytes.as_deref());
+    let reference = bytes.and_then(|bytes| PathReference::ref_from_bytes(bytes).ok());
+    reference.is_some_and(|reference| reference.phase == PathReference::PHASE_DISARMED)
 }
 
 /// Flies a service from now to its last step; with `checkpoint` as it was after an earlier one.
@@ -317,6 +329,7 @@ impl Cockpit<'_> {
             ..planned
         };
         record.operator = bits_of(now.operator);
+        record.previous = previous.map_or(0, |previous| previous + 1);
         let RealTimePorts {
             mailboxes, outputs, ..
         } = &mut self.ports;
@@ -325,6 +338,7 @@ impl Cockpit<'_> {
             let index = mailbox.index;
             if let Some(delivery) = mailbox.deliver(tick) {
                 record.consumed[index] = delivery.tick + 1;
+                record.fresh_inputs |= u64::from(delivery.view.fresh) << index;
                 views[index] = delivery.view;
             }
         }
@@ -336,6 +350,10 @@ impl Cockpit<'_> {
             }
         }
         timetable.step_at(service, &now, &views, &mut slots)?;
+        if self.lone_flight.is_to_land() && tells_of_rest(timetable, &slots) {
+            // The vehicle is down, and nobody is there to end the run.
+            self.page.words().stopping.store(1, Ordering::Relaxed);
+        }
         self.crash.pass(CrashPlace::AfterStep, tick);
         for output in outputs {
             output.sender.send()?;
@@ -373,9 +391,10 @@ impl Cockpit<'_> {
         }
     }
 
-    /// Keeps what the service knows, and tells of the step.
+    /// Tells of the step, and keeps what the service knows: in this order, so that a step is never known and untold.
     #[inline]
     fn keep(&self, service: &dyn ErasedService, record: StepRecord) {
+        self.step_log.write(service.id(), record);
         let write = |bytes: &mut [u8]| {
             service.save(bytes);
             self.crash.pass(CrashPlace::Checkpointing, record.tick + 1);
@@ -385,6 +404,5 @@ impl Cockpit<'_> {
         let cell = self.cell(service.id());
         cell.steps_until.store(record.tick + 1, Ordering::Relaxed);
         Cell::count(&cell.steps);
-        self.step_log.write(service.id(), record);
     }
 }

@@ -13,11 +13,12 @@ const CALM: Conditions = Conditions {
     arrived: false,
     overdue: false,
     touched_down: false,
+    found_flying: false,
 };
 
 /// All that can be the case.
 fn every_condition() -> impl Iterator<Item = Conditions> {
-    (0..1_u32 << 10).map(|bits| {
+    (0..1_u32 << 11).map(|bits| {
         let is = |place: u32| bits >> place & 1 == 1;
         Conditions {
             armed: is(0),
@@ -30,6 +31,7 @@ fn every_condition() -> impl Iterator<Item = Conditions> {
             arrived: is(7),
             overdue: is(8),
             touched_down: is(9),
+            found_flying: is(10),
         }
     })
 }
@@ -52,8 +54,13 @@ fn flies_on(now: &Conditions) -> bool {
 #[test]
 fn it_arms_when_asked_anew_with_all_ready_and_nobody_who_wants_it_down() {
     leads_exactly_when(Disarmed, Armed, |now| {
-        flies_on(now) && now.arming_is_new && now.ready && !now.land
+        flies_on(now) && now.arming_is_new && now.ready && !now.land && !now.found_flying
     });
+}
+
+#[test]
+fn who_finds_the_vehicle_in_the_air_leads_it_to_the_path() {
+    leads_exactly_when(Disarmed, TakeOff, |now| flies_on(now) && now.found_flying);
 }
 
 #[test]
@@ -107,7 +114,7 @@ fn on_its_way_down_it_disarms_on_the_ground() {
 #[test]
 fn nothing_else_leads_anywhere() {
     let ways = [
-        (Disarmed, [Disarmed, Armed].as_slice()),
+        (Disarmed, [Disarmed, Armed, TakeOff].as_slice()),
         (Armed, &[Armed, Disarmed, TakeOff]),
         (TakeOff, &[TakeOff, Disarmed, Land, Fly]),
         (Fly, &[Fly, Disarmed, Land]),

@@ -30,6 +30,8 @@ fn an_ideal_scenario_has_none_of_them_and_does_not_mention_them() {
         "/estimator",
         "/rc_output",
         "/model",
+        "/flight",
+        "/envelope",
         "/vehicle/actuators",
         "/vehicle/drag",
         "/vehicle/turbulence",
@@ -299,4 +301,54 @@ fn a_section_that_lacks_another_is_refused_at_its_table() {
             "help: add `[model]`",
         ],
     );
+}
+
+/// Phases and an envelope for fig1.toml, which flies in the air.
+const PHASES: &str = r#"
+[flight]
+arm_at = 1.0                    # s
+landing_speed = 0.2             # m/s
+
+[envelope]
+tilt = { max = 0.8, action = "kill" }
+estimate = { position_sigma = 0.05, action = "land" }
+"#;
+
+#[test]
+fn phases_and_an_envelope_are_read_as_they_are_written() {
+    let text = fig1() + PHASES;
+    let scenario = load_text(&text, &[]).unwrap();
+    assert_eq!(scenario.flight.unwrap().landing_speed, 0.2);
+    let envelope = scenario.envelope.unwrap();
+    assert_eq!(
+        envelope.tilt.unwrap().action,
+        shared_types::scenario::Action::Kill
+    );
+    assert_eq!(envelope.land_within, 20.0);
+}
+
+#[test]
+fn mistakes_in_phases_and_envelope_are_shown_where_they_are() {
+    for (part, replacement, pieces) in [
+        (
+            "arm_at = 1.0",
+            "armat = 1.0",
+            ["`flight.armat` is unknown", "did you mean `arm_at`?"],
+        ),
+        (
+            "arm_at = 1.0",
+            "arm_at = 99.0",
+            ["after the end of the flight", "raise `duration`"],
+        ),
+        ("\"kill\"", "\"stop\"", ["`stop` is not known here", "`kill`"]),
+        ("max = 0.8", "max = 4.0", ["upside down is π", "below π"]),
+        (
+            "landing_speed = 0.2",
+            "landing_speed = 0.0",
+            ["is not above 0", "give a number above 0"],
+        ),
+    ] {
+        let text = with(&(fig1() + PHASES), part, replacement);
+        refused_on_line(&text, line_of(&text, replacement), &pieces);
+    }
 }

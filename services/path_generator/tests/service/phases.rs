@@ -252,15 +252,16 @@ fn the_vehicle_counts_as_airborne_from_lift_off_to_touch_down_only() {
 
 #[test]
 fn nothing_arms_while_anything_is_not_ready() {
-    let spoilers: [(&str, fn(&mut Flown)); 8] = [
+    type Spoil = fn(&mut Flown);
+    let spoilers: [(&str, Spoil); 8] = [
         ("not tracked", |flown| flown.vehicle.tracked = false.into()),
         ("coasting", |flown| flown.vehicle.coasting = true.into()),
         ("not converged", |flown| flown.vehicle.position_sigma = 0.021),
         ("the transmitter lacks an input", |flown| {
-            flown.frame.inputs_fresh = false.into()
+            flown.frame.inputs_fresh = false.into();
         }),
         ("it demands to land", |flown| {
-            flown.frame.action = RcFrame::ACTION_LAND
+            flown.frame.action = RcFrame::ACTION_LAND;
         }),
         ("it has killed", |flown| flown.frame.action = RcFrame::ACTION_KILL),
         ("frames are none of a link", |flown| flown.frame.mode = 9),
@@ -450,4 +451,46 @@ fn a_step_in_any_phase_allocates_nothing() {
         }
     });
     assert_eq!((count, flown.reference.phase), (0, PathReference::PHASE_DISARMED));
+}
+
+#[test]
+fn who_begins_anew_in_the_air_leads_the_vehicle_from_where_it_is_to_the_path() {
+    for land in [false, true] {
+        let mut flown = Flown::eight();
+        flown.until(ARMED, PathReference::PHASE_FLY);
+        flown.for_seconds(ARMED, 4.0);
+        let place = flown.vehicle.position_world;
+        flown.generator = PathGeneratorService::new(&flown.scenario).unwrap();
+        let reference = flown.step(if land { TO_LAND } else { ARMED });
+        assert_eq!(reference.phase, PathReference::PHASE_TAKE_OFF);
+        assert!(reference.airborne.is_set());
+        assert_eq!(reference.position_world, place);
+        if land {
+            flown.until(TO_LAND, PathReference::PHASE_DISARMED);
+        } else {
+            flown.until(ARMED, PathReference::PHASE_FLY);
+        }
+    }
+}
+
+#[test]
+fn who_begins_anew_on_the_ground_or_with_old_frames_does_not_take_it_for_the_air() {
+    for (failsafe, thrust, age) in [(true, 0.0, 0), (false, 0.1, 0), (false, 2.0, 200)] {
+        let mut generator = PathGeneratorService::new(&phased(paper_path())).unwrap();
+        let tick = 5000;
+        let now = Now {
+            tick,
+            time_ns: tick * TICK_NS,
+            elapsed_ns: 0,
+            operator: ARMED,
+        };
+        let mut frame = RcFrame {
+            failsafe: failsafe.into(),
+            thrust,
+            ..idle_frame()
+        };
+        frame.header.stamp_ns = (tick - age) * TICK_NS;
+        let reference = step_in_phases(&mut generator, &now, Some(&at_rest_on_the_ground()), Some(&frame));
+        assert!(reference.phase < PathReference::PHASE_TAKE_OFF);
+    }
 }

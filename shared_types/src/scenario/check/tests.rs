@@ -1,3 +1,4 @@
+mod flight;
 mod machine;
 mod rig;
 mod safety;
