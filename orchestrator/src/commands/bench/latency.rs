@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use shared_types::scenario::Scenario;
 
 use super::chain;
-use super::measure::{FlightCommand, Load, Result, Scratch, median, progress_of, summary_of_flight};
+use super::measure::{FlightCommand, Load, Result, Scratch, complaint, fly_by_command, median, progress_of};
 use super::{Failure, SCENARIO, print, write_json};
 use crate::cli::BenchLatency;
 use crate::exit::Exit;
@@ -187,12 +187,17 @@ impl Place<'_> {
             .map_err(|error| FlightFailure::Setup(error.to_string()))
     }
 
-    /// What the summary of a flight says of its timing.
+    /// What the summary of a flight says of its timing. On a machine that is away for too long the vehicle may be lost; what
+    /// was measured until then counts.
     fn fly(&self, scheduler: Scheduler) -> Result<serde_json::Value> {
         let core = self.core.to_string();
         let mut options = vec!["--host", "realtime", "--core", &core];
         options.extend((scheduler == Scheduler::Fifo).then_some("--fifo"));
-        Ok(summary_of_flight(self.flight, &options)?["timing"].take())
+        let (output, mut summary) = fly_by_command(self.flight, &options)?;
+        match summary["timing"].take() {
+            serde_json::Value::Null => Err(complaint(&output)),
+            timing => Ok(timing),
+        }
     }
 }
 

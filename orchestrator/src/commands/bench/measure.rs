@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use runtime::deployment;
@@ -212,9 +212,21 @@ fn restarts(flight: &FlightCommand, ticks_apart: u64) -> Result<Vec<f64>> {
         .collect())
 }
 
-/// Flies by a command of its own, since a process can take part in one run only; in lock-step unless `options` say
-/// otherwise.
-pub(super) fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_json::Value> {
+/// Flies in lock-step by a command of its own, since a process can take part in one run only, and returns the summary.
+fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_json::Value> {
+    let (output, summary) = fly_by_command(flight, options)?;
+    if output.status.success() {
+        Ok(summary)
+    } else {
+        Err(complaint(&output))
+    }
+}
+
+/// Flies by a command of its own, and returns the summary of a flight that took off, whatever became of it.
+pub(super) fn fly_by_command(
+    flight: &FlightCommand,
+    options: &[&str],
+) -> Result<(Output, serde_json::Value)> {
     let out = flight.folder.join("flight");
     let setup = |error: &dyn std::fmt::Display| FlightFailure::Setup(error.to_string());
     let output = Command::new("/proc/self/exe")
@@ -225,12 +237,19 @@ pub(super) fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Res
         .stdin(Stdio::null())
         .output()
         .map_err(|error| setup(&error))?;
-    if !output.status.success() {
-        return Err(setup(&String::from_utf8_lossy(&output.stderr)));
-    }
-    let text = std::fs::read_to_string(out.join("summary.json")).map_err(|error| setup(&error))?;
+    let Ok(text) = std::fs::read_to_string(out.join("summary.json")) else {
+        return Err(complaint(&output));
+    };
     std::fs::remove_dir_all(&out).map_err(|error| setup(&error))?;
-    serde_json::from_str(&text).map_err(|error| setup(&error))
+    Ok((
+        output,
+        serde_json::from_str(&text).map_err(|error| setup(&error))?,
+    ))
+}
+
+/// What a command said of why it failed.
+pub(super) fn complaint(output: &Output) -> FlightFailure {
+    FlightFailure::Setup(String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
 /// The flight that is measured.
