@@ -74,18 +74,22 @@ impl Edge {
         self.due_sample(self.step_before(fault.from)?)
     }
 
-    /// Tick of the oldest sample that is needed when the one of tick `due` is due, and after it: that itself, or one that
-    /// is repeated until a fault is over. It may also come before the first sample that repeats it, where a last one
-    /// arrived in time for no step before the fault.
-    #[must_use]
-    pub fn oldest_needed(&self, due: u64) -> u64 {
-        let repeating = self.faults.iter().filter(|fault| {
+    /// Ticks of the samples before `due` that are repeated when this is due or after it. They may also come before the
+    /// first sample that repeats them, where a last one arrived in time for no step before the fault.
+    pub fn needed_again(&self, due: u64) -> impl Iterator<Item = u64> {
+        let repeating = self.faults.iter().filter(move |fault| {
             matches!(fault.kind, EdgeFaultKind::Altered(Alteration::Repeated))
                 && fault.until > due + self.latency
         });
         repeating
             .filter_map(|fault| self.due_sample(self.step_before(fault.from)?))
-            .fold(due, u64::min)
+            .filter(move |&repeated| repeated < due)
+    }
+
+    /// Tick of the oldest sample that is needed when the one of tick `due` is due, and after it.
+    #[must_use]
+    pub fn oldest_needed(&self, due: u64) -> u64 {
+        self.needed_again(due).fold(due, u64::min)
     }
 
     /// Whether the sample that was published at `tick` never arrives.
