@@ -9,11 +9,12 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 
 use common::{Place, finish, processes_of, scenario, services_of, shared_memory_of, signal, succeed, until};
+use orchestrator::live::Snapshot;
 use orchestrator::log::{HostEvent, LogReader, ServiceStep};
 use orchestrator::summary::z1_norm;
 use rustix::process::Signal;
 use shared_types::ServiceId;
-use shared_types::samples::ControlErrors;
+use shared_types::samples::{ControlErrors, RcFrame, VehicleTruth};
 use zerocopy::FromBytes;
 
 /// Samples of a type in `host.mcap`.
@@ -240,4 +241,171 @@ fn an_interrupt_ends_a_flight_with_its_log_whole() {
     let ticks = samples(&place.path("out").join("run.mcap"));
     assert!(ticks.len() > 100, "only {} samples", ticks.len());
     assert_nothing_is_left(&place, orchestrator);
+}
+
+/// A scenario from the ground to the ground in which only the operator arms and lands, soon up and soon down.
+fn manual_scenario(place: &Place) -> String {
+    let text = std::fs::read_to_string(scenario("takeoff_and_land")).unwrap();
+    let kept = text
+        .lines()
+        .filter(|line| !line.starts_with("arm_at") && !line.starts_with("land_at"));
+    let path = place.path("manual.toml");
+    std::fs::write(&path, kept.collect::<Vec<_>>().join("\n")).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// A flight of [`manual_scenario`] under way, to the folder `out`.
+fn wait_on_the_ground(place: &Place) -> Child {
+    let scenario = manual_scenario(place);
+    let arguments = [
+        "run",
+        &scenario,
+        "--out",
+        "out",
+        "--host",
+        "realtime",
+        "--set",
+        "flight.spool_up=0.1",
+        "--set",
+        "flight.takeoff_height=0.2",
+        "--set",
+        "flight.transition_time=0.5",
+    ];
+    let mut command = place.gerono(&arguments);
+    command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// How the only live run is.
+fn look(place: &Place) -> Option<Snapshot> {
+    let run = place.gerono(&["top", "--once", "--json"]).output().unwrap();
+    serde_json::from_slice(&run.stdout).ok()
+}
+
+/// Waits for a phase of the only live run.
+fn await_phase(place: &Place, phase: &str) {
+    until(phase, || {
+        look(place).filter(|snapshot| snapshot.phase.as_deref() == Some(phase))
+    });
+}
+
+/// Asks until it is granted: arming is refused until the estimator has converged.
+fn arm(place: &Place) {
+    until("arming", || {
+        let output = place.gerono(&["arm"]).output().unwrap();
+        assert!(matches!(output.status.code(), Some(0 | 1 | 7)), "{output:?}");
+        output.status.success().then_some(())
+    });
+}
+
+#[test]
+fn an_operator_arms_and_stops_and_the_run_ends_on_the_ground() {
+    let place = Place::new();
+    assert_eq!(
+        place.gerono(&["arm"]).output().unwrap().status.code(),
+        Some(1),
+        "there is no run yet"
+    );
+    let child = wait_on_the_ground(&place);
+    arm(&place);
+    await_phase(&place, "fly");
+    succeed(&mut place.gerono(&["stop"]));
+    await_phase(&place, "land");
+    let output = finish(child);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let last = |frames: Vec<RcFrame>| *frames.last().unwrap();
+    let log = || LogReader::open(&place.path("out").join("run.mcap")).unwrap();
+    let frame = last(log().samples::<RcFrame>().map(Result::unwrap).collect());
+    assert!(frame.failsafe.is_set() && frame.thrust == 0.0);
+    let truth = log().samples::<VehicleTruth>().last().unwrap().unwrap();
+    let first = log().samples::<VehicleTruth>().next().unwrap().unwrap();
+    assert!(
+        (truth.position_world[2] - first.position_world[2]).abs() < 0.01,
+        "not on the ground"
+    );
+}
+
+#[test]
+fn a_kill_outlives_the_service_that_obeys_it() {
+    let place = Place::new();
+    let child = wait_on_the_ground(&place);
+    arm(&place);
+    await_phase(&place, "fly");
+    succeed(&mut place.gerono(&["kill"]));
+    await_phase(&place, "disarmed");
+    let pid = until("the transmitter", || pid_of(child.id(), ServiceId::RcOutput));
+    signal(pid, Signal::KILL);
+    await_successor(child.id(), ServiceId::RcOutput, pid);
+    // Nothing lets the motors turn again.
+    succeed(&mut place.gerono(&["arm"]));
+    let flown = |snapshot: &Snapshot| snapshot.services[ServiceId::RcOutput.index()].flies;
+    let later = until("the new transmitter", || look(&place).filter(flown)).time + 0.5;
+    until("half a second more", || {
+        look(&place).filter(|snapshot| snapshot.time > later)
+    });
+    signal(child.id(), Signal::INT);
+    assert_eq!(finish(child).status.code(), Some(130));
+    let log = LogReader::open(&place.path("out").join("run.mcap")).unwrap();
+    let frames: Vec<_> = log.samples::<RcFrame>().map(Result::unwrap).collect();
+    let first_flown = frames.iter().position(|frame| frame.thrust > 1.0).unwrap();
+    let killed = first_flown
+        + frames[first_flown..]
+            .iter()
+            .position(|frame| frame.failsafe.is_set())
+            .unwrap();
+    assert!(frames[killed..].iter().all(|frame| frame.failsafe.is_set()));
+}
+
+/// Whether a process runs; one that is dead and not waited for does not.
+fn runs(pid: u32) -> bool {
+    let state = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    state
+        .rsplit(')')
+        .next()
+        .is_some_and(|rest| !rest.is_empty() && !rest.trim_start().starts_with('Z'))
+}
+
+#[test]
+fn services_whose_orchestrator_is_killed_end_and_the_next_run_finds_nothing() {
+    let place = Place::new();
+    let mut child = take_off(&place, "out", 100.0);
+    let services = processes_of(child.id());
+    let shared = child.id();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    until("the end of all services", || {
+        services.iter().all(|&(_, pid)| !runs(pid)).then_some(())
+    });
+    succeed(&mut place.gerono(&["clean"]));
+    assert_nothing_is_left(&place, shared);
+}
+
+#[test]
+fn a_vehicle_whose_orchestrator_is_killed_lands() {
+    let place = Place::new();
+    let mut child = wait_on_the_ground(&place);
+    arm(&place);
+    await_phase(&place, "fly");
+    let services = services_of(child.id());
+    assert_eq!(services.len(), ServiceId::ALL.len());
+    child.kill().unwrap();
+    child.wait().unwrap();
+    // They fly on, and their place is not swept meanwhile.
+    succeed(&mut place.gerono(&["clean"]));
+    assert!(
+        services.iter().all(|&(_, pid)| runs(pid)),
+        "who has not landed has ended"
+    );
+    until("the landing", || {
+        services.iter().all(|&(_, pid)| !runs(pid)).then_some(())
+    });
+    succeed(&mut place.gerono(&["clean"]));
+    assert_eq!(place.leavings(), Vec::<String>::new());
 }

@@ -6,7 +6,9 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{Place, finish, output, processes_of, scenario, shared_memory_of, signal, succeed, until};
+use common::{
+    Place, finish, is_alive, output, processes_of, scenario, shared_memory_of, signal, succeed, until,
+};
 use orchestrator::log::LogReader;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -40,6 +42,16 @@ fn rebirths(place: &Place, out: &str) -> Vec<String> {
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
     let rebirths = summary["rebirths"].as_array();
     rebirths.into_iter().flatten().map(ToString::to_string).collect()
+}
+
+/// How many deaths of spare processes the record of the machine tells of.
+fn deaths_of_spares(place: &Place, out: &str) -> usize {
+    let record = std::fs::read(place.path(out).join("host.mcap")).unwrap();
+    let events = mcap::MessageStream::new(&record).unwrap().map(Result::unwrap);
+    let texts = events.map(|event| String::from_utf8_lossy(&event.data).into_owned());
+    texts
+        .filter(|text| text.contains("a spare process: killed"))
+        .count()
 }
 
 fn with_crashes(mut command: Command, crashes: &[String]) -> Command {
@@ -230,18 +242,25 @@ fn finish_like_undisturbed(place: &Place, out: &str, child: Child, deaths: usize
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
+/// Kills processes of a run so that it finds them all dead at once.
+fn kill_at_once(child: &Child, pids: [u32; 2]) {
+    signal(child.id(), Signal::STOP);
+    for pid in pids {
+        signal(pid, Signal::KILL);
+    }
+    for pid in pids {
+        until("the end of a killed process", || (!is_alive(pid)).then_some(()));
+    }
+    signal(child.id(), Signal::CONT);
+}
+
 #[test]
 fn of_two_services_that_die_at_once_one_goes_on_in_the_spare_process_and_both_leave_no_trace() {
     let place = Place::new();
     let child = begin(place.short_flight("both", 40.0, &[]));
     let spare = pid_named(&child, SPARE);
     let both = [ServiceId::Estimator, ServiceId::RcOutput].map(|service| (service, pid_of(&child, service)));
-    // Together, so that both are found dead at once.
-    signal(child.id(), Signal::STOP);
-    for (_, pid) in both {
-        signal(pid, Signal::KILL);
-    }
-    signal(child.id(), Signal::CONT);
+    kill_at_once(&child, both.map(|(_, pid)| pid));
     let successors = both.map(|(service, pid)| successor_of(&child, service, pid));
     assert!(successors.contains(&spare), "{spare} {successors:?}");
     assert_ne!(pid_named(&child, SPARE), spare);
@@ -255,13 +274,11 @@ fn a_service_that_dies_together_with_the_spare_process_leaves_no_trace() {
     for service in ServiceId::ALL {
         let spare = pid_named(&child, SPARE);
         let pid = pid_of(&child, service);
-        signal(child.id(), Signal::STOP);
-        signal(pid, Signal::KILL);
-        signal(spare, Signal::KILL);
-        signal(child.id(), Signal::CONT);
+        kill_at_once(&child, [pid, spare]);
         assert_ne!(successor_of(&child, service, pid), spare);
     }
     finish_like_undisturbed(&place, "together", child, ServiceId::ALL.len());
+    assert_eq!(deaths_of_spares(&place, "together"), ServiceId::ALL.len());
 }
 
 #[test]
@@ -283,6 +300,7 @@ fn a_run_goes_on_without_a_spare_process_if_that_dies_again_and_again() {
         successor_of(&child, service, pid);
     }
     finish_like_undisturbed(&place, "without", child, 2);
+    assert_eq!(deaths_of_spares(&place, "without"), 9);
 }
 
 #[test]

@@ -41,9 +41,16 @@ pub enum Command {
     Plot(Plot),
     /// Write the samples of a log as JSON lines, for other programs.
     Export(Export),
+    /// Do the steps of a log again on what it has recorded, and compare what comes of them byte for byte.
+    ///
+    /// Every service is fed the recorded samples, so that a difference names the service that made it. Works on logs of
+    /// simulated and of real time (whose host.mcap must lie beside run.mcap), with planned faults, and cut short.
+    Replay(Replay),
     /// Print the SHA-256 of a log's messages (topic, time, payload): equal logs of equal experiments.
     Digest(Digest),
     /// Measure this machine: simulated seconds per wall second of every host, beside bare rings as floors.
+    ///
+    /// `gerono bench latency` measures flights in real time instead.
     Bench(Bench),
     /// Fly the paper's figures again, over many seeds in three laboratories, judge and draw them.
     ///
@@ -71,6 +78,24 @@ pub enum Command {
     /// docs/deployment.md explains every number.
     #[command(after_help = Doctor::EXAMPLES)]
     Doctor(Doctor),
+    /// Let the motors of a flight in real time turn: it takes off as soon as all is ready.
+    ///
+    /// Only a scenario with `[flight]` has something to arm. Refused while a service does not fly, the vehicle is not
+    /// seen, its state is old, or the estimator has not converged.
+    Arm(Operate),
+    /// Let the motors of a flight in real time rest at once, in the air too; `gerono arm` takes it back.
+    Disarm(Operate),
+    /// Let the motors of a flight in real time rest at once and until the end of the run, whatever anybody asks for then.
+    Kill(Operate),
+    /// End a flight in real time: it lands and disarms first; asked again, it disarms in the air.
+    Stop(Operate),
+    /// Look at a flight in real time while it goes on, from any terminal.
+    ///
+    /// Shows how every service keeps time, how long it is from a capture to the frame, the vehicle's error and estimates over
+    /// the last minute, and what has happened. It only looks, and the flight never waits for it. With --allow-faults
+    /// the selected service can be killed or frozen, each after a confirmation. The key `?` explains the keys and what is shown.
+    #[command(after_help = Top::EXAMPLES)]
+    Top(Top),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
@@ -93,6 +118,9 @@ pub enum Command {
     /// Take part in a bare ring; only `gerono bench` can start it.
     #[command(hide = true)]
     RingMember(RingMember),
+    /// Take part in a bare chain; only `gerono bench latency` can start it.
+    #[command(hide = true)]
+    ChainMember(ChainMember),
     /// Keep a core busy; only `gerono bench` can start it.
     #[command(hide = true)]
     Load {
@@ -251,6 +279,57 @@ impl Host {
     }
 }
 
+/// Arguments of `gerono replay`.
+#[derive(Debug, Args)]
+pub struct Replay {
+    /// The log, or the folder of a run.
+    pub log: PathBuf,
+    /// Which services [default: all].
+    #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = service)]
+    pub services: Vec<ServiceId>,
+    /// Change a value of the scenario, for example `--set controller.k1=5`: what would have been published on these
+    /// inputs? May be given several times; a difference is then no failure.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Show no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Arguments of the commands that ask something of a live run.
+#[derive(Debug, Args)]
+pub struct Operate {
+    /// The run, if several are under way: the name of its place, as `gerono doctor` shows it.
+    #[arg(long, value_name = "ID")]
+    pub run: Option<String>,
+}
+
+/// Arguments of `gerono top`.
+#[derive(Debug, Args)]
+pub struct Top {
+    /// Which run.
+    #[command(flatten)]
+    pub run: Operate,
+    /// Permit the keys that kill (`k`) and freeze (`f`) the selected service; without it they do nothing.
+    #[arg(long, conflicts_with = "once")]
+    pub allow_faults: bool,
+    /// Print how the run is now, and no more; needs no terminal.
+    #[arg(long)]
+    pub once: bool,
+    /// Print it as JSON, for other programs.
+    #[arg(long, requires = "once")]
+    pub json: bool,
+}
+
+impl Top {
+    /// What `gerono top --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono top\n  \
+        gerono top --allow-faults\n  \
+        gerono top --once --json | jq '.services[] | {name, rate, wake: .wake.p99}'\n\n\
+        Exit codes: 0 left by a key, or the run has ended; 1 there is no such run, or no terminal.";
+}
+
 /// Arguments of `gerono check`.
 #[derive(Debug, Args)]
 pub struct Check {
@@ -301,7 +380,11 @@ pub struct Digest {
 
 /// Arguments of `gerono bench`.
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Bench {
+    /// What to measure instead.
+    #[command(subcommand)]
+    pub instead: Option<BenchInstead>,
     /// Repetitions of each measurement; medians are shown.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
@@ -311,6 +394,48 @@ pub struct Bench {
     /// Write the figures as JSON to this file as well.
     #[arg(long)]
     pub json: Option<PathBuf>,
+}
+
+/// What `gerono bench` can measure instead of simulated seconds per wall second.
+#[derive(Debug, Subcommand)]
+pub enum BenchInstead {
+    /// Measure how long it is from a capture to the radio frame that comes of it, in real time.
+    ///
+    /// Flies Fig. 1's ideal profile at 1 kHz with all services on one core: estimator, path generator, controller and rc
+    /// output, four hops from process to process, each with a step and its samples. The floor beside it is a bare chain: five
+    /// processes on that core hand on a bare iceoryx2 event four times, once a millisecond, and do nothing else. Both are measured
+    /// in turn: on idle cores, with a busy process on another core, and with one on each of both; as ordinary processes, and
+    /// under SCHED_FIFO if that is permitted.
+    ///
+    /// Times depend on the machine and on what else it does; the ratios to the floor much less. Shown are medians of
+    /// the repetitions, and of their ratios, pair by pair. p50 is what half of the frames do not exceed, p99 what 99 of 100
+    /// do not. On a quiet machine expect some ten microseconds a hop. With a load on their own core ordinary processes wait
+    /// for their turn, which is milliseconds: SCHED_FIFO is against that (docs/deployment.md).
+    ///
+    /// Takes 12 × REPETITIONS × SECONDS, or half of it without SCHED_FIFO.
+    #[command(after_help = BenchLatency::EXAMPLES)]
+    Latency(BenchLatency),
+}
+
+/// Arguments of `gerono bench latency`.
+#[derive(Debug, Args)]
+pub struct BenchLatency {
+    /// Length of each measurement, s: a thousand frames a second.
+    #[arg(long, value_name = "S", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=3600))]
+    pub seconds: u32,
+    /// Repetitions of each measurement; medians are shown.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repetitions: u32,
+    /// Write the figures as JSON to this file as well: times in s, and of every service how late it woke and how long it stepped.
+    #[arg(long, value_name = "F")]
+    pub json: Option<PathBuf>,
+}
+
+impl BenchLatency {
+    /// What `gerono bench latency --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono bench latency\n  \
+        gerono bench latency --seconds 60 --repetitions 3 --json latency.json";
 }
 
 /// Arguments of `gerono doctor`.
@@ -457,4 +582,20 @@ pub enum RingWait {
     Yield,
     /// Block on an eventfd.
     Eventfd,
+}
+
+/// Arguments of a member of a bare chain.
+#[derive(Debug, Args)]
+pub struct ChainMember {
+    /// Place in the chain.
+    pub place: usize,
+    /// How often the first sends.
+    pub rounds: u64,
+    /// Core to run on.
+    pub core: u32,
+    /// The iceoryx2 configuration of the chain.
+    pub configuration: PathBuf,
+    /// Whether to run under SCHED_FIFO.
+    #[arg(long)]
+    pub fifo: bool,
 }

@@ -4,9 +4,12 @@ pub mod bench;
 pub mod check;
 pub mod doctor;
 pub mod faults;
+pub mod operate;
+pub mod replay;
 pub mod reproduce;
 pub mod run;
 pub mod small;
+pub mod top;
 
 use std::path::{Path, PathBuf};
 

@@ -19,6 +19,10 @@ pub enum Exit {
     Regressed,
     /// The machine is not fit for the flight.
     Unfit,
+    /// A live run refused what it was asked for.
+    Refused,
+    /// What came of a log's steps in a replay is not what was recorded, or not all could be compared.
+    Diverged,
     /// A signal ended the run in good order.
     Signal(i32),
 }
@@ -26,7 +30,7 @@ pub enum Exit {
 impl Exit {
     /// What `gerono help` says about exit codes.
     pub const HELP: &str = "Exit codes: 0 done; 1 trouble with the machine; 2 wrong command line or scenario, nothing was \
-        started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 6 the machine is not fit for the flight (`gerono doctor`); 130 or 143 ended by \
+        started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 6 the machine is not fit for the flight (`gerono doctor`); 7 a live run refused what it was asked for; 8 a replay is not identical; 130 or 143 ended by \
         Ctrl-C or SIGTERM, the log complete up to there.";
 }
 
@@ -40,6 +44,8 @@ impl From<Exit> for ExitCode {
             Exit::NotWritten => 4,
             Exit::Regressed => 5,
             Exit::Unfit => 6,
+            Exit::Refused => 7,
+            Exit::Diverged => 8,
             // As shells report it.
             Exit::Signal(number) => u8::try_from(128 + number).unwrap_or(u8::MAX),
         })

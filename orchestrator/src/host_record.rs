@@ -154,12 +154,19 @@ impl StepObserver for HostRecord {
             began_ns: record.began_ns,
             published_ns: record.published_ns,
             tick: record.tick,
+            previous: record.previous,
             consumed,
             service: u32::try_from(service.index()).expect("few services"),
             missed: u32::try_from(record.missed).unwrap_or(u32::MAX),
             late_inputs: record.late_inputs as u32,
+            fresh_inputs: record.fresh_inputs as u32,
+            operator: record.operator as u32,
             pad0: 0,
         });
+    }
+
+    fn note(&mut self, text: &str) {
+        self.event(None, HostEvent::KIND_NOTE, 0, text);
     }
 
     fn hung(&mut self, service: ServiceId) {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
 
 /// Tells whether somebody wants the run to end.
 #[derive(Clone, Debug)]
@@ -16,12 +16,25 @@ impl Interrupt {
     /// # Errors
     /// If the system does not permit it.
     pub fn install() -> std::io::Result<Self> {
+        let interrupt = Self::listen_to(&[SIGINT, SIGTERM])?;
+        signal_hook::flag::register_usize(SIGXFSZ, Arc::default(), 1)?;
+        Ok(interrupt)
+    }
+
+    /// Listens to all signals by which somebody ends what uses a terminal: also SIGHUP and SIGQUIT.
+    ///
+    /// # Errors
+    /// If the system does not permit it.
+    pub fn install_in_terminal() -> std::io::Result<Self> {
+        Self::listen_to(&[SIGINT, SIGTERM, SIGHUP, SIGQUIT])
+    }
+
+    fn listen_to(numbers: &[i32]) -> std::io::Result<Self> {
         let signal = Arc::new(AtomicUsize::new(0));
-        for number in [SIGINT, SIGTERM] {
+        for &number in numbers {
             let value = usize::try_from(number).expect("signal numbers are positive");
             signal_hook::flag::register_usize(number, Arc::clone(&signal), value)?;
         }
-        signal_hook::flag::register_usize(SIGXFSZ, Arc::default(), 1)?;
         Ok(Self(signal))
     }
 
@@ -29,6 +42,14 @@ impl Interrupt {
     #[must_use]
     pub fn never() -> Self {
         Self(Arc::new(AtomicUsize::new(0)))
+    }
+
+    /// Number of the signal that asked for the end, once: a later one is another one.
+    #[must_use]
+    pub fn take(&self) -> Option<i32> {
+        i32::try_from(self.0.swap(0, Ordering::Relaxed))
+            .ok()
+            .filter(|&number| number != 0)
     }
 
     /// Number of the signal that asked for the end.

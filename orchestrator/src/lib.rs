@@ -8,6 +8,7 @@
 //! * [`reproduce`]: the paper's figures, flown again and judged;
 //! * [`matrix`]: everything that can fail, failing in every way, judged;
 //! * [`doctor`]: whether the machine is fit for a flight;
+//! * [`live`], [`top`]: a run in real time as seen from another terminal;
 //! * [`run_folder`], [`run_root`]: its places on disk and in shared memory.
 
 pub mod cli;
@@ -17,13 +18,16 @@ pub mod exit;
 pub mod flight;
 pub mod host_record;
 pub mod interrupt;
+pub mod live;
 pub mod log;
 pub mod matrix;
 pub mod plot;
 pub mod progress;
+pub mod replay;
 pub mod reproduce;
 pub mod run_folder;
 pub mod run_root;
 pub mod scenario_file;
 pub mod services;
 pub mod summary;
+pub mod top;

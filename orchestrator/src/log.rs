@@ -22,8 +22,10 @@ mod schema;
 mod size;
 mod writer;
 
+use std::path::{Path, PathBuf};
+
 pub use digest::{LogDigest, digest};
-pub use export::{ExportError, export_json};
+pub use export::{ExportError, decode_sample, export_json};
 pub use framing::{Compression, LogError, Written, partial_path};
 pub use host_samples::{HostEvent, HostSample, ServiceHealth, ServiceStep};
 pub use host_writer::HostLogWriter;
@@ -31,6 +33,14 @@ pub use manifest::{FORMAT_VERSION, Manifest};
 pub use reader::{LogReadError, LogReader, LoggedSample};
 pub use size::predicted_bytes;
 pub use writer::RunLogWriter;
+
+/// The record of the machine that was written beside a run's log, if there is one, complete or not.
+#[must_use]
+pub fn host_log_beside(log: &Path) -> Option<PathBuf> {
+    let complete = log.with_file_name("host.mcap");
+    let candidates = [partial_path(&complete), complete];
+    candidates.into_iter().find(|path| path.exists())
+}
 
 #[cfg(test)]
 pub(crate) mod test_flight;

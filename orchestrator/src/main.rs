@@ -3,9 +3,13 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use orchestrator::cli::{Cli, Command};
-use orchestrator::commands::{bench, check, doctor, faults, reproduce, run, small};
+use orchestrator::cli::{Cli, Command, Operate};
+use orchestrator::commands::{
+    Failure, bench, check, doctor, faults, operate, replay, reproduce, run, small, top,
+};
 use orchestrator::exit::Exit;
+use orchestrator::live::Question;
+use runtime::shared_page::Request;
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
@@ -13,11 +17,17 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
         Command::Plot(arguments) => small::plot(&arguments).map(|()| Exit::Success),
         Command::Export(arguments) => small::export(&arguments).map(|()| Exit::Success),
+        Command::Replay(arguments) => replay::replay(&arguments),
         Command::Digest(arguments) => small::digest(&arguments).map(|()| Exit::Success),
         Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
+        Command::Arm(arguments) => operate(&arguments, &Question::Operate(Request::Arm)),
+        Command::Disarm(arguments) => operate(&arguments, &Question::Operate(Request::Disarm)),
+        Command::Kill(arguments) => operate(&arguments, &Question::Operate(Request::Kill)),
+        Command::Stop(arguments) => operate(&arguments, &Question::Stop),
+        Command::Top(arguments) => top::top(&arguments),
         Command::Clean => small::clean().map(|()| Exit::Success),
         Command::Schema => {
             small::schema();
@@ -29,6 +39,7 @@ fn main() -> ExitCode {
         }
         Command::Service { name } => small::service(&name).map(|()| Exit::Success),
         Command::Load { core } => bench::load(core).map(|()| Exit::Success),
+        Command::ChainMember(arguments) => bench::chain_member(&arguments).map(|()| Exit::Success),
         Command::RingMember(arguments) => bench::ring_member(&arguments).map(|()| Exit::Success),
     };
     match result {
@@ -38,4 +49,8 @@ fn main() -> ExitCode {
             failure.exit.into()
         }
     }
+}
+
+fn operate(arguments: &Operate, question: &Question) -> Result<Exit, Failure> {
+    operate::operate(arguments, question).map(|()| Exit::Success)
 }

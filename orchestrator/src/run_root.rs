@@ -5,6 +5,7 @@
 
 use std::fs::{self, File};
 use std::io;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
@@ -52,6 +53,12 @@ impl RunRoot {
     #[must_use]
     pub fn configuration(&self) -> PathBuf {
         self.folder.join("iceoryx2.toml")
+    }
+
+    /// The lock on the place: whoever has it open too, however it came by it, keeps the place from being swept.
+    #[must_use]
+    pub fn lock(&self) -> BorrowedFd<'_> {
+        self.lock.as_fd()
     }
 
     /// The folder of the run's bookkeeping.

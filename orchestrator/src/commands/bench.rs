@@ -3,6 +3,8 @@
 //! Machines are shared and wander by tens of percent, so every figure stands beside a floor that was measured
 //! in turn with it: a bare ring of five processes that hand nothing on but the turn itself.
 
+mod chain;
+mod latency;
 mod measure;
 mod ring;
 
@@ -10,10 +12,11 @@ use comfy_table::{Table, presets};
 use serde::Serialize;
 use shared_types::scenario::Scenario;
 
-use super::{Failure, print};
-use crate::cli::Bench;
+use super::{Failure, print, write_json};
+use crate::cli::{Bench, BenchInstead};
 use crate::exit::Exit;
 
+pub use chain::chain_member;
 pub use measure::load;
 pub use ring::ring_member;
 
@@ -47,6 +50,13 @@ struct Measured {
 /// # Errors
 /// [`Failure`].
 pub fn bench(arguments: &Bench) -> Result<(), Failure> {
+    match &arguments.instead {
+        Some(BenchInstead::Latency(arguments)) => latency::latency(arguments),
+        None => throughput(arguments),
+    }
+}
+
+fn throughput(arguments: &Bench) -> Result<(), Failure> {
     let scenario: Scenario = toml::from_str(SCENARIO).map_err(|error| Failure::new(Exit::Trouble, error))?;
     let flight = Scenario {
         duration: arguments.duration,
@@ -67,14 +77,7 @@ pub fn bench(arguments: &Bench) -> Result<(), Failure> {
         ));
     }
     if let Some(path) = &arguments.json {
-        let text =
-            serde_json::to_string_pretty(&measured).map_err(|error| Failure::new(Exit::Trouble, error))?;
-        std::fs::write(path, text + "\n").map_err(|error| {
-            Failure::new(
-                Exit::NotWritten,
-                format!("cannot write {}: {error}", path.display()),
-            )
-        })?;
+        write_json(path, &measured)?;
     }
     Ok(())
 }

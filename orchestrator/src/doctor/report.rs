@@ -152,7 +152,7 @@ mod tests {
             "green   cores",
             "red     disk speed",
             "→ name a folder",
-            "p99.9 12345 µs",
+            "  12345 µs",
             "mend what is red",
         ] {
             assert!(text.contains(piece), "no `{piece}` in:\n{text}");

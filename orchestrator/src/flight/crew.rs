@@ -13,7 +13,7 @@ mod recovery;
 pub mod restart;
 mod spare;
 
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -25,6 +25,7 @@ use runtime::ports::Member;
 use runtime::shared_page::{Cell, SharedPage};
 use runtime::step_log::StepLog;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::{Pid, Signal};
 use shared_types::{Schedule, ServiceId};
 
 use member::{CrewMember, Phase};
@@ -47,6 +48,7 @@ pub type Restarts = [RestartPolicy; ServiceId::ALL.len()];
 /// All service processes of a run. Dropping it ends them.
 pub struct Crew<'a> {
     member: &'a Member,
+    lock: BorrowedFd<'a>,
     schedule: &'a Schedule,
     start: Start,
     /// Deaths that processes shall bring upon themselves, the first of a service upon its first process and so on.
@@ -76,12 +78,13 @@ pub enum CrewEvent {
 }
 
 impl<'a> Crew<'a> {
-    /// Starts one process a service and tells each what to fly.
+    /// Starts one process a service and tells each what to fly. Each holds `lock`, that of the run's place.
     ///
     /// # Errors
     /// [`FlightFailure::Setup`].
     pub fn start(
         member: &'a Member,
+        lock: BorrowedFd<'a>,
         schedule: &'a Schedule,
         start: Start,
         crashes: Vec<(ServiceId, Crash)>,
@@ -94,6 +97,7 @@ impl<'a> Crew<'a> {
             .map_err(setup)?;
         let mut crew = Self {
             member,
+            lock,
             schedule,
             start,
             crashes,
@@ -129,10 +133,15 @@ impl<'a> Crew<'a> {
 
     fn spawn(&self, name: &str) -> Result<Process, FlightFailure> {
         let doorbells = self.doorbells.iter().map(AsFd::as_fd);
-        let files: Vec<_> = [self.page.file(), self.checkpoints.file(), self.step_log.file()]
-            .into_iter()
-            .chain(doorbells)
-            .collect();
+        let files: Vec<_> = [
+            self.page.file(),
+            self.checkpoints.file(),
+            self.step_log.file(),
+            self.lock,
+        ]
+        .into_iter()
+        .chain(doorbells)
+        .collect();
         Process::start(name, &files).map_err(setup)
     }
 
@@ -230,6 +239,13 @@ impl<'a> Crew<'a> {
     pub fn kill(&mut self, service: ServiceId) {
         // It fails only for a process that is gone.
         let _ = self.members[service.index()].process.child.kill();
+    }
+
+    /// Stops the process of a service (SIGSTOP): it hangs from now on.
+    pub fn freeze(&self, service: ServiceId) {
+        let pid = Pid::from_child(&self.members[service.index()].process.child);
+        // It fails only for a process that is gone.
+        let _ = rustix::process::kill_process(pid, Signal::STOP);
     }
 
     /// Whether every service has flown its last tick.

@@ -135,6 +135,7 @@ where
     };
     let mut crew = Crew::start(
         &member,
+        root.lock(),
         &schedule,
         start,
         deployment.crashes.clone(),

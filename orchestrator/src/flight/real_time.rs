@@ -4,22 +4,29 @@
 //! dies is noticed at once, one that hangs when it has not stepped for too long; both are born again with what they
 //! knew after their last step, and fly on with the newest that comes.
 
+mod answers;
+mod desk;
+mod ending;
 mod heartbeat;
 mod monitor;
 mod recorder;
 
+use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use runtime::control::{RealTime, Start};
-use runtime::flight_clock::FlightClock;
+use runtime::flight_clock::{FlightClock, monotonic_ns};
 use runtime::in_process::TickSink;
 use runtime::ports::Member;
 use runtime::step_log::StepRecord;
+use shared_types::samples::RcFrame;
 use shared_types::scenario::Scenario;
-use shared_types::service::nanoseconds;
+use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};
 
+use self::desk::Desk;
+use self::ending::Wish;
 use self::heartbeat::Heartbeats;
 use self::monitor::Monitor;
 use self::recorder::{Recorder, SETTLING_NS};
@@ -27,6 +34,7 @@ use super::crew::{Crew, CrewEvent};
 use super::lock_step::{BIRTH_PERIOD, Cores, CrewObserver, Deployment, permitted, port_failure};
 use super::{Ending, FlightFailure, Outcome};
 use crate::interrupt::Interrupt;
+use crate::live::snapshot::LiveEvent;
 use crate::run_root::RunRoot;
 use crate::summary::timing::{TimingReport, Unrecorded};
 
@@ -36,12 +44,17 @@ const RECORDER_PERIOD: Duration = Duration::from_millis(10);
 /// From the decision to fly until tick 0 begins: everybody has been told by then.
 const COUNTDOWN: Duration = Duration::from_millis(50);
 
+/// Events that are kept for people at other terminals.
+const EVENTS: usize = 50;
+
 /// What happens in a flight in real time, for whoever keeps a record of the machine.
 pub trait StepObserver: CrewObserver {
     /// Tick 0 will begin after this time.
     fn flight_begins_in(&mut self, countdown: Duration);
     /// A service has stepped.
     fn step(&mut self, service: ServiceId, record: &StepRecord, schedule: &Schedule);
+    /// People have done something.
+    fn note(&mut self, text: &str);
     /// A service hung and was killed.
     fn hung(&mut self, service: ServiceId);
     /// How well the flight kept time.
@@ -73,8 +86,9 @@ where
     cores.keep_off();
     let member = Member::join(&root.configuration(), "orchestrator").map_err(port_failure)?;
     let (mut recorder, _topics) = Recorder::create(&member, &schedule).map_err(port_failure)?;
+    let mut desk = Desk::open(&root).map_err(|error| FlightFailure::Setup(error.to_string()))?;
     let start = Start {
-        scenario,
+        scenario: scenario.clone(),
         iceoryx2_configuration: root.configuration(),
         core: cores.ring,
         scheduler: deployment.scheduler,
@@ -85,6 +99,7 @@ where
     };
     let mut crew = Crew::start(
         &member,
+        root.lock(),
         &schedule,
         start,
         deployment.crashes.clone(),
@@ -110,8 +125,14 @@ where
         crew,
         recorder,
         observer,
+        scenario: &scenario,
+        wish: Wish::FlyOn,
+        signal: None,
+        events: VecDeque::new(),
     };
-    let outcome = flight.supervise(sink, interrupt).unwrap_or_else(Outcome::Failed);
+    let outcome = flight
+        .supervise(sink, interrupt, &mut desk)
+        .unwrap_or_else(Outcome::Failed);
     let wall_time = started.elapsed().saturating_sub(COUNTDOWN);
     let outcome = flight.wind_up(sink, outcome);
     Ok(flight.finish(outcome, wall_time, warnings))
@@ -126,6 +147,13 @@ struct Flight<'a> {
     monitor: Monitor,
     heartbeats: Heartbeats,
     observer: &'a mut dyn StepObserver,
+    scenario: &'a Scenario,
+    /// What is wanted of the flight.
+    wish: Wish,
+    /// The signal by which somebody wanted its end.
+    signal: Option<i32>,
+    /// The last events, for people at other terminals.
+    events: VecDeque<LiveEvent>,
 }
 
 impl Flight<'_> {
@@ -134,17 +162,27 @@ impl Flight<'_> {
         &mut self,
         sink: &mut S,
         interrupt: &Interrupt,
+        desk: &mut Desk,
     ) -> Result<Outcome, FlightFailure>
     where
         FlightFailure: From<S::Error>,
     {
         let mut next_health = Instant::now() + Duration::from_secs(1);
         loop {
+            let words = self.crew.page().words();
+            words
+                .orchestrator_alive_ns
+                .store(monotonic_ns(), Ordering::Relaxed);
             if self.crew.has_finished() {
                 return Ok(Outcome::Completed);
             }
-            if let Some(signal) = interrupt.signal() {
-                return Ok(Outcome::Interrupted { signal });
+            if let Some(signal) = interrupt.take() {
+                self.signal = Some(signal);
+                self.wish = self.wish.then_end(self.phase(), words);
+            }
+            if self.wish.is_fulfilled(self.phase(), self.is_at_rest()) {
+                let interrupted = self.signal.map(|signal| Outcome::Interrupted { signal });
+                return Ok(interrupted.unwrap_or(Outcome::Completed));
             }
             let period = if self.crew.needs_care() {
                 BIRTH_PERIOD
@@ -163,8 +201,10 @@ impl Flight<'_> {
             }
             self.record(sink)?;
             self.replace_the_hung();
+            desk.serve(|question| self.answer(question));
             if Instant::now() >= next_health {
                 self.observer.health(&self.crew);
+                self.monitor.end_window();
                 next_health += Duration::from_secs(1);
             }
         }
@@ -173,10 +213,40 @@ impl Flight<'_> {
     fn attend_to(&mut self, event: CrewEvent) -> Result<(), FlightFailure> {
         match event {
             CrewEvent::Lost(failure) => return Err(failure),
-            CrewEvent::Died => self.observer.changed(&self.crew),
-            CrewEvent::Ready(..) | CrewEvent::Finished(_) => {}
+            CrewEvent::Died => {
+                self.observer.changed(&self.crew);
+                if let Some((Some(service), pid, exit)) = self.crew.exits().last() {
+                    let text = format!("`{service}` (process {pid}) died: {}", exit.description);
+                    self.remember(text);
+                }
+            }
+            CrewEvent::Ready(service, _) => self.remember(format!("`{service}` flies again")),
+            CrewEvent::Finished(_) => {}
         }
         Ok(())
+    }
+
+    /// Keeps an event for people at other terminals.
+    fn remember(&mut self, text: String) {
+        if self.events.len() == EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(LiveEvent {
+            time: seconds(self.clock.elapsed_ns()),
+            text,
+        });
+    }
+
+    /// Tells of something that people have done.
+    fn tell(&mut self, text: &str) {
+        self.observer.note(text);
+        self.remember(text.to_owned());
+    }
+
+    /// Whether the last frame lets the motors rest.
+    fn is_at_rest(&self) -> bool {
+        let frame = self.recorder.newest::<RcFrame>();
+        frame.is_none_or(|frame| frame.failsafe == true.into())
     }
 
     /// Takes what has been published and told, and writes the ticks that have settled.
@@ -213,6 +283,7 @@ impl Flight<'_> {
         for service in hanging {
             self.observer.hung(service);
             self.crew.kill(service);
+            self.remember(format!("`{service}` hangs and is replaced"));
         }
     }
 

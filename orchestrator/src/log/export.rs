@@ -50,6 +50,18 @@ pub fn export_json(path: &Path, every: u64, out: &mut impl Write) -> Result<(), 
     Ok(())
 }
 
+/// A sample of a topic as JSON, by the topic's own definition.
+///
+/// # Panics
+/// If the bytes are not as long as a sample of the topic.
+#[must_use]
+pub fn decode_sample(topic: Topic, mut bytes: &[u8]) -> serde_json::Value {
+    let schema = Schema::parse(&topic.msg_definition()).expect("our own definitions are well-formed");
+    schema
+        .decode(&mut bytes)
+        .expect("a sample is as long as its definition")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

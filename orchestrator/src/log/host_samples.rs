@@ -65,6 +65,8 @@ shared_types::sample! {
         pub published_ns: u64,
         /// Tick of the step.
         pub tick: u64,
+        /// 1 + the tick of the step before it that the service remembers; 0 if there is none.
+        pub previous: u64,
         /// Of each input, 1 + the sequence number of the sample that it saw; 0 if it saw none.
         pub consumed: [u64; 4],
         /// Position of the service in the wiring table.
@@ -73,6 +75,10 @@ shared_types::sample! {
         pub missed: u32,
         /// Inputs of its own tick that had not come when it was given up waiting for them: bit i for input i.
         pub late_inputs: u32,
+        /// Inputs of which it saw another sample than the step before: bit i for input i.
+        pub fresh_inputs: u32,
+        /// What the operator asked for: bit 0 armed, bit 1 land, bit 2 killed.
+        pub operator: u32,
         /// Explicit padding.
         pub pad0: u32,
     }

@@ -24,8 +24,10 @@ pub const SHARED_PAGE_FD: i32 = 4;
 pub const CHECKPOINTS_FD: i32 = 5;
 /// File descriptor of the step records in a service.
 pub const STEP_LOG_FD: i32 = 6;
+/// File descriptor of the lock of the run's place, which is held for as long as any of its processes lives.
+pub const LOCK_FD: i32 = 7;
 /// File descriptor of the first service's doorbell in a service; the others' follow in the table's order.
-pub const FIRST_DOORBELL_FD: i32 = 7;
+pub const FIRST_DOORBELL_FD: i32 = 8;
 
 /// Largest message, bytes; a scenario is far below.
 const MESSAGE_LIMIT: usize = 128 * 1024;
@@ -183,6 +185,14 @@ impl Channel {
             Err(ControlError::Io(rustix::io::Errno::AGAIN)) => Ok(false),
             Err(error) => Err(error),
         }
+    }
+
+    /// Whether the other side is gone. Takes nothing.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        let flags = RecvFlags::DONTWAIT | RecvFlags::PEEK;
+        let looked = rustix::io::retry_on_intr(|| rustix::net::recv(&self.0, &mut [0u8; 1], flags));
+        matches!(looked, Ok((0, 0)) | Err(rustix::io::Errno::CONNRESET))
     }
 
     /// Waits for a message.

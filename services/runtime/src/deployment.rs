@@ -114,6 +114,14 @@ pub fn die_with_parent() -> std::io::Result<()> {
     ))?)
 }
 
+/// Takes [`die_with_parent`] back.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn outlive_parent() -> std::io::Result<()> {
+    Ok(rustix::process::set_parent_process_death_signal(None)?)
+}
+
 /// Of the allowed cores the one that has been idlest over a few hundredths of a second.
 #[must_use]
 pub fn idlest(allowed: &[usize]) -> Option<usize> {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use shared_types::Schedule;
+use shared_types::scenario::Scenario;
 use shared_types::service::ErasedService;
 
 use crate::checkpoints::Checkpoints;
@@ -11,6 +12,7 @@ use crate::control::{Channel, ControlError, RealTime, ToOrchestrator, ToService}
 use crate::crash::{CrashPlace, CrashPoint};
 use crate::flight_clock::FlightClock;
 use crate::lock_step::{self, Cockpit, ServicePorts};
+use crate::lone_flight::LoneFlight;
 use crate::ports::Topics;
 use crate::process::ProcessError;
 use crate::real_time::{self, RealTimePorts};
@@ -75,6 +77,7 @@ impl Launch<'_> {
     pub fn in_real_time(
         self,
         service: &mut dyn ErasedService,
+        scenario: &Scenario,
         settings: RealTime,
         waiter: &Waiter,
     ) -> Result<(), ProcessError> {
@@ -100,6 +103,7 @@ impl Launch<'_> {
             },
             page,
             grace_ns: settings.grace_ns,
+            lone_flight: LoneFlight::new(scenario, waiter.channel().try_clone()?),
             crash: self.crash,
         };
         real_time::fly(service, self.schedule, checkpoint.as_ref(), &mut cockpit)?;

@@ -11,7 +11,7 @@
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
 //! service knew, for whoever is born after its death; both are a [`shared_file`]), [`sample_ring`] (the latest
 //! samples of a topic), [`inlet`] (an input, also after a rebirth), [`edge_store`] (its samples, where faults are
-//! planned), [`mailbox`] (an input in real time), [`flight_clock`] (ticks on the system's clock), [`step_log`] (what every
+//! planned), [`mailbox`] (an input in real time), [`lone_flight`] (when the orchestrator is gone), [`flight_clock`] (ticks on the system's clock), [`step_log`] (what every
 //! step in real time was made of), [`control`] (the
 //! orchestrator's line to each service), [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler,
 //! parent's death), [`descriptors`] (what a started process inherits) and [`process`] and [`launch`] (what `gerono service NAME`
@@ -33,6 +33,7 @@ pub mod in_process;
 pub mod inlet;
 pub mod launch;
 pub mod lock_step;
+pub mod lone_flight;
 pub mod mailbox;
 pub mod ports;
 pub mod process;

@@ -145,6 +145,12 @@ impl Member {
         Ok(Self { node })
     }
 
+    /// For ports that carry no topic of the wiring table.
+    #[must_use]
+    pub fn node(&self) -> &Node<ipc::Service> {
+        &self.node
+    }
+
     /// Frees what processes that have died held of the run. They must have been waited for.
     pub fn clean_up_after_the_dead(&self) {
         // What cannot be freed now is tried again after the next death, and goes with the run at the latest.

@@ -3,7 +3,7 @@
 //! A **spare** process does what every service needs before it knows which one it is to be: it has loaded, joined the
 //! run and built all services when one dies whose place it takes.
 
-use std::num::NonZeroU64;
+use std::os::fd::OwnedFd;
 use std::sync::Arc;
 
 use shared_types::ServiceId;
@@ -12,8 +12,8 @@ use shared_types::service::ErasedService;
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
-    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, SHARED_PAGE_FD, STEP_LOG_FD, Start,
-    ToOrchestrator, ToService,
+    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, LOCK_FD, SHARED_PAGE_FD,
+    STEP_LOG_FD, Start, ToOrchestrator, ToService,
 };
 use crate::crash::CrashPoint;
 use crate::deployment::{self, Scheduler, Setting};
@@ -28,6 +28,9 @@ use crate::wait::Waiter;
 
 /// What a process is called that waits for a service to die.
 pub const SPARE: &str = "spare";
+
+/// Timer slack of services in real time unless one is stated, s: the least that there is.
+const SHARPEST: f64 = 1e-9;
 
 /// Why a service process could not do its work, if there was no orchestrator left to be told.
 #[derive(Debug, thiserror::Error)]
@@ -70,6 +73,10 @@ pub fn run(
     let ToService::Start(start) = inherited.channel.receive()? else {
         return Ok(());
     };
+    if start.real_time.is_some() {
+        // A vehicle in the air outlives the orchestrator: see `lone_flight`.
+        deployment::outlive_parent()?;
+    }
     let channel = inherited.channel.try_clone()?;
     let result = live(inherited, &start, name, build);
     report(&channel, result)
@@ -87,11 +94,15 @@ fn live(
         page,
         checkpoints,
         step_log,
+        _lock,
         doorbells,
     } = inherited;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
     // A spare process stays off the services' core until it is one of them.
     let deployed = start.role.map(|role| deploy(role.service, start));
+    if deployed.is_none() {
+        prepare_spare(start);
+    }
     let schedule = start
         .scenario
         .schedule()
@@ -124,7 +135,7 @@ fn live(
     };
     match start.real_time {
         None => launch.in_lock_step(service.as_mut(), &mut waiter),
-        Some(settings) => launch.in_real_time(service.as_mut(), settings, &waiter),
+        Some(settings) => launch.in_real_time(service.as_mut(), &start.scenario, settings, &waiter),
     }
 }
 
@@ -136,6 +147,8 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
     let settings = ServiceDeployment {
         core: stated.core.or(of_the_run),
         priority: stated.priority.or(fifo),
+        // The system may end sleeps late to save power: by 50 µs unless it is told otherwise.
+        timer_slack: stated.timer_slack.or(start.real_time.map(|_| SHARPEST)),
         ..stated
     };
     let refusals = deployment::apply(&settings);
@@ -146,11 +159,18 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
         (None, Scheduler::Batch) if deployment::use_scheduler(Scheduler::Batch).is_ok() => Scheduler::Batch,
         _ => Scheduler::Fair,
     };
-    if start.real_time.is_some() && settings.timer_slack.is_none() {
-        // The system may end sleeps late to save power: by 50 µs unless it is told otherwise. It refuses nobody.
-        let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
-    }
     (scheduler, refusals.iter().map(ToString::to_string).collect())
+}
+
+/// Locks the memory of a spare process before it is needed, if any service has its memory locked: every page is touched,
+/// for which a birth has no time. What is not permitted, the services tell.
+fn prepare_spare(start: &Start) {
+    let locks = |id| start.scenario.deployment_of(id).lock_memory == Some(true);
+    let settings = ServiceDeployment {
+        lock_memory: Some(ServiceId::ALL.into_iter().any(locks)),
+        ..ServiceDeployment::default()
+    };
+    let _told_by_the_services = deployment::apply(&settings);
 }
 
 /// Tells the orchestrator how it went, if it is still there.
@@ -173,6 +193,8 @@ struct Inherited {
     page: SharedPage,
     checkpoints: Checkpoints,
     step_log: StepLog,
+    /// Held until the process ends.
+    _lock: OwnedFd,
     doorbells: Vec<Doorbell>,
 }
 
@@ -193,6 +215,7 @@ impl Inherited {
             page,
             checkpoints,
             step_log,
+            _lock: inherited(LOCK_FD)?,
             doorbells,
         })
     }

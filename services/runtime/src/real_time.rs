@@ -16,14 +16,17 @@ use std::sync::atomic::{Ordering, fence};
 
 use rustix::thread::{clock_nanosleep_absolute, futex};
 use rustix::time::ClockId;
+use shared_types::samples::PathReference;
 use shared_types::schedule::Publication;
-use shared_types::service::ErasedService;
-use shared_types::{Schedule, ServiceId};
+use shared_types::service::{ErasedService, Operator};
+use shared_types::{Now, Schedule, ServiceId, Topic};
+use zerocopy::FromBytes;
 
 use crate::checkpoints::{Checkpoint, Checkpoints};
 use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::flight_clock::{FlightClock, deadline, monotonic_ns};
 use crate::lock_step::FlightError;
+use crate::lone_flight::LoneFlight;
 use crate::mailbox::Mailbox;
 use crate::ports::{PortError, Sender, Topics};
 use crate::shared_page::{Cell, SharedPage};
@@ -118,8 +121,25 @@ pub struct Cockpit<'a> {
     /// How long a step waits beyond the begin of its tick for inputs of that tick, ns: half of the service's period if
     /// that is longer, and never longer than to its next.
     pub grace_ns: u64,
+    /// What it does once the orchestrator is gone.
+    pub lone_flight: LoneFlight,
     /// Where it shall die.
     pub crash: CrashPoint,
+}
+
+fn bits_of(operator: Operator) -> u64 {
+    let Operator { armed, land, killed } = operator;
+    u64::from(armed) | u64::from(land) << 1 | u64::from(killed) << 2
+}
+
+/// Whether what a service is about to publish says that the vehicle rests disarmed.
+#[cold]
+fn tells_of_rest(timetable: &Timetable, slots: &Slots<'_>) -> bool {
+    let mut outputs = timetable.outputs.iter().zip(slots);
+    let reference = outputs.find(|(output, _)| output.topic == Topic::PathReference);
+    let bytes = reference.and_then(|(_, slot)| slot.bytes.as_deref());
+    let reference = bytes.and_then(|bytes| PathReference::ref_from_bytes(bytes).ok());
+    reference.is_some_and(|reference| reference.phase == PathReference::PHASE_DISARMED)
 }
 
 /// Flies a service from now to its last step; with `checkpoint` as it was after an earlier one.
@@ -149,6 +169,9 @@ pub fn fly(
         cockpit.sleep_until(service.id(), cockpit.clock.begins_at(tick))?;
         let late_inputs = cockpit.await_inputs(&timetable, tick)?;
         cockpit.crash.pass(CrashPlace::BeforeStep, tick);
+        if cockpit.lone_flight.has_ended(cockpit.page.words()) {
+            return Err(FlightError::Stopping);
+        }
         if timetable.begins_anew_at(tick) {
             previous = None;
         }
@@ -299,6 +322,13 @@ impl Cockpit<'_> {
     ) -> Result<(), FlightError> {
         let tick = begun.tick;
         let mut record = begun;
+        let planned = timetable.now_after(previous, tick);
+        let now = Now {
+            operator: self.operator(planned.operator),
+            ..planned
+        };
+        record.operator = bits_of(now.operator);
+        record.previous = previous.map_or(0, |previous| previous + 1);
         let RealTimePorts {
             mailboxes, outputs, ..
         } = &mut self.ports;
@@ -307,6 +337,7 @@ impl Cockpit<'_> {
             let index = mailbox.index;
             if let Some(delivery) = mailbox.deliver(tick) {
                 record.consumed[index] = delivery.tick + 1;
+                record.fresh_inputs |= u64::from(delivery.view.fresh) << index;
                 views[index] = delivery.view;
             }
         }
@@ -317,8 +348,11 @@ impl Cockpit<'_> {
                 *slot = step::prepared(output.publication.topic, header, output.sender.loan()?);
             }
         }
-        let now = timetable.now_after(previous, tick);
         timetable.step_at(service, &now, &views, &mut slots)?;
+        if self.lone_flight.is_to_land() && tells_of_rest(timetable, &slots) {
+            // The vehicle is down, and nobody is there to end the run.
+            self.page.words().stopping.store(1, Ordering::Relaxed);
+        }
         self.crash.pass(CrashPlace::AfterStep, tick);
         for output in outputs {
             output.sender.send()?;
@@ -330,6 +364,16 @@ impl Cockpit<'_> {
         self.wake(service.id());
         self.keep(service, record);
         Ok(())
+    }
+
+    /// What the operator asks for, or whoever takes the place of people once the orchestrator is gone.
+    #[inline]
+    fn operator(&self, planned: Operator) -> Operator {
+        let asked = self.page.words().operator(planned);
+        Operator {
+            land: asked.land || self.lone_flight.is_to_land(),
+            ..asked
+        }
     }
 
     /// Wakes those services that sleep for a publication of this one.
@@ -346,9 +390,10 @@ impl Cockpit<'_> {
         }
     }
 
-    /// Keeps what the service knows, and tells of the step.
+    /// Tells of the step, and keeps what the service knows: in this order, so that a step is never known and untold.
     #[inline]
     fn keep(&self, service: &dyn ErasedService, record: StepRecord) {
+        self.step_log.write(service.id(), record);
         let write = |bytes: &mut [u8]| {
             service.save(bytes);
             self.crash.pass(CrashPlace::Checkpointing, record.tick + 1);
@@ -358,6 +403,5 @@ impl Cockpit<'_> {
         let cell = self.cell(service.id());
         cell.steps_until.store(record.tick + 1, Ordering::Relaxed);
         Cell::count(&cell.steps);
-        self.step_log.write(service.id(), record);
     }
 }

@@ -11,7 +11,9 @@ use std::os::fd::{BorrowedFd, OwnedFd};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use rustix::thread::futex;
+use serde::{Deserialize, Serialize};
 use shared_types::schedule::MAX_PORTS;
+use shared_types::service::Operator;
 use shared_types::{ServiceId, Topic};
 
 use crate::shared_file::SharedFile;
@@ -30,6 +32,10 @@ pub struct Words {
     pub births: AtomicU32,
     /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; set before anybody flies.
     pub start_ns: AtomicU64,
+    /// In real time, what people ask for: the bits of [`Request`].
+    requests: AtomicU32,
+    /// In real time, when the orchestrator was last seen to live, ns of `CLOCK_MONOTONIC`.
+    pub orchestrator_alive_ns: AtomicU64,
     /// One cell a service.
     pub cells: [Cell; ServiceId::ALL.len()],
     /// The recorder's receivers.
@@ -78,6 +84,25 @@ impl ReceiverId {
     }
 }
 
+/// What people ask of a flight in real time, at any moment. It outlives every service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Request {
+    /// The motors may turn.
+    Arm,
+    /// The motors shall rest, in the air too; until somebody arms again.
+    Disarm,
+    /// The vehicle shall come down, and rest disarmed.
+    Land,
+    /// The motors shall rest, now and for ever.
+    Kill,
+}
+
+const ARMED: u32 = 1;
+const DISARMED: u32 = 2;
+const LAND: u32 = 4;
+const KILLED: u32 = 8;
+
 /// Whose a receiver is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
@@ -97,6 +122,34 @@ impl Words {
         match service {
             Some(service) => Some(Owner::Service(service)),
             None => has(&self.recorder).then_some(Owner::Recorder),
+        }
+    }
+
+    /// Takes a request. The newest of [`Request::Arm`] and [`Request::Disarm`] counts; the others are for ever.
+    pub fn ask(&self, request: Request) {
+        let change = |bits: u32| match request {
+            Request::Arm => bits & !DISARMED | ARMED,
+            Request::Disarm => bits & !ARMED | DISARMED,
+            Request::Land => bits | LAND,
+            Request::Kill => bits | KILLED,
+        };
+        let update = |bits| Some(change(bits));
+        // It always succeeds: `update` never declines.
+        let _ = self
+            .requests
+            .fetch_update(Ordering::AcqRel, Ordering::Acquire, update);
+    }
+
+    /// What the operator asks for, by plan and by request.
+    #[must_use]
+    #[inline]
+    pub fn operator(&self, planned: Operator) -> Operator {
+        let bits = self.requests.load(Ordering::Acquire);
+        let has = |bit| bits & bit != 0;
+        Operator {
+            armed: (planned.armed || has(ARMED)) && !has(DISARMED),
+            land: planned.land || has(LAND),
+            killed: planned.killed || has(KILLED),
         }
     }
 
@@ -159,5 +212,42 @@ impl SharedPage {
         // (`SharedFile` sees to it), and `Words` consists of atomics and padding, valid for every bit pattern and
         // safe to be written by other processes meanwhile.
         unsafe { &*self.0.as_mut_ptr().cast::<Words>() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const REST: Operator = Operator {
+        armed: false,
+        land: false,
+        killed: false,
+    };
+
+    #[test]
+    fn arming_is_taken_back_and_killing_is_not() {
+        let words = Words::default();
+        assert_eq!(words.operator(REST), REST);
+        words.ask(Request::Arm);
+        assert_eq!(words.operator(REST), Operator::FLYING);
+        words.ask(Request::Kill);
+        words.ask(Request::Disarm);
+        words.ask(Request::Arm);
+        assert!(words.operator(REST).killed && words.operator(Operator::FLYING).killed);
+    }
+
+    #[test]
+    fn who_disarms_overrides_the_plan() {
+        let words = Words::default();
+        words.ask(Request::Disarm);
+        assert_eq!(words.operator(Operator::FLYING), REST);
+        words.ask(Request::Land);
+        words.ask(Request::Arm);
+        let landing = Operator {
+            land: true,
+            ..Operator::FLYING
+        };
+        assert_eq!(words.operator(REST), landing);
     }
 }

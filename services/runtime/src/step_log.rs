@@ -15,7 +15,7 @@ use crate::shared_file::SharedFile;
 /// Records of a service that a reader may lag behind.
 pub const DEPTH: u64 = 4096;
 
-const WORDS: usize = 5 + MAX_PORTS;
+const WORDS: usize = 8 + MAX_PORTS;
 
 /// One step of a service in real time. Times are since the start of the flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,6 +30,12 @@ pub struct StepRecord {
     pub missed: u64,
     /// Inputs of its own tick that had not come when it was given up waiting for them: bit i for input i.
     pub late_inputs: u64,
+    /// Inputs of which it saw another sample than the step before: bit i for input i.
+    pub fresh_inputs: u64,
+    /// What the operator asked for: bit 0 armed, bit 1 land, bit 2 killed.
+    pub operator: u64,
+    /// 1 + the tick of the step before it that the service remembers; 0 if there is none.
+    pub previous: u64,
     /// Of each input, 1 + the tick of the sample that it saw; 0 if it saw none.
     pub consumed: [u64; MAX_PORTS],
 }
@@ -37,25 +43,41 @@ pub struct StepRecord {
 impl StepRecord {
     fn to_words(self) -> [u64; WORDS] {
         let mut words = [0; WORDS];
-        words[..5].copy_from_slice(&[
+        words[..8].copy_from_slice(&[
             self.tick,
             self.began_ns,
             self.published_ns,
             self.missed,
             self.late_inputs,
+            self.fresh_inputs,
+            self.operator,
+            self.previous,
         ]);
-        words[5..].copy_from_slice(&self.consumed);
+        words[8..].copy_from_slice(&self.consumed);
         words
     }
 
     fn from_words(words: [u64; WORDS]) -> Self {
-        let [tick, began_ns, published_ns, missed, late_inputs, consumed @ ..] = words;
+        let [
+            tick,
+            began_ns,
+            published_ns,
+            missed,
+            late_inputs,
+            fresh_inputs,
+            operator,
+            previous,
+            consumed @ ..,
+        ] = words;
         Self {
             tick,
             began_ns,
             published_ns,
             missed,
             late_inputs,
+            fresh_inputs,
+            operator,
+            previous,
             consumed,
         }
     }
@@ -197,6 +219,9 @@ mod tests {
             published_ns: 10 * tick + 3,
             missed: tick % 3,
             late_inputs: tick % 2,
+            fresh_inputs: tick % 4,
+            operator: tick % 8,
+            previous: tick,
             consumed: std::array::from_fn(|input| tick + input as u64),
         }
     }

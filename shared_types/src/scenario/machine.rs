@@ -127,9 +127,9 @@ impl Deployment {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RealTime {
-    /// Time without a step after which a service is taken to hang and is replaced, s.
+    /// How long after a step was due a service that has not made it is taken to hang and is replaced, s.
     pub hang_limit: f64,
-    /// How long a step waits beyond its time for inputs that are due before it flies with what it has, s.
+    /// How long a step waits beyond its time for inputs that are due, s; half its service's period if that is longer.
     pub grace: f64,
     /// What the services do once the orchestrator is gone.
     pub orchestrator_loss: OrchestratorLoss,

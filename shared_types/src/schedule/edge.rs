@@ -29,6 +29,13 @@ impl Edge {
         self.published.last_at_or_before(tick.checked_sub(self.latency)?)
     }
 
+    /// Sequence number of the sample that is published at `tick`, or else of the first after it.
+    #[must_use]
+    #[inline]
+    pub fn sequence_number(&self, tick: u64) -> u64 {
+        self.published.count_before(tick)
+    }
+
     /// Whether the sample `due` at `tick` was not yet due at the consumer's previous step.
     #[must_use]
     #[inline]

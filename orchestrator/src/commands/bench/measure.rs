@@ -22,7 +22,7 @@ use crate::log::{Compression, Manifest, RunLogWriter};
 use crate::progress::Progress;
 use crate::run_root::RunRoot;
 
-type Result<T> = std::result::Result<T, FlightFailure>;
+pub(super) type Result<T> = std::result::Result<T, FlightFailure>;
 
 /// Rounds of a bare ring in one measurement.
 const RING_ROUNDS: u64 = 50_000;
@@ -40,19 +40,9 @@ const QUICK_DEATHS_APART: u64 = 100;
 /// All measurements, in turns, `repetitions` times.
 pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Result<Measured> {
     let folder = Scratch::create()?;
-    let command = FlightCommand {
-        folder: folder.path(),
-        scenario: folder.path().join("fig1.toml"),
-    };
-    let text = toml::to_string(flight).map_err(|error| FlightFailure::Setup(error.to_string()))?;
-    std::fs::write(&command.scenario, text).map_err(|error| FlightFailure::Setup(error.to_string()))?;
+    let command = FlightCommand::write(&folder, flight)?;
     let mut series = Series::default();
-    let bar = ProgressBar::new(u64::from(repetitions));
-    bar.set_style(
-        ProgressStyle::with_template("repetition {pos} of {len} {wide_bar} {elapsed}")
-            .expect("the template is well-formed"),
-    );
-    bar.tick();
+    let bar = progress_of("repetition", u64::from(repetitions));
     let core = deployment::idlest(&deployment::allowed_cores()).unwrap_or(0);
     for _ in 0..repetitions {
         series.repeat(whole, &command, core)?;
@@ -64,6 +54,17 @@ pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Resu
         quick_restart_milliseconds: median(series.quick_restart_milliseconds.clone()),
         rates: series.rows(),
     })
+}
+
+/// A bar that counts up to `number` of something.
+pub(super) fn progress_of(what: &str, number: u64) -> ProgressBar {
+    let bar = ProgressBar::new(number);
+    bar.set_style(
+        ProgressStyle::with_template(&format!("{what} {{pos}} of {{len}} {{wide_bar}} {{elapsed}}"))
+            .expect("the template is well-formed"),
+    );
+    bar.tick();
+    bar
 }
 
 /// What was measured, one list a row, pairs at equal places.
@@ -211,9 +212,10 @@ fn restarts(flight: &FlightCommand, ticks_apart: u64) -> Result<Vec<f64>> {
         .collect())
 }
 
-/// Flies in lock-step by a command of its own: a process can take part in one run only.
-fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_json::Value> {
-    let out = flight.folder.join("lock-step");
+/// Flies by a command of its own, since a process can take part in one run only; in lock-step unless `options` say
+/// otherwise.
+pub(super) fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_json::Value> {
+    let out = flight.folder.join("flight");
     let setup = |error: &dyn std::fmt::Display| FlightFailure::Setup(error.to_string());
     let output = Command::new("/proc/self/exe")
         .args(["run", "--quiet", "--out"])
@@ -231,10 +233,23 @@ fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_j
     serde_json::from_str(&text).map_err(|error| setup(&error))
 }
 
-/// The lock-step flight that is measured.
-struct FlightCommand {
+/// The flight that is measured.
+pub(super) struct FlightCommand {
     folder: PathBuf,
     scenario: PathBuf,
+}
+
+impl FlightCommand {
+    /// Writes the scenario of a flight to a folder.
+    pub(super) fn write(folder: &Scratch, flight: &Scenario) -> Result<Self> {
+        let command = Self {
+            folder: folder.path(),
+            scenario: folder.path().join("fig1.toml"),
+        };
+        let text = toml::to_string(flight).map_err(|error| FlightFailure::Setup(error.to_string()))?;
+        std::fs::write(&command.scenario, text).map_err(|error| FlightFailure::Setup(error.to_string()))?;
+        Ok(command)
+    }
 }
 
 fn recorded(
@@ -270,7 +285,7 @@ fn rate(ending: &Ending) -> Result<f64> {
     }
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
 }
@@ -293,12 +308,12 @@ impl TickSink for Nowhere {
 
 /// A folder for the logs of measurements: in memory where there is such a place, since a disk's write-back
 /// would be measured otherwise. Swept like a run's shared memory, should this process be killed.
-struct Scratch {
+pub(super) struct Scratch {
     root: RunRoot,
 }
 
 impl Scratch {
-    fn create() -> Result<Self> {
+    pub(super) fn create() -> Result<Self> {
         let setup = |error: std::io::Error| FlightFailure::Setup(error.to_string());
         let root = RunRoot::create().map_err(setup)?;
         let scratch = Self { root };
@@ -312,10 +327,10 @@ impl Scratch {
 }
 
 /// A busy process on a core, until dropped.
-struct Load(Child);
+pub(super) struct Load(Child);
 
 impl Load {
-    fn on(core: usize) -> Result<Self> {
+    pub(super) fn on(core: usize) -> Result<Self> {
         let child = Command::new("/proc/self/exe")
             .args(["load", &core.to_string()])
             .spawn();

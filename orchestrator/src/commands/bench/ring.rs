@@ -53,28 +53,24 @@ pub(super) fn thousand_rounds_per_second(
     Ok(rounds as f64 / 1000.0 / started.elapsed().as_secs_f64())
 }
 
-/// The processes of a ring; killed if the measurement is given up.
-struct Members(Vec<Child>);
+/// The processes of a ring or of a chain; killed if the measurement is given up.
+pub(super) struct Members(pub(super) Vec<Child>);
 
 impl Members {
-    fn check(&mut self) -> std::io::Result<()> {
+    pub(super) fn check(&mut self) -> std::io::Result<()> {
         for child in &mut self.0 {
             if let Some(status) = child.try_wait()? {
-                return Err(std::io::Error::other(format!(
-                    "a member of the ring ended early: {status}"
-                )));
+                return Err(std::io::Error::other(format!("a member ended early: {status}")));
             }
         }
         Ok(())
     }
 
-    fn wait(&mut self) -> std::io::Result<()> {
+    pub(super) fn wait(&mut self) -> std::io::Result<()> {
         for child in &mut self.0 {
             let status = child.wait()?;
             if !status.success() {
-                return Err(std::io::Error::other(format!(
-                    "a member of the ring failed: {status}"
-                )));
+                return Err(std::io::Error::other(format!("a member failed: {status}")));
             }
         }
         Ok(())

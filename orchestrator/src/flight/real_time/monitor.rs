@@ -4,8 +4,10 @@
 use hdrhistogram::Histogram;
 use runtime::step_log::{StepLog, StepReader, StepRecord};
 use shared_types::schedule::Edge;
+use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
+use crate::live::snapshot::{InputSnapshot, ServiceSnapshot};
 use crate::summary::timing::{Quantiles, ServiceTiming, TimingReport};
 
 /// Steps of each service that are kept to be found again by their tick.
@@ -25,6 +27,8 @@ pub struct Monitor {
     /// Steps whose publishers may not have told of theirs yet.
     unsettled: Vec<(ServiceId, StepRecord)>,
     capture_to_frame: Histogram<u64>,
+    chain_window: Histogram<u64>,
+    last_chain_window: Histogram<u64>,
 }
 
 /// What is known of one service.
@@ -34,12 +38,37 @@ struct Track {
     tick_ns: u64,
     reader: StepReader,
     recent: Vec<Option<StepRecord>>,
-    steps: u64,
     missed: u64,
     late_inputs: u64,
     stale_inputs: u64,
+    timing: Timing,
+    /// That of the second that has not ended yet, and of the one before.
+    window: Timing,
+    last_window: Timing,
+    last: Option<StepRecord>,
+}
+
+/// How punctual and how long steps were.
+struct Timing {
+    steps: u64,
     wake: Histogram<u64>,
     duration: Histogram<u64>,
+}
+
+impl Timing {
+    fn new() -> Self {
+        Self {
+            steps: 0,
+            wake: histogram(),
+            duration: histogram(),
+        }
+    }
+
+    fn clear(&mut self) {
+        self.steps = 0;
+        self.wake.reset();
+        self.duration.reset();
+    }
 }
 
 impl Monitor {
@@ -50,6 +79,8 @@ impl Monitor {
             tracks: ServiceId::ALL.map(|service| Track::new(service, schedule)).into(),
             unsettled: Vec::new(),
             capture_to_frame: histogram(),
+            chain_window: histogram(),
+            last_chain_window: histogram(),
         }
     }
 
@@ -69,6 +100,28 @@ impl Monitor {
         }
     }
 
+    /// Says that a second has passed, of which people may ask from now on.
+    pub fn end_window(&mut self) {
+        for track in &mut self.tracks {
+            std::mem::swap(&mut track.window, &mut track.last_window);
+            track.window.clear();
+        }
+        std::mem::swap(&mut self.chain_window, &mut self.last_chain_window);
+        self.chain_window.reset();
+    }
+
+    /// How the services were in the last second; what only the crew knows is left out.
+    #[must_use]
+    pub fn services(&self) -> Vec<ServiceSnapshot> {
+        self.tracks.iter().map(Track::snapshot).collect()
+    }
+
+    /// From a capture to the frame that rests on it, in the last second.
+    #[must_use]
+    pub fn capture_to_frame(&self) -> Option<Quantiles> {
+        Quantiles::of(&self.last_chain_window)
+    }
+
     /// What the flight's timing came to.
     #[must_use]
     pub fn finish(mut self) -> TimingReport {
@@ -86,7 +139,7 @@ impl Monitor {
     #[must_use]
     pub fn steps(&self, service: ServiceId) -> u64 {
         let track = &self.tracks[service.index()];
-        track.steps + track.reader.overwritten()
+        track.timing.steps + track.reader.overwritten()
     }
 
     fn settle(&mut self, service: ServiceId, record: &StepRecord) {
@@ -101,12 +154,13 @@ impl Monitor {
         let is_late = record.late_inputs != 0;
         let track = &mut self.tracks[service.index()];
         if !is_late {
-            track
-                .wake
-                .saturating_record(record.began_ns.saturating_sub(could_begin));
+            let wake = record.began_ns.saturating_sub(could_begin);
+            track.timing.wake.saturating_record(wake);
+            track.window.wake.saturating_record(wake);
         }
         if let Some(elapsed) = self.since_capture(service, record) {
             self.capture_to_frame.saturating_record(elapsed);
+            self.chain_window.saturating_record(elapsed);
         }
     }
 
@@ -133,25 +187,29 @@ impl Track {
             tick_ns: schedule.tick_ns(),
             reader: StepReader::new(service),
             recent: vec![None; usize::try_from(HISTORY).expect("a few thousand")],
-            steps: 0,
             missed: 0,
             late_inputs: 0,
             stale_inputs: 0,
-            wake: histogram(),
-            duration: histogram(),
+            timing: Timing::new(),
+            window: Timing::new(),
+            last_window: Timing::new(),
+            last: None,
         }
     }
 
     fn keep(&mut self, record: StepRecord) {
-        self.steps += 1;
         self.missed += record.missed;
         self.late_inputs += u64::from(record.late_inputs.count_ones());
         for (input, edge) in self.edges.iter().enumerate() {
             let is_stale = edge.due_sample(record.tick) != record.consumed_tick(input);
             self.stale_inputs += u64::from(is_stale);
         }
-        self.duration
-            .saturating_record(record.published_ns.saturating_sub(record.began_ns));
+        let duration = record.published_ns.saturating_sub(record.began_ns);
+        for timing in [&mut self.timing, &mut self.window] {
+            timing.steps += 1;
+            timing.duration.saturating_record(duration);
+        }
+        self.last = Some(record);
         self.recent[slot_of(record.tick)] = Some(record);
     }
 
@@ -161,16 +219,38 @@ impl Track {
             .filter(|record| record.tick == tick)
     }
 
+    fn snapshot(&self) -> ServiceSnapshot {
+        let age = |input| {
+            let last = self.last.as_ref()?;
+            let ticks = last.tick.saturating_sub(last.consumed_tick(input)?);
+            Some(seconds(ticks * self.tick_ns))
+        };
+        let input = |(input, edge): (usize, &Edge)| InputSnapshot {
+            topic: edge.topic.name().to_owned(),
+            age: age(input),
+        };
+        ServiceSnapshot {
+            name: self.service.name().to_owned(),
+            rate: self.last_window.steps,
+            wake: Quantiles::of(&self.last_window.wake),
+            step: Quantiles::of(&self.last_window.duration),
+            missed_steps: self.missed,
+            late_inputs: self.late_inputs,
+            inputs: self.edges.iter().enumerate().map(input).collect(),
+            ..ServiceSnapshot::default()
+        }
+    }
+
     fn report(&self) -> ServiceTiming {
         ServiceTiming {
             service: self.service.name(),
-            steps: self.steps,
+            steps: self.timing.steps,
             missed_steps: self.missed,
             late_inputs: self.late_inputs,
             stale_inputs: self.stale_inputs,
             records_overwritten: self.reader.overwritten(),
-            wake: Quantiles::of(&self.wake),
-            step: Quantiles::of(&self.duration),
+            wake: Quantiles::of(&self.timing.wake),
+            step: Quantiles::of(&self.timing.duration),
         }
     }
 }

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use runtime::in_process::TickSink;
 use runtime::ports::{Delivery, Member, PortError, Receiver, TopicPorts};
 use shared_types::service::header_of;
-use shared_types::{Schedule, Topic};
+use shared_types::{Sample, Schedule, Topic};
 
 use crate::flight::FlightFailure;
 
@@ -74,6 +74,19 @@ impl Recorder {
     /// [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
         self.feeds.iter_mut().try_for_each(|feed| feed.receiver.connect())
+    }
+
+    /// The newest sample of a topic that has been received.
+    #[must_use]
+    pub fn newest<T: Sample>(&self) -> Option<T> {
+        let feed = self.feeds.iter().find(|feed| feed.topic == T::TOPIC)?;
+        T::read_from_bytes(feed.receiver.held()?).ok()
+    }
+
+    /// Samples of all topics that have been received.
+    #[must_use]
+    pub fn received_in_all(&self) -> u64 {
+        self.feeds.iter().map(|feed| feed.received).sum()
     }
 
     /// Samples of a topic that have been received.

@@ -106,7 +106,7 @@ fn what_no_machine_could_do_is_refused_at_its_line() {
             "hang_limit = 0.001",
             [
                 "a healthy one would be replaced after 0.001 s",
-                "help: give a time above 0.003 s",
+                "help: give a time above 0.002 s",
             ],
         ),
         (

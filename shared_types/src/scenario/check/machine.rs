@@ -71,25 +71,23 @@ impl RealTime {
         let Some(schedule) = schedule.filter(|_| is_time) else {
             return;
         };
-        let slowest = ServiceId::ALL.into_iter().map(|service| {
-            let period = schedule.time_ns(schedule.service_rate(service).period);
-            (period, service)
+        // A step waits for its inputs up to the grace, or half a period if that is longer.
+        let waits = ServiceId::ALL.into_iter().map(|service| {
+            let half_a_period = seconds(schedule.time_ns(schedule.service_rate(service).period)) / 2.0;
+            (service, self.grace.max(half_a_period))
         });
-        let Some((period, service)) = slowest.max() else {
+        let Some((service, longest)) = waits.max_by(|(_, one), (_, other)| one.total_cmp(other)) else {
             return;
         };
-        let silent = seconds(period) + self.grace;
-        if self.hang_limit <= silent {
+        if self.hang_limit <= longest {
             found.add(
                 hang,
                 format!(
-                    "`{service}` steps every {:?} s and waits up to {:?} s more, so that a healthy one would be replaced \
-                     after {:?} s",
-                    seconds(period),
-                    self.grace,
+                    "`{service}` waits up to {longest:?} s for its inputs, so that a healthy one would be replaced after \
+                     {:?} s",
                     self.hang_limit
                 ),
-                format!("give a time above {silent:?} s, better several times as long"),
+                format!("give a time above {longest:?} s, better several times as long"),
             );
         }
     }

@@ -93,12 +93,18 @@ fn a_healthy_service_does_not_hang() {
         };
         in_real_time(rig(), real_time)
     };
-    assert_eq!(refused(0.025, 0.002), []);
+    assert_eq!(refused(0.012, 0.002), []);
     assert_only(
-        &refused(0.024, 0.002),
+        &refused(0.011, 0.002),
         "real_time.hang_limit",
-        "steps every 0.022 s and waits up to 0.002 s more",
-        "give a time above 0.024 s",
+        "waits up to 0.011 s for its inputs",
+        "give a time above 0.011 s",
+    );
+    assert_only(
+        &refused(0.05, 0.1),
+        "real_time.hang_limit",
+        "waits up to 0.1 s for its inputs",
+        "give a time above 0.1 s",
     );
     assert_only(
         &refused(0.25, -0.001),

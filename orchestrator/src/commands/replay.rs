@@ -1,0 +1,126 @@
+//! `gerono replay`: does a log's steps again and says whether the same comes of them.
+
+use comfy_table::{Table, presets};
+
+use super::{Failure, log_path, print};
+use crate::cli::Replay;
+use crate::exit::Exit;
+use crate::log::LogReader;
+use crate::progress::Progress;
+use crate::replay::{self, Difference, Options, Replayed};
+use crate::scenario_file;
+
+/// `gerono replay`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
+    let trouble = |error: &dyn std::fmt::Display| Failure::new(Exit::Trouble, error);
+    let log = log_path(&arguments.log);
+    let reader = LogReader::open(&log).map_err(|error| trouble(&error))?;
+    let recorded = &reader.manifest().scenario;
+    let changed = if arguments.sets.is_empty() {
+        None
+    } else {
+        let text = toml::to_string(recorded).map_err(|error| trouble(&error))?;
+        let scenario = scenario_file::load_text(&log, &text, &arguments.sets, None);
+        Some(scenario.map_err(|error| Failure {
+            report: error.into(),
+            exit: Exit::BadInput,
+        })?)
+    };
+    let schedule = recorded
+        .schedule()
+        .map_err(|problems| Failure::new(Exit::Trouble, format!("{problems:?}")))?;
+    let options = Options {
+        services: arguments.services.clone(),
+        changed,
+    };
+    let mut progress = Progress::new(&schedule, "replay", arguments.quiet);
+    let replayed = replay::replay(&log, &options, Some(&mut progress)).map_err(|error| trouble(&error))?;
+    progress.clear();
+    print(report(&replayed));
+    Ok(if replayed.is_identical() || options.changed.is_some() {
+        Exit::Success
+    } else {
+        Exit::Diverged
+    })
+}
+
+fn report(replayed: &Replayed) -> String {
+    let mut text = String::new();
+    if let Some(reason) = &replayed.log_ends {
+        text += &format!("The log ends early: {reason}\n");
+    }
+    if replayed
+        .comparisons
+        .iter()
+        .any(|comparison| comparison.different > 0)
+    {
+        text += &format!("{}\n", table(replayed));
+    }
+    if let Some(difference) = replayed.first_difference() {
+        text += &in_words(difference);
+    }
+    if replayed.steps_without_inputs > 0 {
+        text += &format!(
+            "{} steps saw samples that were not recorded and could not be done again.\n",
+            replayed.steps_without_inputs
+        );
+    }
+    if replayed.unrecorded() > 0 {
+        text += &format!(
+            "{} samples were not recorded and could not be compared.\n",
+            replayed.unrecorded()
+        );
+    }
+    let (steps, compared) = (replayed.steps, replayed.compared());
+    if replayed.is_identical() {
+        text += &format!("identical: {compared} samples of {steps} steps\n");
+    } else {
+        text += &format!("not identical: {compared} samples of {steps} steps were compared\n");
+    }
+    text
+}
+
+fn in_words(difference: &Difference) -> String {
+    let Difference {
+        topic,
+        tick,
+        time,
+        field,
+        recorded,
+        replayed,
+    } = difference;
+    format!(
+        "The first difference is at tick {tick} ({time} s), `{field}` of `{topic}`:\n  recorded {recorded}\n  replayed {replayed}\n"
+    )
+}
+
+fn table(replayed: &Replayed) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        "topic",
+        "compared",
+        "different",
+        "first at, s",
+        "largest difference",
+        "at, s",
+    ]);
+    for comparison in &replayed.comparisons {
+        let first = comparison.first.as_ref();
+        table.add_row([
+            comparison.topic.to_string(),
+            comparison.compared.to_string(),
+            comparison.different.to_string(),
+            first.map_or_else(String::new, |difference| difference.time.to_string()),
+            comparison
+                .largest
+                .map_or_else(String::new, |(largest, _)| format!("{largest:.3e}")),
+            comparison
+                .largest
+                .map_or_else(String::new, |(_, time)| time.to_string()),
+        ]);
+    }
+    table
+}

@@ -1,0 +1,62 @@
+//! `gerono top`: a live run in a terminal.
+
+use std::io::IsTerminal;
+
+use super::{Failure, print};
+use crate::cli::Top;
+use crate::exit::Exit;
+use crate::interrupt::Interrupt;
+use crate::live::{Answer, LiveRun, Question, Snapshot};
+use crate::top::{self, Leaving};
+
+/// Columns of what is printed where there is no terminal.
+const COLUMNS: u16 = 80;
+
+/// Shows a live run until somebody leaves or it ends, or prints how it is once.
+///
+/// # Errors
+/// [`Failure`] if there is no such run, or no terminal to show it in.
+pub fn top(arguments: &Top) -> Result<Exit, Failure> {
+    let is_terminal = std::io::stdin().is_terminal() && std::io::stdout().is_terminal();
+    if !is_terminal && !arguments.once {
+        let reason = "`gerono top` needs a terminal for its input and output; `gerono top --once` prints how the run is \
+             now, and `--once --json` does so for other programs";
+        return Err(Failure::new(Exit::Trouble, reason));
+    }
+    let run = LiveRun::find(arguments.run.run.as_deref()).map_err(trouble)?;
+    if arguments.once {
+        return print_once(arguments, &run);
+    }
+    let interrupt = Interrupt::install_in_terminal().map_err(trouble)?;
+    match top::watch(&run, arguments.allow_faults, &interrupt).map_err(trouble)? {
+        Leaving::Wanted => Ok(Exit::Success),
+        Leaving::Signal(signal) => Ok(Exit::Signal(signal)),
+        Leaving::Ended(last) => {
+            print(ending(run.name(), last.as_deref()));
+            Ok(Exit::Success)
+        }
+    }
+}
+
+fn print_once(arguments: &Top, run: &LiveRun) -> Result<Exit, Failure> {
+    let snapshot = match run.ask(&Question::Look).map_err(trouble)? {
+        Answer::Snapshot(snapshot) => snapshot,
+        Answer::Done(text) | Answer::Refused(text) => return Err(trouble(text)),
+    };
+    if arguments.json {
+        let text = serde_json::to_string_pretty(&snapshot).map_err(trouble)?;
+        print(text + "\n");
+    } else {
+        print(top::once(run.name(), &snapshot, COLUMNS));
+    }
+    Ok(Exit::Success)
+}
+
+fn ending(run: &str, last: Option<&Snapshot>) -> String {
+    let seen = last.map(|last| format!("; last seen at {:.1} s of {:.1} s", last.time, last.duration));
+    format!("the run `{run}` has ended{}\n", seen.unwrap_or_default())
+}
+
+fn trouble(error: impl std::fmt::Display) -> Failure {
+    Failure::new(Exit::Trouble, error)
+}

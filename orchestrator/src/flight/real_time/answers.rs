@@ -1,0 +1,155 @@
+//! What people at other terminals ask of a flight, and what they are told.
+
+use runtime::shared_page::Request;
+use shared_types::ServiceId;
+use shared_types::flight_phase::FlightPhase;
+use shared_types::samples::{ControlAdaptation, ControlErrors, PathReference, VehicleState};
+use shared_types::service::{Operator, seconds};
+
+use super::Flight;
+use crate::live::snapshot::ServiceSnapshot;
+use crate::live::{Answer, Question, Snapshot};
+use crate::summary::z1_norm;
+
+/// Age of the vehicle's state with which nobody arms, s.
+const STALE: f64 = 0.1;
+
+impl Flight<'_> {
+    pub(super) fn answer(&mut self, question: Question) -> Answer {
+        match question {
+            Question::Look => Answer::Snapshot(Box::new(self.snapshot())),
+            Question::Operate(request) => self.operate(request),
+            Question::Stop => {
+                self.wish = self.wish.then_end(self.phase(), self.crew.page().words());
+                self.tell("somebody asked for the end of the flight");
+                Answer::Done(match self.phase() {
+                    None | Some(FlightPhase::Disarmed) => "the run ends".to_owned(),
+                    Some(_) => "the vehicle comes down, and then the run ends".to_owned(),
+                })
+            }
+            Question::KillService(name) => self.break_service(&name, Break::Kill),
+            Question::FreezeService(name) => self.break_service(&name, Break::Freeze),
+        }
+    }
+
+    fn operate(&mut self, request: Request) -> Answer {
+        if request == Request::Arm
+            && let Some(reason) = self.refusal_to_arm()
+        {
+            return Answer::Refused(format!("not armed: {reason}"));
+        }
+        self.crew.page().words().ask(request);
+        let text = match request {
+            Request::Arm => "armed",
+            Request::Disarm => "disarmed",
+            Request::Land => "the vehicle is to land",
+            Request::Kill => "killed: the motors rest until the end of the run",
+        };
+        self.tell(text);
+        Answer::Done(text.to_owned())
+    }
+
+    /// Why the vehicle may not be armed now, if it may not.
+    fn refusal_to_arm(&self) -> Option<String> {
+        let Some(settings) = &self.scenario.flight else {
+            return Some(
+                "the scenario has no phases (`[flight]`), the vehicle flies from the start".to_owned(),
+            );
+        };
+        if let Some(missing) = ServiceId::ALL
+            .into_iter()
+            .find(|&service| !self.crew.flies(service))
+        {
+            return Some(format!("`{missing}` does not fly"));
+        }
+        let Some(state) = self.recorder.newest::<VehicleState>() else {
+            return Some("nothing is known of the vehicle yet".to_owned());
+        };
+        let age = seconds(self.clock.elapsed_ns().saturating_sub(state.header.stamp_ns));
+        if age > STALE {
+            return Some(format!("the vehicle's state is {age:.1} s old"));
+        }
+        if state.tracked != true.into() || state.coasting == true.into() {
+            return Some("the cameras do not see the vehicle".to_owned());
+        }
+        let (sigma, largest) = (state.position_sigma, settings.position_sigma_max);
+        (sigma > largest).then(|| {
+            format!("the estimator has not converged: the position is known to {sigma:.3} m, {largest} m are needed")
+        })
+    }
+
+    fn break_service(&mut self, name: &str, how: Break) -> Answer {
+        let Some(service) = ServiceId::from_name(name).filter(|&service| self.crew.flies(service)) else {
+            return Answer::Refused(format!("no service `{name}` flies"));
+        };
+        let text = match how {
+            Break::Kill => {
+                self.crew.kill(service);
+                format!("`{service}` was killed by hand")
+            }
+            Break::Freeze => {
+                self.crew.freeze(service);
+                format!("`{service}` was stopped by hand")
+            }
+        };
+        self.tell(&text);
+        Answer::Done(text)
+    }
+
+    /// The phase of the flight, if it has phases.
+    pub(super) fn phase(&self) -> Option<FlightPhase> {
+        self.scenario.flight.as_ref()?;
+        let reference = self.recorder.newest::<PathReference>();
+        Some(reference.map_or(FlightPhase::Disarmed, |reference| {
+            FlightPhase::from_code(reference.phase)
+        }))
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        let planned = self.schedule.operator().at(self.clock.tick());
+        let Operator { armed, land, killed } = self.crew.page().words().operator(planned);
+        let adaptation = self.recorder.newest::<ControlAdaptation>();
+        Snapshot {
+            scenario: self.scenario.description.clone(),
+            time: seconds(self.clock.elapsed_ns()),
+            duration: seconds(self.schedule.time_ns(self.schedule.last_tick())),
+            phase: self.phase().map(|phase| phase.name().to_owned()),
+            armed,
+            landing: land,
+            killed,
+            services: self.services(),
+            capture_to_frame: self.monitor.capture_to_frame(),
+            position_error: self
+                .recorder
+                .newest::<ControlErrors>()
+                .and_then(|errors| z1_norm(&errors)),
+            mass_estimate: adaptation.map(|adaptation| adaptation.mass_estimate),
+            disturbance_estimate: adaptation.map(|adaptation| {
+                let [x, y, z] = adaptation.disturbance_projected_world;
+                (x * x + y * y + z * z).sqrt()
+            }),
+            recorded: self.recorder.received_in_all(),
+            events: self.events.iter().cloned().collect(),
+        }
+    }
+
+    fn services(&self) -> Vec<ServiceSnapshot> {
+        let rebirths = self.crew.rebirths();
+        let services = self.monitor.services().into_iter().zip(self.crew.processes());
+        services
+            .map(|(snapshot, (service, pid))| ServiceSnapshot {
+                pid,
+                flies: self.crew.flies(service),
+                rebirths: rebirths.iter().filter(|one| one.service == service).count() as u64,
+                ..snapshot
+            })
+            .collect()
+    }
+}
+
+/// How somebody breaks a service by hand.
+#[derive(Clone, Copy)]
+enum Break {
+    Kill,
+    Freeze,
+}

@@ -1,0 +1,81 @@
+//! How a live run is, at one moment.
+
+use serde::{Deserialize, Serialize};
+
+use crate::summary::timing::Quantiles;
+
+/// How a run in real time is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Snapshot {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Time since the start of the flight, s.
+    pub time: f64,
+    /// Length of the flight, s.
+    pub duration: f64,
+    /// The phase of the flight; none if it is flown without phases.
+    pub phase: Option<String>,
+    /// Whether the motors may turn.
+    pub armed: bool,
+    /// Whether the vehicle has been asked to land.
+    pub landing: bool,
+    /// Whether the motors rest for ever.
+    pub killed: bool,
+    /// The services, in the order of the wiring table.
+    pub services: Vec<ServiceSnapshot>,
+    /// From a capture to the frame that rests on it, in the last second.
+    pub capture_to_frame: Option<Quantiles>,
+    /// ‖z1‖, distance from the path's point, m; none while the law is not asked.
+    pub position_error: Option<f64>,
+    /// m̂, kg.
+    pub mass_estimate: Option<f64>,
+    /// ‖b̂‖, m/s².
+    pub disturbance_estimate: Option<f64>,
+    /// Samples recorded.
+    pub recorded: u64,
+    /// The last events, the newest last.
+    pub events: Vec<LiveEvent>,
+}
+
+/// How a service is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ServiceSnapshot {
+    /// Its name.
+    pub name: String,
+    /// Its process.
+    pub pid: u32,
+    /// Whether it flies; else it is dead or being born.
+    pub flies: bool,
+    /// Steps in the last second.
+    pub rate: u64,
+    /// How late its steps of the last second began.
+    pub wake: Option<Quantiles>,
+    /// How long its steps of the last second took.
+    pub step: Option<Quantiles>,
+    /// Steps left out, since the start.
+    pub missed_steps: u64,
+    /// Inputs that came too late, since the start.
+    pub late_inputs: u64,
+    /// How often it was born again.
+    pub rebirths: u64,
+    /// Its inputs.
+    pub inputs: Vec<InputSnapshot>,
+}
+
+/// How old an input is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct InputSnapshot {
+    /// Name of the topic.
+    pub topic: String,
+    /// Age of the sample at the last step, s; none if there was none.
+    pub age: Option<f64>,
+}
+
+/// Something that happened.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LiveEvent {
+    /// When, s since the start of the flight.
+    pub time: f64,
+    /// What, in words.
+    pub text: String,
+}

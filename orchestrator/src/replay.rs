@@ -1,0 +1,237 @@
+//! Does the steps of a flight again, on what its log has recorded, and compares what comes of them byte for byte.
+//!
+//! Every service is fed the recorded samples, not what the replayed ones publish: so a difference names the service
+//! that made it, and with a changed scenario the answer is what the service would have published on these inputs.
+//! In a log of simulated time the schedule says what each step saw; in one of real time the records of the steps do.
+
+mod compare;
+mod history;
+mod recorded_steps;
+mod station;
+
+use std::path::{Path, PathBuf};
+
+use shared_types::scenario::Scenario;
+use shared_types::{Schedule, ServiceId};
+
+pub use compare::{Comparison, Difference};
+use history::History;
+use recorded_steps::RecordedSteps;
+use station::Station;
+
+use crate::log::{LogReadError, LogReader};
+use crate::progress::Progress;
+
+/// How far beyond a tick the log is read before the tick is replayed: in real time a sample may come that much late.
+const READ_AHEAD_TICKS: u64 = 512;
+
+/// Why a log cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The log cannot be read.
+    #[error(transparent)]
+    Read(#[from] LogReadError),
+    /// The records of a flight's steps cannot be read.
+    #[error("cannot read the steps of the flight from {}: {reason}; a log of real time cannot be replayed without them", .path.display())]
+    Steps {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The scenario does not make services.
+    #[error("the log's scenario cannot be flown: {0}")]
+    Scenario(String),
+    /// The changed scenario has another schedule.
+    #[error(
+        "the change gives the flight another schedule, and the log has not the samples of that; change nothing that says when services step"
+    )]
+    OtherSchedule,
+}
+
+/// What is to be replayed.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Which services; all of them if none is named.
+    pub services: Vec<ServiceId>,
+    /// The scenario in place of the log's own.
+    pub changed: Option<Scenario>,
+}
+
+/// What came of a replay.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Replayed {
+    /// Whether the log is one of real time.
+    pub in_real_time: bool,
+    /// Steps that were done again.
+    pub steps: u64,
+    /// Steps that could not be, because samples that they had seen were not recorded; nor could those after them.
+    pub steps_without_inputs: u64,
+    /// Of each topic that was published in the replay.
+    pub comparisons: Vec<Comparison>,
+    /// Why the log ends early, if it does.
+    pub log_ends: Option<String>,
+}
+
+impl Replayed {
+    /// Samples that were compared.
+    #[must_use]
+    pub fn compared(&self) -> u64 {
+        self.comparisons
+            .iter()
+            .map(|comparison| comparison.compared)
+            .sum()
+    }
+
+    /// Samples that were made and not recorded, so that nothing can be said of them.
+    #[must_use]
+    pub fn unrecorded(&self) -> u64 {
+        self.comparisons
+            .iter()
+            .map(|comparison| comparison.unrecorded)
+            .sum()
+    }
+
+    /// Whether all that could be compared is the same, and all could.
+    #[must_use]
+    pub fn is_identical(&self) -> bool {
+        self.first_difference().is_none() && self.steps_without_inputs == 0 && self.compared() > 0
+    }
+
+    /// The first difference in the order of the log.
+    #[must_use]
+    pub fn first_difference(&self) -> Option<&Difference> {
+        let differences = self
+            .comparisons
+            .iter()
+            .filter_map(|comparison| comparison.first.as_ref());
+        differences.min_by_key(|difference| (difference.tick, difference.topic))
+    }
+}
+
+/// Replays the log of a run.
+///
+/// # Errors
+/// [`ReplayError`].
+pub fn replay(
+    log: &Path,
+    options: &Options,
+    progress: Option<&mut Progress>,
+) -> Result<Replayed, ReplayError> {
+    let reader = LogReader::open(log)?;
+    let recorded = reader.manifest().scenario.clone();
+    let schedule = schedule_of(&recorded)?;
+    let scenario = options.changed.as_ref().unwrap_or(&recorded);
+    if schedule_of(scenario)? != schedule {
+        return Err(ReplayError::OtherSchedule);
+    }
+    let steps = RecordedSteps::beside(log)?;
+    let wanted = |service: &ServiceId| options.services.is_empty() || options.services.contains(service);
+    let stations = schedule.order().iter().copied().filter(wanted);
+    let mut flight = Replay {
+        stations: stations
+            .map(|service| Station::new(service, scenario, &schedule))
+            .collect::<Result<_, _>>()
+            .map_err(ReplayError::Scenario)?,
+        source: Source {
+            reader,
+            history: History::default(),
+            read_until: 0,
+            ends: None,
+        },
+        steps,
+        schedule,
+    };
+    flight.run(progress)?;
+    Ok(flight.finish())
+}
+
+fn schedule_of(scenario: &Scenario) -> Result<Schedule, ReplayError> {
+    scenario
+        .schedule()
+        .map_err(|problems| ReplayError::Scenario(format!("{problems:?}")))
+}
+
+struct Replay {
+    schedule: Schedule,
+    stations: Vec<Station>,
+    source: Source,
+    /// Of a log of real time.
+    steps: Option<RecordedSteps>,
+}
+
+impl Replay {
+    fn run(&mut self, mut progress: Option<&mut Progress>) -> Result<(), ReplayError> {
+        for tick in 0..=self.schedule.last_tick() {
+            self.source.read_to(tick + READ_AHEAD_TICKS)?;
+            if self.source.is_exhausted_before(tick) {
+                break;
+            }
+            for station in &mut self.stations {
+                match &self.steps {
+                    None => station.step_as_scheduled(tick, &self.source.history),
+                    Some(steps) => {
+                        if let Some(step) = steps.of(station.service(), tick) {
+                            station.step_as_recorded(step, &self.source.history);
+                        }
+                    }
+                }
+            }
+            self.source.history.forget_old();
+            if let Some(progress) = progress.as_deref_mut() {
+                progress.tick(tick);
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Replayed {
+        Replayed {
+            in_real_time: self.steps.is_some(),
+            steps: self.stations.iter().map(|station| station.steps).sum(),
+            steps_without_inputs: self
+                .stations
+                .iter()
+                .map(|station| station.steps_without_inputs)
+                .sum(),
+            comparisons: self.stations.into_iter().flat_map(Station::finish).collect(),
+            log_ends: self.source.ends,
+        }
+    }
+}
+
+/// The recorded samples, read as far as they are needed.
+struct Source {
+    reader: LogReader,
+    history: History,
+    /// All samples of ticks before this one have been read.
+    read_until: u64,
+    /// Why the log ends early.
+    ends: Option<String>,
+}
+
+impl Source {
+    fn read_to(&mut self, tick: u64) -> Result<(), ReplayError> {
+        while self.read_until <= tick {
+            match self.reader.next_sample() {
+                Ok(Some(sample)) => {
+                    self.read_until = self.read_until.max(sample.header.tick);
+                    self.history.keep(sample.topic, sample.bytes);
+                }
+                Ok(None) => self.read_until = u64::MAX,
+                // What was read before it is whole.
+                Err(error @ (LogReadError::Unclosed { .. } | LogReadError::Damaged { .. })) => {
+                    self.ends = Some(error.to_string());
+                    self.read_until = u64::MAX;
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the log ends before a tick.
+    fn is_exhausted_before(&self, tick: u64) -> bool {
+        self.read_until == u64::MAX && self.history.last_tick() < Some(tick)
+    }
+}

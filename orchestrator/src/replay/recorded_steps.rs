@@ -1,0 +1,86 @@
+//! The steps of a flight in real time, as `host.mcap` tells of them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use shared_types::ServiceId;
+use shared_types::service::Operator;
+use zerocopy::FromBytes;
+
+use super::ReplayError;
+use super::station::Seen;
+use crate::log::{HostSample, ServiceStep, host_log_beside};
+
+/// One step, and what it saw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct RecordedStep {
+    pub(super) tick: u64,
+    /// Tick of the step before it that the service remembered.
+    pub(super) previous: Option<u64>,
+    pub(super) operator: Operator,
+    /// Of each input, the sequence number of the sample that it saw, and whether the step before saw another one.
+    pub(super) seen: Seen,
+}
+
+/// All steps, by service and tick.
+pub(super) struct RecordedSteps([BTreeMap<u64, RecordedStep>; ServiceId::ALL.len()]);
+
+impl RecordedSteps {
+    /// Those of the flight whose log is `log`; none if it was flown in simulated time.
+    pub(super) fn beside(log: &Path) -> Result<Option<Self>, ReplayError> {
+        let Some(path) = host_log_beside(log) else {
+            return Ok(None);
+        };
+        let failed = |reason: String| ReplayError::Steps {
+            path: path.clone(),
+            reason,
+        };
+        let file = std::fs::read(&path).map_err(|error| failed(error.to_string()))?;
+        let mut steps = Self(std::array::from_fn(|_| BTreeMap::new()));
+        // A log that was not closed is read up to where it breaks off.
+        let options = mcap::read::Options::IgnoreEndMagic;
+        let messages = mcap::MessageStream::new_with_options(&file, options.into())
+            .map_err(|error| failed(error.to_string()))?;
+        for message in messages.map_while(Result::ok) {
+            if message.channel.topic == ServiceStep::CHANNEL {
+                steps.keep(&message.data).map_err(failed)?;
+            }
+        }
+        let is_empty = steps.0.iter().all(BTreeMap::is_empty);
+        Ok((!is_empty).then_some(steps))
+    }
+
+    fn keep(&mut self, data: &[u8]) -> Result<(), String> {
+        let other_layout =
+            || "its steps are laid out in another way; use the program that wrote it".to_owned();
+        let bytes = data.get(4..).ok_or_else(other_layout)?;
+        let step = ServiceStep::read_from_bytes(bytes).map_err(|_| other_layout())?;
+        let own = self.0.get_mut(step.service as usize).ok_or_else(other_layout)?;
+        own.insert(step.tick, RecordedStep::from(&step));
+        Ok(())
+    }
+
+    /// The step of a service at a tick, if it did one.
+    pub(super) fn of(&self, service: ServiceId, tick: u64) -> Option<&RecordedStep> {
+        self.0[service.index()].get(&tick)
+    }
+}
+
+impl From<&ServiceStep> for RecordedStep {
+    fn from(step: &ServiceStep) -> Self {
+        let has = |bit: u32| step.operator & bit != 0;
+        Self {
+            tick: step.tick,
+            previous: step.previous.checked_sub(1),
+            operator: Operator {
+                armed: has(1),
+                land: has(2),
+                killed: has(4),
+            },
+            seen: std::array::from_fn(|input| {
+                let is_fresh = step.fresh_inputs & 1 << input != 0;
+                step.consumed[input].checked_sub(1).map(|seq| (seq, is_fresh))
+            }),
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! What a service does in real time once the orchestrator is gone.
+//!
+//! The orchestrator says now and then that it lives. Whoever has not heard of it for [`SILENCE_NS`] looks at its line:
+//! one that is only stopped or slow still holds the other end. If it is gone, the services land the vehicle, or fly on
+//! to the end of the scenario, as that says; without phases there is nothing to land, and they end.
+
+use std::sync::atomic::Ordering;
+
+use shared_types::scenario::{OrchestratorLoss, Scenario};
+
+use crate::control::Channel;
+use crate::flight_clock::monotonic_ns;
+use crate::shared_page::Words;
+
+/// Silence of the orchestrator after which a service looks whether it is gone, ns.
+pub const SILENCE_NS: u64 = 500_000_000;
+
+/// How long a landing without the orchestrator may take, ns.
+const LANDING_NS: u64 = 60_000_000_000;
+
+/// A service's view of whether the orchestrator is there.
+#[derive(Debug)]
+pub struct LoneFlight {
+    channel: Channel,
+    then: Then,
+    /// When it was found to be gone, ns of `CLOCK_MONOTONIC`.
+    alone_since: Option<u64>,
+    /// When to look again, ns of `CLOCK_MONOTONIC`.
+    look_at: u64,
+}
+
+/// What follows the loss of the orchestrator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Then {
+    End,
+    Land,
+    FlyOn,
+}
+
+impl LoneFlight {
+    /// For a flight of `scenario` by an orchestrator at the other end of `channel`.
+    #[must_use]
+    pub fn new(scenario: &Scenario, channel: Channel) -> Self {
+        let wanted = scenario.real_time.unwrap_or_default().orchestrator_loss;
+        Self {
+            channel,
+            then: match (wanted, &scenario.flight) {
+                (OrchestratorLoss::Continue, _) => Then::FlyOn,
+                (OrchestratorLoss::Land, Some(_)) => Then::Land,
+                (OrchestratorLoss::Land, None) => Then::End,
+            },
+            alone_since: None,
+            look_at: 0,
+        }
+    }
+
+    /// Whether the vehicle is to land because the orchestrator is gone.
+    #[must_use]
+    #[inline]
+    pub fn is_to_land(&self) -> bool {
+        self.alone_since.is_some() && self.then == Then::Land
+    }
+
+    /// Looks whether the orchestrator is there; whether the service is to end because it is not.
+    #[inline]
+    pub fn has_ended(&mut self, words: &Words) -> bool {
+        let alive = words.orchestrator_alive_ns.load(Ordering::Relaxed);
+        let now = monotonic_ns();
+        if now.saturating_sub(alive) < SILENCE_NS || now < self.look_at {
+            return false;
+        }
+        self.look(now)
+    }
+
+    #[cold]
+    fn look(&mut self, now: u64) -> bool {
+        self.look_at = now + SILENCE_NS;
+        if !self.channel.is_closed() {
+            return false;
+        }
+        let since = *self.alone_since.get_or_insert(now);
+        match self.then {
+            Then::End => true,
+            Then::Land => now - since > LANDING_NS,
+            Then::FlyOn => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shared_types::scenario::{Curve, Hover, Path, Vehicle};
+
+    fn scenario() -> Scenario {
+        let vehicle = Vehicle::new(0.2, [0.1e-3; 3]);
+        let hover = Curve::Hover(Hover {
+            position: [0.0, 0.0, -1.0],
+        });
+        Scenario::new(10.0, vehicle, Path::new(hover))
+    }
+
+    fn alone(loss: OrchestratorLoss, with_phases: bool) -> LoneFlight {
+        let mut scenario = scenario();
+        scenario.real_time = Some(shared_types::scenario::RealTime {
+            orchestrator_loss: loss,
+            ..Default::default()
+        });
+        scenario.flight = with_phases.then(Default::default);
+        let (orchestrator, service) = Channel::pair().unwrap();
+        drop(orchestrator);
+        LoneFlight::new(&scenario, Channel::inherited(service))
+    }
+
+    #[test]
+    fn who_is_alone_lands_flies_on_or_ends_as_the_scenario_says() {
+        let words = Words::default();
+        let mut landing = alone(OrchestratorLoss::Land, true);
+        assert!(!landing.is_to_land());
+        assert!(!landing.has_ended(&words) && landing.is_to_land());
+        let mut flying_on = alone(OrchestratorLoss::Continue, true);
+        assert!(!flying_on.has_ended(&words) && !flying_on.is_to_land());
+        assert!(alone(OrchestratorLoss::Land, false).has_ended(&words));
+    }
+
+    #[test]
+    fn an_orchestrator_that_is_silent_but_there_is_not_lost() {
+        let (_orchestrator, service) = Channel::pair().unwrap();
+        let mut flight = LoneFlight::new(&scenario(), Channel::inherited(service));
+        assert!(!flight.has_ended(&Words::default()));
+        assert_eq!(flight.alone_since, None);
+    }
+
+    #[test]
+    fn nobody_looks_while_the_orchestrator_says_that_it_lives() {
+        let mut flight = alone(OrchestratorLoss::Land, false);
+        let words = Words::default();
+        words
+            .orchestrator_alive_ns
+            .store(monotonic_ns(), Ordering::Relaxed);
+        assert!(!flight.has_ended(&words));
+    }
+}

@@ -1,0 +1,84 @@
+//! `gerono bench latency` measures what it says, as often as it was asked to, and leaves nothing behind.
+//!
+//! How long anything takes is not looked at: the machine is shared.
+
+mod common;
+
+use common::{Place, succeed};
+use serde_json::Value;
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
+}
+
+/// A time in its quantiles, of which there are some and no more than were asked for.
+fn assert_plausible(times: &Value, asked: u64) {
+    let count = times["count"].as_u64().unwrap();
+    assert!((1..=asked).contains(&count), "{times}");
+    let quantiles = ["p50", "p90", "p99", "p999", "max"].map(|name| number(&times[name]));
+    assert!(quantiles[0] > 0.0 && quantiles.is_sorted(), "{times}");
+}
+
+#[test]
+fn the_latency_of_flights_stands_beside_its_floor_and_nothing_is_left_behind() {
+    let place = Place::new();
+    let arguments = [
+        "bench",
+        "latency",
+        "--seconds",
+        "1",
+        "--repetitions",
+        "1",
+        "--json",
+        "latency.json",
+    ];
+    let output = succeed(&mut place.gerono(&arguments));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+
+    let text = std::fs::read_to_string(place.path("latency.json")).unwrap();
+    let measured: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(measured["asked"], 1000);
+    let rows = measured["rows"].as_array().unwrap();
+    let named = |row: &Value| ["load", "scheduler"].map(|key| row[key].as_str().unwrap().to_owned());
+    let conditions: Vec<_> = rows.iter().map(named).collect();
+    let schedulers = ["ordinary", "SCHED_FIFO"];
+    let loads = ["no load", "a load on another core", "loads on both cores"];
+    let expected: Vec<_> = schedulers
+        .iter()
+        .flat_map(|scheduler| loads.map(|load| [load, scheduler].map(str::to_owned)))
+        .collect();
+    assert_eq!(conditions, expected);
+
+    let shown = String::from_utf8(output.stdout).unwrap();
+    for row in rows {
+        assert!(shown.contains(row["load"].as_str().unwrap()), "{shown}");
+        if row["note"].is_null() {
+            assert_plausible(&row["floor"], 1000);
+            // A flight of 1 s has the ticks 0 to 1000.
+            assert_plausible(&row["capture_to_frame"], 1001);
+            for ratio in [&row["ratio_p50"], &row["ratio_p99"]] {
+                assert!(number(ratio).is_finite() && number(ratio) > 0.0, "{row}");
+            }
+            assert_eq!(row["services"].as_array().unwrap().len(), 5);
+        } else {
+            assert!(
+                row["floor"].is_null() && row["capture_to_frame"].is_null(),
+                "{row}"
+            );
+        }
+    }
+    assert!(rows[0]["note"].is_null(), "without a load everyone may measure");
+}
+
+#[test]
+fn a_measurement_of_nothing_is_refused() {
+    let place = Place::new();
+    for nothing in [["--seconds", "0"], ["--repetitions", "0"]] {
+        let output = common::output(&mut place.gerono(&["bench", "latency", nothing[0], nothing[1]]));
+        let reason = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            !output.status.success() && reason.contains(nothing[0]),
+            "{reason}"
+        );
+    }
+}

@@ -1,0 +1,210 @@
+//! Replays: what the services make of their recorded inputs is what was recorded, whatever happened in the flight;
+//! and what is not is found.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use common::{Place, finish, output, scenario, services_of, signal, succeed, until};
+use orchestrator::log::{Compression, LogReader, Manifest, RunLogWriter};
+use orchestrator::replay::{Options, Replayed, replay};
+use rustix::process::Signal;
+use shared_types::samples::ControlCommand;
+use shared_types::{ServiceId, Topic};
+use zerocopy::FromBytes;
+
+fn replayed(log: &Path) -> Replayed {
+    replay(log, &Options::default(), None).unwrap()
+}
+
+fn log_of(place: &Place, out: &str) -> PathBuf {
+    place.path(out).join("run.mcap")
+}
+
+/// Samples that services have published into a log.
+fn published(log: &Path) -> u64 {
+    let mut reader = LogReader::open(log).unwrap();
+    let mut count = 0;
+    while let Some(sample) = reader.next_sample().unwrap() {
+        count += u64::from(sample.topic.publisher().is_some());
+    }
+    count
+}
+
+#[test]
+fn every_scenario_is_replayed_identically() {
+    let place = Place::new();
+    let scenarios = std::fs::read_dir(scenario("fig1").parent().unwrap()).unwrap();
+    let names: Vec<_> = scenarios
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "toml"))
+        .collect();
+    assert!(names.len() > 10);
+    for path in names {
+        let out = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        let arguments = [
+            "run",
+            path.to_str().unwrap(),
+            "--host",
+            "inprocess",
+            "--quiet",
+            "--out",
+            &out,
+        ];
+        succeed(&mut place.gerono(&arguments));
+        let log = log_of(&place, &out);
+        let replayed = replayed(&log);
+        assert!(
+            replayed.is_identical(),
+            "{out}: {:?}",
+            replayed.first_difference()
+        );
+        assert_eq!(replayed.compared(), published(&log), "{out}");
+        std::fs::remove_dir_all(place.path(&out)).unwrap();
+    }
+}
+
+#[test]
+fn a_flight_of_processes_in_which_all_fails_is_replayed_identically() {
+    let place = Place::new();
+    let faults = "fault=[\
+        {at = 0.2, service = \"controller\", kind = \"off\", for = 0.1, state = \"cold\"}, \
+        {at = 0.4, service = \"estimator\", kind = \"freeze\", for = 0.05}, \
+        {at = 0.5, edge = \"vehicle/state -> controller\", kind = \"delay\", for = 0.1, by = 0.02}, \
+        {at = 0.6, edge = \"mocap/pose -> estimator\", kind = \"stuck\", for = 0.1}, \
+        {at = 0.7, edge = \"control/command -> rc_output\", kind = \"intermittent\", for = 0.2, fraction = 0.5}]";
+    succeed(&mut place.rig_flight("out", 1.2, &["--set", faults]));
+    let log = log_of(&place, "out");
+    let replayed = replayed(&log);
+    assert!(replayed.is_identical(), "{:?}", replayed.first_difference());
+    assert_eq!(replayed.compared(), published(&log));
+}
+
+#[test]
+fn a_flight_in_real_time_is_replayed_identically_although_services_died_in_it() {
+    let place = Place::new();
+    let hover = scenario("hover");
+    let arguments = [
+        "run",
+        hover.to_str().unwrap(),
+        "--host",
+        "realtime",
+        "--out",
+        "out",
+        "--set",
+        "duration=100.0",
+    ];
+    let mut command = place.gerono(&arguments);
+    let child = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let partial = place.path("out").join("run.mcap.partial");
+    let size = || std::fs::metadata(&partial).map_or(0, |file| file.len());
+    until("the first chunk", || (size() > 20_000).then_some(()));
+    for service in [ServiceId::Controller, ServiceId::Estimator, ServiceId::Controller] {
+        let pid_of = || {
+            services_of(child.id())
+                .into_iter()
+                .find(|(name, _)| name == service.name())
+        };
+        let (_, pid) = until("the service", pid_of);
+        signal(pid, Signal::KILL);
+        until("a successor", || pid_of().filter(|&(_, now)| now != pid));
+        let before = size();
+        until("some more", || (size() > before + 500_000).then_some(()));
+    }
+    signal(child.id(), Signal::INT);
+    assert_eq!(finish(child).status.code(), Some(130));
+    let replayed = replayed(&log_of(&place, "out"));
+    assert!(replayed.in_real_time);
+    assert!(replayed.is_identical(), "{:?}", replayed.first_difference());
+}
+
+#[test]
+fn one_bit_that_is_not_as_it_was_is_found() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("out", 0.5, &["--host", "inprocess"]));
+    let altered = place.path("altered.mcap");
+    rewrite(&log_of(&place, "out"), &altered, |topic, tick, bytes| {
+        if (topic, tick) == (Topic::ControlCommand, 123) {
+            let command = ControlCommand::mut_from_bytes(bytes).unwrap();
+            command.thrust = f64::from_bits(command.thrust.to_bits() ^ 1);
+        }
+    });
+    let found = replayed(&altered);
+    let first = found.first_difference().unwrap();
+    assert_eq!(
+        (first.topic, first.tick, first.field.as_str()),
+        (Topic::ControlCommand, 123, "thrust")
+    );
+    assert_ne!(first.recorded, first.replayed);
+    assert!(!found.is_identical());
+    let output = output(&mut place.gerono(&["replay", altered.to_str().unwrap(), "--quiet"]));
+    assert_eq!(output.status.code(), Some(8));
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        text.contains("tick 123") && text.contains("`thrust` of `control/command`"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_log_that_breaks_off_is_replayed_as_far_as_it_goes() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("out", 2.0, &["--host", "inprocess"]));
+    let whole = std::fs::read(log_of(&place, "out")).unwrap();
+    let cut = place.path("cut.mcap");
+    std::fs::write(&cut, &whole[..whole.len() * 2 / 3]).unwrap();
+    let replayed = replayed(&cut);
+    assert!(replayed.is_identical() && replayed.log_ends.is_some());
+    assert!(replayed.compared() > 1000);
+}
+
+#[test]
+fn what_would_have_been_commanded_differs_where_the_change_acts_and_nowhere_else() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("out", 0.5, &["--host", "inprocess"]));
+    let log = log_of(&place, "out");
+    let mut changed = LogReader::open(&log).unwrap().manifest().scenario.clone();
+    changed.controller.k1 *= 1.1;
+    let options = Options {
+        changed: Some(changed),
+        ..Options::default()
+    };
+    let replayed = replay(&log, &options, None).unwrap();
+    for comparison in &replayed.comparisons {
+        let of_the_controller = comparison.topic.publisher() == Some(ServiceId::Controller);
+        assert_eq!(
+            comparison.different > 0,
+            of_the_controller,
+            "{}",
+            comparison.topic
+        );
+    }
+    let slower = place
+        .gerono(&["replay", "out", "--set", "schedule.tick=0.002"])
+        .output()
+        .unwrap();
+    assert_eq!(slower.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&slower.stderr).contains("another schedule"));
+}
+
+/// Writes a log again, with samples changed.
+fn rewrite(from: &Path, to: &Path, change: impl Fn(Topic, u64, &mut [u8])) {
+    let mut reader = LogReader::open(from).unwrap();
+    let manifest = Manifest::new(&reader.manifest().scenario);
+    let mut writer = RunLogWriter::create(to, &manifest, Compression::None).unwrap();
+    while let Some(sample) = reader.next_sample().unwrap() {
+        let (topic, tick) = (sample.topic, sample.header.tick);
+        // Whole words: samples are written in place.
+        let mut words = vec![0u64; sample.bytes.len().div_ceil(8)];
+        let bytes = &mut zerocopy::IntoBytes::as_mut_bytes(words.as_mut_slice())[..sample.bytes.len()];
+        bytes.copy_from_slice(sample.bytes);
+        change(topic, tick, bytes);
+        writer.write(topic, bytes).unwrap();
+    }
+    writer.finish().unwrap();
+}
