@@ -64,12 +64,10 @@ impl EdgeStore {
         self.samples.contains_key(&due) && repeated.is_none_or(|tick| self.samples.contains_key(&tick))
     }
 
-    /// The oldest sample that is needed when that of tick `due` is due.
+    /// The oldest sample that is needed when that of tick `due` is due, and after it.
     #[must_use]
     pub fn oldest_needed(&self, due: u64) -> u64 {
-        self.edge
-            .repeated_by(due)
-            .map_or(due, |repeated| repeated.min(due))
+        self.edge.oldest_needed(due)
     }
 
     /// Tick of the newest sample that is not newer than `due`.

@@ -133,31 +133,32 @@ impl Inlet {
         }
     }
 
+    /// Until nothing can be missing any more, all that the port has is taken, also when what is due came from the
+    /// orchestrator: a port that nobody empties makes its publisher wait.
     #[cold]
     fn advance_reborn(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
-        loop {
-            let Some(kept) = &mut self.kept else {
-                return self.advance(tick, due);
-            };
-            kept.samples.forget_before(due);
-            if kept.samples.has(due) {
-                return Ok(true);
-            }
-            // What is due comes before the port's first sample: only the orchestrator can give it.
-            if kept.first_at_port.is_some_and(|first| first > due) || !self.receiver.receive()? {
-                return Ok(false);
-            }
+        let Some(kept) = &mut self.kept else {
+            return self.advance(tick, due);
+        };
+        while kept.is_reborn && self.receiver.receive()? {
             let bytes = self.receiver.held().expect("just received");
-            let got = header_of(bytes).tick;
-            let first = *kept.first_at_port.get_or_insert(got);
-            if first > due {
-                kept.samples.keep(bytes);
-            } else if got == due {
-                self.kept = None;
-            } else if got > due {
-                return Err(self.lost(tick, due, got));
-            }
+            kept.first_at_port.get_or_insert(header_of(bytes).tick);
+            kept.samples.keep(bytes);
         }
+        kept.samples.forget_before(due);
+        if kept.first_at_port.is_some_and(|first| first <= due) {
+            kept.is_reborn = false;
+        }
+        if kept.samples.has(due) {
+            return Ok(true);
+        }
+        if kept.is_reborn {
+            // What is due comes before the port's first sample: only the orchestrator can give it.
+            return Ok(false);
+        }
+        // What was taken is used up: the next one is at the port.
+        self.kept = None;
+        self.advance(tick, due)
     }
 
     /// Keeps all that has come, whatever is due: where samples are late or lost, others come before they are.

@@ -81,6 +81,24 @@ impl Edge {
         self.due_sample(self.step_before(fault.from)?)
     }
 
+    /// Ticks of the samples before `due` that are repeated when this is due or after it. They may also come before the
+    /// first sample that repeats them, where a last one arrived in time for no step before the fault.
+    pub fn needed_again(&self, due: u64) -> impl Iterator<Item = u64> {
+        let repeating = self.faults.iter().filter(move |fault| {
+            matches!(fault.kind, EdgeFaultKind::Altered(Alteration::Repeated))
+                && fault.until > due + self.latency
+        });
+        repeating
+            .filter_map(|fault| self.due_sample(self.step_before(fault.from)?))
+            .filter(move |&repeated| repeated < due)
+    }
+
+    /// Tick of the oldest sample that is needed when the one of tick `due` is due, and after it.
+    #[must_use]
+    pub fn oldest_needed(&self, due: u64) -> u64 {
+        self.needed_again(due).fold(due, u64::min)
+    }
+
     /// Whether the sample that was published at `tick` never arrives.
     #[must_use]
     pub fn is_lost(&self, tick: u64) -> bool {
@@ -230,6 +248,15 @@ mod tests {
         fn no_older_sample_is_due_later(edge in edge()) {
             let due: Vec<_> = (0..140).map(|tick| edge.due_sample(tick)).collect();
             prop_assert!(due.is_sorted(), "{:?}", due);
+        }
+
+        #[test]
+        fn what_is_repeated_later_is_not_too_old_now(edge in edge(), early in 0..140u64, later in 0..140u64) {
+            let (Some(now), Some(then)) = (edge.due_sample(early), edge.due_sample(early + later)) else {
+                return Ok(());
+            };
+            let needed_then = edge.repeated_by(then).unwrap_or(then).min(then);
+            prop_assert!(edge.oldest_needed(now) <= needed_then.min(now));
         }
 
         #[test]

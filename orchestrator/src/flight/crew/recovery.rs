@@ -182,10 +182,9 @@ impl Crew<'_> {
             // With planned faults these may lie far before all others that are needed.
             let old = due.filter(|_| edge.has_faults());
             remembered.extend(old.map(|due| (input, due)));
-            remembered.extend(
-                old.and_then(|due| edge.repeated_by(due))
-                    .map(|tick| (input, tick)),
-            );
+            if let Some(due) = old {
+                remembered.extend(edge.needed_again(due).map(|tick| (input, tick)));
+            }
             *place = archive.place_of(match old {
                 Some(due) => due.max(edge.first_to_come(tick)),
                 None => due.unwrap_or_else(|| edge.first_to_come(tick)),
