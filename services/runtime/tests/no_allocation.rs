@@ -1,0 +1,118 @@
+//! What a service does at each tick in real time allocates nothing: sleeping, receiving, stepping, publishing, waking,
+//! keeping what it knows and telling of it. But for one thing that is not ours: iceoryx2 0.10 makes the handle of every
+//! sample that it loans on the heap.
+
+#[path = "../../../tests/common/allocations.rs"]
+mod allocations;
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use runtime::checkpoints::Checkpoints;
+use runtime::control::Channel;
+use runtime::crash::CrashPoint;
+use runtime::flight_clock::{FlightClock, monotonic_ns};
+use runtime::lone_flight::LoneFlight;
+use runtime::ports::{Delivery, Member, Topics};
+use runtime::real_time::{Cockpit, RealTimePorts, fly};
+use runtime::shared_page::SharedPage;
+use runtime::step_log::{StepLog, StepReader};
+use shared_types::scenario::{Curve, Hover, Path, Scenario, Vehicle};
+use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::{Now, Schedule, ServiceId};
+
+/// A plant that publishes zeros.
+struct Still;
+
+impl ErasedService for Still {
+    fn id(&self) -> ServiceId {
+        ServiceId::Plant
+    }
+
+    fn step(&mut self, _now: &Now, _inputs: &[InputView<'_>], _outputs: &mut [OutputSlot<'_>]) {}
+
+    fn state_size(&self) -> usize {
+        8
+    }
+
+    fn save(&self, bytes: &mut [u8]) {
+        bytes.fill(1);
+    }
+
+    fn restore(&mut self, _bytes: &[u8]) {}
+}
+
+/// Allocations of a flight of so many ticks of a millisecond; and how many steps it told of.
+fn allocations_of(member: &Member, ticks: u64) -> (u64, usize) {
+    let schedule = Schedule::ideal(1_000_000, ticks - 1);
+    let topics = Topics::open(member, ServiceId::Plant, &schedule).unwrap();
+    let ports = RealTimePorts::open(&topics, ServiceId::Plant, &schedule).unwrap();
+    let page = Arc::new(SharedPage::create().unwrap());
+    page.words()
+        .orchestrator_alive_ns
+        .store(monotonic_ns(), Ordering::Relaxed);
+    let (_orchestrator, line) = Channel::pair().unwrap();
+    let hover = Curve::Hover(Hover {
+        position: [0.0, 0.0, -1.0],
+    });
+    let scenario = Scenario::new(1.0, Vehicle::new(0.2, [1e-3; 3]), Path::new(hover));
+    let step_log = StepLog::create().unwrap();
+    let mut cockpit = Cockpit {
+        ports,
+        page,
+        checkpoints: &Checkpoints::create().unwrap(),
+        step_log: &step_log,
+        clock: FlightClock::starting_in(Duration::from_millis(2), schedule.tick_ns()),
+        grace_ns: 0,
+        lone_flight: LoneFlight::new(&scenario, Channel::inherited(line)),
+        crash: CrashPoint::default(),
+    };
+    let mut flown = Ok(());
+    let count = allocations::allocations_during(|| flown = fly(&mut Still, &schedule, None, &mut cockpit));
+    flown.unwrap();
+    let mut reader = StepReader::new(ServiceId::Plant);
+    let steps = std::iter::from_fn(|| reader.next(&step_log)).count();
+    (count, steps)
+}
+
+#[test]
+fn a_hundred_more_ticks_allocate_no_more_than_the_handles_of_their_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    let configuration = folder.path().join("iceoryx2.toml");
+    let prefix = format!("gerono_allocations_{}_", std::process::id());
+    let root = folder.path().join("root");
+    let text = format!("[global]\nroot-path = {root:?}\nprefix = {prefix:?}\n");
+    std::fs::write(&configuration, text).unwrap();
+    let member = Member::join(&configuration, "allocations").unwrap();
+    let schedule = Schedule::ideal(1_000_000, 0);
+    let outputs = ServiceId::Plant.outputs().iter().map(|output| output.topic);
+    let inputs = ServiceId::Plant.inputs().iter().map(|input| input.topic);
+    let topics: Vec<_> = outputs
+        .chain(inputs)
+        .map(|topic| {
+            member
+                .create_topic(topic, &schedule, Delivery::NewestWins)
+                .unwrap()
+        })
+        .collect();
+
+    // What is made once is made here.
+    allocations_of(&member, 5);
+    let (few, few_steps) = allocations_of(&member, 20);
+    let (many, many_steps) = allocations_of(&member, 120);
+    drop((topics, member));
+    sweep(&prefix);
+    assert_eq!((few_steps, many_steps), (20, 120));
+    let handles = 100 * ServiceId::Plant.outputs().len() as u64;
+    assert_eq!(many - few, handles);
+}
+
+/// Removes the one file of a run that iceoryx2 leaves in shared memory.
+fn sweep(prefix: &str) {
+    for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(prefix) {
+            std::fs::remove_file(entry.path()).unwrap();
+        }
+    }
+}
