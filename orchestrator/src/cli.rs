@@ -46,6 +46,8 @@ pub enum Command {
     /// Every service is fed the recorded samples, so that a difference names the service that made it. Works on logs of
     /// simulated and of real time (whose host.mcap must lie beside run.mcap), with planned faults, and cut short.
     Replay(Replay),
+    /// Compare two logs: per topic identical, or how many samples differ, the first of them, and by how much.
+    Diff(Diff),
     /// Print the SHA-256 of a log's messages (topic, time, payload): equal logs of equal experiments.
     Digest(Digest),
     /// Measure this machine: simulated seconds per wall second of every host, beside bare rings as floors.
@@ -277,6 +279,15 @@ impl Host {
             Self::Realtime => "realtime",
         }
     }
+}
+
+/// Arguments of `gerono diff`.
+#[derive(Debug, Args)]
+pub struct Diff {
+    /// The first log, or the folder of its run.
+    pub first: PathBuf,
+    /// The second log, or the folder of its run.
+    pub second: PathBuf,
 }
 
 /// Arguments of `gerono replay`.

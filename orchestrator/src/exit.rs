@@ -21,7 +21,7 @@ pub enum Exit {
     Unfit,
     /// A live run refused what it was asked for.
     Refused,
-    /// What came of a log's steps in a replay is not what was recorded, or not all could be compared.
+    /// What came of a log's steps in a replay is not what was recorded, or not all could be compared; or two logs differ.
     Diverged,
     /// A signal ended the run in good order.
     Signal(i32),
@@ -30,7 +30,7 @@ pub enum Exit {
 impl Exit {
     /// What `gerono help` says about exit codes.
     pub const HELP: &str = "Exit codes: 0 done; 1 trouble with the machine; 2 wrong command line or scenario, nothing was \
-        started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 6 the machine is not fit for the flight (`gerono doctor`); 7 a live run refused what it was asked for; 8 a replay is not identical; 130 or 143 ended by \
+        started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 6 the machine is not fit for the flight (`gerono doctor`); 7 a live run refused what it was asked for; 8 a replay or two logs are not identical; 130 or 143 ended by \
         Ctrl-C or SIGTERM, the log complete up to there.";
 }
 

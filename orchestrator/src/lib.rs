@@ -13,6 +13,7 @@
 
 pub mod cli;
 pub mod commands;
+pub mod diff;
 pub mod doctor;
 pub mod exit;
 pub mod flight;

@@ -17,6 +17,7 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
         Command::Plot(arguments) => small::plot(&arguments).map(|()| Exit::Success),
         Command::Export(arguments) => small::export(&arguments).map(|()| Exit::Success),
+        Command::Diff(arguments) => replay::diff(&arguments),
         Command::Replay(arguments) => replay::replay(&arguments),
         Command::Digest(arguments) => small::digest(&arguments).map(|()| Exit::Success),
         Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),

@@ -1,13 +1,14 @@
-//! `gerono replay`: does a log's steps again and says whether the same comes of them.
+//! `gerono replay`: does a log's steps again and says whether the same comes of them. `gerono diff`: compares two logs.
 
 use comfy_table::{Table, presets};
 
 use super::{Failure, log_path, print};
-use crate::cli::Replay;
+use crate::cli::{Diff, Replay};
+use crate::diff::{self, TopicDiff};
 use crate::exit::Exit;
 use crate::log::LogReader;
 use crate::progress::Progress;
-use crate::replay::{self, Difference, Options, Replayed};
+use crate::replay::{self, Comparison, Difference, Options, Replayed};
 use crate::scenario_file;
 
 /// `gerono replay`.
@@ -47,6 +48,41 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
     })
 }
 
+/// `gerono diff`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn diff(arguments: &Diff) -> Result<Exit, Failure> {
+    let [first, second] = [&arguments.first, &arguments.second].map(|path| log_path(path));
+    let topics = diff::diff(&first, &second).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let comparisons: Vec<_> = topics.iter().map(|topic| topic.comparison.clone()).collect();
+    let compared: u64 = comparisons.iter().map(|comparison| comparison.compared).sum();
+    if topics.iter().all(TopicDiff::is_identical) {
+        print(format!("identical: {compared} samples\n"));
+        return Ok(Exit::Success);
+    }
+    print(format!("{}\n", table(&comparisons)));
+    let differences = comparisons
+        .iter()
+        .filter_map(|comparison| comparison.first.as_ref());
+    if let Some(first) = differences.min_by_key(|difference| (difference.tick, difference.topic)) {
+        print(in_words(first, ["first", "second"]));
+    }
+    for (topic, which, count) in topics.iter().flat_map(|topic| {
+        let [first, second] = topic.lonely;
+        [
+            (topic.comparison.topic, "first", first),
+            (topic.comparison.topic, "second", second),
+        ]
+    }) {
+        if count > 0 {
+            print(format!("only the {which} log has {count} samples of `{topic}`\n"));
+        }
+    }
+    print(format!("not identical: {compared} samples were compared\n"));
+    Ok(Exit::Diverged)
+}
+
 fn report(replayed: &Replayed) -> String {
     let mut text = String::new();
     if let Some(reason) = &replayed.log_ends {
@@ -57,10 +93,10 @@ fn report(replayed: &Replayed) -> String {
         .iter()
         .any(|comparison| comparison.different > 0)
     {
-        text += &format!("{}\n", table(replayed));
+        text += &format!("{}\n", table(&replayed.comparisons));
     }
     if let Some(difference) = replayed.first_difference() {
-        text += &in_words(difference);
+        text += &in_words(difference, ["recorded", "replayed"]);
     }
     if replayed.steps_without_inputs > 0 {
         text += &format!(
@@ -83,7 +119,7 @@ fn report(replayed: &Replayed) -> String {
     text
 }
 
-fn in_words(difference: &Difference) -> String {
+fn in_words(difference: &Difference, [first, second]: [&str; 2]) -> String {
     let Difference {
         topic,
         tick,
@@ -93,11 +129,11 @@ fn in_words(difference: &Difference) -> String {
         replayed,
     } = difference;
     format!(
-        "The first difference is at tick {tick} ({time} s), `{field}` of `{topic}`:\n  recorded {recorded}\n  replayed {replayed}\n"
+        "The first difference is at tick {tick} ({time} s), `{field}` of `{topic}`:\n  {first} {recorded}\n  {second} {replayed}\n"
     )
 }
 
-fn table(replayed: &Replayed) -> Table {
+fn table(comparisons: &[Comparison]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
         "topic",
@@ -107,7 +143,7 @@ fn table(replayed: &Replayed) -> Table {
         "largest difference",
         "at, s",
     ]);
-    for comparison in &replayed.comparisons {
+    for comparison in comparisons {
         let first = comparison.first.as_ref();
         table.add_row([
             comparison.topic.to_string(),

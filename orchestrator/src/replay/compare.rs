@@ -42,7 +42,9 @@ pub struct Difference {
 }
 
 impl Comparison {
-    pub(super) fn new(topic: Topic) -> Self {
+    /// Nothing compared yet.
+    #[must_use]
+    pub fn new(topic: Topic) -> Self {
         Self {
             topic,
             compared: 0,
@@ -58,6 +60,11 @@ impl Comparison {
             self.unrecorded += 1;
             return;
         };
+        self.compare_with(recorded, replayed);
+    }
+
+    /// Compares two samples of the topic, the recorded one or that of the first log first.
+    pub fn compare_with(&mut self, recorded: &[u8], replayed: &[u8]) {
         self.compared += 1;
         if recorded != replayed {
             self.note(recorded, replayed);
