@@ -108,6 +108,7 @@ impl Flown {
             (true, false) => 2.0,
             (true, true) => 2.0 / (1.0 + 10.0 * depth),
         };
+        self.frame.failsafe = (reference.phase == PathReference::PHASE_DISARMED).into();
         position[2] = position[2].min(PLACE[2]);
         if is_led && self.lifts {
             let [.., rise] = motion(reference)[1];
