@@ -146,6 +146,11 @@ pub fn replay(
     Ok(flight.finish())
 }
 
+/// `true`, and `false` from then on.
+fn first_only() -> impl Iterator<Item = bool> {
+    std::iter::once(true).chain(std::iter::repeat(false))
+}
+
 fn schedule_of(scenario: &Scenario) -> Result<Schedule, ReplayError> {
     scenario
         .schedule()
@@ -171,8 +176,8 @@ impl Replay {
                 match &self.steps {
                     None => station.step_as_scheduled(tick, &self.source.history),
                     Some(steps) => {
-                        if let Some(step) = steps.of(station.service(), tick) {
-                            station.step_as_recorded(step, &self.source.history);
+                        for (step, is_first) in steps.of(station.service(), tick).iter().zip(first_only()) {
+                            station.step_as_recorded(step, is_first, &self.source.history);
                         }
                     }
                 }

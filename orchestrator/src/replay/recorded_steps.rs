@@ -22,8 +22,9 @@ pub(super) struct RecordedStep {
     pub(super) seen: Seen,
 }
 
-/// All steps, by service and tick.
-pub(super) struct RecordedSteps([BTreeMap<u64, RecordedStep>; ServiceId::ALL.len()]);
+/// All steps, by service and tick. Of one tick there are several where a process died after its step and the one that
+/// took its place did it again: what the first published is what was seen and recorded.
+pub(super) struct RecordedSteps([BTreeMap<u64, Vec<RecordedStep>>; ServiceId::ALL.len()]);
 
 impl RecordedSteps {
     /// Those of the flight whose log is `log`; none if it was flown in simulated time.
@@ -56,13 +57,13 @@ impl RecordedSteps {
         let bytes = data.get(4..).ok_or_else(other_layout)?;
         let step = ServiceStep::read_from_bytes(bytes).map_err(|_| other_layout())?;
         let own = self.0.get_mut(step.service as usize).ok_or_else(other_layout)?;
-        own.insert(step.tick, RecordedStep::from(&step));
+        own.entry(step.tick).or_default().push(RecordedStep::from(&step));
         Ok(())
     }
 
-    /// The step of a service at a tick, if it did one.
-    pub(super) fn of(&self, service: ServiceId, tick: u64) -> Option<&RecordedStep> {
-        self.0[service.index()].get(&tick)
+    /// The steps of a service at a tick, in their order.
+    pub(super) fn of(&self, service: ServiceId, tick: u64) -> &[RecordedStep] {
+        self.0[service.index()].get(&tick).map_or(&[], Vec::as_slice)
     }
 }
 

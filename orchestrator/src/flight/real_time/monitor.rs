@@ -39,6 +39,8 @@ struct Track {
     reader: StepReader,
     recent: Vec<Option<StepRecord>>,
     missed: u64,
+    /// Steps that were done again by a process that took the place of one that had died after them.
+    repeated: u64,
     late_inputs: u64,
     stale_inputs: u64,
     timing: Timing,
@@ -135,11 +137,11 @@ impl Monitor {
         }
     }
 
-    /// Steps of a service of which records have come, those included that were overwritten before.
+    /// Ticks of a service of whose steps records have come, those included that were overwritten before.
     #[must_use]
     pub fn steps(&self, service: ServiceId) -> u64 {
         let track = &self.tracks[service.index()];
-        track.timing.steps + track.reader.overwritten()
+        track.timing.steps + track.reader.overwritten() - track.repeated
     }
 
     fn settle(&mut self, service: ServiceId, record: &StepRecord) {
@@ -188,6 +190,7 @@ impl Track {
             reader: StepReader::new(service),
             recent: vec![None; usize::try_from(HISTORY).expect("a few thousand")],
             missed: 0,
+            repeated: 0,
             late_inputs: 0,
             stale_inputs: 0,
             timing: Timing::new(),
@@ -199,6 +202,7 @@ impl Track {
 
     fn keep(&mut self, record: StepRecord) {
         self.missed += record.missed;
+        self.repeated += u64::from(self.last.is_some_and(|last| last.tick >= record.tick));
         self.late_inputs += u64::from(record.late_inputs.count_ones());
         for (input, edge) in self.edges.iter().enumerate() {
             let is_stale = edge.due_sample(record.tick) != record.consumed_tick(input);

@@ -31,6 +31,8 @@ struct Feed {
     topic: Topic,
     receiver: Box<dyn Receiver>,
     received: u64,
+    /// Tick of the newest sample.
+    newest: Option<u64>,
 }
 
 /// A sample in whole words.
@@ -56,6 +58,7 @@ impl Recorder {
                 topic,
                 receiver: ports.recorder()?,
                 received: 0,
+                newest: None,
             });
             topics.push(ports);
         }
@@ -113,14 +116,18 @@ impl Recorder {
                 .receive()
                 .map_err(|error| FlightFailure::Setup(error.to_string()))?
             {
-                feed.received += 1;
                 let bytes = feed.receiver.held().expect("just received");
+                // One that was born again may repeat its last words, as the world does: the first count, for its
+                // consumers too.
+                let tick = header_of(bytes).tick;
+                if feed.newest.replace(tick.max(feed.newest.unwrap_or(0))) >= Some(tick) {
+                    continue;
+                }
+                feed.received += 1;
                 let words = self.spare.pop();
                 let sample = Waiting::new(feed.topic, bytes, words);
                 let key = (header_of(bytes).tick, feed.topic.index());
-                if let Some(repeated) = self.waiting.insert(key, sample) {
-                    self.spare.push(repeated.words);
-                }
+                self.waiting.insert(key, sample);
             }
         }
         Ok(())
