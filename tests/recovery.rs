@@ -285,6 +285,7 @@ fn a_service_that_dies_together_with_the_spare_process_leaves_no_trace() {
 fn a_run_goes_on_without_a_spare_process_if_that_dies_again_and_again() {
     let place = Place::new();
     let child = begin(place.short_flight("without", 40.0, &[]));
+    await_log(&place, "without", 1_000_000);
     let mut last = None;
     // The flight waits for a service until all spare processes are dead.
     let estimator = pid_of(&child, ServiceId::Estimator);
