@@ -91,6 +91,12 @@ pub enum Command {
     Kill(Operate),
     /// End a flight in real time: it lands and disarms first; asked again, it disarms in the air.
     Stop(Operate),
+    /// Take over a flight in real time whose orchestrator has died: record and supervise it to its end.
+    ///
+    /// The services of such a flight go on alone: they land, or fly on to the end, as the scenario's
+    /// `real_time.orchestrator_loss` says. Whoever takes over records from then on, starts services again that die, and
+    /// answers `gerono arm`, `stop`, `top` and the like. What was not recorded meanwhile is not recovered.
+    Attach(Attach),
     /// Look at a flight in real time while it goes on, from any terminal.
     ///
     /// Shows how every service keeps time, how long it is from a capture to the frame, the vehicle's error and estimates over
@@ -313,6 +319,23 @@ pub struct Operate {
     /// The run, if several are under way: the name of its place, as `gerono doctor` shows it.
     #[arg(long, value_name = "ID")]
     pub run: Option<String>,
+}
+
+/// Arguments of `gerono attach`.
+#[derive(Debug, Args)]
+pub struct Attach {
+    /// Which run.
+    #[command(flatten)]
+    pub run: Operate,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/attached-N].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Compression of the logs' chunks.
+    #[arg(long, value_enum, default_value_t)]
+    pub compression: Compression,
+    /// Say nothing unless something is wrong.
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 /// Arguments of `gerono top`.

@@ -1,5 +1,6 @@
 //! The commands of `gerono`, one module each.
 
+pub mod attach;
 pub mod bench;
 pub mod check;
 pub mod doctor;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use orchestrator::cli::{Cli, Command, Operate};
 use orchestrator::commands::{
-    Failure, bench, check, doctor, faults, operate, replay, reproduce, run, small, top,
+    Failure, attach, bench, check, doctor, faults, operate, replay, reproduce, run, small, top,
 };
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
@@ -28,6 +28,7 @@ fn main() -> ExitCode {
         Command::Disarm(arguments) => operate(&arguments, &Question::Operate(Request::Disarm)),
         Command::Kill(arguments) => operate(&arguments, &Question::Operate(Request::Kill)),
         Command::Stop(arguments) => operate(&arguments, &Question::Stop),
+        Command::Attach(arguments) => attach::attach(&arguments),
         Command::Top(arguments) => top::top(&arguments),
         Command::Clean => small::clean().map(|()| Exit::Success),
         Command::Schema => {
