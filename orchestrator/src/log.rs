@@ -34,7 +34,7 @@ pub use host_samples::{HostEvent, HostSample, ServiceHealth, ServiceStep};
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest};
 pub use reader::{LogReadError, LogReader, LoggedSample};
-pub use recovery::{Gap, Moment, RecoverError, Recovery, is_whole, recover, recovered_path};
+pub use recovery::{Gap, Moment, RecoverError, Recovery, inspect, is_whole, recover, recovered_path};
 pub use size::predicted_bytes;
 pub use writer::RunLogWriter;
 

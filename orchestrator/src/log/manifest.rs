@@ -93,7 +93,9 @@ impl Manifest {
         let scenario: Scenario = serde_json::from_str(text)
             .map_err(|error| ManifestProblem::Broken(format!("its scenario cannot be read: {error}")))?;
         // Earlier programs wrote no checksum.
-        let is_as_written = metadata.get(CHECKSUM_KEY).is_none_or(|sum| *sum == checksum(text));
+        let is_as_written = metadata
+            .get(CHECKSUM_KEY)
+            .is_none_or(|sum| *sum == checksum(text));
         if !is_as_written || *get(SEED_KEY)? != scenario.seed.to_string() {
             let reason = "its scenario is not what was written: checksum or seed differ";
             return Err(ManifestProblem::Broken(reason.to_owned()));

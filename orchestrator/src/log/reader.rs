@@ -13,8 +13,8 @@ use zerocopy::IntoBytes;
 
 use super::framing::{CDR_HEADER, LAYOUT_KEY};
 use super::manifest::{FORMAT_VERSION, Manifest, ManifestProblem};
-use super::recovery::Recovery;
 use super::records::{RawRecord, Records, is_message_index};
+use super::recovery::Recovery;
 
 /// Why a log cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -146,6 +146,21 @@ impl LogReader {
     #[must_use]
     pub fn recovery(&self) -> Option<&Recovery> {
         self.recovery.as_ref()
+    }
+
+    /// How the chunk that was read last is compressed, as `gerono run --compression` calls it.
+    #[must_use]
+    pub fn compression(&self) -> &str {
+        match self.records.chunk.compression.as_str() {
+            "" => "none",
+            name => name,
+        }
+    }
+
+    /// Chunks read so far.
+    #[must_use]
+    pub fn chunks(&self) -> u64 {
+        self.records.chunk.opened
     }
 
     /// The next sample in the order of the file; `None` at the end of a complete log.

@@ -20,7 +20,7 @@ pub(super) struct Records<R> {
     source: R,
     source_bytes: u64,
     file: LinearReader,
-    chunk: ChunkRecords,
+    pub(super) chunk: ChunkRecords,
 }
 
 /// The records of one chunk after the other, once the chunk's checksum has been verified.
@@ -29,6 +29,10 @@ pub(super) struct ChunkRecords {
     /// The chunk that is being read, framed as a record, and how much of it was read.
     chunk: Vec<u8>,
     chunk_read: usize,
+    /// How the last chunk was compressed, as MCAP calls it.
+    pub(super) compression: String,
+    /// Chunks that were opened.
+    pub(super) opened: u64,
 }
 
 /// A record: its kind and its bytes.
@@ -111,12 +115,15 @@ impl ChunkRecords {
             reader: LinearReader::new_with_options(options),
             chunk: Vec::new(),
             chunk_read: 0,
+            compression: String::new(),
+            opened: 0,
         }
     }
 
     /// Goes on with the chunk of this body. After an error this reader is of no more use.
     pub(super) fn open(&mut self, body: &[u8]) -> McapResult<()> {
-        check_chunk(body)?;
+        self.compression = check_chunk(body)?;
+        self.opened += 1;
         self.chunk.clear();
         self.chunk.push(op::CHUNK);
         self.chunk.extend_from_slice(&(body.len() as u64).to_le_bytes());
@@ -173,8 +180,8 @@ fn read_some(source: &mut impl Read, place: &mut [u8]) -> io::Result<usize> {
     }
 }
 
-/// Refuses a chunk whose content would have to be believed blindly.
-fn check_chunk(body: &[u8]) -> McapResult<()> {
+/// Refuses a chunk whose content would have to be believed blindly; says how it is compressed.
+fn check_chunk(body: &[u8]) -> McapResult<String> {
     let Record::Chunk { header, data } = parse_record(op::CHUNK, body)? else {
         return Err(McapError::UnexpectedEoc);
     };
@@ -188,7 +195,7 @@ fn check_chunk(body: &[u8]) -> McapResult<()> {
     if is_plain && (header.uncompressed_size != header.compressed_size || !holds_whole_records(&data)) {
         return Err(McapError::UnexpectedEoc);
     }
-    Ok(())
+    Ok(header.compression)
 }
 
 /// Whether the lengths of the records in `data` add up to it.

@@ -113,6 +113,15 @@ pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Res
     Ok(recovery)
 }
 
+/// What a recovery would keep of a log.
+///
+/// # Errors
+/// [`RecoverError::Read`].
+pub fn inspect(log: &Path) -> Result<Recovery, RecoverError> {
+    let kinds = kinds();
+    Survey::of(log, &kinds).map(|survey| survey.recovery)
+}
+
 fn unreadable(path: &Path) -> impl Fn(io::Error) -> RecoverError {
     move |source| RecoverError::Read {
         path: path.to_owned(),
@@ -138,7 +147,11 @@ impl<'a> Survey<'a> {
             kinds,
             channels: Channels::new(kinds),
             recovery: Recovery {
-                source: source.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                source: source
+                    .file_name()
+                    .unwrap_or_default()
+                    .to_string_lossy()
+                    .into_owned(),
                 ..Recovery::default()
             },
             manifest: None,
@@ -157,7 +170,7 @@ impl<'a> Survey<'a> {
                     survey.lose(at, bytes);
                 }
                 Piece::Metadata(metadata) if metadata.name == Manifest::RECORD_NAME => {
-                    survey.manifest = Some(Manifest::from_metadata(&metadata.metadata));
+                    survey.take_manifest(Manifest::from_metadata(&metadata.metadata));
                 }
                 Piece::Metadata(metadata) if metadata.name == Recovery::RECORD_NAME => {
                     survey.recovery.earlier = Recovery::from_metadata(&metadata.metadata).map(Box::new);
@@ -168,6 +181,14 @@ impl<'a> Survey<'a> {
             }
         }
         Ok(survey)
+    }
+
+    fn take_manifest(&mut self, manifest: Result<Manifest, ManifestProblem>) {
+        if let Ok(Manifest { scenario }) = &manifest {
+            let schedule = scenario.schedule().ok();
+            self.recovery.planned_last_tick = schedule.map(|schedule| schedule.last_tick());
+        }
+        self.manifest = Some(manifest);
     }
 
     fn take(&mut self, chunk: &Chunk) {
@@ -207,7 +228,12 @@ impl<'a> Survey<'a> {
     /// Takes note of a place that is of no use.
     fn lose(&mut self, at: u64, bytes: u64) {
         let kept = self.recovery.kept();
-        if let Some(gap) = self.recovery.gaps.last_mut().filter(|gap| gap.samples_before == kept) {
+        if let Some(gap) = self
+            .recovery
+            .gaps
+            .last_mut()
+            .filter(|gap| gap.samples_before == kept)
+        {
             gap.bytes = at + bytes - gap.at;
             return;
         }
@@ -243,23 +269,22 @@ impl<'a> Survey<'a> {
         if !has_flown {
             return Ok((None, self.recovery));
         }
-        let own = self.manifest.unwrap_or_else(|| {
-            let reason = "it cannot be found".to_owned();
-            Err(ManifestProblem::Broken(reason))
-        });
-        let manifest = match (own, scenario) {
-            (Ok(manifest), _) => manifest,
-            (Err(_), Some(scenario)) => {
+        let reason = match (&self.manifest, scenario) {
+            (Some(Ok(manifest)), _) => return Ok((Some(manifest.clone()), self.recovery)),
+            (_, Some(scenario)) => {
+                let manifest = Manifest::new(scenario);
                 self.recovery.is_scenario_restated = true;
-                Manifest::new(scenario)
+                self.take_manifest(Ok(manifest.clone()));
+                return Ok((Some(manifest), self.recovery));
             }
-            (Err(problem), None) => {
-                let reason = problem.to_string();
-                return Err(RecoverError::Manifest { path, reason, samples });
-            }
+            (Some(Err(problem)), None) => problem.to_string(),
+            (None, None) => "it cannot be found".to_owned(),
         };
-        self.recovery.planned_last_tick = manifest.scenario.schedule().ok().map(|schedule| schedule.last_tick());
-        Ok((Some(manifest), self.recovery))
+        Err(RecoverError::Manifest {
+            path,
+            reason,
+            samples,
+        })
     }
 }
 

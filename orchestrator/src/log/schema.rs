@@ -101,16 +101,21 @@ impl Member {
 
     fn columns(&self) -> Vec<String> {
         let names: Vec<_> = match self.length {
-            Some(length) if !self.is_text() => {
-                (0..length).map(|index| format!("{}[{index}]", self.name)).collect()
-            }
+            Some(length) if !self.is_text() => (0..length)
+                .map(|index| format!("{}[{index}]", self.name))
+                .collect(),
             _ => vec![self.name.clone()],
         };
         let Kind::Record(schema) = &self.kind else {
             return names;
         };
         let inner = schema.columns();
-        let of = |name: &String| inner.iter().map(move |column| format!("{name}.{column}")).collect::<Vec<_>>();
+        let of = |name: &String| {
+            inner
+                .iter()
+                .map(move |column| format!("{name}.{column}"))
+                .collect::<Vec<_>>()
+        };
         names.iter().flat_map(of).collect()
     }
 

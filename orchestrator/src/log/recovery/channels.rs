@@ -13,6 +13,9 @@ use super::scan::Chunk;
 use crate::log::framing::{CDR_HEADER, LAYOUT_KEY};
 use crate::log::{HostEvent, HostSample, ServiceHealth, ServiceStep};
 
+/// Number of the first channel of a log; the others follow.
+const FIRST_CHANNEL: usize = 1;
+
 /// A kind of samples that this program writes.
 pub(super) struct Kind {
     /// The channel's name.
@@ -119,10 +122,12 @@ impl<'a> Channels<'a> {
                     self.schemas.insert(header.id, header.name);
                 }
                 Ok(Record::Channel(channel)) => self.declare(&channel),
-                Ok(Record::Message { header, data }) if opcode == op::MESSAGE => match self.message(header, &data) {
-                    Some(message) => take(&message)?,
-                    None => strange += 1,
-                },
+                Ok(Record::Message { header, data }) if opcode == op::MESSAGE => {
+                    match self.message(header, &data) {
+                        Some(message) => take(&message)?,
+                        None => strange += 1,
+                    }
+                }
                 _ => strange += 1,
             }
         }
@@ -134,7 +139,9 @@ impl<'a> Channels<'a> {
         let known = self.kinds.iter().position(|kind| kind.channel == channel.topic);
         let Some(position) = known else { return };
         let kind = &self.kinds[position];
-        if schema.is_some_and(|name| name == kind.schema) && channel.metadata.get(LAYOUT_KEY) == Some(&kind.layout) {
+        if schema.is_some_and(|name| name == kind.schema)
+            && channel.metadata.get(LAYOUT_KEY) == Some(&kind.layout)
+        {
             self.declared.insert(channel.id, position);
         } else if !self.other_layouts.contains(&kind.schema) {
             self.other_layouts.push(kind.schema);
@@ -161,7 +168,8 @@ impl<'a> Channels<'a> {
     /// The kinds that a channel may have whose declaration is lost: a flight's are numbered in the order of the topics,
     /// the machine's in the order of their first samples, but no two of them have one size.
     fn guesses(&self, channel: u16) -> impl Iterator<Item = usize> + use<> {
-        let numbered = Some(usize::from(channel)).filter(|&position| position < Topic::ALL.len());
+        let numbered = usize::from(channel).checked_sub(FIRST_CHANNEL);
+        let numbered = numbered.filter(|&position| position < Topic::ALL.len());
         numbered.into_iter().chain(Topic::ALL.len()..self.kinds.len())
     }
 }

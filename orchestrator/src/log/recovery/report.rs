@@ -94,7 +94,11 @@ impl Recovery {
             None => self.was_closed && self.gaps.iter().all(|gap| gap.before.is_some()),
         };
         let is_whole = self.lost() == 0 && self.strange == 0 && ends_as_planned;
-        is_whole && self.earlier.as_ref().is_none_or(|earlier| earlier.lacks_nothing())
+        is_whole
+            && self
+                .earlier
+                .as_ref()
+                .is_none_or(|earlier| earlier.lacks_nothing())
     }
 
     /// Samples before the first place where some are missing between others.
@@ -102,7 +106,10 @@ impl Recovery {
     pub fn samples_before_first_gap(&self) -> Option<u64> {
         let own = self.gaps.iter().find(|gap| !gap.lost.is_empty());
         let own = own.map(|gap| gap.samples_before);
-        let earlier = self.earlier.as_ref().and_then(|earlier| earlier.samples_before_first_gap());
+        let earlier = self
+            .earlier
+            .as_ref()
+            .and_then(|earlier| earlier.samples_before_first_gap());
         own.into_iter().chain(earlier).min()
     }
 
@@ -131,7 +138,12 @@ impl Recovery {
 
 impl fmt::Display for Recovery {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "kept {} samples in {} chunks", self.kept(), self.chunks)?;
+        write!(
+            formatter,
+            "kept {} samples in {} chunks",
+            self.kept(),
+            self.chunks
+        )?;
         if let Some([first, last]) = self.span {
             write!(formatter, ", from {first} to {last}")?;
         }
@@ -147,13 +159,24 @@ impl fmt::Display for Recovery {
             writeln!(formatter, "  {gap}")?;
         }
         if self.strange > 0 {
-            writeln!(formatter, "  {} messages were none of ours and left out", self.strange)?;
+            writeln!(
+                formatter,
+                "  {} messages were none of ours and left out",
+                self.strange
+            )?;
         }
         if self.is_scenario_restated {
-            writeln!(formatter, "  the manifest was damaged; the scenario is the one that was given")?;
+            writeln!(
+                formatter,
+                "  the manifest was damaged; the scenario is the one that was given"
+            )?;
         }
         if let Some(earlier) = &self.earlier {
-            writeln!(formatter, "  {} was a recovered log itself: {earlier}", self.source)?;
+            writeln!(
+                formatter,
+                "  {} was a recovered log itself: {earlier}",
+                self.source
+            )?;
         }
         write!(formatter, "  {}", self.ending())
     }
@@ -167,7 +190,10 @@ impl Recovery {
         }
         let planned = match (self.planned_last_tick, self.last_tick()) {
             (Some(planned), Some(last)) if last < planned => {
-                format!("it ends {} ticks before the planned end (tick {planned})", planned - last)
+                format!(
+                    "it ends {} ticks before the planned end (tick {planned})",
+                    planned - last
+                )
             }
             (Some(planned), None) => format!("planned were ticks 0 to {planned}"),
             _ => "it reaches to its end".to_owned(),
@@ -184,7 +210,9 @@ impl fmt::Display for Gap {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { at, bytes, .. } = self;
         write!(formatter, "damaged from byte {at} on ({bytes} bytes): ")?;
-        let from = self.after.map_or_else(|| "the begin".to_owned(), |after| after.to_string());
+        let from = self
+            .after
+            .map_or_else(|| "the begin".to_owned(), |after| after.to_string());
         let Some(before) = self.before else {
             return write!(formatter, "nothing was kept after {from}");
         };
@@ -194,8 +222,15 @@ impl fmt::Display for Gap {
         let total: u64 = self.lost.values().sum();
         let begins_ns = self.after.map_or(0, |after| after.time_ns);
         let seconds = before.time_ns.saturating_sub(begins_ns) as f64 * 1e-9;
-        write!(formatter, "lost {total} samples between {from} and {before} ({seconds:.3} s): ")?;
-        let topics: Vec<_> = self.lost.iter().map(|(topic, count)| format!("{count} of {topic}")).collect();
+        write!(
+            formatter,
+            "lost {total} samples between {from} and {before} ({seconds:.3} s): "
+        )?;
+        let topics: Vec<_> = self
+            .lost
+            .iter()
+            .map(|(topic, count)| format!("{count} of {topic}"))
+            .collect();
         formatter.write_str(&topics.join(", "))
     }
 }

@@ -70,12 +70,9 @@ impl Chunk {
 
     /// Opens a chunk; `None` if anything of it does not hold.
     fn verified(body: &[u8]) -> Option<Self> {
-        let Ok(Record::Chunk { header, .. }) = parse_record(op::CHUNK, body) else {
-            return None;
-        };
-        let mut chunk = Self::new(header.compression);
         let mut records = ChunkRecords::new();
         records.open(body).ok()?;
+        let mut chunk = Self::new(records.compression.clone());
         let mut record = RawRecord::default();
         while records.next(&mut record).ok()? {
             chunk.push(record.opcode, &record.body);
@@ -255,9 +252,9 @@ impl Scan {
             op::CHUNK if self.may_be_chunk(at, length)? => Chunk::verified(&body()?).map(Found::Chunk),
             op::METADATA => metadata(&body()?).map(Found::Metadata),
             op::MESSAGE_INDEX => is_message_index(&body()?).then_some(Found::Index),
-            op::HEADER if at == mcap::MAGIC.len() as u64 => {
-                skip_texts(&body()?, 2).is_some_and(<[u8]>::is_empty).then_some(Found::Index)
-            }
+            op::HEADER if at == mcap::MAGIC.len() as u64 => skip_texts(&body()?, 2)
+                .is_some_and(<[u8]>::is_empty)
+                .then_some(Found::Index),
             op::DATA_END if length == DATA_END_BYTES => Some(Found::DataEnd),
             _ => None,
         };
