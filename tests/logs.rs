@@ -173,6 +173,12 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
+/// What a command has complained of, without the line breaks and the frame that long errors get.
+fn error_of(ended: &Output) -> String {
+    let text = text(&ended.stderr).replace('│', " ");
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 fn fails(place: &Place, arguments: &[&str], code: i32) -> Output {
     let ended = output(&mut place.gerono(arguments));
     assert_eq!(
@@ -222,7 +228,7 @@ fn a_killed_recorder_loses_less_than_a_chunk_and_the_rest_is_a_prefix_of_the_who
         let mut arguments = vec![command, "out"];
         arguments.extend((command == "diff").then_some("out"));
         let ended = fails(&place, &arguments, 1);
-        assert!(text(&ended.stderr).contains("gerono recover"), "{command}");
+        assert!(error_of(&ended).contains("gerono recover"), "{command}");
     }
     let shown = text(&succeed(&mut place.gerono(&["info", "out"])).stdout);
     assert!(
@@ -308,9 +314,9 @@ fn a_replay_of_a_recovered_log_ends_where_samples_are_missing() {
     std::fs::write(&log, &file).unwrap();
     let ended = fails(&place, &["digest", "out"], 1);
     assert!(
-        text(&ended.stderr).contains("gerono recover"),
+        error_of(&ended).contains("gerono recover"),
         "{}",
-        text(&ended.stderr)
+        error_of(&ended)
     );
     let info = succeed(&mut place.gerono(&["info", "out", "--json"]));
     let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();

@@ -224,7 +224,7 @@ impl fmt::Display for Gap {
         let seconds = before.time_ns.saturating_sub(begins_ns) as f64 * 1e-9;
         write!(
             formatter,
-            "lost {total} samples between {from} and {before} ({seconds:.3} s): "
+            "lost {total} samples of {seconds:.3} s between {from} and {before}: "
         )?;
         let topics: Vec<_> = self
             .lost

@@ -103,7 +103,7 @@ fn a_damaged_chunk_costs_itself_and_is_counted_by_topic() {
         assert!(recovery.was_closed && recovery.lost() == 5 * TOPICS);
         let words = recovery.to_string();
         assert!(
-            words.contains("lost 45 samples between tick 4") && words.contains("5 of rc/frame"),
+            words.contains("between tick 4 (0.200 s) and tick 10") && words.contains("5 of rc/frame"),
             "{words}"
         );
     }
