@@ -2,7 +2,7 @@
 
     recovery.py RUN.mcap GERONO PYMCAP_CLI FOLDER
 
-One byte in the middle of a chunk is wrong, and the file breaks off at the begin of a later chunk. Both programs must find the
+One byte in the middle of a chunk is wrong, and the file ends where a later chunk would begin. Both programs must find the
 same messages, byte for byte, the independent one must find nothing wrong with the file that `gerono` has written, and
 `gerono` must say how many messages there are. Leaves FOLDER/damaged.recovered.mcap. Fails at the first difference, naming it.
 """
@@ -26,7 +26,7 @@ def damage(log, damaged):
     if len(chunks) < 3:
         sys.exit(f"{log} has only {len(chunks)} chunks")
     wrong, cut = chunks[len(chunks) // 3], chunks[2 * len(chunks) // 3]
-    data = bytearray(log.read_bytes()[: cut.chunk_start_offset + 20])
+    data = bytearray(log.read_bytes()[: cut.chunk_start_offset])
     data[wrong.chunk_start_offset + wrong.chunk_length // 2] ^= 1
     damaged.write_bytes(data)
     return 2 * len(chunks) // 3 - 1
@@ -53,7 +53,9 @@ def main(log, gerono, pymcap_cli, folder):
     damaged, ours, theirs = (folder / name for name in ("damaged.mcap", "damaged.recovered.mcap", "independent.mcap"))
     whole_chunks = damage(log, damaged)
     said = run(gerono, "recover", damaged)
-    run(pymcap_cli, "recover", damaged, "-o", theirs, "--no-clobber", expected=RECOVERED_WITH_LOSS)
+    # Otherwise it copies chunks without a look at their checksums.
+    arguments = (damaged, "-o", theirs, "--no-clobber", "--always-decode-chunk")
+    run(pymcap_cli, "recover", *arguments, expected=RECOVERED_WITH_LOSS)
     found = Counter()
     for ours_is, theirs_is in zip_longest(messages(ours), messages(theirs)):
         if ours_is != theirs_is:

@@ -160,7 +160,7 @@ impl LogReader {
     /// Chunks read so far.
     #[must_use]
     pub fn chunks(&self) -> u64 {
-        self.records.chunk.opened
+        self.records.chunk.chunks
     }
 
     /// The next sample in the order of the file; `None` at the end of a complete log.

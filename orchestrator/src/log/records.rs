@@ -31,8 +31,10 @@ pub(super) struct ChunkRecords {
     chunk_read: usize,
     /// How the last chunk was compressed, as MCAP calls it.
     pub(super) compression: String,
-    /// Chunks that were opened.
-    pub(super) opened: u64,
+    /// Whether nothing of the chunk has been handed out yet.
+    is_new: bool,
+    /// Chunks of which something was handed out, so that their checksums hold.
+    pub(super) chunks: u64,
 }
 
 /// A record: its kind and its bytes.
@@ -116,14 +118,15 @@ impl ChunkRecords {
             chunk: Vec::new(),
             chunk_read: 0,
             compression: String::new(),
-            opened: 0,
+            is_new: false,
+            chunks: 0,
         }
     }
 
     /// Goes on with the chunk of this body. After an error this reader is of no more use.
     pub(super) fn open(&mut self, body: &[u8]) -> McapResult<()> {
         self.compression = check_chunk(body)?;
-        self.opened += 1;
+        self.is_new = true;
         self.chunk.clear();
         self.chunk.push(op::CHUNK);
         self.chunk.extend_from_slice(&(body.len() as u64).to_le_bytes());
@@ -152,6 +155,7 @@ impl ChunkRecords {
                     self.chunk_read += count;
                 }
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                    self.chunks += u64::from(std::mem::take(&mut self.is_new));
                     record.assign(opcode, data);
                     return Ok(true);
                 }
