@@ -42,12 +42,12 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &name)
         .map_err(|error| Failure::new(Exit::NotWritten, error))?;
-    let log = RunLogWriter::create(
-        &folder.run_log(),
-        &Manifest::new(&scenario),
-        arguments.compression,
-    )
-    .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    let manifest = Manifest::new(&scenario);
+    let mut log = RunLogWriter::create(&folder.run_log(), &manifest, arguments.compression)
+        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    if arguments.host == Host::Realtime {
+        log = log.in_real_time(&manifest);
+    }
 
     let mut progress = Progress::new(&schedule, &name, arguments.quiet);
     let mut tape = Tape::new(&scenario, &schedule, Some(log), &mut progress);
