@@ -6,6 +6,7 @@ pub mod doctor;
 pub mod faults;
 pub mod operate;
 pub mod replay;
+pub mod report;
 pub mod reproduce;
 pub mod run;
 pub mod small;
