@@ -11,8 +11,19 @@ use crate::summary::z1_norm;
 
 /// Channels of `vehicle/truth`.
 pub(super) const TRUTH: [&str; 13] = [
-    "error", "thrust", "rate_x", "rate_y", "rate_z", "mass", "disturbance_x", "disturbance_y",
-    "disturbance_z", "roll", "pitch", "yaw", "yaw_error",
+    "error",
+    "thrust",
+    "rate_x",
+    "rate_y",
+    "rate_z",
+    "mass",
+    "disturbance_x",
+    "disturbance_y",
+    "disturbance_z",
+    "roll",
+    "pitch",
+    "yaw",
+    "yaw_error",
 ];
 
 /// The truth, with the true distance from the path's point (m) and the yaw that is asked for (rad), where they are known.
@@ -78,7 +89,11 @@ pub(super) fn command(command: &ControlCommand) -> [f64; COMMAND.len()] {
 
 /// Channels of `control/adaptation`.
 pub(super) const ADAPTATION: [&str; 5] = [
-    "mass", "observer_mass", "disturbance_x", "disturbance_y", "disturbance_z",
+    "mass",
+    "observer_mass",
+    "disturbance_x",
+    "disturbance_y",
+    "disturbance_z",
 ];
 
 /// m̂, that of the observer if one flies along, and π(b̂).

@@ -20,7 +20,9 @@ pub(super) struct Drawn {
 /// What the paper's figures call the flight of this scenario, whatever its seed and its length; none if it is not one of
 /// theirs.
 pub(super) fn name_in_the_paper(flown: &Scenario) -> Option<String> {
-    let recipes = Figure::ALL.into_iter().flat_map(|figure| figure.experiment().recipes);
+    let recipes = Figure::ALL
+        .into_iter()
+        .flat_map(|figure| figure.experiment().recipes);
     let mut names = recipes.filter_map(|recipe| {
         let stated = recipe.load(Column::Baseline, flown.seed).ok()?;
         let stated = Scenario {

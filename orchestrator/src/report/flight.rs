@@ -56,6 +56,7 @@ impl Flight {
         let facts = run_facts::beside(log);
         let is_timed = facts.as_ref().is_some_and(|facts| facts.timing.is_some());
         let (tables, track, marks, summary, traces) = gatherer.finish();
+        let marks = marks.finish(&scenario, summary.simulated_seconds);
         Ok(Self {
             label: label(log),
             broken,
@@ -105,13 +106,7 @@ struct Gatherer {
     tracer: Option<Tracer>,
 }
 
-type Gathered = (
-    Vec<(Topic, PageTable)>,
-    PageTrack,
-    Vec<Mark>,
-    Summary,
-    Option<Traces>,
-);
+type Gathered = (Vec<(Topic, PageTable)>, PageTrack, Marks, Summary, Option<Traces>);
 
 impl Gatherer {
     fn new(scenario: &Scenario, schedule: &Schedule, tracer: Option<Tracer>, buckets: u64) -> Self {
@@ -188,7 +183,7 @@ impl Gatherer {
         (
             tables.into(),
             self.track.finish(),
-            self.marks.finish(),
+            self.marks,
             self.summary.finish(unknown_run()),
             self.tracer.map(Tracer::finish),
         )

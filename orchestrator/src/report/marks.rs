@@ -35,7 +35,7 @@ pub(super) enum MarkKind {
     Safety,
 }
 
-/// A planned fault while it lasts.
+/// Something planned that lasts: a fault, or a while in which the cameras do not see what is there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Span {
     /// From when, s.
@@ -46,14 +46,50 @@ pub(super) struct Span {
     text: String,
 }
 
-/// The planned faults of a scenario.
+/// What a scenario plans that lasts.
 pub(super) fn spans(scenario: &Scenario) -> Vec<Span> {
-    let faults = scenario.fault.iter().map(|fault| Span {
-        from: fault.at,
-        to: fault.lasts.map(|lasts| fault.at + lasts),
-        text: fault.to_string(),
+    let span = |from: f64, lasts: Option<f64>, text: String| Span {
+        from,
+        to: lasts.map(|lasts| from + lasts),
+        text,
+    };
+    let faults = scenario.fault.iter();
+    let faults = faults.map(|fault| span(fault.at, fault.lasts, fault.to_string()));
+    let cameras = scenario.cameras.iter();
+    let unseen = cameras.flat_map(|cameras| {
+        let hidden = cameras
+            .occlusion
+            .iter()
+            .map(|hidden| (hidden.at, hidden.lasts, "the vehicle is hidden from the cameras"));
+        let swapped = cameras
+            .marker_swap
+            .iter()
+            .map(|swap| (swap.at, swap.lasts, "the cameras take markers for others"));
+        hidden.chain(swapped)
     });
-    faults.collect()
+    faults
+        .chain(unseen.map(|(from, lasts, text)| span(from, Some(lasts), text.to_owned())))
+        .collect()
+}
+
+/// What a scenario plans at a moment without an event that tells of it.
+fn untold(scenario: &Scenario) -> impl Iterator<Item = Mark> {
+    let fan = scenario.vehicle.fan.iter().flat_map(|fan| {
+        let on = std::iter::once((fan.on_at, "the fan is switched on".to_owned()));
+        let off = fan.off_at.map(|at| (at, "the fan is switched off".to_owned()));
+        let moves = fan.moves.iter().map(|to| {
+            let [x, y, z] = to.position;
+            (to.at, format!("the fan is at [{x}, {y}, {z}] m"))
+        });
+        on.chain(off).chain(moves)
+    });
+    let steps = scenario.path.yaw_step.iter();
+    let steps = steps.map(|step| (step.at, format!("ψd steps to {} rad", step.yaw)));
+    fan.chain(steps).map(|(time, text)| Mark {
+        time,
+        kind: MarkKind::Event,
+        text,
+    })
 }
 
 /// Gathers the marks of a flight.
@@ -90,9 +126,12 @@ impl Marks {
         }
     }
 
-    /// All of them, in the order of the log.
-    pub(super) fn finish(self) -> Vec<Mark> {
-        self.marks
+    /// All of them up to a time, with those that only the scenario tells of, in the order of time.
+    pub(super) fn finish(self, scenario: &Scenario, flown: f64) -> Vec<Mark> {
+        let mut marks = self.marks;
+        marks.extend(untold(scenario).filter(|mark| mark.time <= flown));
+        marks.sort_by(|left, right| left.time.total_cmp(&right.time));
+        marks
     }
 
     /// A flight without phases is in one all the time.
@@ -157,6 +196,8 @@ fn planned(event: &RunEvent) -> Option<(MarkKind, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::log::test_flight::scenario;
+    use shared_types::scenario::{Occlusion, YawStep};
     use zerocopy::{FromZeros, IntoBytes};
 
     fn event(kind: u32, text: &str) -> RunEvent {
@@ -171,14 +212,37 @@ mod tests {
     #[test]
     fn what_is_planned_is_told_in_its_own_words() {
         let mut marks = Marks::default();
-        marks.observe(Topic::RunEvent, event(RunEvent::KIND_FLIGHT_STARTS, "starts").as_bytes());
-        marks.observe(Topic::RunEvent, event(RunEvent::KIND_VEHICLE_CHANGES, "heavier").as_bytes());
+        marks.observe(
+            Topic::RunEvent,
+            event(RunEvent::KIND_FLIGHT_STARTS, "starts").as_bytes(),
+        );
+        marks.observe(
+            Topic::RunEvent,
+            event(RunEvent::KIND_VEHICLE_CHANGES, "heavier").as_bytes(),
+        );
         let expected = Mark {
             time: 2.5,
             kind: MarkKind::Event,
             text: "heavier".to_owned(),
         };
-        assert_eq!(marks.finish(), [expected]);
+        assert_eq!(marks.finish(&scenario(0.01, 5.0), 5.0), [expected]);
+    }
+
+    #[test]
+    fn what_no_sample_tells_is_marked_as_far_as_it_was_flown() {
+        let mut scenario = scenario(0.01, 5.0);
+        scenario.path.yaw_step = [1.0, 4.0].map(|at| YawStep { at, yaw: 0.5 }).into();
+        scenario.cameras.get_or_insert_default().occlusion = vec![Occlusion { at: 2.0, lasts: 0.5 }];
+        let marks = Marks::default().finish(&scenario, 3.0);
+        assert_eq!(marks.len(), 1);
+        assert_eq!(
+            (marks[0].time, marks[0].text.as_str()),
+            (1.0, "ψd steps to 0.5 rad")
+        );
+        let [span] = &spans(&scenario)[..] else {
+            panic!("only the cameras do not see");
+        };
+        assert_eq!((span.from, span.to), (2.0, Some(2.5)));
     }
 
     #[test]
@@ -202,7 +266,7 @@ mod tests {
             };
             marks.observe(Topic::ControlAdaptation, adaptation.as_bytes());
         }
-        let marks = marks.finish();
+        let marks = marks.finish(&scenario(0.01, 5.0), 5.0);
         assert_eq!(marks.len(), MOST_MARKS);
         assert_eq!(marks[0].text, "the controller holds its last command");
     }

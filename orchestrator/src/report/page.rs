@@ -167,7 +167,11 @@ mod tests {
             .map(|piece| piece.split_once("}}").unwrap().0)
             .collect();
         names.sort_unstable();
-        let mut known: Vec<_> = PARTS.iter().map(|(name, _)| *name).chain(["title", "data"]).collect();
+        let mut known: Vec<_> = PARTS
+            .iter()
+            .map(|(name, _)| *name)
+            .chain(["title", "data"])
+            .collect();
         known.sort_unstable();
         assert_eq!(names, known);
     }

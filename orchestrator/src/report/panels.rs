@@ -77,13 +77,31 @@ pub(super) const PANELS: [Panel; 12] = [
             )],
         )
     },
-    panel("Velocity error ‖z2‖", "m/s", &[group("", &[curve(ERRORS, "z2", "‖z2‖", 0)])]),
-    panel("Error of the body rates ‖z3‖", "rad/s", &[group("", &[curve(ERRORS, "z3", "‖z3‖", 0)])]),
-    panel("Error of the path's speed z4", "1/s", &[group("", &[curve(ERRORS, "z4", "z4", 0)])]),
+    panel(
+        "Velocity error ‖z2‖",
+        "m/s",
+        &[group("", &[curve(ERRORS, "z2", "‖z2‖", 0)])],
+    ),
+    panel(
+        "Error of the body rates ‖z3‖",
+        "rad/s",
+        &[group("", &[curve(ERRORS, "z3", "‖z3‖", 0)])],
+    ),
+    panel(
+        "Error of the path's speed z4",
+        "1/s",
+        &[group("", &[curve(ERRORS, "z4", "z4", 0)])],
+    ),
     panel(
         "Thrust T",
         "N",
-        &[group("", &[curve(COMMAND, "thrust", "commanded", 0), curve(TRUTH, "thrust", "acting", 1)])],
+        &[group(
+            "",
+            &[
+                curve(COMMAND, "thrust", "commanded", 0),
+                curve(TRUTH, "thrust", "acting", 1),
+            ],
+        )],
     ),
     panel(
         "Torque τ commanded",
@@ -98,9 +116,27 @@ pub(super) const PANELS: [Panel; 12] = [
         "Body rates ω",
         "rad/s",
         &[
-            group("x", &[curve(TRUTH, "rate_x", "ωx", 0), curve(COMMAND, "rate_x", "commanded", 1)]),
-            group("y", &[curve(TRUTH, "rate_y", "ωy", 0), curve(COMMAND, "rate_y", "commanded", 1)]),
-            group("z", &[curve(TRUTH, "rate_z", "ωz", 0), curve(COMMAND, "rate_z", "commanded", 1)]),
+            group(
+                "x",
+                &[
+                    curve(TRUTH, "rate_x", "ωx", 0),
+                    curve(COMMAND, "rate_x", "ωx commanded", 1),
+                ],
+            ),
+            group(
+                "y",
+                &[
+                    curve(TRUTH, "rate_y", "ωy", 0),
+                    curve(COMMAND, "rate_y", "ωy commanded", 1),
+                ],
+            ),
+            group(
+                "z",
+                &[
+                    curve(TRUTH, "rate_z", "ωz", 0),
+                    curve(COMMAND, "rate_z", "ωz commanded", 1),
+                ],
+            ),
         ],
     ),
     panel(
@@ -119,9 +155,27 @@ pub(super) const PANELS: [Panel; 12] = [
         "Disturbance b",
         "m/s²",
         &[
-            group("x", &[curve(ADAPTATION, "disturbance_x", "b̂x", 0), curve(TRUTH, "disturbance_x", "bx", 1)]),
-            group("y", &[curve(ADAPTATION, "disturbance_y", "b̂y", 0), curve(TRUTH, "disturbance_y", "by", 1)]),
-            group("z", &[curve(ADAPTATION, "disturbance_z", "b̂z", 0), curve(TRUTH, "disturbance_z", "bz", 1)]),
+            group(
+                "x",
+                &[
+                    curve(ADAPTATION, "disturbance_x", "b̂x", 0),
+                    curve(TRUTH, "disturbance_x", "bx", 1),
+                ],
+            ),
+            group(
+                "y",
+                &[
+                    curve(ADAPTATION, "disturbance_y", "b̂y", 0),
+                    curve(TRUTH, "disturbance_y", "by", 1),
+                ],
+            ),
+            group(
+                "z",
+                &[
+                    curve(ADAPTATION, "disturbance_z", "b̂z", 0),
+                    curve(TRUTH, "disturbance_z", "bz", 1),
+                ],
+            ),
         ],
     ),
     panel(
@@ -130,16 +184,26 @@ pub(super) const PANELS: [Panel; 12] = [
         &[
             group("roll", &[curve(TRUTH, "roll", "roll φ", 0)]),
             group("pitch", &[curve(TRUTH, "pitch", "pitch θ", 0)]),
-            group("yaw", &[curve(TRUTH, "yaw", "yaw ψ", 0), curve(REFERENCE, "yaw", "ψd", 1)]),
+            group(
+                "yaw",
+                &[curve(TRUTH, "yaw", "yaw ψ", 0), curve(REFERENCE, "yaw", "ψd", 1)],
+            ),
         ],
     ),
-    panel("Yaw error ψ − ψd", "rad", &[group("", &[curve(TRUTH, "yaw_error", "ψe", 0)])]),
+    panel(
+        "Yaw error ψ − ψd",
+        "rad",
+        &[group("", &[curve(TRUTH, "yaw_error", "ψe", 0)])],
+    ),
     panel(
         "Speed of the path's parameter",
         "1/s",
         &[group(
             "",
-            &[curve(REFERENCE, "gamma_dot", "γ̇", 0), curve(REFERENCE, "gamma_dot_desired", "γ̇d", 1)],
+            &[
+                curve(REFERENCE, "gamma_dot", "γ̇", 0),
+                curve(REFERENCE, "gamma_dot_desired", "γ̇d", 1),
+            ],
         )],
     ),
 ];

@@ -8,8 +8,8 @@ use shared_types::{Schedule, Topic};
 use super::encoding::base64;
 use crate::plot::downsample::Extreme;
 
-/// Most buckets that a topic of a single log is divided into. With all channels of a flight they are some 1.5 MB.
-const MOST_BUCKETS: u64 = 4_000;
+/// Most buckets that a topic of a single log is divided into. With all channels of a flight they are some 2 MB.
+const MOST_BUCKETS: u64 = 6_000;
 
 /// Buckets of a topic of each of so many logs: their page shall not grow with their number.
 pub(super) fn buckets(logs: usize) -> u64 {
@@ -99,10 +99,9 @@ impl Table {
     fn close_bucket(&mut self) {
         let values_per_bucket = self.values_per_bucket();
         for series in &mut self.series {
-            let [first, second] = series
-                .extreme
-                .take()
-                .map_or([f32::NAN; 2], |extreme| extreme.in_order().map(|(_, value)| value as f32));
+            let [first, second] = series.extreme.take().map_or([f32::NAN; 2], |extreme| {
+                extreme.in_order().map(|(_, value)| value as f32)
+            });
             series.values.push(first);
             if values_per_bucket == 2 {
                 series.values.push(second);

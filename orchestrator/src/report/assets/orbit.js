@@ -74,7 +74,7 @@ class Orbit {
     [this.width, this.height] = [canvas.clientWidth, canvas.clientHeight];
     canvas.width = Math.round(this.width * ratio);
     canvas.height = Math.round(this.height * ratio);
-    this.scale = Math.min(this.width, this.height) / (1.5 * this.extent * this.distance);
+    this.scale = Math.min(this.width, this.height) / (1.35 * this.extent * this.distance);
     this.pen = canvas.getContext("2d");
     this.pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.pen.lineJoin = "round";

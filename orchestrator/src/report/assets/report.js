@@ -5,12 +5,13 @@ performance.mark("report-begins");
 /** What `gerono report` gathered; see orchestrator/src/report/page.rs. */
 const data = JSON.parse(document.getElementById("data").textContent);
 
-/** Told apart by eyes of all kinds (Okabe and Ito), on white and on black. */
+/** Told apart by eyes of all kinds (after Okabe and Ito), on white and on black, also from the bound and from faults. */
 const COLORS = {
-  light: ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#7b61c4", "#8a6d00", "#56b4e9", "#333333"],
-  dark: ["#56b4e9", "#ff9a4d", "#2fc79a", "#e59ac4", "#b3a1f0", "#e8c94a", "#9ad0f5", "#dddddd"],
+  light: ["#0072b2", "#009e73", "#cc79a7", "#6a51a3", "#56b4e9", "#8a6d00", "#333333"],
+  dark: ["#56b4e9", "#2fc79a", "#e59ac4", "#b3a1f0", "#9ad0f5", "#d9c67a", "#dddddd"],
 };
 const DASHES = [[], [7, 4], [2, 3]];
+const DASH_NAMES = ["solid", "dashed", "dotted"];
 
 /** Least value that a logarithmic axis shows: it knows no zero. */
 const FLOOR = 1e-5;
@@ -43,9 +44,18 @@ function decode(text) {
   return new Float32Array(bytes.buffer);
 }
 
-/** Times of a table's values: of two in a bucket the first is drawn in its first half, the second in its second. */
+const knownTimes = new Map();
+
+/** Times of a table's values; tables of equal times share them, which need not be joined then. */
 function timesOf(table) {
   const count = table.series.length === 0 ? 0 : table.series[0].numbers.length;
+  const key = [count, table.first, table.step, table.samples_per_bucket].join();
+  if (!knownTimes.has(key)) knownTimes.set(key, timesOfBuckets(table, count));
+  return knownTimes.get(key);
+}
+
+/** Of two values in a bucket the first is drawn in its first half, the second in its second. */
+function timesOfBuckets(table, count) {
   const places = table.values_per_bucket === 1 ? [0] : [0.25, 0.75];
   const sample = table.step / table.samples_per_bucket;
   const width = table.step - sample;
@@ -130,17 +140,30 @@ function curvesOf(panel) {
 function joined(curves, least) {
   const RETAIN_GAPS = 1;
   const tables = curves.map(({ times, numbers }) => [times, withGaps(numbers, least)]);
+  const [[first]] = tables;
+  if (tables.every(([times]) => times === first)) return [first, ...tables.map(([, values]) => values)];
   return uPlot.join(tables, curves.map(() => [RETAIN_GAPS, RETAIN_GAPS]));
+}
+
+/** The place of a curve's value that is nearest to a place where it has none, because only others have a point there. */
+function nearestPlace(plot, series, place) {
+  const values = plot.data[series];
+  if (series === 0 || values[place] !== undefined) return place;
+  for (let away = 1; away < values.length; away++) {
+    if (values[place - away] !== undefined) return place - away;
+    if (values[place + away] !== undefined) return place + away;
+  }
+  return place;
 }
 
 function inDigits(value) {
   if (value === null || value === undefined) return "–";
   const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(2);
+  if (size !== 0 && (size < 1e-3 || size >= 1e5)) return Number(value.toPrecision(3)).toExponential();
   return String(Number(value.toPrecision(4)));
 }
 
-const spacesOut = (values) => values.map((value) => (value === null ? "" : inDigits(value)));
+const isPower = (value) => Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-9;
 
 function axes(panel) {
   const common = {
@@ -149,13 +172,12 @@ function axes(panel) {
     ticks: { stroke: () => variable("--grid"), width: 1 },
     font: "11px system-ui, sans-serif",
   };
-  const isPower = (value) => Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-9;
   return [
     { ...common, size: 30, values: (_, values) => values.map((value) => `${label(value)} s`), space: 70 },
     {
       ...common,
-      size: 56,
-      values: (_, values) => (panel.is_logarithmic ? values.map((value) => (isPower(value) ? label(value) : "")) : spacesOut(values)),
+      size: 62,
+      values: (_, values) => values.map((value) => (panel.is_logarithmic && !isPower(value) ? "" : inDigits(value))),
     },
   ];
 }
@@ -189,7 +211,7 @@ function draw(panel) {
     },
     axes: axes(panel),
     series: [
-      { label: "time", value: (_, value) => (value === null ? "–" : `${value.toFixed(3)} s`) },
+      { label: "time", value: timeAtPointer },
       ...curves.map((curve) => ({
         label: curve.label,
         stroke: () => colorOf(curve.color),
@@ -203,8 +225,10 @@ function draw(panel) {
       sync: { key: sync.key, setSeries: false },
       drag: { x: true, y: false, setScale: false },
       points: { size: 6 },
+      dataIdx: nearestPlace,
       bind: { dblclick: () => showAll },
     },
+    legend: { markers: { dash: (_, series) => DASH_NAMES[curves[series - 1]?.dash ?? 0] } },
     hooks: {
       drawClear: [shadeFaults],
       draw: [(plot) => drawMarks(plot, panel)],
@@ -216,6 +240,11 @@ function draw(panel) {
   plot.curves = curves;
   plot.over.addEventListener("mouseleave", hideTip);
   plots.push(plot);
+}
+
+function timeAtPointer(plot) {
+  const { left } = plot.cursor;
+  return left === null || left === undefined || left < 0 ? "–" : `${plot.posToVal(left, "x").toFixed(3)} s`;
 }
 
 function shadeFaults(plot) {
@@ -248,16 +277,25 @@ function drawMarks(plot, panel) {
   ctx.restore();
 }
 
+/** The bound of each flight, named once a value; what lies behind the name shall not hide it. */
 function drawBounds(plot) {
   const { ctx, bbox } = plot;
+  const right = bbox.left + bbox.width - 6 * devicePixelRatio;
   ctx.setLineDash([]);
-  ctx.strokeStyle = ctx.fillStyle = variable("--bound");
   ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
   ctx.textAlign = "right";
+  ctx.lineJoin = "round";
   for (const bound of new Set(shownFlights().map((flight) => flight.bound))) {
+    const text = `theorem's bound ${inDigits(bound)} m`;
     const y = plot.valToPos(bound, "y", true);
+    ctx.lineWidth = devicePixelRatio;
+    ctx.strokeStyle = variable("--bound");
     stroke(ctx, [bbox.left, y], [bbox.left + bbox.width, y]);
-    ctx.fillText(`theorem's bound ${inDigits(bound)} m`, bbox.left + bbox.width - 6 * devicePixelRatio, y - 4 * devicePixelRatio);
+    ctx.lineWidth = 4 * devicePixelRatio;
+    ctx.strokeStyle = variable("--card");
+    ctx.strokeText(text, right, y - 5 * devicePixelRatio);
+    ctx.fillStyle = variable("--bound");
+    ctx.fillText(text, right, y - 5 * devicePixelRatio);
   }
 }
 
@@ -276,7 +314,7 @@ function show(from, to) {
   view.from = Math.min(Math.max(from, 0), end - length);
   view.to = view.from + length;
   for (const plot of plots) plot.setScale("x", { min: view.from, max: view.to });
-  [byId("from").value, byId("to").value] = [label(view.from), label(view.to)];
+  [byId("from").value, byId("to").value] = [view.from, view.to].map((time) => Number(time.toFixed(4)));
   sayBuckets();
   orbit.view = [view.from, view.to];
   orbit.draw();
@@ -340,10 +378,10 @@ function lookAt(time) {
 
 let frame = null;
 
-/** The pointer moves more often than anything can be drawn. */
+/** The pointer moves more often than anything can be drawn. The other panels hear of it too. */
 function pointed(plot) {
   const { left, top } = plot.cursor;
-  if (left === null || left < 0 || player !== null || plot !== sync.plots.find((other) => other.cursor.event)) return;
+  if (left === null || left < 0 || player !== null || !plot.over.matches(":hover")) return;
   const time = plot.posToVal(left, "x");
   if (frame === null) {
     frame = requestAnimationFrame(() => {
@@ -517,7 +555,7 @@ function drawFlown() {
   });
   byId("scenarios").append(tableOf(["flight", "seed", "host", "outcome", "flown, s", "wall time, s", "samples", "lost"], facts));
   for (const flight of flights) {
-    byId("scenarios").append(element("details", isOne ? { open: "" } : {},
+    byId("scenarios").append(element("details", {},
       element("summary", {}, isOne ? "The scenario, resolved" : `The scenario of ${flight.label}, resolved`), element("pre", {}, flight.scenario)));
   }
 }
@@ -563,7 +601,6 @@ function drawHistogram(flight, { service, what, edges, counts }) {
   const bars = counts.slice(first, last + 1).map((count) => (count === 0 ? null : count));
   const inUnits = (seconds) => (seconds < 1e-3 ? `${label(seconds * 1e6)} µs` : seconds < 1 ? `${label(seconds * 1e3)} ms` : `${label(seconds)} s`);
   const [x, y] = axes({ is_logarithmic: true });
-  const isPower = (value) => Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-9;
   const plot = new uPlot({
     width: holder.clientWidth - 18,
     height: 170,
@@ -614,6 +651,7 @@ function listen() {
   darkness.addEventListener("change", recolor);
   const printed = (is) => () => {
     document.documentElement.classList.toggle("print", is);
+    for (const details of document.querySelectorAll("details")) details.open = is;
     recolor();
     fit();
   };
