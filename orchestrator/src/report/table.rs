@@ -100,7 +100,7 @@ impl Table {
         let values_per_bucket = self.values_per_bucket();
         for series in &mut self.series {
             let [first, second] = series.extreme.take().map_or([f32::NAN; 2], |extreme| {
-                extreme.in_order().map(|(_, value)| value as f32)
+                extreme.in_order().map(|(_, value)| as_shown(value))
             });
             series.values.push(first);
             if values_per_bucket == 2 {
@@ -134,6 +134,11 @@ impl Table {
                 .collect(),
         }
     }
+}
+
+/// A value as the page has it; one that is beyond its numbers, as in a flight gone wrong, is the largest of them.
+fn as_shown(value: f64) -> f32 {
+    (value as f32).clamp(f32::MIN, f32::MAX)
 }
 
 #[cfg(test)]
@@ -207,6 +212,11 @@ mod tests {
         let page = table.finish();
         assert_eq!((page.first, page.step), (0.0, 0.01));
         assert_eq!(values(&page, "a").unwrap(), [0.0, 1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn a_value_gone_wrong_is_still_a_number() {
+        assert_eq!([1e300, -1e300, 0.5].map(as_shown), [f32::MAX, f32::MIN, 0.5]);
     }
 
     #[test]

@@ -11,10 +11,15 @@ class Orbit {
 
   constructor(canvas, flights, colors) {
     Object.assign(this, { canvas, flights, colors, moment: 0, view: [-Infinity, Infinity] }, Orbit.START);
-    const bounds = boundsOf(flights);
-    this.center = bounds.map(([low, high]) => (low + high) / 2);
-    this.extent = Math.max(0.5, ...bounds.map(([low, high]) => high - low));
-    this.bounds = bounds;
+    this.bounds = boundsOf(flights);
+    this.extent = Math.max(0.5, ...this.bounds.map(([low, high]) => high - low));
+    this.step = niceStep(this.extent / 4);
+    this.box = this.bounds.map(([low, high]) => [Math.floor(low / this.step) * this.step, Math.ceil(high / this.step) * this.step]);
+    this.box[2][1] = this.bounds[2][1];
+    this.center = this.box.map(([low, high]) => (low + high) / 2);
+    // As large as fits, with room for what is written beside it; as it is turned its size stays.
+    const corners = this.box[0].flatMap((x) => this.box[1].flatMap((y) => this.box[2].map((z) => this.seen([x, y, z]))));
+    this.reach = [0, 1].map((axis) => Math.max(...corners.map((corner) => Math.abs(corner[axis]))) + 0.6 * this.step);
     this.listen();
   }
 
@@ -58,13 +63,17 @@ class Orbit {
     this.draw();
   }
 
-  /** Pixels of a point of the world: parallel, so that equal lengths look equal. */
-  pixel([x, y, z]) {
+  /** How far right of the middle and above it a point of the world is seen, m: parallel, so that equal lengths look equal. */
+  seen([x, y, z]) {
     const [dx, dy, up] = [x - this.center[0], y - this.center[1], this.center[2] - z];
     const [sin, cos] = [Math.sin(this.azimuth), Math.cos(this.azimuth)];
     const right = dy * cos + dx * sin;
     const away = dx * cos - dy * sin;
-    const above = up * Math.cos(this.elevation) + away * Math.sin(this.elevation);
+    return [right, up * Math.cos(this.elevation) + away * Math.sin(this.elevation)];
+  }
+
+  pixel(point) {
+    const [right, above] = this.seen(point);
     return [this.width / 2 + right * this.scale, this.height / 2 - above * this.scale];
   }
 
@@ -74,7 +83,7 @@ class Orbit {
     [this.width, this.height] = [canvas.clientWidth, canvas.clientHeight];
     canvas.width = Math.round(this.width * ratio);
     canvas.height = Math.round(this.height * ratio);
-    this.scale = Math.min(this.width, this.height) / (1.35 * this.extent * this.distance);
+    this.scale = Math.min(this.width / this.reach[0], this.height / this.reach[1]) / (1.75 * this.distance);
     this.pen = canvas.getContext("2d");
     this.pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.pen.lineJoin = "round";
@@ -85,9 +94,8 @@ class Orbit {
 
   /** A grid below all ways, with lengths along its near edges. */
   drawFloor() {
-    const step = niceStep(this.extent / 4);
-    const floor = this.bounds[2][1];
-    const [[x0, x1], [y0, y1]] = this.bounds.map(([low, high]) => [Math.floor(low / step) * step, Math.ceil(high / step) * step]);
+    const { step } = this;
+    const [[x0, x1], [y0, y1], [top, floor]] = this.box;
     const colors = this.colors();
     this.pen.font = "11px system-ui, sans-serif";
     const ticks = (low, high) => Array.from({ length: Math.round((high - low) / step) + 1 }, (_, index) => low + index * step);
@@ -102,10 +110,9 @@ class Orbit {
     this.text("x, m", [(x0 + x1) / 2, nearY + (sin > 0 ? 3 * out : -3 * out), floor], colors.ink);
     this.text("y, m", [nearX - (cos > 0 ? 3 * out : -3 * out), (y0 + y1) / 2, floor], colors.ink);
     const corner = [cos > 0 ? x1 : x0, nearY];
-    const top = Math.floor(this.bounds[2][0] / step) * step;
     this.line([[...corner, floor], [...corner, top]], colors.grid, 1);
     for (const z of ticks(top, floor)) this.text(label(z), [...corner, z], colors.faint, 14);
-    this.text("z, m", [...corner, top - step * 0.4], colors.ink, 14);
+    this.text("z, m", [...corner, top - step * 0.35], colors.ink, 14);
   }
 
   drawWay({ places, color }) {

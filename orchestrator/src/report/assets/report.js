@@ -133,7 +133,8 @@ function curvesOf(panel) {
       }
     });
   });
-  return curves;
+  // What is solid lies on what is not.
+  return curves.sort((left, right) => right.dash - left.dash);
 }
 
 /** All curves on one axis of time; where only one of two curves has a point, the other goes through. */
@@ -214,8 +215,8 @@ function draw(panel) {
       { label: "time", value: timeAtPointer },
       ...curves.map((curve) => ({
         label: curve.label,
-        stroke: () => colorOf(curve.color),
-        width: curve.dash === 0 ? 1.3 : 1.5,
+        stroke: () => `${colorOf(curve.color)}${curve.dash === 0 ? "" : "b8"}`,
+        width: 1.4,
         dash: DASHES[curve.dash],
         points: { show: false },
         value: (_, value) => inDigits(value),
@@ -231,7 +232,8 @@ function draw(panel) {
     legend: { markers: { dash: (_, series) => DASH_NAMES[curves[series - 1]?.dash ?? 0] } },
     hooks: {
       drawClear: [shadeFaults],
-      draw: [(plot) => drawMarks(plot, panel)],
+      drawAxes: [(plot) => drawMarks(plot, panel)],
+      draw: [(plot) => nameBounds(plot, panel)],
       setSelect: [selected],
       setCursor: [pointed],
     },
@@ -277,26 +279,37 @@ function drawMarks(plot, panel) {
   ctx.restore();
 }
 
-/** The bound of each flight, named once a value; what lies behind the name shall not hide it. */
+const shownBounds = () => new Set(shownFlights().map((flight) => flight.bound));
+
 function drawBounds(plot) {
   const { ctx, bbox } = plot;
-  const right = bbox.left + bbox.width - 6 * devicePixelRatio;
   ctx.setLineDash([]);
+  ctx.strokeStyle = variable("--bound");
+  for (const bound of shownBounds()) {
+    const y = plot.valToPos(bound, "y", true);
+    stroke(ctx, [bbox.left, y], [bbox.left + bbox.width, y]);
+  }
+}
+
+/** Names the bounds; what lies behind a name shall not hide it. */
+function nameBounds(plot, panel) {
+  if (!panel.has_bound) return;
+  const { ctx, bbox } = plot;
+  const right = bbox.left + bbox.width - 6 * devicePixelRatio;
+  ctx.save();
   ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
   ctx.textAlign = "right";
   ctx.lineJoin = "round";
-  for (const bound of new Set(shownFlights().map((flight) => flight.bound))) {
+  ctx.lineWidth = 4 * devicePixelRatio;
+  ctx.strokeStyle = variable("--card");
+  ctx.fillStyle = variable("--bound");
+  for (const bound of shownBounds()) {
     const text = `theorem's bound ${inDigits(bound)} m`;
-    const y = plot.valToPos(bound, "y", true);
-    ctx.lineWidth = devicePixelRatio;
-    ctx.strokeStyle = variable("--bound");
-    stroke(ctx, [bbox.left, y], [bbox.left + bbox.width, y]);
-    ctx.lineWidth = 4 * devicePixelRatio;
-    ctx.strokeStyle = variable("--card");
-    ctx.strokeText(text, right, y - 5 * devicePixelRatio);
-    ctx.fillStyle = variable("--bound");
-    ctx.fillText(text, right, y - 5 * devicePixelRatio);
+    const y = plot.valToPos(bound, "y", true) - 5 * devicePixelRatio;
+    ctx.strokeText(text, right, y);
+    ctx.fillText(text, right, y);
   }
+  ctx.restore();
 }
 
 function stroke(ctx, from, to) {
@@ -399,7 +412,8 @@ function showTip(plot, left, top) {
   const during = shownFlights().flatMap((flight) => flight.spans
     .filter((span) => time >= span.from && time <= (span.to ?? end))
     .map((span) => `${named(flight)}${span.text}`));
-  const lines = [...new Set([...near.map((mark) => `${label(mark.time)} s: ${mark.text}`), ...during])];
+  const isNew = (text) => near.every((mark) => mark.text !== text);
+  const lines = [...new Set([...near.map((mark) => `${label(mark.time)} s: ${mark.text}`), ...during.filter(isNew)])];
   const tip = byId("tip");
   tip.hidden = lines.length === 0;
   if (tip.hidden) return;
@@ -479,6 +493,9 @@ function drawHead() {
   for (const flight of flights.filter(({ broken }) => broken !== null)) {
     byId("banners").append(element("p", { class: "banner", role: "alert" },
       `${named(flight)}only a part of this flight could be read, up to ${inDigits(flight.flown)} s of ${inDigits(flight.duration)} s. ${flight.broken}`));
+  }
+  for (const flight of flights.filter(({ facts }) => facts?.outcome === "failed")) {
+    byId("banners").append(element("p", { class: "banner", role: "alert" }, `${named(flight)}the flight failed at ${label(flight.flown)} s. ${flight.facts.reason}`));
   }
   byId("footer").textContent = `gerono ${data.version}. Frames: {I}, z down; lengths in m, times in s, angles in rad.`;
 }
@@ -684,4 +701,5 @@ recolor();
 showAll();
 lookAt(0);
 
-performance.measure("report-drawn", "report-begins");
+// The panels are drawn once this script has ended, and seen with the next frame.
+requestAnimationFrame(() => performance.measure("report-drawn", "report-begins"));
