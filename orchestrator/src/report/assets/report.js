@@ -17,6 +17,9 @@ const DASH_NAMES = ["solid", "dashed", "dotted"];
 const FLOOR = 1e-5;
 
 const PANEL_HEIGHT = 220;
+
+/** Two panels of this width stand beside each other on A4 and letter, px. */
+const PRINTED_WIDTH = 325;
 const darkness = matchMedia("(prefers-color-scheme: dark)");
 const byId = (id) => document.getElementById(id);
 const isDark = () => darkness.matches && !document.documentElement.classList.contains("print");
@@ -650,7 +653,10 @@ function recolor() {
 }
 
 function fit() {
-  for (const plot of [...plots, ...histograms]) plot.setSize({ width: plot.root.parentElement.clientWidth - 18, height: plot.height });
+  const isPrinted = document.documentElement.classList.contains("print");
+  for (const plot of [...plots, ...histograms]) {
+    plot.setSize({ width: isPrinted ? PRINTED_WIDTH : plot.root.parentElement.clientWidth - 18, height: plot.height });
+  }
   orbit.draw();
 }
 
