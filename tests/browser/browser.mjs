@@ -20,12 +20,11 @@ function installed() {
 
 /** Starts $CHROMIUM, an installed browser, or the one of the npm package. */
 export async function start() {
-  const own = process.env.CHROMIUM || installed();
-  const common = { headless: "shell", defaultViewport: { width: 1400, height: 1000 } };
-  if (own !== undefined) {
-    // As root, as in a container, Chromium's own sandbox does not start. The page is one that we have made.
-    const args = process.getuid() === 0 ? ["--no-sandbox"] : [];
-    return puppeteer.launch({ ...common, executablePath: own, args });
-  }
-  return puppeteer.launch({ ...common, executablePath: await packaged.executablePath(), args: packaged.args });
+  const program = process.env.CHROMIUM || installed() || (await packaged.executablePath());
+  // As root, as in a container, Chromium's own sandbox does not start. The page is one that we have made.
+  const args = process.getuid() === 0 ? ["--no-sandbox"] : [];
+  // On a machine without a language Chromium claims one that its own formatter of numbers refuses.
+  const env = { ...process.env, LC_ALL: "en_US.UTF-8", LANGUAGE: "en_US" };
+  const defaultViewport = { width: 1400, height: 1000 };
+  return puppeteer.launch({ headless: "shell", executablePath: program, args, env, defaultViewport });
 }
