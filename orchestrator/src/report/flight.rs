@@ -90,6 +90,7 @@ fn gather(reader: &mut LogReader, gatherer: &mut Gatherer) -> Result<Option<Stri
 
 /// Gathers while the log is read.
 struct Gatherer {
+    last_tick: u64,
     /// The tick that is being read.
     tick: Option<u64>,
     truth: Option<VehicleTruth>,
@@ -112,6 +113,7 @@ impl Gatherer {
     fn new(scenario: &Scenario, schedule: &Schedule, tracer: Option<Tracer>, buckets: u64) -> Self {
         let table = |topic, names: &[&'static str]| Table::new(topic, names, schedule, buckets);
         Self {
+            last_tick: schedule.last_tick(),
             tick: None,
             truth: None,
             reference: None,
@@ -128,7 +130,11 @@ impl Gatherer {
         }
     }
 
+    /// Takes a sample into account; one of a tick that the flight cannot have is none of it.
     fn observe(&mut self, tick: u64, topic: Topic, bytes: &[u8]) {
+        if tick > self.last_tick {
+            return;
+        }
         if let Some(before) = self.tick.replace(tick)
             && before != tick
         {

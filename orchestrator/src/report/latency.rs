@@ -82,7 +82,8 @@ pub(super) fn histograms(log: &Path, schedule: &Schedule) -> Vec<Histogram> {
         late[service].count(step.began_ns.saturating_sub(schedule.time_ns(step.tick)));
         long[service].count(step.published_ns.saturating_sub(step.began_ns));
     }
-    let mut histograms: Vec<_> = late.into_iter().chain(long).collect();
+    let pairs = late.into_iter().zip(long);
+    let mut histograms: Vec<_> = pairs.flat_map(|(late, long)| [late, long]).collect();
     histograms.retain(|histogram| !histogram.is_empty());
     histograms
 }

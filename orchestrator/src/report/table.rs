@@ -144,7 +144,6 @@ fn as_shown(value: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::log::test_flight::scenario;
     use crate::report::encoding::decoded;
     use proptest::prelude::*;
 
@@ -154,7 +153,7 @@ mod tests {
     }
 
     fn table(ticks: u64, buckets: u64) -> Table {
-        let schedule = scenario(0.01, ticks as f64 * 0.01).schedule().unwrap();
+        let schedule = Schedule::ideal(10_000_000, ticks);
         Table::new(Topic::VehicleTruth, &["a", "b"], &schedule, buckets)
     }
 

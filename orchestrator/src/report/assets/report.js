@@ -536,9 +536,9 @@ function drawPhases(flight) {
     ["against the theorem", ({ verdict }) => (verdict ? element("span", { class: verdict }, VERDICTS[verdict]) : "not flown to its end")],
     ["settled after, s", ({ settling_time: time }) => (time === null ? "not settled" : number(time, 3))],
     ["mass, kg", ({ parameters }) => number(parameters.mass)],
-    ["estimated", ({ parameters }) => number(parameters.mass_estimate)],
+    ["mass estimated", ({ parameters }) => number(parameters.mass_estimate)],
     ["disturbance, m/s²", ({ parameters }) => vector(parameters.disturbance)],
-    ["estimated", ({ parameters }) => vector(parameters.disturbance_estimate)],
+    ["disturbance estimated", ({ parameters }) => vector(parameters.disturbance_estimate)],
     ["γ at the end", ({ gamma }) => number(gamma, 3)],
   ];
   const heads = ["", ...flight.phases.map(({ begins, ends }) => `${label(begins)} to ${label(ends)} s`)];
@@ -632,7 +632,7 @@ function drawHistogram(flight, { service, what, edges, counts }) {
     series: [
       { label: "from", value: (_, value) => (value === null ? "–" : inUnits(value)) },
       { label: "steps", stroke: () => colorOf(flight.place), fill: () => `${colorOf(flight.place)}55`, width: 1, points: { show: false },
-        paths: uPlot.paths.bars({ size: [0.95], align: 1 }), value: (_, value) => value ?? 0 },
+        paths: uPlot.paths.bars({ size: [0.95], align: 1 }), value: (plot, value) => (plot.cursor.left >= 0 ? value ?? 0 : "–") },
     ],
     cursor: { drag: { x: false, y: false } },
   }, [shown, bars], holder);
