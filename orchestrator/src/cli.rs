@@ -39,6 +39,17 @@ pub enum Command {
     ///
     /// Planned faults are shaded; while a controller is out, the true distance from the path is drawn dotted.
     Plot(Plot),
+    /// Show flights as one page that opens in any browser, without a network, and draw the paper's figures that they have.
+    ///
+    /// DIR/report.html holds everything: the way through space, which turns with the mouse and shows the vehicle at the moment
+    /// under the pointer; errors, commands, estimates, attitude and timing law over time, on axes that zoom together; what
+    /// happened when; the summary; the scenario; and of flights in real time how the services kept time.
+    /// Several logs are laid over each other, a colour each. Of many samples in a column of pixels the smallest and the
+    /// largest are kept: no peak is lost. Of a log that was never completed, what is whole is shown.
+    ///
+    /// A flight of one of the paper's figures is drawn as that figure too, as SVG beside the page.
+    #[command(after_help = Report::EXAMPLES)]
+    Report(Report),
     /// Write the samples of a log as JSON lines, or those of one topic as a table (CSV), for other programs.
     ///
     /// Numbers are read back to the bit; those that are not finite are the words NaN, inf and -inf.
@@ -404,6 +415,25 @@ pub struct Plot {
     /// Draw until this time, s [default: the end].
     #[arg(long, value_name = "T")]
     pub to: Option<f64>,
+}
+
+/// Arguments of `gerono report`.
+#[derive(Debug, Args)]
+pub struct Report {
+    /// The logs (run.mcap), or the folders that hold them.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// The folder to write into; made if there is none, and what an earlier report wrote there is replaced.
+    #[arg(long, short, value_name = "DIR")]
+    pub output: PathBuf,
+}
+
+impl Report {
+    /// What `gerono report --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono report runs/fig1-1 -o report\n  \
+        gerono report runs/fig1-1 runs/fig1-2 -o compared\n  \
+        gerono report crashed/run.mcap.partial -o report";
 }
 
 /// Arguments of `gerono export`.

@@ -8,6 +8,7 @@ pub mod faults;
 pub mod logs;
 pub mod operate;
 pub mod replay;
+pub mod report;
 pub mod reproduce;
 pub mod run;
 pub mod small;

@@ -5,6 +5,7 @@
 //! * [`services`]: the step logic of every service, built from a scenario;
 //! * [`flight`]: the hosts' orchestrating side, the crew of processes, the recorder;
 //! * [`log`], [`info`], [`summary`], [`plot`], [`host_record`]: what remains of a flight;
+//! * [`report`]: flights as one page;
 //! * [`reproduce`]: the paper's figures, flown again and judged;
 //! * [`matrix`]: everything that can fail, failing in every way, judged;
 //! * [`doctor`]: whether the machine is fit for a flight;
@@ -26,6 +27,7 @@ pub mod matrix;
 pub mod plot;
 pub mod progress;
 pub mod replay;
+pub mod report;
 pub mod reproduce;
 pub mod run_folder;
 pub mod run_root;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use orchestrator::cli::{Cli, Command, Operate};
 use orchestrator::commands::{
-    Failure, attach, bench, check, doctor, faults, logs, operate, replay, reproduce, run, small, top,
+    Failure, attach, bench, check, doctor, faults, logs, operate, replay, report, reproduce, run, small, top,
 };
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
@@ -16,6 +16,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
         Command::Plot(arguments) => small::plot(&arguments).map(|()| Exit::Success),
+        Command::Report(arguments) => report::report(&arguments).map(|()| Exit::Success),
         Command::Export(arguments) => logs::export(&arguments).map(|()| Exit::Success),
         Command::Info(arguments) => logs::info(&arguments).map(|()| Exit::Success),
         Command::Recover(arguments) => logs::recover(&arguments).map(|()| Exit::Success),

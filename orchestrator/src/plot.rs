@@ -11,6 +11,7 @@ use kuva::prelude::{Layout, LegendPosition, LinePlot, Plot, TickFormat};
 
 use crate::log::LogReadError;
 pub use curve::Span;
+pub(crate) use curve::label;
 use curve::{Curve, Source};
 
 /// Size of a figure, pixels: as wide as a README is shown.

@@ -1,17 +1,47 @@
 //! Fewer points that look the same: of every column of pixels the smallest and the largest value.
 
+/// What is kept of some points: those of the smallest and of the largest value.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extreme {
+    least: (f64, f64),
+    greatest: (f64, f64),
+}
+
+impl Extreme {
+    /// Of a single point.
+    pub(crate) fn of(point: (f64, f64)) -> Self {
+        Self {
+            least: point,
+            greatest: point,
+        }
+    }
+
+    /// Takes a point into account.
+    pub(crate) fn add(&mut self, point: (f64, f64)) {
+        if point.1 < self.least.1 {
+            self.least = point;
+        }
+        if point.1 > self.greatest.1 {
+            self.greatest = point;
+        }
+    }
+
+    /// Both points, in the order of time.
+    pub(crate) fn in_order(self) -> [(f64, f64); 2] {
+        if self.least.0 <= self.greatest.0 {
+            [self.least, self.greatest]
+        } else {
+            [self.greatest, self.least]
+        }
+    }
+}
+
 /// Gathers points column by column; they come in the order of time.
 pub(crate) struct Extremes {
     column_width: f64,
-    column: Option<Column>,
+    /// The column that is being filled, by its index.
+    column: Option<(usize, Extreme)>,
     points: Vec<(f64, f64)>,
-}
-
-/// What is kept of a column: its extreme points.
-struct Column {
-    index: usize,
-    least: (f64, f64),
-    greatest: (f64, f64),
 }
 
 impl Extremes {
@@ -29,21 +59,10 @@ impl Extremes {
         let index = (time / self.column_width) as usize;
         let point = (time, value);
         match &mut self.column {
-            Some(column) if column.index == index => {
-                if value < column.least.1 {
-                    column.least = point;
-                }
-                if value > column.greatest.1 {
-                    column.greatest = point;
-                }
-            }
+            Some((column, extreme)) if *column == index => extreme.add(point),
             _ => {
                 self.close_column();
-                self.column = Some(Column {
-                    index,
-                    least: point,
-                    greatest: point,
-                });
+                self.column = Some((index, Extreme::of(point)));
             }
         }
     }
@@ -55,14 +74,10 @@ impl Extremes {
     }
 
     fn close_column(&mut self) {
-        let Some(Column { least, greatest, .. }) = self.column.take() else {
+        let Some((_, extreme)) = self.column.take() else {
             return;
         };
-        let (first, second) = if least.0 <= greatest.0 {
-            (least, greatest)
-        } else {
-            (greatest, least)
-        };
+        let [first, second] = extreme.in_order();
         self.points.push(first);
         if second != first {
             self.points.push(second);

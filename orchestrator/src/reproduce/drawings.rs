@@ -24,10 +24,7 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// The drawing as SVG.
-    ///
-    /// # Panics
-    /// If one of its flights is missing.
+    /// The drawing as SVG; curves of flights that are not there are left out.
     #[must_use]
     pub fn svg(&self, flights: &TraceBook) -> String {
         draw(self.title, &(self.panels)(flights))
@@ -66,7 +63,7 @@ pub const DRAWINGS: [Drawing; 12] = [
         file: "fig3.svg",
         title: "Fig. 3: actual position and desired path, seen from above",
         flights: &["fig3_6"],
-        panels: |flights| vec![map(&flights["fig3_6"])],
+        panels: |flights| flights.get("fig3_6").map(map).into_iter().collect(),
     },
     Drawing {
         figure: Figure::Fig3To6,
@@ -216,9 +213,12 @@ fn over_time(
     curves: &[(&'static str, &str, Channel)],
     marks: &[(f64, &'static str)],
 ) -> Panel {
-    let curves = curves.iter().map(|&(label, flight, channel)| Curve {
-        label,
-        points: flights[flight].channel(channel).to_vec(),
+    let curves = curves.iter().filter_map(|&(label, flight, channel)| {
+        let traces = flights.get(flight)?;
+        Some(Curve {
+            label,
+            points: traces.channel(channel).to_vec(),
+        })
     });
     Panel {
         x_label: "time, s",

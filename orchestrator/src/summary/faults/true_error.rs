@@ -53,11 +53,17 @@ impl TrueError {
         }
     }
 
+    /// pd at the time of the last truth, in {I}, m.
+    #[must_use]
+    pub fn point(&self) -> Option<Vector> {
+        Some(point_at(self.reference.as_ref()?, self.truth?.time_ns))
+    }
+
     /// The last tick, with its error (m), once nothing more of it comes.
     #[must_use]
     pub fn last(&self) -> Option<(u64, f64)> {
         let truth = self.truth?;
-        let point = point_at(self.reference.as_ref()?, truth.time_ns);
+        let point = self.point()?;
         let [x, y, z] = [0, 1, 2].map(|axis| truth.position_world[axis] - point[axis]);
         Some((truth.tick, (x * x + y * y + z * z).sqrt()))
     }

@@ -1,0 +1,122 @@
+//! What is shown of each topic over time: names, and the values of a sample in the same order.
+//!
+//! A value that a sample does not have is NaN.
+
+use controller::yaw::shorter_way;
+use nalgebra::Vector3;
+use shared_types::rotation::{from_row_major, roll_pitch_yaw};
+use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleTruth};
+
+use crate::summary::z1_norm;
+
+/// Channels of `vehicle/truth`.
+pub(super) const TRUTH: [&str; 13] = [
+    "error",
+    "thrust",
+    "rate_x",
+    "rate_y",
+    "rate_z",
+    "mass",
+    "disturbance_x",
+    "disturbance_y",
+    "disturbance_z",
+    "roll",
+    "pitch",
+    "yaw",
+    "yaw_error",
+];
+
+/// The truth, with the true distance from the path's point (m) and the yaw that is asked for (rad), where they are known.
+pub(super) fn truth(
+    truth: &VehicleTruth,
+    error: Option<f64>,
+    yaw_desired: Option<f64>,
+) -> [f64; TRUTH.len()] {
+    let [roll, pitch, yaw] = roll_pitch_yaw(&from_row_major(&truth.world_from_body));
+    let [rate_x, rate_y, rate_z] = truth.angular_velocity_body;
+    let [b_x, b_y, b_z] = truth.disturbance_world;
+    let yaw_error = yaw_desired.map(|desired| shorter_way(yaw - desired));
+    [
+        error.unwrap_or(f64::NAN),
+        truth.thrust,
+        rate_x,
+        rate_y,
+        rate_z,
+        truth.mass,
+        b_x,
+        b_y,
+        b_z,
+        roll,
+        pitch,
+        yaw,
+        yaw_error.unwrap_or(f64::NAN),
+    ]
+}
+
+/// Channels of `control/errors`.
+pub(super) const ERRORS: [&str; 4] = ["z1", "z2", "z3", "z4"];
+
+/// ‖z1‖, ‖z2‖, ‖z3‖ and z4; none where the law was not asked.
+pub(super) fn errors(errors: &ControlErrors) -> [f64; ERRORS.len()] {
+    z1_norm(errors).map_or([f64::NAN; ERRORS.len()], |z1| {
+        [z1, norm(errors.z2), norm(errors.z3), errors.z4]
+    })
+}
+
+/// Channels of `control/command`.
+pub(super) const COMMAND: [&str; 7] = [
+    "thrust", "torque_x", "torque_y", "torque_z", "rate_x", "rate_y", "rate_z",
+];
+
+/// What is commanded: torques or rates, and nothing in failsafe.
+pub(super) fn command(command: &ControlCommand) -> [f64; COMMAND.len()] {
+    let only_with = |mode: u32, values: [f64; 3]| {
+        if command.mode == mode {
+            values
+        } else {
+            [f64::NAN; 3]
+        }
+    };
+    let thrust = if command.mode == ControlCommand::MODE_FAILSAFE {
+        f64::NAN
+    } else {
+        command.thrust
+    };
+    let [torque_x, torque_y, torque_z] = only_with(ControlCommand::MODE_TORQUE, command.torque_body);
+    let [rate_x, rate_y, rate_z] = only_with(ControlCommand::MODE_RATES, command.rates_body);
+    [thrust, torque_x, torque_y, torque_z, rate_x, rate_y, rate_z]
+}
+
+/// Channels of `control/adaptation`.
+pub(super) const ADAPTATION: [&str; 5] = [
+    "mass",
+    "observer_mass",
+    "disturbance_x",
+    "disturbance_y",
+    "disturbance_z",
+];
+
+/// m̂, that of the observer if one flies along, and π(b̂).
+pub(super) fn adaptation(adaptation: &ControlAdaptation) -> [f64; ADAPTATION.len()] {
+    let observer = adaptation.observer_mass_estimate;
+    let [x, y, z] = adaptation.disturbance_projected_world;
+    [
+        adaptation.mass_estimate,
+        if observer == 0.0 { f64::NAN } else { observer },
+        x,
+        y,
+        z,
+    ]
+}
+
+/// Channels of `path/reference`.
+pub(super) const REFERENCE: [&str; 3] = ["gamma_dot", "gamma_dot_desired", "yaw"];
+
+/// γ̇, γ̇d and ψd.
+pub(super) fn reference(reference: &PathReference) -> [f64; REFERENCE.len()] {
+    [reference.gamma_dot, reference.gamma_dot_desired, reference.yaw]
+}
+
+fn norm(vector: [f64; 3]) -> f64 {
+    Vector3::from(vector).norm()
+}

@@ -1,0 +1,70 @@
+//! The paper's figures that the logs have: drawn of a log alone, as `gerono reproduce` draws them.
+
+use serde::Serialize;
+use shared_types::scenario::Scenario;
+
+use super::flight::Flight;
+use crate::reproduce::column::Column;
+use crate::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
+use crate::reproduce::figures::Figure;
+
+/// A figure.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Drawn {
+    pub(super) file: &'static str,
+    pub(super) title: &'static str,
+    #[serde(skip)]
+    pub(super) svg: String,
+}
+
+/// What the paper's figures call the flight of this scenario, whatever its seed and its length; none if it is not one of
+/// theirs.
+pub(super) fn name_in_the_paper(flown: &Scenario) -> Option<String> {
+    let recipes = Figure::ALL
+        .into_iter()
+        .flat_map(|figure| figure.experiment().recipes);
+    let mut names = recipes.filter_map(|recipe| {
+        let stated = recipe.load(Column::Baseline, flown.seed).ok()?;
+        let stated = Scenario {
+            duration: flown.duration,
+            ..stated.experiment()
+        };
+        (stated == *flown).then_some(recipe.name)
+    });
+    names.next()
+}
+
+/// Every figure whose first flight is among these; of other flights that it is made of, those that are. Of several logs of
+/// one flight the first is drawn.
+pub(super) fn drawn(flights: &[Flight]) -> Vec<Drawn> {
+    let mut book = TraceBook::new();
+    for (name, traces) in flights.iter().filter_map(|flight| flight.paper.as_ref()) {
+        book.entry(name.clone()).or_insert_with(|| traces.clone());
+    }
+    let has_flight = |drawing: &&Drawing| {
+        let first = drawing.flights.first();
+        first.is_some_and(|&flight| book.contains_key(flight))
+    };
+    let drawings = DRAWINGS.iter().filter(has_flight).map(|drawing| Drawn {
+        file: drawing.file,
+        title: drawing.title,
+        svg: drawing.svg(&book),
+    });
+    drawings.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reproduce::flight::{Recipe, Source};
+
+    #[test]
+    fn a_flight_of_the_paper_is_known_by_its_scenario_whatever_its_seed_and_length() {
+        let recipe = Recipe::plain(Source::FIG7);
+        let mut scenario = recipe.load(Column::Baseline, 7).unwrap().experiment();
+        scenario.duration = 35.0;
+        assert_eq!(name_in_the_paper(&scenario).as_deref(), Some("fig7"));
+        scenario.vehicle.mass *= 2.0;
+        assert_eq!(name_in_the_paper(&scenario), None);
+    }
+}
