@@ -10,7 +10,7 @@ mod judge;
 mod recorded_steps;
 mod station;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use shared_types::scenario::Scenario;
 use shared_types::{Schedule, ServiceId};
@@ -20,7 +20,7 @@ use history::History;
 use recorded_steps::RecordedSteps;
 use station::Station;
 
-use crate::log::{LogReadError, LogReader, Recovery};
+use crate::log::{HostStepsError, LogReadError, LogReader, Recovery};
 use crate::progress::Progress;
 
 /// How far beyond a tick the log is read before the tick is replayed: in real time a sample may come that much late.
@@ -32,14 +32,9 @@ pub enum ReplayError {
     /// The log cannot be read.
     #[error(transparent)]
     Read(#[from] LogReadError),
-    /// The records of a flight's steps cannot be read.
-    #[error("cannot read the steps of the flight from {}: {reason}; a log of real time cannot be replayed without them", .path.display())]
-    Steps {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-    },
+    /// The records of a flight's steps cannot be read: a log of real time cannot be replayed without them.
+    #[error(transparent)]
+    Steps(#[from] HostStepsError),
     /// The scenario does not make services.
     #[error("the log's scenario cannot be flown: {0}")]
     Scenario(String),
@@ -171,10 +166,11 @@ impl Replay {
                 break;
             }
             for station in &mut self.stations {
-                match &self.steps {
+                match &mut self.steps {
                     None => station.step_as_scheduled(tick, &self.source.history),
                     Some(steps) => {
-                        station.step_as_recorded(steps.of(station.service(), tick), &self.source.history);
+                        let steps = steps.take_to(station.service(), tick)?;
+                        station.step_as_recorded(&steps, &self.source.history);
                     }
                 }
             }

@@ -131,7 +131,7 @@ pub struct Phase {
     /// Largest ‖z1‖, m: after a change, the transient's peak.
     pub peak: f64,
     /// Largest ‖z1‖ in the last [`ULTIMATE_WINDOW`] of the phase, m; of all of it, if it is shorter. Only of a
-    /// complete phase.
+    /// complete phase, and only if the law was asked there: not of a vehicle that stands on the ground by then.
     pub ultimate: Option<f64>,
     /// `ultimate` against the bound.
     pub verdict: Option<Verdict>,

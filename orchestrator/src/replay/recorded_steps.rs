@@ -1,17 +1,14 @@
 //! The steps of a flight in real time, as `host.mcap` tells of them.
 
-use std::collections::BTreeMap;
+use std::collections::VecDeque;
 use std::path::Path;
 
-use mcap::McapError;
-use mcap::read::Options;
 use shared_types::ServiceId;
 use shared_types::service::Operator;
-use zerocopy::FromBytes;
 
 use super::ReplayError;
 use super::station::Seen;
-use crate::log::{HostSample, ServiceStep, host_log_beside};
+use crate::log::{HostSteps, ServiceStep, host_log_beside};
 
 /// One step, and what it saw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,9 +23,19 @@ pub(super) struct RecordedStep {
     pub(super) seen: Seen,
 }
 
-/// All steps, by service and tick. Of one tick there are several where a process died after its step and the one that
-/// took its place did it again: what the first published is what was seen and recorded.
-pub(super) struct RecordedSteps([BTreeMap<u64, Vec<RecordedStep>>; ServiceId::ALL.len()]);
+/// The steps of a flight, read as far as they are needed. Of one tick there are several where a process died in its step and
+/// the one that took its place did it again.
+pub(super) struct RecordedSteps {
+    source: HostSteps,
+    services: [StepsOfService; ServiceId::ALL.len()],
+}
+
+#[derive(Default)]
+struct StepsOfService {
+    waiting: VecDeque<RecordedStep>,
+    /// Tick of the last step that was read.
+    read_to: Option<u64>,
+}
 
 impl RecordedSteps {
     /// Those of the flight whose log is `log`; none if it was flown in simulated time.
@@ -36,47 +43,40 @@ impl RecordedSteps {
         let Some(path) = host_log_beside(log) else {
             return Ok(None);
         };
-        let failed = |reason: String| ReplayError::Steps {
-            path: path.clone(),
-            reason,
+        let mut steps = Self {
+            source: HostSteps::open(&path)?,
+            services: Default::default(),
         };
-        let file = std::fs::read(&path).map_err(|error| failed(error.to_string()))?;
-        let mut steps = Self(std::array::from_fn(|_| BTreeMap::new()));
-        // A log that was not closed is read up to where it breaks off.
-        let options = Options::IgnoreEndMagic | Options::ValidateChunkCrcs;
-        let messages = mcap::MessageStream::new_with_options(&file, options)
-            .map_err(|error| failed(error.to_string()))?;
-        for message in messages {
-            let message = match message {
-                Ok(message) => message,
-                Err(McapError::UnexpectedEof) => break,
-                Err(McapError::RecordTooLarge { len, .. }) if len > file.len() as u64 => break,
-                Err(error) => {
-                    let recover = format!("{error}; try `gerono recover {}`", path.display());
-                    return Err(failed(recover));
-                }
-            };
-            if message.channel.topic == ServiceStep::CHANNEL {
-                steps.keep(&message.data).map_err(failed)?;
-            }
-        }
-        let is_empty = steps.0.iter().all(BTreeMap::is_empty);
-        Ok((!is_empty).then_some(steps))
+        Ok(steps.read_one()?.then_some(steps))
     }
 
-    fn keep(&mut self, data: &[u8]) -> Result<(), String> {
-        let other_layout =
-            || "its steps are laid out in another way; use the program that wrote it".to_owned();
-        let bytes = data.get(4..).ok_or_else(other_layout)?;
-        let step = ServiceStep::read_from_bytes(bytes).map_err(|_| other_layout())?;
-        let own = self.0.get_mut(step.service as usize).ok_or_else(other_layout)?;
-        own.entry(step.tick).or_default().push(RecordedStep::from(&step));
+    /// Reads on until the steps of a service up to a tick have been read: each tells of its own in their order.
+    fn read_to(&mut self, service: ServiceId, tick: u64) -> Result<(), ReplayError> {
+        while self.services[service.index()].read_to <= Some(tick) && self.read_one()? {}
         Ok(())
     }
 
-    /// The steps of a service at a tick, in their order.
-    pub(super) fn of(&self, service: ServiceId, tick: u64) -> &[RecordedStep] {
-        self.0[service.index()].get(&tick).map_or(&[], Vec::as_slice)
+    /// Reads the next step, of whichever service; `false` if there is none.
+    fn read_one(&mut self) -> Result<bool, ReplayError> {
+        let Some((service, step)) = self.source.next().transpose()? else {
+            return Ok(false);
+        };
+        let own = &mut self.services[service.index()];
+        own.read_to = own.read_to.max(Some(step.tick));
+        own.waiting.push_back(RecordedStep::from(&step));
+        Ok(true)
+    }
+
+    /// The steps of a service up to a tick that were not taken before, in their order.
+    pub(super) fn take_to(
+        &mut self,
+        service: ServiceId,
+        tick: u64,
+    ) -> Result<Vec<RecordedStep>, ReplayError> {
+        self.read_to(service, tick)?;
+        let waiting = &mut self.services[service.index()].waiting;
+        let count = waiting.iter().take_while(|step| step.tick <= tick).count();
+        Ok(waiting.drain(..count).collect())
     }
 }
 

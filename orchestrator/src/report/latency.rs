@@ -4,12 +4,8 @@ use std::path::Path;
 
 use serde::Serialize;
 use shared_types::{Schedule, ServiceId};
-use zerocopy::FromBytes;
 
-use crate::log::{HostSample, ServiceStep, host_log_beside};
-
-/// Bytes before the sample in a message.
-const CDR_HEADER_BYTES: usize = 4;
+use crate::log::{HostSteps, host_log_beside};
 
 /// Edges of the bins in a decade.
 const EDGES: [u64; 10] = [100, 126, 158, 200, 251, 316, 398, 501, 631, 794];
@@ -59,28 +55,15 @@ fn edges() -> impl Iterator<Item = u64> {
 /// How late steps began and how long they took, of each service; none of a flight in simulated time, or if what is
 /// beside the log cannot be read.
 pub(super) fn histograms(log: &Path, schedule: &Schedule) -> Vec<Histogram> {
-    let bytes = host_log_beside(log).and_then(|path| std::fs::read(path).ok());
+    let steps = host_log_beside(log).and_then(|path| HostSteps::open(&path).ok());
     let mut late = ServiceId::ALL.map(|service| Histogram::new(service, "step began after its tick"));
     let mut long = ServiceId::ALL.map(|service| Histogram::new(service, "step took"));
-    // A log that was not closed is read up to where it breaks off.
-    let options = mcap::read::Options::IgnoreEndMagic;
-    let messages = bytes
-        .as_deref()
-        .and_then(|bytes| mcap::MessageStream::new_with_options(bytes, options.into()).ok());
-    for message in messages.into_iter().flatten().map_while(Result::ok) {
-        if message.channel.topic != ServiceStep::CHANNEL {
-            continue;
+    for (service, step) in steps.into_iter().flatten().map_while(Result::ok) {
+        late[service.index()].count(step.began_ns.saturating_sub(schedule.time_ns(step.tick)));
+        // Of a step in which a process died nobody knows how long it took.
+        if step.published_ns != 0 {
+            long[service.index()].count(step.published_ns.saturating_sub(step.began_ns));
         }
-        let step = message
-            .data
-            .get(CDR_HEADER_BYTES..)
-            .and_then(|bytes| ServiceStep::read_from_bytes(bytes).ok());
-        let Some(step) = step.filter(|step| (step.service as usize) < ServiceId::ALL.len()) else {
-            continue;
-        };
-        let service = step.service as usize;
-        late[service].count(step.began_ns.saturating_sub(schedule.time_ns(step.tick)));
-        long[service].count(step.published_ns.saturating_sub(step.began_ns));
     }
     let pairs = late.into_iter().zip(long);
     let mut histograms: Vec<_> = pairs.flat_map(|(late, long)| [late, long]).collect();

@@ -17,7 +17,8 @@ pub(super) struct PhaseRecord {
     /// Last tick with a sample of the errors.
     pub(super) last_tick: Option<u64>,
     peak: f64,
-    ultimate: f64,
+    /// `None` as long as the law was not asked in that part.
+    ultimate: Option<f64>,
     /// Tick since which ‖z1‖ has been below [`SETTLED`].
     settled_since: Option<u64>,
     pub(super) parameters: Parameters,
@@ -57,7 +58,7 @@ impl PhaseRecord {
             window_tick: end_tick.saturating_sub(window_ticks).max(begin_tick),
             last_tick: None,
             peak: 0.0,
-            ultimate: 0.0,
+            ultimate: None,
             settled_since: None,
             parameters: Parameters::default(),
             gamma: None,
@@ -73,7 +74,7 @@ impl PhaseRecord {
         };
         self.peak = self.peak.max(z1_norm);
         if tick >= self.window_tick {
-            self.ultimate = self.ultimate.max(z1_norm);
+            self.ultimate = Some(self.ultimate.unwrap_or(0.0).max(z1_norm));
         }
         self.settled_since = (z1_norm < SETTLED).then(|| self.settled_since.unwrap_or(tick));
     }
@@ -85,7 +86,7 @@ impl PhaseRecord {
             .publications(Topic::ControlErrors)
             .last_at_or_before(self.end_tick - 1);
         let is_complete = self.last_tick >= last_due;
-        let ultimate = is_complete.then_some(self.ultimate);
+        let ultimate = self.ultimate.filter(|_| is_complete);
         let last_tick = self.last_tick.unwrap_or(self.begin_tick);
         Phase {
             begins: time(self.begin_tick),
@@ -102,5 +103,32 @@ impl PhaseRecord {
             parameters: self.parameters,
             gamma: self.gamma,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A phase of ten seconds in which ‖z1‖ was a centimetre while the law was asked.
+    fn flown(is_asked: impl Fn(u64) -> bool) -> Phase {
+        let schedule = Schedule::ideal(10_000_000, 999);
+        let mut record = PhaseRecord::new(0, 1000, &schedule);
+        for tick in 0..1000 {
+            record.observe_error(tick, is_asked(tick).then_some(0.01));
+        }
+        record.finish(&schedule, 0.0167)
+    }
+
+    #[test]
+    fn what_was_not_asked_in_the_last_five_seconds_has_no_ultimate_error() {
+        let landed = flown(|tick| tick < 400);
+        assert!(landed.is_complete);
+        assert_eq!((landed.ultimate, landed.verdict, landed.peak), (None, None, 0.01));
+        let flying = flown(|_| true);
+        assert_eq!(
+            (flying.ultimate, flying.verdict),
+            (Some(0.01), Some(Verdict::Within))
+        );
     }
 }

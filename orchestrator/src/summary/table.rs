@@ -105,6 +105,7 @@ fn phase_row(phase: &Phase) -> [String; 7] {
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.4}"));
     let ultimate = match (phase.ultimate, phase.verdict) {
         (Some(ultimate), Some(verdict)) => format!("{ultimate:.5}\n{verdict}"),
+        _ if phase.is_complete => "–\nthe law was not asked".to_owned(),
         _ => "–\nnot flown to its end".to_owned(),
     };
     let settling = phase
