@@ -4,6 +4,7 @@ pub mod bench;
 pub mod check;
 pub mod doctor;
 pub mod faults;
+pub mod mocap;
 pub mod operate;
 pub mod replay;
 pub mod reproduce;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use orchestrator::cli::{Cli, Command, Operate};
 use orchestrator::commands::{
-    Failure, bench, check, doctor, faults, operate, replay, reproduce, run, small, top,
+    Failure, bench, check, doctor, faults, mocap, operate, replay, reproduce, run, small, top,
 };
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
@@ -24,6 +24,7 @@ fn main() -> ExitCode {
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
+        Command::Mocap(arguments) => mocap::mocap(&arguments),
         Command::Arm(arguments) => operate(&arguments, &Question::Operate(Request::Arm)),
         Command::Disarm(arguments) => operate(&arguments, &Question::Operate(Request::Disarm)),
         Command::Kill(arguments) => operate(&arguments, &Question::Operate(Request::Kill)),

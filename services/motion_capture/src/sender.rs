@@ -2,5 +2,6 @@
 //! laboratories; no decoder uses anything of it.
 
 pub mod natnet;
+pub mod server;
 pub mod vicon_udp;
 pub mod vrpn;

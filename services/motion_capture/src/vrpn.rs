@@ -200,10 +200,8 @@ fn read(
                 senders[index] = described_name(&mut payload)?;
             }
         }
-        TYPE_DESCRIPTION => {
-            if described_name(&mut payload)?.as_bytes() == POSE_TYPE.as_bytes() {
-                *pose_type = Some(sender);
-            }
+        TYPE_DESCRIPTION if described_name(&mut payload)?.as_bytes() == POSE_TYPE.as_bytes() => {
+            *pose_type = Some(sender);
         }
         kind if Some(kind) == *pose_type => {
             let Some(index) = sender_index else {

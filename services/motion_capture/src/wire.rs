@@ -105,8 +105,8 @@ impl CapturePose {
     /// A number is none of a place in a laboratory, or the quaternion is no rotation.
     pub fn from_quaternion(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Result<Self, WireError> {
         let squared = x * x + y * y + z * z + w * w;
-        // Not true of numbers that are not finite either.
-        if !((squared - 1.0).abs() <= QUATERNION_DEFECT) {
+        let defect = (squared - 1.0).abs();
+        if defect.is_nan() || defect > QUATERNION_DEFECT {
             return Err(WireError::Invalid("a quaternion"));
         }
         let s = 2.0 / squared;
