@@ -5,7 +5,7 @@ use std::time::Duration;
 use miette::Report;
 use runtime::deployment::Scheduler;
 use shared_types::ServiceId;
-use shared_types::scenario::Scenario;
+use shared_types::scenario::{PoseSource, Scenario};
 
 use super::{Failure, load, print, scenario_name, write_json};
 use crate::cli::{DeploymentArguments, Host, Run};
@@ -31,6 +31,16 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         && arguments.host != Host::Realtime
     {
         return Err(Failure::new(Exit::BadInput, problem));
+    }
+    let source = scenario.estimator.as_ref().map(|estimator| estimator.source);
+    if let Some(system) = source.and_then(PoseSource::system) {
+        // Never silently with simulated poses in their place.
+        let reason = format!(
+            "poses are to come from `{}`, to which no host connects the estimator; fly with --set estimator.source=simulated, \
+             or look at what comes with `gerono mocap probe`",
+            system.name()
+        );
+        return Err(Failure::new(Exit::BadInput, reason));
     }
     let schedule = scenario
         .schedule()
