@@ -7,11 +7,11 @@ use runtime::deployment::Scheduler;
 use shared_types::ServiceId;
 use shared_types::scenario::{PoseSource, Scenario};
 
-use super::{Failure, load, print, scenario_name, write_json};
+use super::{Failure, load, print, scenario_name, schedule_of, write_json};
 use crate::cli::{DeploymentArguments, Host, Run};
 use crate::exit::Exit;
 use crate::flight::crew::restart::{PerService, RestartPolicy};
-use crate::flight::lock_step::{Deployment, Placement};
+use crate::flight::deployment::{Deployment, Placement};
 use crate::flight::tape::Tape;
 use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
 use crate::host_record::HostRecord;
@@ -32,19 +32,8 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     {
         return Err(Failure::new(Exit::BadInput, problem));
     }
-    let source = scenario.estimator.as_ref().map(|estimator| estimator.source);
-    if let Some(system) = source.and_then(PoseSource::system) {
-        // Never silently with simulated poses in their place.
-        let reason = format!(
-            "poses are to come from `{}`, to which no host connects the estimator; fly with --set estimator.source=simulated, \
-             or look at what comes with `gerono mocap probe`",
-            system.name()
-        );
-        return Err(Failure::new(Exit::BadInput, reason));
-    }
-    let schedule = scenario
-        .schedule()
-        .map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
+    refuse_network_poses(&scenario)?;
+    let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
         let reason =
             "--crash kills the process of a service, and with --host inprocess there is but one process";
@@ -84,6 +73,20 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     report(&summary, &ending, &folder, arguments.quiet);
     saved?;
     Ok(exit(&ending.outcome))
+}
+
+/// Never silently with simulated poses in the place of those that the scenario names.
+fn refuse_network_poses(scenario: &Scenario) -> Result<(), Failure> {
+    let source = scenario.estimator.as_ref().map(|estimator| estimator.source);
+    let Some(system) = source.and_then(PoseSource::system) else {
+        return Ok(());
+    };
+    let reason = format!(
+        "poses are to come from `{}`, to which no host connects the estimator; fly with --set \
+         estimator.source=simulated, or look at what comes with `gerono mocap probe`",
+        system.name()
+    );
+    Err(Failure::new(Exit::BadInput, reason))
 }
 
 fn fly(
