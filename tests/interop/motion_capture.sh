@@ -28,7 +28,6 @@ if ! cmp -s "$requirements" "$venv/requirements.txt"; then
     python3 -m venv "$venv"
     "$venv/bin/pip" install --quiet --disable-pip-version-check --only-binary :all: --requirement "$requirements" ||
         skip "its packages could not be installed"
-    "$venv/bin/pip" install --quiet --disable-pip-version-check setuptools || skip "setuptools could not be installed"
     cp "$requirements" "$venv/requirements.txt"
 fi
 
