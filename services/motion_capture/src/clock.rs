@@ -1,10 +1,10 @@
 //! The sender's clock as seen from here: offset and drift, from nothing but stamps and arrival times.
 //!
-//! A packet is late by chance, never early. So of each window of [`WINDOW_NS`] the packet counts that came soonest after
+//! A packet is late by chance, never early. So of each half second the packet counts that came soonest after
 //! its stamp, and a line below such points is how the clocks run against each other: its slope is the median of the
 //! slopes between points far apart, which a few bad windows do not move.
 //!
-//! A stamp that the line finds too early or too late is not believed. If [`CONFIRMATIONS`] in a row agree on another
+//! A stamp that the line finds too early or too late is not believed. If 25 in a row agree on another
 //! offset the sender's clock was set, and the estimate begins anew.
 
 /// Length of a window, ns.

@@ -1,7 +1,7 @@
 //! Where bodies are believed to be, and where they can be next.
 //!
 //! A pose follows a track if the body could have got there at the stated speed and rate of turn since the last pose that
-//! was believed. How far that is grows with the time, but not beyond [`LONGEST_NS`]: a body that was away for long must
+//! was believed. How far that is grows with the time, but not beyond a fifth of a second: a body that was away for long must
 //! settle anew. What goes on from poses that were not believed is not either, even if it has come into reach by then. A track is laid anew when poses followed each other for the stated time, unless they began where another
 //! body was: what was taken for the vehicle then is the other one, for however long.
 
