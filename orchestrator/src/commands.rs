@@ -6,6 +6,7 @@ pub mod check;
 pub mod doctor;
 pub mod faults;
 pub mod logs;
+pub mod mocap;
 pub mod operate;
 pub mod replay;
 pub mod report;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use orchestrator::cli::{Cli, Command, Operate};
 use orchestrator::commands::{
-    Failure, attach, bench, check, doctor, faults, logs, operate, replay, report, reproduce, run, small, top,
+    Failure, attach, bench, check, doctor, faults, logs, mocap, operate, replay, report, reproduce, run, small, top,
 };
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
@@ -27,6 +27,7 @@ fn main() -> ExitCode {
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
+        Command::Mocap(arguments) => mocap::mocap(&arguments),
         Command::Arm(arguments) => operate(&arguments, &Question::Operate(Request::Arm)),
         Command::Disarm(arguments) => operate(&arguments, &Question::Operate(Request::Disarm)),
         Command::Kill(arguments) => operate(&arguments, &Question::Operate(Request::Kill)),

@@ -9,6 +9,7 @@ mod envelope;
 mod fault;
 mod flight;
 mod machine;
+mod motion_capture;
 mod problem;
 mod safety;
 pub mod suggest;
@@ -26,6 +27,7 @@ pub use envelope::{Action, Envelope, EstimateLimit, Fence, Limit, VectorLimit};
 pub use fault::{Fault, FaultKind, FaultState, Target};
 pub use flight::Flight;
 pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
+pub use motion_capture::{CaptureSystem, FrameTransform, MotionCapture, PoseSource};
 pub use problem::{Key, Problem};
 pub use safety::InputSafety;
 pub use timing::names::EdgeName;
@@ -64,6 +66,9 @@ pub struct Scenario {
     /// The state estimator; passes what ideal cameras see on unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimator: Option<Estimator>,
+    /// The motion-capture system of a laboratory; needed where `estimator.source` names one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion_capture: Option<MotionCapture>,
     /// The radio link; ideal unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rc_output: Option<RcLink>,
@@ -275,6 +280,9 @@ pub struct MarkerSwap {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Estimator {
+    /// Where poses come from.
+    #[serde(default, skip_serializing_if = "PoseSource::is_simulated")]
+    pub source: PoseSource,
     /// The error-state Kalman filter.
     pub kalman: Kalman,
 }
@@ -812,6 +820,7 @@ impl Scenario {
             controller: Controller::default(),
             cameras: None,
             estimator: None,
+            motion_capture: None,
             rc_output: None,
             model: None,
             flight: None,

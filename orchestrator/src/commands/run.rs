@@ -5,7 +5,7 @@ use std::time::Duration;
 use miette::Report;
 use runtime::deployment::Scheduler;
 use shared_types::ServiceId;
-use shared_types::scenario::Scenario;
+use shared_types::scenario::{PoseSource, Scenario};
 
 use super::{Failure, load, print, scenario_name, schedule_of, write_json};
 use crate::cli::{DeploymentArguments, Host, Run};
@@ -32,6 +32,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     {
         return Err(Failure::new(Exit::BadInput, problem));
     }
+    refuse_network_poses(&scenario)?;
     let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
         let reason =
@@ -72,6 +73,20 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     report(&summary, &ending, &folder, arguments.quiet);
     saved?;
     Ok(exit(&ending.outcome))
+}
+
+/// Never silently with simulated poses in the place of those that the scenario names.
+fn refuse_network_poses(scenario: &Scenario) -> Result<(), Failure> {
+    let source = scenario.estimator.as_ref().map(|estimator| estimator.source);
+    let Some(system) = source.and_then(PoseSource::system) else {
+        return Ok(());
+    };
+    let reason = format!(
+        "poses are to come from `{}`, to which no host connects the estimator; fly with --set \
+         estimator.source=simulated, or look at what comes with `gerono mocap probe`",
+        system.name()
+    );
+    Err(Failure::new(Exit::BadInput, reason))
 }
 
 fn fly(

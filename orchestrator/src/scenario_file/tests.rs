@@ -4,6 +4,7 @@ mod arguments;
 mod committed;
 mod files;
 mod machine;
+mod motion_capture;
 mod mutations;
 mod optional;
 mod semantics;

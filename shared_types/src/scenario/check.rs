@@ -11,6 +11,7 @@ mod events;
 mod faults;
 mod flight;
 mod machine;
+mod motion_capture;
 mod path;
 mod radio;
 mod safety;
@@ -60,6 +61,7 @@ impl Scenario {
         if let Some(model) = &self.model {
             model.check(&root.then("model"), found);
         }
+        self.check_motion_capture(found);
         self.check_sections(found);
     }
 }

@@ -90,6 +90,7 @@ pub(super) fn rig() -> Scenario {
             ..Cameras::default()
         }),
         estimator: Some(Estimator {
+            source: PoseSource::default(),
             kalman: Kalman::default(),
         }),
         rc_output: Some(RcLink::default()),

@@ -28,6 +28,7 @@ fn an_ideal_scenario_has_none_of_them_and_does_not_mention_them() {
     for pointer in [
         "/cameras",
         "/estimator",
+        "/motion_capture",
         "/rc_output",
         "/model",
         "/flight",

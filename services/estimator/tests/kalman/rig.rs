@@ -174,6 +174,7 @@ pub fn scenario(model: &Model, kalman: &Kalman) -> Scenario {
     schedule.latency.insert("rc/frame -> plant".to_owned(), 0.005);
     scenario.model = Some(model.clone());
     scenario.estimator = Some(shared_types::scenario::Estimator {
+        source: shared_types::scenario::PoseSource::default(),
         kalman: kalman.clone(),
     });
     scenario

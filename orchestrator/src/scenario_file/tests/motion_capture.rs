@@ -1,0 +1,139 @@
+//! Poses of a laboratory's motion-capture system.
+
+use shared_types::scenario::{CaptureSystem, PoseSource};
+
+use super::*;
+
+const SYSTEM: &str = r#"
+[motion_capture]
+server = "192.168.10.1"
+port = 3884
+interface = "192.168.10.7"
+object = "quad"
+latency = 0.003
+rate = [90.0, 110.0]
+max_speed = 6.0
+settle = 0.2
+world_from_capture = { position = [0.1, 0.2, 0.3], roll_pitch_yaw = [3.14159, 0.0, 0.0] }
+"#;
+
+/// The laboratory with a source of poses in place of the plant's cameras.
+fn in_the_laboratory() -> String {
+    let text = with(
+        LABORATORY,
+        "[estimator.kalman]",
+        "[estimator]\nsource = \"vrpn\"\n\n[estimator.kalman]",
+    );
+    text + SYSTEM
+}
+
+#[test]
+fn a_system_is_read_as_it_is_written_and_the_rest_has_defaults() {
+    let scenario = load_text(&in_the_laboratory(), &[]).unwrap();
+    let source = scenario.estimator.unwrap().source;
+    assert_eq!(source.system(), Some(CaptureSystem::Vrpn));
+    let system = scenario.motion_capture.unwrap();
+    assert_eq!((system.port, system.rate), (Some(3884), [90.0, 110.0]));
+    assert_eq!(system.world_from_capture.unwrap().position, [0.1, 0.2, 0.3]);
+    assert_eq!(system.body_from_markers, None);
+    assert_eq!(system.max_turn_rate, 35.0);
+}
+
+#[test]
+fn poses_are_simulated_unless_a_source_is_stated_and_a_system_may_wait() {
+    let scenario = load_text(&(LABORATORY.to_owned() + SYSTEM), &[]).unwrap();
+    assert_eq!(scenario.estimator.unwrap().source, PoseSource::Simulated);
+    let sets = ["estimator.source=natnet"];
+    let scenario = load_text(&(LABORATORY.to_owned() + SYSTEM), &sets).unwrap();
+    assert_eq!(scenario.estimator.unwrap().source, PoseSource::Natnet);
+}
+
+#[test]
+fn a_source_that_nothing_is_known_of_is_refused() {
+    let text = with(&in_the_laboratory(), SYSTEM, "");
+    let line = line_of(&text, "source = \"vrpn\"");
+    refused_on_line(
+        &text,
+        line,
+        &[
+            "nothing says where `vrpn` sends from and which body is the vehicle",
+            "help: add `[motion_capture]` with `server` and `object`",
+        ],
+    );
+}
+
+#[test]
+fn what_no_laboratory_has_is_refused_at_its_line() {
+    for (part, replacement, pieces) in [
+        (
+            "source = \"vrpn\"",
+            "source = \"vprn\"",
+            ["`vprn` is not known here", "did you mean `vrpn`?"],
+        ),
+        (
+            "server = \"192.168.10.1\"",
+            "server = \"vicon.local\"",
+            ["`vicon.local` is no IPv4 address", "names are not looked up"],
+        ),
+        (
+            "interface = \"192.168.10.7\"",
+            "interface = \"0.0.0.0\"",
+            [
+                "all interfaces at once would be open to anybody",
+                "help: give the address of one interface",
+            ],
+        ),
+        (
+            "port = 3884",
+            "port = 70000",
+            ["70000 is no port", "help: give a whole number from 1 to 65535"],
+        ),
+        (
+            "object = \"quad\"",
+            "object = \"quad#one\"",
+            ["no number stands behind the #", "help: write it as `quad`"],
+        ),
+        (
+            "object = \"quad\"",
+            "object = \"#3\"",
+            ["the vehicle's body has no name", "help: give the body's name"],
+        ),
+        (
+            "latency = 0.003",
+            "latency = 3.0",
+            ["poses that are 3.0 s old", "help: give a time below 1 s"],
+        ),
+        (
+            "rate = [90.0, 110.0]",
+            "rate = [110.0, 90.0]",
+            ["is no band of rates", "the smaller one first"],
+        ),
+        (
+            "max_speed = 6.0",
+            "max_speed = 0.0",
+            ["the speed = 0.0 is not above 0", "help: "],
+        ),
+        (
+            "settle = 0.2",
+            "settle = -0.2",
+            ["the time = -0.2 is below 0", "help: "],
+        ),
+    ] {
+        let text = with(&in_the_laboratory(), part, replacement);
+        refused_on_line(&text, line_of(&text, replacement), &pieces);
+    }
+}
+
+#[test]
+fn a_name_is_as_long_as_the_protocol_lets_it_be() {
+    let long = "q".repeat(25);
+    let sets = [format!("motion_capture.object={long}")];
+    let set = |source: &str| {
+        let text = in_the_laboratory();
+        let source = format!("estimator.source={source}");
+        load_text(&text, &[sets[0].as_str(), source.as_str()])
+    };
+    assert!(set("vrpn").is_ok());
+    let shown = narrated(&set("vicon_udp").unwrap_err());
+    assert!(shown.contains("a name of 25 bytes, more than 24"), "{shown}");
+}

@@ -1,0 +1,261 @@
+//! The sender's clock as seen from here: offset and drift, from nothing but stamps and arrival times.
+//!
+//! A packet is late by chance, never early. So of each half second the packet counts that came soonest after
+//! its stamp, and a line below such points is how the clocks run against each other: its slope is the median of the
+//! slopes between points far apart, which a few bad windows do not move.
+//!
+//! A stamp that the line finds too early or too late is not believed. If 25 in a row agree on another
+//! offset the sender's clock was set, and the estimate begins anew.
+
+/// Length of a window, ns.
+const WINDOW_NS: u64 = 500_000_000;
+/// Windows that are remembered.
+const WINDOWS: usize = 64;
+/// Windows below which the slope is taken for 0, and points are only remembered for [`SHORT_MEMORY`] windows.
+const WINDOWS_FOR_SLOPE: usize = 12;
+/// Windows that count without a slope: within them no clock drifts far.
+const SHORT_MEMORY: usize = 2;
+/// Largest drift of a quartz, per unit.
+const LARGEST_DRIFT: f64 = 5e-4;
+/// How much earlier than the soonest packet so far one may be without being doubted, ns.
+const EARLY_NS: i64 = 2_000_000;
+/// How much later than the soonest packet one may be without being doubted, ns.
+const LATE_NS: i64 = 60_000_000;
+/// How much later than the line the soonest packet of a window may be, ns.
+const WINDOW_LATE_NS: i64 = 4_000_000;
+/// Windows in a row that are later after which the clock was set.
+const LATE_WINDOWS: u32 = 2;
+/// Doubted stamps in a row that agree, after which they are believed.
+const CONFIRMATIONS: u32 = 25;
+/// How far apart offsets may be that agree, ns.
+const AGREEMENT_NS: i64 = 20_000_000;
+/// For how long stamps are listened to before the first is mapped, ns.
+const LISTEN_NS: u64 = 200_000_000;
+
+/// What became of a stamp.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mapped {
+    /// The stamp's time on the local clock, if the packet that came soonest took no time, ns.
+    At(i64),
+    /// There are not enough stamps yet.
+    Listening,
+    /// The stamp is too far from what is known.
+    Doubted,
+    /// The sender's clock was set, or the way became longer for good; the estimate has begun anew.
+    Stepped,
+}
+
+/// The soonest packet of a window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Point {
+    arrived_ns: u64,
+    /// Arrival minus stamp.
+    offset_ns: i64,
+}
+
+/// Offset and drift of a sender's clock.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RemoteClock {
+    began_ns: Option<u64>,
+    window_end_ns: u64,
+    window: Option<Point>,
+    points: [Option<Point>; WINDOWS],
+    count: usize,
+    slope: f64,
+    /// The point through which the line goes.
+    anchor: Option<Point>,
+    late_windows: u32,
+    doubted: u32,
+    doubted_offset_ns: i64,
+}
+
+impl Default for RemoteClock {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl RemoteClock {
+    /// Knows nothing.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            began_ns: None,
+            window_end_ns: 0,
+            window: None,
+            points: [None; WINDOWS],
+            count: 0,
+            slope: 0.0,
+            anchor: None,
+            late_windows: 0,
+            doubted: 0,
+            doubted_offset_ns: 0,
+        }
+    }
+
+    /// How fast the local clock gains on the sender's, per unit.
+    #[must_use]
+    pub fn drift(&self) -> f64 {
+        self.slope
+    }
+
+    /// Takes a packet's stamp (ns of the sender's clock) and arrival (ns of the local clock, never falling).
+    pub fn hear(&mut self, sent_ns: i64, arrived_ns: u64) -> Mapped {
+        let Some(offset_ns) = i64::try_from(arrived_ns)
+            .ok()
+            .and_then(|arrived| arrived.checked_sub(sent_ns))
+        else {
+            return Mapped::Doubted;
+        };
+        let point = Point {
+            arrived_ns,
+            offset_ns,
+        };
+        let Some(began_ns) = self.began_ns else {
+            self.begin(point);
+            return Mapped::Listening;
+        };
+        let late_ns = offset_ns.saturating_sub(self.offset_ns(arrived_ns));
+        let is_listening = arrived_ns.saturating_sub(began_ns) < LISTEN_NS;
+        // While it listens the first stamps may have been late ones, so that it is early by more.
+        let early_ns = if is_listening { LATE_NS } else { EARLY_NS };
+        if !(-early_ns..=LATE_NS).contains(&late_ns) {
+            return self.doubt(point);
+        }
+        self.doubted = 0;
+        if self.take(point) {
+            self.begin(point);
+            return Mapped::Stepped;
+        }
+        if is_listening {
+            return Mapped::Listening;
+        }
+        Mapped::At(sent_ns.saturating_add(self.offset_ns(arrived_ns)))
+    }
+
+    fn begin(&mut self, point: Point) {
+        *self = Self {
+            began_ns: Some(point.arrived_ns),
+            window_end_ns: point.arrived_ns + WINDOW_NS,
+            window: Some(point),
+            ..Self::new()
+        };
+        self.fit();
+    }
+
+    fn doubt(&mut self, point: Point) -> Mapped {
+        let agrees = self.doubted > 0
+            && point.offset_ns.abs_diff(self.doubted_offset_ns) <= AGREEMENT_NS.unsigned_abs();
+        self.doubted = if agrees { self.doubted + 1 } else { 1 };
+        if !agrees {
+            self.doubted_offset_ns = point.offset_ns;
+        }
+        if self.doubted < CONFIRMATIONS {
+            return Mapped::Doubted;
+        }
+        self.begin(point);
+        Mapped::Stepped
+    }
+
+    /// Takes a point that is believed; returns whether too many windows were late.
+    fn take(&mut self, point: Point) -> bool {
+        if point.arrived_ns >= self.window_end_ns {
+            if let Some(soonest) = self.window.take() {
+                let line_ns = self.offset_ns(soonest.arrived_ns);
+                let is_late = self.count > 0 && soonest.offset_ns - line_ns > WINDOW_LATE_NS;
+                self.late_windows = if is_late { self.late_windows + 1 } else { 0 };
+                if self.late_windows >= LATE_WINDOWS {
+                    return true;
+                }
+                if !is_late {
+                    self.points[self.count % WINDOWS] = Some(soonest);
+                    self.count += 1;
+                }
+            }
+            self.window_end_ns = point.arrived_ns + WINDOW_NS;
+            self.window = Some(point);
+            self.fit();
+        } else if self
+            .window
+            .is_none_or(|soonest| point.offset_ns < self.through(soonest, point.arrived_ns))
+        {
+            self.window = Some(point);
+            if self.offset_ns(point.arrived_ns) > point.offset_ns {
+                self.anchor = Some(point);
+            }
+        }
+        false
+    }
+
+    /// Lays the line: its slope by the points far apart, its height by the soonest.
+    fn fit(&mut self) {
+        self.slope = self.fitted_slope().unwrap_or(self.slope);
+        let remembered = if self.count < WINDOWS_FOR_SLOPE {
+            SHORT_MEMORY
+        } else {
+            WINDOWS
+        };
+        let oldest = self.count.saturating_sub(remembered);
+        let points = (oldest..self.count).map(|index| self.points[index % WINDOWS]);
+        let candidates = points.chain([self.window]).flatten();
+        // The line of the point that lies lowest, seen at one time.
+        let at_ns = self.window_end_ns;
+        self.anchor = candidates.min_by_key(|point| self.through(*point, at_ns));
+    }
+
+    /// Median of the slopes between points that are half of what is remembered apart.
+    fn fitted_slope(&self) -> Option<f64> {
+        let known = self.count.min(WINDOWS);
+        if known < WINDOWS_FOR_SLOPE {
+            return None;
+        }
+        let oldest = self.count - known;
+        let apart = known / 2;
+        let mut slopes = [0.0; WINDOWS / 2];
+        let mut count = 0;
+        for index in oldest..self.count - apart {
+            if let (Some(first), Some(second)) = (
+                self.points[index % WINDOWS],
+                self.points[(index + apart) % WINDOWS],
+            ) && count < slopes.len()
+            {
+                slopes[count] = slope(first, second);
+                count += 1;
+            }
+        }
+        let slopes = &mut slopes[..count];
+        slopes.sort_unstable_by(f64::total_cmp);
+        Some(slopes.get(count / 2)?.clamp(-LARGEST_DRIFT, LARGEST_DRIFT))
+    }
+
+    /// The smallest offset that a packet arriving at a time could have, ns.
+    fn offset_ns(&self, at_ns: u64) -> i64 {
+        self.anchor.map_or(0, |anchor| self.through(anchor, at_ns))
+    }
+
+    /// Offset at a time, on the line through a point, ns.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "a drift of minutes is below a second"
+    )]
+    #[expect(clippy::cast_precision_loss, reason = "a time of minutes in ns is exact")]
+    fn through(&self, point: Point, at_ns: u64) -> i64 {
+        let later_ns = i128::from(at_ns) - i128::from(point.arrived_ns);
+        point
+            .offset_ns
+            .saturating_add((later_ns as f64 * self.slope) as i64)
+    }
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "differences of minutes in ns are exact"
+)]
+fn slope(first: Point, second: Point) -> f64 {
+    let rise = second.offset_ns.saturating_sub(first.offset_ns) as f64;
+    let run = second.arrived_ns.saturating_sub(first.arrived_ns).max(1) as f64;
+    rise / run
+}
+
+#[cfg(test)]
+mod tests;

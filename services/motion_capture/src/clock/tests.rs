@@ -1,0 +1,111 @@
+use proptest::prelude::*;
+
+use super::*;
+
+const MS: i64 = 1_000_000;
+
+/// A sender at 100 Hz: what its clock does, and how packets are delayed.
+struct Sender {
+    offset_ns: i64,
+    drift: f64,
+    random: u64,
+}
+
+impl Sender {
+    fn next(&mut self) -> f64 {
+        // xorshift64*
+        self.random ^= self.random >> 12;
+        self.random ^= self.random << 25;
+        self.random ^= self.random >> 27;
+        let bits = self.random.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11;
+        bits as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Stamp and arrival of the packet that is sent at a local time.
+    fn packet(&mut self, sent_local_ns: i64) -> (i64, u64) {
+        let delay = 0.2e-3 - 0.5e-3 * libm::log(1.0 - self.next());
+        // One in fifty waits behind something.
+        let delay = if self.next() < 0.02 { delay + 0.03 } else { delay };
+        let stamp = sent_local_ns + self.offset_ns + (sent_local_ns as f64 * self.drift) as i64;
+        (stamp, (sent_local_ns + (delay * 1e9) as i64) as u64)
+    }
+}
+
+/// Flies the clock for some seconds from a time on and returns the largest error of a mapped stamp, ns.
+fn listen(clock: &mut RemoteClock, sender: &mut Sender, from_s: i64, seconds: i64) -> (i64, u32) {
+    let (mut worst, mut mapped) = (0, 0);
+    let mut last_arrival = 0;
+    for tick in 0..seconds * 100 {
+        let sent = from_s * 1_000_000_000 + tick * 10 * MS;
+        let (stamp, arrival) = sender.packet(sent);
+        last_arrival = arrival.max(last_arrival);
+        if let Mapped::At(at) = clock.hear(stamp, last_arrival) {
+            // The soonest packet took 0.2 ms, which nobody can tell from a clock that is late by as much.
+            worst = worst.max((at - sent - MS / 5).abs());
+            mapped += 1;
+        }
+    }
+    (worst, mapped)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn stamps_are_mapped_whatever_the_clocks_and_the_jitter(
+        offset_s in -1_000_000_000i64..1_000_000_000,
+        drift_ppm in -100.0..100.0f64,
+        seed in 1u64..,
+    ) {
+        let mut clock = RemoteClock::new();
+        let mut sender = Sender { offset_ns: offset_s * 1_000_000_000, drift: drift_ppm * 1e-6, random: seed };
+        // With a few windows only, drift is not known yet.
+        let (worst, mapped) = listen(&mut clock, &mut sender, 1, 10);
+        prop_assert!(worst < MS, "{worst} ns in the first seconds");
+        prop_assert!(mapped > 950);
+        listen(&mut clock, &mut sender, 11, 10);
+        let (worst, mapped) = listen(&mut clock, &mut sender, 21, 60);
+        prop_assert!(worst < MS / 4, "{worst} ns");
+        prop_assert_eq!(mapped, 6000);
+        let error = clock.drift() + drift_ppm * 1e-6;
+        prop_assert!(error.abs() < 2e-5, "drift is off by {error}");
+    }
+
+    #[test]
+    fn a_single_stamp_can_say_what_it_wants(seed in 1u64.., lies in prop::collection::vec(any::<i64>(), 1..20)) {
+        let mut clock = RemoteClock::new();
+        let mut sender = Sender { offset_ns: 77, drift: 3e-5, random: seed };
+        listen(&mut clock, &mut sender, 1, 20);
+        let believed = clock.clone();
+        for lie in lies {
+            prop_assert!(!matches!(clock.hear(lie, 21_000_000_000), Mapped::At(at) if (at - 21_000_000_000).abs() > 70 * MS));
+        }
+        prop_assert_eq!(clock.drift(), believed.drift());
+        let (worst, _) = listen(&mut clock, &mut sender, 21, 10);
+        prop_assert!(worst < MS, "{worst} ns");
+    }
+
+    #[test]
+    fn a_clock_that_is_set_is_followed(seed in 1u64.., step_ms in prop_oneof![-100_000i64..-70, 70..100_000i64]) {
+        let mut clock = RemoteClock::new();
+        let mut sender = Sender { offset_ns: 0, drift: 1e-5, random: seed };
+        listen(&mut clock, &mut sender, 1, 20);
+        sender.offset_ns += step_ms * MS;
+        let (worst, mapped) = listen(&mut clock, &mut sender, 21, 10);
+        prop_assert!(worst < MS, "{worst} ns");
+        prop_assert!(mapped > 900, "{mapped}");
+    }
+
+    /// As if the way had become longer, which cannot be told apart.
+    #[test]
+    fn a_clock_that_is_set_back_a_little_is_followed_too(seed in 1u64.., step_ms in 6i64..50) {
+        let mut clock = RemoteClock::new();
+        let mut sender = Sender { offset_ns: 0, drift: -1e-5, random: seed };
+        listen(&mut clock, &mut sender, 1, 20);
+        sender.offset_ns -= step_ms * MS;
+        let (worst, _) = listen(&mut clock, &mut sender, 21, 3);
+        prop_assert!(worst <= step_ms * MS + MS);
+        let (worst, _) = listen(&mut clock, &mut sender, 24, 10);
+        prop_assert!(worst < MS, "{worst} ns");
+    }
+}

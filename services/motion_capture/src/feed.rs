@@ -1,0 +1,341 @@
+//! From frames to poses of the vehicle that can be believed.
+//!
+//! Failure policy: a pose is handed out only if its frame is new, its time is known, its body is the vehicle's and seen,
+//! and it is where the vehicle can be after the last pose that was believed. Everything else is counted by what it was
+//! ([`FeedCounts`]). Nobody is told that the vehicle stands still because nothing was heard: no pose is the sign of it.
+
+mod counts;
+mod numbering;
+mod track;
+
+use std::cmp::Ordering;
+
+use nalgebra::{Matrix3, Vector3};
+use shared_types::rotation::to_row_major;
+use shared_types::samples::MocapPose;
+use shared_types::scenario::{CaptureSystem, MotionCapture, Problem};
+use shared_types::service::nanoseconds;
+
+pub use counts::FeedCounts;
+pub use track::Bounds;
+
+use crate::clock::{Mapped, RemoteClock};
+use crate::conventions::{Calibration, WorldPose};
+use crate::figures::Figures;
+use crate::wire::{CapturePose, Frame, LONGEST_NAME, Name, Stamp, WireBody};
+use numbering::{Numbering, Order};
+use track::{Tracks, Verdict};
+
+/// How much later than its arrival a pose may claim to be made, ns: an error of the clock's estimate.
+const FUTURE_NS: u64 = 1_000_000;
+/// How unevenly packets arrive of which nothing else tells the time, ns.
+const ARRIVAL_NOISE_NS: u64 = 20_000_000;
+/// Age on arrival above which a pose is taken for one that is wrong about its time, ns.
+const OLDEST_NS: u64 = 1_000_000_000;
+
+/// Which body is the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Selector {
+    name: Name,
+    number: Option<i32>,
+}
+
+impl Selector {
+    /// The body that a scenario names.
+    ///
+    /// # Errors
+    /// A scenario that was not checked.
+    pub fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Problem> {
+        let wrong = |reason: &str| {
+            let key = ["motion_capture", "object"].into_iter().collect();
+            Problem::new(key, reason, "write it as `quad`, `#7` or `quad#1`")
+        };
+        let (name, number) = stated
+            .name_and_number()
+            .ok_or_else(|| wrong("no number stands behind the #"))?;
+        let name = Name::new(name.as_bytes())
+            .map_err(|_| wrong(&format!("a name longer than {LONGEST_NAME} bytes")))?;
+        // A tracker has a first sensor, and mostly no other.
+        let number = number.or((system == CaptureSystem::Vrpn).then_some(0));
+        Ok(Self { name, number })
+    }
+
+    /// Whether a body is the vehicle.
+    #[must_use]
+    pub fn is(&self, body: &WireBody) -> bool {
+        (self.name == Name::EMPTY || self.name == body.name)
+            && self.number.is_none_or(|number| number == body.number)
+    }
+}
+
+/// A pose of the vehicle that can be believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VehiclePose {
+    /// When it was captured, ns of the local clock.
+    pub captured_ns: u64,
+    /// When it arrived, ns of the local clock.
+    pub arrived_ns: u64,
+    /// The pose.
+    pub pose: WorldPose,
+}
+
+impl VehiclePose {
+    /// Writes it into a sample, all but the header, of a flight that began at a time of the local clock.
+    pub fn write(&self, flight_began_ns: u64, sample: &mut MocapPose) {
+        sample.capture_time_ns = self.captured_ns.saturating_sub(flight_began_ns);
+        sample.position_world = self.pose.position_world.into();
+        sample.world_from_body = to_row_major(&self.pose.world_from_body);
+        sample.velocity_body = [0.0; 3];
+        sample.angular_velocity_body = [0.0; 3];
+        sample.tracked = true.into();
+        sample.velocities_measured = false.into();
+    }
+}
+
+/// How the feed stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Health {
+    /// Nothing has come yet.
+    Silent,
+    /// Frames come, but none with the vehicle's body so far.
+    Absent,
+    /// Poses come, and are not believed yet.
+    Settling,
+    /// The last frame had a pose that was believed.
+    Good,
+    /// The last frame had none.
+    Doubtful,
+}
+
+/// Makes poses of the vehicle of what a capture system sends.
+#[derive(Clone, Debug)]
+pub struct Feed {
+    selector: Selector,
+    calibration: Calibration,
+    latency_ns: u64,
+    clock: RemoteClock,
+    numbering: Numbering,
+    tracks: Tracks,
+    figures: Figures,
+    counts: FeedCounts,
+    last_stamp_ns: i64,
+    last_pose: Option<(Vector3<f64>, Matrix3<f64>)>,
+    health: Health,
+}
+
+impl Feed {
+    /// The feed of a scenario that has been checked.
+    ///
+    /// # Errors
+    /// It was not.
+    pub fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Problem> {
+        Ok(Self {
+            selector: Selector::new(system, stated)?,
+            calibration: Calibration::new(
+                system,
+                stated.world_from_capture.as_ref(),
+                stated.body_from_markers.as_ref(),
+            ),
+            latency_ns: nanoseconds(stated.latency.unwrap_or(system.latency())),
+            clock: RemoteClock::new(),
+            numbering: Numbering::default(),
+            tracks: Tracks::new(Bounds {
+                max_speed: stated.max_speed,
+                max_turn_rate: stated.max_turn_rate,
+                settle_ns: nanoseconds(stated.settle),
+                time_noise_ns: match system {
+                    CaptureSystem::ViconUdp => ARRIVAL_NOISE_NS,
+                    CaptureSystem::Vrpn | CaptureSystem::Natnet => 0,
+                },
+            }),
+            figures: Figures::new(stated.rate),
+            counts: FeedCounts::default(),
+            last_stamp_ns: i64::MIN,
+            last_pose: None,
+            health: Health::Silent,
+        })
+    }
+
+    /// What has been counted.
+    #[must_use]
+    pub fn counts(&self) -> &FeedCounts {
+        &self.counts
+    }
+
+    /// Rate, latency and jitter.
+    #[must_use]
+    pub fn figures(&self) -> &Figures {
+        &self.figures
+    }
+
+    /// How it stands.
+    #[must_use]
+    pub fn health(&self) -> Health {
+        self.health
+    }
+
+    /// Drift of the sender's clock against the local one, per unit.
+    #[must_use]
+    pub fn drift(&self) -> f64 {
+        self.clock.drift()
+    }
+
+    /// Takes a frame that arrived at a time of the local clock, ns, which never falls; returns the vehicle's pose if it
+    /// has one that can be believed.
+    pub fn take(&mut self, frame: &Frame, arrived_ns: u64) -> Option<VehiclePose> {
+        let vehicle = frame.bodies().iter().position(|body| self.selector.is(body));
+        if self.health == Health::Silent {
+            self.health = Health::Absent;
+        }
+        if vehicle.is_none() && !frame.is_complete {
+            // A packet about another body, which is good for one thing: whoever is exchanged with it is found out.
+            self.look_at_others(frame, None, arrived_ns);
+            return None;
+        }
+        self.counts.frames += 1;
+        if !self.is_new(frame) {
+            return None;
+        }
+        self.figures.hear(arrived_ns, &mut self.counts);
+        let captured_ns = self.captured_ns(frame, arrived_ns)?;
+        let pose = self.believed(frame, vehicle, captured_ns);
+        self.look_at_others(frame, vehicle, captured_ns);
+        match (&pose, self.health) {
+            (Some(_), _) => self.health = Health::Good,
+            (None, Health::Good) => self.health = Health::Doubtful,
+            (None, Health::Absent) if vehicle.is_some() => self.health = Health::Settling,
+            (None, _) => {}
+        }
+        let pose = pose?;
+        self.counts.believed += 1;
+        self.figures.believe(arrived_ns.saturating_sub(captured_ns));
+        Some(VehiclePose {
+            captured_ns,
+            arrived_ns,
+            pose: self.calibration.world_pose(&CapturePose {
+                position: pose.0,
+                capture_from_markers: pose.1,
+            }),
+        })
+    }
+
+    /// Whether a frame is newer than all before it.
+    fn is_new(&mut self, frame: &Frame) -> bool {
+        match frame.number.map(|number| self.numbering.look(number)) {
+            Some(Order::Next { lost }) => self.counts.lost += u64::from(lost),
+            Some(Order::Repeated) => {
+                self.counts.repeated += 1;
+                return false;
+            }
+            Some(Order::Late) => {
+                self.counts.late += 1;
+                return false;
+            }
+            Some(Order::Restarted) => self.counts.restarted += 1,
+            None => {}
+        }
+        true
+    }
+
+    /// When a frame was captured, ns of the local clock; `None` if that cannot be told.
+    fn captured_ns(&mut self, frame: &Frame, arrived_ns: u64) -> Option<u64> {
+        let Some(stamp) = frame.stamp else {
+            return Some(arrived_ns.saturating_sub(self.latency_ns));
+        };
+        match self.clock.hear(stamp.sent_ns, arrived_ns) {
+            Mapped::At(sent_ns) => self.in_order(stamp, sent_ns, arrived_ns),
+            Mapped::Listening => {
+                self.counts.unsettled += 1;
+                None
+            }
+            Mapped::Doubted => {
+                self.counts.mistimed += 1;
+                None
+            }
+            Mapped::Stepped => {
+                self.counts.clock_steps += 1;
+                self.last_stamp_ns = i64::MIN;
+                None
+            }
+        }
+    }
+
+    /// As [`Feed::captured_ns`], of a frame that was sent at a time of the local clock. Without frame numbers the stamps
+    /// tell the order.
+    fn in_order(&mut self, stamp: Stamp, sent_ns: i64, arrived_ns: u64) -> Option<u64> {
+        match stamp.exposed_ns.cmp(&self.last_stamp_ns) {
+            Ordering::Greater => {}
+            Ordering::Equal => {
+                self.counts.repeated += 1;
+                return None;
+            }
+            Ordering::Less => {
+                self.counts.late += 1;
+                return None;
+            }
+        }
+        let aged_ns = stamp.sent_ns.saturating_sub(stamp.exposed_ns);
+        let latency_ns = i64::try_from(self.latency_ns).unwrap_or(i64::MAX);
+        let captured_ns = sent_ns.saturating_sub(aged_ns).saturating_sub(latency_ns);
+        let captured_ns = u64::try_from(captured_ns)
+            .ok()
+            .filter(|&at_ns| aged_ns >= 0 && at_ns <= arrived_ns.saturating_add(FUTURE_NS));
+        if captured_ns.is_none_or(|at_ns| arrived_ns.saturating_sub(at_ns) > OLDEST_NS) {
+            self.counts.mistimed += 1;
+            return None;
+        }
+        self.last_stamp_ns = stamp.exposed_ns;
+        captured_ns.map(|at_ns| at_ns.min(arrived_ns))
+    }
+
+    /// The vehicle's pose in a frame, if it can be believed.
+    fn believed(
+        &mut self,
+        frame: &Frame,
+        vehicle: Option<usize>,
+        captured_ns: u64,
+    ) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        let Some(index) = vehicle else {
+            self.counts.absent += 1;
+            return None;
+        };
+        let body = &frame.bodies()[index];
+        let Some(pose) = &body.pose else {
+            self.counts.occluded += 1;
+            return None;
+        };
+        let pose = (pose.position, pose.capture_from_markers);
+        if self.last_pose.replace(pose) == Some(pose) {
+            self.counts.frozen += 1;
+            return None;
+        }
+        let (position, rotation) = pose;
+        let counter = match self.tracks.vehicle(&position, &rotation, captured_ns) {
+            Verdict::Follows => return Some(pose),
+            Verdict::Settled => {
+                self.counts.settled += 1;
+                return Some(pose);
+            }
+            Verdict::Unsettled => &mut self.counts.unsettled,
+            Verdict::Jumped => &mut self.counts.jumped,
+            Verdict::Exchanged => &mut self.counts.exchanged,
+        };
+        *counter += 1;
+        None
+    }
+
+    fn look_at_others(&mut self, frame: &Frame, vehicle: Option<usize>, at_ns: u64) {
+        for (index, body) in frame.bodies().iter().enumerate() {
+            if Some(index) != vehicle
+                && !self.selector.is(body)
+                && let Some(pose) = &body.pose
+            {
+                self.tracks
+                    .other(index, body, &pose.position, &pose.capture_from_markers, at_ns);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,78 @@
+//! What has become of frames.
+
+/// Frames by what became of them, since the feed began. Each frame counts as one of those behind `believed`, or believed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FeedCounts {
+    /// Frames that told of the vehicle or could have.
+    pub frames: u64,
+    /// Whose pose was handed out.
+    pub believed: u64,
+    /// Without the vehicle's body.
+    pub absent: u64,
+    /// With the body, which was not seen.
+    pub occluded: u64,
+    /// With a pose equal to the one before, bit for bit: cameras have noise, so nobody looked.
+    pub frozen: u64,
+    /// With a number or stamp that has been there.
+    pub repeated: u64,
+    /// Behind a newer one.
+    pub late: u64,
+    /// With a stamp that cannot be true.
+    pub mistimed: u64,
+    /// Before poses and clock had settled, at the start and after a jump.
+    pub unsettled: u64,
+    /// With a pose where the vehicle cannot be.
+    pub jumped: u64,
+    /// With a pose where another body was.
+    pub exchanged: u64,
+    /// After which the sender's clock was followed anew.
+    pub clock_steps: u64,
+    /// Frames that never came, by their numbers; of none of those above.
+    pub lost: u64,
+    /// How often the numbers began anew.
+    pub restarted: u64,
+    /// How often a place was believed at last, the first included.
+    pub settled: u64,
+    /// Windows of a second whose rate was outside the stated band.
+    pub rate_warnings: u64,
+}
+
+impl FeedCounts {
+    /// Names and values, in the order in which they are shown.
+    #[must_use]
+    pub fn named(&self) -> [(&'static str, u64); 16] {
+        [
+            ("frames", self.frames),
+            ("believed", self.believed),
+            ("absent", self.absent),
+            ("occluded", self.occluded),
+            ("frozen", self.frozen),
+            ("repeated", self.repeated),
+            ("late", self.late),
+            ("mistimed", self.mistimed),
+            ("unsettled", self.unsettled),
+            ("jumped", self.jumped),
+            ("exchanged", self.exchanged),
+            ("clock steps", self.clock_steps),
+            ("lost", self.lost),
+            ("restarted", self.restarted),
+            ("settled", self.settled),
+            ("rate warnings", self.rate_warnings),
+        ]
+    }
+
+    /// Frames whose pose was not handed out, by the reasons.
+    #[must_use]
+    pub fn dropped(&self) -> u64 {
+        self.absent
+            + self.occluded
+            + self.frozen
+            + self.repeated
+            + self.late
+            + self.mistimed
+            + self.unsettled
+            + self.jumped
+            + self.exchanged
+            + self.clock_steps
+    }
+}

@@ -1,0 +1,107 @@
+//! The order of frames by their numbers, which wrap around and begin anew when the sender does.
+
+/// How far back a number may be and still be late rather than of a sender that began anew.
+const LATE: i32 = 1000;
+/// How far ahead a number may be and still be the next of those that came.
+const AHEAD: i32 = 10_000;
+/// Late or far numbers in a row, each the next of the one before, after which they are those of a sender that began anew.
+const RESTART: u32 = 8;
+
+/// What a frame is by its number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Order {
+    /// Newer than all before, with so many lost between.
+    Next {
+        /// Numbers that were left out.
+        lost: u32,
+    },
+    /// There already.
+    Repeated,
+    /// Behind a newer one.
+    Late,
+    /// The first of a sender that began anew.
+    Restarted,
+}
+
+/// The newest number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Numbering {
+    newest: Option<u32>,
+    /// The last number that was not the next one, and how many before it counted up to it.
+    stray: u32,
+    strays: u32,
+}
+
+impl Numbering {
+    /// Takes the next frame's number.
+    pub(super) fn look(&mut self, number: u32) -> Order {
+        let Some(newest) = self.newest else {
+            self.newest = Some(number);
+            return Order::Next { lost: 0 };
+        };
+        let ahead = number.wrapping_sub(newest).cast_signed();
+        if ahead == 0 {
+            return Order::Repeated;
+        }
+        if (1..=AHEAD).contains(&ahead) {
+            self.newest = Some(number);
+            self.strays = 0;
+            return Order::Next {
+                lost: ahead.unsigned_abs() - 1,
+            };
+        }
+        let follows = (1..=LATE).contains(&number.wrapping_sub(self.stray).cast_signed());
+        self.strays = if follows { self.strays + 1 } else { 1 };
+        self.stray = number;
+        if self.strays < RESTART {
+            return Order::Late;
+        }
+        self.newest = Some(number);
+        self.strays = 0;
+        Order::Restarted
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn looked(numbers: &[u32]) -> Vec<Order> {
+        let mut numbering = Numbering::default();
+        numbers.iter().map(|&number| numbering.look(number)).collect()
+    }
+
+    #[test]
+    fn numbers_wrap_around() {
+        let next = Order::Next { lost: 0 };
+        assert_eq!(looked(&[u32::MAX - 1, u32::MAX, 0, 1]), [next; 4]);
+    }
+
+    #[test]
+    fn lost_repeated_and_late_frames_are_told_apart() {
+        let orders = looked(&[10, 13, 12, 13, 14]);
+        let wanted = [
+            Order::Next { lost: 0 },
+            Order::Next { lost: 2 },
+            Order::Late,
+            Order::Repeated,
+            Order::Next { lost: 0 },
+        ];
+        assert_eq!(orders, wanted);
+    }
+
+    #[test]
+    fn one_wrong_number_does_not_make_those_after_it_late() {
+        let orders = looked(&[100, 101, 3_000_000, 102, 103]);
+        assert_eq!(orders[2], Order::Late);
+        assert_eq!(orders[3..], [Order::Next { lost: 0 }; 2]);
+    }
+
+    #[test]
+    fn a_sender_that_begins_anew_is_followed() {
+        let orders = looked(&[&[5000][..], &(0..20).collect::<Vec<_>>()].concat());
+        assert_eq!(orders.iter().filter(|order| **order == Order::Late).count(), 7);
+        assert_eq!(orders[8], Order::Restarted);
+        assert_eq!(orders[9..], [Order::Next { lost: 0 }; 12]);
+    }
+}

@@ -1,0 +1,245 @@
+//! What the feed hands out, and what it counts, of frames without any wire.
+
+use std::net::Ipv4Addr;
+
+use super::*;
+use crate::wire::Frame;
+
+const MS: u64 = 1_000_000;
+const START: u64 = 5_000 * MS;
+
+fn stated() -> MotionCapture {
+    MotionCapture {
+        settle: 0.05,
+        ..MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
+    }
+}
+
+/// A Vicon feed at 100 Hz, whose frames have numbers and no stamps.
+struct Room {
+    feed: Feed,
+    frame: Frame,
+    number: u32,
+    now_ns: u64,
+}
+
+impl Room {
+    fn new() -> Self {
+        let mut room = Self {
+            feed: Feed::new(CaptureSystem::ViconUdp, &stated()).unwrap(),
+            frame: Frame::new(),
+            number: 0,
+            now_ns: START,
+        };
+        while room.feed.health() != Health::Good {
+            room.fly(&[("quad", room.quad())]);
+            assert!(room.now_ns < START + 200 * MS);
+        }
+        room
+    }
+
+    /// Where the vehicle is now: on a circle of 1 m/s, with a little that is never the same.
+    fn quad(&self) -> Vector3<f64> {
+        let t = (self.now_ns - START) as f64 * 1e-9;
+        Vector3::new(libm::cos(t), libm::sin(t), 1.0)
+    }
+
+    /// Another body, 3 m away and moving along.
+    fn wand(&self) -> Vector3<f64> {
+        self.quad() + Vector3::new(0.0, 3.0, 0.0)
+    }
+
+    fn fill(&mut self, bodies: &[(&str, Vector3<f64>)]) {
+        self.frame.clear();
+        self.frame.number = Some(self.number);
+        for (name, position) in bodies {
+            self.frame
+                .push(WireBody {
+                    name: Name::new(name.as_bytes()).unwrap(),
+                    number: 0,
+                    pose: (*position != Vector3::zeros())
+                        .then(|| CapturePose::new((*position).into(), Matrix3::identity()).unwrap()),
+                })
+                .unwrap();
+        }
+    }
+
+    /// The next frame, 10 ms later.
+    fn fly(&mut self, bodies: &[(&str, Vector3<f64>)]) -> Option<VehiclePose> {
+        self.number += 1;
+        self.fill(bodies);
+        let pose = self.feed.take(&self.frame, self.now_ns);
+        self.now_ns += 10 * MS;
+        pose
+    }
+
+    /// The next frame of what is so.
+    fn truth(&mut self) -> Option<VehiclePose> {
+        self.fly(&[("quad", self.quad()), ("wand", self.wand())])
+    }
+}
+
+#[test]
+fn a_pose_is_told_in_the_papers_frame_with_its_capture_time() {
+    let mut room = Room::new();
+    let (at_ns, quad) = (room.now_ns, room.quad());
+    let pose = room.truth().unwrap();
+    assert_eq!((pose.captured_ns, pose.arrived_ns), (at_ns - 5 * MS, at_ns));
+    assert_eq!(pose.pose.position_world, Vector3::new(quad.x, -quad.y, -quad.z));
+    let mut sample = <MocapPose as zerocopy::FromZeros>::new_zeroed();
+    pose.write(START, &mut sample);
+    assert_eq!(sample.capture_time_ns, at_ns - 5 * MS - START);
+    assert!(sample.tracked.is_set() && !sample.velocities_measured.is_set());
+}
+
+#[test]
+fn a_body_that_is_absent_at_the_start_is_waited_for() {
+    let mut room = Room {
+        feed: Feed::new(CaptureSystem::ViconUdp, &stated()).unwrap(),
+        ..Room::new()
+    };
+    assert_eq!(room.feed.health(), Health::Silent);
+    for _ in 0..10 {
+        assert_eq!(room.fly(&[("wand", room.wand())]), None);
+    }
+    assert_eq!(
+        (room.feed.health(), room.feed.counts().absent),
+        (Health::Absent, 10)
+    );
+    assert_eq!(room.truth(), None);
+    assert_eq!(room.feed.health(), Health::Settling);
+    let handed_out = (0..10).filter(|_| room.truth().is_some()).count();
+    assert_eq!(handed_out, 6, "after 50 ms of poses");
+}
+
+#[test]
+fn what_is_not_seen_or_stands_still_to_the_bit_is_not_handed_out() {
+    let mut room = Room::new();
+    assert_eq!(room.fly(&[("quad", Vector3::zeros())]), None);
+    let stuck = room.quad();
+    assert!(room.fly(&[("quad", stuck)]).is_some());
+    for _ in 0..5 {
+        assert_eq!(room.fly(&[("quad", stuck)]), None);
+    }
+    assert_eq!(room.feed.health(), Health::Doubtful);
+    assert!(room.truth().is_some());
+    let counts = room.feed.counts();
+    assert_eq!((counts.occluded, counts.frozen, counts.absent), (1, 5, 0));
+}
+
+#[test]
+fn a_marker_swap_is_refused_and_the_body_taken_again_behind_it() {
+    let mut room = Room::new();
+    for _ in 0..4 {
+        let swapped = room.quad() + Vector3::new(0.0, 0.0, 0.5);
+        assert_eq!(room.fly(&[("quad", swapped), ("wand", room.wand())]), None);
+    }
+    assert!(room.truth().is_some());
+    assert_eq!(room.feed.counts().jumped, 4);
+}
+
+#[test]
+fn a_turn_that_nothing_makes_is_refused() {
+    let mut room = Room::new();
+    room.number += 1;
+    room.fill(&[]);
+    let turned = shared_types::rotation::exp(&Vector3::new(0.0, 0.0, 1.5));
+    room.frame
+        .push(WireBody {
+            name: Name::new(b"quad").unwrap(),
+            number: 0,
+            pose: Some(CapturePose::new(room.quad().into(), turned).unwrap()),
+        })
+        .unwrap();
+    assert_eq!(room.feed.take(&room.frame, room.now_ns), None);
+    assert_eq!(room.feed.counts().jumped, 1);
+}
+
+#[test]
+fn a_body_that_was_carried_elsewhere_is_believed_once_it_has_settled() {
+    let mut room = Room::new();
+    room.now_ns += 2_000 * MS;
+    let away = Vector3::new(0.0, 0.0, 5.0);
+    let poses: Vec<bool> = (0..10)
+        .map(|_| {
+            let quad = room.quad() + away;
+            room.fly(&[("quad", quad)]).is_some()
+        })
+        .collect();
+    assert_eq!(poses, [[false; 5], [true; 5]].concat());
+    assert_eq!(room.feed.counts().settled, 2);
+}
+
+#[test]
+fn two_bodies_that_are_exchanged_are_found_out_for_however_long() {
+    let mut room = Room::new();
+    for _ in 0..20 {
+        room.truth();
+    }
+    for _ in 0..100 {
+        let (quad, wand) = (room.quad(), room.wand());
+        assert_eq!(room.fly(&[("quad", wand), ("wand", quad)]), None);
+    }
+    assert_eq!(room.feed.counts().exchanged, 100);
+    assert!(room.truth().is_some());
+}
+
+#[test]
+fn lost_late_and_repeated_frames_are_counted_and_only_new_ones_handed_out() {
+    let mut room = Room::new();
+    let believed = room.feed.counts().believed;
+    room.number += 3;
+    assert!(room.truth().is_some());
+    let newest = room.number;
+    for number in [newest, newest - 2, newest - 1] {
+        room.number = number - 1;
+        assert_eq!(room.truth(), None);
+    }
+    room.number = newest;
+    assert!(room.truth().is_some());
+    let counts = room.feed.counts();
+    assert_eq!((counts.lost, counts.repeated, counts.late), (3, 1, 2));
+    assert_eq!(counts.believed, believed + 2);
+    assert_eq!(counts.believed + counts.dropped(), counts.frames);
+}
+
+#[test]
+fn the_rate_is_measured_and_warned_of_outside_its_band() {
+    let mut room = Room::new();
+    for _ in 0..300 {
+        room.truth();
+    }
+    let second = room.feed.figures().last().unwrap();
+    assert!((second.rate - 100.0).abs() < 1.5, "{second:?}");
+    assert!(
+        (second.latency - 0.005).abs() < 1e-9 && second.jitter < 1e-6,
+        "{second:?}"
+    );
+    assert_eq!(room.feed.counts().rate_warnings, 0);
+    for _ in 0..100 {
+        room.now_ns += 30 * MS;
+        room.truth();
+    }
+    assert!(!room.feed.figures().is_rate_good());
+    assert!(room.feed.counts().rate_warnings >= 2);
+}
+
+#[test]
+fn a_body_is_named_by_its_name_its_number_or_both() {
+    let body = |name: &[u8], number| WireBody {
+        name: Name::new(name).unwrap(),
+        number,
+        pose: None,
+    };
+    let selects = |system, object: &str, body: &WireBody| {
+        let stated = MotionCapture::new(Ipv4Addr::LOCALHOST, object);
+        Selector::new(system, &stated).unwrap().is(body)
+    };
+    assert!(selects(CaptureSystem::Natnet, "#7", &body(b"quad", 7)));
+    assert!(!selects(CaptureSystem::Natnet, "#7", &body(b"quad", 8)));
+    assert!(selects(CaptureSystem::Natnet, "quad", &body(b"quad", 8)));
+    assert!(selects(CaptureSystem::Vrpn, "quad", &body(b"quad", 0)));
+    assert!(!selects(CaptureSystem::Vrpn, "quad", &body(b"quad", 1)));
+    assert!(selects(CaptureSystem::Vrpn, "quad#1", &body(b"quad", 1)));
+    assert!(!selects(CaptureSystem::ViconUdp, "quad", &body(b"quad2", 0)));
+}

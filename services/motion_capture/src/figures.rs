@@ -1,0 +1,133 @@
+//! Rate, latency and jitter of what arrives, over the last whole second.
+
+use crate::feed::FeedCounts;
+
+/// Length of a window, ns.
+const WINDOW_NS: u64 = 1_000_000_000;
+
+/// Figures of a second.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Second {
+    /// Frames a second, Hz.
+    pub rate: f64,
+    /// Mean time from capture to arrival of the poses that were believed, s; 0 without any.
+    pub latency: f64,
+    /// Largest such time, s.
+    pub latency_max: f64,
+    /// Standard deviation of the time between frames, s.
+    pub jitter: f64,
+}
+
+/// Mean and variance of numbers that come one by one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moments {
+    count: f64,
+    mean: f64,
+    squares: f64,
+}
+
+impl Moments {
+    /// Takes a number.
+    pub fn push(&mut self, value: f64) {
+        self.count += 1.0;
+        let from_mean = value - self.mean;
+        self.mean += from_mean / self.count;
+        self.squares += from_mean * (value - self.mean);
+    }
+
+    /// Mean; 0 of none.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.mean
+    }
+
+    /// Standard deviation; 0 of less than two.
+    #[must_use]
+    pub fn deviation(&self) -> f64 {
+        if self.count < 2.0 {
+            return 0.0;
+        }
+        (self.squares / (self.count - 1.0)).sqrt()
+    }
+}
+
+/// Makes figures of arrivals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figures {
+    band: [f64; 2],
+    began_ns: Option<u64>,
+    arrived_ns: u64,
+    frames: u32,
+    between: Moments,
+    latency: Moments,
+    latency_max: f64,
+    last: Option<Second>,
+}
+
+impl Figures {
+    /// No figures yet; a rate outside the band, Hz, is warned of.
+    #[must_use]
+    pub fn new(band: [f64; 2]) -> Self {
+        Self {
+            band,
+            began_ns: None,
+            arrived_ns: 0,
+            frames: 0,
+            between: Moments::default(),
+            latency: Moments::default(),
+            latency_max: 0.0,
+            last: None,
+        }
+    }
+
+    /// Figures of the last whole second in which something came; `None` before the first.
+    #[must_use]
+    pub fn last(&self) -> Option<&Second> {
+        self.last.as_ref()
+    }
+
+    /// Whether the rate of that second was in the band.
+    #[must_use]
+    pub fn is_rate_good(&self) -> bool {
+        self.last
+            .is_some_and(|second| (self.band[0]..=self.band[1]).contains(&second.rate))
+    }
+
+    /// Takes the arrival of a frame.
+    pub(crate) fn hear(&mut self, arrived_ns: u64, counts: &mut FeedCounts) {
+        if let Some(began_ns) = self.began_ns {
+            self.between
+                .push(seconds(arrived_ns.saturating_sub(self.arrived_ns)));
+            self.frames += 1;
+            if arrived_ns.saturating_sub(began_ns) >= WINDOW_NS {
+                self.last = Some(Second {
+                    rate: f64::from(self.frames) / seconds(arrived_ns - began_ns),
+                    latency: self.latency.mean(),
+                    latency_max: self.latency_max,
+                    jitter: self.between.deviation(),
+                });
+                counts.rate_warnings += u64::from(!self.is_rate_good());
+                *self = Self {
+                    last: self.last,
+                    began_ns: Some(arrived_ns),
+                    ..Self::new(self.band)
+                };
+            }
+        } else {
+            self.began_ns = Some(arrived_ns);
+        }
+        self.arrived_ns = arrived_ns;
+    }
+
+    /// Takes the age on arrival of a pose that was believed.
+    pub(crate) fn believe(&mut self, latency_ns: u64) {
+        let latency = seconds(latency_ns);
+        self.latency.push(latency);
+        self.latency_max = self.latency_max.max(latency);
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "seconds in ns are exact")]
+fn seconds(ns: u64) -> f64 {
+    ns as f64 * 1e-9
+}

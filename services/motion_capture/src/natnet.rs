@@ -1,0 +1,210 @@
+//! `NatNet` 3 and 4 (`OptiTrack` Motive): UDP, little-endian, packed.
+//!
+//! A client asks on the command port: CONNECT is answered by SERVERINFO, which tells the version of everything else;
+//! REQUEST_MODELDEF by MODELDEF, which gives rigid bodies their names. FRAMEs come by multicast, or to who has asked.
+//! From 4.1 on a number of bytes stands before each section of a frame and each description, so that what is not
+//! known can be passed over.
+
+mod frame;
+mod model;
+
+use crate::wire::{Cursor, Frame, Name, WireError};
+
+/// Port of commands unless told otherwise.
+pub const COMMAND_PORT: u16 = 1510;
+/// Port of frames unless the server tells otherwise.
+pub const DATA_PORT: u16 = 1511;
+
+/// Kinds of messages.
+pub mod message {
+    /// A client says that it is there.
+    pub const CONNECT: u16 = 0;
+    /// Who the server is.
+    pub const SERVERINFO: u16 = 1;
+    /// A client asks for the names of the bodies.
+    pub const REQUEST_MODELDEF: u16 = 4;
+    /// The names of the bodies.
+    pub const MODELDEF: u16 = 5;
+    /// A frame.
+    pub const FRAME: u16 = 7;
+    /// A client of unicast says that it is still there.
+    pub const KEEP_ALIVE: u16 = 10;
+}
+
+/// Length of the name in SERVERINFO, bytes.
+pub(crate) const SERVER_NAME_LENGTH: usize = 256;
+
+/// A version of the bit stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Version {
+    /// 3 or 4.
+    pub major: u8,
+    /// Such as the 1 of 4.1.
+    pub minor: u8,
+}
+
+impl Version {
+    /// Whether lengths stand before sections.
+    #[must_use]
+    pub fn has_lengths(self) -> bool {
+        self >= Self { major: 4, minor: 1 }
+    }
+
+    fn check(self) -> Result<Self, WireError> {
+        if matches!(self.major, 3 | 4) {
+            Ok(self)
+        } else {
+            Err(WireError::Invalid("the version of the bit stream"))
+        }
+    }
+}
+
+/// What a server says of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServerInfo {
+    /// Version of its bit stream.
+    pub version: Version,
+    /// Ticks a second of the clock of the stamps.
+    pub clock_frequency: u64,
+    /// Port of frames.
+    pub data_port: u16,
+    /// The group to which it sends; `None` if it sends to each client.
+    pub multicast: Option<[u8; 4]>,
+}
+
+/// A rigid body of a frame as it travels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigidBody {
+    /// Its streaming id.
+    pub id: i32,
+    /// Position, m.
+    pub position: [f32; 3],
+    /// Attitude x, y, z, w.
+    pub quaternion: [f32; 4],
+    /// Mean error of its markers, m.
+    pub error: f32,
+    /// Whether it is seen.
+    pub tracked: bool,
+}
+
+/// The end of a frame: its times on the server's clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Times {
+    /// s since the software began.
+    pub timestamp: f64,
+    /// Middle of the exposure, ticks of the clock; 0 if not known.
+    pub exposed: u64,
+    /// When the cameras' data were there, ticks.
+    pub received: u64,
+    /// When the frame was sent, ticks.
+    pub sent: u64,
+}
+
+/// What came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Received {
+    /// Who the server is.
+    ServerInfo(ServerInfo),
+    /// The names of the bodies, which the decoder knows now.
+    Names,
+    /// A frame, which the caller's frame holds now.
+    Frame {
+        /// Whether the names should be asked for again: the server says that the bodies are others, or there is one
+        /// without a name.
+        names_are_old: bool,
+    },
+    /// Something that is of no use here.
+    Other,
+}
+
+/// Knows what a frame cannot be read without: the server's version and clock, and the names.
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    server: Option<ServerInfo>,
+    names: Vec<(i32, Name)>,
+}
+
+impl Default for Decoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Decoder {
+    /// A decoder that knows nothing yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            server: None,
+            names: Vec::with_capacity(crate::wire::MOST_BODIES),
+        }
+    }
+
+    /// What the server has said of itself.
+    #[must_use]
+    pub fn server(&self) -> Option<&ServerInfo> {
+        self.server.as_ref()
+    }
+
+    /// The rigid bodies that have names.
+    #[must_use]
+    pub fn names(&self) -> &[(i32, Name)] {
+        &self.names
+    }
+
+    /// Reads a datagram.
+    ///
+    /// # Errors
+    /// [`WireError`]; nothing of the datagram is used then, and the frame is empty.
+    pub fn decode(&mut self, datagram: &[u8], frame: &mut Frame) -> Result<Received, WireError> {
+        frame.clear();
+        let mut cursor = Cursor::new(datagram);
+        let kind = cursor.u16_le("the head")?;
+        let length = usize::from(cursor.u16_le("the head")?);
+        if !matches!(kind, message::SERVERINFO | message::MODELDEF | message::FRAME) {
+            return Ok(Received::Other);
+        }
+        let mut payload = Cursor::new(cursor.slice(length, "the payload")?);
+        if kind == message::SERVERINFO {
+            let server = server_info(&mut payload)?;
+            self.server = Some(server);
+            return Ok(Received::ServerInfo(server));
+        }
+        let server = self.server.ok_or(WireError::Early("the server's version"))?;
+        if kind == message::MODELDEF {
+            let read = model::read(&mut payload, server.version, &mut self.names);
+            if read.is_err() {
+                self.names.clear();
+            }
+            return read.map(|()| Received::Names);
+        }
+        let mut names_are_old = false;
+        frame.fill(|frame| {
+            names_are_old = frame::read(&mut payload, &server, &self.names, frame)?;
+            Ok(())
+        })?;
+        Ok(Received::Frame { names_are_old })
+    }
+}
+
+fn server_info(payload: &mut Cursor<'_>) -> Result<ServerInfo, WireError> {
+    payload.skip(1, SERVER_NAME_LENGTH, "the server's name")?;
+    payload.skip(1, 4, "the server's version")?;
+    let [major, minor, ..] = payload.array::<4>("the version of the bit stream")?;
+    let clock_frequency = payload.u64_le("the clock's frequency")?;
+    if !(1_000..=100_000_000_000).contains(&clock_frequency) {
+        return Err(WireError::Invalid("the clock's frequency"));
+    }
+    let data_port = payload.u16_le("the data port")?;
+    let is_multicast = payload.u8("whether it is multicast")? != 0;
+    let group = payload.array::<4>("the multicast group")?;
+    if is_multicast && !(224..=239).contains(&group[0]) {
+        return Err(WireError::Invalid("the multicast group"));
+    }
+    Ok(ServerInfo {
+        version: Version { major, minor }.check()?,
+        clock_frequency,
+        data_port,
+        multicast: is_multicast.then_some(group),
+    })
+}

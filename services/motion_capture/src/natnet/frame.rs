@@ -1,0 +1,192 @@
+//! FRAME: sections of which rigid bodies and times are of use; the others are passed over.
+
+use super::{RigidBody, ServerInfo, Times, Version};
+use crate::wire::{CapturePose, Cursor, Frame, MOST_BODIES, Name, Stamp, WireBody, WireError};
+
+/// Length of a rigid body, also of a skeleton's bone, bytes.
+pub(crate) const RIGID_BODY_LENGTH: usize = 38;
+/// Length of a labelled marker, bytes.
+const LABELED_MARKER_LENGTH: usize = 26;
+/// Length of the end that 4.1 and later may leave out, bytes.
+const PRECISION_TIME_LENGTH: usize = 8;
+/// Length of what stands behind the times, bytes.
+const FOOT_LENGTH: usize = 6;
+/// Bit of a rigid body that is seen.
+pub(crate) const TRACKED: u16 = 1;
+/// Bit of a frame after which the bodies are others.
+const MODELS_CHANGED: u16 = 2;
+
+/// Reads a frame; returns whether the names are old.
+pub(super) fn read(
+    payload: &mut Cursor<'_>,
+    server: &ServerInfo,
+    names: &[(i32, Name)],
+    frame: &mut Frame,
+) -> Result<bool, WireError> {
+    let version = server.version;
+    frame.number = Some(payload.u32_le("the frame number")?);
+    section(payload, version, "the marker sets", marker_sets)?;
+    section(payload, version, "the other markers", |markers, count| {
+        markers.skip(count, 12, "the other markers")
+    })?;
+    let mut has_unnamed = false;
+    section(payload, version, "the rigid bodies", |bodies, count| {
+        has_unnamed = rigid_bodies(bodies, count, names, frame)?;
+        Ok(())
+    })?;
+    section(payload, version, "the skeletons", skeletons)?;
+    if version.has_lengths() {
+        payload.u32_le("the number of assets")?;
+        let length = payload.u32_le("the assets")? as usize;
+        payload.skip(1, length, "the assets")?;
+    }
+    section(payload, version, "the labelled markers", |markers, count| {
+        markers.skip(count, LABELED_MARKER_LENGTH, "the labelled markers")
+    })?;
+    section(payload, version, "the force plates", channels)?;
+    section(payload, version, "the devices", channels)?;
+    let times = times(payload)?;
+    if version.has_lengths() && payload.remaining() >= FOOT_LENGTH + PRECISION_TIME_LENGTH {
+        payload.skip(1, PRECISION_TIME_LENGTH, "the precision time")?;
+    }
+    let flags = payload.u16_le("the frame's flags")?;
+    // The last four bytes only say that the frame ends here.
+    payload.skip(1, 4, "the end of the frame")?;
+    frame.stamp = Some(stamp(&times, server.clock_frequency)?);
+    Ok(has_unnamed || flags & MODELS_CHANGED != 0)
+}
+
+/// Reads a section: the number of its elements, from 4.1 on its length, and the elements.
+fn section<'a>(
+    payload: &mut Cursor<'a>,
+    version: Version,
+    what: &'static str,
+    read: impl FnOnce(&mut Cursor<'a>, usize) -> Result<(), WireError>,
+) -> Result<(), WireError> {
+    let count = payload.u32_le(what)? as usize;
+    if !version.has_lengths() {
+        return read(payload, count);
+    }
+    let length = payload.u32_le(what)? as usize;
+    let mut inner = Cursor::new(payload.slice(length, what)?);
+    read(&mut inner, count)?;
+    if inner.remaining() > 0 {
+        return Err(WireError::Invalid(what));
+    }
+    Ok(())
+}
+
+fn marker_sets(sets: &mut Cursor<'_>, count: usize) -> Result<(), WireError> {
+    for _ in 0..count {
+        sets.text("the name of a marker set")?;
+        let markers = sets.u32_le("the number of markers")? as usize;
+        sets.skip(markers, 12, "the markers of a set")?;
+    }
+    Ok(())
+}
+
+fn rigid_bodies(
+    bodies: &mut Cursor<'_>,
+    count: usize,
+    names: &[(i32, Name)],
+    frame: &mut Frame,
+) -> Result<bool, WireError> {
+    if count > MOST_BODIES {
+        return Err(WireError::Oversized("the number of rigid bodies"));
+    }
+    let mut has_unnamed = false;
+    for index in 0..count {
+        let body = rigid_body(bodies)?;
+        if frame.bodies().iter().any(|other| other.number == body.id) {
+            return Err(WireError::Invalid("an id that two rigid bodies have"));
+        }
+        // Names mostly stand in the same order.
+        let here = names.get(index).filter(|(id, _)| *id == body.id);
+        let named = here.or_else(|| names.iter().find(|(id, _)| *id == body.id));
+        has_unnamed |= named.is_none();
+        frame.push(WireBody {
+            name: named.map_or(Name::EMPTY, |(_, name)| *name),
+            number: body.id,
+            pose: pose(&body)?,
+        })?;
+    }
+    Ok(has_unnamed)
+}
+
+fn rigid_body(bodies: &mut Cursor<'_>) -> Result<RigidBody, WireError> {
+    let id = bodies.i32_le("a rigid body")?;
+    let mut numbers = [0.0; 8];
+    for number in &mut numbers {
+        *number = bodies.f32_le("a rigid body")?;
+    }
+    let [x, y, z, qx, qy, qz, qw, error] = numbers;
+    Ok(RigidBody {
+        id,
+        position: [x, y, z],
+        quaternion: [qx, qy, qz, qw],
+        error,
+        tracked: bodies.u16_le("a rigid body")? & TRACKED != 0,
+    })
+}
+
+fn pose(body: &RigidBody) -> Result<Option<CapturePose>, WireError> {
+    if !body.tracked {
+        return Ok(None);
+    }
+    CapturePose::from_quaternion(body.position.map(f64::from), body.quaternion.map(f64::from)).map(Some)
+}
+
+fn skeletons(skeletons: &mut Cursor<'_>, count: usize) -> Result<(), WireError> {
+    for _ in 0..count {
+        skeletons.skip(1, 4, "a skeleton")?;
+        let bones = skeletons.u32_le("the number of bones")? as usize;
+        skeletons.skip(bones, RIGID_BODY_LENGTH, "the bones of a skeleton")?;
+    }
+    Ok(())
+}
+
+/// Force plates or devices.
+fn channels(plates: &mut Cursor<'_>, count: usize) -> Result<(), WireError> {
+    for _ in 0..count {
+        plates.skip(1, 4, "a force plate or device")?;
+        for _ in 0..plates.u32_le("the number of channels")? {
+            let values = plates.u32_le("the number of values")? as usize;
+            plates.skip(values, 4, "the values of a channel")?;
+        }
+    }
+    Ok(())
+}
+
+fn times(payload: &mut Cursor<'_>) -> Result<Times, WireError> {
+    payload.skip(1, 8, "the time code")?;
+    Ok(Times {
+        timestamp: payload.f64_le("the time stamp")?,
+        exposed: payload.u64_le("the time of the exposure")?,
+        received: payload.u64_le("the time of the cameras' data")?,
+        sent: payload.u64_le("the time of sending")?,
+    })
+}
+
+/// The times in ns. A server that does not know when it exposed gives its time stamp only.
+fn stamp(times: &Times, frequency: u64) -> Result<Stamp, WireError> {
+    let ns = |ticks: u64| {
+        let ns = u128::from(ticks) * 1_000_000_000 / u128::from(frequency);
+        i64::try_from(ns).map_err(|_| WireError::Invalid("a time of the frame"))
+    };
+    if times.exposed != 0 && times.sent >= times.exposed {
+        return Ok(Stamp {
+            exposed_ns: ns(times.exposed)?,
+            sent_ns: ns(times.sent)?,
+        });
+    }
+    // Ten years.
+    if !(0.0..3e8).contains(&times.timestamp) {
+        return Err(WireError::Invalid("the time stamp"));
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "far below 2^63 ns")]
+    let at_ns = (times.timestamp * 1e9) as i64;
+    Ok(Stamp {
+        exposed_ns: at_ns,
+        sent_ns: at_ns,
+    })
+}

@@ -1,0 +1,185 @@
+//! Sockets that never block: from a capture system's packets to frames with their arrival times.
+//!
+//! A socket is bound to the address of one interface, the loopback unless told otherwise, and what comes from another
+//! machine than the stated server is counted and dropped. That is no protection against somebody in the same network who
+//! writes a false sender: see docs/motion_capture.md for what the laboratory's network is trusted for.
+//!
+//! [`Source::poll`] makes a bounded number of system calls and returns; [`Source::descriptors`] are what to wait on, and
+//! [`Source::due_ns`] when to poll even if nothing came.
+
+mod natnet;
+mod udp;
+mod vicon_udp;
+mod vrpn;
+
+use std::net::{Ipv4Addr, SocketAddrV4};
+use std::os::fd::BorrowedFd;
+
+use shared_types::scenario::{CaptureSystem, Key, MotionCapture, Problem};
+
+use crate::wire::{Frame, Name};
+
+/// Most packets that one poll takes from a socket, so that a flood does not hold the caller.
+const MOST_PACKETS: usize = 64;
+
+/// Where a capture system is, and where to listen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Address {
+    /// What it speaks.
+    pub system: CaptureSystem,
+    /// The machine that sends, and its port; with Vicon the port here.
+    pub server: SocketAddrV4,
+    /// The interface here.
+    pub interface: Ipv4Addr,
+}
+
+impl Address {
+    /// The address that a scenario states.
+    ///
+    /// # Errors
+    /// A scenario that was not checked.
+    pub fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Problem> {
+        let wrong = |name: &str, reason: String| {
+            let key: Key = ["motion_capture", name].into_iter().collect();
+            Problem::new(
+                key,
+                reason,
+                "give the address of one interface, such as \"192.168.10.1\"",
+            )
+        };
+        let parsed = |name: &str, text: &str| {
+            text.parse()
+                .map_err(|_| wrong(name, format!("`{text}` is no IPv4 address")))
+        };
+        let port = stated.port.map_or(Ok(system.port()), u16::try_from);
+        let port = port.map_err(|_| wrong("port", "there is no such port".to_owned()))?;
+        Ok(Self {
+            system,
+            server: SocketAddrV4::new(parsed("server", &stated.server)?, port),
+            interface: parsed("interface", &stated.interface)?,
+        })
+    }
+}
+
+/// A socket that could not be had.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot listen on {at}: {reason}; {fix}")]
+pub struct TransportError {
+    /// Where.
+    pub at: SocketAddrV4,
+    /// What the system said.
+    pub reason: std::io::Error,
+    /// What to do about it.
+    pub fix: &'static str,
+}
+
+impl TransportError {
+    fn new(at: SocketAddrV4, reason: impl Into<std::io::Error>) -> Self {
+        let reason = reason.into();
+        let fix = match reason.kind() {
+            std::io::ErrorKind::AddrInUse => {
+                "end the other program that listens there, or choose another port"
+            }
+            std::io::ErrorKind::AddrNotAvailable => {
+                "state as `interface` an address that this machine has (see `ip address`)"
+            }
+            _ => "see whether the interface is up",
+        };
+        Self { at, reason, fix }
+    }
+}
+
+/// What a source has met since it was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WireCounts {
+    /// Packets, or pieces of a stream, from the server.
+    pub packets: u64,
+    /// Frames that they held.
+    pub frames: u64,
+    /// Packets, or poses of a stream, that could not be read.
+    pub malformed: u64,
+    /// Packets from others than the server.
+    pub foreign: u64,
+    /// Connections that were made, or servers that answered.
+    pub connections: u64,
+    /// Connections that ended or could not be made, and errors of a socket.
+    pub failures: u64,
+}
+
+/// A capture system as seen from here.
+#[derive(Debug)]
+pub enum Source {
+    /// Vicon Tracker's UDP object stream.
+    ViconUdp(vicon_udp::ViconUdp),
+    /// A VRPN server.
+    Vrpn(Box<vrpn::Vrpn>),
+    /// Motive.
+    Natnet(Box<natnet::Natnet>),
+}
+
+impl Source {
+    /// Opens the sockets; a server that is not there yet is waited for in [`Source::poll`].
+    ///
+    /// # Errors
+    /// A socket cannot be had.
+    pub fn open(address: &Address) -> Result<Self, TransportError> {
+        Ok(match address.system {
+            CaptureSystem::ViconUdp => Self::ViconUdp(vicon_udp::ViconUdp::open(address)?),
+            CaptureSystem::Vrpn => Self::Vrpn(Box::new(vrpn::Vrpn::new(address.server))),
+            CaptureSystem::Natnet => Self::Natnet(Box::new(natnet::Natnet::open(address)?)),
+        })
+    }
+
+    /// Takes what has arrived by now (ns of the local clock) and hands it out, oldest first, without ever waiting. Also
+    /// connects, asks again, and says that somebody still listens, when it is time to.
+    pub fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
+        match self {
+            Self::ViconUdp(source) => source.poll(sink),
+            Self::Vrpn(source) => source.poll(now_ns, sink),
+            Self::Natnet(source) => source.poll(now_ns, sink),
+        }
+    }
+
+    /// What can be waited on until something has arrived. Others after the next poll: a connection may be another one.
+    #[must_use]
+    pub fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2] {
+        match self {
+            Self::ViconUdp(source) => [Some(source.descriptor()), None],
+            Self::Vrpn(source) => [source.descriptor(), None],
+            Self::Natnet(source) => source.descriptors(),
+        }
+    }
+
+    /// When to poll even though nothing arrived, ns of the local clock; `None` if never.
+    #[must_use]
+    pub fn due_ns(&self) -> Option<u64> {
+        match self {
+            Self::ViconUdp(_) => None,
+            Self::Vrpn(source) => source.due_ns(),
+            Self::Natnet(source) => Some(source.due_ns()),
+        }
+    }
+
+    /// What it has met.
+    #[must_use]
+    pub fn counts(&self) -> WireCounts {
+        match self {
+            Self::ViconUdp(source) => *source.counts(),
+            Self::Vrpn(source) => source.counts(),
+            Self::Natnet(source) => *source.counts(),
+        }
+    }
+
+    /// Names that the other side has told ahead of poses, for people: VRPN's senders, Motive's rigid bodies.
+    #[must_use]
+    pub fn announced(&self) -> Vec<Name> {
+        match self {
+            Self::ViconUdp(_) => Vec::new(),
+            Self::Vrpn(source) => source.announced(),
+            Self::Natnet(source) => source.announced(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,220 @@
+//! Over the loopback, with senders of our own. Waiting is for an event, with the watchdog of a deadline.
+
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, SocketAddrV4, TcpListener, TcpStream, UdpSocket};
+use std::time::{Duration, Instant};
+
+use super::*;
+use crate::natnet::{RigidBody, ServerInfo, Times, Version, message};
+use crate::vicon_udp::Object;
+use crate::vrpn::{COOKIE, Report};
+use crate::wire::WireBody;
+use crate::{sender, vicon_udp};
+
+const WATCHDOG: Duration = Duration::from_secs(60);
+
+fn address(system: CaptureSystem, port: u16) -> Address {
+    Address {
+        system,
+        server: SocketAddrV4::new(Ipv4Addr::LOCALHOST, port),
+        interface: Ipv4Addr::LOCALHOST,
+    }
+}
+
+/// Polls until a frame has come that fits; `between` is done before each poll.
+fn until(source: &mut Source, mut between: impl FnMut(), fits: impl Fn(&Frame) -> bool) -> Frame {
+    let began = Instant::now();
+    let mut found = None;
+    while found.is_none() {
+        assert!(began.elapsed() < WATCHDOG, "nothing came: {:?}", source.counts());
+        between();
+        let now_ns = u64::try_from(began.elapsed().as_nanos()).unwrap();
+        source.poll(now_ns, &mut |frame| {
+            if fits(frame) {
+                found = Some(frame.clone());
+            }
+        });
+        std::thread::yield_now();
+    }
+    found.unwrap()
+}
+
+fn named(frame: &Frame, name: &str) -> bool {
+    let is = |body: &WireBody| body.name.as_bytes() == name.as_bytes();
+    frame.bodies().iter().any(is)
+}
+
+fn object(name: &[u8]) -> Object {
+    let mut padded = [0; vicon_udp::NAME_LENGTH];
+    padded[..name.len()].copy_from_slice(name);
+    Object {
+        name: padded,
+        translation_mm: [100.0, 200.0, 300.0],
+        rotation: [0.0, 0.0, 0.5],
+    }
+}
+
+#[test]
+fn datagrams_of_the_server_are_taken_and_those_of_strangers_counted() {
+    let mut address = address(CaptureSystem::ViconUdp, 0);
+    let vicon = super::vicon_udp::ViconUdp::open(&address).unwrap();
+    let port = vicon.port();
+    let mut source = Source::ViconUdp(vicon);
+    let mut datagram = Vec::new();
+    sender::vicon_udp::frame(1, &[object(b"quad")], &mut datagram);
+    // All of 127.0.0.0/8 is this machine.
+    let stranger = UdpSocket::bind("127.0.0.2:0").unwrap();
+    let server = UdpSocket::bind("127.0.0.1:0").unwrap();
+    stranger.send_to(&datagram, ("127.0.0.1", port)).unwrap();
+    server.send_to(&datagram[..40], ("127.0.0.1", port)).unwrap();
+    server.send_to(&datagram, ("127.0.0.1", port)).unwrap();
+    let frame = until(&mut source, || (), |frame| named(frame, "quad"));
+    assert_eq!(frame.bodies().len(), 1);
+    let counts = source.counts();
+    assert_eq!(
+        (counts.packets, counts.frames, counts.malformed, counts.foreign),
+        (2, 1, 1, 1)
+    );
+
+    address.interface = Ipv4Addr::new(192, 0, 2, 1);
+    let error = Source::open(&address).unwrap_err();
+    assert!(error.to_string().contains("`interface`"), "{error}");
+}
+
+/// Takes the next connection and greets.
+fn greeted(listener: &TcpListener) -> TcpStream {
+    let (mut stream, _) = listener.accept().unwrap();
+    stream.write_all(&COOKIE).unwrap();
+    let mut cookie = [0; COOKIE.len()];
+    stream.read_exact(&mut cookie).unwrap();
+    assert_eq!(cookie, COOKIE);
+    stream
+}
+
+fn send_pose(stream: &mut TcpStream, x: f64) {
+    let report = Report {
+        sensor: 0,
+        position: [x, 0.0, 1.0],
+        quaternion: [0.0, 0.0, 0.0, 1.0],
+    };
+    let mut bytes = Vec::new();
+    sender::vrpn::sender(3, "quad", &mut bytes);
+    sender::vrpn::types(&mut bytes);
+    sender::vrpn::report([5, 6], 3, &report, &mut bytes);
+    for piece in bytes.chunks(7) {
+        stream.write_all(piece).unwrap();
+    }
+}
+
+#[test]
+fn a_connection_is_made_again_after_every_way_in_which_it_can_end() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let mut source = Source::open(&address(CaptureSystem::Vrpn, port)).unwrap();
+    let server = std::thread::spawn(move || {
+        send_pose(&mut greeted(&listener), 1.0);
+        // The server ends; then somebody who is no server; then one that loses its senses.
+        listener.accept().unwrap().0.write_all(&[b'x'; 24]).unwrap();
+        greeted(&listener).write_all(&[0; 64]).unwrap();
+        let mut stream = greeted(&listener);
+        send_pose(&mut stream, 2.0);
+        stream
+    });
+    for x in [1.0, 2.0] {
+        let frame = until(
+            &mut source,
+            || (),
+            |frame| frame.bodies()[0].pose.unwrap().position.x == x,
+        );
+        assert!(named(&frame, "quad"));
+    }
+    server.join().unwrap();
+    let counts = source.counts();
+    assert!(
+        counts.connections >= 2 && counts.failures >= 3 && counts.malformed >= 2,
+        "{counts:?}"
+    );
+}
+
+#[test]
+fn nobody_there_is_asked_again_and_again_but_not_in_every_poll() {
+    // A port that was free a moment ago.
+    let port = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port();
+    let mut source = Source::open(&address(CaptureSystem::Vrpn, port)).unwrap();
+    for poll in 0..30_000 {
+        source.poll(poll * 1_000_000, &mut |_| ());
+    }
+    // In 30 s: pauses of 0.1, 0.2, … 3 s.
+    let failures = source.counts().failures;
+    assert!((6..=20).contains(&failures), "{failures}");
+}
+
+fn natnet_flight(multicast: Option<[u8; 4]>) {
+    let server = UdpSocket::bind("127.0.0.1:0").unwrap();
+    server.set_nonblocking(true).unwrap();
+    let data_port = UdpSocket::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port();
+    let info = ServerInfo {
+        version: Version { major: 4, minor: 1 },
+        clock_frequency: 10_000_000,
+        data_port,
+        multicast,
+    };
+    let body = RigidBody {
+        id: 7,
+        position: [0.1, 0.2, 0.3],
+        quaternion: [0.0, 0.0, 0.0, 1.0],
+        error: 1e-4,
+        tracked: true,
+    };
+    let times = Times {
+        timestamp: 1.0,
+        exposed: 10_000_000,
+        received: 10_010_000,
+        sent: 10_020_000,
+    };
+    let frame = sender::natnet::frame(info.version, 1, &[body], &times);
+    let port = server.local_addr().unwrap().port();
+    let mut source = Source::open(&address(CaptureSystem::Natnet, port)).unwrap();
+    let serve = || {
+        let mut question = [0; 64];
+        while let Ok((_, client)) = server.recv_from(&mut question) {
+            let kind = u16::from_le_bytes([question[0], question[1]]);
+            let answer = match kind {
+                message::CONNECT => sender::natnet::server_info(&info),
+                _ => sender::natnet::names(info.version, &[(7, "quad")]),
+            };
+            server.send_to(&answer, client).unwrap();
+        }
+        let to = multicast.map_or(Ipv4Addr::LOCALHOST, Ipv4Addr::from);
+        // Nobody may be there yet.
+        let _ = server.send_to(&frame, (to, data_port));
+    };
+    let got = until(&mut source, serve, |frame| named(frame, "quad"));
+    assert_eq!(got.stamp.unwrap().exposed_ns, 1_000_000_000);
+    assert_eq!(source.announced().len(), 1);
+}
+
+#[test]
+fn a_server_of_unicast_is_asked_and_heard() {
+    natnet_flight(None);
+}
+
+#[test]
+fn a_server_of_multicast_is_asked_and_heard() {
+    let loopback_has_multicast = UdpSocket::bind("127.0.0.1:0")
+        .and_then(|socket| socket.send_to(&[0], "239.255.42.99:9"))
+        .is_ok();
+    if !loopback_has_multicast {
+        println!("SKIPPED: the loopback interface does not route multicast here");
+        return;
+    }
+    natnet_flight(Some([239, 255, 42, 99]));
+}

@@ -1,0 +1,181 @@
+//! A connection to a VRPN server that is made again whenever it ends.
+
+use std::net::SocketAddrV4;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+
+use rustix::io::Errno;
+use rustix::net::{
+    AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType, connect, recv, send, socket_with, sockopt,
+};
+
+use super::{MOST_PACKETS, WireCounts};
+use crate::vrpn::{COOKIE, Decoder};
+use crate::wire::{Frame, Name};
+
+/// First pause before a connection is tried again, ns; each failure doubles it.
+const FIRST_PAUSE_NS: u64 = 100_000_000;
+/// Longest pause, ns.
+const LONGEST_PAUSE_NS: u64 = 3_000_000_000;
+/// How long a connection may take to be made and the server to greet, ns.
+const PATIENCE_NS: u64 = 3_000_000_000;
+/// Bytes taken at once.
+const PIECE: usize = 16 * 1024;
+
+#[derive(Debug)]
+enum Link {
+    /// There is none; tried again at this time, ns.
+    Closed(u64),
+    /// It is being made, or the server has not greeted; given up at this time, ns.
+    Opening(OwnedFd, bool, u64),
+    /// The server has greeted.
+    Open(OwnedFd),
+}
+
+/// A connection, with what has come of it.
+#[derive(Debug)]
+pub struct Vrpn {
+    server: SocketAddrV4,
+    link: Link,
+    pause_ns: u64,
+    decoder: Decoder,
+    buffer: Box<[u8]>,
+    counts: WireCounts,
+}
+
+impl Vrpn {
+    pub(super) fn new(server: SocketAddrV4) -> Self {
+        Self {
+            server,
+            link: Link::Closed(0),
+            pause_ns: FIRST_PAUSE_NS,
+            decoder: Decoder::new(),
+            buffer: vec![0; PIECE].into_boxed_slice(),
+            counts: WireCounts::default(),
+        }
+    }
+
+    pub(super) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
+        match &self.link {
+            // A descriptor that is being connected is ready for reading only when that has failed: the pause tells.
+            Link::Closed(_) => None,
+            Link::Opening(socket, ..) | Link::Open(socket) => Some(socket.as_fd()),
+        }
+    }
+
+    pub(super) fn due_ns(&self) -> Option<u64> {
+        match &self.link {
+            Link::Closed(at_ns) => Some(*at_ns),
+            // Soon, to greet: being connected makes a socket ready for writing, not for reading.
+            Link::Opening(_, false, give_up_ns) => {
+                Some(give_up_ns.saturating_sub(PATIENCE_NS - FIRST_PAUSE_NS / 10))
+            }
+            Link::Opening(_, true, give_up_ns) => Some(*give_up_ns),
+            Link::Open(_) => None,
+        }
+    }
+
+    pub(super) fn counts(&self) -> WireCounts {
+        WireCounts {
+            malformed: self.counts.malformed + self.decoder.refused(),
+            ..self.counts
+        }
+    }
+
+    pub(super) fn announced(&self) -> Vec<Name> {
+        self.decoder.senders().copied().collect()
+    }
+
+    pub(super) fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
+        if let Link::Closed(at_ns) = self.link {
+            if now_ns < at_ns {
+                return;
+            }
+            self.open(now_ns);
+        }
+        self.greet(now_ns);
+        self.receive(now_ns, sink);
+        if let Link::Opening(_, _, give_up_ns) = self.link
+            && now_ns >= give_up_ns
+        {
+            self.close(now_ns);
+        }
+    }
+
+    fn open(&mut self, now_ns: u64) {
+        self.decoder.restart();
+        match connecting(self.server) {
+            Ok(socket) => self.link = Link::Opening(socket, false, now_ns + PATIENCE_NS),
+            Err(_) => self.close(now_ns),
+        }
+    }
+
+    /// Sends the cookie as soon as the connection is made.
+    fn greet(&mut self, now_ns: u64) {
+        let Link::Opening(socket, has_greeted @ false, _) = &mut self.link else {
+            return;
+        };
+        match send(&*socket, &COOKIE, SendFlags::NOSIGNAL) {
+            Ok(length) if length == COOKIE.len() => *has_greeted = true,
+            Err(Errno::AGAIN | Errno::NOTCONN | Errno::INPROGRESS) => {}
+            _ => self.close(now_ns),
+        }
+    }
+
+    fn receive(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
+        for _ in 0..MOST_PACKETS {
+            let (Link::Open(socket) | Link::Opening(socket, true, _)) = &self.link else {
+                return;
+            };
+            match recv(socket, &mut *self.buffer, RecvFlags::DONTWAIT) {
+                Ok((_, length)) if length > 0 => {
+                    self.counts.packets += 1;
+                    let counts = &mut self.counts;
+                    let pushed = self.decoder.push(&self.buffer[..length], |frame| {
+                        counts.frames += 1;
+                        sink(frame);
+                    });
+                    if pushed.is_err() {
+                        self.counts.malformed += 1;
+                        self.close(now_ns);
+                    } else if self.decoder.is_greeted() {
+                        self.opened();
+                    }
+                }
+                Err(Errno::AGAIN) => return,
+                Err(Errno::INTR) => {}
+                _ => self.close(now_ns),
+            }
+        }
+    }
+
+    fn opened(&mut self) {
+        if matches!(self.link, Link::Opening(..))
+            && let Link::Opening(socket, ..) = std::mem::replace(&mut self.link, Link::Closed(0))
+        {
+            self.counts.connections += 1;
+            self.pause_ns = FIRST_PAUSE_NS;
+            self.link = Link::Open(socket);
+        }
+    }
+
+    fn close(&mut self, now_ns: u64) {
+        self.counts.failures += 1;
+        self.link = Link::Closed(now_ns + self.pause_ns);
+        self.pause_ns = (2 * self.pause_ns).min(LONGEST_PAUSE_NS);
+    }
+}
+
+/// A socket that is being connected. One whose other end vanishes without a word is noticed within seconds.
+fn connecting(server: SocketAddrV4) -> rustix::io::Result<OwnedFd> {
+    let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
+    let socket = socket_with(AddressFamily::INET, SocketType::STREAM, flags, None)?;
+    sockopt::set_tcp_nodelay(&socket, true)?;
+    sockopt::set_socket_keepalive(&socket, true)?;
+    sockopt::set_tcp_keepidle(&socket, std::time::Duration::from_secs(2))?;
+    sockopt::set_tcp_keepintvl(&socket, std::time::Duration::from_secs(1))?;
+    sockopt::set_tcp_keepcnt(&socket, 3)?;
+    match connect(&socket, &server) {
+        Ok(()) | Err(Errno::INPROGRESS) => Ok(socket),
+        Err(error) => Err(error),
+    }
+}

@@ -1,0 +1,104 @@
+//! Vicon Tracker's UDP object stream: one datagram a frame, little-endian, packed.
+//!
+//! `u32 frame, u8 items`, then per item `u8 id (0: object), u16 size (72), char name[24], f64 translation[3]` in mm and
+//! `f64 rotation[3]` in rad with R = Rx Ry Rz, right-handed. Datagrams are filled up to 256, 512 or 1024 bytes. There is
+//! no time stamp and no quality. A hidden object is absent, repeats what it was, or is all zero.
+
+use nalgebra::{Matrix3, Vector3};
+use shared_types::rotation::exp;
+
+use crate::wire::{CapturePose, Cursor, Frame, Name, WireBody, WireError};
+
+/// Port to which Tracker sends unless told otherwise.
+pub const PORT: u16 = 51001;
+
+/// Length of an object's name on the wire, bytes.
+pub const NAME_LENGTH: usize = 24;
+
+/// Kind of an item that is an object.
+pub(crate) const OBJECT: u8 = 0;
+/// Length of an object without kind and length, bytes.
+pub(crate) const OBJECT_LENGTH: u16 = 72;
+
+/// An object as it travels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Object {
+    /// Its name, filled up with zeros.
+    pub name: [u8; NAME_LENGTH],
+    /// Translation, mm.
+    pub translation_mm: [f64; 3],
+    /// Rotation, rad: R = Rx Ry Rz.
+    pub rotation: [f64; 3],
+}
+
+impl Object {
+    /// What it says in SI units; `None` if it says that it is not seen.
+    fn pose(&self) -> Result<Option<CapturePose>, WireError> {
+        let numbers = self.translation_mm.iter().chain(&self.rotation);
+        if numbers.clone().all(|&number| number == 0.0) {
+            return Ok(None);
+        }
+        // Several turns are none that a program computes.
+        if !self.rotation.iter().all(|angle| angle.abs() <= 10.0) {
+            return Err(WireError::Invalid("a rotation"));
+        }
+        CapturePose::new(
+            self.translation_mm.map(|millimetres| millimetres / 1000.0),
+            capture_from_markers(self.rotation),
+        )
+        .map(Some)
+    }
+}
+
+/// R = Rx Ry Rz of the three angles, rad.
+#[must_use]
+pub fn capture_from_markers([x, y, z]: [f64; 3]) -> Matrix3<f64> {
+    exp(&(Vector3::x() * x)) * exp(&(Vector3::y() * y)) * exp(&(Vector3::z() * z))
+}
+
+/// Fills the frame with what a datagram says.
+///
+/// # Errors
+/// [`WireError`]; the frame is then empty.
+pub fn decode(datagram: &[u8], frame: &mut Frame) -> Result<(), WireError> {
+    frame.fill(|frame| {
+        let mut cursor = Cursor::new(datagram);
+        frame.number = Some(cursor.u32_le("the frame number")?);
+        for _ in 0..cursor.u8("the number of items")? {
+            let kind = cursor.u8("the kind of an item")?;
+            let length = cursor.u16_le("the length of an item")?;
+            if kind != OBJECT {
+                cursor.skip(1, usize::from(length), "an item")?;
+                continue;
+            }
+            if length != OBJECT_LENGTH {
+                return Err(WireError::Invalid("the length of an object"));
+            }
+            let object = object(&mut cursor)?;
+            let name = Name::new(&object.name)?;
+            if frame.bodies().iter().any(|body| body.name == name) {
+                return Err(WireError::Invalid("a name that two objects have"));
+            }
+            frame.push(WireBody {
+                name,
+                number: 0,
+                pose: object.pose()?,
+            })?;
+        }
+        Ok(())
+    })
+}
+
+fn object(cursor: &mut Cursor<'_>) -> Result<Object, WireError> {
+    let name = cursor.array("the name of an object")?;
+    let mut numbers = [0.0; 6];
+    for number in &mut numbers {
+        *number = cursor.f64_le("the pose of an object")?;
+    }
+    let [x, y, z, about_x, about_y, about_z] = numbers;
+    Ok(Object {
+        name,
+        translation_mm: [x, y, z],
+        rotation: [about_x, about_y, about_z],
+    })
+}

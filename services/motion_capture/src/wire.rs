@@ -1,0 +1,344 @@
+//! What all decoders share: a cursor that cannot leave its bytes, and the frame that they fill.
+//!
+//! Limits on everything that a stranger may state: names, bodies, lengths. Who exceeds one gets a [`WireError`], and
+//! nothing of the packet is used.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Most bodies of a frame, and most that a list of names holds.
+pub const MOST_BODIES: usize = 256;
+
+/// Longest name of a body, bytes.
+pub const LONGEST_NAME: usize = 255;
+
+/// Largest coordinate that is a place in a laboratory, m.
+const LARGEST_COORDINATE: f64 = 1e3;
+
+/// Largest difference of a quaternion's squared norm from 1; single precision passes, a bit turned over mostly not.
+const QUATERNION_DEFECT: f64 = 1e-4;
+
+/// Why a packet is of no use. Each names the part of the packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum WireError {
+    /// It ends too early.
+    #[error("the packet ends inside {0}")]
+    Truncated(&'static str),
+    /// Something is longer, or there is more of it, than anybody sends.
+    #[error("{0} exceeds its limit")]
+    Oversized(&'static str),
+    /// A value that the format does not have, or that no laboratory has.
+    #[error("{0} cannot be what it says")]
+    Invalid(&'static str),
+    /// It makes sense only after another packet, which has not come.
+    #[error("the packet came before {0}")]
+    Early(&'static str),
+}
+
+/// A name of up to [`LONGEST_NAME`] bytes, without an allocation.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Name {
+    length: u8,
+    bytes: [u8; LONGEST_NAME],
+}
+
+impl Name {
+    /// No name.
+    pub const EMPTY: Self = Self {
+        length: 0,
+        bytes: [0; LONGEST_NAME],
+    };
+
+    /// The name of some bytes, up to the first zero.
+    ///
+    /// # Errors
+    /// It is too long.
+    pub fn new(bytes: &[u8]) -> Result<Self, WireError> {
+        let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
+        let length = u8::try_from(end).map_err(|_| WireError::Oversized("a name"))?;
+        let mut name = Self::EMPTY;
+        name.length = length;
+        name.bytes[..end].copy_from_slice(&bytes[..end]);
+        Ok(name)
+    }
+
+    /// Its bytes.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8] {
+        &self.bytes[..usize::from(self.length)]
+    }
+}
+
+impl std::fmt::Display for Name {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for chunk in self.as_bytes().utf8_chunks() {
+            // Control characters of a stranger have no business on a terminal.
+            for character in chunk.valid().chars().filter(|character| !character.is_control()) {
+                write!(formatter, "{character}")?;
+            }
+            if !chunk.invalid().is_empty() {
+                write!(formatter, "{}", char::REPLACEMENT_CHARACTER)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl std::fmt::Debug for Name {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "\"{self}\"")
+    }
+}
+
+/// Pose of a body's markers in the capture system's own frame, as it was sent but for units: m, and a rotation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CapturePose {
+    /// Origin of the markers' frame, m.
+    pub position: Vector3<f64>,
+    /// The markers' frame to the capture system's.
+    pub capture_from_markers: Matrix3<f64>,
+}
+
+impl CapturePose {
+    /// A position (m) and a rotation as quaternion x, y, z, w.
+    ///
+    /// # Errors
+    /// A number is none of a place in a laboratory, or the quaternion is no rotation.
+    pub fn from_quaternion(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Result<Self, WireError> {
+        let squared = x * x + y * y + z * z + w * w;
+        let defect = (squared - 1.0).abs();
+        if defect.is_nan() || defect > QUATERNION_DEFECT {
+            return Err(WireError::Invalid("a quaternion"));
+        }
+        let s = 2.0 / squared;
+        #[rustfmt::skip]
+        let rotation = Matrix3::new(
+            1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w),
+            s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w),
+            s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y),
+        );
+        Self::new(position, rotation)
+    }
+
+    /// A position (m) and a rotation.
+    ///
+    /// # Errors
+    /// A number is none of a place in a laboratory.
+    pub fn new(position: [f64; 3], capture_from_markers: Matrix3<f64>) -> Result<Self, WireError> {
+        let is_place = position
+            .iter()
+            .all(|coordinate| coordinate.abs() <= LARGEST_COORDINATE);
+        if !is_place {
+            return Err(WireError::Invalid("a position"));
+        }
+        Ok(Self {
+            position: Vector3::from(position),
+            capture_from_markers,
+        })
+    }
+}
+
+/// A body of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WireBody {
+    /// Its name; empty where the protocol has none for it.
+    pub name: Name,
+    /// Its number: `NatNet`'s streaming id, VRPN's sensor; 0 with Vicon.
+    pub number: i32,
+    /// Where it is; `None` if it is not seen.
+    pub pose: Option<CapturePose>,
+}
+
+/// Times of a frame on the sender's clock, ns from a moment of the sender's choice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    /// The exposure, as far as the sender knows it.
+    pub exposed_ns: i64,
+    /// When it left the sender; where that is not told, the same.
+    pub sent_ns: i64,
+}
+
+/// What one packet told. It has its memory from the start and is filled again and again.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Number of the frame, which counts up; `None` where the protocol has none.
+    pub number: Option<u32>,
+    /// When it was made, by the sender's clock; `None` where the protocol does not tell.
+    pub stamp: Option<Stamp>,
+    /// Whether it tells all bodies that are seen; if not it tells of one, and nothing of the others.
+    pub is_complete: bool,
+    bodies: Vec<WireBody>,
+}
+
+impl Default for Frame {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Frame {
+    /// An empty frame.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            number: None,
+            stamp: None,
+            is_complete: true,
+            bodies: Vec::with_capacity(MOST_BODIES),
+        }
+    }
+
+    /// The bodies.
+    #[must_use]
+    pub fn bodies(&self) -> &[WireBody] {
+        &self.bodies
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.number = None;
+        self.stamp = None;
+        self.is_complete = true;
+        self.bodies.clear();
+    }
+
+    /// Adds a body.
+    ///
+    /// # Errors
+    /// There are too many.
+    pub fn push(&mut self, body: WireBody) -> Result<(), WireError> {
+        if self.bodies.len() == MOST_BODIES {
+            return Err(WireError::Oversized("the number of bodies"));
+        }
+        self.bodies.push(body);
+        Ok(())
+    }
+
+    /// Lets a decoder fill the frame; what failed leaves nothing behind.
+    pub(crate) fn fill(
+        &mut self,
+        decode: impl FnOnce(&mut Self) -> Result<(), WireError>,
+    ) -> Result<(), WireError> {
+        self.clear();
+        let result = decode(self);
+        if result.is_err() {
+            self.clear();
+        }
+        result
+    }
+}
+
+/// A cursor over the bytes of a packet. What is asked of it says what it is, for the error.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cursor<'a> {
+    rest: &'a [u8],
+}
+
+impl<'a> Cursor<'a> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+        Self { rest: bytes }
+    }
+
+    pub(crate) fn remaining(&self) -> usize {
+        self.rest.len()
+    }
+
+    pub(crate) fn slice(&mut self, length: usize, what: &'static str) -> Result<&'a [u8], WireError> {
+        let (taken, rest) = self
+            .rest
+            .split_at_checked(length)
+            .ok_or(WireError::Truncated(what))?;
+        self.rest = rest;
+        Ok(taken)
+    }
+
+    pub(crate) fn array<const N: usize>(&mut self, what: &'static str) -> Result<[u8; N], WireError> {
+        let (taken, rest) = self.rest.split_first_chunk().ok_or(WireError::Truncated(what))?;
+        self.rest = rest;
+        Ok(*taken)
+    }
+
+    /// Passes over `count` elements of `size` bytes.
+    pub(crate) fn skip(&mut self, count: usize, size: usize, what: &'static str) -> Result<(), WireError> {
+        let length = count.checked_mul(size).ok_or(WireError::Truncated(what))?;
+        self.slice(length, what).map(|_| ())
+    }
+
+    /// A text that ends with a zero, which is passed over.
+    pub(crate) fn text(&mut self, what: &'static str) -> Result<&'a [u8], WireError> {
+        let end = self.rest.iter().position(|&byte| byte == 0);
+        let text = self.slice(end.ok_or(WireError::Truncated(what))?, what)?;
+        self.rest = &self.rest[1..];
+        Ok(text)
+    }
+
+    pub(crate) fn u8(&mut self, what: &'static str) -> Result<u8, WireError> {
+        self.array(what).map(|[byte]| byte)
+    }
+}
+
+/// Numbers of one byte order.
+macro_rules! numbers {
+    ($($name:ident: $number:ty, $from:ident;)*) => {
+        impl Cursor<'_> {
+            $(pub(crate) fn $name(&mut self, what: &'static str) -> Result<$number, WireError> {
+                self.array(what).map(<$number>::$from)
+            })*
+        }
+    };
+}
+
+numbers! {
+    u16_le: u16, from_le_bytes;
+    u32_le: u32, from_le_bytes;
+    i32_le: i32, from_le_bytes;
+    u64_le: u64, from_le_bytes;
+    f32_le: f32, from_le_bytes;
+    f64_le: f64, from_le_bytes;
+    u32_be: u32, from_be_bytes;
+    i32_be: i32, from_be_bytes;
+    f64_be: f64, from_be_bytes;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_ends_at_its_first_zero_and_is_shown_without_control_characters() {
+        let name = Name::new(b"qu\x1bad\xff\0rest").unwrap();
+        assert_eq!(name.as_bytes(), b"qu\x1bad\xff");
+        assert_eq!(name.to_string(), "quad\u{fffd}");
+        assert_eq!(
+            Name::new(&[b'a'; LONGEST_NAME + 1]),
+            Err(WireError::Oversized("a name"))
+        );
+    }
+
+    #[test]
+    fn a_frame_takes_no_more_bodies_than_it_has_memory_for() {
+        let body = WireBody {
+            name: Name::EMPTY,
+            number: 0,
+            pose: None,
+        };
+        let mut frame = Frame::new();
+        let memory = frame.bodies.capacity();
+        for _ in 0..MOST_BODIES {
+            frame.push(body).unwrap();
+        }
+        assert!(frame.push(body).is_err());
+        assert_eq!(frame.bodies.capacity(), memory);
+    }
+
+    #[test]
+    fn what_is_no_rotation_and_no_place_is_refused() {
+        let level = [0.0, 0.0, 0.0, 1.0];
+        assert!(CapturePose::from_quaternion([0.0; 3], level).is_ok());
+        for quaternion in [[0.0; 4], [0.0, 0.0, 0.0, 1.1], [f64::NAN, 0.0, 0.0, 1.0]] {
+            assert!(CapturePose::from_quaternion([0.0; 3], quaternion).is_err());
+        }
+        for coordinate in [f64::NAN, f64::INFINITY, 1e4] {
+            assert!(CapturePose::from_quaternion([0.0, coordinate, 0.0], level).is_err());
+        }
+    }
+}

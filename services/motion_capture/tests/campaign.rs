@@ -1,0 +1,365 @@
+//! A hundred thousand frames of every system with everything that a network does to them: no wrong pose.
+//!
+//! Where frames are lost, repeated and come in another order, every pose that is handed out is the one that was sent, to
+//! the digits of the format, with its time. Where bytes are changed too, which the checksums of UDP and TCP mostly keep
+//! from us, a pose is never farther off than the vehicle could have got in the time, which is all that can be known.
+
+use std::net::Ipv4Addr;
+
+use motion_capture::feed::{Feed, VehiclePose};
+use motion_capture::natnet::{RigidBody, ServerInfo, Times, Version};
+use motion_capture::vicon_udp::{NAME_LENGTH, Object};
+use motion_capture::vrpn::{COOKIE, Report};
+use motion_capture::wire::Frame;
+use motion_capture::{natnet, sender, vicon_udp, vrpn};
+use nalgebra::Vector3;
+use shared_types::rotation::{exp, from_roll_pitch_yaw, roll_pitch_yaw};
+use shared_types::scenario::{CaptureSystem, MotionCapture};
+
+const FRAMES: u64 = 100_000;
+const MS: u64 = 1_000_000;
+/// When the first frame is captured, ns of the local clock.
+const START: u64 = 1_000_000 * MS;
+/// What the sender's clock is ahead, ns.
+const AHEAD: u64 = 123_456_789_000;
+/// From capture to arrival at the soonest, ns.
+const DELAY: u64 = 4 * MS;
+
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
+    }
+
+    fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn below(&mut self, bound: usize) -> usize {
+        (self.bits() % bound as u64) as usize
+    }
+}
+
+fn captured(frame: u64) -> u64 {
+    START + frame * 10 * MS
+}
+
+/// Markers in a capture system whose axes are those of {I}: position (m), roll, pitch and yaw.
+fn truth(at_ns: u64) -> (Vector3<f64>, [f64; 3]) {
+    let t = (at_ns - START) as f64 * 1e-9;
+    let (sine, cosine) = libm::sincos(1.3 * t);
+    (
+        Vector3::new(2.0 + sine * cosine, -2.0 + sine, 1.5 + 0.3 * libm::cos(0.7 * t)),
+        [0.3 * sine, 0.2 * cosine, 0.5 * libm::sin(0.2 * t)],
+    )
+}
+
+fn quaternion(angles: [f64; 3]) -> [f64; 4] {
+    let r = from_roll_pitch_yaw(angles);
+    let w = 0.5 * (1.0 + r.trace()).sqrt();
+    let s = 0.25 / w;
+    [
+        (r[(2, 1)] - r[(1, 2)]) * s,
+        (r[(0, 2)] - r[(2, 0)]) * s,
+        (r[(1, 0)] - r[(0, 1)]) * s,
+        w,
+    ]
+}
+
+/// The angles of R = Rx Ry Rz.
+fn vicon_angles(angles: [f64; 3]) -> [f64; 3] {
+    // Rᵀ = Rz(−z) Ry(−y) Rx(−x)
+    roll_pitch_yaw(&from_roll_pitch_yaw(angles).transpose()).map(|angle| -angle)
+}
+
+/// A capture system at the other end of the wire, and its decoder here.
+enum Wire {
+    Vicon,
+    Vrpn(Box<vrpn::Decoder>),
+    Natnet(Version, natnet::Decoder),
+}
+
+impl Wire {
+    fn new(system: CaptureSystem, version: Version) -> Self {
+        match system {
+            CaptureSystem::ViconUdp => Self::Vicon,
+            CaptureSystem::Vrpn => {
+                let mut decoder = vrpn::Decoder::new();
+                decoder.push(&greeting(), |_| ()).unwrap();
+                Self::Vrpn(Box::new(decoder))
+            }
+            CaptureSystem::Natnet => {
+                let info = ServerInfo {
+                    version,
+                    clock_frequency: 10_000_000,
+                    data_port: 1511,
+                    multicast: None,
+                };
+                let mut decoder = natnet::Decoder::new();
+                let mut frame = Frame::new();
+                for datagram in [
+                    sender::natnet::server_info(&info),
+                    sender::natnet::names(version, &[(1, "wand"), (2, "quad")]),
+                ] {
+                    decoder.decode(&datagram, &mut frame).unwrap();
+                }
+                Self::Natnet(version, decoder)
+            }
+        }
+    }
+
+    fn packet(&self, frame: u64) -> Vec<u8> {
+        let at_ns = captured(frame);
+        let (position, angles) = truth(at_ns);
+        let mut bytes = Vec::new();
+        match self {
+            Self::Vicon => {
+                let object = |name: &[u8], position: Vector3<f64>| {
+                    let mut padded = [0; NAME_LENGTH];
+                    padded[..name.len()].copy_from_slice(name);
+                    Object {
+                        name: padded,
+                        translation_mm: (position * 1e3).into(),
+                        rotation: vicon_angles(angles),
+                    }
+                };
+                let objects = [object(b"wand", position * 2.0), object(b"quad", position)];
+                sender::vicon_udp::frame(frame as u32, &objects, &mut bytes);
+            }
+            Self::Vrpn(_) => {
+                let report = Report {
+                    sensor: 0,
+                    position: position.into(),
+                    quaternion: quaternion(angles),
+                };
+                let microseconds = (at_ns + AHEAD) / 1000;
+                let time = [
+                    (microseconds / 1_000_000) as u32,
+                    (microseconds % 1_000_000) as u32,
+                ];
+                sender::vrpn::report(time, 1, &report, &mut bytes);
+            }
+            Self::Natnet(version, _) => {
+                let body = |id, position: Vector3<f64>| RigidBody {
+                    id,
+                    position: [position.x as f32, position.y as f32, position.z as f32],
+                    quaternion: quaternion(angles).map(|c| c as f32),
+                    error: 1e-4,
+                    tracked: true,
+                };
+                let exposed = (at_ns + AHEAD) / 100;
+                let times = Times {
+                    timestamp: 0.0,
+                    exposed,
+                    received: exposed + 20_000,
+                    sent: exposed + 30_000,
+                };
+                let bodies = [body(1, position * 2.0), body(2, position)];
+                bytes = sender::natnet::frame(*version, frame as u32, &bodies, &times);
+            }
+        }
+        bytes
+    }
+
+    /// Gives a packet to decoder and feed. A stream that makes no sense any more is begun anew, as the transport does.
+    fn deliver(&mut self, packet: &[u8], arrived_ns: u64, feed: &mut Feed) -> Vec<VehiclePose> {
+        let mut frame = Frame::new();
+        let mut poses = Vec::new();
+        match self {
+            Self::Vicon => {
+                if vicon_udp::decode(packet, &mut frame).is_ok() {
+                    poses.extend(feed.take(&frame, arrived_ns));
+                }
+            }
+            Self::Vrpn(decoder) => {
+                if decoder
+                    .push(packet, |frame| poses.extend(feed.take(frame, arrived_ns)))
+                    .is_err()
+                {
+                    decoder.restart();
+                    decoder.push(&greeting(), |_| ()).unwrap();
+                }
+            }
+            Self::Natnet(_, decoder) => {
+                if let Ok(natnet::Received::Frame { .. }) = decoder.decode(packet, &mut frame) {
+                    poses.extend(feed.take(&frame, arrived_ns));
+                }
+            }
+        }
+        poses
+    }
+}
+
+fn greeting() -> Vec<u8> {
+    let mut bytes = COOKIE.to_vec();
+    sender::vrpn::sender(0, "wand", &mut bytes);
+    sender::vrpn::sender(1, "quad", &mut bytes);
+    sender::vrpn::types(&mut bytes);
+    bytes
+}
+
+fn stated(system: CaptureSystem) -> MotionCapture {
+    let identity = Some(shared_types::scenario::FrameTransform::default());
+    // What no stamp tells: Motive's own 3 ms are stamped.
+    let latency = if system == CaptureSystem::Natnet {
+        1e-3
+    } else {
+        4e-3
+    };
+    MotionCapture {
+        world_from_capture: identity.clone(),
+        body_from_markers: identity,
+        latency: Some(latency),
+        ..MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
+    }
+}
+
+/// What reached the vehicle.
+#[derive(Debug, Default)]
+struct Outcome {
+    poses: u64,
+    changed: u64,
+    wrong: u64,
+    furthest: f64,
+    turned: f64,
+    latest_ns: u64,
+}
+
+/// Flies the frames over a network that loses, repeats, delays and overtakes, and changes bytes if it is told to.
+fn fly(system: CaptureSystem, version: Version, changes: f64, tolerance: f64) -> (Outcome, Feed) {
+    let mut random = Random(0x9E37_79B9_7F4A_7C15);
+    let mut wire = Wire::new(system, version);
+    let mut feed = Feed::new(system, &stated(system)).unwrap();
+    let is_stream = system == CaptureSystem::Vrpn;
+    let mut under_way: Vec<(u64, u64, Vec<u8>)> = Vec::new();
+    let mut outcome = Outcome::default();
+    for frame in 0..FRAMES {
+        let copies = match random.unit() {
+            // A stream loses and repeats nothing; its server may leave out and repeat messages.
+            chance if chance < 0.05 => 0,
+            chance if chance < 0.08 => 2,
+            _ => 1,
+        };
+        for _ in 0..copies {
+            let mut packet = wire.packet(frame);
+            if random.unit() < changes {
+                outcome.changed += 1;
+                change(&mut packet, &mut random);
+            }
+            let delay_ns = if !is_stream && random.unit() < 0.05 {
+                // Behind one or two others.
+                random.below(25) as u64 * MS
+            } else {
+                (random.unit() * 1e6) as u64
+            };
+            under_way.push((captured(frame) + DELAY + delay_ns, frame, packet));
+        }
+        under_way.sort_by_key(|(arrives_ns, ..)| *arrives_ns);
+        let arrived = under_way
+            .iter()
+            .take_while(|(arrives_ns, ..)| *arrives_ns < captured(frame + 1) + DELAY)
+            .count();
+        for (arrived_ns, _, packet) in under_way.drain(..arrived) {
+            for pose in wire.deliver(&packet, arrived_ns, &mut feed) {
+                judge(&pose, tolerance, &mut outcome);
+            }
+        }
+    }
+    (outcome, feed)
+}
+
+fn judge(pose: &VehiclePose, tolerance: f64, outcome: &mut Outcome) {
+    // Vicon's poses are told by their arrival: the frame is the one captured soonest before it.
+    let nearest = (pose.captured_ns.saturating_sub(START) + 5 * MS) / (10 * MS);
+    let error = [nearest.saturating_sub(2), nearest.saturating_sub(1), nearest]
+        .into_iter()
+        .map(|frame| {
+            let (position, angles) = truth(captured(frame));
+            let turned = from_roll_pitch_yaw(angles).transpose() * pose.pose.world_from_body;
+            let off = (pose.pose.position_world - position).norm();
+            (
+                off,
+                (turned - nalgebra::Matrix3::identity()).norm(),
+                captured(frame),
+            )
+        })
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .unwrap();
+    outcome.poses += 1;
+    outcome.furthest = outcome.furthest.max(error.0);
+    outcome.turned = outcome.turned.max(error.1);
+    outcome.latest_ns = outcome.latest_ns.max(pose.captured_ns.abs_diff(error.2));
+    outcome.wrong += u64::from(error.0 > tolerance || error.1 > 10.0 * tolerance);
+}
+
+/// Changes bytes in one of the ways in which they are changed.
+fn change(packet: &mut Vec<u8>, random: &mut Random) {
+    let place = random.below(packet.len());
+    match random.below(4) {
+        0 => packet[place] ^= 1 << random.below(8),
+        1 => packet.truncate(place),
+        2 => {
+            let end = packet.len().min(place + 1 + random.below(64));
+            packet[place..end].fill_with(|| random.bits() as u8);
+        }
+        _ => packet.extend_from_within(place..),
+    }
+}
+
+const SYSTEMS: [(CaptureSystem, Version); 4] = [
+    (CaptureSystem::ViconUdp, Version { major: 0, minor: 0 }),
+    (CaptureSystem::Vrpn, Version { major: 0, minor: 0 }),
+    (CaptureSystem::Natnet, Version { major: 3, minor: 1 }),
+    (CaptureSystem::Natnet, Version { major: 4, minor: 1 }),
+];
+
+#[test]
+fn of_frames_lost_repeated_and_overtaken_none_gives_a_wrong_pose() {
+    for (system, version) in SYSTEMS {
+        let (outcome, feed) = fly(system, version, 0.0, 1e-6);
+        println!("{system:?} {version:?}: {outcome:?}\n  {:?}", feed.counts());
+        assert_eq!(outcome.wrong, 0, "{system:?} {outcome:?}");
+        assert!(outcome.poses > FRAMES * 85 / 100, "{system:?} {outcome:?}");
+        // A stamp tells the time to the jitter of the soonest packets; without one it is wrong by the delay.
+        let latest_ns = if system == CaptureSystem::ViconUdp {
+            26 * MS
+        } else {
+            MS / 4
+        };
+        assert!(outcome.latest_ns <= latest_ns, "{system:?} {outcome:?}");
+        let counts = feed.counts();
+        assert_eq!(
+            (counts.jumped, counts.exchanged, counts.mistimed),
+            (0, 0, 0),
+            "{counts:?}"
+        );
+        assert_eq!(counts.believed + counts.dropped(), counts.frames);
+        assert!(counts.repeated > 1000);
+    }
+}
+
+#[test]
+fn of_frames_changed_on_the_way_none_gives_a_pose_where_the_vehicle_cannot_be() {
+    for (system, version) in SYSTEMS {
+        // 10 m/s for 0.2 s at most, and the noise; for the attitude ten times as much.
+        let (outcome, feed) = fly(system, version, 0.05, 0.25);
+        println!("{system:?} {version:?}: {outcome:?}\n  {:?}", feed.counts());
+        assert_eq!(outcome.wrong, 0, "{system:?} {outcome:?}");
+        assert!(outcome.changed > FRAMES / 25, "{outcome:?}");
+        // Of a stream whose lengths are changed more is lost than what was changed.
+        assert!(outcome.poses > FRAMES * 50 / 100, "{system:?} {outcome:?}");
+    }
+}
+
+#[test]
+fn rotations_here_are_those_of_the_wire() {
+    let angles = [0.3, -0.2, 0.9];
+    let [x, y, z] = vicon_angles(angles);
+    let by_vicon = vicon_udp::capture_from_markers([x, y, z]);
+    assert!((by_vicon - from_roll_pitch_yaw(angles)).norm() < 1e-12);
+    assert!((exp(&Vector3::new(0.3, 0.0, 0.0)) - from_roll_pitch_yaw([0.3, 0.0, 0.0])).norm() < 1e-12);
+}

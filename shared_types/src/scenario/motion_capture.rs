@@ -1,0 +1,185 @@
+//! Where poses come from in a laboratory: a motion-capture system on the network, and what is known of it.
+
+use std::net::Ipv4Addr;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Vector;
+
+/// Where the estimator's poses come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PoseSource {
+    /// The plant's cameras.
+    #[default]
+    Simulated,
+    /// Vicon Tracker's UDP object stream.
+    ViconUdp,
+    /// A VRPN server.
+    Vrpn,
+    /// OptiTrack Motive's NatNet stream.
+    Natnet,
+}
+
+/// A motion-capture system that sends poses over a network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CaptureSystem {
+    /// Vicon Tracker's UDP object stream.
+    ViconUdp,
+    /// A VRPN server.
+    Vrpn,
+    /// OptiTrack Motive's NatNet stream.
+    Natnet,
+}
+
+/// The motion-capture system of `estimator.source`: where it is, which body is the vehicle, and what a pose can be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MotionCapture {
+    /// IPv4 address of the machine that sends; packets from any other are counted and dropped.
+    pub server: String,
+    /// Its port, or with Vicon's UDP stream the port here; 3883 (VRPN), 1510 (NatNet) or 51001 (Vicon) unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub port: Option<u32>,
+    /// IPv4 address of the interface here on which packets are received; nothing else is listened to.
+    #[serde(default = "default_interface")]
+    pub interface: String,
+    /// The vehicle: a body's name; its number as `#7` (NatNet); or both as `name#1` (a sensor of VRPN, 0 unless stated).
+    pub object: String,
+    /// From the capture system's frame to {I}; from its usual axes unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub world_from_capture: Option<FrameTransform>,
+    /// From the frame of the vehicle's markers to {B}; of a body that was made level, nose along the system's x, unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body_from_markers: Option<FrameTransform>,
+    /// Shortest time from the exposure to the arrival that no stamp tells, s; 0.005 (Vicon), 0.004 (VRPN) or 0.0002 (NatNet) unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latency: Option<f64>,
+    /// Least and largest rate of frames without a warning, Hz.
+    #[serde(default = "default_rate")]
+    pub rate: [f64; 2],
+    /// Largest speed that a pose is believed at, m/s.
+    #[serde(default = "default_max_speed")]
+    pub max_speed: f64,
+    /// Largest rate of turn that a pose is believed at, rad/s.
+    #[serde(default = "default_max_turn_rate")]
+    pub max_turn_rate: f64,
+    /// For how long poses must follow each other before they are believed, at the start and after a jump, s.
+    #[serde(default = "default_settle")]
+    pub settle: f64,
+}
+
+/// x ↦ R x + position, with R = Rz(yaw) Ry(pitch) Rx(roll).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FrameTransform {
+    /// The origin of the frame that is transformed from, m.
+    pub position: Vector,
+    /// Roll, pitch and yaw, rad.
+    pub roll_pitch_yaw: Vector,
+}
+
+fn default_interface() -> String {
+    Ipv4Addr::LOCALHOST.to_string()
+}
+
+fn default_rate() -> [f64; 2] {
+    [50.0, 500.0]
+}
+
+fn default_max_speed() -> f64 {
+    10.0
+}
+
+fn default_max_turn_rate() -> f64 {
+    35.0
+}
+
+fn default_settle() -> f64 {
+    0.3
+}
+
+impl PoseSource {
+    /// The system on the network; `None` for the plant's cameras.
+    #[must_use]
+    pub fn system(self) -> Option<CaptureSystem> {
+        match self {
+            Self::Simulated => None,
+            Self::ViconUdp => Some(CaptureSystem::ViconUdp),
+            Self::Vrpn => Some(CaptureSystem::Vrpn),
+            Self::Natnet => Some(CaptureSystem::Natnet),
+        }
+    }
+
+    /// Whether poses come from the plant's cameras.
+    #[must_use]
+    pub fn is_simulated(&self) -> bool {
+        self.system().is_none()
+    }
+}
+
+impl CaptureSystem {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::ViconUdp, Self::Vrpn, Self::Natnet];
+
+    /// The word of `estimator.source`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ViconUdp => "vicon_udp",
+            Self::Vrpn => "vrpn",
+            Self::Natnet => "natnet",
+        }
+    }
+
+    /// Port unless stated.
+    #[must_use]
+    pub fn port(self) -> u16 {
+        match self {
+            Self::ViconUdp => 51001,
+            Self::Vrpn => 3883,
+            Self::Natnet => 1510,
+        }
+    }
+
+    /// Time from the exposure to the arrival that no stamp tells unless stated, s.
+    #[must_use]
+    pub fn latency(self) -> f64 {
+        match self {
+            Self::ViconUdp => 0.005,
+            Self::Vrpn => 0.004,
+            // Motive stamps exposure and sending: only the network is left.
+            Self::Natnet => 0.0002,
+        }
+    }
+}
+
+impl MotionCapture {
+    /// A system that is known by its address and the vehicle's name only.
+    #[must_use]
+    pub fn new(server: Ipv4Addr, object: &str) -> Self {
+        Self {
+            server: server.to_string(),
+            port: None,
+            interface: default_interface(),
+            object: object.to_owned(),
+            world_from_capture: None,
+            body_from_markers: None,
+            latency: None,
+            rate: default_rate(),
+            max_speed: default_max_speed(),
+            max_turn_rate: default_max_turn_rate(),
+            settle: default_settle(),
+        }
+    }
+
+    /// Name and number of the vehicle's body, each if stated; `None` if what stands behind `#` is no number.
+    #[must_use]
+    pub fn name_and_number(&self) -> Option<(&str, Option<i32>)> {
+        match self.object.rsplit_once('#') {
+            None => Some((&self.object, None)),
+            Some((name, number)) => Some((name, Some(number.parse().ok()?))),
+        }
+    }
+}

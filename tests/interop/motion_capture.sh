@@ -1,0 +1,83 @@
+#!/bin/sh
+# Checks motion capture against programs that others wrote.
+#
+#     tests/interop/motion_capture.sh
+#
+# * NatNet 3.1 and 4.1, and VRPN: `gerono mocap send` against the client of PyPI's `motioncapture`;
+# * VRPN: `gerono mocap probe` against `vrpn_server`, built from the source package of the same.
+#
+# The program is $GERONO, or the release build of this tree. Everything else lives in target/mocap-venv and
+# target/mocap-vrpn, made at the first run, which takes some minutes. Only loopback addresses are used, and their ports
+# 1510, 1511 and 3883. Where the registry or a compiler is out of reach it says SKIPPED and ends well.
+set -eu
+
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../.." && pwd)
+target=${CARGO_TARGET_DIR:-$root/target}
+venv=$target/mocap-venv
+vrpn=$target/mocap-vrpn
+requirements=$here/motion_capture.txt
+
+skip() {
+    echo "SKIPPED: motion capture was NOT checked against other programs: $1" >&2
+    exit 0
+}
+
+if ! cmp -s "$requirements" "$venv/requirements.txt"; then
+    rm -rf "$venv" "$vrpn"
+    python3 -m venv "$venv"
+    "$venv/bin/pip" install --quiet --disable-pip-version-check --only-binary :all: --requirement "$requirements" ||
+        skip "its packages could not be installed"
+    cp "$requirements" "$venv/requirements.txt"
+fi
+
+if ! [ -x "$vrpn/vrpn_server" ]; then
+    command -v c++ >/dev/null || skip "there is no C++ compiler"
+    rm -rf "$vrpn"
+    mkdir -p "$vrpn/build"
+    # Without isolation: else pip builds a cmake of its own to ask the package for its name.
+    PATH="$venv/bin:$PATH" "$venv/bin/pip" download --quiet --disable-pip-version-check --no-deps --no-build-isolation \
+        --no-binary motioncapture --dest "$vrpn" motioncapture==1.1 || skip "the source package could not be had"
+    tar -xzf "$vrpn/motioncapture-1.1.tar.gz" -C "$vrpn"
+    (
+        cd "$vrpn/build"
+        "$venv/bin/cmake" "$vrpn/motioncapture-1.1/deps/vrpn" -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF \
+            -DVRPN_BUILD_JAVA=OFF -DVRPN_BUILD_PYTHON=OFF -DVRPN_BUILD_CLIENTS=OFF
+        make vrpn_server
+    ) >"$vrpn/build.log" 2>&1 || skip "vrpn_server could not be built, see $vrpn/build.log"
+    cp "$vrpn/build/server_src/vrpn_server" "$vrpn/vrpn_server"
+fi
+
+if [ -z "${GERONO:-}" ]; then
+    cargo build --quiet --release --manifest-path "$root/Cargo.toml" --package orchestrator --bin gerono
+    GERONO=$target/release/gerono
+fi
+
+other=
+trap '[ -z "$other" ] || kill "$other" 2>/dev/null || true' EXIT
+
+for version in 3.1 4.1; do
+    "$GERONO" mocap send --as natnet --natnet $version --noise 0 --seconds 20 &
+    other=$!
+    timeout 60 "$venv/bin/python" "$here/motion_capture.py" optitrack hostname=127.0.0.1 interface_ip=127.0.0.1
+    kill "$other"
+    wait "$other" || true
+    echo "NatNet $version: the client sees the eight"
+done
+
+"$GERONO" mocap send --as vrpn --noise 0 --seconds 40 &
+other=$!
+timeout 60 "$venv/bin/python" "$here/motion_capture.py" vrpn hostname=tcp://127.0.0.1:3883
+kill "$other"
+wait "$other" || true
+echo "VRPN: the client sees the eight"
+
+echo 'vrpn_Tracker_Spin Tracker0 2 100.0 0.0 0.0 1.0 0.5' >"$vrpn/spin.cfg"
+"$vrpn/vrpn_server" -f "$vrpn/spin.cfg" 3883 >"$vrpn/server.log" 2>&1 &
+other=$!
+"$GERONO" mocap probe --source vrpn --object 'Tracker0#1' --seconds 5 | tee "$vrpn/probe.txt"
+kill "$other"
+wait "$other" || true
+other=
+grep -q 'believed [2-9][0-9][0-9]' "$vrpn/probe.txt"
+echo "VRPN: vrpn_server is understood"

@@ -1,0 +1,169 @@
+//! `gerono mocap`: one process seems to be a motion-capture system, another listens to it.
+
+mod common;
+
+use std::net::{TcpListener, UdpSocket};
+use std::process::{Child, Output};
+
+use common::{Place, output};
+
+/// A process that is ended with the test.
+struct Sender(Child);
+
+impl Drop for Sender {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A port of TCP and UDP that was free a moment ago.
+fn free_port() -> String {
+    let socket = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = socket.local_addr().unwrap().port();
+    drop(UdpSocket::bind(("127.0.0.1", port)).unwrap());
+    port.to_string()
+}
+
+/// Sends as a system, and listens to it.
+fn probed(place: &Place, system: &str, send: &[&str], probe: &[&str]) -> Output {
+    let (port, frames) = (free_port(), free_port());
+    // Vicon sends to the port of the listener, NatNet is asked at one and sends to another.
+    let to = format!("127.0.0.1:{}", if system == "vicon" { &port } else { &frames });
+    let at = [
+        "mocap",
+        "send",
+        "--as",
+        system,
+        "--port",
+        &port,
+        "--to",
+        &to,
+        "--seconds",
+        "60",
+    ];
+    let sender = place.gerono(&[&at[..], send].concat()).spawn().unwrap();
+    let _sender = Sender(sender);
+    let from = [
+        "mocap",
+        "probe",
+        "--source",
+        system,
+        "--port",
+        &port,
+        "--seconds",
+        "3",
+    ];
+    output(&mut place.gerono(&[&from[..], probe].concat()))
+}
+
+fn printed(output: &Output) -> String {
+    let [out, err] =
+        [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+    out + &err
+}
+
+#[test]
+fn every_system_that_is_sent_is_heard_and_believed() {
+    let place = Place::new();
+    for (system, send) in [
+        ("vrpn", &[][..]),
+        ("natnet", &["--natnet", "3.1"]),
+        ("natnet", &["--natnet", "4.1"]),
+        ("vicon", &[]),
+    ] {
+        let output = probed(&place, system, send, &["--object", "quad"]);
+        let text = printed(&output);
+        assert!(output.status.success(), "{system}: {text}");
+        assert!(
+            text.contains("believed") && text.contains("malformed 0, from strangers 0"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn a_body_that_nobody_sends_is_named_with_those_that_came() {
+    let place = Place::new();
+    let output = probed(&place, "vrpn", &[], &["--object", "drone"]);
+    let text = printed(&output);
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(
+        text.contains("no pose of `drone` could be believed") && text.contains(" quad "),
+        "{text}"
+    );
+}
+
+#[test]
+fn nobody_there_is_told_as_that() {
+    let place = Place::new();
+    let port = free_port();
+    let arguments = [
+        "mocap",
+        "probe",
+        "--source",
+        "vrpn",
+        "--port",
+        &port,
+        "--seconds",
+        "0.5",
+    ];
+    let output = output(&mut place.gerono(&arguments));
+    assert_eq!(output.status.code(), Some(1));
+    assert!(printed(&output).contains("nothing came from 127.0.0.1"));
+}
+
+/// The sections that were written are those of a scenario, and they let the body lie level at the origin.
+#[test]
+fn a_calibration_is_part_of_a_scenario() {
+    let place = Place::new();
+    let file = place.path("calibration.toml");
+    let calibrate = ["--object", "quad", "--calibrate", file.to_str().unwrap()];
+    let output = probed(&place, "natnet", &["--rest"], &calibrate);
+    assert!(output.status.success(), "{}", printed(&output));
+    let written: toml::Table = std::fs::read_to_string(&file).unwrap().parse().unwrap();
+    let stated = written["motion_capture"].clone();
+    let stated: shared_types::scenario::MotionCapture = stated.try_into().unwrap();
+    assert_eq!(written["estimator"]["source"].as_str(), Some("natnet"));
+    let calibration = motion_capture::conventions::Calibration::new(
+        shared_types::scenario::CaptureSystem::Natnet,
+        stated.world_from_capture.as_ref(),
+        stated.body_from_markers.as_ref(),
+    );
+    let sent = motion_capture::conventions::Calibration::new(
+        shared_types::scenario::CaptureSystem::Natnet,
+        None,
+        None,
+    );
+    // The eight begins there, with the nose to the front right.
+    let start = motion_capture::conventions::WorldPose {
+        position_world: nalgebra::Vector3::new(0.0, -0.187_721, -1.185_226),
+        world_from_body: shared_types::rotation::from_roll_pitch_yaw([0.0, 0.0, std::f64::consts::FRAC_PI_4]),
+    };
+    let pose = calibration.world_pose(&sent.capture_pose(&start));
+    assert!(pose.position_world.norm() < 1e-3, "{pose:?}");
+    assert!(
+        (pose.world_from_body - nalgebra::Matrix3::identity()).norm() < 1e-2,
+        "{pose:?}"
+    );
+}
+
+#[test]
+fn a_flight_never_takes_simulated_poses_for_those_of_a_network() {
+    let place = Place::new();
+    let scenario = common::scenario("fig3_6");
+    let mut run = place.gerono(&[
+        "run",
+        scenario.to_str().unwrap(),
+        "--out",
+        "out",
+        "--set",
+        "estimator.source=vrpn",
+        "--set",
+        "motion_capture={server = \"127.0.0.1\", object = \"quad\"}",
+    ]);
+    let output = output(&mut run);
+    assert_eq!(output.status.code(), Some(2), "{}", printed(&output));
+    assert!(printed(&output).contains("estimator.source=simulated"));
+    assert!(!place.path("out").exists());
+}
