@@ -13,6 +13,7 @@ mod flight;
 mod machine;
 mod path;
 mod radio;
+mod radio_link;
 mod safety;
 mod sections;
 mod vehicle;
@@ -55,7 +56,9 @@ impl Scenario {
             estimator.kalman.check(&at, found);
         }
         if let Some(link) = &self.rc_output {
-            link.check(&root.then("rc_output"), found);
+            let at = root.then("rc_output");
+            link.check(&at, found);
+            link.check_transmitter(&at, found);
         }
         if let Some(model) = &self.model {
             model.check(&root.then("model"), found);
