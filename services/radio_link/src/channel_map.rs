@@ -89,16 +89,29 @@ impl ChannelMap {
             let share = (self.travel(code) + 1.0) / 2.0;
             travels[stick.channel] = low + share * (high - low);
         }
-        if let Some((channel, [_, armed])) = self.arming {
+        if let Some((channel, [_, armed])) = self.arming
+            && !sticks.disarmed
+        {
             travels[channel] = armed;
         }
         travels
     }
 
-    /// Where the thrust's travel stands.
+    /// The channel of each stick, as an index: thrust, roll, pitch, yaw.
     #[must_use]
-    pub fn thrust_channel(&self) -> usize {
-        self.sticks[0].channel
+    pub fn stick_channels(&self) -> [usize; 4] {
+        self.sticks.map(|stick| stick.channel)
+    }
+
+    /// The code of a stick whose travel is nearest to a travel.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a whole number from 0 to the largest code, of at most 16 bits"
+    )]
+    pub fn code(&self, travel: f64) -> u16 {
+        libm::round((travel.clamp(-1.0, 1.0) + 1.0) / 2.0 * self.largest_code) as u16
     }
 }
 
@@ -172,6 +185,7 @@ mod tests {
             codes: [2047, 2047, 2047, 0],
             failsafe: false,
             is_lost: false,
+            disarmed: false,
         };
         let travels = map.travels(&sticks);
         assert_eq!(travels[..8], [1.1, 1.0, -1.0, -1.0, 1.0, -1.0, 0.5, -1.0]);
@@ -182,6 +196,21 @@ mod tests {
         let map = ChannelMap::new(&RcLink::default(), &transmitter());
         let travels = map.travels(&Sticks::AT_REST);
         assert_eq!(travels[..8], [-1.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.5, -1.0]);
+    }
+
+    #[test]
+    fn sticks_move_while_the_arming_switch_stays_off() {
+        let map = ChannelMap::new(&RcLink::default(), &transmitter());
+        let sticks = Sticks {
+            codes: [1, -1, 0, 1].map(|travel| map.code(f64::from(travel))),
+            disarmed: true,
+            ..Sticks::default()
+        };
+        let travels = map.travels(&sticks);
+        assert_eq!(
+            (travels[0], travels[1], travels[3], travels[4]),
+            (1.1, -1.0, 1.0, -1.0)
+        );
     }
 
     #[test]

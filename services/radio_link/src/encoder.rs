@@ -70,26 +70,23 @@ impl Encoder {
     pub fn encode(&mut self, sticks: &Sticks, failsafe: bool, now_ns: u64, frame: &mut Frame) {
         frame.clear();
         let travels = self.map.travels(sticks);
-        let codes = |ends| {
-            let limits = if ends == msp::ENDS { PULSES } else { ELEVEN_BITS };
-            Units { ends, limits }.codes(&travels)
-        };
+        let codes = self.units().codes(&travels);
         match &mut self.format {
-            Format::Crsf => frame.push(&crsf::encode(&codes(crsf::ENDS))),
+            Format::Crsf => frame.push(&crsf::encode(&codes)),
             Format::Sbus => {
                 let flags = sbus::Flags {
                     failsafe,
                     ..sbus::Flags::default()
                 };
-                frame.push(&sbus::encode(&codes(sbus::ENDS), flags));
+                frame.push(&sbus::encode(&codes, flags));
             }
-            Format::Multi(settings) => frame.push(&multi::encode(&codes(multi::ENDS), *settings)),
-            Format::Msp => frame.push(&msp::encode(&codes(msp::ENDS))),
+            Format::Multi(settings) => frame.push(&multi::encode(&codes, *settings)),
+            Format::Msp => frame.push(&msp::encode(&codes)),
             Format::Mavlink(format) => {
                 let message = match format.message {
                     MavlinkMessage::RcOverride => Message::RcOverride {
                         target: format.target,
-                        channels: codes(mavlink::ENDS),
+                        channels: codes,
                     },
                     MavlinkMessage::AttitudeTarget => {
                         format.attitude_target(&self.map, sticks, &travels, now_ns)
@@ -98,6 +95,26 @@ impl Encoder {
                 format.push(&message, now_ns, frame);
             }
         }
+    }
+
+    /// The units of the link's channels; pulses where it has none.
+    #[must_use]
+    #[inline]
+    pub fn units(&self) -> Units {
+        let (ends, limits) = match self.format {
+            Format::Crsf => (crsf::ENDS, ELEVEN_BITS),
+            Format::Sbus => (sbus::ENDS, ELEVEN_BITS),
+            Format::Multi(_) => (multi::ENDS, ELEVEN_BITS),
+            Format::Msp => (msp::ENDS, PULSES),
+            Format::Mavlink(_) => (mavlink::ENDS, PULSES),
+        };
+        Units { ends, limits }
+    }
+
+    /// Which channel says what.
+    #[must_use]
+    pub fn map(&self) -> &ChannelMap {
+        &self.map
     }
 
     /// Whether the frames can say that the command is lost; if not, they stop.
@@ -148,7 +165,7 @@ impl MavlinkFormat {
         Message::AttitudeTarget(AttitudeTarget {
             time_ms: (now_ns.saturating_sub(began) / 1_000_000) as u32,
             rates_body: [0, 1, 2].map(rate),
-            thrust: ((travels[map.thrust_channel()] + 1.0) / 2.0).clamp(0.0, 1.0) as f32,
+            thrust: ((travels[map.stick_channels()[0]] + 1.0) / 2.0).clamp(0.0, 1.0) as f32,
             target: self.target,
         })
     }

@@ -106,22 +106,16 @@ impl RadioLink {
         Some(self.port.send(self.frame.bytes(), now_ns))
     }
 
-    /// The bytes of the newest frame.
+    /// How frames are made.
     #[must_use]
-    pub fn newest_frame(&self) -> &[u8] {
-        self.frame.bytes()
+    pub fn encoder(&self) -> &Encoder {
+        &self.encoder
     }
 
     /// The port.
     #[must_use]
     pub fn port(&self) -> &Port {
         &self.port
-    }
-
-    /// The port, to read what a receiver answers.
-    #[must_use]
-    pub fn port_mut(&mut self) -> &mut Port {
-        &mut self.port
     }
 
     /// Frames that were not sent, so that the receiver's failsafe acts.
@@ -148,6 +142,7 @@ mod tests {
         codes: [1000; 4],
         failsafe: false,
         is_lost: false,
+        disarmed: false,
     };
     const LOST: Sticks = Sticks {
         is_lost: true,

@@ -11,8 +11,10 @@ pub struct Sticks {
     pub codes: [u16; 4],
     /// Whether the motors are to rest.
     pub failsafe: bool,
-    /// Whether they are to rest because the command is lost, not because somebody wants it.
+    /// Whether they are to rest because what the transmitter needs is lost, not because somebody wants it.
     pub is_lost: bool,
+    /// Whether the arming switch stays off all the same: to try the sticks on the ground.
+    pub disarmed: bool,
 }
 
 impl Sticks {
@@ -21,6 +23,7 @@ impl Sticks {
         codes: [0; 4],
         failsafe: true,
         is_lost: false,
+        disarmed: true,
     };
 
     /// Those of a frame. One that carries no body rates has no sticks: with it the motors rest.
@@ -28,11 +31,13 @@ impl Sticks {
     #[inline]
     pub fn of(frame: &RcFrame) -> Self {
         let [thrust, roll, pitch, yaw, ..] = frame.channels;
-        let has_sticks = frame.mode == RcFrame::MODE_RATES;
+        let failsafe = frame.failsafe.is_set() || frame.mode != RcFrame::MODE_RATES;
         Self {
             codes: [thrust, roll, pitch, yaw],
-            failsafe: frame.failsafe.is_set() || !has_sticks,
-            is_lost: frame.stage == RcFrame::STAGE_FAILSAFE,
+            failsafe,
+            // The frames of a vehicle that is disarmed are failsafe frames too, but its commands go on.
+            is_lost: failsafe && !frame.inputs_fresh.is_set(),
+            disarmed: failsafe,
         }
     }
 }
@@ -62,7 +67,11 @@ impl Mailbox {
             codes.fold(0, |word, &code| word << 16 | u64::from(code)),
             Ordering::Relaxed,
         );
-        let flags = u64::from(sticks.failsafe) | u64::from(sticks.is_lost) << 1;
+        let flags = [sticks.failsafe, sticks.is_lost, sticks.disarmed];
+        let flags = flags
+            .iter()
+            .rev()
+            .fold(0, |word, &flag| word << 1 | u64::from(flag));
         self.flags.store(flags, Ordering::Relaxed);
         self.put_at_ns.store(now_ns, Ordering::Relaxed);
         self.count.store(count + 2, Ordering::Release);
@@ -90,6 +99,7 @@ impl Mailbox {
                 codes: [0, 1, 2, 3].map(code),
                 failsafe: flags & 1 != 0,
                 is_lost: flags & 2 != 0,
+                disarmed: flags & 4 != 0,
             };
             (sticks, put_at_ns)
         })
@@ -99,6 +109,7 @@ impl Mailbox {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use zerocopy::FromZeros;
 
     #[test]
     fn nothing_is_there_before_the_first_and_then_the_newest() {
@@ -108,6 +119,7 @@ mod tests {
             codes: [1, 0xffff, 3, 0x8000],
             failsafe: false,
             is_lost: true,
+            disarmed: false,
         };
         mailbox.put(&Sticks::AT_REST, 1);
         mailbox.put(&sticks, 2);
@@ -126,6 +138,7 @@ mod tests {
                         codes: [u16::from_le_bytes([code[0], code[1]]); 4],
                         failsafe: now_ns % 2 == 0,
                         is_lost: now_ns % 3 == 0,
+                        disarmed: now_ns % 5 == 0,
                     };
                     mailbox.put(&sticks, now_ns);
                 }
@@ -139,11 +152,39 @@ mod tests {
                 newest = now_ns;
                 let code = u16::from_le_bytes([now_ns.to_le_bytes()[0], now_ns.to_le_bytes()[1]]);
                 assert_eq!(sticks.codes, [code; 4]);
-                assert_eq!(
-                    (sticks.failsafe, sticks.is_lost),
-                    (now_ns % 2 == 0, now_ns % 3 == 0)
-                );
+                let flags = [sticks.failsafe, sticks.is_lost, sticks.disarmed];
+                assert_eq!(flags, [2, 3, 5].map(|divisor| now_ns % divisor == 0));
             }
         });
+    }
+
+    #[test]
+    fn a_frame_of_a_disarmed_vehicle_is_not_lost_and_one_without_fresh_inputs_is() {
+        let mut frame = RcFrame {
+            mode: RcFrame::MODE_RATES,
+            stage: RcFrame::STAGE_FAILSAFE,
+            failsafe: true.into(),
+            inputs_fresh: true.into(),
+            ..RcFrame::new_zeroed()
+        };
+        let disarmed = Sticks::of(&frame);
+        assert!(disarmed.failsafe && disarmed.disarmed && !disarmed.is_lost);
+        frame.inputs_fresh = false.into();
+        assert!(Sticks::of(&frame).is_lost);
+        frame.failsafe = false.into();
+        assert_eq!(
+            Sticks::of(&frame),
+            Sticks::default(),
+            "a command is followed for as long as the transmitter does"
+        );
+    }
+
+    #[test]
+    fn a_frame_that_carries_no_body_rates_lets_the_motors_rest() {
+        let frame = RcFrame {
+            mode: RcFrame::MODE_TORQUE,
+            ..RcFrame::new_zeroed()
+        };
+        assert!(Sticks::of(&frame).failsafe);
     }
 }

@@ -262,6 +262,7 @@ fn a_sender_repeats_the_newest_sticks_and_stops_when_nobody_renews_them() {
         codes: [2047, 0, 2047, 2047],
         failsafe: false,
         is_lost: false,
+        disarmed: false,
     };
     let flown = [172, 1811, 1811, 1811, 1811];
     // Sticks are put whether or not a frame has come: on a busy machine they would grow old meanwhile.

@@ -66,8 +66,8 @@ pub struct Transmitter {
     pub switch: Vec<ChannelSwitch>,
     /// Travels of the sticks thrust, roll, pitch and yaw in failsafe frames, as sent: neither reversed nor scaled.
     pub failsafe: [f64; 4],
-    /// How long after the command is lost the link's own failsafe is used as well, s: frames stop, or carry their
-    /// flag. Never while the operator has disarmed.
+    /// How long after commands or states are lost the link's own failsafe is used as well, s: frames stop, or carry their
+    /// flag. Never while both arrive, as when the operator has disarmed.
     pub silence_after: f64,
     /// What belongs to `multi` only.
     #[serde(skip_serializing_if = "Option::is_none")]
