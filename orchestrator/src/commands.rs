@@ -5,6 +5,7 @@ pub mod check;
 pub mod doctor;
 pub mod faults;
 pub mod operate;
+pub mod rc;
 pub mod replay;
 pub mod reproduce;
 pub mod run;

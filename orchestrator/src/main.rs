@@ -3,9 +3,9 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use orchestrator::cli::{Cli, Command, Operate};
+use orchestrator::cli::{Cli, Command, Operate, RcCommand};
 use orchestrator::commands::{
-    Failure, bench, check, doctor, faults, operate, replay, reproduce, run, small, top,
+    Failure, bench, check, doctor, faults, operate, rc, replay, reproduce, run, small, top,
 };
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
@@ -28,6 +28,8 @@ fn main() -> ExitCode {
         Command::Disarm(arguments) => operate(&arguments, &Question::Operate(Request::Disarm)),
         Command::Kill(arguments) => operate(&arguments, &Question::Operate(Request::Kill)),
         Command::Stop(arguments) => operate(&arguments, &Question::Stop),
+        Command::Rc(RcCommand::Probe(arguments)) => rc::probe(&arguments),
+        Command::Rc(RcCommand::Identify(arguments)) => rc::identify(&arguments).map(|()| Exit::Success),
         Command::Top(arguments) => top::top(&arguments),
         Command::Clean => small::clean().map(|()| Exit::Success),
         Command::Schema => {
