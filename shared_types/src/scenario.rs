@@ -326,7 +326,7 @@ pub struct RcLink {
     pub rate_range: [f64; 2],
     /// Steps from −1 to 1 that the link tells apart, as a power of two, bits.
     pub resolution: u32,
-    /// What frames leave on in real time; in simulated time the link is always simulated.
+    /// What frames leave on in real time; simulated unless stated, and always in simulated time.
     #[serde(skip_serializing_if = "RadioProtocol::is_simulated")]
     pub link: RadioProtocol,
     /// The transmitter of a laboratory; none unless stated.

@@ -170,7 +170,7 @@ pub fn identify(arguments: &RcIdentify) -> Result<(), Failure> {
 
 fn table(found: &Identification) -> String {
     let mut table = Table::new();
-    table.load_preset(presets::ASCII_MARKDOWN);
+    table.load_style(presets::UTF8_FULL_CONDENSED);
     table.set_header([
         "stick",
         "stated",

@@ -6,6 +6,7 @@ mod files;
 mod machine;
 mod mutations;
 mod optional;
+mod radio_link;
 mod semantics;
 mod syntax;
 

@@ -66,8 +66,7 @@ pub struct Transmitter {
     pub switch: Vec<ChannelSwitch>,
     /// Travels of the sticks thrust, roll, pitch and yaw in failsafe frames, as sent: neither reversed nor scaled.
     pub failsafe: [f64; 4],
-    /// How long after commands or states are lost the link's own failsafe is used as well, s: frames stop, or carry their
-    /// flag. Never while both arrive, as when the operator has disarmed.
+    /// How long commands or states are missing before the link's own failsafe is used as well, s.
     pub silence_after: f64,
     /// What belongs to `multi` only.
     #[serde(skip_serializing_if = "Option::is_none")]
