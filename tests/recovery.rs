@@ -285,7 +285,11 @@ fn a_service_that_dies_together_with_the_spare_process_leaves_no_trace() {
 fn a_run_goes_on_without_a_spare_process_if_that_dies_again_and_again() {
     let place = Place::new();
     let child = begin(place.short_flight("without", 40.0, &[]));
+    await_log(&place, "without", 1_000_000);
     let mut last = None;
+    // The flight waits for a service until all spare processes are dead.
+    let estimator = pid_of(&child, ServiceId::Estimator);
+    signal(estimator, Signal::STOP);
     // It is not started again after nine deaths in a row.
     for _ in 0..9 {
         let spare = until("another spare process", || {
@@ -294,6 +298,7 @@ fn a_run_goes_on_without_a_spare_process_if_that_dies_again_and_again() {
         signal(spare, Signal::KILL);
         last = Some(spare);
     }
+    signal(estimator, Signal::CONT);
     for service in [ServiceId::Controller, ServiceId::Plant] {
         let pid = pid_of(&child, service);
         signal(pid, Signal::KILL);

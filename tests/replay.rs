@@ -9,6 +9,7 @@ use std::process::Stdio;
 use common::{Place, finish, output, scenario, services_of, signal, succeed, until};
 use orchestrator::log::{Compression, LogReader, Manifest, RunLogWriter};
 use orchestrator::replay::{Options, Replayed, replay};
+use runtime::crash::CrashPlace;
 use rustix::process::Signal;
 use shared_types::samples::ControlCommand;
 use shared_types::{ServiceId, Topic};
@@ -118,6 +119,33 @@ fn a_flight_in_real_time_is_replayed_identically_although_services_died_in_it() 
     }
     signal(child.id(), Signal::INT);
     assert_eq!(finish(child).status.code(), Some(130));
+    let replayed = replayed(&log_of(&place, "out"));
+    assert!(replayed.in_real_time);
+    assert!(replayed.is_identical(), "{:?}", replayed.first_difference());
+}
+
+#[test]
+fn a_flight_in_real_time_is_replayed_identically_wherever_in_a_step_its_services_died() {
+    let place = Place::new();
+    let places = CrashPlace::ALL
+        .into_iter()
+        .filter(|&place| place >= CrashPlace::BeforeStep);
+    let deaths: Vec<_> = places
+        .enumerate()
+        .flat_map(|(life, place)| {
+            let crash = move |service: ServiceId| {
+                let tick = 200 + 400 * life + 60 * service.index();
+                format!("{service}@{tick}:{}", place.name())
+            };
+            ServiceId::ALL.map(crash)
+        })
+        .collect();
+    let mut command = place.short_flight("out", 3.0, &["--host", "realtime"]);
+    command.args(deaths.iter().flat_map(|death| ["--crash", death]));
+    succeed(&mut command);
+    let summary = std::fs::read_to_string(place.path("out").join("summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert_eq!(summary["rebirths"].as_array().unwrap().len(), deaths.len());
     let replayed = replayed(&log_of(&place, "out"));
     assert!(replayed.in_real_time);
     assert!(replayed.is_identical(), "{:?}", replayed.first_difference());

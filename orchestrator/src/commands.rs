@@ -16,10 +16,12 @@ use std::path::{Path, PathBuf};
 
 use miette::Report;
 use serde::Serialize;
+use shared_types::Schedule;
 use shared_types::scenario::Scenario;
 
 use crate::cli::ScenarioArguments;
 use crate::exit::Exit;
+use crate::flight;
 use crate::scenario_file;
 
 /// What ends a command early: what to tell the user and the exit code.
@@ -46,6 +48,11 @@ fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
         report: error.into(),
         exit: Exit::BadInput,
     })
+}
+
+/// When everybody steps in a flight of `scenario`.
+fn schedule_of(scenario: &Scenario) -> Result<Schedule, Failure> {
+    flight::schedule_of(scenario).map_err(|failure| Failure::new(Exit::BadInput, failure))
 }
 
 /// The log that a path means: the file itself, or `run.mcap` in the folder.

@@ -2,15 +2,20 @@
 
 pub mod archive;
 pub mod crew;
+pub mod deployment;
 pub mod in_process;
 pub mod lock_step;
 pub mod real_time;
 pub mod recorder;
+mod site;
+pub mod subscription;
 pub mod tape;
 
 use std::time::Duration;
 
 use runtime::step::NonFinite;
+use shared_types::Schedule;
+use shared_types::scenario::Scenario;
 
 use crate::summary::timing::TimingReport;
 
@@ -122,6 +127,26 @@ pub enum FlightFailure {
     /// The machine refused something that every run needs.
     #[error("cannot set the run up: {0}")]
     Setup(String),
+}
+
+impl FlightFailure {
+    /// What the machine said when it refused something that every run needs.
+    #[expect(
+        clippy::needless_pass_by_value,
+        reason = "used to map errors, which come by value"
+    )]
+    fn setup(error: impl ToString) -> Self {
+        Self::Setup(error.to_string())
+    }
+}
+
+/// When everybody steps in a flight of `scenario`.
+///
+/// # Errors
+/// [`FlightFailure::Setup`] if the scenario cannot be flown; whoever has checked it does not get there.
+pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, FlightFailure> {
+    let schedule = scenario.schedule();
+    schedule.map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))
 }
 
 impl From<std::convert::Infallible> for FlightFailure {

@@ -6,11 +6,11 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use runtime::step_log::StepRecord;
-use shared_types::{Schedule, ServiceId};
+use shared_types::ServiceId;
+use shared_types::schedule::Edge;
 
 use crate::flight::Outcome;
-use crate::flight::crew::{Crew, Rebirth};
-use crate::flight::lock_step::CrewObserver;
+use crate::flight::crew::{Crew, CrewObserver, Rebirth};
 use crate::flight::real_time::StepObserver;
 use crate::log::{Compression, HostEvent, HostLogWriter, HostSample, LogError, ServiceHealth, ServiceStep};
 use crate::summary::timing::TimingReport;
@@ -141,13 +141,10 @@ impl StepObserver for HostRecord {
         self.flight_begins_ns = self.time_ns() + u64::try_from(countdown.as_nanos()).unwrap_or(0);
     }
 
-    fn step(&mut self, service: ServiceId, record: &StepRecord, schedule: &Schedule) {
+    fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]) {
         let consumed = std::array::from_fn(|input| {
             let tick = record.consumed_tick(input);
-            tick.map_or(0, |tick| {
-                let topic = service.inputs()[input].topic;
-                1 + schedule.publications(topic).count_before(tick)
-            })
+            tick.map_or(0, |tick| 1 + inputs[input].sequence_number(tick))
         });
         self.write(&ServiceStep {
             time_ns: self.flight_begins_ns + record.began_ns,

@@ -6,6 +6,7 @@
 
 mod compare;
 mod history;
+mod judge;
 mod recorded_steps;
 mod station;
 
@@ -146,11 +147,6 @@ pub fn replay(
     Ok(flight.finish())
 }
 
-/// `true`, and `false` from then on.
-fn first_only() -> impl Iterator<Item = bool> {
-    std::iter::once(true).chain(std::iter::repeat(false))
-}
-
 fn schedule_of(scenario: &Scenario) -> Result<Schedule, ReplayError> {
     scenario
         .schedule()
@@ -176,9 +172,7 @@ impl Replay {
                 match &self.steps {
                     None => station.step_as_scheduled(tick, &self.source.history),
                     Some(steps) => {
-                        for (step, is_first) in steps.of(station.service(), tick).iter().zip(first_only()) {
-                            station.step_as_recorded(step, is_first, &self.source.history);
-                        }
+                        station.step_as_recorded(steps.of(station.service(), tick), &self.source.history);
                     }
                 }
             }

@@ -23,8 +23,8 @@ pub struct Now {
     pub operator: Operator,
 }
 
-/// What the people responsible for the flight ask for. Hosts say it, like the time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What the people responsible for the flight ask for. Hosts say it, like the time. By default nothing: the motors rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Operator {
     /// The motors may turn. Whoever takes it back in the air stops them there.
     pub armed: bool,

@@ -5,7 +5,7 @@ use shared_types::scenario::Scenario;
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
-use super::{Failure, load, print};
+use super::{Failure, load, print, schedule_of};
 use crate::cli::Check;
 use crate::exit::Exit;
 
@@ -15,9 +15,7 @@ use crate::exit::Exit;
 /// [`Failure`] if the scenario cannot be flown.
 pub fn check(arguments: &Check) -> Result<(), Failure> {
     let scenario = load(&arguments.scenario)?;
-    let schedule = scenario
-        .schedule()
-        .map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
+    let schedule = schedule_of(&scenario)?;
     crate::services::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
     if arguments.mermaid {
         print(mermaid());

@@ -3,7 +3,7 @@
 use std::io::IsTerminal;
 use std::time::Duration;
 
-use super::{Failure, print};
+use super::{Failure, print, schedule_of};
 use crate::cli::Doctor;
 use crate::doctor::report::Report;
 use crate::doctor::{Host, Needs, Verdict, disk, examine, runs, wake_up};
@@ -46,9 +46,7 @@ fn needs(arguments: &Doctor) -> Result<Needs, Failure> {
         report: error.into(),
         exit: Exit::BadInput,
     })?;
-    let schedule = scenario
-        .schedule()
-        .map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
+    let schedule = schedule_of(&scenario)?;
     Ok(Needs::of(&scenario, &schedule))
 }
 

@@ -2,7 +2,7 @@
 
 use comfy_table::{Table, presets};
 
-use super::{Failure, log_path, print};
+use super::{Failure, log_path, print, schedule_of};
 use crate::cli::{Diff, Replay};
 use crate::diff::{self, TopicDiff};
 use crate::exit::Exit;
@@ -30,9 +30,7 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
             exit: Exit::BadInput,
         })?)
     };
-    let schedule = recorded
-        .schedule()
-        .map_err(|problems| Failure::new(Exit::Trouble, format!("{problems:?}")))?;
+    let schedule = schedule_of(recorded)?;
     let options = Options {
         services: arguments.services.clone(),
         changed,

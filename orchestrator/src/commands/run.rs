@@ -7,11 +7,11 @@ use runtime::deployment::Scheduler;
 use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 
-use super::{Failure, load, print, scenario_name, write_json};
+use super::{Failure, load, print, scenario_name, schedule_of, write_json};
 use crate::cli::{DeploymentArguments, Host, Run};
 use crate::exit::Exit;
 use crate::flight::crew::restart::{PerService, RestartPolicy};
-use crate::flight::lock_step::{Deployment, Placement};
+use crate::flight::deployment::{Deployment, Placement};
 use crate::flight::tape::Tape;
 use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
 use crate::host_record::HostRecord;
@@ -32,9 +32,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     {
         return Err(Failure::new(Exit::BadInput, problem));
     }
-    let schedule = scenario
-        .schedule()
-        .map_err(|problems| Failure::new(Exit::BadInput, format!("{problems:?}")))?;
+    let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
         let reason =
             "--crash kills the process of a service, and with --host inprocess there is but one process";

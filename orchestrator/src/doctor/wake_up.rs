@@ -3,8 +3,7 @@
 use std::time::Duration;
 
 use runtime::deployment::{self, Refusal};
-use rustix::thread::{ClockId, Timespec, clock_nanosleep_absolute};
-use rustix::time::clock_gettime;
+use runtime::flight_clock::{monotonic_ns, nap_until};
 use serde::Serialize;
 use shared_types::scenario::ServiceDeployment;
 use shared_types::service::{nanoseconds, seconds};
@@ -89,32 +88,19 @@ pub fn measure(
 fn sleep_and_look(lasts: Duration, stopped: impl Fn() -> bool) -> Option<Lateness> {
     let count = (nanoseconds(lasts.as_secs_f64()) / PERIOD_NS).max(1);
     let mut measured = Vec::with_capacity(usize::try_from(count).unwrap_or_default());
-    let mut deadline = now_ns();
+    let mut deadline = monotonic_ns();
     for _ in 0..count {
         deadline += PERIOD_NS;
         // A signal wakes early: look whether it was meant for us, and sleep on.
-        while now_ns() < deadline {
+        while monotonic_ns() < deadline {
             if stopped() {
                 return None;
             }
-            let _interrupted = clock_nanosleep_absolute(ClockId::Monotonic, &timespec(deadline));
+            nap_until(deadline);
         }
-        measured.push(now_ns() - deadline);
+        measured.push(monotonic_ns() - deadline);
     }
     Some(Lateness::of(measured))
-}
-
-fn now_ns() -> u64 {
-    let now = clock_gettime(ClockId::Monotonic);
-    u64::try_from(now.tv_sec).unwrap_or_default() * 1_000_000_000
-        + u64::try_from(now.tv_nsec).unwrap_or_default()
-}
-
-fn timespec(time_ns: u64) -> Timespec {
-    Timespec {
-        tv_sec: i64::try_from(time_ns / 1_000_000_000).unwrap_or(i64::MAX),
-        tv_nsec: (time_ns % 1_000_000_000) as _,
-    }
 }
 
 /// Whether wake-ups are sharp enough: a step flies with what it has once its `grace` is over.

@@ -35,12 +35,15 @@ pub use rebirth::Rebirth;
 use restart::RestartPolicy;
 use spare::Spare;
 
-use super::FlightFailure;
+use super::{FlightFailure, Outcome};
 
 /// How long a service may take to make its ports.
 const READY_LIMIT: Duration = Duration::from_secs(30);
 /// How long a service that was told to stop may take before it is killed.
 const STOP_LIMIT: Duration = Duration::from_secs(2);
+
+/// How often the crew is looked after while a service is being born again.
+pub(super) const BIRTH_PERIOD: Duration = Duration::from_micros(100);
 
 /// How often and how soon each service is started again.
 pub type Restarts = [RestartPolicy; ServiceId::ALL.len()];
@@ -62,6 +65,18 @@ pub struct Crew<'a> {
     spare: Spare,
     exits: Vec<(Option<ServiceId>, u32, Exit)>,
     rebirths: Vec<Rebirth>,
+}
+
+/// What happens to the processes of a run, for whoever keeps a record of the machine.
+pub trait CrewObserver {
+    /// The processes have been started and are ready.
+    fn ready(&mut self, crew: &Crew<'_>, core: Option<usize>);
+    /// Processes may have died, and services may fly again.
+    fn changed(&mut self, crew: &Crew<'_>);
+    /// About a second of the flight has passed, or it has ended.
+    fn health(&mut self, crew: &Crew<'_>);
+    /// The flight has ended, and this is how.
+    fn ended(&mut self, crew: &Crew<'_>, outcome: &Outcome);
 }
 
 /// What a service process told or did.

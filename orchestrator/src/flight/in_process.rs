@@ -21,9 +21,7 @@ pub fn fly<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
-    let schedule = scenario
-        .schedule()
-        .map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
+    let schedule = super::schedule_of(scenario)?;
     let services = services::build_all(scenario).map_err(FlightFailure::Setup)?;
     let mut host = InProcess::new(schedule, services);
     let mut sink = Interruptible {

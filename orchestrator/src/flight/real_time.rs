@@ -15,13 +15,13 @@ use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use runtime::control::{RealTime, Start};
 use runtime::flight_clock::{FlightClock, monotonic_ns};
 use runtime::in_process::TickSink;
-use runtime::ports::Member;
+use runtime::ports::Delivery;
 use runtime::step_log::StepRecord;
 use shared_types::samples::RcFrame;
 use shared_types::scenario::Scenario;
+use shared_types::schedule::Edge;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -30,12 +30,12 @@ use self::ending::Wish;
 use self::heartbeat::Heartbeats;
 use self::monitor::Monitor;
 use self::recorder::{Recorder, SETTLING_NS};
-use super::crew::{Crew, CrewEvent};
-use super::lock_step::{BIRTH_PERIOD, Cores, CrewObserver, Deployment, permitted, port_failure};
+use super::crew::{BIRTH_PERIOD, Crew, CrewEvent, CrewObserver};
+use super::deployment::Deployment;
+use super::site::Site;
 use super::{Ending, FlightFailure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::live::snapshot::LiveEvent;
-use crate::run_root::RunRoot;
 use crate::summary::timing::{TimingReport, Unrecorded};
 
 /// How often the recorder looks: a fast flight fills a hundredth of its buffers meanwhile.
@@ -51,8 +51,8 @@ const EVENTS: usize = 50;
 pub trait StepObserver: CrewObserver {
     /// Tick 0 will begin after this time.
     fn flight_begins_in(&mut self, countdown: Duration);
-    /// A service has stepped.
-    fn step(&mut self, service: ServiceId, record: &StepRecord, schedule: &Schedule);
+    /// A service has stepped; its inputs as the schedule sees them.
+    fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]);
     /// People have done something.
     fn note(&mut self, text: &str);
     /// A service hung and was killed.
@@ -75,40 +75,16 @@ pub fn fly<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
-    let schedule = scenario
-        .schedule()
-        .map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
-    let root = RunRoot::create().map_err(|error| FlightFailure::Setup(error.to_string()))?;
-    let scenario = deployment.stated_over(scenario);
-    let is_strict = scenario.deployment.as_ref().is_some_and(|stated| stated.strict);
-    let settings = scenario.real_time.unwrap_or_default();
-    let cores = Cores::choose(deployment.placement, &scenario);
-    cores.keep_off();
-    let member = Member::join(&root.configuration(), "orchestrator").map_err(port_failure)?;
-    let (mut recorder, _topics) = Recorder::create(&member, &schedule).map_err(port_failure)?;
-    let mut desk = Desk::open(&root).map_err(|error| FlightFailure::Setup(error.to_string()))?;
-    let start = Start {
-        scenario: scenario.clone(),
-        iceoryx2_configuration: root.configuration(),
-        core: cores.ring,
-        scheduler: deployment.scheduler,
-        role: None,
-        real_time: Some(RealTime {
-            grace_ns: nanoseconds(settings.grace),
-        }),
-    };
-    let mut crew = Crew::start(
-        &member,
-        root.lock(),
-        &schedule,
-        start,
-        deployment.crashes.clone(),
-        deployment.restarts,
-    )?;
-    let warnings = permitted(is_strict, crew.await_ready()?)?;
-    observer.ready(&crew, cores.ring);
-    recorder.connect().map_err(port_failure)?;
+    let site = Site::prepare(scenario, deployment)?;
+    let settings = site.scenario.real_time.unwrap_or_default();
+    let mut recorder = Recorder::new(site.subscribe(Delivery::NewestWins)?);
+    let mut desk = Desk::open(&site.root).map_err(FlightFailure::setup)?;
+    let mut crew = site.start_crew(deployment, true)?;
+    let warnings = site.await_ready(&mut crew)?;
+    observer.ready(&crew, site.cores.ring);
+    recorder.connect().map_err(FlightFailure::setup)?;
 
+    let schedule = &site.schedule;
     let clock = FlightClock::starting_in(COUNTDOWN, schedule.tick_ns());
     crew.page()
         .words()
@@ -118,14 +94,14 @@ where
     let started = Instant::now();
     crew.go()?;
     let mut flight = Flight {
-        heartbeats: Heartbeats::new(&schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
-        monitor: Monitor::new(&schedule),
-        schedule: &schedule,
+        heartbeats: Heartbeats::new(schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
+        monitor: Monitor::new(schedule),
+        schedule,
         clock,
         crew,
         recorder,
         observer,
-        scenario: &scenario,
+        scenario: &site.scenario,
         wish: Wish::FlyOn,
         signal: None,
         events: VecDeque::new(),
@@ -246,7 +222,7 @@ impl Flight<'_> {
     /// Whether the last frame lets the motors rest.
     fn is_at_rest(&self) -> bool {
         let frame = self.recorder.newest::<RcFrame>();
-        frame.is_none_or(|frame| frame.failsafe == true.into())
+        frame.is_none_or(|frame| frame.failsafe.is_set())
     }
 
     /// Takes what has been published and told, and writes the ticks that have settled.
@@ -266,11 +242,10 @@ impl Flight<'_> {
             monitor,
             observer,
             crew,
-            schedule,
             ..
         } = self;
-        monitor.collect(crew.step_log(), |service, record| {
-            observer.step(service, record, schedule);
+        monitor.collect(crew.step_log(), |service, record, inputs| {
+            observer.step(service, record, inputs);
         });
     }
 
@@ -295,6 +270,9 @@ impl Flight<'_> {
         self.crew.stop();
         if let Outcome::Failed(FlightFailure::Log(_)) = outcome {
             return outcome;
+        }
+        for service in ServiceId::ALL {
+            self.crew.step_log().finish_for_the_dead(service);
         }
         self.observe_steps();
         let flown = ServiceId::ALL.map(|service| {

@@ -3,13 +3,14 @@
 use std::ops::ControlFlow;
 
 use runtime::in_process::TickSink;
-use runtime::ports::{Delivery, Member, PortError, Receiver, TopicPorts};
+use runtime::ports::PortError;
 use runtime::shared_page::Words;
 use shared_types::schedule::Presence;
 use shared_types::{Schedule, Topic};
 
 use super::FlightFailure;
 use super::archive::Archive;
+use super::subscription::Subscription;
 
 /// Subscribes to every topic of a lock-step flight and hands its samples over tick by tick.
 pub struct Recorder {
@@ -22,8 +23,8 @@ pub struct Recorder {
 struct Feed {
     topic: Topic,
     rate: Presence,
-    receiver: Box<dyn Receiver>,
     archive: Archive,
+    subscription: Subscription,
 }
 
 /// How far the recorder has come.
@@ -36,40 +37,26 @@ pub enum Progress {
 }
 
 impl Recorder {
-    /// Makes every topic of the run and subscribes to it. The topics must be held until the run has ended.
-    ///
-    /// # Errors
-    /// [`PortError`].
-    pub fn create(
-        member: &Member,
-        schedule: &Schedule,
-    ) -> Result<(Self, Vec<Box<dyn TopicPorts>>), PortError> {
-        let mut feeds = Vec::new();
-        let mut topics = Vec::new();
-        for topic in Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some()) {
-            let ports = member.create_topic(topic, schedule, Delivery::Lossless)?;
-            feeds.push(Feed {
-                topic,
-                rate: schedule.publications(topic),
-                receiver: ports.recorder()?,
-                archive: Archive::new(schedule.publication(topic), schedule),
-            });
-            topics.push(ports);
+    /// A recorder that has received nothing yet.
+    #[must_use]
+    pub fn new(subscriptions: Vec<Subscription>, schedule: &Schedule) -> Self {
+        let feed = |subscription: Subscription| Feed {
+            topic: subscription.topic,
+            rate: schedule.publications(subscription.topic),
+            archive: Archive::new(schedule.publication(subscription.topic), schedule),
+            subscription,
+        };
+        Self {
+            feeds: subscriptions.into_iter().map(feed).collect(),
+            tick: 0,
+            last_tick: schedule.last_tick(),
         }
-        Ok((
-            Self {
-                feeds,
-                tick: 0,
-                last_tick: schedule.last_tick(),
-            },
-            topics,
-        ))
     }
 
     /// Lets publishers wait for the recorder.
     pub fn make_known(&self, words: &Words) {
         for (known, feed) in words.recorder.iter().zip(&self.feeds) {
-            known.store(feed.receiver.id());
+            known.store(feed.subscription.receiver.id());
         }
     }
 
@@ -94,7 +81,9 @@ impl Recorder {
     /// # Errors
     /// [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
-        self.feeds.iter_mut().try_for_each(|feed| feed.receiver.connect())
+        self.feeds
+            .iter_mut()
+            .try_for_each(|feed| feed.subscription.receiver.connect())
     }
 
     /// Hands over every tick that is whole by now.
@@ -148,11 +137,12 @@ impl Recorder {
 impl Feed {
     fn receive_while(&mut self, wanted: impl Fn(&Archive) -> bool) -> Result<(), FlightFailure> {
         while wanted(&self.archive) {
-            let received = self.receiver.receive();
-            if !received.map_err(|error| FlightFailure::Setup(error.to_string()))? {
+            let received = self.subscription.receiver.receive();
+            if !received.map_err(FlightFailure::setup)? {
                 break;
             }
-            self.archive.keep(self.receiver.held().expect("just received"))?;
+            self.archive
+                .keep(self.subscription.receiver.held().expect("just received"))?;
         }
         Ok(())
     }

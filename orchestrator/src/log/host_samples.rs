@@ -61,7 +61,7 @@ shared_types::sample! {
         pub time_ns: u64,
         /// When it began, ns since the start of the flight: its time had come, and what it waited for was here or given up.
         pub began_ns: u64,
-        /// When all that it had to publish was published, ns since the start of the flight.
+        /// When all that it had to publish was published, ns since the start of the flight; 0 if the process died before.
         pub published_ns: u64,
         /// Tick of the step.
         pub tick: u64,

@@ -12,7 +12,8 @@ use shared_types::{Schedule, Topic};
 
 use super::plan::Cell;
 use crate::flight::crew::Crew;
-use crate::flight::lock_step::{CrewObserver, Deployment};
+use crate::flight::crew::CrewObserver;
+use crate::flight::deployment::Deployment;
 use crate::flight::{FlightFailure, Outcome, in_process, lock_step};
 use crate::interrupt::Interrupt;
 use crate::log::LogDigest;

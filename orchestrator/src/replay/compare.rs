@@ -63,6 +63,16 @@ impl Comparison {
         self.compare_with(recorded, replayed);
     }
 
+    /// Whether a sample of the tick of `replayed` was recorded.
+    pub(super) fn has_recorded(&self, replayed: &[u8], history: &History) -> bool {
+        history.sample(self.topic, header_of(replayed).seq).is_some()
+    }
+
+    /// Whether this very sample was recorded.
+    pub(super) fn is_recorded(&self, replayed: &[u8], history: &History) -> bool {
+        history.sample(self.topic, header_of(replayed).seq) == Some(replayed)
+    }
+
     /// Compares two samples of the topic, the recorded one or that of the first log first.
     pub fn compare_with(&mut self, recorded: &[u8], replayed: &[u8]) {
         self.compared += 1;

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use runtime::owned_sample::OwnedSample;
 use shared_types::Topic;
 use shared_types::service::header_of;
-use zerocopy::IntoBytes;
 
 /// Samples of a topic that are kept: any that a step may have seen is among the latest before it.
 const KEPT: usize = 4096;
@@ -12,33 +12,21 @@ const KEPT: usize = 4096;
 /// Samples by topic and sequence number.
 #[derive(Default)]
 pub(super) struct History {
-    topics: [BTreeMap<u64, Recorded>; Topic::ALL.len()],
+    topics: [BTreeMap<u64, OwnedSample>; Topic::ALL.len()],
     last_tick: Option<u64>,
-}
-
-/// A sample, in whole words: it is read in place.
-struct Recorded {
-    words: Box<[u64]>,
-    size: usize,
 }
 
 impl History {
     pub(super) fn keep(&mut self, topic: Topic, bytes: &[u8]) {
         let header = header_of(bytes);
-        let mut words = vec![0; bytes.len().div_ceil(size_of::<u64>())].into_boxed_slice();
-        words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
-        let recorded = Recorded {
-            words,
-            size: bytes.len(),
-        };
-        self.topics[topic.index()].insert(header.seq, recorded);
+        let sample = OwnedSample::copy_of(topic, bytes);
+        self.topics[topic.index()].insert(header.seq, sample);
         self.last_tick = self.last_tick.max(Some(header.tick));
     }
 
     /// The sample of a sequence number.
     pub(super) fn sample(&self, topic: Topic, seq: u64) -> Option<&[u8]> {
-        let recorded = self.topics[topic.index()].get(&seq)?;
-        Some(&recorded.words.as_bytes()[..recorded.size])
+        self.topics[topic.index()].get(&seq).map(OwnedSample::bytes)
     }
 
     /// Tick of the latest sample.

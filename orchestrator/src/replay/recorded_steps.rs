@@ -18,6 +18,8 @@ pub(super) struct RecordedStep {
     /// Tick of the step before it that the service remembered.
     pub(super) previous: Option<u64>,
     pub(super) operator: Operator,
+    /// Whether all that it had to publish was published; else its process died meanwhile.
+    pub(super) is_finished: bool,
     /// Of each input, the sequence number of the sample that it saw, and whether the step before saw another one.
     pub(super) seen: Seen,
 }
@@ -72,6 +74,7 @@ impl From<&ServiceStep> for RecordedStep {
         let has = |bit: u32| step.operator & bit != 0;
         Self {
             tick: step.tick,
+            is_finished: step.published_ns != 0,
             previous: step.previous.checked_sub(1),
             operator: Operator {
                 armed: has(1),

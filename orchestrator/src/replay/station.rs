@@ -1,15 +1,16 @@
 //! One service in a replay: what it sees at each step, what it publishes, and whether that is what was recorded.
 
 use runtime::edge_store::EdgeStore;
+use runtime::owned_sample::OwnedSample;
 use runtime::step::{self, Slots, Timetable, Views};
 use shared_types::scenario::Scenario;
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::{ErasedService, InputView, header_of};
 use shared_types::{Now, Schedule, ServiceId};
-use zerocopy::IntoBytes;
 
 use super::compare::Comparison;
 use super::history::History;
+use super::judge::Judge;
 use super::recorded_steps::RecordedStep;
 use crate::services;
 
@@ -31,8 +32,8 @@ pub(super) struct Station {
     stores: [Option<EdgeStore>; MAX_PORTS],
     /// Of each input, the next sample that its store wants.
     next_stored: [u64; MAX_PORTS],
-    comparisons: Vec<Comparison>,
-    outputs: Vec<Box<[u64]>>,
+    judges: Vec<Judge>,
+    outputs: Vec<OwnedSample>,
     pub(super) steps: u64,
     pub(super) steps_without_inputs: u64,
 }
@@ -47,7 +48,6 @@ impl Station {
         for (store, edge) in stores.iter_mut().zip(&timetable.inputs) {
             *store = edge.has_faults().then(|| EdgeStore::new(edge.clone()));
         }
-        let words = |size: usize| vec![0; size.div_ceil(size_of::<u64>())].into_boxed_slice();
         Ok(Self {
             service,
             before_last: newborn.clone(),
@@ -56,15 +56,15 @@ impl Station {
             last_but_one: None,
             stores,
             next_stored: [0; MAX_PORTS],
-            comparisons: timetable
+            judges: timetable
                 .outputs
                 .iter()
-                .map(|output| Comparison::new(output.topic))
+                .map(|output| Judge::new(output.topic))
                 .collect(),
             outputs: timetable
                 .outputs
                 .iter()
-                .map(|output| words(output.topic.kind().size))
+                .map(|output| OwnedSample::of(output.topic))
                 .collect(),
             timetable,
             steps: 0,
@@ -76,8 +76,8 @@ impl Station {
         self.timetable.service
     }
 
-    pub(super) fn finish(self) -> Vec<Comparison> {
-        self.comparisons
+    pub(super) fn finish(self) -> impl Iterator<Item = Comparison> {
+        self.judges.into_iter().map(Judge::into_comparison)
     }
 
     /// Does the step at `tick`, if there is one, on the samples that the schedule has due.
@@ -95,11 +95,18 @@ impl Station {
                 .map(|due| (edge.sequence_number(due), edge.is_fresh(tick, due)));
         }
         self.step(&self.timetable.now(tick), &seen, true, history);
+        self.end_tick(history);
     }
 
-    /// Does a step on the samples that it is recorded to have seen; what it publishes was recorded only if it is the
-    /// first of its tick.
-    pub(super) fn step_as_recorded(&mut self, recorded: &RecordedStep, is_first: bool, history: &History) {
+    /// Does the steps of a tick on the samples that they are recorded to have seen.
+    pub(super) fn step_as_recorded(&mut self, steps: &[RecordedStep], history: &History) {
+        for step in steps {
+            self.do_again(step, history);
+        }
+        self.end_tick(history);
+    }
+
+    fn do_again(&mut self, recorded: &RecordedStep, history: &History) {
         self.remember_only(recorded.previous);
         let now = Now {
             operator: recorded.operator,
@@ -107,7 +114,7 @@ impl Station {
         };
         self.before_last.resize(self.service.state_size(), 0);
         self.service.save(&mut self.before_last);
-        self.step(&now, &recorded.seen, is_first, history);
+        self.step(&now, &recorded.seen, recorded.is_finished, history);
         self.last_but_one = self.last.replace(recorded.tick);
     }
 
@@ -125,7 +132,7 @@ impl Station {
         self.last = previous;
     }
 
-    fn step(&mut self, now: &Now, seen: &Seen, is_recorded: bool, history: &History) {
+    fn step(&mut self, now: &Now, seen: &Seen, is_finished: bool, history: &History) {
         self.fill_stores(now.tick, history);
         let mut views = Views::default();
         let inputs = self.timetable.inputs.iter().zip(&mut self.stores);
@@ -152,14 +159,13 @@ impl Station {
             };
         }
         let mut slots = Slots::default();
-        for ((slot, output), words) in slots
+        for ((slot, output), sample) in slots
             .iter_mut()
             .zip(&self.timetable.outputs)
             .zip(&mut self.outputs)
         {
             if output.is_due(now.tick) {
-                let bytes = &mut words.as_mut_bytes()[..output.topic.kind().size];
-                *slot = step::prepared(output.topic, output.header(now.tick), bytes);
+                *slot = step::prepared(output.topic, output.header(now.tick), sample.bytes_mut());
             }
         }
         // What was not finite was never published: there is nothing to compare it with.
@@ -168,10 +174,16 @@ impl Station {
             .step_at(self.service.as_mut(), now, &views, &mut slots)
             .is_ok();
         self.steps += 1;
-        for (slot, comparison) in slots.iter().zip(&mut self.comparisons) {
-            if let Some(bytes) = slot.bytes.as_deref().filter(|_| finite && is_recorded) {
-                comparison.compare(bytes, history);
+        for (slot, judge) in slots.iter().zip(&mut self.judges) {
+            if let Some(bytes) = slot.bytes.as_deref().filter(|_| finite) {
+                judge.hear(bytes, is_finished, history);
             }
+        }
+    }
+
+    fn end_tick(&mut self, history: &History) {
+        for judge in &mut self.judges {
+            judge.end_tick(history);
         }
     }
 

@@ -47,6 +47,15 @@ pub struct Unrecorded {
     pub samples: u64,
 }
 
+/// An empty histogram of times in ns to two digits, from 1 ns to a minute.
+///
+/// # Panics
+/// Never: the bounds are those of a histogram.
+#[must_use]
+pub fn histogram() -> Histogram<u64> {
+    Histogram::new_with_bounds(1, 60_000_000_000, 2).expect("the bounds are those of a histogram")
+}
+
 /// Quantiles of a time, s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quantiles {

@@ -157,13 +157,11 @@ impl PathGeneratorService {
         }
     }
 
-    /// What leads the vehicle by the phase of the flight.
-    fn by_phase(
-        &mut self,
-        now: &Now,
-        inputs: &PathGeneratorInputs<'_>,
-        vehicle: Option<&VehicleState>,
-    ) -> Led {
+    /// What leads the vehicle: the path, or what the phase of the flight has in its place.
+    fn lead(&mut self, now: &Now, inputs: &PathGeneratorInputs<'_>, vehicle: Option<&VehicleState>) -> Led {
+        let Some(phases) = &mut self.phases else {
+            return self.along_path(vehicle, &Pace::FULL);
+        };
         self.frames.look(&inputs.frame, LARGEST, |frame, _| {
             if frame.is_whole() && is_of_the_past(frame, now) {
                 Verdict::Good
@@ -179,9 +177,6 @@ impl PathGeneratorService {
             frame_age_ns: self.frames.age_ns(now).unwrap_or(u64::MAX),
             path: path.position,
             path_rates: [self.motion.gamma_dot, self.motion.gamma_ddot],
-        };
-        let Some(phases) = &mut self.phases else {
-            return self.along_path(vehicle, &Pace::FULL);
         };
         phases.advance(now, &sight);
         match phases.lead(now, vehicle.is_some()) {
@@ -259,11 +254,7 @@ impl Service for PathGeneratorService {
         self.states.look(now, &inputs.state);
         let newest = self.states.held(&inputs.state).copied();
         let known = newest.filter(|vehicle| vehicle.tracked.is_set() && !self.states.is_too_old(now));
-        let Led { point, gamma, rates } = if self.phases.is_some() {
-            self.by_phase(now, inputs, known.as_ref())
-        } else {
-            self.along_path(known.as_ref(), &Pace::FULL)
-        };
+        let Led { point, gamma, rates } = self.lead(now, inputs, known.as_ref());
         // The path does not wait for a state that is late.
         let age_ns = self.states.age_ns(now).unwrap_or(0);
         let late_ns = age_ns.saturating_sub(self.ordinary_age_ns);

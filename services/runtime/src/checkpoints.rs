@@ -14,8 +14,10 @@ use std::os::fd::{BorrowedFd, OwnedFd};
 use std::sync::atomic::{AtomicU64, Ordering, compiler_fence};
 
 use shared_types::ServiceId;
+use shared_types::service::ErasedService;
 
 use crate::shared_file::SharedFile;
+use crate::step::Timetable;
 
 /// Largest state of a service, bytes.
 pub const CAPACITY: usize = 16 * 1024;
@@ -45,6 +47,18 @@ pub struct Checkpoint {
     pub next_tick: u64,
     /// The state.
     pub state: Vec<u8>,
+}
+
+impl Checkpoint {
+    /// Lets a service go on from here, unless it is to begin anew with its next step; whether it does.
+    pub fn resume(&self, service: &mut dyn ErasedService, timetable: &Timetable) -> bool {
+        let next = timetable.steps.first_at_or_after(self.next_tick);
+        let goes_on = !next.is_some_and(|next| timetable.begins_anew_at(next));
+        if goes_on {
+            service.restore(&self.state);
+        }
+        goes_on
+    }
 }
 
 impl Checkpoints {

@@ -70,8 +70,8 @@ pub struct Start {
     pub scheduler: Scheduler,
     /// Which service it is; a spare process is told later.
     pub role: Option<Role>,
-    /// How to fly in real time; else in lock-step.
-    pub real_time: Option<RealTime>,
+    /// Whether to fly in real time; else in lock-step.
+    pub in_real_time: bool,
 }
 
 /// Which service a process is.
@@ -81,13 +81,6 @@ pub struct Role {
     pub service: ServiceId,
     /// Where the process shall kill itself, for tests.
     pub crash: Option<Crash>,
-}
-
-/// What a service needs to know to fly in real time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RealTime {
-    /// How long a step waits beyond the begin of its tick for inputs of that tick, ns.
-    pub grace_ns: u64,
 }
 
 /// What a service says to the orchestrator.

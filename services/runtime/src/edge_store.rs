@@ -9,28 +9,25 @@ use std::collections::BTreeMap;
 
 use shared_types::schedule::Edge;
 use shared_types::service::{InputView, header_of};
-use zerocopy::IntoBytes;
+
+use crate::owned_sample::OwnedSample;
 
 /// The samples of an edge that are or will be due.
 pub struct EdgeStore {
     edge: Edge,
-    /// Copies by tick; whole words, because samples are read in place.
-    samples: BTreeMap<u64, Box<[u64]>>,
-    /// Size of a sample, bytes.
-    size: usize,
+    /// Copies by tick.
+    samples: BTreeMap<u64, OwnedSample>,
     /// What is handed out in place of a sample.
-    altered: Box<[u64]>,
+    altered: OwnedSample,
 }
 
 impl EdgeStore {
     /// An empty store of an edge.
     #[must_use]
     pub fn new(edge: Edge) -> Self {
-        let size = edge.topic.kind().size;
         Self {
             samples: BTreeMap::new(),
-            size,
-            altered: vec![0; size.div_ceil(size_of::<u64>())].into_boxed_slice(),
+            altered: OwnedSample::of(edge.topic),
             edge,
         }
     }
@@ -39,9 +36,8 @@ impl EdgeStore {
     pub fn keep(&mut self, bytes: &[u8]) {
         let tick = header_of(bytes).tick;
         if !self.edge.is_lost(tick) {
-            let mut words = vec![0; self.altered.len()].into_boxed_slice();
-            words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
-            self.samples.insert(tick, words);
+            let sample = OwnedSample::copy_of(self.edge.topic, bytes);
+            self.samples.insert(tick, sample);
         }
     }
 
@@ -90,17 +86,17 @@ impl EdgeStore {
         let fresh = self.edge.is_fresh(tick, due);
         let Some(alteration) = self.edge.alteration(due) else {
             return InputView {
-                bytes: Some(&sample.as_bytes()[..self.size]),
+                bytes: Some(sample.bytes()),
                 fresh,
             };
         };
-        self.altered.copy_from_slice(sample);
+        self.altered.bytes_mut().copy_from_slice(sample.bytes());
         let repeated = self
             .edge
             .repeated_by(due)
             .and_then(|tick| self.samples.get(&tick));
-        let altered = &mut self.altered.as_mut_bytes()[..self.size];
-        alteration.alter(due, repeated.map(|words| &words.as_bytes()[..self.size]), altered);
+        let altered = self.altered.bytes_mut();
+        alteration.alter(due, repeated.map(OwnedSample::bytes), altered);
         InputView {
             bytes: Some(altered),
             fresh,

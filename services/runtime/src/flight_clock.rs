@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
 const NANOSECONDS: u64 = 1_000_000_000;
@@ -64,6 +65,13 @@ pub fn deadline(at_ns: u64) -> Timespec {
 pub fn monotonic_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec.cast_unsigned() * NANOSECONDS + now.tv_nsec.cast_unsigned()
+}
+
+/// Sleeps until a time of `CLOCK_MONOTONIC` has come, ns, or a signal arrives.
+#[inline]
+pub fn nap_until(at_ns: u64) {
+    // Whoever needs the time to have come looks at the clock.
+    let _interrupted = clock_nanosleep_absolute(ClockId::Monotonic, &deadline(at_ns));
 }
 
 #[cfg(test)]

@@ -5,10 +5,10 @@ use std::sync::atomic::Ordering;
 
 use shared_types::Schedule;
 use shared_types::scenario::Scenario;
-use shared_types::service::ErasedService;
+use shared_types::service::{ErasedService, nanoseconds};
 
 use crate::checkpoints::Checkpoints;
-use crate::control::{Channel, ControlError, RealTime, ToOrchestrator, ToService};
+use crate::control::{Channel, ControlError, ToOrchestrator, ToService};
 use crate::crash::{CrashPlace, CrashPoint};
 use crate::flight_clock::FlightClock;
 use crate::lock_step::{self, Cockpit, ServicePorts};
@@ -78,7 +78,6 @@ impl Launch<'_> {
         self,
         service: &mut dyn ErasedService,
         scenario: &Scenario,
-        settings: RealTime,
         waiter: &Waiter,
     ) -> Result<(), ProcessError> {
         self.crash.pass(CrashPlace::BeforePorts, 0);
@@ -102,7 +101,7 @@ impl Launch<'_> {
                 tick_ns: self.schedule.tick_ns(),
             },
             page,
-            grace_ns: settings.grace_ns,
+            grace_ns: nanoseconds(scenario.real_time.unwrap_or_default().grace),
             lone_flight: LoneFlight::new(scenario, waiter.channel().try_clone()?),
             crash: self.crash,
         };
@@ -134,10 +133,7 @@ fn go_on(
     if let Some(checkpoint) = cockpit.checkpoints.newest(service.id()) {
         first_tick = checkpoint.next_tick;
         let timetable = Timetable::new(schedule, service.id());
-        let next = timetable.steps.first_at_or_after(first_tick);
-        if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
-            service.restore(&checkpoint.state);
-        }
+        checkpoint.resume(service, &timetable);
     }
     cockpit.crash.pass(CrashPlace::Recovering, first_tick);
     Ok(first_tick)

@@ -9,13 +9,13 @@
 //!
 //! Under them lie [`ports`] (iceoryx2, in bytes), [`wait`] (yield once, then block on a doorbell),
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
-//! service knew, for whoever is born after its death; both are a [`shared_file`]), [`sample_ring`] (the latest
-//! samples of a topic), [`inlet`] (an input, also after a rebirth), [`edge_store`] (its samples, where faults are
-//! planned), [`mailbox`] (an input in real time), [`lone_flight`] (when the orchestrator is gone), [`flight_clock`] (ticks on the system's clock), [`step_log`] (what every
-//! step in real time was made of), [`control`] (the
-//! orchestrator's line to each service), [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler,
-//! parent's death), [`descriptors`] (what a started process inherits) and [`process`] and [`launch`] (what `gerono service NAME`
-//! runs).
+//! service knew, for whoever is born after its death; both are a [`shared_file`]), [`owned_sample`] (a sample
+//! in memory of its own), [`sample_ring`] (the latest samples of a topic), [`inlet`] (an input, also after a rebirth),
+//! [`edge_store`] (its samples, where faults are planned), [`mailbox`] (an input in real time), [`outlets`] (a service's
+//! outputs), [`lone_flight`] (when the orchestrator is gone), [`flight_clock`] (ticks on the system's clock),
+//! [`step_log`] (what every step in real time was made of), [`control`] (the orchestrator's line to each service),
+//! [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler, parent's death), [`descriptors`] (what a started
+//! process inherits) and [`process`] and [`launch`] (what `gerono service NAME` runs).
 //!
 //! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the
 //! control channel closes, or when its parent dies; a number that is not finite is stopped at the service
@@ -35,6 +35,8 @@ pub mod launch;
 pub mod lock_step;
 pub mod lone_flight;
 pub mod mailbox;
+pub mod outlets;
+pub mod owned_sample;
 pub mod ports;
 pub mod process;
 pub mod real_time;

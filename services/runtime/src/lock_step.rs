@@ -11,7 +11,6 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use shared_types::schedule::Publication;
 use shared_types::service::ErasedService;
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -19,9 +18,10 @@ use crate::checkpoints::Checkpoints;
 use crate::control::{Channel, ControlError, ToOrchestrator, ToService};
 use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::inlet::Inlet;
-use crate::ports::{PortError, Sender, Topics};
+use crate::outlets::Outlets;
+use crate::ports::{PortError, Topics};
 use crate::shared_page::{Cell, SharedPage};
-use crate::step::{self, NonFinite, Slots, Timetable, Views};
+use crate::step::{self, NonFinite, Timetable, Views};
 use crate::wait::{Interrupted, Waiter};
 
 /// Why a flight ended before its last tick.
@@ -64,8 +64,7 @@ pub struct ServicePorts {
     id: ServiceId,
     page: Arc<SharedPage>,
     inlets: Vec<Inlet>,
-    outputs: Vec<OutputPort>,
-    consumers: Vec<ServiceId>,
+    outlets: Outlets,
     /// Where a reborn service gets what it has missed.
     missed: Option<Channel>,
     /// Whether a fault is planned. Then publishers may run ahead until buffers are full, and a service
@@ -73,11 +72,6 @@ pub struct ServicePorts {
     takes_all: bool,
     /// How many births of others the ports are connected to.
     births_seen: u32,
-}
-
-struct OutputPort {
-    publication: Publication,
-    sender: Box<dyn Sender>,
 }
 
 impl ServicePorts {
@@ -101,34 +95,15 @@ impl ServicePorts {
                 .expect("services consume what services publish");
             inlets.push(Inlet::new(index, schedule.edge(id, index), publisher, receiver));
         }
-        // The publisher that steps last is waited for first: once its sample is here, the others' are too,
-        // so that a step sleeps once and not once an input.
-        let place = |service| schedule.order().iter().position(|&other| other == service);
-        inlets.sort_by_key(|inlet| std::cmp::Reverse((inlet.edge.latency == 0, place(inlet.publisher))));
-
-        let mut outputs = Vec::new();
-        for spec in id.outputs() {
-            outputs.push(OutputPort {
-                publication: schedule.publication(spec.topic),
-                sender: topics
-                    .of(spec.topic)
-                    .sender(Arc::clone(page), waiter.doorbells())?,
-            });
-        }
-        let mut consumers: Vec<_> = id
-            .outputs()
-            .iter()
-            .flat_map(|spec| spec.topic.consumers())
-            .map(|(service, _)| service)
-            .collect();
-        consumers.sort_unstable();
-        consumers.dedup();
+        inlets.sort_by_key(|inlet| step::waiting_order(schedule, &inlet.edge, inlet.publisher));
+        let outlets = Outlets::open(topics, id, schedule, |topic| {
+            topic.sender(Arc::clone(page), waiter.doorbells())
+        })?;
         Ok(Self {
             id,
             page: Arc::clone(page),
             inlets,
-            outputs,
-            consumers,
+            outlets,
             missed: None,
             takes_all: schedule.has_faults(),
             births_seen: 0,
@@ -152,9 +127,7 @@ impl ServicePorts {
         self.inlets
             .iter_mut()
             .try_for_each(|inlet| inlet.receiver().connect())?;
-        self.outputs
-            .iter_mut()
-            .try_for_each(|output| output.sender.connect())
+        self.outlets.connect()
     }
 
     /// Says that the service is born again in flight, and where it gets what it has missed.
@@ -270,7 +243,7 @@ pub fn fly(
         let cell = cockpit.waiter.cell();
         cell.steps_until.store(tick + 1, Ordering::Relaxed);
         Cell::count(&cell.steps);
-        cockpit.waiter.wake(&cockpit.ports.consumers);
+        cockpit.waiter.wake(cockpit.ports.outlets.consumers());
         if cockpit.ports.missed.is_some() {
             cockpit.ports.catch_up()?;
         }
@@ -303,7 +276,7 @@ impl Cockpit<'_> {
         timetable: &Timetable,
         tick: u64,
     ) -> Result<(), FlightError> {
-        let ServicePorts { inlets, outputs, .. } = &mut *self.ports;
+        let ServicePorts { inlets, outlets, .. } = &mut *self.ports;
         let mut views = Views::default();
         for inlet in inlets {
             if let Some(due) = inlet.edge.due_sample(tick) {
@@ -311,21 +284,12 @@ impl Cockpit<'_> {
                 views[index] = inlet.view(tick, due);
             }
         }
-        let mut slots = Slots::default();
-        for (slot, output) in slots.iter_mut().zip(&mut *outputs) {
-            if output.publication.is_due(tick) {
-                let header = output.publication.header(tick);
-                *slot = step::prepared(output.publication.topic, header, output.sender.loan()?);
-            }
-        }
+        let mut slots = outlets.loan(tick)?;
         timetable.step(service, tick, &views, &mut slots)?;
         self.crash.pass(CrashPlace::AfterStep, tick);
-        for output in outputs {
-            match output.sender.send() {
-                Err(PortError::Stopping) => return Err(FlightError::Stopping),
-                result => result?,
-            }
-            self.crash.pass(CrashPlace::BetweenPublishes, tick);
+        match outlets.send(tick, self.crash) {
+            Err(PortError::Stopping) => return Err(FlightError::Stopping),
+            result => result?,
         }
         self.crash.pass(CrashPlace::AfterPublishing, tick);
         Ok(())

@@ -9,7 +9,6 @@ use std::sync::atomic::Ordering;
 use shared_types::scenario::{OrchestratorLoss, Scenario};
 
 use crate::control::Channel;
-use crate::flight_clock::monotonic_ns;
 use crate::shared_page::Words;
 
 /// Silence of the orchestrator after which a service looks whether it is gone, ns.
@@ -61,11 +60,11 @@ impl LoneFlight {
         self.alone_since.is_some() && self.then == Then::Land
     }
 
-    /// Looks whether the orchestrator is there; whether the service is to end because it is not.
+    /// Looks whether the orchestrator is there, `now` in ns of `CLOCK_MONOTONIC`; whether the service is to end because
+    /// it is not.
     #[inline]
-    pub fn has_ended(&mut self, words: &Words) -> bool {
+    pub fn has_ended(&mut self, words: &Words, now: u64) -> bool {
         let alive = words.orchestrator_alive_ns.load(Ordering::Relaxed);
-        let now = monotonic_ns();
         if now.saturating_sub(alive) < SILENCE_NS || now < self.look_at {
             return false;
         }
@@ -90,6 +89,7 @@ impl LoneFlight {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::flight_clock::monotonic_ns;
     use shared_types::scenario::{Curve, Hover, Path, Vehicle};
 
     fn scenario() -> Scenario {
@@ -117,17 +117,17 @@ mod tests {
         let words = Words::default();
         let mut landing = alone(OrchestratorLoss::Land, true);
         assert!(!landing.is_to_land());
-        assert!(!landing.has_ended(&words) && landing.is_to_land());
+        assert!(!landing.has_ended(&words, monotonic_ns()) && landing.is_to_land());
         let mut flying_on = alone(OrchestratorLoss::Continue, true);
-        assert!(!flying_on.has_ended(&words) && !flying_on.is_to_land());
-        assert!(alone(OrchestratorLoss::Land, false).has_ended(&words));
+        assert!(!flying_on.has_ended(&words, monotonic_ns()) && !flying_on.is_to_land());
+        assert!(alone(OrchestratorLoss::Land, false).has_ended(&words, monotonic_ns()));
     }
 
     #[test]
     fn an_orchestrator_that_is_silent_but_there_is_not_lost() {
         let (_orchestrator, service) = Channel::pair().unwrap();
         let mut flight = LoneFlight::new(&scenario(), Channel::inherited(service));
-        assert!(!flight.has_ended(&Words::default()));
+        assert!(!flight.has_ended(&Words::default(), monotonic_ns()));
         assert_eq!(flight.alone_since, None);
     }
 
@@ -138,6 +138,6 @@ mod tests {
         words
             .orchestrator_alive_ns
             .store(monotonic_ns(), Ordering::Relaxed);
-        assert!(!flight.has_ended(&words));
+        assert!(!flight.has_ended(&words, monotonic_ns()));
     }
 }

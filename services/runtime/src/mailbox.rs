@@ -8,9 +8,9 @@
 use shared_types::schedule::Edge;
 use shared_types::service::{InputView, header_of};
 use shared_types::{Schedule, ServiceId};
-use zerocopy::IntoBytes;
 
 use crate::edge_store::EdgeStore;
+use crate::owned_sample::OwnedSample;
 use crate::ports::{PortError, Receiver};
 
 /// Samples that are kept beside those that are under way.
@@ -35,10 +35,10 @@ pub struct Mailbox {
     store: Option<EdgeStore>,
 }
 
-/// A sample that has come: whole words, because it is read in place.
+/// A sample that has come, and its tick.
 struct Slot {
     tick: Option<u64>,
-    words: Box<[u64]>,
+    sample: OwnedSample,
 }
 
 /// What a step sees of an input.
@@ -62,10 +62,10 @@ impl Mailbox {
     ) -> Self {
         let edge = schedule.edge(service, index);
         let depth = edge.latency / schedule.topic_rate(edge.topic).period + SPARE;
-        let words = edge.topic.kind().size.div_ceil(size_of::<u64>());
+        let topic = edge.topic;
         let slot = || Slot {
             tick: None,
-            words: vec![0; words].into_boxed_slice(),
+            sample: OwnedSample::of(topic),
         };
         Self {
             store: edge.has_faults().then(|| EdgeStore::new(edge.clone())),
@@ -125,7 +125,7 @@ impl Mailbox {
             }
             let slot = &mut self.slots[self.next];
             slot.tick = Some(tick);
-            slot.words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
+            slot.sample.bytes_mut().copy_from_slice(bytes);
             self.next = (self.next + 1) % self.slots.len();
         }
         Ok(())
@@ -144,7 +144,7 @@ impl Mailbox {
         let fresh = self.seen.replace(found) != Some(found);
         Some(Delivery {
             view: InputView {
-                bytes: Some(&slot.words.as_bytes()[..self.edge.topic.kind().size]),
+                bytes: Some(slot.sample.bytes()),
                 fresh,
             },
             tick: found,
@@ -173,7 +173,7 @@ mod tests {
     use proptest::prelude::*;
     use shared_types::samples::RcFrame;
     use shared_types::{Header, Topic};
-    use zerocopy::FromZeros;
+    use zerocopy::{FromZeros, IntoBytes};
 
     /// A port on which samples of given ticks have come.
     #[derive(Default)]

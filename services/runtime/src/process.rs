@@ -73,7 +73,7 @@ pub fn run(
     let ToService::Start(start) = inherited.channel.receive()? else {
         return Ok(());
     };
-    if start.real_time.is_some() {
+    if start.in_real_time {
         // A vehicle in the air outlives the orchestrator: see `lone_flight`.
         deployment::outlive_parent()?;
     }
@@ -133,9 +133,10 @@ fn live(
         crash: CrashPoint::new(role.crash),
         warnings,
     };
-    match start.real_time {
-        None => launch.in_lock_step(service.as_mut(), &mut waiter),
-        Some(settings) => launch.in_real_time(service.as_mut(), &start.scenario, settings, &waiter),
+    if start.in_real_time {
+        launch.in_real_time(service.as_mut(), &start.scenario, &waiter)
+    } else {
+        launch.in_lock_step(service.as_mut(), &mut waiter)
     }
 }
 
@@ -148,7 +149,7 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
         core: stated.core.or(of_the_run),
         priority: stated.priority.or(fifo),
         // The system may end sleeps late to save power: by 50 µs unless it is told otherwise.
-        timer_slack: stated.timer_slack.or(start.real_time.map(|_| SHARPEST)),
+        timer_slack: stated.timer_slack.or(start.in_real_time.then_some(SHARPEST)),
         ..stated
     };
     let refusals = deployment::apply(&settings);

@@ -14,21 +14,20 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::sync::atomic::{Ordering, fence};
 
-use rustix::thread::{clock_nanosleep_absolute, futex};
-use rustix::time::ClockId;
+use rustix::thread::futex;
 use shared_types::samples::PathReference;
-use shared_types::schedule::Publication;
 use shared_types::service::{ErasedService, Operator};
 use shared_types::{Now, Schedule, ServiceId, Topic};
 use zerocopy::FromBytes;
 
 use crate::checkpoints::{Checkpoint, Checkpoints};
 use crate::crash::{self, CrashPlace, CrashPoint};
-use crate::flight_clock::{FlightClock, deadline, monotonic_ns};
+use crate::flight_clock::{FlightClock, deadline, monotonic_ns, nap_until};
 use crate::lock_step::FlightError;
 use crate::lone_flight::LoneFlight;
 use crate::mailbox::Mailbox;
-use crate::ports::{PortError, Sender, Topics};
+use crate::outlets::Outlets;
+use crate::ports::{PortError, Topics};
 use crate::shared_page::{Cell, SharedPage};
 use crate::step::{self, Slots, Timetable, Views};
 use crate::step_log::{StepLog, StepRecord};
@@ -40,13 +39,7 @@ const LONGEST_SLEEP_NS: u64 = 100_000_000;
 /// A service's ports in real time.
 pub struct RealTimePorts {
     mailboxes: Vec<Mailbox>,
-    outputs: Vec<OutputPort>,
-    consumers: Vec<ServiceId>,
-}
-
-struct OutputPort {
-    publication: Publication,
-    sender: Box<dyn Sender>,
+    outlets: Outlets,
 }
 
 impl RealTimePorts {
@@ -64,22 +57,9 @@ impl RealTimePorts {
                 .expect("services consume what services publish");
             mailboxes.push(Mailbox::new(schedule, id, index, publisher, receiver));
         }
-        // Whoever publishes last within a tick is waited for first: its sample is the last to come.
-        let place = |service| schedule.order().iter().position(|&other| other == service);
-        mailboxes
-            .sort_by_key(|mailbox| std::cmp::Reverse((mailbox.edge.latency == 0, place(mailbox.publisher))));
-        let mut outputs = Vec::new();
-        for spec in id.outputs() {
-            outputs.push(OutputPort {
-                publication: schedule.publication(spec.topic),
-                sender: topics.of(spec.topic).newest_sender()?,
-            });
-        }
-        Ok(Self {
-            mailboxes,
-            outputs,
-            consumers: consumers_of(id),
-        })
+        mailboxes.sort_by_key(|mailbox| step::waiting_order(schedule, &mailbox.edge, mailbox.publisher));
+        let outlets = Outlets::open(topics, id, schedule, |topic| topic.newest_sender())?;
+        Ok(Self { mailboxes, outlets })
     }
 
     /// Connects all ports to those of the others that exist by now.
@@ -88,22 +68,8 @@ impl RealTimePorts {
     /// [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
         self.mailboxes.iter_mut().try_for_each(Mailbox::connect)?;
-        self.outputs
-            .iter_mut()
-            .try_for_each(|output| output.sender.connect())
+        self.outlets.connect()
     }
-}
-
-/// Who consumes what a service publishes.
-fn consumers_of(id: ServiceId) -> Vec<ServiceId> {
-    let topics = id.outputs().iter().map(|output| output.topic);
-    let mut consumers: Vec<_> = topics
-        .flat_map(shared_types::Topic::consumers)
-        .map(|(service, _)| service)
-        .collect();
-    consumers.sort_unstable();
-    consumers.dedup();
-    consumers
 }
 
 /// What a service flies with in real time beside its step logic.
@@ -152,15 +118,15 @@ pub fn fly(
     checkpoint: Option<&Checkpoint>,
     cockpit: &mut Cockpit<'_>,
 ) -> Result<(), FlightError> {
+    // Whoever it follows may have died in the middle of publishing.
+    cockpit.step_log.finish_for_the_dead(service.id());
     let timetable = Timetable::new(schedule, service.id());
     let mut previous = None;
     let mut first_tick = 0;
     if let Some(checkpoint) = checkpoint {
         first_tick = checkpoint.next_tick;
-        let next = timetable.steps.first_at_or_after(first_tick);
-        if !next.is_some_and(|next| timetable.begins_anew_at(next)) {
-            service.restore(&checkpoint.state);
-            previous = checkpoint.next_tick.checked_sub(1);
+        if checkpoint.resume(service, &timetable) {
+            previous = first_tick.checked_sub(1);
         }
     }
     let mut next = timetable.steps.first_at_or_after(first_tick);
@@ -170,7 +136,8 @@ pub fn fly(
         cockpit.sleep_until(service.id(), cockpit.clock.begins_at(tick))?;
         let late_inputs = cockpit.await_inputs(&timetable, tick)?;
         cockpit.crash.pass(CrashPlace::BeforeStep, tick);
-        if cockpit.lone_flight.has_ended(cockpit.page.words()) {
+        let began = monotonic_ns();
+        if cockpit.lone_flight.has_ended(cockpit.page.words(), began) {
             return Err(FlightError::Stopping);
         }
         if timetable.begins_anew_at(tick) {
@@ -178,7 +145,7 @@ pub fn fly(
         }
         let begun = StepRecord {
             tick,
-            began_ns: cockpit.clock.elapsed_ns(),
+            began_ns: began.saturating_sub(cockpit.clock.start_ns),
             missed,
             late_inputs,
             ..StepRecord::default()
@@ -239,8 +206,7 @@ impl Cockpit<'_> {
                 let rung = self.cell(service).bell.load(Ordering::SeqCst);
                 self.doze(service, rung, now + LONGEST_SLEEP_NS);
             } else {
-                // An interrupted sleep is continued.
-                let _ = clock_nanosleep_absolute(ClockId::Monotonic, &deadline(at_ns));
+                nap_until(at_ns);
             }
         }
     }
@@ -330,9 +296,7 @@ impl Cockpit<'_> {
         };
         record.operator = bits_of(now.operator);
         record.previous = previous.map_or(0, |previous| previous + 1);
-        let RealTimePorts {
-            mailboxes, outputs, ..
-        } = &mut self.ports;
+        let RealTimePorts { mailboxes, outlets } = &mut self.ports;
         let mut views = Views::default();
         for mailbox in mailboxes {
             let index = mailbox.index;
@@ -342,28 +306,21 @@ impl Cockpit<'_> {
                 views[index] = delivery.view;
             }
         }
-        let mut slots = Slots::default();
-        for (slot, output) in slots.iter_mut().zip(&mut *outputs) {
-            if output.publication.is_due(tick) {
-                let header = output.publication.header(tick);
-                *slot = step::prepared(output.publication.topic, header, output.sender.loan()?);
-            }
-        }
+        let mut slots = outlets.loan(tick)?;
         timetable.step_at(service, &now, &views, &mut slots)?;
         if self.lone_flight.is_to_land() && tells_of_rest(timetable, &slots) {
             // The vehicle is down, and nobody is there to end the run.
             self.page.words().stopping.store(1, Ordering::Relaxed);
         }
         self.crash.pass(CrashPlace::AfterStep, tick);
-        for output in outputs {
-            output.sender.send()?;
-            self.crash.pass(CrashPlace::BetweenPublishes, tick);
-        }
+        self.step_log.begin(service.id(), record);
+        outlets.send(tick, self.crash)?;
         self.crash.pass(CrashPlace::AfterPublishing, tick);
-        record.published_ns = self.clock.elapsed_ns();
+        let published_ns = self.clock.elapsed_ns();
         self.crash.pass(CrashPlace::BeforeWaking, tick);
         self.wake(service.id());
-        self.keep(service, record);
+        self.step_log.finish(service.id(), published_ns);
+        self.keep(service, tick + 1);
         Ok(())
     }
 
@@ -383,7 +340,7 @@ impl Cockpit<'_> {
         // Publications before, announcements after: pairs with the fence in `await_input`.
         fence(Ordering::SeqCst);
         let mine = announcement(service);
-        for &consumer in &self.ports.consumers {
+        for &consumer in self.ports.outlets.consumers() {
             let cell = self.cell(consumer);
             if cell.waiting_for.load(Ordering::Relaxed) == mine {
                 cell.ring();
@@ -391,18 +348,18 @@ impl Cockpit<'_> {
         }
     }
 
-    /// Tells of the step, and keeps what the service knows: in this order, so that a step is never known and untold.
+    /// Keeps what the service knows before its step at `next_tick`: after the step was told, so that none is ever known
+    /// and untold.
     #[inline]
-    fn keep(&self, service: &dyn ErasedService, record: StepRecord) {
-        self.step_log.write(service.id(), record);
+    fn keep(&self, service: &dyn ErasedService, next_tick: u64) {
         let write = |bytes: &mut [u8]| {
             service.save(bytes);
-            self.crash.pass(CrashPlace::Checkpointing, record.tick + 1);
+            self.crash.pass(CrashPlace::Checkpointing, next_tick);
         };
         self.checkpoints
-            .write(service.id(), record.tick + 1, service.state_size(), write);
+            .write(service.id(), next_tick, service.state_size(), write);
         let cell = self.cell(service.id());
-        cell.steps_until.store(record.tick + 1, Ordering::Relaxed);
+        cell.steps_until.store(next_tick, Ordering::Relaxed);
         Cell::count(&cell.steps);
     }
 }

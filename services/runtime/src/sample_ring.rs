@@ -1,28 +1,23 @@
 //! The latest samples of a topic, by their place in its sequence, in memory that is laid out once.
 
 use shared_types::Topic;
-use zerocopy::IntoBytes;
+
+use crate::owned_sample::OwnedSample;
 
 /// A ring of samples of one topic.
 #[derive(Debug)]
 pub struct SampleRing {
-    /// Whole words, because samples are read in place; a power of two of them.
-    slots: Vec<Box<[u64]>>,
-    /// Size of a sample, bytes.
-    size: usize,
+    /// A power of two of them.
+    slots: Vec<OwnedSample>,
 }
 
 impl SampleRing {
     /// A ring that holds the latest `depth` samples of `topic`, or more.
     #[must_use]
     pub fn new(topic: Topic, depth: u64) -> Self {
-        let size = topic.kind().size;
-        let words = size.div_ceil(size_of::<u64>());
+        let slots = (0..depth.next_power_of_two()).map(|_| OwnedSample::of(topic));
         Self {
-            slots: (0..depth.next_power_of_two())
-                .map(|_| vec![0; words].into_boxed_slice())
-                .collect(),
-            size,
+            slots: slots.collect(),
         }
     }
 
@@ -37,7 +32,7 @@ impl SampleRing {
     #[must_use]
     #[inline]
     pub fn at(&self, place: u64) -> &[u8] {
-        &self.slots[self.slot_of(place)].as_bytes()[..self.size]
+        self.slots[self.slot_of(place)].bytes()
     }
 
     /// Where the sample of a place in the sequence is written.
@@ -45,7 +40,7 @@ impl SampleRing {
     #[inline]
     pub fn at_mut(&mut self, place: u64) -> &mut [u8] {
         let slot = self.slot_of(place);
-        &mut self.slots[slot].as_mut_bytes()[..self.size]
+        self.slots[slot].bytes_mut()
     }
 
     #[inline]

@@ -219,35 +219,29 @@ impl SharedPage {
 mod tests {
     use super::*;
 
-    const REST: Operator = Operator {
-        armed: false,
-        land: false,
-        killed: false,
-    };
-
     #[test]
     fn arming_is_taken_back_and_killing_is_not() {
         let words = Words::default();
-        assert_eq!(words.operator(REST), REST);
+        assert_eq!(words.operator(Operator::default()), Operator::default());
         words.ask(Request::Arm);
-        assert_eq!(words.operator(REST), Operator::FLYING);
+        assert_eq!(words.operator(Operator::default()), Operator::FLYING);
         words.ask(Request::Kill);
         words.ask(Request::Disarm);
         words.ask(Request::Arm);
-        assert!(words.operator(REST).killed && words.operator(Operator::FLYING).killed);
+        assert!(words.operator(Operator::default()).killed && words.operator(Operator::FLYING).killed);
     }
 
     #[test]
     fn who_disarms_overrides_the_plan() {
         let words = Words::default();
         words.ask(Request::Disarm);
-        assert_eq!(words.operator(Operator::FLYING), REST);
+        assert_eq!(words.operator(Operator::FLYING), Operator::default());
         words.ask(Request::Land);
         words.ask(Request::Arm);
         let landing = Operator {
             land: true,
             ..Operator::FLYING
         };
-        assert_eq!(words.operator(REST), landing);
+        assert_eq!(words.operator(Operator::default()), landing);
     }
 }

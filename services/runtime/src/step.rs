@@ -176,6 +176,14 @@ impl Timetable {
     }
 }
 
+/// The order in which a step waits for its inputs: the publisher that steps last comes first. Once its sample is here,
+/// those of the others are too, so that a step sleeps once and not once an input.
+#[must_use]
+pub fn waiting_order(schedule: &Schedule, edge: &Edge, publisher: ServiceId) -> impl Ord + use<> {
+    let place = schedule.order().iter().position(|&service| service == publisher);
+    std::cmp::Reverse((edge.latency == 0, place))
+}
+
 /// A due output's place: zeroed, its header filled in.
 #[inline]
 pub fn prepared(topic: Topic, header: Header, bytes: &mut [u8]) -> OutputSlot<'_> {

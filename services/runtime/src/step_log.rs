@@ -9,22 +9,28 @@ use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::shared_file::SharedFile;
 
 /// Records of a service that a reader may lag behind.
 pub const DEPTH: u64 = 4096;
 
-const WORDS: usize = 8 + MAX_PORTS;
+const WORDS: usize = size_of::<StepRecord>() / size_of::<u64>();
+
+/// The word of a record that says when all was published.
+const PUBLISHED: usize = std::mem::offset_of!(StepRecord, published_ns) / size_of::<u64>();
 
 /// One step of a service in real time. Times are since the start of the flight.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
 pub struct StepRecord {
     /// Tick of the step.
     pub tick: u64,
     /// When it began, ns: its time had come, and what it waited for was here or given up.
     pub began_ns: u64,
-    /// When all that it had to publish was published and nobody had been woken yet, ns.
+    /// When all that it had to publish was published and nobody had been woken yet, ns; 0 if the process died before:
+    /// then some of it may have been published.
     pub published_ns: u64,
     /// Steps before it that were left out because their time had passed.
     pub missed: u64,
@@ -41,45 +47,10 @@ pub struct StepRecord {
 }
 
 impl StepRecord {
-    fn to_words(self) -> [u64; WORDS] {
-        let mut words = [0; WORDS];
-        words[..8].copy_from_slice(&[
-            self.tick,
-            self.began_ns,
-            self.published_ns,
-            self.missed,
-            self.late_inputs,
-            self.fresh_inputs,
-            self.operator,
-            self.previous,
-        ]);
-        words[8..].copy_from_slice(&self.consumed);
-        words
-    }
-
-    fn from_words(words: [u64; WORDS]) -> Self {
-        let [
-            tick,
-            began_ns,
-            published_ns,
-            missed,
-            late_inputs,
-            fresh_inputs,
-            operator,
-            previous,
-            consumed @ ..,
-        ] = words;
-        Self {
-            tick,
-            began_ns,
-            published_ns,
-            missed,
-            late_inputs,
-            fresh_inputs,
-            operator,
-            previous,
-            consumed,
-        }
+    /// Whether all that the step had to publish was published.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.published_ns != 0
     }
 
     /// Tick of the sample that it saw of an input.
@@ -91,8 +62,10 @@ impl StepRecord {
 
 #[repr(C, align(64))]
 struct Ring {
-    /// Records written so far, each at its number modulo [`DEPTH`].
+    /// Records that are whole, each at its number modulo [`DEPTH`].
     written: AtomicU64,
+    /// 1 + the number of the last record that was begun.
+    begun: AtomicU64,
     slots: [[AtomicU64; WORDS]; DEPTH as usize],
 }
 
@@ -125,15 +98,36 @@ impl StepLog {
         self.0.file()
     }
 
-    /// Adds a record of `service`. To be called by one process at a time for a service: by its own.
+    /// Says what a step of `service` was made of, before anything of it is published: so nothing is ever published of
+    /// which nobody knows what it was made of. To be called by one process at a time for a service: by its own.
     #[inline]
-    pub fn write(&self, service: ServiceId, record: StepRecord) {
+    pub fn begin(&self, service: ServiceId, record: StepRecord) {
         let ring = self.ring(service);
         let number = ring.written.load(Ordering::Relaxed);
-        for (place, word) in ring.slots[slot_of(number)].iter().zip(record.to_words()) {
+        let words: [u64; WORDS] = zerocopy::transmute!(record);
+        for (place, word) in ring.slots[slot_of(number)].iter().zip(words) {
             place.store(word, Ordering::Relaxed);
         }
+        ring.begun.store(number + 1, Ordering::Release);
+    }
+
+    /// Says when all of the step that was begun was published, and lets readers have its record.
+    #[inline]
+    pub fn finish(&self, service: ServiceId, published_ns: u64) {
+        let ring = self.ring(service);
+        let number = ring.written.load(Ordering::Relaxed);
+        ring.slots[slot_of(number)][PUBLISHED].store(published_ns, Ordering::Relaxed);
         ring.written.store(number + 1, Ordering::Release);
+    }
+
+    /// Lets readers have the record of a step in the middle of whose publication the process died. To be called when
+    /// it is dead.
+    pub fn finish_for_the_dead(&self, service: ServiceId) {
+        let ring = self.ring(service);
+        let number = ring.written.load(Ordering::Relaxed);
+        if ring.begun.load(Ordering::Acquire) == number + 1 {
+            ring.written.store(number + 1, Ordering::Release);
+        }
     }
 
     fn ring(&self, service: ServiceId) -> &Ring {
@@ -183,12 +177,12 @@ impl StepReader {
             let oldest = (written + 1).saturating_sub(DEPTH);
             self.skip_to(oldest);
             let slot = &ring.slots[slot_of(self.next)];
-            let words = std::array::from_fn(|word| slot[word].load(Ordering::Relaxed));
+            let words: [u64; WORDS] = std::array::from_fn(|word| slot[word].load(Ordering::Relaxed));
             // The words before, the count after: what was overwritten meanwhile is not taken.
             fence(Ordering::Acquire);
             if ring.written.load(Ordering::Relaxed) < self.next + DEPTH {
                 self.next += 1;
-                return Some(StepRecord::from_words(words));
+                return Some(zerocopy::transmute!(words));
             }
         }
     }
@@ -226,6 +220,39 @@ mod tests {
         }
     }
 
+    fn write(log: &StepLog, service: ServiceId, record: StepRecord) {
+        let begun = StepRecord {
+            published_ns: 0,
+            ..record
+        };
+        log.begin(service, begun);
+        log.finish(service, record.published_ns);
+    }
+
+    #[test]
+    fn what_the_dead_had_begun_is_read_once_with_the_time_of_its_publication_unknown() {
+        let log = StepLog::create().unwrap();
+        let mut reader = StepReader::new(SERVICE);
+        write(&log, SERVICE, record(1));
+        log.finish_for_the_dead(SERVICE);
+        log.begin(
+            SERVICE,
+            StepRecord {
+                published_ns: 0,
+                ..record(2)
+            },
+        );
+        assert_eq!(reader.next(&log), Some(record(1)));
+        assert_eq!(reader.next(&log), None);
+        log.finish_for_the_dead(SERVICE);
+        log.finish_for_the_dead(SERVICE);
+        write(&log, SERVICE, record(3));
+        let unfinished = reader.next(&log).unwrap();
+        assert_eq!((unfinished.tick, unfinished.published_ns), (2, 0));
+        assert_eq!(reader.next(&log), Some(record(3)));
+        assert_eq!(reader.next(&log), None);
+    }
+
     proptest! {
         #[test]
         fn every_record_is_read_or_counted_as_overwritten(bursts in prop::collection::vec(0u64..2 * DEPTH, 1..6)) {
@@ -234,7 +261,7 @@ mod tests {
             let (mut written, mut read) = (0, 0);
             for burst in bursts {
                 for tick in written..written + burst {
-                    log.write(SERVICE, record(tick));
+                    write(&log, SERVICE, record(tick));
                 }
                 written += burst;
                 while let Some(found) = reader.next(&log) {
@@ -251,7 +278,7 @@ mod tests {
         let log = StepLog::create().unwrap();
         let total = 50 * DEPTH;
         std::thread::scope(|scope| {
-            scope.spawn(|| (0..total).for_each(|tick| log.write(SERVICE, record(tick))));
+            scope.spawn(|| (0..total).for_each(|tick| write(&log, SERVICE, record(tick))));
             let mut reader = StepReader::new(SERVICE);
             let (mut last, mut read) = (None, 0);
             while read + reader.overwritten() < total {
@@ -269,7 +296,7 @@ mod tests {
     #[test]
     fn services_do_not_see_each_others_records() {
         let log = StepLog::create().unwrap();
-        log.write(ServiceId::Plant, record(1));
+        write(&log, ServiceId::Plant, record(1));
         assert_eq!(StepReader::new(SERVICE).next(&log), None);
         assert_eq!(StepReader::new(ServiceId::Plant).next(&log), Some(record(1)));
     }

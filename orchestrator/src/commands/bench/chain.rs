@@ -17,11 +17,9 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::event::PortFactory;
 use runtime::deployment::{self, FIFO_PRIORITY};
 use runtime::descriptors::{hand_on, inherited};
-use runtime::flight_clock::{FlightClock, deadline, monotonic_ns};
+use runtime::flight_clock::{FlightClock, monotonic_ns, nap_until};
 use runtime::ports::Member;
 use runtime::shared_page::{SharedPage, Words};
-use rustix::thread::clock_nanosleep_absolute;
-use rustix::time::ClockId;
 use shared_types::ServiceId;
 use shared_types::scenario::ServiceDeployment;
 
@@ -30,7 +28,7 @@ use crate::cli::ChainMember;
 use crate::commands::{Failure, print};
 use crate::exit::Exit;
 use crate::run_root::RunRoot;
-use crate::summary::timing::Quantiles;
+use crate::summary::timing::{self, Quantiles};
 
 const MEMBERS: usize = ServiceId::ALL.len();
 const PAGE_FD: i32 = 3;
@@ -165,8 +163,7 @@ fn send(to: &Event, words: &Words, rounds: u64) -> Result<(), Box<dyn Error>> {
 
 fn sleep_until(at_ns: u64) {
     while monotonic_ns() < at_ns {
-        // An interrupted sleep is continued.
-        let _ = clock_nanosleep_absolute(ClockId::Monotonic, &deadline(at_ns));
+        nap_until(at_ns);
     }
 }
 
@@ -191,7 +188,7 @@ fn pass_on(from: &Event, to: &Event, words: &Words, me: usize) -> Result<(), Box
 /// The last: how long it is from the first to here.
 fn measure(from: &Event, words: &Words) -> Result<Histogram<u64>, Box<dyn Error>> {
     let listener = from.listener_builder().create()?;
-    let mut times = Histogram::new_with_bounds(1, 60_000_000_000, 2)?;
+    let mut times = timing::histogram();
     words.misses.fetch_add(1, Ordering::AcqRel);
     let mut seen = 0;
     loop {

@@ -16,7 +16,7 @@ use crate::cli::RingWait;
 use crate::commands::Failure;
 use crate::exit::Exit;
 use crate::flight::tape::Tape;
-use crate::flight::{Ending, FlightFailure, Outcome, in_process};
+use crate::flight::{self, Ending, FlightFailure, Outcome, in_process};
 use crate::interrupt::Interrupt;
 use crate::log::{Compression, Manifest, RunLogWriter};
 use crate::progress::Progress;
@@ -276,9 +276,7 @@ fn recorded(
     folder: &Path,
     fly: impl FnOnce(&mut Tape<'_>) -> Result<Ending>,
 ) -> Result<f64> {
-    let schedule = scenario
-        .schedule()
-        .map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))?;
+    let schedule = flight::schedule_of(scenario)?;
     let path = folder.join("run.mcap");
     let log = RunLogWriter::create(&path, &Manifest::new(scenario), Compression::None)?;
     let mut progress = Progress::hidden();

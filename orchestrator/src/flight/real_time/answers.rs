@@ -69,7 +69,7 @@ impl Flight<'_> {
         if age > STALE {
             return Some(format!("the vehicle's state is {age:.1} s old"));
         }
-        if state.tracked != true.into() || state.coasting == true.into() {
+        if !state.tracked.is_set() || state.coasting.is_set() {
             return Some("the cameras do not see the vehicle".to_owned());
         }
         let (sigma, largest) = (state.position_sigma, settings.position_sigma_max);

@@ -61,23 +61,21 @@ mod tests {
     use super::*;
     use shared_types::service::Operator;
 
-    const REST: Operator = Operator {
-        armed: false,
-        land: false,
-        killed: false,
-    };
-
     #[test]
     fn in_the_air_the_first_wish_lands_the_second_disarms_the_third_ends() {
         let words = Words::default();
         words.ask(Request::Arm);
         let flying = Some(FlightPhase::Fly);
         let land = Wish::FlyOn.then_end(flying, &words);
-        assert!(land == Wish::Land && words.operator(REST).land && words.operator(REST).armed);
+        assert!(
+            land == Wish::Land
+                && words.operator(Operator::default()).land
+                && words.operator(Operator::default()).armed
+        );
         assert!(!land.is_fulfilled(Some(FlightPhase::Land), false));
         assert!(land.is_fulfilled(Some(FlightPhase::Disarmed), true));
         let disarm = land.then_end(Some(FlightPhase::Land), &words);
-        assert!(!words.operator(REST).armed && !disarm.is_fulfilled(flying, false));
+        assert!(!words.operator(Operator::default()).armed && !disarm.is_fulfilled(flying, false));
         assert!(disarm.is_fulfilled(flying, true));
         assert!(disarm.then_end(flying, &words).is_fulfilled(flying, false));
     }
@@ -87,7 +85,7 @@ mod tests {
         for phase in [None, Some(FlightPhase::Disarmed)] {
             let words = Words::default();
             assert_eq!(Wish::FlyOn.then_end(phase, &words), Wish::End);
-            assert_eq!(words.operator(REST), REST);
+            assert_eq!(words.operator(Operator::default()), Operator::default());
         }
         assert!(!Wish::FlyOn.is_fulfilled(None, true));
     }

@@ -8,7 +8,7 @@ use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::live::snapshot::{InputSnapshot, ServiceSnapshot};
-use crate::summary::timing::{Quantiles, ServiceTiming, TimingReport};
+use crate::summary::timing::{Quantiles, ServiceTiming, TimingReport, histogram};
 
 /// Steps of each service that are kept to be found again by their tick.
 const HISTORY: u64 = 4096;
@@ -87,12 +87,12 @@ impl Monitor {
     }
 
     /// Takes the records that have come, and hands each to `sink`.
-    pub fn collect(&mut self, log: &StepLog, mut sink: impl FnMut(ServiceId, &StepRecord)) {
+    pub fn collect(&mut self, log: &StepLog, mut sink: impl FnMut(ServiceId, &StepRecord, &[Edge])) {
         let mut come = Vec::new();
         for track in &mut self.tracks {
             while let Some(record) = track.reader.next(log) {
                 track.keep(record);
-                sink(track.service, &record);
+                sink(track.service, &record, &track.edges);
                 come.push((track.service, record));
             }
         }
@@ -176,7 +176,9 @@ impl Monitor {
             let input = consumer.inputs().iter().position(|input| input.topic == topic)?;
             at = *self.tracks[topic.publisher()?.index()].at(at.consumed_tick(input)?)?;
         }
-        record.published_ns.checked_sub(at.published_ns)
+        // Of a step in which a process died nobody knows when it was published.
+        (record.is_finished() && at.is_finished())
+            .then(|| record.published_ns.saturating_sub(at.published_ns))
     }
 }
 
@@ -202,16 +204,21 @@ impl Track {
 
     fn keep(&mut self, record: StepRecord) {
         self.missed += record.missed;
-        self.repeated += u64::from(self.last.is_some_and(|last| last.tick >= record.tick));
+        let is_repeated = self
+            .last
+            .is_some_and(|last| last.is_finished() && last.tick >= record.tick);
+        self.repeated += u64::from(is_repeated);
         self.late_inputs += u64::from(record.late_inputs.count_ones());
         for (input, edge) in self.edges.iter().enumerate() {
             let is_stale = edge.due_sample(record.tick) != record.consumed_tick(input);
             self.stale_inputs += u64::from(is_stale);
         }
-        let duration = record.published_ns.saturating_sub(record.began_ns);
-        for timing in [&mut self.timing, &mut self.window] {
-            timing.steps += 1;
-            timing.duration.saturating_record(duration);
+        if record.is_finished() {
+            let duration = record.published_ns.saturating_sub(record.began_ns);
+            for timing in [&mut self.timing, &mut self.window] {
+                timing.steps += 1;
+                timing.duration.saturating_record(duration);
+            }
         }
         self.last = Some(record);
         self.recent[slot_of(record.tick)] = Some(record);
@@ -263,11 +270,6 @@ fn slot_of(tick: u64) -> usize {
     usize::try_from(tick % HISTORY).expect("below the depth")
 }
 
-/// A histogram of times in ns to two digits, from 1 ns to a minute.
-fn histogram() -> Histogram<u64> {
-    Histogram::new_with_bounds(1, 60_000_000_000, 2).expect("the bounds are those of a histogram")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -302,9 +304,10 @@ mod tests {
             for service in ServiceId::ALL {
                 let mut record = step(&schedule, service, tick, 10_000);
                 change(service, &mut record);
-                log.write(service, record);
+                log.begin(service, record);
+                log.finish(service, record.published_ns);
             }
-            monitor.collect(&log, |_, _| {});
+            monitor.collect(&log, |_, _, _| {});
         }
         monitor.finish()
     }

@@ -7,11 +7,13 @@
 use std::collections::BTreeMap;
 
 use runtime::in_process::TickSink;
-use runtime::ports::{Delivery, Member, PortError, Receiver, TopicPorts};
+use runtime::owned_sample::OwnedSample;
+use runtime::ports::PortError;
 use shared_types::service::header_of;
-use shared_types::{Sample, Schedule, Topic};
+use shared_types::{Sample, Topic};
 
 use crate::flight::FlightFailure;
+use crate::flight::subscription::Subscription;
 
 /// How long samples of a tick are waited for before the tick is written, ns.
 pub const SETTLING_NS: u64 = 50_000_000;
@@ -20,55 +22,35 @@ pub const SETTLING_NS: u64 = 50_000_000;
 pub struct Recorder {
     feeds: Vec<Feed>,
     /// Samples that wait for their tick to be written, by tick and topic.
-    waiting: BTreeMap<(u64, usize), Waiting>,
-    /// Memory of samples that have been written.
-    spare: Vec<Box<[u64]>>,
+    waiting: BTreeMap<(u64, Topic), OwnedSample>,
+    /// Of each topic, memory of samples that have been written.
+    spare: [Vec<OwnedSample>; Topic::ALL.len()],
     /// Ticks before this one have been written.
     written_until: u64,
 }
 
 struct Feed {
-    topic: Topic,
-    receiver: Box<dyn Receiver>,
+    subscription: Subscription,
     received: u64,
     /// Tick of the newest sample.
     newest: Option<u64>,
 }
 
-/// A sample in whole words.
-struct Waiting {
-    topic: Topic,
-    words: Box<[u64]>,
-}
-
 impl Recorder {
-    /// Makes every topic of the run and subscribes to it. The topics must be held until the run has ended.
-    ///
-    /// # Errors
-    /// [`PortError`].
-    pub fn create(
-        member: &Member,
-        schedule: &Schedule,
-    ) -> Result<(Self, Vec<Box<dyn TopicPorts>>), PortError> {
-        let mut feeds = Vec::new();
-        let mut topics = Vec::new();
-        for topic in Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some()) {
-            let ports = member.create_topic(topic, schedule, Delivery::NewestWins)?;
-            feeds.push(Feed {
-                topic,
-                receiver: ports.recorder()?,
-                received: 0,
-                newest: None,
-            });
-            topics.push(ports);
-        }
-        let recorder = Self {
-            feeds,
-            waiting: BTreeMap::new(),
-            spare: Vec::new(),
-            written_until: 0,
+    /// A recorder that has received nothing yet.
+    #[must_use]
+    pub fn new(subscriptions: Vec<Subscription>) -> Self {
+        let feed = |subscription| Feed {
+            subscription,
+            received: 0,
+            newest: None,
         };
-        Ok((recorder, topics))
+        Self {
+            feeds: subscriptions.into_iter().map(feed).collect(),
+            waiting: BTreeMap::new(),
+            spare: Default::default(),
+            written_until: 0,
+        }
     }
 
     /// Connects to all publishers that exist by now.
@@ -76,14 +58,19 @@ impl Recorder {
     /// # Errors
     /// [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
-        self.feeds.iter_mut().try_for_each(|feed| feed.receiver.connect())
+        self.feeds
+            .iter_mut()
+            .try_for_each(|feed| feed.subscription.receiver.connect())
     }
 
     /// The newest sample of a topic that has been received.
     #[must_use]
     pub fn newest<T: Sample>(&self) -> Option<T> {
-        let feed = self.feeds.iter().find(|feed| feed.topic == T::TOPIC)?;
-        T::read_from_bytes(feed.receiver.held()?).ok()
+        let feed = self
+            .feeds
+            .iter()
+            .find(|feed| feed.subscription.topic == T::TOPIC)?;
+        T::read_from_bytes(feed.subscription.receiver.held()?).ok()
     }
 
     /// Samples of all topics that have been received.
@@ -95,7 +82,7 @@ impl Recorder {
     /// Samples of a topic that have been received.
     #[must_use]
     pub fn received(&self, topic: Topic) -> u64 {
-        let feed = self.feeds.iter().find(|feed| feed.topic == topic);
+        let feed = self.feeds.iter().find(|feed| feed.subscription.topic == topic);
         feed.map_or(0, |feed| feed.received)
     }
 
@@ -112,11 +99,12 @@ impl Recorder {
     pub fn receive(&mut self) -> Result<(), FlightFailure> {
         for feed in &mut self.feeds {
             while feed
+                .subscription
                 .receiver
                 .receive()
-                .map_err(|error| FlightFailure::Setup(error.to_string()))?
+                .map_err(FlightFailure::setup)?
             {
-                let bytes = feed.receiver.held().expect("just received");
+                let bytes = feed.subscription.receiver.held().expect("just received");
                 // One that was born again may repeat its last words, as the world does: the first count, for its
                 // consumers too.
                 let tick = header_of(bytes).tick;
@@ -124,10 +112,11 @@ impl Recorder {
                     continue;
                 }
                 feed.received += 1;
-                let words = self.spare.pop();
-                let sample = Waiting::new(feed.topic, bytes, words);
-                let key = (header_of(bytes).tick, feed.topic.index());
-                self.waiting.insert(key, sample);
+                let topic = feed.subscription.topic;
+                let spare = self.spare[topic.index()].pop();
+                let mut sample = spare.unwrap_or_else(|| OwnedSample::of(topic));
+                sample.bytes_mut().copy_from_slice(bytes);
+                self.waiting.insert((tick, topic), sample);
             }
         }
         Ok(())
@@ -140,31 +129,14 @@ impl Recorder {
     pub fn write_before<S: TickSink>(&mut self, tick: u64, sink: &mut S) -> Result<(), S::Error> {
         for ending in self.written_until..tick {
             while let Some(entry) = self.waiting.first_entry().filter(|entry| entry.key().0 <= ending) {
-                let sample = entry.remove();
-                sink.sample(sample.topic, sample.bytes())?;
-                self.spare.push(sample.words);
+                let ((_, topic), sample) = entry.remove_entry();
+                sink.sample(topic, sample.bytes())?;
+                self.spare[topic.index()].push(sample);
             }
             // The clock ends a flight in real time, not the sink.
             let _ = sink.end_tick(ending)?;
             self.written_until = ending + 1;
         }
         Ok(())
-    }
-}
-
-impl Waiting {
-    fn new(topic: Topic, bytes: &[u8], words: Option<Box<[u64]>>) -> Self {
-        use zerocopy::IntoBytes;
-        let length = bytes.len().div_ceil(size_of::<u64>());
-        let mut words = words
-            .filter(|words| words.len() == length)
-            .unwrap_or_else(|| vec![0; length].into_boxed_slice());
-        words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
-        Self { topic, words }
-    }
-
-    fn bytes(&self) -> &[u8] {
-        use zerocopy::IntoBytes;
-        &self.words.as_bytes()[..self.topic.kind().size]
     }
 }

@@ -1,0 +1,111 @@
+//! What was recorded of a topic at a tick, where several steps of that tick may have published it.
+//!
+//! A process that dies in the middle of publishing may have published a sample or not. Who takes its place may do the
+//! tick again, and of two samples of one tick the first counts. So what was recorded is that of the first step which was
+//! finished, or of one before it.
+
+use runtime::owned_sample::OwnedSample;
+use shared_types::Topic;
+
+use super::compare::Comparison;
+use super::history::History;
+
+/// Compares what the steps of a tick publish on one topic with what was recorded.
+pub(super) struct Judge {
+    comparison: Comparison,
+    /// Whether the recorded sample of the tick has been accounted for.
+    is_settled: bool,
+    /// What the last step published that may not have been, and that is not what was recorded.
+    doubtful: Option<OwnedSample>,
+}
+
+impl Judge {
+    pub(super) fn new(topic: Topic) -> Self {
+        Self {
+            comparison: Comparison::new(topic),
+            is_settled: false,
+            doubtful: None,
+        }
+    }
+
+    pub(super) fn into_comparison(self) -> Comparison {
+        self.comparison
+    }
+
+    /// Hears what a step publishes; if it was not finished, perhaps.
+    pub(super) fn hear(&mut self, replayed: &[u8], is_finished: bool, history: &History) {
+        if self.is_settled {
+            return;
+        }
+        if is_finished || self.comparison.is_recorded(replayed, history) {
+            self.comparison.compare(replayed, history);
+            self.is_settled = true;
+            self.doubtful = None;
+        } else {
+            self.doubtful = Some(OwnedSample::copy_of(self.comparison.topic, replayed));
+        }
+    }
+
+    /// No more steps of the tick follow: what was recorded can be nothing else.
+    pub(super) fn end_tick(&mut self, history: &History) {
+        self.is_settled = false;
+        if let Some(sample) = self.doubtful.take()
+            && self.comparison.has_recorded(sample.bytes(), history)
+        {
+            self.comparison.compare(sample.bytes(), history);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shared_types::samples::PathReference;
+    use shared_types::{Header, Sample};
+    use zerocopy::{FromZeros, IntoBytes};
+
+    fn sample(gamma: f64) -> PathReference {
+        let header = Header {
+            seq: 1,
+            ..Header::new_zeroed()
+        };
+        PathReference {
+            header,
+            gamma,
+            ..PathReference::new_zeroed()
+        }
+    }
+
+    /// Compared, unrecorded and different samples of a tick with such steps, of which `recorded` was.
+    fn judged(recorded: Option<f64>, steps: &[(f64, bool)]) -> (u64, u64, u64) {
+        let mut history = History::default();
+        if let Some(gamma) = recorded {
+            history.keep(PathReference::TOPIC, sample(gamma).as_bytes());
+        }
+        let mut judge = Judge::new(PathReference::TOPIC);
+        for (gamma, is_finished) in steps {
+            judge.hear(sample(*gamma).as_bytes(), *is_finished, &history);
+        }
+        judge.end_tick(&history);
+        let found = judge.into_comparison();
+        (found.compared, found.unrecorded, found.different)
+    }
+
+    #[test]
+    fn the_first_finished_step_or_one_before_it_made_what_was_recorded() {
+        assert_eq!(judged(Some(1.0), &[(1.0, true)]), (1, 0, 0));
+        assert_eq!(judged(Some(1.0), &[(1.0, true), (2.0, true)]), (1, 0, 0));
+        assert_eq!(judged(Some(1.0), &[(1.0, false), (2.0, true)]), (1, 0, 0));
+        assert_eq!(judged(Some(2.0), &[(1.0, false), (2.0, true)]), (1, 0, 0));
+        assert_eq!(judged(Some(3.0), &[(1.0, false), (2.0, true)]), (1, 0, 1));
+        assert_eq!(judged(Some(2.0), &[(1.0, true), (2.0, true)]), (1, 0, 1));
+    }
+
+    #[test]
+    fn what_nobody_finished_may_have_been_published_or_not() {
+        assert_eq!(judged(Some(1.0), &[(1.0, false)]), (1, 0, 0));
+        assert_eq!(judged(None, &[(1.0, false)]), (0, 0, 0));
+        assert_eq!(judged(Some(2.0), &[(1.0, false)]), (1, 0, 1));
+        assert_eq!(judged(None, &[(1.0, true)]), (0, 1, 0));
+    }
+}

@@ -1,0 +1,99 @@
+//! A service's outputs: where its samples are written, and who is waiting for them.
+
+use shared_types::schedule::Publication;
+use shared_types::wiring::OutputSpec;
+use shared_types::{Schedule, ServiceId};
+
+use crate::crash::{CrashPlace, CrashPoint};
+use crate::ports::{PortError, Sender, TopicPorts, Topics};
+use crate::step::{self, Slots};
+
+/// The outputs that the wiring table gives a service.
+pub struct Outlets {
+    outlets: Vec<Outlet>,
+    consumers: Vec<ServiceId>,
+}
+
+struct Outlet {
+    publication: Publication,
+    sender: Box<dyn Sender>,
+}
+
+impl Outlets {
+    /// Makes a publisher of each topic with `sender_of`.
+    ///
+    /// # Errors
+    /// That of `sender_of`.
+    pub fn open(
+        topics: &Topics,
+        id: ServiceId,
+        schedule: &Schedule,
+        mut sender_of: impl FnMut(&dyn TopicPorts) -> Result<Box<dyn Sender>, PortError>,
+    ) -> Result<Self, PortError> {
+        let open = |spec: &OutputSpec| {
+            Ok(Outlet {
+                publication: schedule.publication(spec.topic),
+                sender: sender_of(topics.of(spec.topic))?,
+            })
+        };
+        Ok(Self {
+            outlets: id.outputs().iter().map(open).collect::<Result<_, PortError>>()?,
+            consumers: consumers_of(id),
+        })
+    }
+
+    /// Who consumes any of what is published, each once.
+    #[must_use]
+    #[inline]
+    pub fn consumers(&self) -> &[ServiceId] {
+        &self.consumers
+    }
+
+    /// Connects to all receivers that exist by now.
+    ///
+    /// # Errors
+    /// [`PortError`].
+    pub fn connect(&mut self) -> Result<(), PortError> {
+        self.outlets
+            .iter_mut()
+            .try_for_each(|outlet| outlet.sender.connect())
+    }
+
+    /// Places for the samples that are due at `tick`.
+    ///
+    /// # Errors
+    /// [`PortError`].
+    #[inline]
+    pub fn loan(&mut self, tick: u64) -> Result<Slots<'_>, PortError> {
+        let mut slots = Slots::default();
+        for (slot, outlet) in slots.iter_mut().zip(&mut self.outlets) {
+            if outlet.publication.is_due(tick) {
+                let header = outlet.publication.header(tick);
+                *slot = step::prepared(outlet.publication.topic, header, outlet.sender.loan()?);
+            }
+        }
+        Ok(slots)
+    }
+
+    /// Publishes what has been loaned at `tick`.
+    ///
+    /// # Errors
+    /// [`PortError`].
+    #[inline]
+    pub fn send(&mut self, tick: u64, crash: CrashPoint) -> Result<(), PortError> {
+        for outlet in &mut self.outlets {
+            outlet.sender.send()?;
+            crash.pass(CrashPlace::BetweenPublishes, tick);
+        }
+        Ok(())
+    }
+}
+
+fn consumers_of(id: ServiceId) -> Vec<ServiceId> {
+    let outputs = id.outputs().iter();
+    let consumers = outputs.flat_map(|output| output.topic.consumers());
+    let mut consumers: Vec<_> = consumers.map(|(service, _)| service).collect();
+    consumers.sort_unstable();
+    consumers.dedup();
+    consumers
+}
