@@ -130,7 +130,7 @@ impl Gatherer {
                 self.poses.extend(pose.tracked.is_set().then(|| Pose::new(&pose)));
             }
             (Topic::VehicleTruth, Source::Truth) => {
-                self.truths.push(Truth::new(&read::<VehicleTruth>(bytes)))
+                self.truths.push(Truth::new(&read::<VehicleTruth>(bytes)));
             }
             _ => {}
         }
