@@ -55,7 +55,11 @@ fn what_is_wrong_with_a_transmitter_is_shown_where_it_stands() {
             "dms = \"dsm2_fast\"",
             ["is unknown", "did you mean `dsm`?"],
         ),
-        ("link = \"multi\"", "link = \"mutli\"", ["`mutli` is not known here", "did you mean `multi`?"]),
+        (
+            "link = \"multi\"",
+            "link = \"mutli\"",
+            ["`mutli` is not known here", "did you mean `multi`?"],
+        ),
     ] {
         let text = with(&plugged_in(), part, replacement);
         let shown = refusal(&text, &[]);

@@ -18,6 +18,9 @@ const FRAME_RATES: RangeInclusive<f64> = 1.0..=1000.0;
 /// Speeds that a serial device can be asked for, baud.
 const BAUDS: RangeInclusive<u32> = 1200..=4_000_000;
 
+/// Shortest time after which a command counts as lost, s: several periods of any transmitter.
+const SHORTEST_SILENCE: f64 = 0.1;
+
 /// Letters of the sticks: thrust, roll, pitch, yaw.
 const STICKS: [char; 4] = ['T', 'A', 'E', 'R'];
 
@@ -49,8 +52,17 @@ impl Transmitter {
         self.check_sticks(at, found);
         self.check_switches(at, found);
         check_travels(&self.failsafe, &at.then("failsafe"), found);
-        found.not_negative(&at.then("silence_after"), "silence_after", self.silence_after);
+        self.check_silence(&at.then("silence_after"), found);
         self.check_own_tables(link, at, found);
+    }
+
+    /// A command that is a little late is not lost.
+    fn check_silence(&self, key: &Key, found: &mut Findings) {
+        if found.number(key, self.silence_after) && self.silence_after < SHORTEST_SILENCE {
+            let reason = format!("after {:?} s a command is only late", self.silence_after);
+            let fix = format!("give a time of at least {SHORTEST_SILENCE:?} s, such as 0.5");
+            found.add(key.clone(), reason, fix);
+        }
     }
 
     /// Frames go to one place, of a kind that the link knows.

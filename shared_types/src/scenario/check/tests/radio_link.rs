@@ -201,10 +201,10 @@ fn channels_that_no_receiver_would_understand_are_refused() {
     }
     refused(
         RadioProtocol::Crsf,
-        |stated| stated.silence_after = -0.1,
+        |stated| stated.silence_after = 0.02,
         ".silence_after",
-        "below 0",
-        "give",
+        "only late",
+        "at least 0.1 s",
     );
 }
 
