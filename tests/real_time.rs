@@ -9,7 +9,9 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use common::{Place, finish, processes_of, scenario, services_of, shared_memory_of, signal, succeed, until};
+use common::{
+    Place, finish, output, processes_of, scenario, services_of, shared_memory_of, signal, succeed, until,
+};
 use orchestrator::live::Snapshot;
 use orchestrator::log::{HostEvent, LogReader, ServiceStep};
 use orchestrator::summary::z1_norm;
@@ -75,14 +77,18 @@ fn take_off(place: &Place, out: &str, seconds: f64) -> Child {
     until("all services", || {
         (services_of(child.id()).len() == ServiceId::ALL.len()).then_some(())
     });
-    // Its first chunk is written when it flies.
+    await_log(place, out);
+    child
+}
+
+/// Waits until a flight is recorded: its first chunk is written when it flies.
+fn await_log(place: &Place, out: &str) {
     let log = place.path(out).join("run.mcap.partial");
     until("the first chunk", || {
         std::fs::metadata(&log)
             .is_ok_and(|file| file.len() > 20_000)
             .then_some(())
     });
-    child
 }
 
 fn pid_of(orchestrator: u32, service: ServiceId) -> Option<u32> {
@@ -419,4 +425,71 @@ fn a_vehicle_whose_orchestrator_is_killed_lands() {
     });
     succeed(&mut place.gerono(&["clean"]));
     assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
+fn whoever_takes_over_a_flight_records_it_and_replaces_who_dies() {
+    let _machine = the_machine();
+    let place = Place::new();
+    let hover = scenario("hover");
+    let lonely = "real_time.orchestrator_loss=\"continue\"";
+    let mut command = place.gerono(&["run", hover.to_str().unwrap(), "--host", "realtime", "--quiet"]);
+    command.args(["--out", "first", "--set", "duration=300.0", "--set", lonely]);
+    let mut first = command.spawn().unwrap();
+    await_log(&place, "first");
+    let services = services_of(first.id());
+    assert!(
+        place
+            .gerono(&["attach", "--out", "none"])
+            .output()
+            .unwrap()
+            .status
+            .code()
+            == Some(1),
+        "its orchestrator lives"
+    );
+    first.kill().unwrap();
+    first.wait().unwrap();
+    let [dead, killed] = [ServiceId::Controller, ServiceId::Estimator].map(|service| {
+        let found = services.iter().find(|(name, _)| name == service.name());
+        found.unwrap().1
+    });
+    signal(dead, Signal::KILL);
+    until("its end", || (!runs(dead)).then_some(()));
+    let second = place
+        .gerono(&["attach", "--out", "second", "--quiet"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    await_log(&place, "second");
+    signal(killed, Signal::KILL);
+    for service in [ServiceId::Controller, ServiceId::Estimator] {
+        until("a new process", || pid_of(second.id(), service));
+    }
+    let events = || {
+        let shown = output(&mut place.gerono(&["top", "--once", "--json"]));
+        let shown: serde_json::Value = serde_json::from_slice(&shown.stdout).ok()?;
+        Some(shown["events"].to_string()).filter(|events| events.contains("`estimator` flies again"))
+    };
+    until("the estimator", events);
+    succeed(&mut place.gerono(&["stop"]));
+    let ended = finish(second);
+    assert!(
+        ended.status.success(),
+        "{}",
+        String::from_utf8_lossy(&ended.stderr)
+    );
+    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert!(services.iter().all(|&(_, pid)| !runs(pid)));
+
+    let reader = LogReader::open(&place.path("second").join("run.mcap")).unwrap();
+    let ticks: Vec<_> = reader
+        .samples::<VehicleTruth>()
+        .map(|truth| truth.unwrap().header.tick)
+        .collect();
+    assert!(ticks[0] > 0 && ticks.len() > 100);
+    assert!(ticks.windows(2).all(|pair| pair[1] == pair[0] + 1));
+    // What the services knew at the beginning stands in no log.
+    let replayed = output(&mut place.gerono(&["replay", "second", "--quiet"]));
+    assert_eq!(replayed.status.code(), Some(8));
 }

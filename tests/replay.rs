@@ -140,7 +140,8 @@ fn a_flight_in_real_time_is_replayed_identically_wherever_in_a_step_its_services
             ServiceId::ALL.map(crash)
         })
         .collect();
-    let mut command = place.short_flight("out", 3.0, &["--host", "realtime"]);
+    // The laboratory's vehicle: it holds its rates by itself while nobody commands.
+    let mut command = place.rig_flight("out", 3.0, &["--host", "realtime"]);
     command.args(deaths.iter().flat_map(|death| ["--crash", death]));
     succeed(&mut command);
     let summary = std::fs::read_to_string(place.path("out").join("summary.json")).unwrap();

@@ -6,9 +6,9 @@ use std::str::FromStr;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use runtime::crash::{Crash, CrashPlace};
-use shared_types::ServiceId;
 use shared_types::scenario::EdgeName;
 use shared_types::scenario::suggest::known_names;
+use shared_types::{ServiceId, Topic};
 
 use crate::exit::Exit;
 use crate::flight::crew::restart::PerService;
@@ -40,8 +40,22 @@ pub enum Command {
     ///
     /// Planned faults are shaded; while a controller is out, the true distance from the path is drawn dotted.
     Plot(Plot),
-    /// Write the samples of a log as JSON lines, for other programs.
+    /// Write the samples of a log as JSON lines, or those of one topic as a table (CSV), for other programs.
+    ///
+    /// Numbers are read back to the bit; those that are not finite are the words NaN, inf and -inf.
+    #[command(after_help = Export::EXAMPLES)]
     Export(Export),
+    /// Say what is in a log: scenario, seed, topics with their rates and gaps, planned faults, and how the run went.
+    ///
+    /// Reads all of it, so that what is damaged or was never closed is seen. What only summary.json and host.mcap beside it know
+    /// (verdicts, deaths) is shown if they are there.
+    Info(Info),
+    /// Make a proper log of one that was never closed, was cut, or is damaged, and say what was kept and lost.
+    ///
+    /// Keeps every chunk whose checksum holds, before and behind the damage. The new log says in itself that it was recovered
+    /// and what it lacks; the old one is left as it is. Given the folder of a run, does so for run.mcap and host.mcap.
+    #[command(after_help = Recover::EXAMPLES)]
+    Recover(Recover),
     /// Do the steps of a log again on what it has recorded, and compare what comes of them byte for byte.
     ///
     /// Every service is fed the recorded samples, so that a difference names the service that made it. Works on logs of
@@ -92,6 +106,12 @@ pub enum Command {
     Kill(Operate),
     /// End a flight in real time: it lands and disarms first; asked again, it disarms in the air.
     Stop(Operate),
+    /// Take over a flight in real time whose orchestrator has died: record and supervise it to its end.
+    ///
+    /// The services of such a flight go on alone: they land, or fly on to the end, as the scenario's
+    /// `real_time.orchestrator_loss` says. Whoever takes over records from then on, starts services again that die, and
+    /// answers `gerono arm`, `stop`, `top` and the like. What was not recorded meanwhile is not recovered.
+    Attach(Attach),
     /// Look at a flight in real time while it goes on, from any terminal.
     ///
     /// Shows how every service keeps time, how long it is from a capture to the frame, the vehicle's error and estimates over
@@ -319,6 +339,23 @@ pub struct Operate {
     pub run: Option<String>,
 }
 
+/// Arguments of `gerono attach`.
+#[derive(Debug, Args)]
+pub struct Attach {
+    /// Which run.
+    #[command(flatten)]
+    pub run: Operate,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/attached-N].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Compression of the logs' chunks.
+    #[arg(long, value_enum, default_value_t)]
+    pub compression: Compression,
+    /// Say nothing unless something is wrong.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
 /// Arguments of `gerono top`.
 #[derive(Debug, Args)]
 pub struct Top {
@@ -378,12 +415,71 @@ pub struct Plot {
 pub struct Export {
     /// The log (run.mcap), or the folder that holds it.
     pub log: PathBuf,
-    /// The file to write [default: standard output].
-    #[arg(long, short)]
+    /// The file to write, or `-` [default: standard output].
+    #[arg(long, short, visible_alias = "out", value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Write only every n-th tick.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub every: u64,
+    /// Write only this topic.
+    #[arg(long, value_name = "TOPIC", value_parser = topic)]
+    pub topic: Option<Topic>,
+    /// Write a table with a column for every member, and for every element of an array: `position_world[0]`.
+    #[arg(long, requires = "topic")]
+    pub csv: bool,
+}
+
+impl Export {
+    /// What `gerono export --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono export runs/fig1-1 --every 100 --output fig1.jsonl\n  \
+        gerono export runs/fig1-1 --csv --topic control/errors --out errors.csv\n  \
+        gerono export runs/fig1-1 --csv --topic vehicle/truth | head";
+}
+
+fn topic(name: &str) -> Result<Topic, String> {
+    let names = Topic::ALL.map(Topic::name);
+    Topic::from_name(name).ok_or_else(|| format!("there is no such topic; {}", known_names(name, &names)))
+}
+
+/// Arguments of `gerono info`.
+#[derive(Debug, Args)]
+pub struct Info {
+    /// The log (run.mcap), or the folder that holds it.
+    pub log: PathBuf,
+    /// Print it as JSON, for other programs.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `gerono recover`.
+#[derive(Debug, Args)]
+pub struct Recover {
+    /// The log, or the folder of a run.
+    pub log: PathBuf,
+    /// The file to write, or for the folder of a run the folder to write into; nothing is overwritten [default:
+    /// run.recovered.mcap beside run.mcap].
+    #[arg(long, value_name = "PATH")]
+    pub out: Option<PathBuf>,
+    /// The scenario that was flown, for a log that does not know it any more; otherwise it is not needed.
+    #[arg(long, value_name = "FILE")]
+    pub scenario: Option<PathBuf>,
+    /// The seed that was flown with, in place of the scenario's.
+    #[arg(long, requires = "scenario")]
+    pub seed: Option<u64>,
+    /// What was changed of the scenario when it was flown; may be given several times.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", requires = "scenario")]
+    pub sets: Vec<String>,
+}
+
+impl Recover {
+    /// What `gerono recover --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono recover runs/fig1-1\n  \
+        gerono recover runs/fig1-1/run.mcap.partial --out saved.mcap\n  \
+        gerono recover damaged.mcap --scenario scenarios/fig1.toml --seed 3\n\n\
+        Exit codes: 0 all that is whole is in the new log, or nothing had to be done; 1 there is nothing to recover, or the scenario \
+        must be stated; 2 the scenario is wrong; 4 it cannot be written, or the file exists already.";
 }
 
 /// What `gerono rc` can do.

@@ -1,9 +1,11 @@
 //! The commands of `gerono`, one module each.
 
+pub mod attach;
 pub mod bench;
 pub mod check;
 pub mod doctor;
 pub mod faults;
+pub mod logs;
 pub mod operate;
 pub mod rc;
 pub mod replay;
@@ -22,6 +24,7 @@ use shared_types::scenario::Scenario;
 use crate::cli::ScenarioArguments;
 use crate::exit::Exit;
 use crate::flight;
+use crate::log::{LogReader, partial_path, recovered_path};
 use crate::scenario_file;
 
 /// What ends a command early: what to tell the user and the exit code.
@@ -55,13 +58,32 @@ fn schedule_of(scenario: &Scenario) -> Result<Schedule, Failure> {
     flight::schedule_of(scenario).map_err(|failure| Failure::new(Exit::BadInput, failure))
 }
 
-/// The log that a path means: the file itself, or `run.mcap` in the folder.
+/// The log that a path means: the file itself, or the run's log in the folder, be it complete, recovered or never closed.
+///
+/// Says so if it was recovered, for no command may take such a log for the one that was recorded.
 fn log_path(path: &Path) -> PathBuf {
-    if path.is_dir() {
-        path.join("run.mcap")
-    } else {
-        path.to_owned()
+    let log = find_log(path);
+    if let Ok(reader) = LogReader::open(&log)
+        && let Some(recovery) = reader.recovery()
+    {
+        eprintln!("note: {} was recovered: {recovery}", log.display());
     }
+    log
+}
+
+/// The log that a path means, without a word.
+fn find_log(path: &Path) -> PathBuf {
+    if !path.is_dir() {
+        return path.to_owned();
+    }
+    let complete = path.join("run.mcap");
+    let candidates = [
+        complete.clone(),
+        recovered_path(&complete),
+        partial_path(&complete),
+    ];
+    let found = candidates.into_iter().find(|candidate| candidate.exists());
+    found.unwrap_or(complete)
 }
 
 /// Name of a flight: that of its scenario's file.

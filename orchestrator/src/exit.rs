@@ -7,7 +7,7 @@ use std::process::ExitCode;
 pub enum Exit {
     /// It did what it was asked to.
     Success,
-    /// It could not, for a reason that has nothing to do with the flight.
+    /// It could not, for a reason that has nothing to do with the flight; or a log is not whole.
     Trouble,
     /// The command line or the scenario is wrong; nothing was started.
     BadInput,
@@ -29,7 +29,7 @@ pub enum Exit {
 
 impl Exit {
     /// What `gerono help` says about exit codes.
-    pub const HELP: &str = "Exit codes: 0 done; 1 trouble with the machine; 2 wrong command line or scenario, nothing was \
+    pub const HELP: &str = "Exit codes: 0 done; 1 trouble with the machine, or a log that is not whole (`gerono recover`); 2 wrong command line or scenario, nothing was \
         started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 6 the machine is not fit for the flight (`gerono doctor`); 7 a live run refused what it was asked for; 8 a replay or two logs are not identical; 130 or 143 ended by \
         Ctrl-C or SIGTERM, the log complete up to there.";
 }

@@ -141,13 +141,19 @@ impl StepObserver for HostRecord {
         self.flight_begins_ns = self.time_ns() + u64::try_from(countdown.as_nanos()).unwrap_or(0);
     }
 
+    fn flight_began(&mut self, ago: Duration) {
+        // What was before this record began stands at its beginning.
+        let ago_ns = u64::try_from(ago.as_nanos()).unwrap_or(u64::MAX);
+        self.flight_begins_ns = self.time_ns().wrapping_sub(ago_ns);
+    }
+
     fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]) {
         let consumed = std::array::from_fn(|input| {
             let tick = record.consumed_tick(input);
             tick.map_or(0, |tick| 1 + inputs[input].sequence_number(tick))
         });
         self.write(&ServiceStep {
-            time_ns: self.flight_begins_ns + record.began_ns,
+            time_ns: self.flight_begins_ns.wrapping_add(record.began_ns),
             began_ns: record.began_ns,
             published_ns: record.published_ns,
             tick: record.tick,

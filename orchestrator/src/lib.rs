@@ -4,7 +4,7 @@
 //! * [`scenario_file`]: scenarios from files, with errors that show the place and the fix;
 //! * [`services`]: the step logic of every service, built from a scenario;
 //! * [`flight`]: the hosts' orchestrating side, the crew of processes, the recorder;
-//! * [`log`], [`summary`], [`plot`], [`host_record`]: what remains of a flight;
+//! * [`log`], [`info`], [`summary`], [`plot`], [`host_record`]: what remains of a flight;
 //! * [`reproduce`]: the paper's figures, flown again and judged;
 //! * [`matrix`]: everything that can fail, failing in every way, judged;
 //! * [`doctor`]: whether the machine is fit for a flight;
@@ -20,6 +20,7 @@ pub mod exit;
 pub mod flight;
 pub mod host_record;
 pub mod identify;
+pub mod info;
 pub mod interrupt;
 pub mod live;
 pub mod log;

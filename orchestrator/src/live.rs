@@ -60,6 +60,12 @@ pub enum LiveError {
     /// There is none of this name.
     #[error("there is no live run `{0}` in real time; `gerono doctor` shows which runs there are")]
     Unknown(String),
+    /// No run has lost its orchestrator.
+    #[error("no run in real time goes on without an orchestrator: there is nothing to take over")]
+    NoneAbandoned,
+    /// None of this name has.
+    #[error("there is no run `{0}` in real time that goes on without an orchestrator")]
+    NotAbandoned(String),
     /// The places of runs cannot be looked at.
     #[error("cannot look for live runs: {0}")]
     Places(std::io::Error),
@@ -164,6 +170,27 @@ impl LiveRun {
 impl AsFd for LiveRun {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.channel.as_fd()
+    }
+}
+
+/// The place of the run that has lost its orchestrator: of that name, or the only one.
+///
+/// # Errors
+/// [`LiveError`].
+pub fn abandoned(name: Option<&str>) -> Result<PathBuf, LiveError> {
+    let mut places = run_root::find().map_err(LiveError::Places)?.live;
+    // Where somebody answers at the desk, the orchestrator lives.
+    places.retain(|place| place.join(SOCKET).exists() && connect(&place.join(SOCKET)).is_err());
+    if let Some(name) = name {
+        places.retain(|place| name_of(place) == name);
+    }
+    match (places.as_slice(), name) {
+        ([], Some(name)) => Err(LiveError::NotAbandoned(name.to_owned())),
+        ([], None) => Err(LiveError::NoneAbandoned),
+        ([place], _) => Ok(place.clone()),
+        (several, _) => Err(LiveError::Several(
+            several.iter().map(|place| name_of(place)).collect(),
+        )),
     }
 }
 

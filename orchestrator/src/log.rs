@@ -10,6 +10,7 @@
 //! Failure policy: a log has the name `<name>.partial` until it is complete. A failed write is reported once,
 //! with what to do; later writes report that the log is closed. A reader hands out nothing of a damaged chunk.
 
+mod csv;
 mod digest;
 mod export;
 mod framing;
@@ -18,12 +19,14 @@ mod host_writer;
 mod manifest;
 mod reader;
 mod records;
+mod recovery;
 mod schema;
 mod size;
 mod writer;
 
 use std::path::{Path, PathBuf};
 
+pub use csv::export_csv;
 pub use digest::{LogDigest, digest};
 pub use export::{ExportError, decode_sample, export_json};
 pub use framing::{Compression, LogError, Written, partial_path};
@@ -31,14 +34,21 @@ pub use host_samples::{HostEvent, HostSample, ServiceHealth, ServiceStep};
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest};
 pub use reader::{LogReadError, LogReader, LoggedSample};
+pub use recovery::{Gap, Moment, RecoverError, Recovery, inspect, is_whole, recover, recovered_path};
 pub use size::predicted_bytes;
 pub use writer::RunLogWriter;
 
-/// The record of the machine that was written beside a run's log, if there is one, complete or not.
+/// The record of the machine that was written beside a run's log, if there is one, complete or not; beside a recovered log
+/// the recovered one.
 #[must_use]
 pub fn host_log_beside(log: &Path) -> Option<PathBuf> {
     let complete = log.with_file_name("host.mcap");
-    let candidates = [partial_path(&complete), complete];
+    let recovered = recovered_path(&complete);
+    let is_recovered = log
+        .file_name()
+        .is_some_and(|name| name.to_string_lossy().ends_with(".recovered.mcap"));
+    let others = [partial_path(&complete), complete];
+    let candidates = is_recovered.then_some(recovered).into_iter().chain(others);
     candidates.into_iter().find(|path| path.exists())
 }
 

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use orchestrator::cli::{Cli, Command, Operate, RcCommand};
 use orchestrator::commands::{
-    Failure, bench, check, doctor, faults, operate, rc, replay, reproduce, run, small, top,
+    Failure, attach, bench, check, doctor, faults, logs, operate, rc, replay, reproduce, run, small, top,
 };
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
@@ -16,7 +16,9 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
         Command::Plot(arguments) => small::plot(&arguments).map(|()| Exit::Success),
-        Command::Export(arguments) => small::export(&arguments).map(|()| Exit::Success),
+        Command::Export(arguments) => logs::export(&arguments).map(|()| Exit::Success),
+        Command::Info(arguments) => logs::info(&arguments).map(|()| Exit::Success),
+        Command::Recover(arguments) => logs::recover(&arguments).map(|()| Exit::Success),
         Command::Diff(arguments) => replay::diff(&arguments),
         Command::Replay(arguments) => replay::replay(&arguments),
         Command::Digest(arguments) => small::digest(&arguments).map(|()| Exit::Success),
@@ -30,6 +32,7 @@ fn main() -> ExitCode {
         Command::Stop(arguments) => operate(&arguments, &Question::Stop),
         Command::Rc(RcCommand::Probe(arguments)) => rc::probe(&arguments),
         Command::Rc(RcCommand::Identify(arguments)) => rc::identify(&arguments).map(|()| Exit::Success),
+        Command::Attach(arguments) => attach::attach(&arguments),
         Command::Top(arguments) => top::top(&arguments),
         Command::Clean => small::clean().map(|()| Exit::Success),
         Command::Schema => {

@@ -20,7 +20,7 @@ use history::History;
 use recorded_steps::RecordedSteps;
 use station::Station;
 
-use crate::log::{LogReadError, LogReader};
+use crate::log::{LogReadError, LogReader, Recovery};
 use crate::progress::Progress;
 
 /// How far beyond a tick the log is read before the tick is replayed: in real time a sample may come that much late.
@@ -135,8 +135,10 @@ pub fn replay(
             .collect::<Result<_, _>>()
             .map_err(ReplayError::Scenario)?,
         source: Source {
+            gap_after: reader.recovery().and_then(Recovery::samples_before_first_gap),
             reader,
             history: History::default(),
+            samples: 0,
             read_until: 0,
             ends: None,
         },
@@ -203,6 +205,11 @@ impl Replay {
 struct Source {
     reader: LogReader,
     history: History,
+    /// Samples read so far.
+    samples: u64,
+    /// In a recovered log, the samples before the first place where some are missing. What the services knew after it
+    /// is not known, so that nothing behind it can be done again.
+    gap_after: Option<u64>,
     /// All samples of ticks before this one have been read.
     read_until: u64,
     /// Why the log ends early.
@@ -212,8 +219,17 @@ struct Source {
 impl Source {
     fn read_to(&mut self, tick: u64) -> Result<(), ReplayError> {
         while self.read_until <= tick {
+            if self.gap_after == Some(self.samples) {
+                let samples = self.samples;
+                self.ends = Some(format!(
+                    "samples are missing in the recovered log after the first {samples}"
+                ));
+                self.read_until = u64::MAX;
+                break;
+            }
             match self.reader.next_sample() {
                 Ok(Some(sample)) => {
+                    self.samples += 1;
                     self.read_until = self.read_until.max(sample.header.tick);
                     self.history.keep(sample.topic, sample.bytes);
                 }

@@ -3,9 +3,10 @@
 //! Two runs on one host never see each other. Whoever makes a place holds a lock on it for as long as it
 //! lives; a place whose lock is free belongs to a dead run and is swept by the next one that starts.
 
+use std::cell::Cell;
 use std::fs::{self, File};
 use std::io;
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
@@ -23,6 +24,8 @@ pub struct RunRoot {
     folder: PathBuf,
     prefix: String,
     lock: File,
+    /// Whether the place goes with this: not that of a run which has not been taken over yet.
+    is_mine: Cell<bool>,
 }
 
 impl RunRoot {
@@ -44,9 +47,28 @@ impl RunRoot {
             prefix: prefix_of(&id),
             folder,
             lock,
+            is_mine: Cell::new(true),
         };
         root.write_configuration()?;
         Ok(root)
+    }
+
+    /// The place of a run that is under way and whose orchestrator is gone, by the lock that its services hold. It stays
+    /// theirs until [`Self::own`].
+    #[must_use]
+    pub fn adopt(folder: &Path, lock: OwnedFd) -> Self {
+        let id = folder.file_name().unwrap_or_default();
+        Self {
+            prefix: prefix_of(&id.to_string_lossy()),
+            folder: folder.to_owned(),
+            lock: lock.into(),
+            is_mine: Cell::new(false),
+        }
+    }
+
+    /// From now on the place goes with this.
+    pub fn own(&self) {
+        self.is_mine.set(true);
     }
 
     /// The iceoryx2 configuration file that every process of the run loads first.
@@ -91,6 +113,9 @@ impl RunRoot {
 
 impl Drop for RunRoot {
     fn drop(&mut self) {
+        if !self.is_mine.get() {
+            return;
+        }
         // What cannot be removed now is swept by the next run, once the lock is free.
         let _ = remove(&self.folder, &self.prefix);
         let _ = flock(&self.lock, FlockOperation::Unlock);

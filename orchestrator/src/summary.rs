@@ -180,6 +180,7 @@ pub struct FlightSummary {
     flight: Option<FlightWatch>,
     current: usize,
     counts: [SequenceCount; Topic::ALL.len()],
+    first_tick: u64,
     last_tick: Option<u64>,
 }
 
@@ -204,8 +205,17 @@ impl FlightSummary {
             flight: scenario.flight.as_ref().map(|_| FlightWatch::default()),
             current: 0,
             counts: [SequenceCount::default(); Topic::ALL.len()],
+            first_tick: 0,
             last_tick: None,
             schedule: schedule.clone(),
+        }
+    }
+
+    /// Expects nothing before a tick: the flight was taken over there.
+    pub fn begin_at(&mut self, tick: u64) {
+        self.first_tick = tick;
+        for topic in Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some()) {
+            self.counts[topic.index()].next_seq = self.schedule.publications(topic).count_before(tick);
         }
     }
 
@@ -253,9 +263,10 @@ impl FlightSummary {
     /// The summary of all that was observed.
     #[must_use]
     pub fn finish(self, run: RunFacts) -> Summary {
-        let simulated_seconds = self
+        let simulated_ticks = self
             .last_tick
-            .map_or(0.0, |tick| seconds(self.schedule.time_ns(tick)));
+            .map_or(0, |tick| tick.saturating_sub(self.first_tick));
+        let simulated_seconds = seconds(self.schedule.time_ns(simulated_ticks));
         let flown = self.phases.iter().filter(|phase| phase.last_tick.is_some());
         Summary {
             seed: self.seed,

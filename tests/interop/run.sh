@@ -1,5 +1,5 @@
 #!/bin/sh
-# Checks a run log with two independent readers of MCAP and CDR.
+# Checks a run log with two independent readers of MCAP and CDR, and what is recovered of it when it is damaged with a third.
 #
 #     tests/interop/run.sh RUN.mcap [EVERY]
 #
@@ -33,7 +33,15 @@ if ! cmp -s "$here/requirements.txt" "$venv/requirements.txt"; then
     cp "$here/requirements.txt" "$venv/requirements.txt"
 fi
 
-export=$(mktemp)
-trap 'rm -f "$export"' EXIT
-"$GERONO" export "$log" --every "$every" --output "$export"
-"$venv/bin/python" "$here/check.py" "$log" "$export" "$every"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# Compares a log with what `gerono export` says of it.
+check() {
+    "$GERONO" export "$1" --every "$every" --output "$work/export.jsonl"
+    "$venv/bin/python" "$here/check.py" "$1" "$work/export.jsonl" "$every"
+}
+
+check "$log"
+"$venv/bin/python" "$here/recovery.py" "$log" "$GERONO" "$venv/bin/pymcap-cli" "$work"
+check "$work/damaged.recovered.mcap"

@@ -42,12 +42,12 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &name)
         .map_err(|error| Failure::new(Exit::NotWritten, error))?;
-    let log = RunLogWriter::create(
-        &folder.run_log(),
-        &Manifest::new(&scenario),
-        arguments.compression,
-    )
-    .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    let manifest = Manifest::new(&scenario);
+    let mut log = RunLogWriter::create(&folder.run_log(), &manifest, arguments.compression)
+        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    if arguments.host == Host::Realtime {
+        log = log.in_real_time(&manifest);
+    }
 
     let mut progress = Progress::new(&schedule, &name, arguments.quiet);
     let mut tape = Tape::new(&scenario, &schedule, Some(log), &mut progress);
@@ -142,7 +142,7 @@ fn deployment(arguments: &DeploymentArguments) -> Deployment {
     }
 }
 
-fn facts(name: &str, host: Host, ending: &Ending) -> RunFacts {
+pub(super) fn facts(name: &str, host: Host, ending: &Ending) -> RunFacts {
     let (outcome, reason) = match &ending.outcome {
         Outcome::Completed => (summary::Outcome::Completed, String::new()),
         Outcome::Interrupted { signal } => (summary::Outcome::Interrupted, format!("signal {signal}")),
@@ -159,7 +159,7 @@ fn facts(name: &str, host: Host, ending: &Ending) -> RunFacts {
     }
 }
 
-fn report(summary: &Summary, ending: &Ending, folder: &RunFolder, quiet: bool) {
+pub(super) fn report(summary: &Summary, ending: &Ending, folder: &RunFolder, quiet: bool) {
     if !quiet {
         for warning in &ending.warnings {
             eprintln!("note: {warning}");
@@ -171,7 +171,7 @@ fn report(summary: &Summary, ending: &Ending, folder: &RunFolder, quiet: bool) {
     }
 }
 
-fn exit(outcome: &Outcome) -> Exit {
+pub(super) fn exit(outcome: &Outcome) -> Exit {
     match outcome {
         Outcome::Completed => Exit::Success,
         Outcome::Interrupted { signal } => Exit::Signal(*signal),

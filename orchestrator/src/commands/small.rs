@@ -1,13 +1,12 @@
 //! The commands of a few lines.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io;
 
 use clap::CommandFactory;
 use clap_complete::Shell;
 
 use super::{Failure, log_path, print};
-use crate::cli::{Cli, Digest, Export, Plot};
+use crate::cli::{Cli, Digest, Plot};
 use crate::exit::Exit;
 use crate::{log, plot, run_root, scenario_file, services};
 
@@ -23,27 +22,6 @@ pub fn plot(arguments: &Plot) -> Result<(), Failure> {
     }
     plot::z1(&logs, plot::Span { from, to }, &arguments.output)
         .map_err(|error| Failure::new(Exit::Trouble, error))
-}
-
-/// `gerono export`.
-///
-/// # Errors
-/// [`Failure`].
-pub fn export(arguments: &Export) -> Result<(), Failure> {
-    let trouble = |error: &dyn std::fmt::Display| Failure::new(Exit::Trouble, error);
-    let mut output: Box<dyn Write> = match &arguments.output {
-        Some(path) => Box::new(File::create(path).map_err(|error| {
-            Failure::new(
-                Exit::NotWritten,
-                format!("cannot write {}: {error}", path.display()),
-            )
-        })?),
-        None => Box::new(io::stdout().lock()),
-    };
-    let mut buffered = BufWriter::new(&mut output);
-    log::export_json(&log_path(&arguments.log), arguments.every, &mut buffered)
-        .map_err(|error| trouble(&error))?;
-    buffered.flush().map_err(|error| trouble(&error))
 }
 
 /// `gerono digest`.

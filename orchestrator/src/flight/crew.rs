@@ -12,6 +12,7 @@ mod rebirth;
 mod recovery;
 pub mod restart;
 mod spare;
+mod succession;
 
 use std::os::fd::{AsFd, BorrowedFd};
 use std::sync::atomic::Ordering;
@@ -25,7 +26,7 @@ use runtime::ports::Member;
 use runtime::shared_page::{Cell, SharedPage};
 use runtime::step_log::StepLog;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::{Pid, Signal};
+use rustix::process::Signal;
 use shared_types::{Schedule, ServiceId};
 
 use member::{CrewMember, Phase};
@@ -34,6 +35,7 @@ use process::Process;
 pub use rebirth::Rebirth;
 use restart::RestartPolicy;
 use spare::Spare;
+pub use succession::Survivor;
 
 use super::{FlightFailure, Outcome};
 
@@ -79,6 +81,28 @@ pub trait CrewObserver {
     fn ended(&mut self, crew: &Crew<'_>, outcome: &Outcome);
 }
 
+/// The memory that all processes of a run share.
+pub struct Shared {
+    page: SharedPage,
+    checkpoints: Checkpoints,
+    step_log: StepLog,
+}
+
+impl Shared {
+    /// The words.
+    pub(super) fn page(&self) -> &SharedPage {
+        &self.page
+    }
+
+    fn create() -> std::io::Result<Self> {
+        Ok(Self {
+            page: SharedPage::create()?,
+            checkpoints: Checkpoints::create()?,
+            step_log: StepLog::create()?,
+        })
+    }
+}
+
 /// What a service process told or did.
 #[derive(Debug)]
 pub enum CrewEvent {
@@ -105,39 +129,54 @@ impl<'a> Crew<'a> {
         crashes: Vec<(ServiceId, Crash)>,
         restarts: Restarts,
     ) -> Result<Self, FlightFailure> {
-        let doorbells = ServiceId::ALL
-            .iter()
-            .map(|_| Doorbell::create())
-            .collect::<Result<_, _>>()
-            .map_err(setup)?;
-        let mut crew = Self {
+        let shared = Shared::create().map_err(setup)?;
+        let mut crew = Self::without_members(member, lock, schedule, start, shared)?;
+        crew.crashes = crashes;
+        crew.restarts = restarts;
+        for service in ServiceId::ALL {
+            crew.enlist(service)?;
+        }
+        Ok(crew)
+    }
+
+    fn without_members(
+        member: &'a Member,
+        lock: BorrowedFd<'a>,
+        schedule: &'a Schedule,
+        start: Start,
+        shared: Shared,
+    ) -> Result<Self, FlightFailure> {
+        let doorbells = ServiceId::ALL.iter().map(|_| Doorbell::create());
+        let doorbells = doorbells.collect::<Result<_, _>>().map_err(setup)?;
+        Ok(Self {
             member,
             lock,
             schedule,
             start,
-            crashes,
-            restarts,
+            crashes: Vec::new(),
+            restarts: Restarts::default(),
             members: Vec::new(),
-            page: SharedPage::create().map_err(setup)?,
-            checkpoints: Checkpoints::create().map_err(setup)?,
-            step_log: StepLog::create().map_err(setup)?,
+            page: shared.page,
+            checkpoints: shared.checkpoints,
+            step_log: shared.step_log,
             doorbells,
             spare: Spare::default(),
             exits: Vec::new(),
             rebirths: Vec::new(),
+        })
+    }
+
+    /// Starts the first process of the next service and tells it what to fly.
+    fn enlist(&mut self, service: ServiceId) -> Result<(), FlightFailure> {
+        let process = self.spawn(service.name())?;
+        // Kept before it is spoken to, so that it is ended whatever happens next.
+        self.members.push(CrewMember::new(service, process));
+        let role = Role {
+            service,
+            crash: self.crash_of(service, 0),
         };
-        for service in ServiceId::ALL {
-            let process = crew.spawn(service.name())?;
-            // Kept before it is spoken to, so that it is ended whatever happens next.
-            crew.members.push(CrewMember::new(service, process));
-            let role = Role {
-                service,
-                crash: crew.crash_of(service, 0),
-            };
-            crew.instruct(&crew.members[service.index()].process, Some(role))?;
-            crew.say(service, &ToService::MakePorts)?;
-        }
-        Ok(crew)
+        self.instruct(&self.members[service.index()].process, Some(role))?;
+        self.say(service, &ToService::MakePorts)
     }
 
     /// Where the process of a service is to kill itself that follows so many others.
@@ -185,7 +224,7 @@ impl<'a> Crew<'a> {
     pub fn processes(&self) -> impl Iterator<Item = (ServiceId, u32)> {
         self.members
             .iter()
-            .map(|member| (member.service, member.process.child.id()))
+            .map(|member| (member.service, member.process.id()))
     }
 
     /// How the processes that have ended did, in the order of their ends; a spare one was of no service.
@@ -252,15 +291,12 @@ impl<'a> Crew<'a> {
 
     /// Kills the process of a service, which is then born again.
     pub fn kill(&mut self, service: ServiceId) {
-        // It fails only for a process that is gone.
-        let _ = self.members[service.index()].process.child.kill();
+        self.members[service.index()].process.signal(Signal::KILL);
     }
 
     /// Stops the process of a service (SIGSTOP): it hangs from now on.
     pub fn freeze(&self, service: ServiceId) {
-        let pid = Pid::from_child(&self.members[service.index()].process.child);
-        // It fails only for a process that is gone.
-        let _ = rustix::process::kill_process(pid, Signal::STOP);
+        self.members[service.index()].process.signal(Signal::STOP);
     }
 
     /// Whether every service has flown its last tick.
@@ -354,11 +390,9 @@ impl<'a> Crew<'a> {
         }
         for member in &mut self.members {
             if !member.process.is_gone {
-                // It fails only for a process that is gone.
-                let _ = member.process.child.kill();
+                member.process.signal(Signal::KILL);
                 let exit = member.process.wait();
-                self.exits
-                    .push((Some(member.service), member.process.child.id(), exit));
+                self.exits.push((Some(member.service), member.process.id(), exit));
             }
         }
     }

@@ -78,9 +78,17 @@ impl Cores {
             (Placement::Core(core), _) => Some(core),
             (Placement::Anywhere, _) => None,
         };
+        Self::around(ring, scenario)
+    }
+
+    /// With the services that state no core of their own on this one.
+    pub(super) fn around(ring: Option<usize>, scenario: &Scenario) -> Self {
         let own = ServiceId::ALL.map(|service| scenario.deployment_of(service).core);
         let taken = |core: usize| Some(core) == ring || own.contains(&u32::try_from(core).ok());
-        let others = allowed.into_iter().filter(|&core| !taken(core)).collect();
+        let others = deployment::allowed_cores()
+            .into_iter()
+            .filter(|&core| !taken(core))
+            .collect();
         Self { ring, others }
     }
 

@@ -10,6 +10,7 @@ mod ending;
 mod heartbeat;
 mod monitor;
 mod recorder;
+mod succession;
 
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
@@ -30,6 +31,7 @@ use self::ending::Wish;
 use self::heartbeat::Heartbeats;
 use self::monitor::Monitor;
 use self::recorder::{Recorder, SETTLING_NS};
+pub use self::succession::Succession;
 use super::crew::{BIRTH_PERIOD, Crew, CrewEvent, CrewObserver};
 use super::deployment::Deployment;
 use super::site::Site;
@@ -51,6 +53,8 @@ const EVENTS: usize = 50;
 pub trait StepObserver: CrewObserver {
     /// Tick 0 will begin after this time.
     fn flight_begins_in(&mut self, countdown: Duration);
+    /// Tick 0 began so long ago.
+    fn flight_began(&mut self, ago: Duration);
     /// A service has stepped; its inputs as the schedule sees them.
     fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]);
     /// People have done something.
@@ -76,42 +80,54 @@ where
     FlightFailure: From<S::Error>,
 {
     let site = Site::prepare(scenario, deployment)?;
-    let settings = site.scenario.real_time.unwrap_or_default();
-    let mut recorder = Recorder::new(site.subscribe(Delivery::NewestWins)?);
+    let mut recorder = Recorder::new(site.subscribe(Delivery::NewestWins)?, 0);
     let mut desk = Desk::open(&site.root).map_err(FlightFailure::setup)?;
     let mut crew = site.start_crew(deployment, true)?;
     let warnings = site.await_ready(&mut crew)?;
     observer.ready(&crew, site.cores.ring);
     recorder.connect().map_err(FlightFailure::setup)?;
 
-    let schedule = &site.schedule;
-    let clock = FlightClock::starting_in(COUNTDOWN, schedule.tick_ns());
+    let clock = FlightClock::starting_in(COUNTDOWN, site.schedule.tick_ns());
     crew.page()
         .words()
         .start_ns
         .store(clock.start_ns, Ordering::Release);
     observer.flight_begins_in(COUNTDOWN);
-    let started = Instant::now();
     crew.go()?;
-    let mut flight = Flight {
-        heartbeats: Heartbeats::new(schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
-        monitor: Monitor::new(schedule),
-        schedule,
+    let flight = Flight::new(&site, clock, crew, recorder, observer);
+    Ok(flight.conduct(sink, interrupt, &mut desk, warnings))
+}
+
+/// Takes over a flight whose orchestrator is gone, and hands everything from then on to `sink`.
+///
+/// # Errors
+/// [`FlightFailure`] if it cannot be taken over. A failure in flight is the ending's outcome.
+pub fn take_over<S: TickSink>(
+    succession: Succession,
+    sink: &mut S,
+    interrupt: &Interrupt,
+    observer: &mut dyn StepObserver,
+) -> Result<Ending, FlightFailure>
+where
+    FlightFailure: From<S::Error>,
+{
+    let Succession {
+        site,
+        shared,
+        survivors,
         clock,
-        crew,
-        recorder,
-        observer,
-        scenario: &site.scenario,
-        wish: Wish::FlyOn,
-        signal: None,
-        events: VecDeque::new(),
-    };
-    let outcome = flight
-        .supervise(sink, interrupt, &mut desk)
-        .unwrap_or_else(Outcome::Failed);
-    let wall_time = started.elapsed().saturating_sub(COUNTDOWN);
-    let outcome = flight.wind_up(sink, outcome);
-    Ok(flight.finish(outcome, wall_time, warnings))
+        first_tick,
+    } = succession;
+    let mut recorder = Recorder::new(site.listen_in()?, first_tick);
+    let mut desk = Desk::open(&site.root).map_err(FlightFailure::setup)?;
+    let crew = site.adopt_crew(shared, survivors)?;
+    recorder.connect().map_err(FlightFailure::setup)?;
+    observer.flight_began(Duration::from_nanos(clock.elapsed_ns()));
+    observer.ready(&crew, site.cores.ring);
+    observer.note("another orchestrator has taken over");
+    let mut flight = Flight::new(&site, clock, crew, recorder, observer);
+    flight.monitor.begin_now(flight.crew.step_log());
+    Ok(flight.conduct(sink, interrupt, &mut desk, Vec::new()))
 }
 
 /// A flight under way.
@@ -132,7 +148,52 @@ struct Flight<'a> {
     events: VecDeque<LiveEvent>,
 }
 
-impl Flight<'_> {
+impl<'a> Flight<'a> {
+    fn new(
+        site: &'a Site,
+        clock: FlightClock,
+        crew: Crew<'a>,
+        recorder: Recorder,
+        observer: &'a mut dyn StepObserver,
+    ) -> Self {
+        let schedule = &site.schedule;
+        let settings = site.scenario.real_time.unwrap_or_default();
+        Self {
+            heartbeats: Heartbeats::new(schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
+            monitor: Monitor::new(schedule),
+            schedule,
+            clock,
+            crew,
+            recorder,
+            observer,
+            scenario: &site.scenario,
+            wish: Wish::FlyOn,
+            signal: None,
+            events: VecDeque::new(),
+        }
+    }
+
+    /// Sees the flight to its end.
+    fn conduct<S: TickSink>(
+        mut self,
+        sink: &mut S,
+        interrupt: &Interrupt,
+        desk: &mut Desk,
+        warnings: Vec<String>,
+    ) -> Ending
+    where
+        FlightFailure: From<S::Error>,
+    {
+        let from = self.recorder.ticks();
+        let outcome = self
+            .supervise(sink, interrupt, desk)
+            .unwrap_or_else(Outcome::Failed);
+        let begun = self.clock.begins_at(from);
+        let wall_time = Duration::from_nanos(monotonic_ns().saturating_sub(begun));
+        let outcome = self.wind_up(sink, outcome);
+        self.finish(outcome, wall_time, warnings)
+    }
+
     /// Records, watches and mends until the flight is over, one way or the other.
     fn supervise<S: TickSink>(
         &mut self,

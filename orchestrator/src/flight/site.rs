@@ -1,13 +1,15 @@
 //! What the hosts of several processes set up before the first of them starts.
 
+use std::os::fd::OwnedFd;
+
 use runtime::control::Start;
 use runtime::deployment::Scheduler;
 use runtime::ports::{Delivery, Member};
-use shared_types::Schedule;
 use shared_types::scenario::Scenario;
+use shared_types::{Schedule, ServiceId};
 
 use super::FlightFailure;
-use super::crew::Crew;
+use super::crew::{Crew, Shared, Survivor};
 use super::deployment::{Cores, Deployment};
 use super::subscription::Subscription;
 use crate::run_root::RunRoot;
@@ -48,12 +50,51 @@ impl Site {
         })
     }
 
+    /// Comes to the place of a run that is under way: `start` is what its services were told, and `lock` that of the
+    /// place, which one of them has handed over.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub(super) fn take_over(start: &Start, lock: OwnedFd) -> Result<Self, FlightFailure> {
+        let schedule = super::schedule_of(&start.scenario)?;
+        let root = RunRoot::adopt(start.place(), lock);
+        let cores = Cores::around(start.core, &start.scenario);
+        cores.keep_off();
+        let member = Member::join(&root.configuration(), "orchestrator").map_err(FlightFailure::setup)?;
+        member.clean_up_after_the_dead();
+        Ok(Self {
+            schedule,
+            scenario: start.scenario.clone(),
+            cores,
+            scheduler: start.scheduler,
+            member,
+            root,
+        })
+    }
+
     /// Makes every topic of the run and subscribes to it.
     ///
     /// # Errors
     /// [`FlightFailure::Setup`].
     pub(super) fn subscribe(&self, delivery: Delivery) -> Result<Vec<Subscription>, FlightFailure> {
-        Subscription::to_all(&self.member, &self.schedule, delivery).map_err(FlightFailure::setup)
+        let make = |topic| self.member.create_topic(topic, &self.schedule, delivery);
+        Subscription::to_all(make).map_err(FlightFailure::setup)
+    }
+
+    /// Subscribes to every topic of a flight in real time that is under way; makes those whose publisher was the last to
+    /// have them open, and has died.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub(super) fn listen_in(&self) -> Result<Vec<Subscription>, FlightFailure> {
+        let enter = |topic| {
+            let open = self.member.open_topic(topic, &self.schedule);
+            open.or_else(|_| {
+                self.member
+                    .create_topic(topic, &self.schedule, Delivery::NewestWins)
+            })
+        };
+        Subscription::to_all(enter).map_err(FlightFailure::setup)
     }
 
     /// Starts the services' processes, which fly in lock-step or in real time.
@@ -65,14 +106,7 @@ impl Site {
         deployment: &Deployment,
         in_real_time: bool,
     ) -> Result<Crew<'_>, FlightFailure> {
-        let start = Start {
-            scenario: self.scenario.clone(),
-            iceoryx2_configuration: self.root.configuration(),
-            core: self.cores.ring,
-            scheduler: self.scheduler,
-            role: None,
-            in_real_time,
-        };
+        let start = self.start(in_real_time);
         let crashes = deployment.crashes.clone();
         Crew::start(
             &self.member,
@@ -82,6 +116,34 @@ impl Site {
             crashes,
             deployment.restarts,
         )
+    }
+
+    /// Takes over the services of a flight in real time.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub(super) fn adopt_crew(
+        &self,
+        shared: Shared,
+        survivors: [Option<Survivor>; ServiceId::ALL.len()],
+    ) -> Result<Crew<'_>, FlightFailure> {
+        let start = self.start(true);
+        let lock = self.root.lock();
+        let crew = Crew::adopt(&self.member, lock, &self.schedule, start, shared, survivors)?;
+        self.root.own();
+        Ok(crew)
+    }
+
+    /// What every process of the run is told.
+    fn start(&self, in_real_time: bool) -> Start {
+        Start {
+            scenario: self.scenario.clone(),
+            iceoryx2_configuration: self.root.configuration(),
+            core: self.cores.ring,
+            scheduler: self.scheduler,
+            role: None,
+            in_real_time,
+        }
     }
 
     /// Waits until everybody is ready; what could not be had of the deployment, if the flight may do without it.

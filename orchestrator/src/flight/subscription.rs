@@ -1,9 +1,9 @@
 //! The recorder's ports: one subscriber a topic.
 
-use runtime::ports::{Delivery, Member, PortError, Receiver, TopicPorts};
-use shared_types::{Schedule, Topic};
+use runtime::ports::{PortError, Receiver, TopicPorts};
+use shared_types::Topic;
 
-/// The recorder's subscriber of a topic, which it has made.
+/// The recorder's subscriber of a topic.
 pub struct Subscription {
     /// The topic.
     pub topic: Topic,
@@ -14,14 +14,16 @@ pub struct Subscription {
 }
 
 impl Subscription {
-    /// Makes every topic that a service publishes, and subscribes to it.
+    /// Subscribes to every topic that a service publishes, made or opened by `enter`.
     ///
     /// # Errors
     /// [`PortError`].
-    pub fn to_all(member: &Member, schedule: &Schedule, delivery: Delivery) -> Result<Vec<Self>, PortError> {
+    pub fn to_all(
+        enter: impl Fn(Topic) -> Result<Box<dyn TopicPorts>, PortError>,
+    ) -> Result<Vec<Self>, PortError> {
         let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
         let subscribe = |topic| {
-            let ports = member.create_topic(topic, schedule, delivery)?;
+            let ports = enter(topic)?;
             Ok(Self {
                 topic,
                 receiver: ports.recorder()?,

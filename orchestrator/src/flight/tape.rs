@@ -37,6 +37,14 @@ impl<'a> Tape<'a> {
         }
     }
 
+    /// Leaves out what is scheduled before a tick: of a flight that is taken over, the rest is recorded.
+    #[must_use]
+    pub fn from_tick(mut self, tick: u64) -> Self {
+        while self.events.next_if(|event| event.header.tick < tick).is_some() {}
+        self.summary.begin_at(tick);
+        self
+    }
+
     /// Closes the log and hands the summary over.
     ///
     /// # Errors

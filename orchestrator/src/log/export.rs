@@ -20,19 +20,25 @@ pub enum ExportError {
     Write(#[from] io::Error),
 }
 
-/// Writes every sample of every `every`-th tick as a line
+/// Writes every sample of every `every`-th tick, or those of one topic, as a line
 /// `{"log_time": ns, "sample": {…}, "sequence": n, "topic": "…"}`.
 ///
 /// Numbers are read back to the bit; those that are not finite are the strings `NaN`, `inf` and `-inf`.
 ///
 /// # Errors
 /// [`ExportError`]; lines written before it are whole.
-pub fn export_json(path: &Path, every: u64, out: &mut impl Write) -> Result<(), ExportError> {
+pub fn export_json(
+    path: &Path,
+    topic: Option<Topic>,
+    every: u64,
+    out: &mut impl Write,
+) -> Result<(), ExportError> {
     let schemas = Topic::ALL
         .map(|topic| Schema::parse(&topic.msg_definition()).expect("our own definitions are well-formed"));
     let mut reader = LogReader::open(path)?;
     while let Some(logged) = reader.next_sample()? {
-        if !logged.header.tick.is_multiple_of(every) {
+        let is_other = topic.is_some_and(|topic| topic != logged.topic);
+        if is_other || !logged.header.tick.is_multiple_of(every) {
             continue;
         }
         let mut bytes = logged.bytes;
@@ -71,7 +77,7 @@ mod tests {
 
     fn lines(path: &Path, every: u64) -> Vec<Value> {
         let mut text = Vec::new();
-        export_json(path, every, &mut text).unwrap();
+        export_json(path, None, every, &mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
         text.lines()
             .map(|line| serde_json::from_str(line).unwrap())

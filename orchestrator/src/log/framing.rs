@@ -162,9 +162,20 @@ impl McapFile {
 
     /// Adds a channel for samples of type `R` and says its number.
     pub(super) fn add_channel<R: Record>(&mut self, name: &str) -> Result<u16, LogError> {
+        self.declare_channel(name, R::MSG_NAME, &msg_definition::<R>(), &layout_hash::<R>())
+    }
+
+    /// Adds a channel for samples of a type that is known by its name, definition and layout, and says its number.
+    pub(super) fn declare_channel(
+        &mut self,
+        name: &str,
+        schema: &str,
+        definition: &str,
+        layout: &str,
+    ) -> Result<u16, LogError> {
         self.attempt(|writer| {
-            let schema = writer.add_schema(R::MSG_NAME, "ros2msg", msg_definition::<R>().as_bytes())?;
-            let metadata = BTreeMap::from([(LAYOUT_KEY.to_owned(), layout_hash::<R>())]);
+            let schema = writer.add_schema(schema, "ros2msg", definition.as_bytes())?;
+            let metadata = BTreeMap::from([(LAYOUT_KEY.to_owned(), layout.to_owned())]);
             writer.add_channel(schema, name, "cdr", &metadata)
         })
     }

@@ -1,8 +1,11 @@
 //! What determined the results in a log, inside the log.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
+use sha2::{Digest, Sha256};
 use shared_types::Topic;
+use shared_types::sample::hex;
 use shared_types::scenario::Scenario;
 
 /// Version of the arrangement of a run log; raised when older readers would misread newer logs.
@@ -10,6 +13,7 @@ pub const FORMAT_VERSION: u32 = 1;
 
 const FORMAT_KEY: &str = "format_version";
 const SCENARIO_KEY: &str = "scenario";
+const CHECKSUM_KEY: &str = "scenario_sha256";
 const SEED_KEY: &str = "seed";
 const LAYOUT_PREFIX: &str = "layout/";
 
@@ -31,6 +35,16 @@ pub(super) enum ManifestProblem {
     Broken(String),
 }
 
+impl fmt::Display for ManifestProblem {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Version(found) => write!(formatter, "it is of format version {found}"),
+            Self::Layouts(types) => write!(formatter, "it states other layouts of {}", types.join(", ")),
+            Self::Broken(reason) => formatter.write_str(reason),
+        }
+    }
+}
+
 impl Manifest {
     /// Name of the metadata record that holds the manifest.
     pub(super) const RECORD_NAME: &str = "gerono";
@@ -43,12 +57,14 @@ impl Manifest {
         }
     }
 
-    /// As MCAP metadata: the scenario as JSON; beside it, for people, the seed; version and layout hashes.
+    /// As MCAP metadata: the scenario as JSON with its checksum, for MCAP has none of metadata in an unclosed log;
+    /// beside it, for people, the seed; version and layout hashes.
     pub(super) fn to_metadata(&self) -> BTreeMap<String, String> {
         let scenario = serde_json::to_string(&self.scenario).expect("a scenario has only string keys");
         let layouts = Topic::ALL.map(|topic| (layout_key(topic), topic.layout_hash()));
         let mut metadata = BTreeMap::from(layouts);
         metadata.insert(FORMAT_KEY.to_owned(), FORMAT_VERSION.to_string());
+        metadata.insert(CHECKSUM_KEY.to_owned(), checksum(&scenario));
         metadata.insert(SCENARIO_KEY.to_owned(), scenario);
         metadata.insert(SEED_KEY.to_owned(), self.scenario.seed.to_string());
         metadata
@@ -73,10 +89,23 @@ impl Manifest {
         if !differing.is_empty() {
             return Err(ManifestProblem::Layouts(differing));
         }
-        let scenario = serde_json::from_str(get(SCENARIO_KEY)?)
+        let text = get(SCENARIO_KEY)?;
+        let scenario: Scenario = serde_json::from_str(text)
             .map_err(|error| ManifestProblem::Broken(format!("its scenario cannot be read: {error}")))?;
+        // Earlier programs wrote no checksum.
+        let is_as_written = metadata
+            .get(CHECKSUM_KEY)
+            .is_none_or(|sum| *sum == checksum(text));
+        if !is_as_written || *get(SEED_KEY)? != scenario.seed.to_string() {
+            let reason = "its scenario is not what was written: checksum or seed differ";
+            return Err(ManifestProblem::Broken(reason.to_owned()));
+        }
         Ok(Self { scenario })
     }
+}
+
+fn checksum(scenario: &str) -> String {
+    hex(&Sha256::digest(scenario))
 }
 
 fn layout_key(topic: Topic) -> String {

@@ -13,7 +13,8 @@ use zerocopy::IntoBytes;
 
 use super::framing::{CDR_HEADER, LAYOUT_KEY};
 use super::manifest::{FORMAT_VERSION, Manifest, ManifestProblem};
-use super::records::{RawRecord, Records};
+use super::records::{RawRecord, Records, is_message_index};
+use super::recovery::Recovery;
 
 /// Why a log cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -51,7 +52,7 @@ pub enum LogReadError {
         types: Vec<&'static str>,
     },
     /// The log was never completed.
-    #[error("the log {} was never completed; its {samples} samples before the break are whole{}", .path.display(), last_tick_in_words(.last_tick))]
+    #[error("the log {} was never completed; its {samples} samples before the break are whole{}; `gerono recover {}` makes a proper log of them", .path.display(), last_tick_in_words(.last_tick), .path.display())]
     Unclosed {
         /// The file.
         path: PathBuf,
@@ -61,7 +62,7 @@ pub enum LogReadError {
         last_tick: Option<u64>,
     },
     /// The log is not what was written.
-    #[error("the log {} is damaged after {samples} samples: {reason}; what was read before is whole", .path.display())]
+    #[error("the log {} is damaged after {samples} samples: {reason}; what was read before is whole; `gerono recover {}` keeps that and what is whole behind the damage", .path.display(), .path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -91,6 +92,7 @@ pub struct LoggedSample<'a> {
 pub struct LogReader {
     path: PathBuf,
     manifest: Manifest,
+    recovery: Option<Recovery>,
     records: Records<BufReader<File>>,
     record: RawRecord,
     channels: BTreeMap<u16, Topic>,
@@ -117,10 +119,11 @@ impl LogReader {
         let file = File::open(path).map_err(failed)?;
         let file_bytes = file.metadata().map_err(failed)?.len();
         let mut records = Records::new(BufReader::with_capacity(1 << 16, file), file_bytes);
-        let manifest = read_manifest(path, &mut records)?;
+        let (manifest, recovery) = read_manifest(path, &mut records)?;
         Ok(Self {
             path: path.to_owned(),
             manifest,
+            recovery,
             records,
             record: RawRecord::default(),
             channels: BTreeMap::new(),
@@ -137,6 +140,27 @@ impl LogReader {
     #[must_use]
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
+    }
+
+    /// What the log lacks, if it is not the one that was recorded but was made of what was left of that.
+    #[must_use]
+    pub fn recovery(&self) -> Option<&Recovery> {
+        self.recovery.as_ref()
+    }
+
+    /// How the chunk that was read last is compressed, as `gerono run --compression` calls it.
+    #[must_use]
+    pub fn compression(&self) -> &str {
+        match self.records.chunk.compression.as_str() {
+            "" => "none",
+            name => name,
+        }
+    }
+
+    /// Chunks read so far.
+    #[must_use]
+    pub fn chunks(&self) -> u64 {
+        self.records.chunk.chunks
     }
 
     /// The next sample in the order of the file; `None` at the end of a complete log.
@@ -299,39 +323,40 @@ enum Place {
     Nowhere,
 }
 
-/// Whether these bytes can be an index of messages: a channel and a list of pairs that fills the rest.
-fn is_message_index(body: &[u8]) -> bool {
-    const PAIR_BYTES: usize = 16;
-    let Some((length, pairs)) = body.get(2..).and_then(<[u8]>::split_first_chunk) else {
-        return false;
-    };
-    u32::from_le_bytes(*length) as usize == pairs.len() && pairs.len().is_multiple_of(PAIR_BYTES)
-}
-
-/// Reads up to the manifest, which precedes all samples.
-fn read_manifest(path: &Path, records: &mut Records<BufReader<File>>) -> Result<Manifest, LogReadError> {
+/// Reads up to the manifest, which precedes all samples, and what stands before it of a recovery.
+fn read_manifest(
+    path: &Path,
+    records: &mut Records<BufReader<File>>,
+) -> Result<(Manifest, Option<Recovery>), LogReadError> {
     let foreign = |reason: &str| LogReadError::Foreign {
         path: path.to_owned(),
         reason: reason.to_owned(),
     };
     let mut record = RawRecord::default();
+    let mut recovery = None;
     while records
         .next(&mut record)
         .map_err(|error| explain(path, error, 0, None))?
     {
-        match record.opcode {
-            op::HEADER => {}
-            op::METADATA => {
-                return match mcap::parse_record(op::METADATA, &record.body) {
-                    Ok(Record::Metadata(metadata)) if metadata.name == Manifest::RECORD_NAME => {
-                        Manifest::from_metadata(&metadata.metadata)
-                            .map_err(|problem| explain_manifest(path, problem))
-                    }
-                    Ok(_) => Err(foreign("its first metadata is not the manifest of a flight")),
-                    Err(error) => Err(explain(path, error, 0, None)),
-                };
+        if record.opcode == op::HEADER {
+            continue;
+        }
+        let metadata = match mcap::parse_record(record.opcode, &record.body) {
+            Ok(Record::Metadata(metadata)) => metadata,
+            Ok(_) => break,
+            Err(error) => return Err(explain(path, error, 0, None)),
+        };
+        match metadata.name.as_str() {
+            Recovery::RECORD_NAME => {
+                let found = Recovery::from_metadata(&metadata.metadata);
+                recovery = Some(found.ok_or_else(|| foreign("what it says of its recovery makes no sense"))?);
             }
-            _ => break,
+            Manifest::RECORD_NAME => {
+                let manifest = Manifest::from_metadata(&metadata.metadata);
+                let manifest = manifest.map_err(|problem| explain_manifest(path, problem))?;
+                return Ok((manifest, recovery));
+            }
+            _ => return Err(foreign("its first metadata is not the manifest of a flight")),
         }
     }
     Err(foreign("it does not begin with the manifest of a flight"))

@@ -7,10 +7,10 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 use mcap::{McapError, McapResult, parse_record};
 
 /// Length of what precedes every record: its kind and the length of the rest.
-const FRAME_BYTES: usize = 1 + 8;
+pub(super) const FRAME_BYTES: usize = 1 + 8;
 
 /// Largest record or chunk that is believed, bytes. The writer's chunks are some megabytes at most.
-const RECORD_BYTES_MAX: usize = 256 << 20;
+pub(super) const RECORD_BYTES_MAX: usize = 256 << 20;
 
 /// Reads records from `source`, opening chunks.
 ///
@@ -20,10 +20,21 @@ pub(super) struct Records<R> {
     source: R,
     source_bytes: u64,
     file: LinearReader,
-    chunks: LinearReader,
+    pub(super) chunk: ChunkRecords,
+}
+
+/// The records of one chunk after the other, once the chunk's checksum has been verified.
+pub(super) struct ChunkRecords {
+    reader: LinearReader,
     /// The chunk that is being read, framed as a record, and how much of it was read.
     chunk: Vec<u8>,
     chunk_read: usize,
+    /// How the last chunk was compressed, as MCAP calls it.
+    pub(super) compression: String,
+    /// Whether nothing of the chunk has been handed out yet.
+    is_new: bool,
+    /// Chunks of which something was handed out, so that their checksums hold.
+    pub(super) chunks: u64,
 }
 
 /// A record: its kind and its bytes.
@@ -41,34 +52,25 @@ impl<R: Read> Records<R> {
     pub(super) fn new(source: R, source_bytes: u64) -> Self {
         let limit =
             usize::try_from(source_bytes).map_or(RECORD_BYTES_MAX, |bytes| bytes.min(RECORD_BYTES_MAX));
-        let options = LinearReaderOptions::default();
         Self {
             source,
             source_bytes,
             file: LinearReader::new_with_options(
-                options
-                    .clone()
+                LinearReaderOptions::default()
                     .with_emit_chunks(true)
                     .with_validate_data_section_crc(true)
                     .with_validate_summary_section_crc(true)
                     .with_check_finishes_after_end_magic(true)
                     .with_record_length_limit(limit),
             ),
-            chunks: LinearReader::new_with_options(
-                options
-                    .with_skip_start_magic(true)
-                    .with_prevalidate_chunk_crcs(true)
-                    .with_record_length_limit(RECORD_BYTES_MAX),
-            ),
-            chunk: Vec::new(),
-            chunk_read: 0,
+            chunk: ChunkRecords::new(),
         }
     }
 
     /// Reads the next record into `record`; `false` at the proper end of the file.
     pub(super) fn next(&mut self, record: &mut RawRecord) -> McapResult<bool> {
         loop {
-            record.is_in_chunk = self.next_in_chunk(record)?;
+            record.is_in_chunk = self.chunk.next(record)?;
             if record.is_in_chunk {
                 return Ok(true);
             }
@@ -78,42 +80,7 @@ impl<R: Read> Records<R> {
             if record.opcode != op::CHUNK {
                 return Ok(true);
             }
-            check_chunk(&record.body)?;
-            self.chunk.clear();
-            self.chunk.push(op::CHUNK);
-            self.chunk
-                .extend_from_slice(&(record.body.len() as u64).to_le_bytes());
-            self.chunk.extend_from_slice(&record.body);
-            self.chunk_read = 0;
-        }
-    }
-
-    /// The next record of the chunk that is being read; `false` if there is none.
-    fn next_in_chunk(&mut self, record: &mut RawRecord) -> McapResult<bool> {
-        loop {
-            match self.chunks.next_event() {
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    let left = &self.chunk[self.chunk_read..];
-                    let count = wanted.min(left.len());
-                    if count == 0 {
-                        // Between records it asks for the next frame; within one, the chunk is too short.
-                        return if wanted == FRAME_BYTES {
-                            Ok(false)
-                        } else {
-                            Err(McapError::UnexpectedEoc)
-                        };
-                    }
-                    self.chunks.insert(count).copy_from_slice(&left[..count]);
-                    self.chunks.notify_read(count);
-                    self.chunk_read += count;
-                }
-                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    record.assign(opcode, data);
-                    return Ok(true);
-                }
-                Some(Err(error)) => return Err(error),
-                None => return Ok(false),
-            }
+            self.chunk.open(&record.body)?;
         }
     }
 
@@ -140,6 +107,65 @@ impl<R: Read> Records<R> {
     }
 }
 
+impl ChunkRecords {
+    pub(super) fn new() -> Self {
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(RECORD_BYTES_MAX);
+        Self {
+            reader: LinearReader::new_with_options(options),
+            chunk: Vec::new(),
+            chunk_read: 0,
+            compression: String::new(),
+            is_new: false,
+            chunks: 0,
+        }
+    }
+
+    /// Goes on with the chunk of this body. After an error this reader is of no more use.
+    pub(super) fn open(&mut self, body: &[u8]) -> McapResult<()> {
+        self.compression = check_chunk(body)?;
+        self.is_new = true;
+        self.chunk.clear();
+        self.chunk.push(op::CHUNK);
+        self.chunk.extend_from_slice(&(body.len() as u64).to_le_bytes());
+        self.chunk.extend_from_slice(body);
+        self.chunk_read = 0;
+        Ok(())
+    }
+
+    /// The next record of the chunk that is being read; `false` if there is none.
+    pub(super) fn next(&mut self, record: &mut RawRecord) -> McapResult<bool> {
+        loop {
+            match self.reader.next_event() {
+                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                    let left = &self.chunk[self.chunk_read..];
+                    let count = wanted.min(left.len());
+                    if count == 0 {
+                        // Between records it asks for the next frame; within one, the chunk is too short.
+                        return if wanted == FRAME_BYTES {
+                            Ok(false)
+                        } else {
+                            Err(McapError::UnexpectedEoc)
+                        };
+                    }
+                    self.reader.insert(count).copy_from_slice(&left[..count]);
+                    self.reader.notify_read(count);
+                    self.chunk_read += count;
+                }
+                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                    self.chunks += u64::from(std::mem::take(&mut self.is_new));
+                    record.assign(opcode, data);
+                    return Ok(true);
+                }
+                Some(Err(error)) => return Err(error),
+                None => return Ok(false),
+            }
+        }
+    }
+}
+
 impl RawRecord {
     fn assign(&mut self, opcode: u8, body: &[u8]) {
         self.opcode = opcode;
@@ -158,8 +184,8 @@ fn read_some(source: &mut impl Read, place: &mut [u8]) -> io::Result<usize> {
     }
 }
 
-/// Refuses a chunk whose content would have to be believed blindly.
-fn check_chunk(body: &[u8]) -> McapResult<()> {
+/// Refuses a chunk whose content would have to be believed blindly; says how it is compressed.
+fn check_chunk(body: &[u8]) -> McapResult<String> {
     let Record::Chunk { header, data } = parse_record(op::CHUNK, body)? else {
         return Err(McapError::UnexpectedEoc);
     };
@@ -173,7 +199,7 @@ fn check_chunk(body: &[u8]) -> McapResult<()> {
     if is_plain && (header.uncompressed_size != header.compressed_size || !holds_whole_records(&data)) {
         return Err(McapError::UnexpectedEoc);
     }
-    Ok(())
+    Ok(header.compression)
 }
 
 /// Whether the lengths of the records in `data` add up to it.
@@ -189,4 +215,13 @@ fn holds_whole_records(mut data: &[u8]) -> bool {
         data = rest;
     }
     data.is_empty()
+}
+
+/// Whether these bytes can be an index of messages: a channel and a list of pairs that fills the rest.
+pub(super) fn is_message_index(body: &[u8]) -> bool {
+    const PAIR_BYTES: usize = 16;
+    let Some((length, pairs)) = body.get(2..).and_then(<[u8]>::split_first_chunk) else {
+        return false;
+    };
+    u32::from_le_bytes(*length) as usize == pairs.len() && pairs.len().is_multiple_of(PAIR_BYTES)
 }

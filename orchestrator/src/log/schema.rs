@@ -51,6 +51,32 @@ impl Schema {
         Some(Self { members })
     }
 
+    /// Names of the numbers and texts in a value, in their order.
+    pub(super) fn columns(&self) -> Vec<String> {
+        self.members.iter().flat_map(Member::columns).collect()
+    }
+
+    /// Takes a value off the front of `bytes`, as the numbers and texts that [`columns`](Self::columns) names.
+    pub(super) fn cells(&self, bytes: &mut &[u8]) -> Option<Vec<Value>> {
+        let mut cells = Vec::new();
+        for member in &self.members {
+            if member.is_text() {
+                let (text, rest) = bytes.split_at_checked(member.length?)?;
+                *bytes = rest;
+                let text = String::from_utf8_lossy(text);
+                cells.push(Value::from(text.trim_end_matches('\0')));
+                continue;
+            }
+            for _ in 0..member.length.unwrap_or(1) {
+                match &member.kind {
+                    Kind::Record(schema) => cells.extend(schema.cells(bytes)?),
+                    kind => cells.push(kind.decode(bytes)?),
+                }
+            }
+        }
+        Some(cells)
+    }
+
     /// Takes a value off the front of `bytes`.
     pub(super) fn decode(&self, bytes: &mut &[u8]) -> Option<Value> {
         let mut object = Map::new();
@@ -68,6 +94,31 @@ impl Schema {
 }
 
 impl Member {
+    /// Whether it is UTF-8 filled up with zeros: our samples have no other use for so many bytes.
+    fn is_text(&self) -> bool {
+        self.kind == Kind::Unsigned(1) && self.name == "text" && self.length.is_some()
+    }
+
+    fn columns(&self) -> Vec<String> {
+        let names: Vec<_> = match self.length {
+            Some(length) if !self.is_text() => (0..length)
+                .map(|index| format!("{}[{index}]", self.name))
+                .collect(),
+            _ => vec![self.name.clone()],
+        };
+        let Kind::Record(schema) = &self.kind else {
+            return names;
+        };
+        let inner = schema.columns();
+        let of = |name: &String| {
+            inner
+                .iter()
+                .map(move |column| format!("{name}.{column}"))
+                .collect::<Vec<_>>()
+        };
+        names.iter().flat_map(of).collect()
+    }
+
     /// Reads `type name` or `type[length] name`.
     fn parse(line: &str, nested: &[(&str, &str)], depth: usize) -> Option<Self> {
         let (kind, name) = line.split_once(' ')?;

@@ -12,6 +12,10 @@ use super::manifest::Manifest;
 /// Simulated time that a chunk spans, s: what a crash of the recorder may cost.
 const CHUNK_SECONDS: f64 = 0.25;
 
+/// The same in real time, s. There samples wait before they are written until those of their tick have settled, and a crash costs
+/// both: together less than [`CHUNK_SECONDS`].
+const REAL_TIME_CHUNK_SECONDS: f64 = 0.125;
+
 /// Ticks that a chunk spans at most, whatever the tick: a reader holds a whole chunk in memory.
 const CHUNK_TICKS_MAX: f64 = 1000.0;
 
@@ -40,8 +44,15 @@ impl RunLogWriter {
         Ok(Self {
             file,
             channels,
-            chunk_ticks: chunk_ticks(manifest.scenario.schedule.tick),
+            chunk_ticks: chunk_ticks(manifest.scenario.schedule.tick, CHUNK_SECONDS),
         })
+    }
+
+    /// Ends chunks as often as a flight in real time needs it.
+    #[must_use]
+    pub fn in_real_time(mut self, manifest: &Manifest) -> Self {
+        self.chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, REAL_TIME_CHUNK_SECONDS);
+        self
     }
 
     /// Writes a sample of a topic. The caller keeps the order (tick, topic).
@@ -82,14 +93,14 @@ impl RunLogWriter {
     }
 }
 
-/// How many ticks of `tick` seconds a chunk spans.
+/// How many ticks of `tick` seconds a chunk of so many seconds spans.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "clamped to 1..=CHUNK_TICKS_MAX"
 )]
-fn chunk_ticks(tick: f64) -> u64 {
-    (CHUNK_SECONDS / tick).round().clamp(1.0, CHUNK_TICKS_MAX) as u64
+fn chunk_ticks(tick: f64, seconds: f64) -> u64 {
+    (seconds / tick).round().clamp(1.0, CHUNK_TICKS_MAX) as u64
 }
 
 /// Adds the channel of a topic.
@@ -187,7 +198,7 @@ mod tests {
 
     #[test]
     fn a_chunk_has_a_bounded_number_of_ticks_at_any_tick() {
-        let spans = [1e-6, 1e-4, 0.001, 0.003, 0.25, 1.0].map(chunk_ticks);
+        let spans = [1e-6, 1e-4, 0.001, 0.003, 0.25, 1.0].map(|tick| chunk_ticks(tick, CHUNK_SECONDS));
         assert_eq!(spans, [1000, 1000, 250, 83, 1, 1]);
     }
 

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use mcap::McapError;
+use mcap::read::Options;
 use shared_types::ServiceId;
 use shared_types::service::Operator;
 use zerocopy::FromBytes;
@@ -41,10 +43,19 @@ impl RecordedSteps {
         let file = std::fs::read(&path).map_err(|error| failed(error.to_string()))?;
         let mut steps = Self(std::array::from_fn(|_| BTreeMap::new()));
         // A log that was not closed is read up to where it breaks off.
-        let options = mcap::read::Options::IgnoreEndMagic;
-        let messages = mcap::MessageStream::new_with_options(&file, options.into())
+        let options = Options::IgnoreEndMagic | Options::ValidateChunkCrcs;
+        let messages = mcap::MessageStream::new_with_options(&file, options)
             .map_err(|error| failed(error.to_string()))?;
-        for message in messages.map_while(Result::ok) {
+        for message in messages {
+            let message = match message {
+                Ok(message) => message,
+                Err(McapError::UnexpectedEof) => break,
+                Err(McapError::RecordTooLarge { len, .. }) if len > file.len() as u64 => break,
+                Err(error) => {
+                    let recover = format!("{error}; try `gerono recover {}`", path.display());
+                    return Err(failed(recover));
+                }
+            };
             if message.channel.topic == ServiceStep::CHANNEL {
                 steps.keep(&message.data).map_err(failed)?;
             }

@@ -107,32 +107,42 @@ impl Station {
     }
 
     fn do_again(&mut self, recorded: &RecordedStep, history: &History) {
-        self.remember_only(recorded.previous);
+        if !self.remember_only(recorded.previous) {
+            self.steps_without_inputs += 1;
+            return;
+        }
         let now = Now {
             operator: recorded.operator,
             ..self.timetable.now_after(recorded.previous, recorded.tick)
         };
         self.before_last.resize(self.service.state_size(), 0);
         self.service.save(&mut self.before_last);
-        self.step(&now, &recorded.seen, recorded.is_finished, history);
-        self.last_but_one = self.last.replace(recorded.tick);
+        if self.step(&now, &recorded.seen, recorded.is_finished, history) {
+            self.last_but_one = self.last.replace(recorded.tick);
+        } else {
+            (self.last, self.last_but_one) = (None, None);
+        }
     }
 
     /// Goes back to what a process knew that took another one's place, if one did: the step after which the dead one
     /// had kept what it knew was its last or the one before.
-    fn remember_only(&mut self, previous: Option<u64>) {
-        if previous == self.last {
-            return;
-        }
+    /// `false` if that is not known here: the log begins later, or a step that led to it could not be done.
+    fn remember_only(&mut self, previous: Option<u64>) -> bool {
         if previous.is_none() {
             self.service.restore(&self.newborn);
+        } else if previous == self.last {
+            return true;
         } else if previous == self.last_but_one {
             self.service.restore(&self.before_last);
+        } else {
+            return false;
         }
         self.last = previous;
+        true
     }
 
-    fn step(&mut self, now: &Now, seen: &Seen, is_finished: bool, history: &History) {
+    /// Steps and hears what is published; `false` if a sample that the step saw was not recorded.
+    fn step(&mut self, now: &Now, seen: &Seen, is_finished: bool, history: &History) -> bool {
         self.fill_stores(now.tick, history);
         let mut views = Views::default();
         let inputs = self.timetable.inputs.iter().zip(&mut self.stores);
@@ -141,7 +151,7 @@ impl Station {
             let Some(bytes) = history.sample(edge.topic, seq) else {
                 // What this step saw is not known, and so is nothing that it led to.
                 self.steps_without_inputs += 1;
-                return;
+                return false;
             };
             *view = match store {
                 Some(store) => {
@@ -179,6 +189,7 @@ impl Station {
                 judge.hear(bytes, is_finished, history);
             }
         }
+        true
     }
 
     fn end_tick(&mut self, history: &History) {

@@ -12,7 +12,7 @@ pub struct TimingReport {
     /// Of each service.
     pub services: Vec<ServiceTiming>,
     /// From the publication of a capture to that of the frame that rests on it.
-    pub capture_to_frame: Option<Quantiles>,
+    pub capture_to_frame: Option<Distribution>,
     /// Topics of which samples were published and not recorded, and how many.
     pub unrecorded: Vec<Unrecorded>,
 }
@@ -33,9 +33,9 @@ pub struct ServiceTiming {
     /// Records of steps that were overwritten before they were read.
     pub records_overwritten: u64,
     /// From the moment when it could have stepped until it did.
-    pub wake: Option<Quantiles>,
+    pub wake: Option<Distribution>,
     /// From the begin of a step until all was published.
-    pub step: Option<Quantiles>,
+    pub step: Option<Distribution>,
 }
 
 /// Samples of a topic that were published and not recorded.
@@ -71,6 +71,51 @@ pub struct Quantiles {
     pub p999: f64,
     /// The longest, s.
     pub max: f64,
+}
+
+/// Times with all that is known of them: quantiles for people, buckets for programs, which can be merged with those of
+/// other services and flights.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Distribution {
+    /// Quantiles of all of them.
+    #[serde(flatten)]
+    pub quantiles: Quantiles,
+    /// The buckets that hold any.
+    pub buckets: Vec<Bucket>,
+}
+
+/// Times of about the same length: to two digits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Bucket {
+    /// The longest that belongs here, ns.
+    pub up_to_ns: u64,
+    /// How many were measured.
+    pub count: u64,
+}
+
+impl Distribution {
+    /// That of a histogram of times in ns, if it has any.
+    #[must_use]
+    pub fn of(histogram: &Histogram<u64>) -> Option<Self> {
+        let bucket = |value: hdrhistogram::iterators::IterationValue<u64>| Bucket {
+            up_to_ns: value.value_iterated_to(),
+            count: value.count_at_value(),
+        };
+        Some(Self {
+            quantiles: Quantiles::of(histogram)?,
+            buckets: histogram.iter_recorded().map(bucket).collect(),
+        })
+    }
+
+    /// Back to a histogram, to be merged with others.
+    #[must_use]
+    pub fn histogram(&self) -> Histogram<u64> {
+        let mut merged = histogram();
+        for bucket in &self.buckets {
+            merged.saturating_record_n(bucket.up_to_ns, bucket.count);
+        }
+        merged
+    }
 }
 
 impl Quantiles {
@@ -145,8 +190,8 @@ impl std::fmt::Display for TimingReport {
     }
 }
 
-fn in_words(quantiles: Option<&Quantiles>, wanted: &[fn(&Quantiles) -> f64]) -> String {
-    let Some(quantiles) = quantiles else {
+fn in_words(distribution: Option<&Distribution>, wanted: &[fn(&Quantiles) -> f64]) -> String {
+    let Some(Distribution { quantiles, .. }) = distribution else {
         return "–".to_owned();
     };
     let numbers: Vec<_> = wanted
@@ -154,4 +199,42 @@ fn in_words(quantiles: Option<&Quantiles>, wanted: &[fn(&Quantiles) -> f64]) -> 
         .map(|of| format!("{:.0}", 1e6 * of(quantiles)))
         .collect();
     numbers.join(" / ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn recorded(times: &[u64]) -> Histogram<u64> {
+        let mut recorded = histogram();
+        times.iter().for_each(|&time| recorded.saturating_record(time));
+        recorded
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_of_two_flights_merges_to_what_would_be_written_of_both(
+            first in prop::collection::vec(1u64..10_000_000_000, 1..50),
+            second in prop::collection::vec(1u64..10_000_000_000, 1..50),
+        ) {
+            let read_back = |times: &[u64]| {
+                let text = serde_json::to_string(&Distribution::of(&recorded(times))).unwrap();
+                let distribution: Distribution = serde_json::from_str(&text).unwrap();
+                distribution.histogram()
+            };
+            let mut merged = read_back(&first);
+            merged.add(read_back(&second)).unwrap();
+            let both = recorded(&[first, second].concat());
+            prop_assert_eq!(Distribution::of(&merged).unwrap().buckets, Distribution::of(&both).unwrap().buckets);
+            for quantile in [0.5, 0.9, 0.99, 0.999] {
+                prop_assert_eq!(merged.value_at_quantile(quantile), both.value_at_quantile(quantile));
+            }
+        }
+    }
+
+    #[test]
+    fn of_nothing_there_is_no_distribution() {
+        assert_eq!(Distribution::of(&histogram()), None);
+    }
 }

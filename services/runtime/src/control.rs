@@ -4,7 +4,7 @@
 //! A message is one packet of JSON, so that a service in another language needs no more than a JSON parser.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType};
 use serde::de::DeserializeOwned;
@@ -30,7 +30,7 @@ pub const LOCK_FD: i32 = 7;
 pub const FIRST_DOORBELL_FD: i32 = 8;
 
 /// Largest message, bytes; a scenario is far below.
-const MESSAGE_LIMIT: usize = 128 * 1024;
+pub(crate) const MESSAGE_LIMIT: usize = 128 * 1024;
 
 /// What the orchestrator says to a service.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,6 +72,14 @@ pub struct Start {
     pub role: Option<Role>,
     /// Whether to fly in real time; else in lock-step.
     pub in_real_time: bool,
+}
+
+impl Start {
+    /// The run's place: the folder of its bookkeeping.
+    #[must_use]
+    pub fn place(&self) -> &Path {
+        self.iceoryx2_configuration.parent().unwrap_or(Path::new(""))
+    }
 }
 
 /// Which service a process is.

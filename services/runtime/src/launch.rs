@@ -1,14 +1,14 @@
 //! From a service that has joined the run to one that flies: its ports, the start, what a dead predecessor knew.
 
+use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use shared_types::Schedule;
-use shared_types::scenario::Scenario;
 use shared_types::service::{ErasedService, nanoseconds};
 
 use crate::checkpoints::Checkpoints;
-use crate::control::{Channel, ControlError, ToOrchestrator, ToService};
+use crate::control::{Channel, ControlError, Start, ToOrchestrator, ToService};
 use crate::crash::{CrashPlace, CrashPoint};
 use crate::flight_clock::FlightClock;
 use crate::lock_step::{self, Cockpit, ServicePorts};
@@ -18,6 +18,7 @@ use crate::process::ProcessError;
 use crate::real_time::{self, RealTimePorts};
 use crate::step::Timetable;
 use crate::step_log::StepLog;
+use crate::succession::{Bequest, Hello};
 use crate::wait::Waiter;
 
 /// What a service has that knows its role and may make its ports.
@@ -70,14 +71,15 @@ impl Launch<'_> {
         stay_until_the_end(cockpit.waiter.channel())
     }
 
-    /// Flies in real time once everybody is ready, and stays until the run has ended.
+    /// Flies in real time once everybody is ready, and stays until the run has ended. `lock` is that of the run's place.
     ///
     /// # Errors
     /// [`ProcessError`].
     pub fn in_real_time(
         self,
         service: &mut dyn ErasedService,
-        scenario: &Scenario,
+        start: &Start,
+        lock: BorrowedFd<'_>,
         waiter: &Waiter,
     ) -> Result<(), ProcessError> {
         self.crash.pass(CrashPlace::BeforePorts, 0);
@@ -92,6 +94,12 @@ impl Launch<'_> {
             self.crash.pass(CrashPlace::Recovering, checkpoint.next_tick);
         }
         let page = Arc::clone(waiter.page());
+        let files = [page.file(), self.checkpoints.file(), self.step_log.file(), lock];
+        let hello = Hello {
+            service: service.id(),
+            start: start.clone(),
+        };
+        let bequest = Bequest::new(start.place(), &hello, files)?;
         let mut cockpit = real_time::Cockpit {
             ports,
             checkpoints: self.checkpoints,
@@ -101,12 +109,12 @@ impl Launch<'_> {
                 tick_ns: self.schedule.tick_ns(),
             },
             page,
-            grace_ns: nanoseconds(scenario.real_time.unwrap_or_default().grace),
-            lone_flight: LoneFlight::new(scenario, waiter.channel().try_clone()?),
+            grace_ns: nanoseconds(start.scenario.real_time.unwrap_or_default().grace),
+            lone_flight: LoneFlight::new(&start.scenario, waiter.channel().try_clone()?, bequest),
             crash: self.crash,
         };
         real_time::fly(service, self.schedule, checkpoint.as_ref(), &mut cockpit)?;
-        stay_until_the_end(waiter.channel())
+        stay_until_the_end(cockpit.lone_flight.channel())
     }
 }
 

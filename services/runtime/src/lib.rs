@@ -12,7 +12,7 @@
 //! service knew, for whoever is born after its death; both are a [`shared_file`]), [`owned_sample`] (a sample
 //! in memory of its own), [`sample_ring`] (the latest samples of a topic), [`inlet`] (an input, also after a rebirth),
 //! [`edge_store`] (its samples, where faults are planned), [`mailbox`] (an input in real time), [`outlets`] (a service's
-//! outputs), [`lone_flight`] (when the orchestrator is gone), [`flight_clock`] (ticks on the system's clock),
+//! outputs), [`lone_flight`] (when the orchestrator is gone), [`succession`] (how another one takes its place), [`flight_clock`] (ticks on the system's clock),
 //! [`step_log`] (what every step in real time was made of), [`control`] (the orchestrator's line to each service),
 //! [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler, parent's death), [`descriptors`] (what a started
 //! process inherits) and [`process`] and [`launch`] (what `gerono service NAME` runs).
@@ -45,4 +45,5 @@ pub mod shared_file;
 pub mod shared_page;
 pub mod step;
 pub mod step_log;
+pub mod succession;
 pub mod wait;

@@ -2,7 +2,8 @@
 //!
 //! The orchestrator says now and then that it lives. Whoever has not heard of it for [`SILENCE_NS`] looks at its line:
 //! one that is only stopped or slow still holds the other end. If it is gone, the services land the vehicle, or fly on
-//! to the end of the scenario, as that says; without phases there is nothing to land, and they end.
+//! to the end of the scenario, as that says; without phases there is nothing to land, and they end. Meanwhile they look
+//! for somebody who takes its place.
 
 use std::sync::atomic::Ordering;
 
@@ -10,6 +11,7 @@ use shared_types::scenario::{OrchestratorLoss, Scenario};
 
 use crate::control::Channel;
 use crate::shared_page::Words;
+use crate::succession::Bequest;
 
 /// Silence of the orchestrator after which a service looks whether it is gone, ns.
 pub const SILENCE_NS: u64 = 500_000_000;
@@ -21,6 +23,7 @@ const LANDING_NS: u64 = 60_000_000_000;
 #[derive(Debug)]
 pub struct LoneFlight {
     channel: Channel,
+    bequest: Bequest,
     then: Then,
     /// When it was found to be gone, ns of `CLOCK_MONOTONIC`.
     alone_since: Option<u64>,
@@ -37,12 +40,13 @@ enum Then {
 }
 
 impl LoneFlight {
-    /// For a flight of `scenario` by an orchestrator at the other end of `channel`.
+    /// For a flight of `scenario` by an orchestrator at the other end of `channel`; who takes its place gets `bequest`.
     #[must_use]
-    pub fn new(scenario: &Scenario, channel: Channel) -> Self {
+    pub fn new(scenario: &Scenario, channel: Channel, bequest: Bequest) -> Self {
         let wanted = scenario.real_time.unwrap_or_default().orchestrator_loss;
         Self {
             channel,
+            bequest,
             then: match (wanted, &scenario.flight) {
                 (OrchestratorLoss::Continue, _) => Then::FlyOn,
                 (OrchestratorLoss::Land, Some(_)) => Then::Land,
@@ -58,6 +62,12 @@ impl LoneFlight {
     #[inline]
     pub fn is_to_land(&self) -> bool {
         self.alone_since.is_some() && self.then == Then::Land
+    }
+
+    /// The line to the orchestrator, or to whoever has taken its place.
+    #[must_use]
+    pub fn channel(&self) -> &Channel {
+        &self.channel
     }
 
     /// Looks whether the orchestrator is there, `now` in ns of `CLOCK_MONOTONIC`; whether the service is to end because
@@ -77,6 +87,11 @@ impl LoneFlight {
         if !self.channel.is_closed() {
             return false;
         }
+        if let Some(channel) = self.bequest.offer() {
+            self.channel = channel;
+            self.alone_since = None;
+            return false;
+        }
         let since = *self.alone_since.get_or_insert(now);
         match self.then {
             Then::End => true,
@@ -89,8 +104,13 @@ impl LoneFlight {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Start;
+    use crate::deployment::Scheduler;
     use crate::flight_clock::monotonic_ns;
+    use crate::succession::{FILES, Heir, Hello};
+    use shared_types::ServiceId;
     use shared_types::scenario::{Curve, Hover, Path, Vehicle};
+    use std::os::fd::AsFd;
 
     fn scenario() -> Scenario {
         let vehicle = Vehicle::new(0.2, [0.1e-3; 3]);
@@ -98,6 +118,21 @@ mod tests {
             position: [0.0, 0.0, -1.0],
         });
         Scenario::new(10.0, vehicle, Path::new(hover))
+    }
+
+    fn bequest(place: &std::path::Path) -> Bequest {
+        let hello = Hello {
+            service: ServiceId::Plant,
+            start: Start {
+                scenario: scenario(),
+                iceoryx2_configuration: place.join("iceoryx2.toml"),
+                core: None,
+                scheduler: Scheduler::Fair,
+                role: None,
+                in_real_time: true,
+            },
+        };
+        Bequest::new(place, &hello, [std::io::stdin().as_fd(); FILES]).unwrap()
     }
 
     fn alone(loss: OrchestratorLoss, with_phases: bool) -> LoneFlight {
@@ -109,7 +144,11 @@ mod tests {
         scenario.flight = with_phases.then(Default::default);
         let (orchestrator, service) = Channel::pair().unwrap();
         drop(orchestrator);
-        LoneFlight::new(&scenario, Channel::inherited(service))
+        LoneFlight::new(
+            &scenario,
+            Channel::inherited(service),
+            bequest(std::path::Path::new("nowhere")),
+        )
     }
 
     #[test]
@@ -126,9 +165,28 @@ mod tests {
     #[test]
     fn an_orchestrator_that_is_silent_but_there_is_not_lost() {
         let (_orchestrator, service) = Channel::pair().unwrap();
-        let mut flight = LoneFlight::new(&scenario(), Channel::inherited(service));
+        let mut flight = LoneFlight::new(
+            &scenario(),
+            Channel::inherited(service),
+            bequest(std::path::Path::new("nowhere")),
+        );
         assert!(!flight.has_ended(&Words::default(), monotonic_ns()));
         assert_eq!(flight.alone_since, None);
+    }
+
+    #[test]
+    fn whoever_takes_over_ends_the_loneliness() {
+        let place = tempfile::tempdir().unwrap();
+        let mut flight = alone(OrchestratorLoss::Land, true);
+        flight.bequest = bequest(place.path());
+        let words = Words::default();
+        assert!(!flight.has_ended(&words, monotonic_ns()) && flight.is_to_land());
+        let heir = Heir::listen(place.path()).unwrap();
+        assert!(!flight.has_ended(&words, monotonic_ns() + 2 * SILENCE_NS));
+        assert!(!flight.is_to_land());
+        let inheritance = heir.accept(std::time::Duration::from_secs(10)).unwrap().unwrap();
+        assert_eq!(inheritance.hello.service, ServiceId::Plant);
+        assert!(!flight.channel().is_closed());
     }
 
     #[test]

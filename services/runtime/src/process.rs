@@ -3,7 +3,7 @@
 //! A **spare** process does what every service needs before it knows which one it is to be: it has loaded, joined the
 //! run and built all services when one dies whose place it takes.
 
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
 
 use shared_types::ServiceId;
@@ -94,7 +94,7 @@ fn live(
         page,
         checkpoints,
         step_log,
-        _lock,
+        lock,
         doorbells,
     } = inherited;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
@@ -134,7 +134,7 @@ fn live(
         warnings,
     };
     if start.in_real_time {
-        launch.in_real_time(service.as_mut(), &start.scenario, &waiter)
+        launch.in_real_time(service.as_mut(), start, lock.as_fd(), &waiter)
     } else {
         launch.in_lock_step(service.as_mut(), &mut waiter)
     }
@@ -195,7 +195,7 @@ struct Inherited {
     checkpoints: Checkpoints,
     step_log: StepLog,
     /// Held until the process ends.
-    _lock: OwnedFd,
+    lock: OwnedFd,
     doorbells: Vec<Doorbell>,
 }
 
@@ -216,7 +216,7 @@ impl Inherited {
             page,
             checkpoints,
             step_log,
-            _lock: inherited(LOCK_FD)?,
+            lock: inherited(LOCK_FD)?,
             doorbells,
         })
     }

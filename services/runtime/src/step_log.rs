@@ -165,6 +165,16 @@ impl StepReader {
         }
     }
 
+    /// Reads the records of `service` that are written from now on.
+    #[must_use]
+    pub fn from_now(service: ServiceId, log: &StepLog) -> Self {
+        Self {
+            service,
+            next: log.ring(service).written.load(Ordering::Acquire),
+            overwritten: 0,
+        }
+    }
+
     /// The next record, if there is one by now.
     pub fn next(&mut self, log: &StepLog) -> Option<StepRecord> {
         let ring = log.ring(self.service);
@@ -235,6 +245,7 @@ mod tests {
         let mut reader = StepReader::new(SERVICE);
         write(&log, SERVICE, record(1));
         log.finish_for_the_dead(SERVICE);
+        let mut late_reader = StepReader::from_now(SERVICE, &log);
         log.begin(
             SERVICE,
             StepRecord {
@@ -249,6 +260,7 @@ mod tests {
         write(&log, SERVICE, record(3));
         let unfinished = reader.next(&log).unwrap();
         assert_eq!((unfinished.tick, unfinished.published_ns), (2, 0));
+        assert_eq!(late_reader.next(&log), Some(unfinished));
         assert_eq!(reader.next(&log), Some(record(3)));
         assert_eq!(reader.next(&log), None);
     }

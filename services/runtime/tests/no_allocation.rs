@@ -10,17 +10,20 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use runtime::checkpoints::Checkpoints;
-use runtime::control::Channel;
+use runtime::control::{Channel, Start};
 use runtime::crash::CrashPoint;
+use runtime::deployment::Scheduler;
 use runtime::flight_clock::{FlightClock, monotonic_ns};
 use runtime::lone_flight::LoneFlight;
 use runtime::ports::{Delivery, Member, Topics};
 use runtime::real_time::{Cockpit, RealTimePorts, fly};
 use runtime::shared_page::SharedPage;
 use runtime::step_log::{StepLog, StepReader};
+use runtime::succession::{Bequest, FILES, Hello};
 use shared_types::scenario::{Curve, Hover, Path, Scenario, Vehicle};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, Schedule, ServiceId};
+use std::os::fd::AsFd;
 
 /// A plant that publishes zeros.
 struct Still;
@@ -41,6 +44,23 @@ impl ErasedService for Still {
     }
 
     fn restore(&mut self, _bytes: &[u8]) {}
+}
+
+/// What is handed over to nobody here.
+fn bequest(scenario: &Scenario) -> Bequest {
+    let hello = Hello {
+        service: ServiceId::Plant,
+        start: Start {
+            scenario: scenario.clone(),
+            iceoryx2_configuration: "nowhere/iceoryx2.toml".into(),
+            core: None,
+            scheduler: Scheduler::Fair,
+            role: None,
+            in_real_time: true,
+        },
+    };
+    let file = std::io::stdin();
+    Bequest::new(hello.start.place(), &hello, [file.as_fd(); FILES]).unwrap()
 }
 
 /// Allocations of a flight of so many ticks of a millisecond; and how many steps it told of.
@@ -65,7 +85,7 @@ fn allocations_of(member: &Member, ticks: u64) -> (u64, usize) {
         step_log: &step_log,
         clock: FlightClock::starting_in(Duration::from_millis(2), schedule.tick_ns()),
         grace_ns: 0,
-        lone_flight: LoneFlight::new(&scenario, Channel::inherited(line)),
+        lone_flight: LoneFlight::new(&scenario, Channel::inherited(line), bequest(&scenario)),
         crash: CrashPoint::default(),
     };
     let mut flown = Ok(());

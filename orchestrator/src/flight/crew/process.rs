@@ -8,11 +8,15 @@ use std::time::Instant;
 
 use runtime::control::{CONTROL_FD, Channel};
 use runtime::descriptors::hand_on;
-use rustix::process::{Pid, PidfdFlags, pidfd_open};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 /// A process that has been started.
 pub(super) struct Process {
-    pub(super) child: Child,
+    pub(super) pid: Pid,
+    /// `None` if another orchestrator has started it.
+    child: Option<Child>,
+    /// Becomes readable with its death.
     pub(super) death: OwnedFd,
     pub(super) channel: Channel,
     /// When it was started, or asked for what it does now.
@@ -50,7 +54,8 @@ impl Process {
         let pid = Pid::from_child(&child);
         let death = pidfd_open(pid, PidfdFlags::empty())?;
         Ok(Self {
-            child,
+            pid,
+            child: Some(child),
             death,
             channel,
             asked_at: Instant::now(),
@@ -58,18 +63,47 @@ impl Process {
         })
     }
 
+    /// Takes over a process that another orchestrator has started.
+    ///
+    /// # Errors
+    /// If it is gone.
+    pub(super) fn adopt(pid: Pid, channel: Channel) -> io::Result<Self> {
+        Ok(Self {
+            pid,
+            child: None,
+            death: pidfd_open(pid, PidfdFlags::empty())?,
+            channel,
+            asked_at: Instant::now(),
+            is_gone: false,
+        })
+    }
+
+    /// Its number, as the system shows it.
+    pub(super) fn id(&self) -> u32 {
+        self.pid.as_raw_nonzero().get().cast_unsigned()
+    }
+
+    /// Sends it a signal.
+    pub(super) fn signal(&self, signal: Signal) {
+        // It fails only for a process that is gone.
+        let _ = pidfd_send_signal(&self.death, signal);
+    }
+
     /// Waits for the end of a process that has closed its line or was killed.
     pub(super) fn wait(&mut self) -> Exit {
         self.is_gone = true;
-        match self.child.wait() {
-            Ok(status) => Exit {
-                killed: status.signal().is_some(),
-                description: describe(status),
-            },
-            Err(_) => Exit {
-                killed: false,
-                description: "it cannot be told how".to_owned(),
-            },
+        let status = match &mut self.child {
+            Some(child) => child.wait().ok(),
+            // How the child of another has ended, nobody tells.
+            None => {
+                let mut death = [PollFd::new(&self.death, PollFlags::IN)];
+                let _ = rustix::io::retry_on_intr(|| poll(&mut death, None));
+                None
+            }
+        };
+        Exit {
+            killed: status.is_some_and(|status| status.signal().is_some()),
+            description: status.map_or_else(|| "it cannot be told how".to_owned(), describe),
         }
     }
 }

@@ -21,7 +21,7 @@ impl Crew<'_> {
     pub(super) fn bury(&mut self, at: usize) -> Option<CrewEvent> {
         let next_tick = self.next_tick(self.members[at].service);
         let member = &mut self.members[at];
-        let (service, pid) = (member.service, member.process.child.id());
+        let (service, pid) = (member.service, member.process.id());
         let exit = member.process.wait();
         self.exits.push((Some(service), pid, exit.clone()));
 
@@ -208,7 +208,7 @@ impl Crew<'_> {
         if let Some(died_at) = member.died_at {
             self.rebirths.push(Rebirth {
                 service,
-                pid: member.process.child.id(),
+                pid: member.process.id(),
                 tick,
                 lost_seconds: died_at.elapsed().as_secs_f64(),
             });

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use runtime::control::{Role, ToOrchestrator, ToService};
 use runtime::process::SPARE;
+use rustix::process::Signal;
 
 use super::process::Process;
 use super::restart::RestartPolicy;
@@ -42,8 +43,7 @@ impl Spare {
     /// Ends it; nobody misses anything that it has made.
     pub(super) fn end(&mut self) {
         if let Some(mut process) = self.process.take() {
-            // It fails only for a process that is gone.
-            let _ = process.child.kill();
+            process.signal(Signal::KILL);
             process.wait();
         }
     }
@@ -93,12 +93,12 @@ impl Crew<'_> {
 
     fn bury_spare(&mut self, mut process: Process) {
         // One that has only failed still lives.
-        let _ = process.child.kill();
+        process.signal(Signal::KILL);
         let exit = process.wait();
         self.spare.note_failure(process.asked_at.elapsed() > SETTLED);
         let description = format!("a spare process: {}", exit.description);
         self.exits
-            .push((None, process.child.id(), Exit { description, ..exit }));
+            .push((None, process.id(), Exit { description, ..exit }));
         self.member.clean_up_after_the_dead();
     }
 }

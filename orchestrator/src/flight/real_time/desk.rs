@@ -27,6 +27,8 @@ impl Desk {
     /// If the system refuses.
     pub fn open(root: &RunRoot) -> std::io::Result<Self> {
         let path: PathBuf = root.folder().join(SOCKET);
+        // That of an orchestrator which has died, if this one takes its place.
+        let _ = std::fs::remove_file(&path);
         let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
         let listener = rustix::net::socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
         rustix::net::bind(&listener, &SocketAddrUnix::new(&path)?)?;

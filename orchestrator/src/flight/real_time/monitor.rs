@@ -8,7 +8,7 @@ use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::live::snapshot::{InputSnapshot, ServiceSnapshot};
-use crate::summary::timing::{Quantiles, ServiceTiming, TimingReport, histogram};
+use crate::summary::timing::{Distribution, Quantiles, ServiceTiming, TimingReport, histogram};
 
 /// Steps of each service that are kept to be found again by their tick.
 const HISTORY: u64 = 4096;
@@ -86,6 +86,13 @@ impl Monitor {
         }
     }
 
+    /// Leaves out what was told before now.
+    pub fn begin_now(&mut self, log: &StepLog) {
+        for track in &mut self.tracks {
+            track.reader = StepReader::from_now(track.service, log);
+        }
+    }
+
     /// Takes the records that have come, and hands each to `sink`.
     pub fn collect(&mut self, log: &StepLog, mut sink: impl FnMut(ServiceId, &StepRecord, &[Edge])) {
         let mut come = Vec::new();
@@ -132,7 +139,7 @@ impl Monitor {
         }
         TimingReport {
             services: self.tracks.iter().map(Track::report).collect(),
-            capture_to_frame: Quantiles::of(&self.capture_to_frame),
+            capture_to_frame: Distribution::of(&self.capture_to_frame),
             unrecorded: Vec::new(),
         }
     }
@@ -260,8 +267,8 @@ impl Track {
             late_inputs: self.late_inputs,
             stale_inputs: self.stale_inputs,
             records_overwritten: self.reader.overwritten(),
-            wake: Quantiles::of(&self.timing.wake),
-            step: Quantiles::of(&self.timing.duration),
+            wake: Distribution::of(&self.timing.wake),
+            step: Distribution::of(&self.timing.duration),
         }
     }
 }
@@ -322,12 +329,12 @@ mod tests {
             );
             assert_eq!(timing.stale_inputs, 0, "{}", timing.service);
             let step = timing.step.as_ref().unwrap();
-            assert!((step.p50 / 10e-6 - 1.0).abs() < 0.01, "{step:?}");
+            assert!((step.quantiles.p50 / 10e-6 - 1.0).abs() < 0.01, "{step:?}");
         }
         let chain = report.capture_to_frame.unwrap();
         // Four hops and four steps after the capture is published.
-        assert_eq!(chain.count, 100);
-        assert!((chain.p50 / 80e-6 - 1.0).abs() < 0.01, "{chain:?}");
+        assert_eq!(chain.quantiles.count, 100);
+        assert!((chain.quantiles.p50 / 80e-6 - 1.0).abs() < 0.01, "{chain:?}");
     }
 
     #[test]
@@ -348,6 +355,6 @@ mod tests {
             ),
             (3, 1, 1)
         );
-        assert_eq!(controller.wake.as_ref().unwrap().count, 99);
+        assert_eq!(controller.wake.as_ref().unwrap().quantiles.count, 99);
     }
 }

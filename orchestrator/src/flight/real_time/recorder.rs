@@ -37,9 +37,9 @@ struct Feed {
 }
 
 impl Recorder {
-    /// A recorder that has received nothing yet.
+    /// A recorder that has received nothing yet and whose first tick is `first_tick`.
     #[must_use]
-    pub fn new(subscriptions: Vec<Subscription>) -> Self {
+    pub fn new(subscriptions: Vec<Subscription>, first_tick: u64) -> Self {
         let feed = |subscription| Feed {
             subscription,
             received: 0,
@@ -49,7 +49,7 @@ impl Recorder {
             feeds: subscriptions.into_iter().map(feed).collect(),
             waiting: BTreeMap::new(),
             spare: Default::default(),
-            written_until: 0,
+            written_until: first_tick,
         }
     }
 

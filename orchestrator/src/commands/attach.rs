@@ -1,0 +1,58 @@
+//! `gerono attach`: takes over a flight in real time whose orchestrator has died.
+
+use super::run::{exit, facts, report};
+use super::{Failure, write_json};
+use crate::cli::{Attach, Host};
+use crate::exit::Exit;
+use crate::flight::real_time::{self, Succession};
+use crate::flight::tape::Tape;
+use crate::flight::{Ending, Outcome};
+use crate::host_record::HostRecord;
+use crate::interrupt::Interrupt;
+use crate::live;
+use crate::log::{Manifest, RunLogWriter};
+use crate::progress::Progress;
+use crate::run_folder::RunFolder;
+
+/// What the results are called: what the scenario's file was called died with the orchestrator.
+const NAME: &str = "attached";
+
+/// Records and supervises the flight from now to its end.
+///
+/// # Errors
+/// [`Failure`] if there is no such flight.
+pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
+    let trouble = |error: &dyn std::fmt::Display| Failure::new(Exit::Trouble, error);
+    let not_written = |error: &dyn std::fmt::Display| Failure::new(Exit::NotWritten, error);
+    let interrupt = Interrupt::install().map_err(|error| trouble(&error))?;
+    let place = live::abandoned(arguments.run.run.as_deref()).map_err(|error| trouble(&error))?;
+    // Before anything is taken over: without a place for the results the services go on alone.
+    let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(|error| not_written(&error))?;
+    let mut record =
+        HostRecord::create(&folder.host_log(), arguments.compression).map_err(|error| not_written(&error))?;
+    let flight = Succession::prepare(&place).map_err(|error| trouble(&error))?;
+    let scenario = flight.scenario().clone();
+    let manifest = Manifest::new(&scenario);
+    let log = RunLogWriter::create(&folder.run_log(), &manifest, arguments.compression)
+        .map_err(|error| not_written(&error))?;
+    let mut progress = Progress::new(flight.schedule(), NAME, arguments.quiet);
+    let mut tape =
+        Tape::new(&scenario, flight.schedule(), Some(log), &mut progress).from_tick(flight.first_tick());
+    let ending =
+        real_time::take_over(flight, &mut tape, &interrupt, &mut record).map_err(|error| trouble(&error))?;
+    let (flown, written) = tape.finish();
+    progress.clear();
+    let written = written.map(drop).and_then(|()| record.finish());
+    let ending = match written {
+        Ok(()) => ending,
+        Err(error) => Ending {
+            outcome: Outcome::Failed(error.into()),
+            ..ending
+        },
+    };
+    let summary = flown.finish(facts(NAME, Host::Realtime, &ending));
+    let saved = write_json(&folder.summary(), &summary);
+    report(&summary, &ending, &folder, arguments.quiet);
+    saved?;
+    Ok(exit(&ending.outcome))
+}

@@ -1,0 +1,137 @@
+//! What can be done with a log without flying: `gerono info`, `gerono recover`, `gerono export`.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use shared_types::scenario::Scenario;
+
+use super::{Failure, find_log, log_path, print};
+use crate::cli::{Export, Info, Recover};
+use crate::exit::Exit;
+use crate::info;
+use crate::log::{self, ExportError, RecoverError, host_log_beside, is_whole, partial_path, recovered_path};
+use crate::scenario_file;
+
+/// `gerono export`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn export(arguments: &Export) -> Result<(), Failure> {
+    let log = log_path(&arguments.log);
+    let file = arguments.output.as_deref().filter(|path| *path != Path::new("-"));
+    let mut output: Box<dyn Write> = match file {
+        Some(path) => Box::new(File::create(path).map_err(|error| {
+            Failure::new(
+                Exit::NotWritten,
+                format!("cannot write {}: {error}", path.display()),
+            )
+        })?),
+        None => Box::new(io::stdout().lock()),
+    };
+    let mut buffered = BufWriter::new(&mut output);
+    let exported = match arguments.topic {
+        Some(topic) if arguments.csv => log::export_csv(&log, topic, arguments.every, &mut buffered),
+        topic => log::export_json(&log, topic, arguments.every, &mut buffered),
+    };
+    match exported.and_then(|()| Ok(buffered.flush()?)) {
+        // Somebody who reads no more of it has what they wanted.
+        Err(ExportError::Write(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        result => result.map_err(|error| Failure::new(Exit::Trouble, error)),
+    }
+}
+
+/// `gerono info`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn info(arguments: &Info) -> Result<(), Failure> {
+    let log = find_log(&arguments.log);
+    let info = info::Info::read(&log).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    if arguments.json {
+        let text = serde_json::to_string_pretty(&info).map_err(|error| Failure::new(Exit::Trouble, error))?;
+        print(text + "\n");
+    } else {
+        print(info);
+    }
+    Ok(())
+}
+
+/// `gerono recover`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn recover(arguments: &Recover) -> Result<(), Failure> {
+    let scenario = match &arguments.scenario {
+        Some(path) => {
+            let scenario = scenario_file::load(path, &arguments.sets, arguments.seed);
+            Some(scenario.map_err(|error| Failure {
+                report: error.into(),
+                exit: Exit::BadInput,
+            })?)
+        }
+        None => None,
+    };
+    let out = arguments.out.as_deref();
+    if !arguments.log.is_dir() {
+        let target = out.map_or_else(|| recovered_path(&arguments.log), Path::to_owned);
+        return recover_one(&arguments.log, &target, scenario.as_ref());
+    }
+    let logs = logs_of(&arguments.log);
+    if logs.is_empty() {
+        let reason = format!(
+            "there is no run.mcap and no host.mcap in {}, closed or not; give the folder of a run, or a log",
+            arguments.log.display()
+        );
+        return Err(Failure::new(Exit::Trouble, reason));
+    }
+    if let Some(folder) = out {
+        std::fs::create_dir_all(folder).map_err(|error| {
+            let reason = format!("cannot make the folder {}: {error}", folder.display());
+            Failure::new(Exit::NotWritten, reason)
+        })?;
+    }
+    // If one cannot be recovered, the other still can.
+    let results: Vec<_> = logs
+        .iter()
+        .map(|log| {
+            let beside = recovered_path(log);
+            let target = match out {
+                Some(folder) => folder.join(beside.file_name().unwrap_or_default()),
+                None => beside,
+            };
+            recover_one(log, &target, scenario.as_ref())
+        })
+        .collect();
+    results.into_iter().collect()
+}
+
+/// The logs that a run has written into its folder.
+fn logs_of(folder: &Path) -> Vec<PathBuf> {
+    let run = folder.join("run.mcap");
+    let run = [run.clone(), partial_path(&run)]
+        .into_iter()
+        .find(|path| path.exists());
+    let host = host_log_beside(&folder.join("run.mcap"));
+    run.into_iter().chain(host).collect()
+}
+
+fn recover_one(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<(), Failure> {
+    if is_whole(log).unwrap_or(false) {
+        print(format!("{} is whole: nothing to recover\n", log.display()));
+        return Ok(());
+    }
+    let recovery = log::recover(log, target, scenario).map_err(|error| {
+        let exit = match error {
+            RecoverError::Exists(_) | RecoverError::Write(_) => Exit::NotWritten,
+            _ => Exit::Trouble,
+        };
+        Failure::new(exit, error)
+    })?;
+    print(format!(
+        "{} from {}: {recovery}\n",
+        target.display(),
+        log.display()
+    ));
+    Ok(())
+}

@@ -1,0 +1,165 @@
+//! What is in a log, as people read it.
+
+use std::fmt::{Display, Formatter, Result};
+
+use comfy_table::{Table, presets};
+use serde_json::Value;
+
+use super::{Info, State, TopicInfo};
+
+impl Display for State {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        formatter.pad(match self {
+            Self::Complete => "complete",
+            Self::Recovered => "recovered",
+            Self::Unclosed => "never closed, or still being written",
+            Self::Damaged => "damaged",
+        })
+    }
+}
+
+impl Display for Info {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        let Self { log, state, .. } = self;
+        writeln!(
+            formatter,
+            "{log}: {state}; {:.1} MB in {} chunks, compression {}, format {}",
+            self.bytes as f64 * 1e-6,
+            self.chunks,
+            self.compression,
+            self.format_version
+        )?;
+        if let Some(reason) = &self.reason {
+            writeln!(formatter, "{reason}")?;
+        }
+        match &self.recovery {
+            Some(recovery) if *state == State::Recovered => {
+                writeln!(formatter, "recovered from {}: {recovery}", recovery.source)?;
+            }
+            Some(recovery) => writeln!(formatter, "a recovery would give: {recovery}")?,
+            None => {}
+        }
+        self.write_flight(formatter)?;
+        if let Some(summary) = &self.summary {
+            write_summary(formatter, summary)?;
+        }
+        if let Some(host) = &self.host {
+            let state = if host.is_whole { "complete" } else { "not whole" };
+            let counts: Vec<_> = host
+                .samples
+                .iter()
+                .map(|(channel, count)| format!("{count} of {channel}"))
+                .collect();
+            writeln!(formatter, "{}: {state}; {}", host.log, counts.join(", "))?;
+        }
+        Ok(())
+    }
+}
+
+impl Info {
+    fn write_flight(&self, formatter: &mut Formatter<'_>) -> Result {
+        let scenario = &self.scenario;
+        writeln!(
+            formatter,
+            "\n{}\nseed {}, tick {} s, planned {} s",
+            scenario.description, scenario.seed, scenario.schedule.tick, scenario.duration
+        )?;
+        if let (Some(first), Some(last)) = (self.first_tick, self.last_tick) {
+            writeln!(
+                formatter,
+                "{} samples of ticks {first} to {last} ({:.3} s)",
+                self.samples, self.seconds
+            )?;
+        }
+        writeln!(formatter, "\n{}", topic_table(&self.topics))?;
+        for fault in &self.faults {
+            writeln!(formatter, "planned fault {fault}")?;
+        }
+        Ok(())
+    }
+}
+
+fn topic_table(topics: &[TopicInfo]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        "topic",
+        "samples",
+        "rate, Hz",
+        "first tick",
+        "last tick",
+        "gaps",
+        "missing",
+    ]);
+    for topic in topics {
+        let rate = topic.rate.filter(|_| topic.samples > 2);
+        table.add_row([
+            topic.topic.to_owned(),
+            topic.samples.to_string(),
+            rate.map_or_else(String::new, |rate| format!("{rate:.3}")),
+            topic.first_tick.to_string(),
+            topic.last_tick.to_string(),
+            topic.gaps.to_string(),
+            topic.missing.to_string(),
+        ]);
+    }
+    table
+}
+
+/// How the run went. An older program may have left a member out, which is then not shown.
+fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
+    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let list = |key: &str| summary[key].as_array().cloned().unwrap_or_default();
+    write!(
+        formatter,
+        "\nthe run: {} by {}",
+        text(&summary["outcome"]),
+        text(&summary["host"])
+    )?;
+    match text(&summary["reason"]) {
+        reason if reason.is_empty() => writeln!(formatter)?,
+        reason => writeln!(formatter, ": {reason}")?,
+    }
+    for phase in list("phases") {
+        let Some(verdict) = phase["verdict"].as_str() else {
+            continue;
+        };
+        let bound = match verdict {
+            "within" => "within the bound",
+            "near" => "near the bound",
+            _ => "above the bound",
+        };
+        let [begins, ends, ultimate] =
+            ["begins", "ends", "ultimate"].map(|key| phase[key].as_f64().unwrap_or(f64::NAN));
+        writeln!(
+            formatter,
+            "{begins} to {ends} s: ‖z1‖ {ultimate:.5} m in the end, {bound}"
+        )?;
+    }
+    for fault in list("faults") {
+        write!(formatter, "{}: ", text(&fault["fault"]))?;
+        match (fault["peak_error"].as_f64(), fault["back_after"].as_f64()) {
+            (Some(peak), Some(back)) => writeln!(
+                formatter,
+                "{peak:.4} m from the path at most, back after {back} s"
+            )?,
+            (Some(peak), None) => writeln!(
+                formatter,
+                "{peak:.4} m from the path at most, not seen to come back"
+            )?,
+            (None, _) => writeln!(formatter, "nothing is known of the distance from the path")?,
+        }
+    }
+    for rebirth in list("rebirths") {
+        let place = rebirth["tick"].as_u64().map_or_else(
+            || "before its first step".to_owned(),
+            |tick| format!("after tick {tick}"),
+        );
+        let lost = rebirth["lost_seconds"].as_f64().unwrap_or(f64::NAN);
+        writeln!(
+            formatter,
+            "{} was born again {place}, within {lost:.3} s",
+            text(&rebirth["service"])
+        )?;
+    }
+    Ok(())
+}

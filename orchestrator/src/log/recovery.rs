@@ -1,0 +1,402 @@
+//! Makes a proper log of one that was never closed, was cut, or is damaged.
+//!
+//! Every chunk whose checksum holds is kept, before and behind the damage. A chunk whose checksum does not hold is left out,
+//! for nobody can say which of its bytes are wrong. Of a chunk with which the file breaks off the whole messages are kept, if
+//! it is not compressed, and counted as such that no checksum vouches for. The new log says in its first metadata
+//! that it was recovered and what it lacks ([`Recovery`]).
+
+mod channels;
+mod report;
+mod scan;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
+
+use mcap::records::Metadata;
+use shared_types::Topic;
+use shared_types::scenario::Scenario;
+
+use self::channels::{Channels, Kind, Message, kinds};
+use self::scan::{Chunk, Piece, Scan};
+use super::framing::{Compression, LogError, McapFile};
+use super::manifest::{Manifest, ManifestProblem};
+use super::records::{RawRecord, Records};
+
+pub use self::report::{Gap, Moment, Recovery};
+
+/// Why a log cannot be recovered.
+#[derive(Debug, thiserror::Error)]
+pub enum RecoverError {
+    /// The file cannot be opened or read.
+    #[error("cannot read the log {}: {source}; check the path and your permissions", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Something has the name of the recovered log.
+    #[error("{} exists already and is not overwritten; name another file with `--out`, or remove it", .0.display())]
+    Exists(PathBuf),
+    /// Not a single sample is whole.
+    #[error("{} holds no sample that is whole: there is nothing to recover; fly its scenario again", .0.display())]
+    Nothing(PathBuf),
+    /// The samples are laid out in another way.
+    #[error("the log {} holds samples of another layout of {}; use the program that wrote it", .path.display(), .types.join(", "))]
+    Layouts {
+        /// The file.
+        path: PathBuf,
+        /// Names of the types that differ.
+        types: Vec<&'static str>,
+    },
+    /// What was flown is not known any more.
+    #[error("{samples} samples of the log {} are whole, but not its manifest ({reason}); state what was flown with `--scenario FILE`, and `--seed` and `--set` as it was flown", .path.display())]
+    Manifest {
+        /// The file.
+        path: PathBuf,
+        /// Why the manifest is of no use.
+        reason: String,
+        /// Samples that are whole.
+        samples: u64,
+    },
+    /// The recovered log cannot be written.
+    #[error(transparent)]
+    Write(#[from] LogError),
+}
+
+/// Whether a log is complete to its last checksum.
+///
+/// # Errors
+/// What the system says if the file cannot be read.
+pub fn is_whole(path: &Path) -> io::Result<bool> {
+    let file = File::open(path)?;
+    let bytes = file.metadata()?.len();
+    let mut records = Records::new(BufReader::with_capacity(1 << 16, file), bytes);
+    let mut record = RawRecord::default();
+    loop {
+        match records.next(&mut record) {
+            Ok(true) => {}
+            Ok(false) => return Ok(true),
+            Err(mcap::McapError::Io(error)) => return Err(error),
+            Err(_) => return Ok(false),
+        }
+    }
+}
+
+/// Where the recovered log is put unless another place is named: `run.recovered.mcap` for `run.mcap` and
+/// `run.mcap.partial`.
+#[must_use]
+pub fn recovered_path(log: &Path) -> PathBuf {
+    let name = log.file_name().unwrap_or_default().to_string_lossy();
+    let stem = name.strip_suffix(".partial").unwrap_or(&name);
+    let stem = stem.strip_suffix(".mcap").unwrap_or(stem);
+    log.with_file_name(format!("{stem}.recovered.mcap"))
+}
+
+/// Makes `target` of what is whole of `source`, a log of a flight or of the machine, and tells what that is.
+///
+/// `scenario` stands in for the one in a manifest that cannot be read, and only then.
+///
+/// # Errors
+/// [`RecoverError`]; nothing of the name `target` is left then.
+pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<Recovery, RecoverError> {
+    if target.exists() {
+        return Err(RecoverError::Exists(target.to_owned()));
+    }
+    let kinds = kinds();
+    let (manifest, recovery) = Survey::of(source, &kinds)?.finish(source, scenario)?;
+    write(source, target, &kinds, manifest.as_ref(), &recovery)?;
+    Ok(recovery)
+}
+
+/// What a recovery would keep of a log.
+///
+/// # Errors
+/// [`RecoverError::Read`].
+pub fn inspect(log: &Path) -> Result<Recovery, RecoverError> {
+    let kinds = kinds();
+    Survey::of(log, &kinds).map(|survey| survey.recovery)
+}
+
+fn unreadable(path: &Path) -> impl Fn(io::Error) -> RecoverError {
+    move |source| RecoverError::Read {
+        path: path.to_owned(),
+        source,
+    }
+}
+
+/// What there is in a log.
+struct Survey<'a> {
+    kinds: &'a [Kind],
+    channels: Channels<'a>,
+    recovery: Recovery,
+    manifest: Option<Result<Manifest, ManifestProblem>>,
+    /// Of each kind of samples, the number that the next one should have.
+    next: Vec<u64>,
+    /// Of each kind of samples, the gap since its last one.
+    open_gap: Vec<Option<usize>>,
+}
+
+impl<'a> Survey<'a> {
+    fn of(source: &Path, kinds: &'a [Kind]) -> Result<Self, RecoverError> {
+        let mut survey = Self {
+            kinds,
+            channels: Channels::new(kinds),
+            recovery: Recovery {
+                source: source
+                    .file_name()
+                    .unwrap_or_default()
+                    .to_string_lossy()
+                    .into_owned(),
+                ..Recovery::default()
+            },
+            manifest: None,
+            next: vec![0; kinds.len()],
+            open_gap: vec![None; kinds.len()],
+        };
+        let failed = unreadable(source);
+        let mut scan = Scan::open(source).map_err(&failed)?;
+        while let Some(piece) = scan.next().map_err(&failed)? {
+            match piece {
+                Piece::Chunk(chunk) => survey.take(&chunk),
+                Piece::Cut { chunk, at, bytes } => {
+                    let kept = survey.recovery.kept();
+                    survey.take(&chunk);
+                    survey.recovery.unverified = survey.recovery.kept() - kept;
+                    survey.lose(at, bytes);
+                }
+                Piece::Metadata(metadata) if metadata.name == Manifest::RECORD_NAME => {
+                    survey.take_manifest(Manifest::from_metadata(&metadata.metadata));
+                }
+                Piece::Metadata(metadata) if metadata.name == Recovery::RECORD_NAME => {
+                    survey.recovery.earlier = Recovery::from_metadata(&metadata.metadata).map(Box::new);
+                }
+                Piece::Metadata(_) => {}
+                Piece::Damage { at, bytes } => survey.lose(at, bytes),
+                Piece::End => survey.recovery.was_closed = true,
+            }
+        }
+        Ok(survey)
+    }
+
+    fn take_manifest(&mut self, manifest: Result<Manifest, ManifestProblem>) {
+        if let Ok(Manifest { scenario }) = &manifest {
+            let schedule = scenario.schedule().ok();
+            self.recovery.planned_last_tick = schedule.map(|schedule| schedule.last_tick());
+        }
+        self.manifest = Some(manifest);
+    }
+
+    fn take(&mut self, chunk: &Chunk) {
+        let Self {
+            kinds,
+            channels,
+            recovery,
+            next,
+            open_gap,
+            ..
+        } = self;
+        recovery.chunks += 1;
+        let strange = channels.read(chunk, |message: &Message<'_>| {
+            let moment = Moment {
+                tick: message.tick,
+                time_ns: message.header.log_time,
+            };
+            let name = kinds[message.kind].channel;
+            let expected = std::mem::replace(&mut next[message.kind], message.sequence + 1);
+            if let Some(gap) = open_gap[message.kind].take() {
+                let missing = message.sequence.saturating_sub(expected);
+                if missing > 0 {
+                    recovery.gaps[gap].lost.insert(name.to_owned(), missing);
+                }
+            }
+            if let Some(gap) = recovery.gaps.last_mut() {
+                gap.before.get_or_insert(moment);
+            }
+            *recovery.samples.entry(name.to_owned()).or_default() += 1;
+            recovery.span = Some([recovery.span.map_or(moment, |[first, _]| first), moment]);
+            Ok::<(), std::convert::Infallible>(())
+        });
+        let Ok(strange) = strange;
+        recovery.strange += strange;
+    }
+
+    /// Takes note of a place that is of no use.
+    fn lose(&mut self, at: u64, bytes: u64) {
+        let kept = self.recovery.kept();
+        if let Some(gap) = self
+            .recovery
+            .gaps
+            .last_mut()
+            .filter(|gap| gap.samples_before == kept)
+        {
+            gap.bytes = at + bytes - gap.at;
+            return;
+        }
+        self.recovery.gaps.push(Gap {
+            at,
+            bytes,
+            samples_before: kept,
+            after: self.recovery.span.map(|[_, last]| last),
+            before: None,
+            lost: BTreeMap::new(),
+        });
+        self.open_gap.fill(Some(self.recovery.gaps.len() - 1));
+    }
+
+    /// The manifest for the new log, if it is one of a flight, and what to say of it.
+    fn finish(
+        mut self,
+        source: &Path,
+        scenario: Option<&Scenario>,
+    ) -> Result<(Option<Manifest>, Recovery), RecoverError> {
+        let path = source.to_owned();
+        if !self.channels.other_layouts.is_empty() {
+            let types = self.channels.other_layouts;
+            return Err(RecoverError::Layouts { path, types });
+        }
+        let samples = self.recovery.kept();
+        if samples == 0 {
+            return Err(RecoverError::Nothing(path));
+        }
+        let has_flown = Topic::ALL
+            .iter()
+            .any(|topic| self.recovery.samples.contains_key(topic.name()));
+        if !has_flown {
+            return Ok((None, self.recovery));
+        }
+        let reason = match (&self.manifest, scenario) {
+            (Some(Ok(manifest)), _) => return Ok((Some(manifest.clone()), self.recovery)),
+            (_, Some(scenario)) => {
+                let manifest = Manifest::new(scenario);
+                self.recovery.is_scenario_restated = true;
+                self.take_manifest(Ok(manifest.clone()));
+                return Ok((Some(manifest), self.recovery));
+            }
+            (Some(Err(problem)), None) => problem.to_string(),
+            (None, None) => "it cannot be found".to_owned(),
+        };
+        Err(RecoverError::Manifest {
+            path,
+            reason,
+            samples,
+        })
+    }
+}
+
+/// Writes what is whole of `source`, chunk by chunk as it was.
+fn write(
+    source: &Path,
+    target: &Path,
+    kinds: &[Kind],
+    manifest: Option<&Manifest>,
+    recovery: &Recovery,
+) -> Result<(), RecoverError> {
+    let failed = unreadable(source);
+    let mut scan = Scan::open(source).map_err(&failed)?;
+    let mut copy: Option<Copy> = None;
+    let mut facts = Vec::new();
+    while let Some(piece) = scan.next().map_err(&failed)? {
+        match piece {
+            Piece::Chunk(chunk) | Piece::Cut { chunk, .. } => {
+                if copy.is_none() {
+                    let mut begun = Copy::begin(target, kinds, &chunk, manifest, recovery)?;
+                    begun.write_facts(std::mem::take(&mut facts))?;
+                    copy = Some(begun);
+                }
+                copy.as_mut().expect("begun above").write(&chunk)?;
+            }
+            Piece::Metadata(metadata) if manifest.is_none() && metadata.name != Recovery::RECORD_NAME => {
+                facts.push(metadata);
+                if let Some(copy) = &mut copy {
+                    copy.write_facts(std::mem::take(&mut facts))?;
+                }
+            }
+            Piece::Metadata(_) | Piece::Damage { .. } | Piece::End => {}
+        }
+    }
+    match copy {
+        Some(copy) => Ok(copy.file.finish().map(drop)?),
+        None => Err(RecoverError::Nothing(source.to_owned())),
+    }
+}
+
+/// The new log.
+struct Copy<'a> {
+    file: McapFile,
+    kinds: &'a [Kind],
+    /// The channels of the old one.
+    channels: Channels<'a>,
+    /// Its own channels by kind, as far as they are declared.
+    numbers: Vec<Option<u16>>,
+}
+
+impl<'a> Copy<'a> {
+    /// Begins the new log, compressed as its first chunk was.
+    fn begin(
+        target: &Path,
+        kinds: &'a [Kind],
+        first: &Chunk,
+        manifest: Option<&Manifest>,
+        recovery: &Recovery,
+    ) -> Result<Self, LogError> {
+        let compression = match first.compression.as_str() {
+            "lz4" => Compression::Lz4,
+            "zstd" => Compression::Zstd,
+            _ => Compression::None,
+        };
+        let mut copy = Self {
+            file: McapFile::create(target, compression, None)?,
+            kinds,
+            channels: Channels::new(kinds),
+            numbers: vec![None; kinds.len()],
+        };
+        copy.write_facts(vec![recovery.to_metadata()])?;
+        if let Some(manifest) = manifest {
+            copy.file
+                .write_metadata(Manifest::RECORD_NAME, manifest.to_metadata())?;
+            for topic in Topic::ALL {
+                declare(&mut copy.file, kinds, &mut copy.numbers, topic.index())?;
+            }
+        }
+        Ok(copy)
+    }
+
+    fn write_facts(&mut self, facts: Vec<Metadata>) -> Result<(), LogError> {
+        facts
+            .into_iter()
+            .try_for_each(|fact| self.file.write_metadata(&fact.name, fact.metadata))
+    }
+
+    fn write(&mut self, chunk: &Chunk) -> Result<(), LogError> {
+        let Self {
+            file, kinds, numbers, ..
+        } = self;
+        self.channels.read(chunk, |message| {
+            let number = declare(file, kinds, numbers, message.kind)?;
+            let header = &message.header;
+            file.write(number, header.sequence, header.log_time, message.sample)
+        })?;
+        self.file.flush()
+    }
+}
+
+/// The number of a kind's channel, which is declared at the first call.
+fn declare(
+    file: &mut McapFile,
+    kinds: &[Kind],
+    numbers: &mut [Option<u16>],
+    kind: usize,
+) -> Result<u16, LogError> {
+    if let Some(number) = numbers[kind] {
+        return Ok(number);
+    }
+    let of = &kinds[kind];
+    let number = file.declare_channel(of.channel, of.schema, &of.definition, &of.layout)?;
+    numbers[kind] = Some(number);
+    Ok(number)
+}

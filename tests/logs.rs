@@ -1,0 +1,374 @@
+//! Logs that were cut, damaged or never closed: nothing panics or hangs, all that is whole is recovered, and every command says
+//! what it has before it.
+
+mod common;
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Output, Stdio};
+
+use common::{Place, finish, output, scenario, signal, succeed, until};
+use orchestrator::log::{LogReadError, LogReader, RecoverError, Recovery, is_whole, recover};
+use orchestrator::replay::{Options, replay};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use rustix::process::Signal;
+use shared_types::scenario::Scenario;
+
+const COMPRESSIONS: [&str; 3] = ["none", "lz4", "zstd"];
+
+/// Topic and bytes of samples.
+type Samples = Vec<(String, Vec<u8>)>;
+
+/// What a reader finds, and how it ended.
+fn read(log: &Path) -> (Samples, Result<(), LogReadError>) {
+    let mut samples = Vec::new();
+    let mut reader = LogReader::open(log).unwrap();
+    loop {
+        match reader.next_sample() {
+            Ok(Some(sample)) => samples.push((sample.topic.name().to_owned(), sample.bytes.to_vec())),
+            Ok(None) => return (samples, Ok(())),
+            Err(error) => return (samples, Err(error)),
+        }
+    }
+}
+
+/// A short flight's log, and what an independent reader finds in each of its chunks.
+struct Whole {
+    place: Place,
+    file: Vec<u8>,
+    scenario: Scenario,
+    chunks: Vec<(Range<usize>, Samples)>,
+}
+
+impl Whole {
+    fn fly(compression: &str) -> Self {
+        let place = Place::new();
+        let coarse = ["--set", "schedule.tick=0.005", "--host", "inprocess"];
+        succeed(
+            place
+                .short_flight("out", 2.0, &coarse)
+                .args(["--compression", compression]),
+        );
+        let log = place.path("out").join("run.mcap");
+        let file = std::fs::read(&log).unwrap();
+        let summary = mcap::Summary::read(&file).unwrap().unwrap();
+        let chunks = summary.chunk_indexes.iter().map(|index| {
+            let begin = usize::try_from(index.chunk_start_offset).unwrap();
+            let messages = summary.stream_chunk(&file, index).unwrap();
+            let samples = messages.map(|message| {
+                let message = message.unwrap();
+                (message.channel.topic.clone(), message.data[4..].to_vec())
+            });
+            (
+                begin..begin + usize::try_from(index.chunk_length).unwrap(),
+                samples.collect(),
+            )
+        });
+        let chunks: Vec<_> = chunks.collect();
+        assert!(chunks.len() >= 8);
+        Self {
+            scenario: LogReader::open(&log).unwrap().manifest().scenario.clone(),
+            chunks,
+            file,
+            place,
+        }
+    }
+
+    /// Recovers a log of these bytes; the scenario is at hand if its manifest is damaged.
+    fn recover(&self, bytes: &[u8]) -> Result<(Samples, Recovery), RecoverError> {
+        let [damaged, new] = ["damaged.mcap", "new.mcap"].map(|name| self.place.path(name));
+        std::fs::write(&damaged, bytes).unwrap();
+        let _ = std::fs::remove_file(&new);
+        // Whatever it is, reading it ends.
+        if let Ok(mut reader) = LogReader::open(&damaged) {
+            while let Ok(Some(_)) = reader.next_sample() {}
+        }
+        let recovery = recover(&damaged, &new, Some(&self.scenario))?;
+        assert!(is_whole(&new).unwrap());
+        let (samples, end) = read(&new);
+        end.unwrap();
+        Ok((samples, recovery))
+    }
+
+    fn samples_of<'a>(&'a self, is_kept: impl Fn(&Range<usize>) -> bool + 'a) -> Samples {
+        let kept = self.chunks.iter().filter(move |(range, _)| is_kept(range));
+        kept.flat_map(|(_, samples)| samples.clone()).collect()
+    }
+}
+
+/// Nothing is made up, nothing changes its place, and of each chunk there is all or, at the end, the beginning.
+fn assert_prefix(samples: &Samples, of: &Samples, at: usize) {
+    assert!(of.starts_with(samples), "cut at {at}: {} samples", samples.len());
+}
+
+#[test]
+fn of_a_log_that_is_cut_anywhere_every_whole_chunk_is_recovered() {
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let mut nothing = 0;
+    for compression in COMPRESSIONS {
+        let whole = Whole::fly(compression);
+        let all = whole.samples_of(|_| true);
+        for _ in 0..200_usize.div_ceil(COMPRESSIONS.len()) {
+            let cut = usize::try_from(random.next_u64() % whole.file.len() as u64).unwrap();
+            let certain = whole.samples_of(|chunk| chunk.end <= cut);
+            match whole.recover(&whole.file[..cut]) {
+                Ok((samples, recovery)) => {
+                    let unverified = usize::try_from(recovery.unverified).unwrap();
+                    assert_eq!(samples.len(), certain.len() + unverified, "cut at {cut}");
+                    assert_prefix(&samples, &all, cut);
+                    assert!(!recovery.was_closed || samples == all);
+                    assert!(unverified == 0 || compression == "none");
+                }
+                Err(error) => {
+                    assert!(matches!(error, RecoverError::Nothing(_)), "{error}");
+                    assert!(certain.is_empty(), "cut at {cut}");
+                    nothing += 1;
+                }
+            }
+        }
+    }
+    assert!(nothing < 50, "most cuts leave something");
+}
+
+#[test]
+fn of_a_log_with_wrong_bytes_every_chunk_without_one_is_recovered_and_no_other_sample() {
+    let mut random = ChaCha8Rng::seed_from_u64(66);
+    for compression in COMPRESSIONS {
+        let whole = Whole::fly(compression);
+        let all = whole.samples_of(|_| true);
+        for round in 0..200_usize.div_ceil(COMPRESSIONS.len()) {
+            let mut file = whole.file.clone();
+            // One wrong byte, or a few of them in different places.
+            let places: Vec<_> = (0..=round % 3)
+                .map(|_| usize::try_from(random.next_u64() % file.len() as u64).unwrap())
+                .collect();
+            for &place in &places {
+                file[place] ^= u8::try_from(1 + random.next_u32() % 255).unwrap();
+            }
+            let is_hit = |chunk: &Range<usize>| places.iter().any(|place| chunk.contains(place));
+            let certain = whole.samples_of(|chunk| !is_hit(chunk));
+            let (samples, recovery) = whole
+                .recover(&file)
+                .unwrap_or_else(|error| panic!("{places:?}: {error}"));
+            // The times in a chunk's header are under no checksum, and not needed.
+            let possible = whole.samples_of(|chunk| {
+                let in_times = |place: &usize| (chunk.start + 9..chunk.start + 25).contains(place);
+                places
+                    .iter()
+                    .all(|place| !chunk.contains(place) || in_times(place))
+            });
+            assert!(
+                samples == certain || samples == possible,
+                "{places:?}: {recovery}"
+            );
+            if samples.len() < all.len() {
+                assert!(!recovery.lacks_nothing(), "{places:?}: {recovery}");
+            }
+        }
+    }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What a command has complained of, without the line breaks and the frame that long errors get.
+fn error_of(ended: &Output) -> String {
+    let text = text(&ended.stderr).replace('│', " ");
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+fn fails(place: &Place, arguments: &[&str], code: i32) -> Output {
+    let ended = output(&mut place.gerono(arguments));
+    assert_eq!(
+        ended.status.code(),
+        Some(code),
+        "{arguments:?} {}",
+        text(&ended.stderr)
+    );
+    ended
+}
+
+/// Kills the orchestrator of a run once its log has so many bytes, and leaves the folder as it then is.
+fn kill_at(place: &Place, child: Child, out: &str, bytes: u64) {
+    let partial = place.path(out).join("run.mcap.partial");
+    until("some of the log", || {
+        std::fs::metadata(&partial).ok().filter(|file| file.len() > bytes)
+    });
+    signal(child.id(), Signal::KILL);
+    finish(child);
+    assert!(partial.exists() && !place.path(out).join("run.mcap").exists());
+}
+
+fn begin(mut command: std::process::Command) -> Child {
+    command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+fn recovered(place: &Place, out: &str) -> PathBuf {
+    place.path(out).join("run.recovered.mcap")
+}
+
+#[test]
+fn a_killed_recorder_loses_less_than_a_chunk_and_the_rest_is_a_prefix_of_the_whole_flight() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("whole", 20.0, &["--host", "inprocess"]));
+    kill_at(
+        &place,
+        begin(place.short_flight("out", 20.0, &[])),
+        "out",
+        1_000_000,
+    );
+    // Everyone who opens it says what it is and what to do.
+    for command in ["digest", "diff"] {
+        let mut arguments = vec![command, "out"];
+        arguments.extend((command == "diff").then_some("out"));
+        let ended = fails(&place, &arguments, 1);
+        assert!(error_of(&ended).contains("gerono recover"), "{command}");
+    }
+    let shown = text(&succeed(&mut place.gerono(&["info", "out"])).stdout);
+    assert!(
+        shown.contains("never closed") && shown.contains("gerono recover"),
+        "{shown}"
+    );
+
+    let said = text(&succeed(&mut place.gerono(&["recover", "out"])).stdout);
+    assert!(
+        said.contains("run.recovered.mcap") && said.contains("never closed"),
+        "{said}"
+    );
+    let (samples, end) = read(&recovered(&place, "out"));
+    end.unwrap();
+    let (all, _) = read(&place.path("whole").join("run.mcap"));
+    assert!(samples.len() > 1000 && samples.len() < all.len() && all.starts_with(&samples));
+    // 250 ticks a chunk, whole ticks only: what had been flown beyond it is less than a chunk.
+    let recovery = LogReader::open(&recovered(&place, "out"))
+        .unwrap()
+        .recovery()
+        .cloned()
+        .unwrap();
+    assert_eq!((recovery.last_tick().unwrap() + 1) % 250, 0);
+    assert_eq!(recovery.unverified, 0);
+
+    let replayed = replay(&recovered(&place, "out"), &Options::default(), None).unwrap();
+    assert!(replayed.is_identical(), "{:?}", replayed.first_difference());
+    let digest = succeed(&mut place.gerono(&["digest", "out"]));
+    assert!(
+        text(&digest.stderr).contains("was recovered"),
+        "{}",
+        text(&digest.stderr)
+    );
+    fails(&place, &["recover", "out"], 4);
+    let whole = succeed(&mut place.gerono(&["recover", "whole"]));
+    assert!(text(&whole.stdout).contains("nothing to recover"));
+    assert!(!recovered(&place, "whole").exists());
+}
+
+/// The bound holds for chunks and for what waits to be put in order (`SETTLING_NS`); what the machine adds is not the log's.
+#[test]
+fn a_killed_recorder_in_real_time_has_kept_chunks_of_an_eighth_of_a_second_and_both_logs_are_recovered() {
+    let place = Place::new();
+    let hover = scenario("hover");
+    let arguments = [
+        "run",
+        hover.to_str().unwrap(),
+        "--host",
+        "realtime",
+        "--out",
+        "out",
+        "--set",
+        "duration=100.0",
+    ];
+    kill_at(&place, begin(place.gerono(&arguments)), "out", 1_500_000);
+    succeed(&mut place.gerono(&["recover", "out"]));
+    let log = recovered(&place, "out");
+    let file = std::fs::read(&log).unwrap();
+    let summary = mcap::Summary::read(&file).unwrap().unwrap();
+    assert!(summary.chunk_indexes.len() > 3);
+    for chunk in &summary.chunk_indexes {
+        let span_ns = chunk.message_end_time - chunk.message_start_time;
+        assert!(span_ns <= 200_000_000, "a chunk of {span_ns} ns");
+    }
+    let host = place.path("out").join("host.recovered.mcap");
+    assert!(is_whole(&host).unwrap());
+    let replayed = replay(&log, &Options::default(), None).unwrap();
+    assert!(
+        replayed.in_real_time && replayed.is_identical(),
+        "{:?}",
+        replayed.first_difference()
+    );
+}
+
+#[test]
+fn a_replay_of_a_recovered_log_ends_where_samples_are_missing() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("out", 2.0, &["--host", "inprocess"]));
+    let log = place.path("out").join("run.mcap");
+    let mut file = std::fs::read(&log).unwrap();
+    let chunks = mcap::Summary::read(&file).unwrap().unwrap().chunk_indexes;
+    file[usize::try_from(chunks[4].chunk_start_offset).unwrap() + 1000] ^= 1;
+    std::fs::write(&log, &file).unwrap();
+    let ended = fails(&place, &["digest", "out"], 1);
+    assert!(
+        error_of(&ended).contains("gerono recover"),
+        "{}",
+        error_of(&ended)
+    );
+    let info = succeed(&mut place.gerono(&["info", "out", "--json"]));
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
+    assert_eq!((&info["state"], &info["chunks"]), (&"damaged".into(), &4.into()));
+
+    succeed(&mut place.gerono(&["recover", "out/run.mcap", "--out", "new.mcap"]));
+    let info = succeed(&mut place.gerono(&["info", "new.mcap", "--json"]));
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
+    assert_eq!(info["state"], "recovered");
+    let truth = &info["topics"][0];
+    assert_eq!((&truth["gaps"], &truth["missing"]), (&1.into(), &250.into()));
+    let replayed = replay(&place.path("new.mcap"), &Options::default(), None).unwrap();
+    assert!(replayed.is_identical() && replayed.log_ends.is_some());
+    assert_eq!(replayed.compared(), 8 * 1000);
+}
+
+#[test]
+fn a_topic_is_exported_as_a_table_with_the_numbers_of_the_log() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("out", 0.5, &["--host", "inprocess"]));
+    let arguments = [
+        "export",
+        "out",
+        "--csv",
+        "--topic",
+        "vehicle/truth",
+        "--every",
+        "100",
+    ];
+    let table = text(&succeed(&mut place.gerono(&arguments)).stdout);
+    let mut lines = table.lines();
+    let names: Vec<_> = lines.next().unwrap().split(',').collect();
+    assert_eq!(names[..3], ["header.tick", "header.stamp_ns", "header.seq"]);
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 6);
+    let arguments = ["export", "out", "--topic", "vehicle/truth", "--every", "100"];
+    let json = text(&succeed(&mut place.gerono(&arguments)).stdout);
+    for (row, line) in rows.iter().zip(json.lines()) {
+        let line: serde_json::Value = serde_json::from_str(line).unwrap();
+        let position = names
+            .iter()
+            .position(|name| *name == "position_world[2]")
+            .unwrap();
+        let exact = line["sample"]["position_world"][2].as_f64().unwrap();
+        assert_eq!(row[position].parse::<f64>().unwrap().to_bits(), exact.to_bits());
+        assert_eq!(row.len(), names.len());
+    }
+    let wrong = fails(&place, &["export", "out", "--csv", "--topic", "vehicle/truh"], 2);
+    assert!(
+        text(&wrong.stderr).contains("vehicle/truth"),
+        "{}",
+        text(&wrong.stderr)
+    );
+    fails(&place, &["export", "out", "--csv"], 2);
+}
