@@ -14,6 +14,7 @@ use shared_types::{ServiceId, Topic};
 
 use crate::exit::Exit;
 use crate::flight::crew::restart::PerService;
+use crate::identify;
 use crate::log::Compression;
 use crate::matrix::{self, plan, trouble::Troubles};
 use crate::reproduce::figures::Figure;
@@ -133,6 +134,9 @@ pub enum Command {
     /// the selected service can be killed or frozen, each after a confirmation. The key `?` explains the keys and what is shown.
     #[command(after_help = Top::EXAMPLES)]
     Top(Top),
+    /// Try a radio link on the ground, or find out what its channels mean.
+    #[command(subcommand)]
+    Rc(RcCommand),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
@@ -660,6 +664,69 @@ impl Recover {
         gerono recover damaged.mcap --scenario scenarios/fig1.toml --seed 3\n\n\
         Exit codes: 0 all that is whole is in the new log, or nothing had to be done; 1 there is nothing to recover, or the scenario \
         must be stated; 2 the scenario is wrong; 4 it cannot be written, or the file exists already.";
+}
+
+/// What `gerono rc` can do.
+#[derive(Debug, Subcommand)]
+pub enum RcCommand {
+    /// Move one stick after another, slowly and disarmed, and say what the receiver should show.
+    ///
+    /// Uses the link of a scenario's `[rc_output]` (docs/radio_links.md). Take the propellers off all the same. Where no
+    /// arming switch is stated the thrust stick is left alone, because it might let the motors turn.
+    Probe(RcProbe),
+    /// Fit the calibration of the link that a log was flown with: thrust and body rates against the travel of the sticks.
+    ///
+    /// Least squares, with standard errors and residuals. A stick that hardly moved, or that moved against gusts only,
+    /// explains little of what was measured; the part of a scenario that is printed then keeps what was stated.
+    Identify(RcIdentify),
+}
+
+/// Arguments of `gerono rc probe`.
+#[derive(Debug, Args)]
+pub struct RcProbe {
+    /// Whose link.
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// How long a stick takes from the middle to both ends and back, s.
+    #[arg(long, default_value_t = 8.0, value_name = "S", value_parser = sweep_seconds)]
+    pub seconds: f64,
+    /// Move the thrust stick too although nothing keeps the vehicle disarmed: its propellers are off.
+    #[arg(long)]
+    pub propellers_off: bool,
+}
+
+fn sweep_seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().map_err(|_| "give a time in s".to_owned())?;
+    if (0.1..=600.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("give a time from 0.1 to 600 s".to_owned())
+    }
+}
+
+/// Arguments of `gerono rc identify`.
+#[derive(Debug, Args)]
+pub struct RcIdentify {
+    /// The log (run.mcap), or the folder that holds it.
+    pub log: PathBuf,
+    /// What thrust and rates are measured by.
+    #[arg(long, value_enum, default_value_t)]
+    pub from: identify::Source,
+    /// Mass of the vehicle, kg [default: the scenario's].
+    #[arg(long, value_name = "KG", value_parser = mass)]
+    pub mass: Option<f64>,
+    /// Print JSON, for other programs.
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn mass(text: &str) -> Result<f64, String> {
+    let mass: f64 = text.parse().map_err(|_| "give a mass in kg".to_owned())?;
+    if mass > 0.0 && mass.is_finite() {
+        Ok(mass)
+    } else {
+        Err("give a mass above 0 kg".to_owned())
+    }
 }
 
 /// Arguments of `gerono digest`.

@@ -8,6 +8,7 @@ pub mod faults;
 pub mod logs;
 pub mod mocap;
 pub mod operate;
+pub mod rc;
 pub mod replay;
 pub mod report;
 pub mod reproduce;

@@ -9,6 +9,7 @@
 //! * [`reproduce`]: the paper's figures, flown again and judged;
 //! * [`matrix`]: everything that can fail, failing in every way, judged;
 //! * [`doctor`]: whether the machine is fit for a flight;
+//! * [`identify`]: what a radio link's channels meant, from a log;
 //! * [`live`], [`top`]: a run in real time as seen from another terminal;
 //! * [`run_folder`], [`run_root`]: its places on disk and in shared memory.
 
@@ -19,6 +20,7 @@ pub mod doctor;
 pub mod exit;
 pub mod flight;
 pub mod host_record;
+pub mod identify;
 pub mod info;
 pub mod interrupt;
 pub mod live;

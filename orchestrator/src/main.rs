@@ -3,9 +3,10 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use orchestrator::cli::{Cli, Command, Operate};
+use orchestrator::cli::{Cli, Command, Operate, RcCommand};
 use orchestrator::commands::{
-    Failure, attach, bench, check, doctor, faults, logs, mocap, operate, replay, report, reproduce, run, small, top,
+    Failure, attach, bench, check, doctor, faults, logs, mocap, operate, rc, replay, report, reproduce, run,
+    small, top,
 };
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
@@ -32,6 +33,8 @@ fn main() -> ExitCode {
         Command::Disarm(arguments) => operate(&arguments, &Question::Operate(Request::Disarm)),
         Command::Kill(arguments) => operate(&arguments, &Question::Operate(Request::Kill)),
         Command::Stop(arguments) => operate(&arguments, &Question::Stop),
+        Command::Rc(RcCommand::Probe(arguments)) => rc::probe(&arguments),
+        Command::Rc(RcCommand::Identify(arguments)) => rc::identify(&arguments).map(|()| Exit::Success),
         Command::Attach(arguments) => attach::attach(&arguments),
         Command::Top(arguments) => top::top(&arguments),
         Command::Clean => small::clean().map(|()| Exit::Success),

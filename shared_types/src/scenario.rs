@@ -11,6 +11,7 @@ mod flight;
 mod machine;
 mod motion_capture;
 mod problem;
+mod radio_link;
 mod safety;
 pub mod suggest;
 #[cfg(test)]
@@ -29,6 +30,9 @@ pub use flight::Flight;
 pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
 pub use motion_capture::{CaptureSystem, FrameTransform, MotionCapture, PoseSource};
 pub use problem::{Key, Problem};
+pub use radio_link::{
+    ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProtocol, Transmitter,
+};
 pub use safety::InputSafety;
 pub use timing::names::EdgeName;
 
@@ -330,6 +334,12 @@ pub struct RcLink {
     pub rate_range: [f64; 2],
     /// Steps from −1 to 1 that the link tells apart, as a power of two, bits.
     pub resolution: u32,
+    /// What frames leave on in real time; simulated unless stated, and always in simulated time.
+    #[serde(skip_serializing_if = "RadioProtocol::is_simulated")]
+    pub link: RadioProtocol,
+    /// The transmitter of a laboratory; none unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transmitter: Option<Transmitter>,
 }
 
 /// What estimator and controller believe of the vehicle and of the links.
@@ -732,6 +742,8 @@ impl Default for RcLink {
             thrust_range: [-1.0, 1.0],
             rate_range: [-1.0, 1.0],
             resolution: 11,
+            link: RadioProtocol::Simulated,
+            transmitter: None,
         }
     }
 }

@@ -34,7 +34,8 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     let scenario = flight.scenario().clone();
     let manifest = Manifest::new(&scenario);
     let log = RunLogWriter::create(&folder.run_log(), &manifest, arguments.compression)
-        .map_err(|error| not_written(&error))?;
+        .map_err(|error| not_written(&error))?
+        .in_real_time(&manifest);
     let mut progress = Progress::new(flight.schedule(), NAME, arguments.quiet);
     let mut tape =
         Tape::new(&scenario, flight.schedule(), Some(log), &mut progress).from_tick(flight.first_tick());

@@ -5,7 +5,7 @@ use std::time::Duration;
 use miette::Report;
 use runtime::deployment::Scheduler;
 use shared_types::ServiceId;
-use shared_types::scenario::{PoseSource, Scenario};
+use shared_types::scenario::{PoseSource, RadioProtocol, Scenario};
 
 use super::{Failure, load, print, scenario_name, schedule_of, write_json};
 use crate::cli::{DeploymentArguments, Host, Run};
@@ -33,6 +33,9 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         return Err(Failure::new(Exit::BadInput, problem));
     }
     refuse_network_poses(&scenario)?;
+    if arguments.host == Host::Realtime {
+        refuse_transmitter(&scenario)?;
+    }
     let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
         let reason =
@@ -85,6 +88,20 @@ fn refuse_network_poses(scenario: &Scenario) -> Result<(), Failure> {
         "poses are to come from `{}`, to which no host connects the estimator; fly with --set \
          estimator.source=simulated, or look at what comes with `gerono mocap probe`",
         system.name()
+    );
+    Err(Failure::new(Exit::BadInput, reason))
+}
+
+/// Never silently without the transmitter that the scenario names; in simulated time the link is simulated anyway.
+fn refuse_transmitter(scenario: &Scenario) -> Result<(), Failure> {
+    let link = scenario.rc_output.as_ref().map(|output| output.link);
+    let Some(link) = link.filter(|link| *link != RadioProtocol::Simulated) else {
+        return Ok(());
+    };
+    let reason = format!(
+        "frames are to leave on `{}`, to which no host connects rc_output; fly with --set rc_output.link=simulated, \
+         or try the link with `gerono rc probe`",
+        link.name()
     );
     Err(Failure::new(Exit::BadInput, reason))
 }

@@ -14,6 +14,7 @@ mod machine;
 mod motion_capture;
 mod path;
 mod radio;
+mod radio_link;
 mod safety;
 mod sections;
 mod vehicle;
@@ -56,7 +57,9 @@ impl Scenario {
             estimator.kalman.check(&at, found);
         }
         if let Some(link) = &self.rc_output {
-            link.check(&root.then("rc_output"), found);
+            let at = root.then("rc_output");
+            link.check(&at, found);
+            link.check_transmitter(&at, found);
         }
         if let Some(model) = &self.model {
             model.check(&root.then("model"), found);

@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Scenario;
+use super::{RadioProtocol, RcLink, Scenario};
 use crate::wiring::ServiceId;
 
 /// How the services use the machine: for all of them, unless a service's own table says otherwise.
@@ -164,6 +164,11 @@ impl Scenario {
         Self {
             deployment: None,
             real_time: None,
+            rc_output: self.rc_output.as_ref().map(|link| RcLink {
+                link: RadioProtocol::Simulated,
+                transmitter: None,
+                ..link.clone()
+            }),
             ..self.clone()
         }
     }
@@ -179,7 +184,8 @@ impl Scenario {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests_support::fig1;
+    use super::super::Transmitter;
+    use super::super::tests_support::{fig1, rig};
     use super::*;
 
     #[test]
@@ -243,5 +249,18 @@ mod tests {
             ..fig1()
         };
         assert_eq!(deployed.experiment(), fig1());
+    }
+
+    #[test]
+    fn what_frames_leave_on_is_no_part_of_the_experiment() {
+        let plugged_in = Scenario {
+            rc_output: Some(RcLink {
+                link: RadioProtocol::Crsf,
+                transmitter: Some(Transmitter::default()),
+                ..RcLink::default()
+            }),
+            ..rig()
+        };
+        assert_eq!(plugged_in.experiment(), rig());
     }
 }

@@ -1,5 +1,6 @@
 mod flight;
 mod machine;
+mod radio_link;
 mod rig;
 mod safety;
 

@@ -1,0 +1,281 @@
+//! `gerono rc probe` and `gerono rc identify`: a radio link on the ground, and what its channels mean in the air.
+
+use std::fmt::Write;
+use std::time::Duration;
+
+use comfy_table::{Table, presets};
+use radio_link::channel_map::ChannelMap;
+use radio_link::link::RadioLink;
+use radio_link::sender::{Report, Sender};
+use radio_link::sticks::Sticks;
+use shared_types::scenario::{RadioProtocol, RcLink, Scenario};
+use shared_types::service::nanoseconds;
+
+use super::{Failure, load, log_path, print};
+use crate::cli::{RcIdentify, RcProbe};
+use crate::exit::Exit;
+use crate::identify::{self, EXPLAINS, Identification, STICKS};
+use crate::interrupt::Interrupt;
+
+/// How often the sticks are moved on and given to the sender, s.
+const STEP: f64 = 0.01;
+
+/// Steps between two lines that are shown.
+const SHOWN_EVERY: u64 = 25;
+
+/// `gerono rc probe`: moves one stick after another, disarmed, and says what the receiver should show.
+///
+/// # Errors
+/// [`Failure`] if the scenario has no link but the simulated one, or its device cannot be used.
+pub fn probe(arguments: &RcProbe) -> Result<Exit, Failure> {
+    let scenario = load(&arguments.scenario)?;
+    let link = link_of(&scenario)?;
+    let transmitter = link.transmitter.as_ref().ok_or_else(no_link)?;
+    let opened = RadioLink::open(link).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let opened = opened.ok_or_else(no_link)?;
+    let (map, units) = (opened.encoder().map().clone(), opened.encoder().units());
+    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let period_ns = nanoseconds(1.0 / transmitter.frame_rate_on(link.link));
+    let sender = Sender::start(opened, period_ns).map_err(|error| Failure::new(Exit::Trouble, error))?;
+
+    let moved = moved_sticks(transmitter.arming_channel.is_some() || arguments.propellers_off);
+    print(introduction(link, moved));
+    for &stick in moved {
+        let steps = nanoseconds(arguments.seconds) / nanoseconds(STEP);
+        for step in 0..=steps {
+            let travel = sweep(step as f64 / steps.max(1) as f64);
+            let sticks = one_stick(&map, stick, travel);
+            sender.put(&sticks);
+            if step % SHOWN_EVERY == 0 {
+                let channel = map.stick_channels()[stick];
+                let sent = map.travels(&sticks)[channel];
+                let code = units.codes(&map.travels(&sticks))[channel];
+                print(line(link.link, stick, channel, sent, code));
+            }
+            if interrupt.signal().is_some() {
+                break;
+            }
+            std::thread::sleep(Duration::from_secs_f64(STEP));
+        }
+    }
+    sender.put(&Sticks::AT_REST);
+    std::thread::sleep(Duration::from_nanos(3 * period_ns));
+    let report = sender
+        .stop()
+        .map_err(|_| Failure::new(Exit::Trouble, "the sender has failed"))?;
+    print(summary(&report));
+    Ok(interrupt.signal().map_or(Exit::Success, Exit::Signal))
+}
+
+fn link_of(scenario: &Scenario) -> Result<&RcLink, Failure> {
+    let link = scenario.rc_output.as_ref();
+    link.filter(|link| !link.link.is_simulated()).ok_or_else(no_link)
+}
+
+fn no_link() -> Failure {
+    let reason = "the scenario's radio link is simulated; state `rc_output.link` and `[rc_output.transmitter]`, as \
+                  docs/radio_links.md tells";
+    Failure::new(Exit::BadInput, reason)
+}
+
+/// Which sticks are moved, thrust last. Without an arming switch the thrust stick may let motors turn.
+fn moved_sticks(with_thrust: bool) -> &'static [usize] {
+    if with_thrust { &[1, 2, 3, 0] } else { &[1, 2, 3] }
+}
+
+/// The travel of a stick at a share of its time: from the middle to one end, to the other, and back.
+fn sweep(share: f64) -> f64 {
+    let quarter = 4.0 * share;
+    match quarter {
+        up if up <= 1.0 => up,
+        down if down <= 3.0 => 2.0 - down,
+        back => back - 4.0,
+    }
+}
+
+/// One stick somewhere, the others at rest: thrust at its lowest, the rates in the middle, disarmed.
+fn one_stick(map: &ChannelMap, stick: usize, travel: f64) -> Sticks {
+    let mut codes = [-1.0, 0.0, 0.0, 0.0].map(|travel| map.code(travel));
+    codes[stick] = map.code(travel);
+    Sticks {
+        codes,
+        disarmed: true,
+        ..Sticks::default()
+    }
+}
+
+fn introduction(link: &RcLink, moved: &[usize]) -> String {
+    let mut text = format!(
+        "{}: disarmed, propellers off all the same. Each line is what the receiver should show.\n",
+        link.link.name()
+    );
+    if !moved.contains(&0) {
+        text += "The thrust stick is not moved: no arming switch would hold the motors. With --propellers-off it is.\n";
+    }
+    text + "\n"
+}
+
+fn line(link: RadioProtocol, stick: usize, channel: usize, travel: f64, code: u16) -> String {
+    let name = STICKS[stick];
+    let percent = 100.0 * travel;
+    let shown = match link {
+        // What flight controllers make of a receiver's codes.
+        RadioProtocol::Crsf | RadioProtocol::Sbus => {
+            format!("code {code:4}, {:.0} µs", 1500.0 + 512.0 * travel)
+        }
+        RadioProtocol::Multi => format!("code {code:4}"),
+        _ => format!("{code} µs"),
+    };
+    format!(
+        "{name:10}  channel {:2}  {percent:+6.1} %  {shown}\n",
+        channel + 1
+    )
+}
+
+fn summary(report: &Report) -> String {
+    let counts = &report.counts;
+    let late = |quantile| report.lateness_ns.value_at_quantile(quantile) as f64 * 1e-6;
+    format!(
+        "\n{} frames sent, {} dropped because others waited, {} because nothing took them; lost {} times, found again {}\n\
+         late by {:.3} ms (half of them), {:.3} ms (99 of 100), {:.3} ms at most; {} left out\n",
+        counts.sent,
+        counts.busy,
+        counts.closed,
+        counts.losses,
+        counts.recoveries,
+        late(0.5),
+        late(0.99),
+        late(1.0),
+        report.left_out
+    )
+}
+
+/// `gerono rc identify`: fits the calibration of a link from a log.
+///
+/// # Errors
+/// [`Failure`] if the log has nothing to fit.
+pub fn identify(arguments: &RcIdentify) -> Result<(), Failure> {
+    let found = identify::identify(&log_path(&arguments.log), arguments.from, arguments.mass)
+        .map_err(|error| Failure::new(Exit::Trouble, error))?;
+    if arguments.json {
+        let text =
+            serde_json::to_string_pretty(&found).map_err(|error| Failure::new(Exit::Trouble, error))?;
+        print(text + "\n");
+    } else {
+        print(table(&found));
+        print(snippet(&found));
+    }
+    Ok(())
+}
+
+fn table(found: &Identification) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_FULL_CONDENSED);
+    table.set_header([
+        "stick",
+        "stated",
+        "fitted",
+        "standard errors",
+        "residual",
+        "explained",
+        "travel",
+        "points",
+    ]);
+    for calibration in &found.sticks {
+        let pair = |[offset, slope]: [f64; 2]| format!("{offset:.4} + {slope:.4} s");
+        let fitted = calibration.fitted.map_or_else(
+            || vec!["too little moved".to_owned()],
+            |fit| {
+                vec![
+                    pair([fit.offset, fit.slope]),
+                    format!("{:.4}, {:.4}", fit.errors[0], fit.errors[1]),
+                    format!("{:.4}", fit.residual),
+                    format!("{:.1} %", 100.0 * fit.explained),
+                    format!("{:.4}", fit.travel_deviation),
+                    fit.points.to_string(),
+                ]
+            },
+        );
+        let stick = [calibration.stick.to_owned(), pair(calibration.stated)];
+        table.add_row(stick.into_iter().chain(fitted));
+    }
+    let mass = found
+        .mass
+        .map_or_else(String::new, |mass| format!("; thrusts are those of {mass} kg"));
+    format!("{table}\n\nvalue = offset + slope · travel s, N and rad/s{mass}\n\n")
+}
+
+/// The part of a scenario that states what was found.
+fn snippet(found: &Identification) -> String {
+    let mut text = "[rc_output]\n".to_owned();
+    let [thrust, rates @ ..] = found.sticks;
+    let mut unsure = Vec::new();
+    if let Some(fit) = thrust.usable() {
+        let _ = write!(
+            text,
+            "thrust_offset = {:.4}\nthrust_slope = {:.4}\n",
+            fit.offset, fit.slope
+        );
+    } else {
+        unsure.push(thrust.stick);
+    }
+    let slopes = rates.map(|rate| rate.usable().map_or(rate.stated[1], |fit| fit.slope));
+    let _ = writeln!(
+        text,
+        "rate_slope = [{:.4}, {:.4}, {:.4}]",
+        slopes[0], slopes[1], slopes[2]
+    );
+    unsure.extend(
+        rates
+            .iter()
+            .filter(|rate| rate.usable().is_none())
+            .map(|rate| rate.stick),
+    );
+    if !unsure.is_empty() {
+        let _ = write!(
+            text,
+            "\nAs stated, because the stick explains less than {:.0} % of what was measured: {}. Fly a path that moves it, up and \
+             down or around.\n",
+            100.0 * EXPLAINS,
+            unsure.join(", ")
+        );
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shared_types::scenario::Transmitter;
+
+    #[test]
+    fn a_sweep_goes_from_the_middle_to_both_ends_and_back_without_a_jump() {
+        assert_eq!([0.0, 0.25, 0.5, 0.75, 1.0].map(sweep), [0.0, 1.0, 0.0, -1.0, 0.0]);
+        let travels: Vec<f64> = (0..=1000).map(|step| sweep(f64::from(step) / 1000.0)).collect();
+        assert!(travels.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.0041));
+    }
+
+    #[test]
+    fn nothing_that_a_probe_sends_is_armed_and_only_one_stick_moves() {
+        let transmitter = Transmitter {
+            arming_channel: Some(5),
+            ..Transmitter::default()
+        };
+        let map = ChannelMap::new(&RcLink::default(), &transmitter);
+        for &stick in moved_sticks(true) {
+            for travel in [-1.0, -0.3, 1.0] {
+                let travels = map.travels(&one_stick(&map, stick, travel));
+                assert_eq!(travels[4], -1.0, "disarmed");
+                for (other, &channel) in map.stick_channels().iter().enumerate() {
+                    let wanted = if other == stick {
+                        travel
+                    } else {
+                        transmitter.failsafe[other]
+                    };
+                    assert!((travels[channel] - wanted).abs() < 1e-3);
+                }
+            }
+        }
+        assert!(!moved_sticks(false).contains(&0));
+    }
+}

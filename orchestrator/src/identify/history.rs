@@ -1,0 +1,148 @@
+//! Where the sticks were, as the vehicle follows them: held from frame to frame, and behind a lag.
+
+use shared_types::samples::RcFrame;
+use shared_types::scenario::RcLink;
+
+/// Step of the history, s.
+const STEP: f64 = 0.001;
+
+/// How long the sticks must have been known for what the vehicle follows to be known, s.
+const SETTLING: f64 = 0.2;
+
+/// The sticks of a frame, and from when on they act.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    acts_at: f64,
+    /// Travels of thrust, roll, pitch and yaw; none while the motors rest.
+    travels: Option<[f64; 4]>,
+}
+
+impl Frame {
+    pub(super) fn new(frame: &RcFrame, link: &RcLink, acts_at: f64) -> Self {
+        let largest = f64::from((1_u32 << link.resolution.clamp(1, 16)) - 1);
+        let is_flown = !frame.failsafe.is_set() && frame.mode == RcFrame::MODE_RATES;
+        Self {
+            acts_at,
+            travels: is_flown
+                .then(|| [0, 1, 2, 3].map(|stick| 2.0 * f64::from(frame.channels[stick]) / largest - 1.0)),
+        }
+    }
+}
+
+/// Lagging travels at every step, and sums of them.
+#[derive(Debug)]
+pub(super) struct History {
+    begins_at: f64,
+    travels: Vec<[f64; 4]>,
+    /// Of all steps before one: the sum of the travels, and how many are not known.
+    sums: Vec<[f64; 4]>,
+    unknown: Vec<usize>,
+}
+
+impl History {
+    /// The history of frames in the order of time, behind lags of these time constants, s.
+    pub(super) fn new(frames: &[Frame], lags: [f64; 4]) -> Self {
+        let begins_at = frames.first().map_or(0.0, |frame| frame.acts_at);
+        let mut history = Self {
+            begins_at,
+            travels: Vec::new(),
+            sums: vec![[0.0; 4]],
+            unknown: vec![0],
+        };
+        let keeps = lags.map(|lag| if lag > 0.0 { libm::exp(-STEP / lag) } else { 0.0 });
+        let mut lagging = frames.iter().find_map(|frame| frame.travels).unwrap_or_default();
+        for (index, frame) in frames.iter().enumerate() {
+            let ends_at = frames.get(index + 1).map_or(frame.acts_at, |next| next.acts_at);
+            while history.time_of(history.travels.len()) < ends_at - STEP / 2.0 {
+                history.push(lagging, frame.travels.is_some());
+                if let Some(travels) = frame.travels {
+                    for stick in 0..4 {
+                        lagging[stick] = travels[stick] + keeps[stick] * (lagging[stick] - travels[stick]);
+                    }
+                }
+            }
+        }
+        history
+    }
+
+    fn time_of(&self, step: usize) -> f64 {
+        self.begins_at + step as f64 * STEP
+    }
+
+    fn push(&mut self, travels: [f64; 4], is_known: bool) {
+        let last = self.sums.len() - 1;
+        let sum = [0, 1, 2, 3].map(|stick| self.sums[last][stick] + travels[stick]);
+        let unknown = self.unknown[last] + usize::from(!is_known);
+        self.travels.push(travels);
+        self.sums.push(sum);
+        self.unknown.push(unknown);
+    }
+
+    /// The step of a time, if the sticks are known from well before it to a second one.
+    fn steps(&self, from: f64, to: f64) -> Option<[usize; 2]> {
+        let step = |time: f64| {
+            let step = libm::round((time - self.begins_at) / STEP);
+            (0.0 <= step && step < self.travels.len() as f64).then_some(step as usize)
+        };
+        let settled = step(from - SETTLING)?;
+        let steps = [step(from)?, step(to)?];
+        (self.unknown[settled] == self.unknown[steps[1] + 1]).then_some(steps)
+    }
+
+    /// What the vehicle follows at a time, s; `None` where that is not known.
+    pub(super) fn at(&self, time: f64) -> Option<[f64; 4]> {
+        self.steps(time, time).map(|[step, _]| self.travels[step])
+    }
+
+    /// The mean of what the vehicle follows between two times, s.
+    pub(super) fn mean(&self, from: f64, to: f64) -> Option<[f64; 4]> {
+        let [first, last] = self.steps(from, to)?;
+        let count = (last > first).then(|| (last - first) as f64)?;
+        Some([0, 1, 2, 3].map(|stick| (self.sums[last][stick] - self.sums[first][stick]) / count))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(acts_at: f64, travel: Option<f64>) -> Frame {
+        Frame {
+            acts_at,
+            travels: travel.map(|travel| [travel; 4]),
+        }
+    }
+
+    #[test]
+    fn a_step_of_the_stick_is_followed_with_its_lag() {
+        let frames = [
+            frame(0.0, Some(0.0)),
+            frame(1.0, Some(1.0)),
+            frame(2.0, Some(1.0)),
+        ];
+        let history = History::new(&frames, [0.1, 0.0, 0.1, 0.1]);
+        let after = history.at(1.1).unwrap();
+        assert!((after[0] - (1.0 - libm::exp(-1.0))).abs() < 1e-9);
+        assert_eq!(after[1], 1.0);
+        assert_eq!(history.at(0.9).unwrap(), [0.0; 4]);
+        // ∫ (1 − e^(−t/0.1)) over the second, in steps of a thousandth.
+        assert!((history.mean(1.0, 1.999).unwrap()[0] - 0.9).abs() < 2e-3);
+    }
+
+    #[test]
+    fn nothing_is_known_while_the_motors_rest_and_shortly_after() {
+        let frames = [
+            frame(0.0, Some(0.5)),
+            frame(1.0, None),
+            frame(1.1, Some(0.5)),
+            frame(2.0, Some(0.5)),
+        ];
+        let history = History::new(&frames, [0.02; 4]);
+        assert_eq!(history.at(0.1), None);
+        assert!(history.at(0.9).is_some());
+        assert_eq!(history.at(1.25), None);
+        assert!(history.at(1.4).is_some());
+        assert_eq!(history.mean(0.9, 1.4), None);
+        assert_eq!(history.at(3.0), None);
+    }
+}

@@ -1,0 +1,169 @@
+//! Thrust and body rates as they were, beside the sticks that made them: points (travel, value) a stick.
+//!
+//! * By poses, the rates are those of the rotation from one capture to one a tenth of a second later. For the thrust the
+//!   acceleration is wanted, which nobody should take from noisy positions by differences: with a smooth weight φ that
+//!   vanishes at the ends of a window, ∫φ p̈ = ∫φ̈ p, so that only the weight is differentiated. Then T = m (g − p̈)·R e₃: what
+//!   pushes along the thrust axis besides is taken for thrust.
+//! * By truth, both are read off.
+
+use nalgebra::{Matrix3, Vector3};
+use shared_types::rotation::from_row_major;
+use shared_types::samples::{MocapPose, VehicleTruth};
+use shared_types::scenario::GRAVITY;
+use shared_types::service::seconds;
+
+use super::history::History;
+
+/// Time over which a rotation is measured, s.
+const TURN: f64 = 0.1;
+
+/// Half the window of an acceleration, s.
+const HALF_WINDOW: f64 = 0.15;
+
+/// Fewest captures in a window.
+const FEWEST: usize = 12;
+
+/// Time between two points by truth, s.
+const TRUTH_STEP: f64 = 0.01;
+
+/// Points (travel, value) of each stick.
+pub(super) type Points = [Vec<[f64; 2]>; 4];
+
+/// A captured pose.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pose {
+    time: f64,
+    position: Vector3<f64>,
+    rotation: Matrix3<f64>,
+}
+
+impl Pose {
+    pub(super) fn new(pose: &MocapPose) -> Self {
+        Self {
+            time: seconds(pose.capture_time_ns),
+            position: pose.position_world.into(),
+            rotation: from_row_major(&pose.world_from_body),
+        }
+    }
+}
+
+/// What was true.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Truth {
+    time: f64,
+    values: [f64; 4],
+}
+
+impl Truth {
+    pub(super) fn new(truth: &VehicleTruth) -> Self {
+        let [x, y, z] = truth.angular_velocity_body;
+        Self {
+            time: seconds(truth.header.stamp_ns),
+            values: [truth.thrust, x, y, z],
+        }
+    }
+}
+
+/// What the truth says.
+pub(super) fn by_truth(truths: &[Truth], history: &History) -> Points {
+    let mut points = Points::default();
+    let mut next = f64::NEG_INFINITY;
+    for truth in truths {
+        if truth.time < next {
+            continue;
+        }
+        next = truth.time + TRUTH_STEP * (1.0 - 1e-6);
+        if let Some(travels) = history.at(truth.time) {
+            for stick in 0..4 {
+                points[stick].push([travels[stick], truth.values[stick]]);
+            }
+        }
+    }
+    points
+}
+
+/// What poses in the order of time say of a vehicle of this mass, kg.
+pub(super) fn by_poses(poses: &[Pose], mass: f64, history: &History) -> Points {
+    let mut points = Points::default();
+    let [mut turn, mut window] = [0, 0];
+    for (index, pose) in poses.iter().enumerate() {
+        let begun = &poses[turn];
+        let lasted = pose.time - begun.time;
+        if lasted >= TURN * (1.0 - 1e-6) {
+            turn = index;
+            let travels = history.mean(begun.time, pose.time);
+            if let Some(travels) = travels.filter(|_| lasted < 1.5 * TURN) {
+                let rates = logarithm(&(begun.rotation.transpose() * pose.rotation)) / lasted;
+                for axis in 0..3 {
+                    points[1 + axis].push([travels[1 + axis], rates[axis]]);
+                }
+            }
+        }
+        if pose.time - poses[window].time >= 2.0 * HALF_WINDOW * (1.0 - 1e-6) {
+            points[0].extend(thrust_point(&poses[window..=index], mass, history));
+            window = usize::midpoint(window, index);
+        }
+    }
+    points
+}
+
+/// The weighted means of the thrust stick and of the thrust over a window.
+fn thrust_point(window: &[Pose], mass: f64, history: &History) -> Option<[f64; 2]> {
+    let (first, last) = (window.first()?, window.last()?);
+    let half = (last.time - first.time) / 2.0;
+    let widest = 4.0 * half / window.len() as f64;
+    let has_gap = window.windows(2).any(|pair| pair[1].time - pair[0].time > widest);
+    if window.len() < FEWEST || has_gap {
+        return None;
+    }
+    history.mean(first.time, last.time)?;
+    let middle = first.time + half;
+    let (mut weights, mut travel) = (0.0, 0.0);
+    let (mut acceleration, mut axis) = (Vector3::zeros(), Vector3::zeros());
+    for (index, pose) in window.iter().enumerate() {
+        // What a capture stands for: half the way to its neighbours.
+        let before = window[index.saturating_sub(1)].time;
+        let after = window[(index + 1).min(window.len() - 1)].time;
+        let share = (after - before) / 2.0;
+        let u = (pose.time - middle) / half;
+        let inside = 1.0 - u * u;
+        let weight = share * inside * inside * inside;
+        let bend = share * (24.0 * u * u * inside - 6.0 * inside * inside) / (half * half);
+        weights += weight;
+        travel += weight * history.at(pose.time)?[0];
+        acceleration += bend * (pose.position - first.position);
+        axis += weight * pose.rotation.column(2);
+    }
+    let specific = Vector3::new(0.0, 0.0, GRAVITY) - acceleration / weights;
+    Some([travel / weights, mass * specific.dot(&(axis / weights))])
+}
+
+/// Axis times angle of a rotation below half a turn, rad.
+fn logarithm(rotation: &Matrix3<f64>) -> Vector3<f64> {
+    let twice = Vector3::new(
+        rotation[(2, 1)] - rotation[(1, 2)],
+        rotation[(0, 2)] - rotation[(2, 0)],
+        rotation[(1, 0)] - rotation[(0, 1)],
+    );
+    let sine = twice.norm() / 2.0;
+    let angle = libm::atan2(sine, (rotation.trace() - 1.0) / 2.0);
+    if sine < 1e-9 {
+        twice / 2.0
+    } else {
+        twice * (angle / (2.0 * sine))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shared_types::rotation::exp;
+
+    #[test]
+    fn the_logarithm_takes_the_exponential_back() {
+        for turn in [[0.0; 3], [1e-12, 0.0, 0.0], [0.3, -0.2, 0.5], [0.0, 2.0, -1.0]] {
+            let turn = Vector3::from(turn);
+            assert!((logarithm(&exp(&turn)) - turn).norm() < 1e-12);
+        }
+    }
+}

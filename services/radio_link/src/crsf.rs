@@ -1,0 +1,79 @@
+//! CRSF: `RC_CHANNELS_PACKED`, the frame with which a receiver or a handset sends sixteen channels.
+//!
+//! 420000 baud 8N1, not inverted: `0xC8`, length 24, type `0x16`, 22 bytes of channels, CRC-8 (polynomial `0xD5`, no
+//! reflection, from 0) over type and channels. The codes 172, 992 and 1811 are −100, 0 and 100 %: 988, 1500 and 2012 µs.
+//! The link's own failsafe is that frames stop.
+
+use crate::packing::{self, PACKED};
+use crate::{ChannelCodes, DecodeError};
+
+/// Bytes of a frame.
+pub const LENGTH: usize = 26;
+
+/// Codes at −100 and 100 %.
+pub const ENDS: [u16; 2] = [172, 1811];
+
+/// Address of a flight controller, which every frame to one begins with.
+const ADDRESS: u8 = 0xc8;
+/// Bytes after the length: type, channels, check sum.
+const LENGTH_OF_REST: u8 = 24;
+/// `RC_CHANNELS_PACKED`.
+const TYPE: u8 = 0x16;
+
+/// A frame that carries channels, of each the lower 11 bits.
+#[must_use]
+#[inline]
+pub fn encode(channels: &ChannelCodes) -> [u8; LENGTH] {
+    let mut frame = [0; LENGTH];
+    frame[..3].copy_from_slice(&[ADDRESS, LENGTH_OF_REST, TYPE]);
+    frame[3..3 + PACKED].copy_from_slice(&packing::pack(channels));
+    frame[LENGTH - 1] = check_sum(&frame[2..LENGTH - 1]);
+    frame
+}
+
+/// The channels that a frame carries.
+///
+/// # Errors
+/// [`DecodeError`] if the bytes are no frame of channels.
+pub fn decode(bytes: &[u8]) -> Result<ChannelCodes, DecodeError> {
+    let frame: &[u8; LENGTH] = bytes.try_into().map_err(|_| DecodeError::Length {
+        wanted: LENGTH,
+        found: bytes.len(),
+    })?;
+    for (at, wanted) in [ADDRESS, LENGTH_OF_REST, TYPE].into_iter().enumerate() {
+        if frame[at] != wanted {
+            return Err(DecodeError::Mark { at, found: frame[at] });
+        }
+    }
+    if check_sum(&frame[2..LENGTH - 1]) != frame[LENGTH - 1] {
+        return Err(DecodeError::CheckSum);
+    }
+    let mut packed = [0; PACKED];
+    packed.copy_from_slice(&frame[3..3 + PACKED]);
+    Ok(packing::unpack(&packed))
+}
+
+/// CRC-8/DVB-S2.
+#[inline]
+fn check_sum(bytes: &[u8]) -> u8 {
+    bytes.iter().fold(0, |sum, byte| {
+        (0..8).fold(sum ^ byte, |sum, _| {
+            if sum & 0x80 == 0 {
+                sum << 1
+            } else {
+                (sum << 1) ^ 0xd5
+            }
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The check value of CRC-8/DVB-S2 in the catalogue of parametrised CRC algorithms.
+    #[test]
+    fn the_check_sum_is_that_of_the_catalogue() {
+        assert_eq!(check_sum(b"123456789"), 0xbc);
+    }
+}

@@ -1,0 +1,186 @@
+//! A radio link: sticks in, frames out, and failsafe on the way.
+
+use shared_types::scenario::RcLink;
+use shared_types::service::nanoseconds;
+
+use crate::encoder::Encoder;
+use crate::frame::Frame;
+use crate::port::{OpenError, Port, Sent, Target};
+use crate::sticks::Sticks;
+
+/// A radio link of a laboratory.
+#[derive(Debug)]
+pub struct RadioLink {
+    encoder: Encoder,
+    port: Port,
+    frame: Frame,
+    loss: Loss,
+    /// Frames that were not sent, so that the receiver's failsafe acts.
+    silent: u64,
+    /// Where answers go that nobody reads.
+    answers: [u8; 512],
+}
+
+/// How long the command has been lost.
+#[derive(Clone, Copy, Debug)]
+struct Loss {
+    silence_after_ns: u64,
+    since_ns: Option<u64>,
+}
+
+/// What a link does about the newest sticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Verdict {
+    sticks: Sticks,
+    /// Whether the link's own failsafe is used as well.
+    own_failsafe: bool,
+}
+
+impl Loss {
+    /// Sticks that are lost, or that nobody has renewed, let the motors rest; after a while the link's own failsafe is
+    /// used. Where nobody renews them ours cannot act any more, so there is no while.
+    #[inline]
+    fn judge(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> Verdict {
+        let Some((sticks, put_at_ns)) = newest else {
+            return Verdict {
+                sticks: Sticks::AT_REST,
+                own_failsafe: false,
+            };
+        };
+        if now_ns.saturating_sub(put_at_ns) > self.silence_after_ns {
+            self.since_ns.get_or_insert(put_at_ns);
+            return Verdict {
+                sticks: Sticks::AT_REST,
+                own_failsafe: true,
+            };
+        }
+        if !sticks.is_lost {
+            self.since_ns = None;
+        }
+        let since = sticks.is_lost.then(|| *self.since_ns.get_or_insert(now_ns));
+        Verdict {
+            sticks,
+            own_failsafe: since.is_some_and(|since| now_ns.saturating_sub(since) >= self.silence_after_ns),
+        }
+    }
+}
+
+impl RadioLink {
+    /// Opens the link that a scenario states, which has been checked; `None` for the simulated one.
+    ///
+    /// # Errors
+    /// [`OpenError`], with the fix: before anything is armed.
+    pub fn open(link: &RcLink) -> Result<Option<Self>, OpenError> {
+        let Some(transmitter) = &link.transmitter else {
+            return Ok(None);
+        };
+        let encoder = Encoder::new(link, transmitter);
+        let Some((encoder, target)) = encoder.zip(Target::new(link.link, transmitter)) else {
+            return Ok(None);
+        };
+        Ok(Some(Self {
+            encoder,
+            port: Port::open(target)?,
+            frame: Frame::default(),
+            loss: Loss {
+                silence_after_ns: nanoseconds(transmitter.silence_after),
+                since_ns: None,
+            },
+            silent: 0,
+            answers: [0; 512],
+        }))
+    }
+
+    /// Sends the frame of the newest sticks and when they were put, at a time of `CLOCK_MONOTONIC`; `None` if none was
+    /// sent, so that the receiver's failsafe acts.
+    #[inline]
+    pub fn transmit(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> Option<Sent> {
+        let verdict = self.loss.judge(newest, now_ns);
+        self.port.receive(&mut self.answers, now_ns);
+        if verdict.own_failsafe && !self.encoder.has_failsafe_flag() {
+            self.silent += 1;
+            return None;
+        }
+        self.encoder
+            .encode(&verdict.sticks, verdict.own_failsafe, now_ns, &mut self.frame);
+        Some(self.port.send(self.frame.bytes(), now_ns))
+    }
+
+    /// How frames are made.
+    #[must_use]
+    pub fn encoder(&self) -> &Encoder {
+        &self.encoder
+    }
+
+    /// The port.
+    #[must_use]
+    pub fn port(&self) -> &Port {
+        &self.port
+    }
+
+    /// Frames that were not sent, so that the receiver's failsafe acts.
+    #[must_use]
+    pub fn silent(&self) -> u64 {
+        self.silent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    fn loss() -> Loss {
+        Loss {
+            silence_after_ns: 500 * MS,
+            since_ns: None,
+        }
+    }
+
+    const FLYING: Sticks = Sticks {
+        codes: [1000; 4],
+        failsafe: false,
+        is_lost: false,
+        disarmed: false,
+    };
+    const LOST: Sticks = Sticks {
+        is_lost: true,
+        ..Sticks::AT_REST
+    };
+
+    #[test]
+    fn before_the_first_sticks_the_motors_rest_and_frames_go_on() {
+        let verdict = loss().judge(None, 10_000 * MS);
+        assert_eq!((verdict.sticks, verdict.own_failsafe), (Sticks::AT_REST, false));
+    }
+
+    #[test]
+    fn whoever_is_disarmed_is_so_for_ever_without_the_links_failsafe() {
+        let mut loss = loss();
+        for now_ns in (0..10_000).map(|ms| ms * MS) {
+            assert!(!loss.judge(Some((Sticks::AT_REST, now_ns)), now_ns).own_failsafe);
+        }
+    }
+
+    #[test]
+    fn a_lost_command_uses_the_links_failsafe_after_the_stated_time_and_until_it_is_back() {
+        let mut loss = loss();
+        let mut own = |sticks, ms: u64| loss.judge(Some((sticks, ms * MS)), ms * MS).own_failsafe;
+        assert!(!own(FLYING, 0));
+        assert!(!own(LOST, 10));
+        assert!(!own(LOST, 509));
+        assert!(own(LOST, 510));
+        assert!(!own(FLYING, 520));
+        assert!(!own(LOST, 530), "a new loss begins anew");
+    }
+
+    #[test]
+    fn sticks_that_nobody_renews_are_not_sent_for_ever() {
+        let mut loss = loss();
+        let mut judge = |ms: u64| loss.judge(Some((FLYING, 0)), ms * MS);
+        assert_eq!(judge(500).sticks, FLYING);
+        let verdict = judge(501);
+        assert_eq!((verdict.sticks, verdict.own_failsafe), (Sticks::AT_REST, true));
+    }
+}

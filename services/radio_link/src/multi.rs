@@ -1,0 +1,106 @@
+//! A MULTI (4-in-1) transmitter module on a serial line, which speaks Spektrum DSM2 and DSMX, those of the paper's Blade
+//! 200 QX.
+//!
+//! 100000 baud 8E2, not inverted on the module's USB or header pins: `0x55`, protocol 6 (DSM) with flags, model number
+//! with sub-protocol and power, option, 22 bytes of channels. The codes 204, 1024 and 1843 are −100, 0 and 100 %. DSM's
+//! failsafe is the receiver's, learnt when it is bound; it acts when frames stop.
+
+use shared_types::scenario::{DsmProtocol, MultiModule};
+
+use crate::packing::{self, PACKED};
+use crate::{ChannelCodes, DecodeError};
+
+/// Bytes of a frame.
+pub const LENGTH: usize = 26;
+
+/// Codes at −100 and 100 %.
+pub const ENDS: [u16; 2] = [204, 1843];
+
+/// Begins a frame of channels for the protocols 0 to 31.
+const HEADER: u8 = 0x55;
+/// The module's number of DSM.
+const DSM: u8 = 6;
+/// Asks the module to bind.
+const BIND: u8 = 0x80;
+/// Asks the module for low power.
+const LOW_POWER: u8 = 0x80;
+
+/// What a frame says beside its channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Number of the model, 0 to 15.
+    pub model: u8,
+    /// Sub-protocol of DSM: 0 to 3 as in [`DsmProtocol`].
+    pub sub_protocol: u8,
+    /// Channels over the air, 4 to 12.
+    pub option: u8,
+    /// Whether to send with low power.
+    pub low_power: bool,
+    /// Whether to bind a receiver.
+    pub bind: bool,
+}
+
+impl Settings {
+    /// Those of a scenario that has been checked.
+    #[must_use]
+    pub fn new(module: &MultiModule) -> Self {
+        let small = |number: u32| u8::try_from(number).unwrap_or(0);
+        Self {
+            model: small(module.model) & 0x0f,
+            sub_protocol: match module.dsm {
+                DsmProtocol::Dsm2Slow => 0,
+                DsmProtocol::Dsm2Fast => 1,
+                DsmProtocol::DsmxSlow => 2,
+                DsmProtocol::DsmxFast => 3,
+            },
+            option: small(module.channels),
+            low_power: module.low_power,
+            bind: false,
+        }
+    }
+
+    fn bytes(self) -> [u8; 3] {
+        [
+            DSM | if self.bind { BIND } else { 0 },
+            self.model & 0x0f | (self.sub_protocol & 0x07) << 4 | if self.low_power { LOW_POWER } else { 0 },
+            self.option,
+        ]
+    }
+}
+
+/// A frame that carries channels, of each the lower 11 bits.
+#[must_use]
+#[inline]
+pub fn encode(channels: &ChannelCodes, settings: Settings) -> [u8; LENGTH] {
+    let mut frame = [0; LENGTH];
+    frame[0] = HEADER;
+    frame[1..4].copy_from_slice(&settings.bytes());
+    frame[4..].copy_from_slice(&packing::pack(channels));
+    frame
+}
+
+/// The channels and settings that a frame carries. It has no check sum.
+///
+/// # Errors
+/// [`DecodeError`] if the bytes are no frame for DSM.
+pub fn decode(bytes: &[u8]) -> Result<(ChannelCodes, Settings), DecodeError> {
+    let frame: &[u8; LENGTH] = bytes.try_into().map_err(|_| DecodeError::Length {
+        wanted: LENGTH,
+        found: bytes.len(),
+    })?;
+    for (at, is_good) in [(0, frame[0] == HEADER), (1, frame[1] & !BIND == DSM)] {
+        if !is_good {
+            return Err(DecodeError::Mark { at, found: frame[at] });
+        }
+    }
+    let settings = Settings {
+        model: frame[2] & 0x0f,
+        sub_protocol: frame[2] >> 4 & 0x07,
+        option: frame[3],
+        low_power: frame[2] & LOW_POWER != 0,
+        bind: frame[1] & BIND != 0,
+    };
+    let mut packed = [0; PACKED];
+    packed.copy_from_slice(&frame[4..]);
+    Ok((packing::unpack(&packed), settings))
+}

@@ -1,0 +1,86 @@
+//! TCP connections and UDP packets, without waiting for either.
+
+use std::net::SocketAddr;
+use std::os::fd::OwnedFd;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use rustix::net::{AddressFamily, SocketFlags, SocketType, connect, socket_with, sockopt};
+
+use super::OpenError;
+
+/// How long a first connection may take, s.
+const FIRST_CONNECTION: i64 = 2;
+/// Bytes of frames that the system may hold back for a connection: the least that it permits.
+const SEND_BUFFER: usize = 2048;
+/// How long a connection may leave bytes without an answer before it is lost, ms.
+const SILENCE_MS: u32 = 2000;
+
+fn new(address: SocketAddr, kind: SocketType) -> Result<OwnedFd, Errno> {
+    let family = if address.is_ipv4() {
+        AddressFamily::INET
+    } else {
+        AddressFamily::INET6
+    };
+    socket_with(family, kind, SocketFlags::CLOEXEC | SocketFlags::NONBLOCK, None)
+}
+
+/// Begins a connection.
+pub(super) fn connect_tcp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
+    let begin = || {
+        let socket = new(address, SocketType::STREAM)?;
+        sockopt::set_tcp_nodelay(&socket, true)?;
+        sockopt::set_socket_send_buffer_size(&socket, SEND_BUFFER)?;
+        sockopt::set_tcp_user_timeout(&socket, SILENCE_MS)?;
+        match connect(&socket, &address) {
+            Ok(()) | Err(Errno::INPROGRESS) => Ok(socket),
+            Err(reason) => Err(reason),
+        }
+    };
+    begin().map_err(|reason| OpenError::Connection { address, reason })
+}
+
+/// A socket whose packets go to one address.
+pub(super) fn connect_udp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
+    let begin = || {
+        let socket = new(address, SocketType::DGRAM)?;
+        connect(&socket, &address)?;
+        Ok(socket)
+    };
+    begin().map_err(|reason| OpenError::Connection { address, reason })
+}
+
+/// Whether a connection has come about.
+///
+/// # Errors
+/// Why it never will.
+pub(super) fn is_connected(socket: &OwnedFd) -> Result<bool, Errno> {
+    await_answer(socket, 0)
+}
+
+/// Waits for a connection to come about.
+pub(super) fn wait_until_connected(socket: &OwnedFd, address: SocketAddr) -> Result<(), OpenError> {
+    let failed = |reason| OpenError::Connection { address, reason };
+    match await_answer(socket, FIRST_CONNECTION) {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(failed(Errno::TIMEDOUT)),
+        Err(reason) => Err(failed(reason)),
+    }
+}
+
+fn await_answer(socket: &OwnedFd, seconds: i64) -> Result<bool, Errno> {
+    let mut polled = [PollFd::new(socket, PollFlags::OUT)];
+    let timeout = Timespec {
+        tv_sec: seconds,
+        tv_nsec: 0,
+    };
+    let ready = match poll(&mut polled, Some(&timeout)) {
+        Err(Errno::INTR) => 0,
+        ready => ready?,
+    };
+    if ready == 0 {
+        return Ok(false);
+    }
+    sockopt::socket_error(socket)??;
+    Ok(true)
+}

@@ -1,0 +1,190 @@
+//! What of a frame of the transmitter a link needs, and the place where the newest waits for the sender.
+
+use std::sync::atomic::{AtomicU64, Ordering, fence};
+
+use shared_types::samples::RcFrame;
+
+/// What the sticks say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sticks {
+    /// Codes of thrust, roll rate, pitch rate and yaw rate, as in the frame.
+    pub codes: [u16; 4],
+    /// Whether the motors are to rest.
+    pub failsafe: bool,
+    /// Whether they are to rest because what the transmitter needs is lost, not because somebody wants it.
+    pub is_lost: bool,
+    /// Whether the arming switch stays off all the same: to try the sticks on the ground.
+    pub disarmed: bool,
+}
+
+impl Sticks {
+    /// With which the motors rest.
+    pub const AT_REST: Self = Self {
+        codes: [0; 4],
+        failsafe: true,
+        is_lost: false,
+        disarmed: true,
+    };
+
+    /// Those of a frame. One that carries no body rates has no sticks: with it the motors rest.
+    #[must_use]
+    #[inline]
+    pub fn of(frame: &RcFrame) -> Self {
+        let [thrust, roll, pitch, yaw, ..] = frame.channels;
+        let failsafe = frame.failsafe.is_set() || frame.mode != RcFrame::MODE_RATES;
+        Self {
+            codes: [thrust, roll, pitch, yaw],
+            failsafe,
+            // The frames of a vehicle that is disarmed are failsafe frames too, but its commands go on.
+            is_lost: failsafe && !frame.inputs_fresh.is_set(),
+            disarmed: failsafe,
+        }
+    }
+}
+
+/// Where the newest sticks wait: one puts, one takes, and neither waits for the other.
+///
+/// Words guarded by a count that is odd while they change. Who puts never looks back; who takes while they change gets
+/// what it had.
+#[derive(Debug, Default)]
+pub struct Mailbox {
+    count: AtomicU64,
+    codes: AtomicU64,
+    flags: AtomicU64,
+    put_at_ns: AtomicU64,
+}
+
+impl Mailbox {
+    /// Puts the newest sticks, at a time of `CLOCK_MONOTONIC`. For one thread only.
+    #[inline]
+    pub fn put(&self, sticks: &Sticks, now_ns: u64) {
+        let count = self.count.load(Ordering::Relaxed);
+        self.count.store(count + 1, Ordering::Relaxed);
+        // The odd count is seen before any of the new words.
+        fence(Ordering::Release);
+        let codes = sticks.codes.iter().rev();
+        self.codes.store(
+            codes.fold(0, |word, &code| word << 16 | u64::from(code)),
+            Ordering::Relaxed,
+        );
+        let flags = [sticks.failsafe, sticks.is_lost, sticks.disarmed];
+        let flags = flags
+            .iter()
+            .rev()
+            .fold(0, |word, &flag| word << 1 | u64::from(flag));
+        self.flags.store(flags, Ordering::Relaxed);
+        self.put_at_ns.store(now_ns, Ordering::Relaxed);
+        self.count.store(count + 2, Ordering::Release);
+    }
+
+    /// The newest sticks and when they were put; `None` before the first, and while newer ones are being put.
+    #[must_use]
+    #[inline]
+    pub fn look(&self) -> Option<(Sticks, u64)> {
+        let count = self.count.load(Ordering::Acquire);
+        let (codes, flags) = (
+            self.codes.load(Ordering::Relaxed),
+            self.flags.load(Ordering::Relaxed),
+        );
+        let put_at_ns = self.put_at_ns.load(Ordering::Relaxed);
+        // None of the words is read after the count is read again.
+        fence(Ordering::Acquire);
+        let is_whole = count == self.count.load(Ordering::Relaxed) && count.is_multiple_of(2);
+        let code = |stick: usize| {
+            let bytes = codes.to_le_bytes();
+            u16::from_le_bytes([bytes[2 * stick], bytes[2 * stick + 1]])
+        };
+        (is_whole && count > 0).then(|| {
+            let sticks = Sticks {
+                codes: [0, 1, 2, 3].map(code),
+                failsafe: flags & 1 != 0,
+                is_lost: flags & 2 != 0,
+                disarmed: flags & 4 != 0,
+            };
+            (sticks, put_at_ns)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zerocopy::FromZeros;
+
+    #[test]
+    fn nothing_is_there_before_the_first_and_then_the_newest() {
+        let mailbox = Mailbox::default();
+        assert_eq!(mailbox.look(), None);
+        let sticks = Sticks {
+            codes: [1, 0xffff, 3, 0x8000],
+            failsafe: false,
+            is_lost: true,
+            disarmed: false,
+        };
+        mailbox.put(&Sticks::AT_REST, 1);
+        mailbox.put(&sticks, 2);
+        assert_eq!([mailbox.look(), mailbox.look()], [Some((sticks, 2)); 2]);
+    }
+
+    #[test]
+    fn whoever_looks_while_another_puts_sees_what_was_put_together() {
+        let mailbox = Mailbox::default();
+        let last = 200_000_u64;
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                for now_ns in 1..=last {
+                    let code = now_ns.to_le_bytes();
+                    let sticks = Sticks {
+                        codes: [u16::from_le_bytes([code[0], code[1]]); 4],
+                        failsafe: now_ns % 2 == 0,
+                        is_lost: now_ns % 3 == 0,
+                        disarmed: now_ns % 5 == 0,
+                    };
+                    mailbox.put(&sticks, now_ns);
+                }
+            });
+            let mut newest = 0;
+            while newest < last {
+                let Some((sticks, now_ns)) = mailbox.look() else {
+                    continue;
+                };
+                assert!(newest <= now_ns);
+                newest = now_ns;
+                let code = u16::from_le_bytes([now_ns.to_le_bytes()[0], now_ns.to_le_bytes()[1]]);
+                assert_eq!(sticks.codes, [code; 4]);
+                let flags = [sticks.failsafe, sticks.is_lost, sticks.disarmed];
+                assert_eq!(flags, [2, 3, 5].map(|divisor| now_ns % divisor == 0));
+            }
+        });
+    }
+
+    #[test]
+    fn a_frame_of_a_disarmed_vehicle_is_not_lost_and_one_without_fresh_inputs_is() {
+        let mut frame = RcFrame {
+            mode: RcFrame::MODE_RATES,
+            stage: RcFrame::STAGE_FAILSAFE,
+            failsafe: true.into(),
+            inputs_fresh: true.into(),
+            ..RcFrame::new_zeroed()
+        };
+        let disarmed = Sticks::of(&frame);
+        assert!(disarmed.failsafe && disarmed.disarmed && !disarmed.is_lost);
+        frame.inputs_fresh = false.into();
+        assert!(Sticks::of(&frame).is_lost);
+        frame.failsafe = false.into();
+        assert_eq!(
+            Sticks::of(&frame),
+            Sticks::default(),
+            "a command is followed for as long as the transmitter does"
+        );
+    }
+
+    #[test]
+    fn a_frame_that_carries_no_body_rates_lets_the_motors_rest() {
+        let frame = RcFrame {
+            mode: RcFrame::MODE_TORQUE,
+            ..RcFrame::new_zeroed()
+        };
+        assert!(Sticks::of(&frame).failsafe);
+    }
+}

@@ -1,0 +1,304 @@
+//! Ports on pseudo-terminals and sockets: a device that vanishes, blocks or is slow loses whole frames and nobody's time.
+
+use std::io::Read;
+use std::net::{TcpListener, UdpSocket};
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+
+use radio_link::crsf;
+use radio_link::link::RadioLink;
+use radio_link::port::{ByteFormat, Counts, FIRST_PAUSE_NS, LONGEST_PAUSE_NS, OpenError, Port, Sent, Target};
+use radio_link::sender::Sender;
+use radio_link::sticks::Sticks;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{ControlModes, tcgetattr};
+use shared_types::scenario::{RadioProtocol, RcLink, Transmitter};
+
+/// How long an event may take before a test gives up, s: only a broken test waits for it.
+const WATCHDOG: i64 = 20;
+
+/// A pseudo-terminal: the receiver's end, and the path of the transmitter's.
+fn pseudo_terminal() -> (OwnedFd, PathBuf) {
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let path = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
+    (master, path.into())
+}
+
+fn serial(path: &Path) -> Target {
+    Target::Serial {
+        path: path.to_owned(),
+        baud: 420_000,
+        byte: ByteFormat::Plain,
+    }
+}
+
+/// Reads whole frames until there are so many.
+fn read_frames(master: &OwnedFd, count: usize) -> Vec<[u8; crsf::LENGTH]> {
+    let mut bytes = vec![0; count * crsf::LENGTH];
+    let mut filled = 0;
+    while filled < bytes.len() {
+        wait_for(master, PollFlags::IN);
+        filled += rustix::io::read(master, &mut bytes[filled..]).unwrap();
+    }
+    bytes
+        .chunks_exact(crsf::LENGTH)
+        .map(|frame| frame.try_into().unwrap())
+        .collect()
+}
+
+#[track_caller]
+fn wait_for(descriptor: &OwnedFd, event: PollFlags) {
+    let timeout = Timespec {
+        tv_sec: WATCHDOG,
+        tv_nsec: 0,
+    };
+    let ready = poll(&mut [PollFd::new(descriptor, event)], Some(&timeout)).unwrap();
+    assert_eq!(ready, 1, "nothing has happened for {WATCHDOG} s");
+}
+
+fn frame(number: u16) -> [u8; crsf::LENGTH] {
+    crsf::encode(&[number % 2048; 16])
+}
+
+#[test]
+fn frames_arrive_as_they_were_sent_at_the_speed_and_format_of_the_link() {
+    for (baud, byte, flags) in [
+        (420_000, ByteFormat::Plain, ControlModes::empty()),
+        (100_000, ByteFormat::EvenTwo, ControlModes::CSTOPB),
+    ] {
+        let (master, path) = pseudo_terminal();
+        let mut port = Port::open(Target::Serial { path, baud, byte }).unwrap();
+        let settings = tcgetattr(&master).unwrap();
+        assert_eq!(settings.output_speed(), baud);
+        // A pseudo-terminal keeps everything but the parity.
+        assert_eq!(settings.control_modes & ControlModes::CSTOPB, flags);
+        for number in 0..3 {
+            assert_eq!(port.send(&frame(number), 0), Sent::Whole);
+        }
+        assert_eq!(read_frames(&master, 3), [0, 1, 2].map(frame));
+    }
+}
+
+#[test]
+fn a_device_that_takes_nothing_loses_whole_frames_and_goes_on_with_whole_frames() {
+    let (master, path) = pseudo_terminal();
+    let mut port = Port::open(serial(&path)).unwrap();
+    let mut taken = Vec::new();
+    let mut number = 0;
+    // Nobody reads: the buffer fills up, and no call waits.
+    while port.counts().busy < 100 {
+        if port.send(&frame(number), 0) == Sent::Whole {
+            taken.push(frame(number));
+        }
+        number += 1;
+        assert!(number < 60_000, "the buffer has no end");
+    }
+    assert!(taken.len() > 10);
+    // A slow reader takes a few bytes at a time, so that the buffer ends within frames.
+    let mut bytes = Vec::new();
+    let mut piece = [0; 7];
+    while bytes.len() < (taken.len() + 20) * crsf::LENGTH {
+        let before = taken.len();
+        if port.send(&frame(number), 0) == Sent::Whole {
+            taken.push(frame(number));
+        }
+        number += 1;
+        assert!(taken.len() <= before + 1);
+        wait_for(&master, PollFlags::IN);
+        let count = rustix::io::read(&master, &mut piece).unwrap();
+        bytes.extend_from_slice(&piece[..count]);
+        if taken.len() > 2000 {
+            break;
+        }
+    }
+    for (read, sent) in bytes.chunks_exact(crsf::LENGTH).zip(&taken) {
+        assert_eq!(read, sent, "frames are never mixed");
+    }
+    let counts = port.counts();
+    assert_eq!(counts.sent, taken.len() as u64);
+    assert_eq!(counts.sent + counts.busy, u64::from(number));
+    assert_eq!((counts.closed, counts.losses), (0, 0));
+}
+
+#[test]
+fn a_device_that_vanishes_is_tried_again_after_longer_and_longer_pauses() {
+    let (master, path) = pseudo_terminal();
+    let mut port = Port::open(serial(&path)).unwrap();
+    drop(master);
+    assert_eq!(port.send(&frame(0), 0), Sent::Closed);
+    assert!(!port.is_open());
+    // The path leads nowhere until the device is back.
+    let folder = std::env::temp_dir().join(format!("gerono-radio-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let link = folder.join("radio");
+    let (master, device) = pseudo_terminal();
+    std::os::unix::fs::symlink(&device, &link).unwrap();
+    let mut port = Port::open(serial(&link)).unwrap();
+    std::fs::remove_file(&link).unwrap();
+    drop(master);
+    let (mut now_ns, mut pause_ns) = (1_000, FIRST_PAUSE_NS);
+    assert_eq!(port.send(&frame(0), now_ns), Sent::Closed);
+    for _ in 0..7 {
+        now_ns += pause_ns;
+        assert_eq!(port.send(&frame(0), now_ns), Sent::Closed);
+        pause_ns = (2 * pause_ns).min(LONGEST_PAUSE_NS);
+    }
+    let (master, device) = pseudo_terminal();
+    std::os::unix::fs::symlink(&device, &link).unwrap();
+    assert_eq!(
+        port.send(&frame(1), now_ns + pause_ns - 1),
+        Sent::Closed,
+        "the pause is not over"
+    );
+    assert_eq!(port.send(&frame(2), now_ns + pause_ns), Sent::Whole);
+    assert_eq!(read_frames(&master, 1), [frame(2)]);
+    let counts = port.counts();
+    assert_eq!((counts.sent, counts.closed), (1, 9));
+    assert_eq!((counts.losses, counts.recoveries), (1, 1));
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn what_is_no_device_or_in_use_is_refused_with_the_fix() {
+    let refusal = |path: &str| Port::open(serial(Path::new(path))).unwrap_err();
+    assert!(matches!(refusal("/dev/no-such-radio"), OpenError::Missing { .. }));
+    assert!(matches!(refusal("/dev/null"), OpenError::NotSerial { .. }));
+    let (_master, path) = pseudo_terminal();
+    let _port = Port::open(serial(&path)).unwrap();
+    let second = Port::open(serial(&path)).unwrap_err();
+    assert!(matches!(second, OpenError::Busy { .. }), "{second}");
+}
+
+#[test]
+fn a_connection_carries_frames_and_comes_back() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let mut port = Port::open(Target::Tcp(address)).unwrap();
+    let (mut peer, _) = listener.accept().unwrap();
+    assert_eq!(port.send(&frame(1), 0), Sent::Whole);
+    let mut read = [0; crsf::LENGTH];
+    peer.read_exact(&mut read).unwrap();
+    assert_eq!(read, frame(1));
+    drop(peer);
+    // The end of the connection is an event on the socket, which the next look at it finds.
+    let mut now_ns = 0;
+    while port.counts().losses == 0 {
+        port.receive(&mut [0; 16], now_ns);
+    }
+    while port.counts().recoveries == 0 {
+        now_ns += LONGEST_PAUSE_NS;
+        port.send(&frame(2), now_ns);
+    }
+    let (mut peer, _) = listener.accept().unwrap();
+    while port.send(&frame(3), now_ns) != Sent::Whole {}
+    peer.read_exact(&mut read).unwrap();
+    assert!([frame(2), frame(3)].contains(&read));
+}
+
+#[test]
+fn a_connection_that_nobody_reads_drops_frames_rather_than_wait() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut port = Port::open(Target::Tcp(listener.local_addr().unwrap())).unwrap();
+    let (mut peer, _) = listener.accept().unwrap();
+    let mut number = 0;
+    let mut taken = Vec::new();
+    while port.counts().busy < 100 {
+        if port.send(&frame(number), 0) == Sent::Whole {
+            taken.push(frame(number));
+        }
+        number = number.wrapping_add(1);
+    }
+    drop(port);
+    let mut bytes = Vec::new();
+    // What was taken arrives, as long as it is whole frames.
+    peer.read_to_end(&mut bytes).unwrap();
+    for (read, sent) in bytes.chunks_exact(crsf::LENGTH).zip(&taken) {
+        assert_eq!(read, sent);
+    }
+}
+
+#[test]
+fn packets_that_nobody_takes_are_counted_and_the_socket_stays() {
+    let nobody = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = nobody.local_addr().unwrap();
+    drop(nobody);
+    let mut port = Port::open(Target::Udp(address)).unwrap();
+    while port.counts().closed == 0 {
+        port.send(&frame(0), 0);
+    }
+    assert!(port.is_open());
+    let peer = UdpSocket::bind(address).unwrap();
+    while port.send(&frame(5), 0) != Sent::Whole {}
+    let mut read = [0; 64];
+    let (count, _) = peer.recv_from(&mut read).unwrap();
+    assert_eq!(read[..count], frame(5));
+}
+
+fn crsf_link(path: &Path) -> RcLink {
+    RcLink {
+        link: RadioProtocol::Crsf,
+        transmitter: Some(Transmitter {
+            device: Some(path.to_string_lossy().into_owned()),
+            arming_channel: Some(5),
+            silence_after: 0.02,
+            ..Transmitter::default()
+        }),
+        ..RcLink::default()
+    }
+}
+
+#[test]
+fn a_sender_repeats_the_newest_sticks_and_stops_when_nobody_renews_them() {
+    let (master, path) = pseudo_terminal();
+    let link = RadioLink::open(&crsf_link(&path)).unwrap().unwrap();
+    let sender = Sender::start(link, 1_000_000).unwrap();
+    let at_rest = crsf::decode(&read_frames(&master, 1)[0]).unwrap();
+    // Roll, pitch and yaw in the middle, thrust at its lowest, disarmed.
+    assert_eq!(at_rest[..5], [992, 992, 172, 992, 172]);
+    let sticks = Sticks {
+        codes: [2047, 0, 2047, 2047],
+        failsafe: false,
+        is_lost: false,
+        disarmed: false,
+    };
+    let flown = [172, 1811, 1811, 1811, 1811];
+    // Sticks are put whether or not a frame has come: on a busy machine they would grow old meanwhile.
+    let mut bytes = Vec::new();
+    while bytes
+        .chunks_exact(crsf::LENGTH)
+        .all(|frame| crsf::decode(frame).unwrap()[..5] != flown)
+    {
+        sender.put(&sticks);
+        let mut piece = [0; 256];
+        let is_ready = poll(
+            &mut [PollFd::new(&master, PollFlags::IN)],
+            Some(&Timespec::default()),
+        )
+        .unwrap()
+            > 0;
+        let count = if is_ready {
+            rustix::io::read(&master, &mut piece).unwrap()
+        } else {
+            0
+        };
+        bytes.extend_from_slice(&piece[..count]);
+        std::thread::yield_now();
+    }
+    // Nobody puts any more: frames stop, which the receiver's failsafe notices.
+    while sender.condition().silent == 0 {
+        std::thread::yield_now();
+    }
+    let silenced = sender.condition();
+    while sender.condition().silent < silenced.silent + 5 {
+        std::thread::yield_now();
+    }
+    let report = sender.stop().unwrap();
+    assert!(silenced.is_open && silenced.sent > 0);
+    assert_eq!(report.counts.sent, silenced.sent);
+    assert_eq!(report.lateness_ns.len(), report.counts.sent + report.silent);
+    let Counts { busy, closed, .. } = report.counts;
+    assert_eq!((busy, closed), (0, 0));
+}

@@ -1,0 +1,261 @@
+//! The transmitter of a laboratory: which radio link frames leave on, and what a receiver takes its channels for.
+//!
+//! Nothing of it determines what a flight in simulated time writes: there the link is simulated, whatever is stated
+//! here, and [`Scenario::experiment`](super::Scenario::experiment) leaves it out.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What frames leave on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RadioProtocol {
+    /// Nothing but the simulated link.
+    #[default]
+    Simulated,
+    /// A CRSF receiver port or transmitter module.
+    Crsf,
+    /// An SBUS receiver port, behind an inverter.
+    Sbus,
+    /// A MULTI transmitter module that speaks Spektrum DSM2 or DSMX.
+    Multi,
+    /// A flight controller that takes MSP_SET_RAW_RC.
+    Msp,
+    /// An autopilot that takes MAVLink 2.
+    Mavlink,
+}
+
+/// The transmitter of a laboratory: where frames go, and in what the channels differ from one vehicle to the next.
+///
+/// A travel of −1 to 1 on a channel is the link's −100 to 100 %: 1000 to 2000 µs of a pulse.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Transmitter {
+    /// Serial device, such as one of /dev/serial/by-id; one of `device`, `tcp` and `udp` must be stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
+    /// Speed of the serial device, baud; the link's own unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub baud: Option<u32>,
+    /// Address and port of a TCP server, such as 127.0.0.1:5761; for `msp`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tcp: Option<String>,
+    /// Address and port that UDP packets are sent to, such as 127.0.0.1:14540; for `mavlink`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub udp: Option<String>,
+    /// Frames a second, whether the command is new or not, 1/s; the link's usual rate unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame_rate: Option<f64>,
+    /// What the first four channels are: A roll, E pitch, T thrust, R yaw.
+    pub order: String,
+    /// Sticks whose channels go the other way, as letters of `order`; such as "ER".
+    pub reversed: String,
+    /// Travels that the ends of the thrust stick are sent as.
+    pub thrust_ends: [f64; 2],
+    /// Travels that the ends of each rate stick are sent as.
+    pub rate_ends: [f64; 2],
+    /// Channel of the arming switch, 5 to 16; none unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arming_channel: Option<u32>,
+    /// Travels of the arming switch: disarmed, which failsafe frames have, and armed.
+    pub arming: [f64; 2],
+    /// Travel of every other channel that nothing is said of.
+    pub others: f64,
+    /// Channels with a switch that stays as it is, such as that of the flight mode.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub switch: Vec<ChannelSwitch>,
+    /// Travels of the sticks thrust, roll, pitch and yaw in failsafe frames, as sent: neither reversed nor scaled.
+    pub failsafe: [f64; 4],
+    /// How long commands or states are missing before the link's own failsafe is used as well, s.
+    pub silence_after: f64,
+    /// What belongs to `multi` only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub multi: Option<MultiModule>,
+    /// What belongs to `mavlink` only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mavlink: Option<Mavlink>,
+}
+
+/// A channel with a switch that stays as it is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ChannelSwitch {
+    /// The channel, 5 to 16.
+    pub channel: u32,
+    /// Its travel.
+    pub travel: f64,
+}
+
+/// What a MULTI module is told with every frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MultiModule {
+    /// The Spektrum protocol that the vehicle is bound with.
+    pub dsm: DsmProtocol,
+    /// Number of the model that the vehicle is bound as, 0 to 15.
+    pub model: u32,
+    /// Channels that are sent over the air, 4 to 12.
+    pub channels: u32,
+    /// Whether to send with low power, on a desk.
+    pub low_power: bool,
+}
+
+/// A Spektrum protocol.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DsmProtocol {
+    /// DSM2 with frames of 22 ms.
+    Dsm2Slow,
+    /// DSM2 with frames of 11 ms.
+    Dsm2Fast,
+    /// DSMX with frames of 22 ms.
+    #[default]
+    DsmxSlow,
+    /// DSMX with frames of 11 ms.
+    DsmxFast,
+}
+
+/// What an autopilot is told by MAVLink, and who tells it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Mavlink {
+    /// The message that carries the command.
+    pub message: MavlinkMessage,
+    /// Our system, 1 to 255; ArduPilot takes overrides from its ground station only, usually 255.
+    pub system: u32,
+    /// Our component, 1 to 255.
+    pub component: u32,
+    /// The autopilot's system, 1 to 255.
+    pub target_system: u32,
+    /// The autopilot's component, 1 to 255.
+    pub target_component: u32,
+}
+
+/// A message that carries a command.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MavlinkMessage {
+    /// SET_ATTITUDE_TARGET: body rates in rad/s and thrust as a share.
+    #[default]
+    AttitudeTarget,
+    /// RC_CHANNELS_OVERRIDE: channels as from a receiver.
+    RcOverride,
+}
+
+impl Default for Transmitter {
+    fn default() -> Self {
+        Self {
+            device: None,
+            baud: None,
+            tcp: None,
+            udp: None,
+            frame_rate: None,
+            order: "AETR".to_owned(),
+            reversed: String::new(),
+            thrust_ends: [-1.0, 1.0],
+            rate_ends: [-1.0, 1.0],
+            arming_channel: None,
+            arming: [-1.0, 1.0],
+            others: -1.0,
+            switch: Vec::new(),
+            failsafe: [-1.0, 0.0, 0.0, 0.0],
+            silence_after: 0.5,
+            multi: None,
+            mavlink: None,
+        }
+    }
+}
+
+impl Default for MultiModule {
+    fn default() -> Self {
+        Self {
+            dsm: DsmProtocol::default(),
+            model: 0,
+            channels: 7,
+            low_power: false,
+        }
+    }
+}
+
+impl Default for Mavlink {
+    fn default() -> Self {
+        Self {
+            message: MavlinkMessage::default(),
+            system: 255,
+            component: 190,
+            target_system: 1,
+            target_component: 1,
+        }
+    }
+}
+
+impl RadioProtocol {
+    /// Name as in a scenario.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Simulated => "simulated",
+            Self::Crsf => "crsf",
+            Self::Sbus => "sbus",
+            Self::Multi => "multi",
+            Self::Msp => "msp",
+            Self::Mavlink => "mavlink",
+        }
+    }
+
+    /// Whether it is nothing but the simulated link.
+    #[must_use]
+    pub fn is_simulated(&self) -> bool {
+        *self == Self::Simulated
+    }
+
+    /// Speed of the serial device, baud: the link's only one, or that which most receivers come with.
+    #[must_use]
+    pub fn baud(self) -> u32 {
+        match self {
+            Self::Crsf => 420_000,
+            Self::Sbus | Self::Multi => 100_000,
+            Self::Simulated | Self::Msp => 115_200,
+            Self::Mavlink => 921_600,
+        }
+    }
+
+    /// The link's usual frames a second, 1/s.
+    #[must_use]
+    pub fn frame_rate(self) -> f64 {
+        match self {
+            Self::Crsf => 150.0,
+            Self::Sbus => 1.0 / 0.014,
+            Self::Multi => 1.0 / 0.007,
+            Self::Simulated | Self::Msp | Self::Mavlink => 50.0,
+        }
+    }
+
+    /// Bits of the longest frame on a serial line, start, parity and stop bits included.
+    #[must_use]
+    pub fn bits_per_frame(self) -> u32 {
+        match self {
+            Self::Simulated => 0,
+            Self::Crsf => 26 * 10,
+            Self::Sbus => 25 * 12,
+            Self::Multi => 26 * 12,
+            Self::Msp => 38 * 10,
+            // The heartbeat comes once a second beside it.
+            Self::Mavlink => (51 + 21) * 10,
+        }
+    }
+}
+
+impl Transmitter {
+    /// Frames a second on a link, 1/s.
+    #[must_use]
+    pub fn frame_rate_on(&self, link: RadioProtocol) -> f64 {
+        self.frame_rate.unwrap_or_else(|| link.frame_rate())
+    }
+
+    /// Speed of the serial device on a link, baud.
+    #[must_use]
+    pub fn baud_on(&self, link: RadioProtocol) -> u32 {
+        self.baud.unwrap_or_else(|| link.baud())
+    }
+}

