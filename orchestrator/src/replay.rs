@@ -136,6 +136,7 @@ pub fn replay(
             samples: 0,
             read_until: 0,
             ends: None,
+            breaks_off: false,
         },
         steps,
         schedule,
@@ -210,6 +211,8 @@ struct Source {
     read_until: u64,
     /// Why the log ends early.
     ends: Option<String>,
+    /// Whether it ends anywhere, and not with a whole tick.
+    breaks_off: bool,
 }
 
 impl Source {
@@ -229,10 +232,14 @@ impl Source {
                     self.read_until = self.read_until.max(sample.header.tick);
                     self.history.keep(sample.topic, sample.bytes);
                 }
-                Ok(None) => self.read_until = u64::MAX,
+                Ok(None) => {
+                    self.breaks_off |= self.reader.recovery().is_some();
+                    self.read_until = u64::MAX;
+                }
                 // What was read before it is whole.
                 Err(error @ (LogReadError::Unclosed { .. } | LogReadError::Damaged { .. })) => {
                     self.ends = Some(error.to_string());
+                    self.breaks_off = true;
                     self.read_until = u64::MAX;
                 }
                 Err(error) => return Err(error.into()),
@@ -241,8 +248,12 @@ impl Source {
         Ok(())
     }
 
-    /// Whether the log ends before a tick.
+    /// Whether the log ends before a tick is whole. Of one that breaks off, the last tick may be broken, too.
     fn is_exhausted_before(&self, tick: u64) -> bool {
-        self.read_until == u64::MAX && self.history.last_tick() < Some(tick)
+        let whole_until = self
+            .history
+            .last_tick()
+            .map(|last| last + u64::from(!self.breaks_off));
+        self.read_until == u64::MAX && whole_until <= Some(tick)
     }
 }

@@ -75,7 +75,7 @@ pub fn recover(arguments: &Recover) -> Result<(), Failure> {
     let out = arguments.out.as_deref();
     if !arguments.log.is_dir() {
         let target = out.map_or_else(|| recovered_path(&arguments.log), Path::to_owned);
-        return recover_one(&arguments.log, &target, scenario.as_ref());
+        return recover_one(&arguments.log, &target, scenario.as_ref()).map_err(refusal);
     }
     let logs = logs_of(&arguments.log);
     if logs.is_empty() {
@@ -103,7 +103,23 @@ pub fn recover(arguments: &Recover) -> Result<(), Failure> {
             recover_one(log, &target, scenario.as_ref())
         })
         .collect();
-    results.into_iter().collect()
+    let some_are_whole = results.iter().any(Result::is_ok);
+    for result in results {
+        match result {
+            // What the machine did in the first moments of a run may not have been written yet.
+            Err(error @ RecoverError::Nothing(_)) if some_are_whole => eprintln!("note: {error}"),
+            result => result.map_err(refusal)?,
+        }
+    }
+    Ok(())
+}
+
+fn refusal(error: RecoverError) -> Failure {
+    let exit = match error {
+        RecoverError::Exists(_) | RecoverError::Write(_) => Exit::NotWritten,
+        _ => Exit::Trouble,
+    };
+    Failure::new(exit, error)
 }
 
 /// The logs that a run has written into its folder.
@@ -116,18 +132,12 @@ fn logs_of(folder: &Path) -> Vec<PathBuf> {
     run.into_iter().chain(host).collect()
 }
 
-fn recover_one(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<(), Failure> {
+fn recover_one(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<(), RecoverError> {
     if is_whole(log).unwrap_or(false) {
         print(format!("{} is whole: nothing to recover\n", log.display()));
         return Ok(());
     }
-    let recovery = log::recover(log, target, scenario).map_err(|error| {
-        let exit = match error {
-            RecoverError::Exists(_) | RecoverError::Write(_) => Exit::NotWritten,
-            _ => Exit::Trouble,
-        };
-        Failure::new(exit, error)
-    })?;
+    let recovery = log::recover(log, target, scenario)?;
     print(format!(
         "{} from {}: {recovery}\n",
         target.display(),
