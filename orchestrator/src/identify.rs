@@ -1,7 +1,7 @@
 //! The calibration of a radio link from a log: what the travel of each stick meant, as the paper found it for its vehicle.
 //!
 //! Each stick is fitted by least squares: thrust or body rate = offset + slope · travel, where the travel is taken when it
-//! acted and lags as the model believes ([`history`]). Thrust and rates are measured ([`measured`]) from the captured poses,
+//! acted and lags as the model believes (`history`). Thrust and rates are measured (`measured`) from the captured poses,
 //! which every laboratory has, or taken from the simulated truth.
 //!
 //! A stick that hardly moved tells nothing, and one that a controller moved against pushes from outside tells something

@@ -1,11 +1,11 @@
 //! Flights as one page that needs nothing but a browser, and as the paper's figures.
 //!
-//! * [`flight`]: what is shown of a log, gathered in one pass: [`mod@channels`] over time in [`table`]s, the way
-//!   through space, [`marks`];
-//! * [`latency`]: how the services kept time, of a flight in real time;
-//! * [`panels`]: what is drawn beside what;
-//! * [`figures`]: the paper's figures that a log has;
-//! * [`page`], [`encoding`]: all of it in one HTML file, which draws it (`report/assets`).
+//! * `flight`: what is shown of a log, gathered in one pass: `channels` over time in `table`s, the way
+//!   through space, `marks`;
+//! * `latency`: how the services kept time, of a flight in real time;
+//! * `panels`: what is drawn beside what;
+//! * `figures`: the paper's figures that a log has;
+//! * `page`, `encoding`: all of it in one HTML file, which draws it (`report/assets`).
 //!
 //! Failure policy: of a log that breaks off, what is whole is shown, and the page says so. A log of which nothing can be
 //! read is an error.
