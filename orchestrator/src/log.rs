@@ -31,7 +31,7 @@ pub use csv::export_csv;
 pub use digest::{LogDigest, digest};
 pub use export::{ExportError, decode_sample, export_json};
 pub use framing::{Compression, LogError, Written, partial_path};
-pub use host_samples::{HostEvent, HostSample, ServiceHealth, ServiceStep};
+pub use host_samples::{CaptureFigures, HostEvent, HostSample, LinkFigures, ServiceHealth, ServiceStep};
 pub use host_steps::{HostSteps, HostStepsError};
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest};

@@ -63,6 +63,8 @@ pub struct Replayed {
     pub steps: u64,
     /// Steps that could not be, because samples that they had seen were not recorded; nor could those after them.
     pub steps_without_inputs: u64,
+    /// The service whose steps cannot be done again, if it is to be: in a laboratory the world's are what cameras saw.
+    pub not_again: Option<ServiceId>,
     /// Of each topic that was published in the replay.
     pub comparisons: Vec<Comparison>,
     /// Why the log ends early, if it does.
@@ -123,9 +125,14 @@ pub fn replay(
     }
     let steps = RecordedSteps::beside(log)?;
     let wanted = |service: &ServiceId| options.services.is_empty() || options.services.contains(service);
-    let stations = schedule.order().iter().copied().filter(wanted);
+    let mut stations: Vec<_> = schedule.order().iter().copied().filter(wanted).collect();
+    let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
+    let not_again = stations.iter().copied().find(seen);
+    stations.retain(|service| !seen(service));
     let mut flight = Replay {
+        not_again,
         stations: stations
+            .into_iter()
             .map(|service| Station::new(service, scenario, &schedule))
             .collect::<Result<_, _>>()
             .map_err(ReplayError::Scenario)?,
@@ -154,6 +161,7 @@ fn schedule_of(scenario: &Scenario) -> Result<Schedule, ReplayError> {
 struct Replay {
     schedule: Schedule,
     stations: Vec<Station>,
+    not_again: Option<ServiceId>,
     source: Source,
     /// Of a log of real time.
     steps: Option<RecordedSteps>,
@@ -192,6 +200,7 @@ impl Replay {
                 .iter()
                 .map(|station| station.steps_without_inputs)
                 .sum(),
+            not_again: self.not_again,
             comparisons: self.stations.into_iter().flat_map(Station::finish).collect(),
             log_ends: self.source.ends,
         }

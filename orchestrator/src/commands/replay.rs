@@ -86,6 +86,11 @@ fn report(replayed: &Replayed) -> String {
     if let Some(reason) = &replayed.log_ends {
         text += &format!("The log ends early: {reason}\n");
     }
+    if let Some(service) = replayed.not_again {
+        text += &format!(
+            "The steps of `{service}` are not done again: in this flight they took what the laboratory's cameras sent.\n"
+        );
+    }
     if replayed
         .comparisons
         .iter()

@@ -206,5 +206,6 @@ fn unknown_run() -> crate::summary::RunFacts {
         wall_seconds: 0.0,
         rebirths: Vec::new(),
         timing: None,
+        laboratory: None,
     }
 }

@@ -5,7 +5,10 @@ use std::net::Ipv4Addr;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Vector;
+use super::{Scenario, Vector};
+use crate::schedule::Schedule;
+use crate::service::nanoseconds;
+use crate::wiring::Topic;
 
 /// Where the estimator's poses come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -152,6 +155,33 @@ impl CaptureSystem {
             // Motive stamps exposure and sending: only the network is left.
             Self::Natnet => 0.0002,
         }
+    }
+}
+
+impl Scenario {
+    /// The motion-capture system that sees the vehicle in a laboratory; `None` where the world is simulated.
+    #[must_use]
+    pub fn capture_system(&self) -> Option<CaptureSystem> {
+        self.estimator.as_ref()?.source.system()
+    }
+
+    /// Longest time between two captures of which none is missing, ns.
+    #[must_use]
+    pub fn between_captures_ns(&self, schedule: &Schedule) -> u64 {
+        let published = schedule.time_ns(schedule.topic_rate(Topic::MocapPose).period);
+        let system = self.capture_system().and(self.motion_capture.as_ref());
+        system.map_or(published, |system| {
+            published.max(nanoseconds(1.0 / system.rate[0]))
+        })
+    }
+
+    /// Shortest time from the exposure of a capture to its arrival, which a laboratory's cameras need, ns.
+    #[must_use]
+    pub fn capture_latency_ns(&self) -> u64 {
+        let system = self.capture_system().zip(self.motion_capture.as_ref());
+        system.map_or(0, |(system, stated)| {
+            nanoseconds(stated.latency.unwrap_or(system.latency()))
+        })
     }
 }
 
