@@ -317,7 +317,6 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
     let before = receiver.count();
     receiver.release();
     kill(&place, orchestrator, ServiceId::RcOutput);
-    receiver.release();
     receiver.await_frame("an armed frame of the new process", before, |codes| codes[4] == ARMED);
     kill(&place, orchestrator, ServiceId::Plant);
     until("arming with the new process", || arm(&place).is_none().then_some(()));
