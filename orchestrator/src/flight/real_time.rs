@@ -251,6 +251,7 @@ impl<'a> Flight<'a> {
             if Instant::now() >= next_health {
                 self.observer.health(&self.crew);
                 self.observe_laboratory();
+                self.tell_of_laboratory();
                 self.monitor.end_window();
                 next_health += Duration::from_secs(1);
             }
@@ -327,6 +328,13 @@ impl<'a> Flight<'a> {
         }
         if let Some(figures) = self.laboratory.link(words) {
             self.observer.link(&figures);
+        }
+    }
+
+    fn tell_of_laboratory(&mut self) {
+        let words = self.crew.page().words();
+        for text in self.laboratory.news(words, self.clock.elapsed_ns()) {
+            self.tell(&text);
         }
     }
 

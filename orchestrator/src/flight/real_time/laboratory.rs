@@ -11,10 +11,15 @@ use crate::summary::laboratory::LaboratoryReport;
 /// Age of the last pose with which nobody arms, s.
 const STALE: f64 = 0.5;
 
+/// What is told of the link and of the cameras once they are well.
+const WELL: [&str; 2] = ["the radio link is open", "the cameras see the vehicle"];
+
 /// What a scenario says is in the laboratory.
 pub struct Laboratory<'a> {
     cameras: Option<(CaptureSystem, &'a MotionCapture)>,
     link: Option<RadioProtocol>,
+    /// Whether link and cameras were well when it was told of them last.
+    were_well: [Option<bool>; 2],
 }
 
 impl<'a> Laboratory<'a> {
@@ -24,6 +29,7 @@ impl<'a> Laboratory<'a> {
         Self {
             cameras: scenario.capture_system().zip(scenario.motion_capture.as_ref()),
             link: scenario.radio_link(),
+            were_well: [None; 2],
         }
     }
 
@@ -50,12 +56,31 @@ impl<'a> Laboratory<'a> {
     /// Why the vehicle may not be armed so long after the start of the flight, if it may not.
     #[must_use]
     pub fn refusal_to_arm(&self, words: &Words, elapsed_ns: u64) -> Option<String> {
+        self.troubles(words, elapsed_ns).into_iter().flatten().next()
+    }
+
+    /// What has become well or is not any more since it was asked last, in words.
+    pub fn news(&mut self, words: &Words, elapsed_ns: u64) -> Vec<String> {
+        let is_there = [self.link.is_some(), self.cameras.is_some()];
+        let troubles = self.troubles(words, elapsed_ns).into_iter();
+        let mut news = Vec::new();
+        for (place, trouble) in troubles.enumerate().filter(|(place, _)| is_there[*place]) {
+            let is_well = Some(trouble.is_none());
+            if std::mem::replace(&mut self.were_well[place], is_well) != is_well {
+                news.push(trouble.unwrap_or_else(|| WELL[place].to_owned()));
+            }
+        }
+        news
+    }
+
+    /// What is the matter with the link and with the cameras.
+    fn troubles(&self, words: &Words, elapsed_ns: u64) -> [Option<String>; 2] {
         let link = self.link.zip(self.link(words));
-        let link = link.and_then(|(link, figures)| unsendable(link, &figures));
         let cameras = self.cameras.zip(self.capture(words));
-        link.or_else(|| {
-            cameras.and_then(|((system, stated), figures)| unseen(system, stated, &figures, elapsed_ns))
-        })
+        [
+            link.and_then(|(link, figures)| unsendable(link, &figures)),
+            cameras.and_then(|((system, stated), figures)| unseen(system, stated, &figures, elapsed_ns)),
+        ]
     }
 }
 
@@ -121,8 +146,20 @@ mod tests {
         }
     }
 
-    /// Why nobody may arm with these cameras and a link in this state.
-    fn refusal(figures: &CaptureFigures, state: u32) -> Option<String> {
+    fn stated() -> MotionCapture {
+        MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
+    }
+
+    fn laboratory(stated: &MotionCapture) -> Laboratory<'_> {
+        Laboratory {
+            cameras: Some((CaptureSystem::Vrpn, stated)),
+            link: Some(RadioProtocol::Crsf),
+            were_well: [None; 2],
+        }
+    }
+
+    /// Words with these cameras and a link in this state.
+    fn told(figures: &CaptureFigures, state: u32) -> Words {
         let words = Words::default();
         words.notices[ServiceId::Plant.index()].tell(figures);
         let link = LinkFigures {
@@ -130,12 +167,24 @@ mod tests {
             ..LinkFigures::new_zeroed()
         };
         words.notices[ServiceId::RcOutput.index()].tell(&link);
-        let stated = MotionCapture::new(Ipv4Addr::LOCALHOST, "quad");
-        let laboratory = Laboratory {
-            cameras: Some((CaptureSystem::Vrpn, &stated)),
-            link: Some(RadioProtocol::Crsf),
-        };
-        laboratory.refusal_to_arm(&words, NOW_NS)
+        words
+    }
+
+    /// Why nobody may arm with them.
+    fn refusal(figures: &CaptureFigures, state: u32) -> Option<String> {
+        laboratory(&stated()).refusal_to_arm(&told(figures, state), NOW_NS)
+    }
+
+    #[test]
+    fn what_changes_is_told_once() {
+        let stated = stated();
+        let mut laboratory = laboratory(&stated);
+        let mut news = |state| laboratory.news(&told(&good(), state), NOW_NS);
+        assert_eq!(news(LinkFigures::STATE_OPEN), WELL);
+        assert_eq!(news(LinkFigures::STATE_OPEN), [""; 0]);
+        let lost = news(LinkFigures::STATE_LOST);
+        assert!(lost.len() == 1 && lost[0].contains("`crsf` is lost"), "{lost:?}");
+        assert_eq!(news(LinkFigures::STATE_OPEN), WELL[..1]);
     }
 
     #[test]
