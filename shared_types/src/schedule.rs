@@ -564,6 +564,21 @@ mod tests {
     }
 
     #[test]
+    fn in_a_real_world_all_is_as_in_a_simulated_one_but_for_the_truth() {
+        let simulated = Schedule::ideal(1, 100);
+        let real = simulated.clone().with_real_world();
+        assert!(simulated.simulates_the_world() && !real.simulates_the_world());
+        for topic in Topic::ALL {
+            let is_known = topic != Topic::VehicleTruth;
+            let count = if is_known { simulated.sample_count(topic) } else { 0 };
+            assert_eq!(real.sample_count(topic), count, "{topic}");
+            assert_eq!(real.publication(topic).is_due(50), is_known, "{topic}");
+            assert_eq!(real.buffer_size(topic), simulated.buffer_size(topic));
+        }
+        assert_eq!(real.publications(Topic::VehicleTruth).last_at_or_before(u64::MAX - 1), None);
+    }
+
+    #[test]
     fn a_topic_is_due_only_when_its_publisher_steps() {
         let mut services = [Rate::EVERY_TICK; SERVICES];
         services[ServiceId::Plant.index()] = Rate { period: 2, phase: 0 };

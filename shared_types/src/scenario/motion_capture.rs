@@ -213,3 +213,26 @@ impl MotionCapture {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests_support::rig;
+    use super::*;
+
+    #[test]
+    fn captures_are_as_far_apart_as_the_slowest_cameras_make_them_or_the_schedule() {
+        let between = |rate: f64, source: PoseSource| {
+            let mut scenario = rig();
+            scenario.estimator.as_mut().unwrap().source = source;
+            scenario.motion_capture = Some(MotionCapture {
+                rate: [rate, 500.0],
+                ..MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
+            });
+            let schedule = scenario.schedule().unwrap();
+            (scenario.between_captures_ns(&schedule), scenario.capture_latency_ns())
+        };
+        assert_eq!(between(40.0, PoseSource::Vrpn), (25_000_000, 4_000_000));
+        assert_eq!(between(400.0, PoseSource::Vrpn), (10_000_000, 4_000_000));
+        assert_eq!(between(40.0, PoseSource::Simulated), (10_000_000, 0));
+    }
+}
