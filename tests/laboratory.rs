@@ -190,7 +190,7 @@ impl Receiver {
 }
 
 /// What lets `laboratory.toml` fly here.
-fn settings(port: u16, device: &str) -> [String; 3] {
+fn settings(port: u16, device: &str) -> [String; 4] {
     let [x, y, z] = CAMERAS;
     [
         format!(
@@ -199,6 +199,7 @@ fn settings(port: u16, device: &str) -> [String; 3] {
             std::f64::consts::PI
         ),
         format!("rc_output.transmitter={{device = \"{device}\", arming_channel = 5}}"),
+        "flight.spool_up=0.2".to_owned(),
         "duration=100.0".to_owned(),
     ]
 }
@@ -228,6 +229,12 @@ fn arm(place: &Place) -> Option<String> {
     let output = output(&mut place.gerono(&["arm"]));
     assert!(matches!(output.status.code(), Some(0 | 7)), "{}", printed(&output));
     (!output.status.success()).then(|| printed(&output))
+}
+
+/// Arms anew, as soon as it is granted.
+fn arm_anew(place: &Place) {
+    succeed(&mut place.gerono(&["disarm"]));
+    until("arming", || arm(place).is_none().then_some(()));
 }
 
 fn look(place: &Place) -> Option<Snapshot> {
@@ -311,15 +318,18 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
     );
 
     let cameras = cameras(port);
-    until("arming", || arm(&place).is_none().then_some(()));
-    receiver.await_frame("an armed frame", 0, |codes| codes[4] == ARMED);
+    arm_anew(&place);
+    let is_armed = |codes: &ChannelCodes| codes[4] == ARMED;
+    let takes_off = |codes: &ChannelCodes| is_armed(codes) && codes[2] > 900;
+    receiver.await_frame("the thrust of a take-off", 0, takes_off);
 
     let before = receiver.count();
     receiver.release();
     kill(&place, orchestrator, ServiceId::RcOutput);
-    receiver.await_frame("an armed frame of the new process", before, |codes| codes[4] == ARMED);
+    arm_anew(&place);
+    receiver.await_frame("an armed frame of the new process", before, is_armed);
     kill(&place, orchestrator, ServiceId::Plant);
-    until("arming with the new process", || arm(&place).is_none().then_some(()));
+    arm_anew(&place);
 
     succeed(&mut place.gerono(&["disarm"]));
     until("disarmed", || {

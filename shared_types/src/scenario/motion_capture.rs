@@ -59,7 +59,7 @@ pub struct MotionCapture {
     /// Shortest time from the exposure to the arrival that no stamp tells, s; 0.005 (Vicon), 0.004 (VRPN) or 0.0002 (NatNet) unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<f64>,
-    /// Least and largest rate of frames without a warning, Hz.
+    /// Least and largest rate of frames without a warning, Hz; captures are missing after two periods of the least.
     #[serde(default = "default_rate")]
     pub rate: [f64; 2],
     /// Largest speed that a pose is believed at, m/s.
