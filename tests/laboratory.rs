@@ -320,7 +320,7 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
     let cameras = cameras(port);
     arm_anew(&place);
     let is_armed = |codes: &ChannelCodes| codes[4] == ARMED;
-    let takes_off = |codes: &ChannelCodes| is_armed(codes) && codes[2] > 900;
+    let takes_off = |codes: &ChannelCodes| is_armed(codes) && codes[2] > 600;
     receiver.await_frame("the thrust of a take-off", 0, takes_off);
 
     let before = receiver.count();
