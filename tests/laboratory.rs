@@ -12,11 +12,13 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use common::{Place, finish, output, processes_of, scenario, services_of, shared_memory_of, signal, succeed, until};
+use common::{
+    Place, finish, output, processes_of, scenario, services_of, shared_memory_of, signal, succeed, until,
+};
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
 use motion_capture::sender::server::{Plan, Server};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use orchestrator::live::Snapshot;
 use orchestrator::log::{CaptureFigures, LinkFigures, LogReader};
 use orchestrator::scenario_file;
@@ -109,11 +111,16 @@ fn cameras(port: u16) -> Helper {
             let mut draws = noise.at(u64::from(number));
             let pose = WorldPose {
                 position_world: Vector3::from(PLACE) + draws.normal3() * 2e-4,
-                world_from_body: Matrix3::identity() * exp(&(draws.normal3() * 1e-3)),
+                world_from_body: exp(&(draws.normal3() * 1e-3)),
             };
             server.serve(&["quad"]);
             let now_ns = monotonic_ns();
-            server.send(number, now_ns, now_ns, &[("quad", Some(calibration.capture_pose(&pose)))]);
+            server.send(
+                number,
+                now_ns,
+                now_ns,
+                &[("quad", Some(calibration.capture_pose(&pose)))],
+            );
         }
     })
 }
@@ -207,7 +214,14 @@ fn settings(port: u16, device: &str) -> [String; 4] {
 /// `gerono run` of it in real time, to the folder `out`.
 fn run(place: &Place, settings: &[String], more: &[&str]) -> Child {
     let laboratory = scenario("laboratory");
-    let mut arguments = vec!["run", laboratory.to_str().unwrap(), "--host", "realtime", "--out", "out"];
+    let mut arguments = vec![
+        "run",
+        laboratory.to_str().unwrap(),
+        "--host",
+        "realtime",
+        "--out",
+        "out",
+    ];
     arguments.extend(settings.iter().flat_map(|setting| ["--set", setting.as_str()]));
     arguments.extend(more);
     place
@@ -227,7 +241,11 @@ fn printed(output: &Output) -> String {
 /// Asks for arming; why it is refused, if it is.
 fn arm(place: &Place) -> Option<String> {
     let output = output(&mut place.gerono(&["arm"]));
-    assert!(matches!(output.status.code(), Some(0 | 7)), "{}", printed(&output));
+    assert!(
+        matches!(output.status.code(), Some(0 | 7)),
+        "{}",
+        printed(&output)
+    );
     (!output.status.success()).then(|| printed(&output))
 }
 
@@ -279,7 +297,9 @@ fn sticks_of(place: &Place, link: &RcLink) -> Vec<ChannelCodes> {
     let mut encoder = Encoder::new(link, link.transmitter.as_ref().unwrap()).unwrap();
     let mut frame = Frame::default();
     let recorded = log(place);
-    let recorded = recorded.samples::<RcFrame>().map(|frame| Sticks::of(&frame.unwrap()));
+    let recorded = recorded
+        .samples::<RcFrame>()
+        .map(|frame| Sticks::of(&frame.unwrap()));
     let mut codes: Vec<_> = recorded
         .chain([Sticks::AT_REST])
         .map(|sticks| {
@@ -348,7 +368,12 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
         .iter()
         .filter(|codes| sent.binary_search(codes).is_err())
         .collect();
-    assert!(strange.is_empty(), "{} of {}: {strange:?}", strange.len(), received.len());
+    assert!(
+        strange.is_empty(),
+        "{} of {}: {strange:?}",
+        strange.len(),
+        received.len()
+    );
     let [.., last] = received.as_slice() else {
         panic!("no frame has come")
     };
@@ -362,17 +387,34 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
             .all(|pair| pair[0].capture_time_ns < pair[1].capture_time_ns),
         "each capture is handed out once"
     );
-    assert!(seen.iter().all(|pose| pose.capture_time_ns <= pose.header.stamp_ns));
-    let states: Vec<_> = log(&place).samples::<VehicleState>().map(Result::unwrap).collect();
-    assert!(states.iter().any(|state| state.tracked.is_set() && distance(state.position_world) < 5e-3));
-    assert_eq!(log(&place).samples::<VehicleTruth>().count(), 0, "nobody knows the truth");
+    assert!(
+        seen.iter()
+            .all(|pose| pose.capture_time_ns <= pose.header.stamp_ns)
+    );
+    let states: Vec<_> = log(&place)
+        .samples::<VehicleState>()
+        .map(Result::unwrap)
+        .collect();
+    assert!(
+        states
+            .iter()
+            .any(|state| state.tracked.is_set() && distance(state.position_world) < 5e-3)
+    );
+    assert_eq!(
+        log(&place).samples::<VehicleTruth>().count(),
+        0,
+        "nobody knows the truth"
+    );
 
     let capture: CaptureFigures = last_of_host(&place, "host/motion_capture");
     assert!(capture.believed > 0 && capture.connections == 1, "{capture:?}");
     let link: LinkFigures = last_of_host(&place, "host/radio_link");
     assert!(link.sent > 0 && link.late_max > 0.0, "{link:?}");
     let shown = printed(&ended);
-    assert!(shown.contains("Motion capture: ") && shown.contains("Radio link: "), "{shown}");
+    assert!(
+        shown.contains("Motion capture: ") && shown.contains("Radio link: "),
+        "{shown}"
+    );
 
     let replayed = printed(&succeed(&mut place.gerono(&["replay", "out", "--quiet"])));
     assert!(
@@ -388,18 +430,31 @@ fn what_is_not_there_ends_the_run_before_it_flies_with_the_fix() {
     let missing = settings(free_port(), "/dev/no-such-radio");
     let elsewhere = [
         &settings(free_port(), &receiver.device)[..],
-        &["estimator.source=natnet".to_owned(), "motion_capture.interface=192.0.2.1".to_owned()],
+        &[
+            "estimator.source=natnet".to_owned(),
+            "motion_capture.interface=192.0.2.1".to_owned(),
+        ],
     ]
     .concat();
     for (settings, piece) in [
-        (&missing[..], "there is no device /dev/no-such-radio; is it plugged in?"),
-        (&elsewhere[..], "state as `interface` an address that this machine has"),
+        (
+            &missing[..],
+            "there is no device /dev/no-such-radio; is it plugged in?",
+        ),
+        (
+            &elsewhere[..],
+            "state as `interface` an address that this machine has",
+        ),
     ] {
         let child = run(&place, settings, &[]);
         let orchestrator = child.id();
         let ended = finish(child);
         let shown = printed(&ended);
-        let shown = shown.split_whitespace().collect::<Vec<_>>().join(" ").replace("│ ", "");
+        let shown = shown
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ")
+            .replace("│ ", "");
         assert!(!ended.status.success() && shown.contains(piece), "{shown}");
         assert_nothing_is_left(&place, orchestrator);
         std::fs::remove_dir_all(place.path("out")).unwrap();
@@ -424,7 +479,11 @@ fn a_laboratory_that_nobody_attends_is_refused() {
         arguments.extend(more);
         let ended = output(&mut place.gerono(&arguments));
         let shown = printed(&ended);
-        let shown = shown.split_whitespace().collect::<Vec<_>>().join(" ").replace("│ ", "");
+        let shown = shown
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ")
+            .replace("│ ", "");
         assert_eq!(ended.status.code(), Some(2), "{shown}");
         assert!(shown.contains(piece), "{shown}");
         assert!(!place.path("out").exists());

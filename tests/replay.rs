@@ -56,7 +56,12 @@ fn every_scenario_is_replayed_identically() {
         let mut command = place.gerono(&arguments);
         if out == "laboratory" {
             // As it is tried without one.
-            command.args(["--set", "estimator.source=simulated", "--set", "flight.arm_at=2.0"]);
+            command.args([
+                "--set",
+                "estimator.source=simulated",
+                "--set",
+                "flight.arm_at=2.0",
+            ]);
         }
         succeed(&mut command);
         let log = log_of(&place, &out);

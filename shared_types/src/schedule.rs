@@ -570,12 +570,20 @@ mod tests {
         assert!(simulated.simulates_the_world() && !real.simulates_the_world());
         for topic in Topic::ALL {
             let is_known = topic != Topic::VehicleTruth;
-            let count = if is_known { simulated.sample_count(topic) } else { 0 };
+            let count = if is_known {
+                simulated.sample_count(topic)
+            } else {
+                0
+            };
             assert_eq!(real.sample_count(topic), count, "{topic}");
             assert_eq!(real.publication(topic).is_due(50), is_known, "{topic}");
             assert_eq!(real.buffer_size(topic), simulated.buffer_size(topic));
         }
-        assert_eq!(real.publications(Topic::VehicleTruth).last_at_or_before(u64::MAX - 1), None);
+        assert_eq!(
+            real.publications(Topic::VehicleTruth)
+                .last_at_or_before(u64::MAX - 1),
+            None
+        );
     }
 
     #[test]

@@ -9,7 +9,6 @@ use radio_link::sender::{Condition, Report, Sender};
 use radio_link::sticks::Sticks;
 use runtime::shared_page::SharedPage;
 use shared_types::sample::Field;
-use shared_types::samples::RcFrame;
 use shared_types::scenario::RcLink;
 use shared_types::service::{ErasedService, InputView, OutputSlot, Outputs, nanoseconds, seconds};
 use shared_types::wiring::RcOutputOutputs;

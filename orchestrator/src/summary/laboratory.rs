@@ -135,7 +135,10 @@ impl Display for CaptureReport {
             1e3 * self.latency,
             1e3 * self.jitter
         )?;
-        let happened = self.happened.iter().map(|(what, count)| format!("{what} {count}"));
+        let happened = self
+            .happened
+            .iter()
+            .map(|(what, count)| format!("{what} {count}"));
         let happened: Vec<_> = happened.collect();
         if !happened.is_empty() {
             write!(formatter, " {}.", happened.join(", "))?;
@@ -178,13 +181,19 @@ mod tests {
             ..CaptureFigures::new_zeroed()
         };
         let text = LaboratoryReport::of(Some(&figures), None).unwrap().to_string();
-        assert!(text.contains("12 frames, 10 believed") && text.ends_with(" occluded 2."), "{text}");
+        assert!(
+            text.contains("12 frames, 10 believed") && text.ends_with(" occluded 2."),
+            "{text}"
+        );
         assert!(!text.contains("Radio link"));
         let link = LinkFigures {
             sent: 7,
             ..LinkFigures::new_zeroed()
         };
         let text = LaboratoryReport::of(None, Some(&link)).unwrap().to_string();
-        assert!(text.contains("7 frames sent") && !text.contains("Late by"), "{text}");
+        assert!(
+            text.contains("7 frames sent") && !text.contains("Late by"),
+            "{text}"
+        );
     }
 }

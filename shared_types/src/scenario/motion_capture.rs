@@ -229,7 +229,10 @@ mod tests {
                 ..MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
             });
             let schedule = scenario.schedule().unwrap();
-            (scenario.between_captures_ns(&schedule), scenario.capture_latency_ns())
+            (
+                scenario.between_captures_ns(&schedule),
+                scenario.capture_latency_ns(),
+            )
         };
         assert_eq!(between(40.0, PoseSource::Vrpn), (25_000_000, 4_000_000));
         assert_eq!(between(400.0, PoseSource::Vrpn), (10_000_000, 4_000_000));

@@ -113,7 +113,9 @@ fn unseen(
         CaptureFigures::HEALTH_ABSENT => Some(format!(
             "`{name}` frames come from {server}, but none has seen a body `{object}` yet"
         )),
-        CaptureFigures::HEALTH_SETTLING => Some(format!("poses of `{object}` come, but are not believed yet")),
+        CaptureFigures::HEALTH_SETTLING => {
+            Some(format!("poses of `{object}` come, but are not believed yet"))
+        }
         _ if age > STALE => Some(format!(
             "the last pose of `{object}` that can be believed is {age:.1} s old"
         )),
@@ -213,7 +215,10 @@ mod tests {
         assert!(old.contains("is 2.0 s old"), "{old}");
         let slow = with(&|figures| figures.rate = 20.0);
         assert!(slow.contains("20.0 frames come a second"), "{slow}");
-        for (state, piece) in [(LinkFigures::STATE_LOST, "is lost"), (LinkFigures::STATE_UNKNOWN, "not been opened")] {
+        for (state, piece) in [
+            (LinkFigures::STATE_LOST, "is lost"),
+            (LinkFigures::STATE_UNKNOWN, "not been opened"),
+        ] {
             assert!(refusal(&good(), state).unwrap().contains(piece));
         }
     }

@@ -344,8 +344,8 @@ fn commands_under_way(scenario: &Scenario, schedule: &Schedule, model: &Model) -
     let captures = schedule.edge(ServiceId::Estimator, 0);
     let ticks = captures.latency + schedule.service_rate(ServiceId::Estimator).period;
     let arrival_ns = schedule.time_ns(ticks) + scenario.between_captures_ns(schedule);
-    let capture_age_ns = (arrival_ns + scenario.capture_latency_ns())
-        .max(nanoseconds(model.capture_latency.unwrap_or(0.0)));
+    let capture_age_ns =
+        (arrival_ns + scenario.capture_latency_ns()).max(nanoseconds(model.capture_latency.unwrap_or(0.0)));
     let frame_period_ns = schedule.time_ns(schedule.topic_rate(Topic::RcFrame).period);
     // One more acts at the beginning, the one before it is kept, and another may begin at either end.
     (capture_age_ns.saturating_add(nanoseconds(model.radio_latency))).div_ceil(frame_period_ns) + 3
