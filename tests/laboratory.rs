@@ -128,10 +128,10 @@ fn cameras(port: u16) -> Helper {
 /// A receiver on a pseudo-terminal.
 struct Receiver {
     device: String,
+    _reader: Helper,
     /// The transmitter's end once more: as long as it is open the line never hangs up.
     line: OwnedFd,
     frames: Arc<Mutex<Vec<ChannelCodes>>>,
-    _reader: Helper,
 }
 
 impl Receiver {
@@ -171,9 +171,9 @@ impl Receiver {
         });
         Self {
             device,
+            _reader: reader,
             line,
             frames,
-            _reader: reader,
         }
     }
 
