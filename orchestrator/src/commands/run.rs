@@ -27,12 +27,12 @@ use crate::summary::{self, RunFacts, Summary};
 /// [`Failure`] if nothing was flown; a flight that ends badly is an [`Exit`].
 pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let scenario = load(&arguments.scenario)?;
+    refuse_laboratory(&scenario, arguments.host)?;
     if let Some(problem) = scenario.unasked()
         && arguments.host != Host::Realtime
     {
         return Err(Failure::new(Exit::BadInput, problem));
     }
-    refuse_laboratory(&scenario, arguments.host)?;
     let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
         let reason =

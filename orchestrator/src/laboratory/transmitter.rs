@@ -47,11 +47,14 @@ impl Transmitter {
             .ok_or_else(|| format!("nothing says where frames of `{}` go", link.link.name()))?;
         let period_ns = nanoseconds(1.0 / transmitter.frame_rate_on(link.link));
         let sender = Sender::start(opened, period_ns).map_err(|error| error.to_string())?;
-        Ok(Self {
+        let figures = in_flight(&sender.condition());
+        let transmitter = Self {
             service,
             sender: Some(sender),
             page,
-        })
+        };
+        transmitter.tell(&figures);
+        Ok(transmitter)
     }
 
     fn tell(&self, figures: &LinkFigures) {
