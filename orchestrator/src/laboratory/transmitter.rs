@@ -18,11 +18,14 @@ use zerocopy::FromZeros;
 use super::is_under_way;
 use crate::log::LinkFigures;
 
-/// The transmitter's step logic, and who sends what it says. Dropping it lets the motors rest.
+/// The transmitter's step logic, and who sends what it says. Dropping it lets the motors rest, unless another process
+/// will go on.
 pub(super) struct Transmitter {
     service: Box<dyn ErasedService>,
     /// There until it is stopped.
     sender: Option<Sender>,
+    /// Whether the last frame was not finite: that ends this process, not the flight.
+    is_broken: bool,
     page: Arc<SharedPage>,
 }
 
@@ -51,6 +54,7 @@ impl Transmitter {
         let transmitter = Self {
             service,
             sender: Some(sender),
+            is_broken: false,
             page,
         };
         transmitter.tell(&figures);
@@ -71,9 +75,12 @@ impl ErasedService for Transmitter {
         self.service.step(now, inputs, outputs);
         let Some(sender) = &self.sender else { return };
         let mut outputs = RcOutputOutputs::from_slots(outputs);
-        // What is not finite is not published either.
-        if let Some(frame) = outputs.frame.due().filter(|frame| frame.is_finite()) {
-            sender.put(&Sticks::of(frame));
+        if let Some(frame) = outputs.frame.due() {
+            self.is_broken = !frame.is_finite();
+            // What is not finite is not published either.
+            if !self.is_broken {
+                sender.put(&Sticks::of(frame));
+            }
         }
         self.tell(&in_flight(&sender.condition()));
     }
@@ -94,7 +101,9 @@ impl ErasedService for Transmitter {
 impl Drop for Transmitter {
     fn drop(&mut self) {
         let Some(sender) = self.sender.take() else { return };
-        sender.put(&Sticks::AT_REST);
+        if !self.is_broken {
+            sender.put(&Sticks::AT_REST);
+        }
         if let Ok(report) = sender.stop() {
             self.tell(&at_the_end(&report));
         }
@@ -137,5 +146,93 @@ fn at_the_end(report: &Report) -> LinkFigures {
         late_p99: late(0.99),
         late_max: late(1.0),
         ..LinkFigures::new_zeroed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use radio_link::crsf;
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    use shared_types::samples::RcFrame;
+    use shared_types::scenario::{RadioProtocol, Transmitter as Stated};
+    use shared_types::service::Operator;
+    use zerocopy::IntoBytes;
+
+    /// Says frames of these thrusts, N, one a step.
+    struct Says(Vec<f64>);
+
+    impl ErasedService for Says {
+        fn id(&self) -> ServiceId {
+            ServiceId::RcOutput
+        }
+
+        fn step(&mut self, _now: &Now, _inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
+            let mut outputs = RcOutputOutputs::from_slots(outputs);
+            let frame = outputs.frame.due().unwrap();
+            frame.mode = RcFrame::MODE_RATES;
+            frame.channels = [1000; 16];
+            frame.thrust = self.0.remove(0);
+        }
+
+        fn state_size(&self) -> usize {
+            0
+        }
+
+        fn save(&self, _bytes: &mut [u8]) {}
+
+        fn restore(&mut self, _bytes: &[u8]) {}
+    }
+
+    /// The last frame that a receiver gets of a transmitter that has said frames of these thrusts.
+    fn last_frame(thrusts: &[f64]) -> radio_link::ChannelCodes {
+        let receiver = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+        grantpt(&receiver).unwrap();
+        unlockpt(&receiver).unwrap();
+        let device = ptsname(&receiver, Vec::new()).unwrap().into_string().unwrap();
+        let link = RcLink {
+            link: RadioProtocol::Crsf,
+            transmitter: Some(Stated {
+                device: Some(device),
+                arming_channel: Some(5),
+                ..Stated::default()
+            }),
+            ..RcLink::default()
+        };
+        let page = Arc::new(SharedPage::create().unwrap());
+        let service = Box::new(Says(thrusts.to_vec()));
+        let mut transmitter = Transmitter::open(service, &link, Arc::clone(&page)).unwrap();
+        for _ in thrusts {
+            let mut frame = RcFrame::new_zeroed();
+            let mut outputs = [OutputSlot {
+                bytes: Some(frame.as_mut_bytes()),
+            }];
+            let now = Now {
+                tick: 0,
+                time_ns: 0,
+                elapsed_ns: 0,
+                operator: Operator::FLYING,
+            };
+            transmitter.step(&now, &[], &mut outputs);
+        }
+        drop(transmitter);
+        let figures: LinkFigures = page.words().notices[ServiceId::RcOutput.index()].look();
+        let mut bytes = vec![0; crsf::LENGTH * usize::try_from(figures.sent).unwrap()];
+        let mut filled = 0;
+        while filled < bytes.len() {
+            filled += rustix::io::read(&receiver, &mut bytes[filled..]).unwrap();
+        }
+        crsf::decode(&bytes[bytes.len() - crsf::LENGTH..]).unwrap()
+    }
+
+    #[test]
+    fn at_the_end_the_motors_rest() {
+        assert_eq!(last_frame(&[2.0, 2.1])[..5], [992, 992, 172, 992, 172]);
+    }
+
+    #[test]
+    fn whoever_says_what_is_not_finite_leaves_the_sticks_to_its_successor() {
+        let last = last_frame(&[2.0, f64::NAN]);
+        assert_eq!(last[4], crsf::ENDS[1], "still armed");
     }
 }
