@@ -53,9 +53,12 @@ pub enum Command {
     /// A flight of one of the paper's figures is drawn as that figure too, as SVG beside the page.
     #[command(after_help = Report::EXAMPLES)]
     Report(Report),
-    /// Write the samples of a log as JSON lines, or those of one topic as a table (CSV), for other programs.
+    /// Write the samples of a log as JSON lines, or those of one topic as a table (CSV), for other programs; or a copy for viewers.
     ///
     /// Numbers are read back to the bit; those that are not finite are the words NaN, inf and -inf.
+    ///
+    /// With --view, an MCAP file with every message of the log as it is, and beside them what Foxglove, Lichtblick and Rerun need
+    /// to show the flight in space: frames, the vehicle, its way and that of the reference (docs/viewers.md).
     #[command(after_help = Export::EXAMPLES)]
     Export(Export),
     /// Say what is in a log: scenario, seed, topics with their rates and gaps, planned faults, and how the run went.
@@ -599,9 +602,12 @@ impl Report {
 pub struct Export {
     /// The log (run.mcap), or the folder that holds it.
     pub log: PathBuf,
-    /// The file to write, or `-` [default: standard output].
+    /// The file to write, or `-` [default: standard output; with --view run.view.mcap beside the log].
     #[arg(long, short, visible_alias = "out", value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Write a copy of the log for viewers.
+    #[arg(long, conflicts_with_all = ["every", "topic", "csv"])]
+    pub view: bool,
     /// Write only every n-th tick.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub every: u64,
@@ -618,7 +624,8 @@ impl Export {
     const EXAMPLES: &str = "Examples:\n  \
         gerono export runs/fig1-1 --every 100 --output fig1.jsonl\n  \
         gerono export runs/fig1-1 --csv --topic control/errors --out errors.csv\n  \
-        gerono export runs/fig1-1 --csv --topic vehicle/truth | head";
+        gerono export runs/fig1-1 --csv --topic vehicle/truth | head\n  \
+        gerono export runs/fig1-1 --view --out fig1.mcap";
 }
 
 fn topic(name: &str) -> Result<Topic, String> {

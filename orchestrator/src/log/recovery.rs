@@ -344,11 +344,7 @@ impl<'a> Copy<'a> {
         manifest: Option<&Manifest>,
         recovery: &Recovery,
     ) -> Result<Self, LogError> {
-        let compression = match first.compression.as_str() {
-            "lz4" => Compression::Lz4,
-            "zstd" => Compression::Zstd,
-            _ => Compression::None,
-        };
+        let compression = Compression::of_name(&first.compression);
         let mut copy = Self {
             file: McapFile::create(target, compression, None)?,
             kinds,
