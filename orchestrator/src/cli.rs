@@ -83,11 +83,11 @@ pub enum Command {
     Digest(Digest),
     /// Measure this machine: simulated seconds per wall second of every host, beside bare rings as floors.
     ///
-    /// `gerono bench latency` measures flights in real time instead.
+    /// `gerono bench latency` measures flights in real time instead, `gerono bench recorder` what recording costs.
     Bench(Bench),
     /// Fly the paper's figures again, over many seeds in three laboratories, judge and draw them.
     ///
-    /// Writes reproduce.json, figures.md, a drawing a figure and index.html. Fails only if a number has regressed: neither
+    /// Writes reproduce.json, figures.md, a drawing a figure, a page of the first flight of each, and index.html, which shows and links them. Fails only if a number has regressed: neither
     /// reaches its bar nor is a known gap. The seeds are 101 and following; gains were tuned on 1 to 6.
     Reproduce(Reproduce),
     /// Let every service and every edge of the wiring fail in every way, and see what becomes of the vehicle.
@@ -780,6 +780,43 @@ pub enum BenchInstead {
     /// Takes 12 × REPETITIONS × SECONDS, or half of it without SCHED_FIFO.
     #[command(after_help = BenchLatency::EXAMPLES)]
     Latency(BenchLatency),
+    /// Measure what it costs to record a sample, beside the MCAP library alone, and whether memory grows.
+    ///
+    /// The writer of run.mcap and the library itself write the same messages of Fig. 1 to memory, in turn, uncompressed. Shown are
+    /// medians of the repetitions, and the median of the ratios of CPU time, pair by pair. Then as many minutes of flight as
+    /// asked for are recorded to nowhere, and the process's memory after a tenth of them stands beside that at their end.
+    #[command(after_help = BenchRecorder::EXAMPLES)]
+    Recorder(BenchRecorder),
+}
+
+/// Arguments of `gerono bench recorder`.
+#[derive(Debug, Args)]
+pub struct BenchRecorder {
+    /// Repetitions of each measurement of time; medians are shown.
+    #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repetitions: u32,
+    /// Length of the flight over which memory is watched, min at 1 kHz.
+    #[arg(long, value_name = "MIN", default_value = "10", value_parser = minutes)]
+    pub minutes: f64,
+    /// Write the figures as JSON to this file as well: times in s, memory in bytes.
+    #[arg(long, value_name = "F")]
+    pub json: Option<PathBuf>,
+}
+
+impl BenchRecorder {
+    /// What `gerono bench recorder --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono bench recorder\n  \
+        gerono bench recorder --repetitions 31 --minutes 60 --json recorder.json";
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let minutes = text.parse().map_err(|_| "give a time in min".to_owned())?;
+    if (0.1..=1440.0).contains(&minutes) {
+        Ok(minutes)
+    } else {
+        Err("give a time from 0.1 to 1440 min".to_owned())
+    }
 }
 
 /// Arguments of `gerono bench latency`.

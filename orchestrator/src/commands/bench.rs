@@ -6,6 +6,7 @@
 mod chain;
 mod latency;
 mod measure;
+mod recorder;
 mod ring;
 
 use comfy_table::{Table, presets};
@@ -50,14 +51,15 @@ struct Measured {
 /// # Errors
 /// [`Failure`].
 pub fn bench(arguments: &Bench) -> Result<(), Failure> {
+    let scenario: Scenario = toml::from_str(SCENARIO).map_err(|error| Failure::new(Exit::Trouble, error))?;
     match &arguments.instead {
         Some(BenchInstead::Latency(arguments)) => latency::latency(arguments),
-        None => throughput(arguments),
+        Some(BenchInstead::Recorder(arguments)) => recorder::recorder(&scenario, arguments),
+        None => throughput(&scenario, arguments),
     }
 }
 
-fn throughput(arguments: &Bench) -> Result<(), Failure> {
-    let scenario: Scenario = toml::from_str(SCENARIO).map_err(|error| Failure::new(Exit::Trouble, error))?;
+fn throughput(scenario: &Scenario, arguments: &Bench) -> Result<(), Failure> {
     let flight = Scenario {
         duration: arguments.duration,
         ..scenario.clone()
@@ -66,7 +68,7 @@ fn throughput(arguments: &Bench) -> Result<(), Failure> {
         vehicle: clipped(&flight),
         ..flight
     };
-    let measured = measure::all(&scenario, &flight, arguments.repetitions)
+    let measured = measure::all(scenario, &flight, arguments.repetitions)
         .map_err(|error| Failure::new(Exit::Trouble, error))?;
     print(format!("{}\n", table(&measured.rates)));
     if let (Some(restart), Some(quick)) = (measured.restart_milliseconds, measured.quick_restart_milliseconds)
