@@ -4,7 +4,7 @@
 //! It tells how to make one: what of a real log to begin with, and then pieces, each a kind (a byte), a length (two bytes,
 //! little-endian) and as many bytes. They become records with proper lengths, in chunks with proper checksums, or raw bytes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use orchestrator::log::{
     Compression, LogReader, Manifest, RecoverError, Recovery, RunLogWriter, inspect, is_whole, recover,
@@ -103,7 +103,7 @@ impl Harness {
         if begin & WITH_TOPICS != 0 {
             seal(&mut self.topics.clone(), &mut file);
         }
-        while let Some((&[kind, low, high], rest)) = pieces.split_first_chunk() {
+        while let Some((&[kind, low, high], rest)) = pieces.split_first_chunk::<3>() {
             let length = usize::from(u16::from_le_bytes([low, high])).min(rest.len());
             let (body, rest) = rest.split_at(length);
             pieces = rest;
@@ -138,7 +138,7 @@ impl Default for Harness {
 }
 
 /// The recovered log is whole, has what the recovery says, and begins with what could be read before.
-fn check_recovered(before: &[(Topic, Vec<u8>)], recovery: &Recovery, target: &PathBuf) {
+fn check_recovered(before: &[(Topic, Vec<u8>)], recovery: &Recovery, target: &Path) {
     assert!(is_whole(target).unwrap(), "the recovered log is not whole");
     let is_of_a_flight = recovery.samples.keys().all(|name| Topic::from_name(name).is_some());
     if is_of_a_flight {
