@@ -56,7 +56,8 @@ impl Harness {
         let path = folder.path().join("real.mcap");
         let scenario: Scenario = toml::from_str(SCENARIO).expect("the scenario is well-formed");
         let log = RunLogWriter::create(&path, &Manifest::new(&scenario), Compression::None);
-        log.and_then(RunLogWriter::finish).expect("the log can be written");
+        log.and_then(RunLogWriter::finish)
+            .expect("the log can be written");
         let real = std::fs::read(path).expect("it was written");
         let mut chunk_at = mcap::MAGIC.len();
         while real[chunk_at] != kind::CHUNK {
@@ -75,7 +76,10 @@ impl Harness {
         let [source, target] = ["run.mcap", "run.recovered.mcap"].map(|name| self.folder.path().join(name));
         std::fs::write(&source, self.file(input)).expect("temporary files can be written");
         let (read, is_complete) = read(&source);
-        assert!(!is_complete || is_whole(&source).unwrap(), "read to its end, but not whole");
+        assert!(
+            !is_complete || is_whole(&source).unwrap(),
+            "read to its end, but not whole"
+        );
         let inspected = inspect(&source).unwrap();
         match recover(&source, &target, None) {
             Ok(recovery) => {
@@ -140,12 +144,18 @@ impl Default for Harness {
 /// The recovered log is whole, has what the recovery says, and begins with what could be read before.
 fn check_recovered(before: &[(Topic, Vec<u8>)], recovery: &Recovery, target: &Path) {
     assert!(is_whole(target).unwrap(), "the recovered log is not whole");
-    let is_of_a_flight = recovery.samples.keys().all(|name| Topic::from_name(name).is_some());
+    let is_of_a_flight = recovery
+        .samples
+        .keys()
+        .all(|name| Topic::from_name(name).is_some());
     if is_of_a_flight {
         let (after, is_complete) = read(target);
         assert!(is_complete, "the recovered log cannot be read to its end");
         assert_eq!(after.len() as u64, recovery.kept());
-        assert!(after.starts_with(before), "what was read is not in the recovered log");
+        assert!(
+            after.starts_with(before),
+            "what was read is not in the recovered log"
+        );
     }
 }
 
@@ -192,7 +202,13 @@ fn seal(records: &mut Vec<u8>, file: &mut Vec<u8>) {
 /// The CRC-32 that MCAP prescribes.
 fn checksum(bytes: &[u8]) -> u32 {
     const POLYNOMIAL: u32 = 0xedb8_8320;
-    let shifted = |crc: u32, _| if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ POLYNOMIAL };
+    let shifted = |crc: u32, _| {
+        if crc & 1 == 0 {
+            crc >> 1
+        } else {
+            crc >> 1 ^ POLYNOMIAL
+        }
+    };
     let crc = bytes
         .iter()
         .fold(u32::MAX, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), shifted));

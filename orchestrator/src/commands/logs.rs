@@ -10,7 +10,9 @@ use super::{Failure, find_log, log_path, print};
 use crate::cli::{Export, Info, Recover};
 use crate::exit::Exit;
 use crate::info;
-use crate::log::{self, ExportError, RecoverError, ViewError, host_log_beside, is_whole, partial_path, recovered_path};
+use crate::log::{
+    self, ExportError, RecoverError, ViewError, host_log_beside, is_whole, partial_path, recovered_path,
+};
 use crate::scenario_file;
 
 /// `gerono export`.

@@ -102,7 +102,10 @@ fn show_figures(
         let sheet = table::observability(observability);
         write(&folder.path().join("observability.md"), &sheet.markdown())?;
     }
-    write(&folder.path().join("index.html"), &gallery::page(&report, &drawn, &pages))?;
+    write(
+        &folder.path().join("index.html"),
+        &gallery::page(&report, &drawn, &pages),
+    )?;
     print(&report);
     Ok(if report.has_regressed() {
         Exit::Regressed

@@ -147,7 +147,10 @@ mod tests {
             .map(|figure| {
                 let page = FlightPage::of(figure).unwrap();
                 let recipes = figure.experiment().recipes;
-                assert!(recipes.iter().any(|recipe| recipe.name == page.flight), "{page:?}");
+                assert!(
+                    recipes.iter().any(|recipe| recipe.name == page.flight),
+                    "{page:?}"
+                );
                 page.link()
             })
             .collect();

@@ -100,7 +100,11 @@ fn measure(scenario: &Scenario, arguments: &BenchRecorder) -> Result<Measured> {
     let bar = progress_of("repetition", u64::from(arguments.repetitions));
     for repetition in 0..arguments.repetitions {
         let record = || messages.record(RunLogWriter::create(&path, &manifest, Compression::None)?, ROUNDS);
-        let write = || messages.write_plainly(&path, ROUNDS).map_err(|error| setup(&error));
+        let write = || {
+            messages
+                .write_plainly(&path, ROUNDS)
+                .map_err(|error| setup(&error))
+        };
         // Whoever comes second finds the memory of the file warm.
         if repetition.is_multiple_of(2) {
             ours.measure(|| Ok(record()?))?;
@@ -183,7 +187,9 @@ impl Messages {
         let ending = in_process::fly(flight, &mut messages, &Interrupt::never())?;
         match ending.outcome {
             Outcome::Completed => Ok(messages),
-            outcome => Err(setup(&format!("the flight to be recorded ended early: {outcome:?}"))),
+            outcome => Err(setup(&format!(
+                "the flight to be recorded ended early: {outcome:?}"
+            ))),
         }
     }
 
@@ -358,7 +364,12 @@ mod tests {
             let messages = mcap::MessageStream::new(&file).unwrap().map(|message| {
                 let message = message.unwrap();
                 let data = message.data.into_owned();
-                (message.channel.topic.clone(), message.sequence, message.log_time, data)
+                (
+                    message.channel.topic.clone(),
+                    message.sequence,
+                    message.log_time,
+                    data,
+                )
             });
             messages.collect::<Vec<_>>()
         });

@@ -184,9 +184,12 @@ pub(super) fn points(time_ns: u64, flown: &[[f64; 3]], desired: &[[f64; 3]]) -> 
     let ways = [(flown, FLOWN), (desired, DESIRED)];
     let data = ways.into_iter().flat_map(|(places, color)| {
         let bytes = packed(color);
-        places
-            .iter()
-            .flat_map(move |place| place.map(|number| (number as f32).to_le_bytes()).into_iter().chain([bytes]))
+        places.iter().flat_map(move |place| {
+            place
+                .map(|number| (number as f32).to_le_bytes())
+                .into_iter()
+                .chain([bytes])
+        })
     });
     PointCloud {
         timestamp: Timestamp::from_ns(time_ns),

@@ -78,7 +78,9 @@ fn member(bytes: &[u8], number: u64) -> Vec<u8> {
 /// The numbers of a vector or a quaternion.
 fn numbers(bytes: &[u8]) -> Vec<f64> {
     let members = members(bytes);
-    let parts = members.values().map(|part| part[0].as_slice().try_into().unwrap());
+    let parts = members
+        .values()
+        .map(|part| part[0].as_slice().try_into().unwrap());
     parts.map(f64::from_le_bytes).collect()
 }
 
@@ -142,7 +144,15 @@ fn every_message_of_the_log_is_in_the_copy_byte_for_byte_and_in_its_order() {
         let found = messages_of(path).into_iter();
         found
             .filter(|found| !found.topic.starts_with("view/"))
-            .map(|found| (found.topic, found.schema, found.time_ns, found.sequence, found.data))
+            .map(|found| {
+                (
+                    found.topic,
+                    found.schema,
+                    found.time_ns,
+                    found.sequence,
+                    found.data,
+                )
+            })
             .collect()
     };
     assert!(all(&log) == all(&copy));
@@ -152,7 +162,12 @@ fn every_message_of_the_log_is_in_the_copy_byte_for_byte_and_in_its_order() {
         let is_ours = !channel.topic.starts_with("view/");
         let encoding = if is_ours { "cdr" } else { "protobuf" };
         assert_eq!(channel.message_encoding, encoding, "{}", channel.topic);
-        assert_eq!(channel.metadata.contains_key("layout"), is_ours, "{}", channel.topic);
+        assert_eq!(
+            channel.metadata.contains_key("layout"),
+            is_ours,
+            "{}",
+            channel.topic
+        );
     }
 }
 
@@ -160,7 +175,12 @@ fn every_message_of_the_log_is_in_the_copy_byte_for_byte_and_in_its_order() {
 fn poses_come_thirty_times_a_second_and_what_stands_still_once_before_them() {
     let (_folder, _, copy) = flown(true);
     let found = messages_of(&copy);
-    let of = |topic: &str| found.iter().filter(|found| found.topic == topic).collect::<Vec<_>>();
+    let of = |topic: &str| {
+        found
+            .iter()
+            .filter(|found| found.topic == topic)
+            .collect::<Vec<_>>()
+    };
     for topic in ["view/upright", "view/scene", "view/points"] {
         assert_eq!(of(topic).len(), 1, "{topic}");
     }
@@ -173,11 +193,13 @@ fn poses_come_thirty_times_a_second_and_what_stands_still_once_before_them() {
         for (index, pose) in poses.iter().enumerate() {
             assert_eq!(pose.sequence as usize, index);
             let due_ns = index as u64 * 1_000_000_000 / DISPLAY_RATE;
-            assert!((due_ns..=due_ns + 1_000_000).contains(&pose.time_ns), "{topic} {index}");
+            assert!(
+                (due_ns..=due_ns + 1_000_000).contains(&pose.time_ns),
+                "{topic} {index}"
+            );
             let stamp = member(&pose.data, 1);
-            let [seconds, nanos] = [1, 2].map(|number| {
-                u64::from_le_bytes(member(&stamp, number).try_into().unwrap())
-            });
+            let [seconds, nanos] =
+                [1, 2].map(|number| u64::from_le_bytes(member(&stamp, number).try_into().unwrap()));
             assert_eq!(seconds * 1_000_000_000 + nanos, pose.time_ns);
         }
     }
@@ -190,13 +212,19 @@ fn the_vehicle_is_where_the_truth_says_and_what_is_below_in_our_frame_is_below_f
     let found = messages_of(&copy);
     let last = |topic: &str| found.iter().rfind(|found| found.topic == topic).unwrap();
     let rotation = |bytes: &[u8]| {
-        let [x, y, z, w] = numbers(bytes)[..] else { panic!("no quaternion") };
+        let [x, y, z, w] = numbers(bytes)[..] else {
+            panic!("no quaternion")
+        };
         nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z))
     };
 
     let upright = rotation(&member(&last("view/upright").data, 5));
     let body = &last("view/body").data;
-    assert_eq!(member(body, 2), member(&last("view/upright").data, 3), "one hangs on the other");
+    assert_eq!(
+        member(body, 2),
+        member(&last("view/upright").data, 3),
+        "one hangs on the other"
+    );
     let position = Vector3::from_vec(numbers(&member(body, 4)));
     assert!((position - Vector3::new(SECONDS, 0.0, 1.0)).norm() < 1e-12);
     assert!((upright * position - Vector3::new(SECONDS, 0.0, -1.0)).norm() < 1e-12);
@@ -214,7 +242,11 @@ fn the_vehicle_is_where_the_truth_says_and_what_is_below_in_our_frame_is_below_f
 fn the_scene_has_the_vehicle_in_its_frame_and_both_ways_in_ours() {
     let (_folder, _, copy) = flown(true);
     let found = messages_of(&copy);
-    let scene = &found.iter().find(|found| found.topic == "view/scene").unwrap().data;
+    let scene = &found
+        .iter()
+        .find(|found| found.topic == "view/scene")
+        .unwrap()
+        .data;
     let entities = &members(scene)[&2];
     let frames: Vec<_> = entities.iter().map(|entity| member(entity, 2)).collect();
     assert_eq!(frames, [b"body".to_vec(), b"world".to_vec(), b"world".to_vec()]);
@@ -224,7 +256,11 @@ fn the_scene_has_the_vehicle_in_its_frame_and_both_ways_in_ours() {
     assert_eq!(numbers(flown.last().unwrap()), [SECONDS, 0.0, 1.0]);
     assert_eq!(numbers(&points(&entities[2])[0]), [0.0, 2.0, -1.0]);
 
-    let cloud = &found.iter().find(|found| found.topic == "view/points").unwrap().data;
+    let cloud = &found
+        .iter()
+        .find(|found| found.topic == "view/points")
+        .unwrap()
+        .data;
     let data = member(cloud, 6);
     let stride = usize::try_from(u32::from_le_bytes(member(cloud, 4).try_into().unwrap())).unwrap();
     assert_eq!(data.len(), 2 * flown.len() * stride);
@@ -238,7 +274,10 @@ fn the_scene_has_the_vehicle_in_its_frame_and_both_ways_in_ours() {
 fn without_a_truth_the_estimate_is_shown_once_there_is_one() {
     let (_folder, _, copy) = flown(false);
     let found = messages_of(&copy);
-    let poses: Vec<_> = found.iter().filter(|found| found.topic == "view/vehicle").collect();
+    let poses: Vec<_> = found
+        .iter()
+        .filter(|found| found.topic == "view/vehicle")
+        .collect();
     assert_eq!(poses[0].time_ns, 500_000_000);
     assert_eq!(poses.len() as u64, 3 * DISPLAY_RATE / 2 + 1);
 }
@@ -246,7 +285,9 @@ fn without_a_truth_the_estimate_is_shown_once_there_is_one() {
 #[test]
 fn a_long_way_is_thinned_from_its_begin_on() {
     let mut way = Way::default();
-    way.places = (0..2 * POINTS_MAX + 1).map(|index| [index as f64, 0.0, 0.0]).collect();
+    way.places = (0..2 * POINTS_MAX + 1)
+        .map(|index| [index as f64, 0.0, 0.0])
+        .collect();
     let thinned = way.thinned();
     assert!(thinned.len() <= POINTS_MAX);
     assert_eq!(thinned[..2], [[0.0; 3], [3.0, 0.0, 0.0]]);

@@ -359,6 +359,9 @@ mod tests {
         assert_eq!(members[0].type_name, None);
         let names: Vec<_> = all().into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["test.Inner", "test.Outer"]);
-        assert_eq!(message("test.Inner", &Inner::members()), b"\x0a\x05Inner\x12\x0d\x0a\x05value\x18\x01 \x01(\x05");
+        assert_eq!(
+            message("test.Inner", &Inner::members()),
+            b"\x0a\x05Inner\x12\x0d\x0a\x05value\x18\x01 \x01(\x05"
+        );
     }
 }
