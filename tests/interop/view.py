@@ -6,13 +6,15 @@
 * What was added is what Foxglove calls so: its own definitions have every type and member that the copy's schemas describe, decode
   each message, leave no byte of it unknown, and find in it what the copy's schemas find.
 * Poses are those of the log, at display rate and upright for viewers.
-* Rerun finds nothing wrong, and in its recording, written to FOLDER, are the frames, poses and points that it draws.
+* Rerun finds nothing wrong, and in its recording, written to FOLDER, all frames, poses and points are what it draws as such.
 
 Fails at the first difference, naming it.
 """
 
 import importlib
 import math
+import re
+import struct
 import subprocess
 import sys
 from collections import Counter
@@ -41,11 +43,11 @@ CHANNELS = {
 
 # What Rerun makes of them.
 DRAWN = {
-    "/view/body": "Transform3D",
-    "/view/upright": "Transform3D",
-    "/view/vehicle": "InstancePoses3D",
-    "/view/reference": "InstancePoses3D",
-    "/view/points": "Points3D",
+    "view/body": "Transform3D:quaternion",
+    "view/upright": "Transform3D:quaternion",
+    "view/vehicle": "InstancePoses3D:translations",
+    "view/reference": "InstancePoses3D:translations",
+    "view/points": "Points3D:positions",
 }
 
 
@@ -178,28 +180,42 @@ def check_ways(added):
     """The lines go through the poses, and the points are those of the lines."""
     by_topic = {topic: [message for name, _, message in added if name == topic] for topic in CHANNELS}
     [scene], [cloud] = by_topic["view/scene"], by_topic["view/points"]
+    expected = b""
     lines = [entity.lines[0] for entity in scene.entities if entity.lines]
     for line, topic in zip(lines, ("view/vehicle", "view/reference"), strict=True):
         poses = [xyz(message.pose.position) for message in by_topic[topic]]
         require([xyz(point) for point in line.points] == poses, f"a line leaves the poses of {topic}")
-    points = sum(len(line.points) for line in lines)
-    require(len(cloud.data) == points * cloud.point_stride, f"{len(cloud.data)} bytes are not {points} points")
+    require([field.name for field in cloud.fields] == ["x", "y", "z", "red", "green", "blue", "alpha"], "other points")
+    packed = struct.Struct("<3f4B")
+    require(cloud.point_stride == packed.size, f"a point has {cloud.point_stride} bytes")
+    for line in lines:
+        color = [round(255 * part) for part in (line.color.r, line.color.g, line.color.b, line.color.a)]
+        expected += b"".join(packed.pack(*xyz(point), *color) for point in line.points)
+    require(cloud.data == expected, "the points are not those of the lines")
 
 
-def check_with_rerun(copy, rerun, folder):
-    """Rerun reads the copy and draws what it can of it."""
+def check_with_rerun(copy, added, rerun, folder):
+    """Rerun finds no fault with the copy, and draws every message that it can draw."""
 
     def run(*arguments):
         result = subprocess.run([rerun, *arguments], capture_output=True, text=True, check=False)
         require(result.returncode == 0, f"rerun {' '.join(arguments)}: {result.stderr}")
         return result.stdout + result.stderr
 
+    verdicts = [line for line in run("mcap", "check", "--full", str(copy)).splitlines() if f"/{PREFIX}" in line and ".mcap" not in line]
+    require(len(verdicts) == len(CHANNELS), f"rerun has looked at {verdicts}")
+    for verdict in verdicts:
+        require(verdict.startswith("ok"), f"rerun says {verdict}")
+
     recording = str(folder / "view.rrd")
     run("mcap", "convert", str(copy), "--output", recording)
-    found = run("rrd", "print", "-v", recording)
-    for entity, archetype in DRAWN.items():
-        parts = [part for part in found.splitlines() if entity in part]
-        require(any(archetype in part for part in parts), f"rerun makes no {archetype} of {entity}")
+    drawn = Counter()
+    for rows, columns in re.findall(r"with (\d+) rows .* - data columns: \[(.*)\]", run("rrd", "print", "-v", recording)):
+        drawn.update({column: int(rows) for column in columns.split()})
+    counts = Counter(topic for topic, _, _ in added)
+    for topic, component in DRAWN.items():
+        rows = drawn[f"/{topic}@{component}"]
+        require(rows == counts[topic], f"rerun makes {rows} {component} of {counts[topic]} messages of {topic}")
 
 
 def main(log, copy, rerun, folder):
@@ -209,7 +225,7 @@ def main(log, copy, rerun, folder):
     added = list(added_messages(copy))
     check_poses(log, added)
     check_ways(added)
-    check_with_rerun(copy, rerun, folder)
+    check_with_rerun(copy, added, rerun, folder)
     print(f"view: {originals} messages as in the log, {len(added)} for viewers, all as Foxglove defines them; Rerun draws {len(DRAWN)}")
 
 

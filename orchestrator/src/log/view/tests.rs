@@ -5,7 +5,8 @@ use std::fs;
 
 use nalgebra::Vector3;
 use shared_types::scenario::Scenario;
-use shared_types::{Flag, Header};
+use shared_types::Header;
+use shared_types::sample::Flag;
 use zerocopy::{FromZeros, IntoBytes};
 
 use super::*;
