@@ -189,7 +189,7 @@ def check_ways(added):
     packed = struct.Struct("<3f4B")
     require(cloud.point_stride == packed.size, f"a point has {cloud.point_stride} bytes")
     for line in lines:
-        color = [round(255 * part) for part in (line.color.r, line.color.g, line.color.b, line.color.a)]
+        color = [int(255 * part + 0.5) for part in (line.color.r, line.color.g, line.color.b, line.color.a)]
         expected += b"".join(packed.pack(*xyz(point), *color) for point in line.points)
     require(cloud.data == expected, "the points are not those of the lines")
 
