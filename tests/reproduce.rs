@@ -32,32 +32,18 @@ fn a_figure_is_flown_judged_and_drawn_and_the_same_again() {
     let first = files(&place.path("first"));
     assert_eq!(first, files(&place.path("second")));
     let names: Vec<_> = first.keys().map(String::as_str).collect();
-    let flight = ["flight-11/fig11.svg", "flight-11/report.html"];
+    let flight = "flight-11/report.html";
     assert_eq!(
         names,
-        [
-            "fig11.svg",
-            "figures.md",
-            flight[0],
-            flight[1],
-            "index.html",
-            "reproduce.json"
-        ]
+        ["fig11.svg", "figures.md", flight, "index.html", "reproduce.json"]
     );
     let gallery = String::from_utf8_lossy(&first["index.html"]);
     assert!(
-        gallery.contains(&format!("href=\"{}\"", flight[1])),
+        gallery.contains(&format!("href=\"{flight}\"")),
         "the gallery leads to the flight"
     );
-    assert!(
-        first["fig11.svg"] == first[flight[0]],
-        "the page draws the figure as the gallery does"
-    );
-    let page = String::from_utf8_lossy(&first[flight[1]]);
-    assert!(
-        page.contains("flight-11") && page.contains("fig11.svg"),
-        "the page shows its flight"
-    );
+    let page = String::from_utf8_lossy(&first[flight]);
+    assert!(page.contains("flight-11"), "the page shows its flight");
 
     for part in [
         "seeds 101 to 102",

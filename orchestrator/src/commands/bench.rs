@@ -4,6 +4,7 @@
 //! in turn with it: a bare ring of five processes that hand nothing on but the turn itself.
 
 mod chain;
+mod deaths;
 mod latency;
 mod measure;
 mod recorder;
@@ -54,6 +55,7 @@ pub fn bench(arguments: &Bench) -> Result<(), Failure> {
     let scenario: Scenario = toml::from_str(SCENARIO).map_err(|error| Failure::new(Exit::Trouble, error))?;
     match &arguments.instead {
         Some(BenchInstead::Latency(arguments)) => latency::latency(arguments),
+        Some(BenchInstead::Deaths(arguments)) => deaths::deaths(arguments),
         Some(BenchInstead::Recorder(arguments)) => recorder::recorder(&scenario, arguments),
         None => throughput(&scenario, arguments),
     }

@@ -85,7 +85,7 @@ impl FlightPage {
         let log = folder.join("run.mcap");
         let traces = record(scenario, &log, interrupt)?;
         if traces.is_some() {
-            report::write(std::slice::from_ref(&log), &folder)?;
+            report::write_page(&log, &folder)?;
             fs::remove_file(&log).map_err(failed)?;
         } else {
             fs::remove_dir_all(&folder).map_err(failed)?;
