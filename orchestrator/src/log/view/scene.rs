@@ -183,7 +183,7 @@ pub(super) fn points(time_ns: u64, flown: &[[f64; 3]], desired: &[[f64; 3]]) -> 
     let names = ["x", "y", "z", "red", "green", "blue", "alpha"];
     let ways = [(flown, FLOWN), (desired, DESIRED)];
     let data = ways.into_iter().flat_map(|(places, color)| {
-        let bytes = packed(color);
+        let bytes = packed(&color);
         places.iter().flat_map(move |place| {
             place
                 .map(|number| (number as f32).to_le_bytes())
@@ -202,6 +202,6 @@ pub(super) fn points(time_ns: u64, flown: &[[f64; 3]], desired: &[[f64; 3]]) -> 
 }
 
 /// A colour in four bytes.
-fn packed(color: Color) -> [u8; 4] {
+fn packed(color: &Color) -> [u8; 4] {
     [color.r, color.g, color.b, color.a].map(|part| (255.0 * part).round() as u8)
 }

@@ -285,10 +285,11 @@ fn without_a_truth_the_estimate_is_shown_once_there_is_one() {
 
 #[test]
 fn a_long_way_is_thinned_from_its_begin_on() {
-    let mut way = Way::default();
-    way.places = (0..2 * POINTS_MAX + 1)
-        .map(|index| [index as f64, 0.0, 0.0])
-        .collect();
+    let places = (0..=2 * POINTS_MAX).map(|index| [index as f64, 0.0, 0.0]);
+    let way = Way {
+        places: places.collect(),
+        ..Way::default()
+    };
     let thinned = way.thinned();
     assert!(thinned.len() <= POINTS_MAX);
     assert_eq!(thinned[..2], [[0.0; 3], [3.0, 0.0, 0.0]]);
