@@ -71,6 +71,39 @@ fn the_latency_of_flights_stands_beside_its_floor_and_nothing_is_left_behind() {
 }
 
 #[test]
+fn the_recorder_stands_beside_the_library_and_nothing_is_left_behind() {
+    let place = Place::new();
+    let json = ["--json", "recorder.json"];
+    let output = succeed(
+        place
+            .gerono(&["bench", "recorder", "--repetitions", "2", "--minutes", "0.5"])
+            .args(json),
+    );
+    assert_eq!(place.leavings(), Vec::<String>::new());
+
+    let text = std::fs::read_to_string(place.path("recorder.json")).unwrap();
+    let measured: Value = serde_json::from_str(&text).unwrap();
+    // Of a flight of 2 s at 1 kHz, 8 samples a tick; 15 times in a measurement, and as often as makes half a minute.
+    let samples = 8 * 2001;
+    assert_eq!(measured["samples"], 15 * samples);
+    assert_eq!(measured["memory"]["samples"], 15 * samples);
+    for name in [
+        "ratio",
+        "recorder_cpu_seconds_per_sample",
+        "library_cpu_seconds_per_sample",
+        "recorder_samples_per_second",
+        "library_samples_per_second",
+    ] {
+        let value = number(&measured[name]);
+        assert!(value.is_finite() && value > 0.0, "{name}: {value}");
+    }
+    let memory = ["peak_of_first_tenth", "peak"].map(|name| number(&measured["memory"][name]));
+    assert!(memory[0] > 0.0 && memory.is_sorted(), "{memory:?}");
+    let shown = String::from_utf8(output.stdout).unwrap();
+    assert!(shown.contains("library alone"), "{shown}");
+}
+
+#[test]
 fn a_measurement_of_nothing_is_refused() {
     let place = Place::new();
     for nothing in [["--seconds", "0"], ["--repetitions", "0"]] {

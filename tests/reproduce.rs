@@ -7,15 +7,19 @@ use std::path::Path;
 
 use common::{Place, output, succeed};
 
-/// The contents of a folder by name.
+/// The contents of a folder, and of the folders in it, by name.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let entries = std::fs::read_dir(folder).unwrap().map(Result::unwrap);
-    entries
-        .map(|entry| {
-            let name = entry.file_name().into_string().unwrap();
-            (name, std::fs::read(entry.path()).unwrap())
-        })
-        .collect()
+    let mut files = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        let name = entry.file_name().into_string().unwrap();
+        if entry.path().is_dir() {
+            let inner = self::files(&entry.path()).into_iter();
+            files.extend(inner.map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
+        } else {
+            files.insert(name, std::fs::read(entry.path()).unwrap());
+        }
+    }
+    files
 }
 
 #[test]
@@ -28,7 +32,18 @@ fn a_figure_is_flown_judged_and_drawn_and_the_same_again() {
     let first = files(&place.path("first"));
     assert_eq!(first, files(&place.path("second")));
     let names: Vec<_> = first.keys().map(String::as_str).collect();
-    assert_eq!(names, ["fig11.svg", "figures.md", "index.html", "reproduce.json"]);
+    let flight = "flight-11/report.html";
+    assert_eq!(
+        names,
+        ["fig11.svg", "figures.md", flight, "index.html", "reproduce.json"]
+    );
+    let gallery = String::from_utf8_lossy(&first["index.html"]);
+    assert!(
+        gallery.contains(&format!("href=\"{flight}\"")),
+        "the gallery leads to the flight"
+    );
+    let page = String::from_utf8_lossy(&first[flight]);
+    assert!(page.contains("flight-11"), "the page shows its flight");
 
     for part in [
         "seeds 101 to 102",

@@ -53,9 +53,12 @@ pub enum Command {
     /// A flight of one of the paper's figures is drawn as that figure too, as SVG beside the page.
     #[command(after_help = Report::EXAMPLES)]
     Report(Report),
-    /// Write the samples of a log as JSON lines, or those of one topic as a table (CSV), for other programs.
+    /// Write the samples of a log as JSON lines, or those of one topic as a table (CSV), for other programs; or a copy for viewers.
     ///
     /// Numbers are read back to the bit; those that are not finite are the words NaN, inf and -inf.
+    ///
+    /// With --view, an MCAP file with every message of the log as it is, and beside them what Foxglove, Lichtblick and Rerun need
+    /// to show the flight in space: frames, the vehicle, its way and that of the reference (docs/viewers.md).
     #[command(after_help = Export::EXAMPLES)]
     Export(Export),
     /// Say what is in a log: scenario, seed, topics with their rates and gaps, planned faults, and how the run went.
@@ -80,11 +83,11 @@ pub enum Command {
     Digest(Digest),
     /// Measure this machine: simulated seconds per wall second of every host, beside bare rings as floors.
     ///
-    /// `gerono bench latency` measures flights in real time instead.
+    /// `gerono bench latency` measures flights in real time instead, `gerono bench recorder` what recording costs.
     Bench(Bench),
     /// Fly the paper's figures again, over many seeds in three laboratories, judge and draw them.
     ///
-    /// Writes reproduce.json, figures.md, a drawing a figure and index.html. Fails only if a number has regressed: neither
+    /// Writes reproduce.json, figures.md, a drawing a figure, a page of the first flight of each, and index.html, which shows and links them. Fails only if a number has regressed: neither
     /// reaches its bar nor is a known gap. The seeds are 101 and following; gains were tuned on 1 to 6.
     Reproduce(Reproduce),
     /// Let every service and every edge of the wiring fail in every way, and see what becomes of the vehicle.
@@ -599,9 +602,12 @@ impl Report {
 pub struct Export {
     /// The log (run.mcap), or the folder that holds it.
     pub log: PathBuf,
-    /// The file to write, or `-` [default: standard output].
+    /// The file to write, or `-` [default: standard output; with --view run.view.mcap beside the log].
     #[arg(long, short, visible_alias = "out", value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Write a copy of the log for viewers.
+    #[arg(long, conflicts_with_all = ["every", "topic", "csv"])]
+    pub view: bool,
     /// Write only every n-th tick.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub every: u64,
@@ -618,7 +624,8 @@ impl Export {
     const EXAMPLES: &str = "Examples:\n  \
         gerono export runs/fig1-1 --every 100 --output fig1.jsonl\n  \
         gerono export runs/fig1-1 --csv --topic control/errors --out errors.csv\n  \
-        gerono export runs/fig1-1 --csv --topic vehicle/truth | head";
+        gerono export runs/fig1-1 --csv --topic vehicle/truth | head\n  \
+        gerono export runs/fig1-1 --view --out fig1.mcap";
 }
 
 fn topic(name: &str) -> Result<Topic, String> {
@@ -773,6 +780,13 @@ pub enum BenchInstead {
     /// Takes 12 × REPETITIONS × SECONDS, or half of it without SCHED_FIFO.
     #[command(after_help = BenchLatency::EXAMPLES)]
     Latency(BenchLatency),
+    /// Measure what it costs to record a sample, beside the MCAP library alone, and whether memory grows.
+    ///
+    /// The writer of run.mcap and the library itself write the same messages of Fig. 1 to memory, in turn, uncompressed. Shown are
+    /// medians of the repetitions, and the median of the ratios of CPU time, pair by pair. Then as many minutes of flight as
+    /// asked for are recorded to nowhere, and the process's memory after a tenth of them stands beside that at their end.
+    #[command(after_help = BenchRecorder::EXAMPLES)]
+    Recorder(BenchRecorder),
     /// Measure what the deaths of services cost a flight in real time, and the others in it.
     ///
     /// Flies the paper's laboratory in hover twice: undisturbed, and with each service in its turn killing itself in the
@@ -782,6 +796,36 @@ pub enum BenchInstead {
     ///
     /// Takes 2 × (4 + 0.3 × DEATHS) s.
     Deaths(BenchDeaths),
+}
+
+/// Arguments of `gerono bench recorder`.
+#[derive(Debug, Args)]
+pub struct BenchRecorder {
+    /// Repetitions of each measurement of time; medians are shown.
+    #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repetitions: u32,
+    /// Length of the flight over which memory is watched, min at 1 kHz.
+    #[arg(long, value_name = "MIN", default_value = "10", value_parser = minutes)]
+    pub minutes: f64,
+    /// Write the figures as JSON to this file as well: times in s, memory in bytes.
+    #[arg(long, value_name = "F")]
+    pub json: Option<PathBuf>,
+}
+
+impl BenchRecorder {
+    /// What `gerono bench recorder --help` shows.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono bench recorder\n  \
+        gerono bench recorder --repetitions 31 --minutes 60 --json recorder.json";
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let minutes = text.parse().map_err(|_| "give a time in min".to_owned())?;
+    if (0.1..=1440.0).contains(&minutes) {
+        Ok(minutes)
+    } else {
+        Err("give a time from 0.1 to 1440 min".to_owned())
+    }
 }
 
 /// Arguments of `gerono bench deaths`.

@@ -23,6 +23,7 @@ mod records;
 mod recovery;
 mod schema;
 mod size;
+mod view;
 mod writer;
 
 use std::path::{Path, PathBuf};
@@ -38,6 +39,7 @@ pub use manifest::{FORMAT_VERSION, Manifest};
 pub use reader::{LogReadError, LogReader, LoggedSample};
 pub use recovery::{Gap, Moment, RecoverError, Recovery, inspect, is_whole, recover, recovered_path};
 pub use size::predicted_bytes;
+pub use view::{ViewError, export_view, view_path};
 pub use writer::RunLogWriter;
 
 /// The record of the machine that was written beside a run's log, if there is one, complete or not; beside a recovered log

@@ -79,22 +79,32 @@ pub fn write(logs: &[PathBuf], out: &Path) -> Result<Written, ReportError> {
         .map(|log| Flight::read(log, table::buckets(logs.len())))
         .collect::<Result<_, _>>()?;
     let figures = figures::drawn(&flights);
-    let write = |name: &str, text: &str| {
-        let path = out.join(name);
-        let written = fs::create_dir_all(out).and_then(|()| fs::write(&path, text));
-        match written {
-            Ok(()) => Ok(path),
-            Err(source) => Err(ReportError::Write { path, source }),
-        }
-    };
-    let page = write(PAGE, &page::html(&flights, &figures))?;
+    let page = write_file(out, PAGE, &page::html(&flights, &figures))?;
     let figures = figures
         .iter()
-        .map(|figure| write(figure.file, &figure.svg))
+        .map(|figure| write_file(out, figure.file, &figure.svg))
         .collect::<Result<_, _>>()?;
     Ok(Written {
         page,
         figures,
         broken: flights.into_iter().filter_map(|flight| flight.broken).collect(),
     })
+}
+
+/// Reads a log and writes its page alone into the folder `out`, for whoever has drawn the figures already.
+///
+/// # Errors
+/// [`ReportError`].
+pub fn write_page(log: &Path, out: &Path) -> Result<PathBuf, ReportError> {
+    let flight = Flight::read(log, table::buckets(1))?;
+    write_file(out, PAGE, &page::html(&[flight], &[]))
+}
+
+fn write_file(folder: &Path, name: &str, text: &str) -> Result<PathBuf, ReportError> {
+    let path = folder.join(name);
+    let written = fs::create_dir_all(folder).and_then(|()| fs::write(&path, text));
+    match written {
+        Ok(()) => Ok(path),
+        Err(source) => Err(ReportError::Write { path, source }),
+    }
 }

@@ -6,7 +6,7 @@
 //! * [`measure`], [`windows`], [`latest`], [`path_clock`], [`statistics`]: what a flight came to, measured while it flies;
 //! * [`row`], [`known_gaps`], [`report`]: judging it;
 //! * [`observability`], [`ablation`]: what the mass estimate can know, and what each part of the design is worth;
-//! * [`table`], [`traces`], [`drawings`], [`canvas`], [`gallery`]: showing it;
+//! * [`table`], [`traces`], [`drawings`], [`canvas`], [`pages`], [`gallery`]: showing it;
 //! * [`plan`]: which flights all of this needs.
 
 pub mod ablation;
@@ -20,6 +20,7 @@ pub mod known_gaps;
 pub mod latest;
 pub mod measure;
 pub mod observability;
+pub mod pages;
 pub mod parallel;
 pub mod path_clock;
 pub mod plan;

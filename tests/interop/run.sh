@@ -1,5 +1,6 @@
 #!/bin/sh
-# Checks a run log with two independent readers of MCAP and CDR, and what is recovered of it when it is damaged with a third.
+# Checks a run log with two independent readers of MCAP and CDR, and what is recovered of it when it is damaged with a third;
+# and the copy for viewers of a short flight with Foxglove's own definitions and with Rerun.
 #
 #     tests/interop/run.sh RUN.mcap [EVERY]
 #
@@ -13,7 +14,7 @@ target=${CARGO_TARGET_DIR:-$root/target}
 venv=$target/interop-venv
 
 if [ $# -lt 1 ] || [ $# -gt 2 ]; then
-    sed -n '2,7s/^# \{0,1\}//p' "$0" >&2
+    sed -n '2,8s/^# \{0,1\}//p' "$0" >&2
     exit 2
 fi
 log=$1
@@ -45,3 +46,8 @@ check() {
 check "$log"
 "$venv/bin/python" "$here/recovery.py" "$log" "$GERONO" "$venv/bin/pymcap-cli" "$work"
 check "$work/damaged.recovered.mcap"
+
+# What is added for viewers is looked at over a short flight.
+"$GERONO" run "$root/scenarios/fig1.toml" --host inprocess --set duration=5.0 --set 'vehicle.change=[]' --quiet --out "$work/short"
+"$GERONO" export "$work/short" --view --out "$work/view.mcap"
+"$venv/bin/python" "$here/view.py" "$work/short/run.mcap" "$work/view.mcap" "$venv/bin/rerun" "$work"

@@ -7,6 +7,7 @@ mod chain;
 mod deaths;
 mod latency;
 mod measure;
+mod recorder;
 mod ring;
 
 use comfy_table::{Table, presets};
@@ -51,15 +52,16 @@ struct Measured {
 /// # Errors
 /// [`Failure`].
 pub fn bench(arguments: &Bench) -> Result<(), Failure> {
+    let scenario: Scenario = toml::from_str(SCENARIO).map_err(|error| Failure::new(Exit::Trouble, error))?;
     match &arguments.instead {
         Some(BenchInstead::Latency(arguments)) => latency::latency(arguments),
         Some(BenchInstead::Deaths(arguments)) => deaths::deaths(arguments),
-        None => throughput(arguments),
+        Some(BenchInstead::Recorder(arguments)) => recorder::recorder(&scenario, arguments),
+        None => throughput(&scenario, arguments),
     }
 }
 
-fn throughput(arguments: &Bench) -> Result<(), Failure> {
-    let scenario: Scenario = toml::from_str(SCENARIO).map_err(|error| Failure::new(Exit::Trouble, error))?;
+fn throughput(scenario: &Scenario, arguments: &Bench) -> Result<(), Failure> {
     let flight = Scenario {
         duration: arguments.duration,
         ..scenario.clone()
@@ -68,7 +70,7 @@ fn throughput(arguments: &Bench) -> Result<(), Failure> {
         vehicle: clipped(&flight),
         ..flight
     };
-    let measured = measure::all(&scenario, &flight, arguments.repetitions)
+    let measured = measure::all(scenario, &flight, arguments.repetitions)
         .map_err(|error| Failure::new(Exit::Trouble, error))?;
     print(format!("{}\n", table(&measured.rates)));
     if let (Some(restart), Some(quick)) = (measured.restart_milliseconds, measured.quick_restart_milliseconds)

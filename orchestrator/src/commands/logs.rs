@@ -10,7 +10,9 @@ use super::{Failure, find_log, log_path, print};
 use crate::cli::{Export, Info, Recover};
 use crate::exit::Exit;
 use crate::info;
-use crate::log::{self, ExportError, RecoverError, host_log_beside, is_whole, partial_path, recovered_path};
+use crate::log::{
+    self, ExportError, RecoverError, ViewError, host_log_beside, is_whole, partial_path, recovered_path,
+};
 use crate::scenario_file;
 
 /// `gerono export`.
@@ -19,6 +21,9 @@ use crate::scenario_file;
 /// [`Failure`].
 pub fn export(arguments: &Export) -> Result<(), Failure> {
     let log = log_path(&arguments.log);
+    if arguments.view {
+        return export_view(&log, arguments.output.as_deref());
+    }
     let file = arguments.output.as_deref().filter(|path| *path != Path::new("-"));
     let mut output: Box<dyn Write> = match file {
         Some(path) => Box::new(File::create(path).map_err(|error| {
@@ -39,6 +44,24 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
         Err(ExportError::Write(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         result => result.map_err(|error| Failure::new(Exit::Trouble, error)),
     }
+}
+
+/// `gerono export --view`.
+fn export_view(log: &Path, output: Option<&Path>) -> Result<(), Failure> {
+    let target = output.map_or_else(|| log::view_path(log), Path::to_owned);
+    if target == Path::new("-") {
+        let reason = "a copy for viewers is a file, not lines; name one with `--out`";
+        return Err(Failure::new(Exit::BadInput, reason));
+    }
+    log::export_view(log, &target).map_err(|error| {
+        let exit = match error {
+            ViewError::Itself(_) | ViewError::Write(_) => Exit::NotWritten,
+            ViewError::Read(_) | ViewError::Nowhere(_) => Exit::Trouble,
+        };
+        Failure::new(exit, error)
+    })?;
+    print(format!("{}\n", target.display()));
+    Ok(())
 }
 
 /// `gerono info`.

@@ -12,6 +12,7 @@ use crate::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
 use crate::reproduce::figures::Figure;
 use crate::reproduce::flight::{Job, Logbook};
 use crate::reproduce::known_gaps::KnownGaps;
+use crate::reproduce::pages::{FlightPage, PageError};
 use crate::reproduce::plan::Plan;
 use crate::reproduce::report::{self, Report};
 use crate::reproduce::traces::{Tracer, Traces};
@@ -79,7 +80,7 @@ fn show_figures(
     }
     let jobs = plan.jobs().map_err(refused)?;
     let logbook = fly(&jobs, interrupt);
-    let drawn = draw(&figures, &jobs, folder.path(), interrupt)?;
+    let (drawn, pages) = draw(&figures, &jobs, folder.path(), interrupt)?;
     if let Some(signal) = interrupt.signal() {
         return Ok(Exit::Signal(signal));
     }
@@ -101,7 +102,10 @@ fn show_figures(
         let sheet = table::observability(observability);
         write(&folder.path().join("observability.md"), &sheet.markdown())?;
     }
-    write(&folder.path().join("index.html"), &gallery::page(&report, &drawn))?;
+    write(
+        &folder.path().join("index.html"),
+        &gallery::page(&report, &drawn, &pages),
+    )?;
     print(&report);
     Ok(if report.has_regressed() {
         Exit::Regressed
@@ -133,13 +137,14 @@ fn fly(jobs: &[Job], interrupt: &Interrupt) -> Logbook {
     logbook
 }
 
-/// Draws what belongs to the figures, of the first seed in the first laboratory; says what could be drawn.
+/// Draws what belongs to the figures, of the first seed in the first laboratory, and writes a page of the first flight of each;
+/// says what could be drawn and which pages there are.
 fn draw(
     figures: &[Figure],
     jobs: &[Job],
     folder: &Path,
     interrupt: &Interrupt,
-) -> Result<Vec<Drawing>, Failure> {
+) -> Result<(Vec<Drawing>, Vec<FlightPage>), Failure> {
     let wanted: Vec<Drawing> = DRAWINGS
         .into_iter()
         .filter(|drawing| figures.contains(&drawing.figure))
@@ -156,18 +161,25 @@ fn draw(
         .iter()
         .filter_map(|name| jobs.iter().find(|job| job.name == *name))
         .collect();
-    let traced = parallel::map(&drawn_jobs, parallel::cores(), |job| trace(job, interrupt));
-    let flights: TraceBook = drawn_jobs
-        .iter()
-        .zip(traced)
-        .filter_map(|(job, traces)| Some((job.name.clone(), traces?)))
-        .collect();
+    let mut pages: Vec<FlightPage> = figures.iter().copied().filter_map(FlightPage::of).collect();
+    let traced = parallel::map(&drawn_jobs, parallel::cores(), |job| {
+        match pages.iter().find(|page| page.flight == job.name) {
+            Some(page) => page.fly(&job.scenario, folder, interrupt),
+            None => Ok(trace(job, interrupt)),
+        }
+    });
+    let mut flights = TraceBook::new();
+    for (job, traces) in drawn_jobs.iter().zip(traced) {
+        let traces = traces.map_err(|error: PageError| Failure::new(Exit::NotWritten, error))?;
+        flights.extend(traces.map(|traces| (job.name.clone(), traces)));
+    }
+    pages.retain(|page| flights.contains_key(page.flight));
     let can_be_drawn = |drawing: &Drawing| drawing.flights.iter().all(|&flight| flights.contains_key(flight));
     let drawable: Vec<Drawing> = wanted.into_iter().filter(can_be_drawn).collect();
     for drawing in &drawable {
         write(&folder.join(drawing.file), &drawing.svg(&flights))?;
     }
-    Ok(drawable)
+    Ok((drawable, pages))
 }
 
 /// Flies a job once more for its traces; nothing if it came to nothing, which its numbers have told.

@@ -20,6 +20,9 @@ pub(super) const LAYOUT_KEY: &str = "layout";
 /// What the logs name as their library: the bytes are to depend on no version of any.
 pub(super) const LIBRARY: &str = "gerono";
 
+/// The profile of a log whose messages are all CDR.
+const ROS2_PROFILE: &str = "ros2";
+
 /// Only small records go through this buffer: a chunk is larger and is handed to the system in one piece.
 const BUFFER_BYTES: usize = 64 * 1024;
 
@@ -36,6 +39,15 @@ pub enum Compression {
 }
 
 impl Compression {
+    /// The one that MCAP, or `gerono run --compression`, calls so.
+    pub(super) fn of_name(name: &str) -> Self {
+        match name {
+            "lz4" => Self::Lz4,
+            "zstd" => Self::Zstd,
+            _ => Self::None,
+        }
+    }
+
     /// The levels are fixed, because the library's default may move.
     fn apply(self, options: WriteOptions) -> WriteOptions {
         match self {
@@ -126,6 +138,24 @@ impl McapFile {
         compression: Compression,
         chunk_bytes: Option<u64>,
     ) -> Result<Self, LogError> {
+        Self::create_of(ROS2_PROFILE, path, compression, chunk_bytes)
+    }
+
+    /// Creates a file whose messages are of several encodings, which is of no profile.
+    pub(super) fn create_mixed(
+        path: &Path,
+        compression: Compression,
+        chunk_bytes: u64,
+    ) -> Result<Self, LogError> {
+        Self::create_of("", path, compression, Some(chunk_bytes))
+    }
+
+    fn create_of(
+        profile: &str,
+        path: &Path,
+        compression: Compression,
+        chunk_bytes: Option<u64>,
+    ) -> Result<Self, LogError> {
         let partial = partial_path(path);
         let failed = |source| LogError::Create {
             path: partial.clone(),
@@ -133,7 +163,7 @@ impl McapFile {
         };
         let file = File::create(&partial).map_err(failed)?;
         let options = WriteOptions::new()
-            .profile("ros2")
+            .profile(profile)
             .library(LIBRARY)
             .disable_seeking(true)
             .chunk_size(chunk_bytes)
@@ -180,6 +210,19 @@ impl McapFile {
         })
     }
 
+    /// Adds a channel for messages of Protocol Buffers, whose schema is a `FileDescriptorSet`, and says its number.
+    pub(super) fn declare_protobuf_channel(
+        &mut self,
+        name: &str,
+        schema: &str,
+        description: &[u8],
+    ) -> Result<u16, LogError> {
+        self.attempt(|writer| {
+            let schema = writer.add_schema(schema, "protobuf", description)?;
+            writer.add_channel(schema, name, "protobuf", &BTreeMap::new())
+        })
+    }
+
     /// Writes one sample.
     #[inline]
     pub(super) fn write(
@@ -192,14 +235,27 @@ impl McapFile {
         let mut payload = std::mem::take(&mut self.payload);
         payload.truncate(CDR_HEADER.len());
         payload.extend_from_slice(sample);
+        let result = self.write_payload(channel_id, sequence, time_ns, &payload);
+        self.payload = payload;
+        result
+    }
+
+    /// Writes one message, whatever its encoding.
+    #[inline]
+    pub(super) fn write_payload(
+        &mut self,
+        channel_id: u16,
+        sequence: u32,
+        time_ns: u64,
+        payload: &[u8],
+    ) -> Result<(), LogError> {
         let header = MessageHeader {
             channel_id,
             sequence,
             log_time: time_ns,
             publish_time: time_ns,
         };
-        let result = self.attempt(|writer| writer.write_to_known_channel(&header, &payload));
-        self.payload = payload;
+        let result = self.attempt(|writer| writer.write_to_known_channel(&header, payload));
         self.messages += u64::from(result.is_ok());
         result
     }

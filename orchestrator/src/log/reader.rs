@@ -15,6 +15,7 @@ use super::framing::{CDR_HEADER, LAYOUT_KEY};
 use super::manifest::{FORMAT_VERSION, Manifest, ManifestProblem};
 use super::records::{RawRecord, Records, is_message_index};
 use super::recovery::Recovery;
+use super::view;
 
 /// Why a log cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -356,6 +357,7 @@ fn read_manifest(
                 let manifest = manifest.map_err(|problem| explain_manifest(path, problem))?;
                 return Ok((manifest, recovery));
             }
+            view::RECORD_NAME => return Err(foreign("it is a copy for viewers")),
             _ => return Err(foreign("its first metadata is not the manifest of a flight")),
         }
     }

@@ -207,7 +207,7 @@ impl<'a> Survey<'a> {
                 time_ns: message.header.log_time,
             };
             let name = kinds[message.kind].channel;
-            let expected = std::mem::replace(&mut next[message.kind], message.sequence + 1);
+            let expected = std::mem::replace(&mut next[message.kind], message.sequence.saturating_add(1));
             if let Some(gap) = open_gap[message.kind].take() {
                 let missing = message.sequence.saturating_sub(expected);
                 if missing > 0 {
@@ -344,11 +344,7 @@ impl<'a> Copy<'a> {
         manifest: Option<&Manifest>,
         recovery: &Recovery,
     ) -> Result<Self, LogError> {
-        let compression = match first.compression.as_str() {
-            "lz4" => Compression::Lz4,
-            "zstd" => Compression::Zstd,
-            _ => Compression::None,
-        };
+        let compression = Compression::of_name(&first.compression);
         let mut copy = Self {
             file: McapFile::create(target, compression, None)?,
             kinds,

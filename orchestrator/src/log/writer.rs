@@ -39,14 +39,10 @@ impl RunLogWriter {
     pub fn create(path: &Path, manifest: &Manifest, compression: Compression) -> Result<Self, LogError> {
         let mut file = McapFile::create(path, compression, None)?;
         file.write_metadata(Manifest::RECORD_NAME, manifest.to_metadata())?;
-        let mut channels = [0; Topic::ALL.len()];
-        for topic in Topic::ALL {
-            channels[topic.index()] = topic.dispatch(AddChannel { file: &mut file })?;
-        }
         let chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, CHUNK_SECONDS);
         Ok(Self {
+            channels: declare_topics(&mut file)?,
             file,
-            channels,
             chunk_ticks,
             next_chunk: chunk_ticks,
         })
@@ -116,6 +112,15 @@ impl RunLogWriter {
 )]
 fn chunk_ticks(tick: f64, seconds: f64) -> u64 {
     (seconds / tick).round().clamp(1.0, CHUNK_TICKS_MAX) as u64
+}
+
+/// Adds a channel for every topic, in their order, and says their numbers.
+pub(super) fn declare_topics(file: &mut McapFile) -> Result<[u16; Topic::ALL.len()], LogError> {
+    let mut channels = [0; Topic::ALL.len()];
+    for topic in Topic::ALL {
+        channels[topic.index()] = topic.dispatch(AddChannel { file })?;
+    }
+    Ok(channels)
 }
 
 /// Adds the channel of a topic.

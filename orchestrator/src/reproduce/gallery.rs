@@ -1,6 +1,7 @@
 //! The report as a web page: one file without scripts, beside the drawings that it shows.
 
 use super::drawings::Drawing;
+use super::pages::FlightPage;
 use super::report::{FigureReport, Report, RowReport, Verdict};
 use super::table::{cell_text, notes, observability_header, observability_lines};
 
@@ -17,7 +18,7 @@ code { white-space: pre-wrap; }
 
 /// The page.
 #[must_use]
-pub fn page(report: &Report, drawings: &[Drawing]) -> String {
+pub fn page(report: &Report, drawings: &[Drawing], pages: &[FlightPage]) -> String {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Gerono: the paper's figures</title>\n\
          <style>{STYLE}</style>\n<h1>The paper's figures, flown again</h1>\n"
@@ -36,6 +37,15 @@ pub fn page(report: &Report, drawings: &[Drawing]) -> String {
         {
             let alt = escaped(drawing.title);
             html += &format!("<p><img src=\"{}\" alt=\"{alt}\"></p>\n", drawing.file);
+        }
+        for page in pages.iter().filter(|page| page.figure.name() == figure.figure) {
+            html += &format!(
+                "<p><a href=\"{}\">The flight <i>{}</i>, seed {}, from all sides</a>: the way through space, every quantity over time, \
+                 what happened when</p>\n",
+                page.link(),
+                escaped(page.flight),
+                report.seeds[0]
+            );
         }
     }
     html += &observability(report);
@@ -137,7 +147,7 @@ mod tests {
     use crate::reproduce::report::{judge, laboratories};
 
     #[test]
-    fn the_page_shows_every_number_and_drawing_of_its_figures_and_no_other() {
+    fn the_page_shows_every_number_drawing_and_flight_of_its_figures_and_no_other() {
         let gaps = KnownGaps::default();
         let figures = [Figure::Fig1, Figure::Fig3To6];
         let report = Report {
@@ -148,7 +158,12 @@ mod tests {
                 .into(),
             observability: None,
         };
-        let page = page(&report, &DRAWINGS);
+        let pages: Vec<_> = Figure::ALL.into_iter().filter_map(FlightPage::of).collect();
+        let page = page(&report, &DRAWINGS, &pages);
+        for flight in pages {
+            let is_linked = page.contains(&format!("href=\"{}\"", flight.link()));
+            assert_eq!(is_linked, figures.contains(&flight.figure), "{flight:?}");
+        }
         for row in report.figures.iter().flat_map(|figure| &figure.rows) {
             assert!(page.contains(&escaped(row.quantity)), "{}", row.quantity);
         }

@@ -342,7 +342,7 @@ impl Scratch {
         Ok(scratch)
     }
 
-    fn path(&self) -> PathBuf {
+    pub(super) fn path(&self) -> PathBuf {
         self.root.shared_memory("bench")
     }
 }
