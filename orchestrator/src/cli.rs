@@ -341,6 +341,9 @@ pub struct Replay {
     /// inputs? May be given several times; a difference is then no failure.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub sets: Vec<String>,
+    /// Replay each service in a process of its own, with the samples in shared memory, as it was flown.
+    #[arg(long)]
+    pub processes: bool,
     /// Show no progress.
     #[arg(long, short)]
     pub quiet: bool,

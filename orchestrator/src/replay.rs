@@ -8,7 +8,10 @@ mod compare;
 mod history;
 mod judge;
 mod recorded_steps;
+mod service_process;
 mod station;
+mod stepper;
+mod workshop;
 
 use std::path::Path;
 
@@ -18,10 +21,15 @@ use shared_types::{Schedule, ServiceId};
 pub use compare::{Comparison, Difference};
 use history::History;
 use recorded_steps::RecordedSteps;
+pub use service_process::ProcessFailure;
 use station::Station;
+use stepper::{InThisProcess, Stepper};
+use workshop::Workshop;
 
+use crate::interrupt::Interrupt;
 use crate::log::{HostStepsError, LogReadError, LogReader, Recovery};
 use crate::progress::Progress;
+use crate::services;
 
 /// How far beyond a tick the log is read before the tick is replayed: in real time a sample may come that much late.
 const READ_AHEAD_TICKS: u64 = 512;
@@ -43,6 +51,9 @@ pub enum ReplayError {
         "the change gives the flight another schedule, and the log has not the samples of that; change nothing that says when services step"
     )]
     OtherSchedule,
+    /// A service process did not do its steps to the end.
+    #[error(transparent)]
+    Process(#[from] ProcessFailure),
 }
 
 /// What is to be replayed.
@@ -52,6 +63,8 @@ pub struct Options {
     pub services: Vec<ServiceId>,
     /// The scenario in place of the log's own.
     pub changed: Option<Scenario>,
+    /// Replay every service in a process of its own, until somebody raises this; else all in this process.
+    pub in_processes: Option<Interrupt>,
 }
 
 /// What came of a replay.
@@ -123,12 +136,25 @@ pub fn replay(
     }
     let steps = RecordedSteps::beside(log)?;
     let wanted = |service: &ServiceId| options.services.is_empty() || options.services.contains(service);
+    // Dropped after the stations, whose processes are in it.
+    let workshop = options
+        .in_processes
+        .as_ref()
+        .map(|interrupt| Workshop::open(scenario, &schedule, interrupt))
+        .transpose()?;
+    let station = |service| -> Result<Station, ReplayError> {
+        let stepper: Box<dyn Stepper> = match &workshop {
+            Some(workshop) => Box::new(workshop.start(service)?),
+            None => {
+                let service = services::build(service, scenario).map_err(ReplayError::Scenario)?;
+                Box::new(InThisProcess::new(service, &schedule))
+            }
+        };
+        Ok(Station::new(service, &schedule, stepper))
+    };
     let stations = schedule.order().iter().copied().filter(wanted);
     let mut flight = Replay {
-        stations: stations
-            .map(|service| Station::new(service, scenario, &schedule))
-            .collect::<Result<_, _>>()
-            .map_err(ReplayError::Scenario)?,
+        stations: stations.map(station).collect::<Result<_, _>>()?,
         source: Source {
             gap_after: reader.recovery().and_then(Recovery::samples_before_first_gap),
             reader,
@@ -139,7 +165,7 @@ pub fn replay(
             breaks_off: false,
         },
         steps,
-        schedule,
+        schedule: &schedule,
     };
     flight.run(progress)?;
     Ok(flight.finish())
@@ -151,15 +177,15 @@ fn schedule_of(scenario: &Scenario) -> Result<Schedule, ReplayError> {
         .map_err(|problems| ReplayError::Scenario(format!("{problems:?}")))
 }
 
-struct Replay {
-    schedule: Schedule,
+struct Replay<'a> {
+    schedule: &'a Schedule,
     stations: Vec<Station>,
     source: Source,
     /// Of a log of real time.
     steps: Option<RecordedSteps>,
 }
 
-impl Replay {
+impl Replay<'_> {
     fn run(&mut self, mut progress: Option<&mut Progress>) -> Result<(), ReplayError> {
         for tick in 0..=self.schedule.last_tick() {
             self.source.read_to(tick + READ_AHEAD_TICKS)?;
@@ -168,10 +194,10 @@ impl Replay {
             }
             for station in &mut self.stations {
                 match &mut self.steps {
-                    None => station.step_as_scheduled(tick, &self.source.history),
+                    None => station.step_as_scheduled(tick, &self.source.history)?,
                     Some(steps) => {
                         let steps = steps.take_to(station.service(), tick)?;
-                        station.step_as_recorded(&steps, &self.source.history);
+                        station.step_as_recorded(tick, &steps, &self.source.history)?;
                     }
                 }
             }
@@ -179,6 +205,9 @@ impl Replay {
             if let Some(progress) = progress.as_deref_mut() {
                 progress.tick(tick);
             }
+        }
+        for station in &mut self.stations {
+            station.settle(&self.source.history)?;
         }
         Ok(())
     }

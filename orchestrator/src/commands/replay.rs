@@ -6,9 +6,10 @@ use super::{Failure, log_path, print, schedule_of};
 use crate::cli::{Diff, Replay};
 use crate::diff::{self, TopicDiff};
 use crate::exit::Exit;
+use crate::interrupt::Interrupt;
 use crate::log::LogReader;
 use crate::progress::Progress;
-use crate::replay::{self, Comparison, Difference, Options, Replayed};
+use crate::replay::{self, Comparison, Difference, Options, ProcessFailure, ReplayError, Replayed};
 use crate::scenario_file;
 
 /// `gerono replay`.
@@ -31,19 +32,29 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
         })?)
     };
     let schedule = schedule_of(recorded)?;
+    let interrupt = || Interrupt::install().map_err(|error| trouble(&error));
     let options = Options {
         services: arguments.services.clone(),
         changed,
+        in_processes: arguments.processes.then(interrupt).transpose()?,
     };
     let mut progress = Progress::new(&schedule, "replay", arguments.quiet);
-    let replayed = replay::replay(&log, &options, Some(&mut progress)).map_err(|error| trouble(&error))?;
+    let replayed = replay::replay(&log, &options, Some(&mut progress));
     progress.clear();
-    print(report(&replayed));
+    let replayed = replayed.map_err(|error| Failure::new(exit_of(&error), error))?;
+    print(report(&replayed, arguments.processes));
     Ok(if replayed.is_identical() || options.changed.is_some() {
         Exit::Success
     } else {
         Exit::Diverged
     })
+}
+
+fn exit_of(error: &ReplayError) -> Exit {
+    match error {
+        ReplayError::Process(ProcessFailure::Interrupted { signal }) => Exit::Signal(*signal),
+        _ => Exit::Trouble,
+    }
 }
 
 /// `gerono diff`.
@@ -81,7 +92,7 @@ pub fn diff(arguments: &Diff) -> Result<Exit, Failure> {
     Ok(Exit::Diverged)
 }
 
-fn report(replayed: &Replayed) -> String {
+fn report(replayed: &Replayed, in_processes: bool) -> String {
     let mut text = String::new();
     if let Some(reason) = &replayed.log_ends {
         text += &format!("The log ends early: {reason}\n");
@@ -109,10 +120,15 @@ fn report(replayed: &Replayed) -> String {
         );
     }
     let (steps, compared) = (replayed.steps, replayed.compared());
-    if replayed.is_identical() {
-        text += &format!("identical: {compared} samples of {steps} steps\n");
+    let where_done = if in_processes {
+        ", done by service processes"
     } else {
-        text += &format!("not identical: {compared} samples of {steps} steps were compared\n");
+        ""
+    };
+    if replayed.is_identical() {
+        text += &format!("identical: {compared} samples of {steps} steps{where_done}\n");
+    } else {
+        text += &format!("not identical: {compared} samples of {steps} steps{where_done} were compared\n");
     }
     text
 }

@@ -7,7 +7,7 @@
 //! While all is well a spare process waits to take the place of whoever dies next.
 
 mod member;
-mod process;
+pub(crate) mod process;
 mod rebirth;
 mod recovery;
 pub mod restart;
@@ -40,9 +40,9 @@ pub use succession::Survivor;
 use super::{FlightFailure, Outcome};
 
 /// How long a service may take to make its ports.
-const READY_LIMIT: Duration = Duration::from_secs(30);
+pub(crate) const READY_LIMIT: Duration = Duration::from_secs(30);
 /// How long a service that was told to stop may take before it is killed.
-const STOP_LIMIT: Duration = Duration::from_secs(2);
+pub(crate) const STOP_LIMIT: Duration = Duration::from_secs(2);
 
 /// How often the crew is looked after while a service is being born again.
 pub(super) const BIRTH_PERIOD: Duration = Duration::from_micros(100);
@@ -186,17 +186,13 @@ impl<'a> Crew<'a> {
     }
 
     fn spawn(&self, name: &str) -> Result<Process, FlightFailure> {
-        let doorbells = self.doorbells.iter().map(AsFd::as_fd);
-        let files: Vec<_> = [
+        let shared = [
             self.page.file(),
             self.checkpoints.file(),
             self.step_log.file(),
             self.lock,
-        ]
-        .into_iter()
-        .chain(doorbells)
-        .collect();
-        Process::start(name, &files).map_err(setup)
+        ];
+        Process::start(name, shared, &self.doorbells).map_err(setup)
     }
 
     /// Tells a process that has just been started what to fly, and which service it is, if that is known.

@@ -3,6 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use runtime::control::Host;
 use runtime::in_process::TickSink;
 use runtime::ports::Delivery;
 use runtime::wait::BLOCK_ALWAYS;
@@ -34,7 +35,7 @@ where
 {
     let site = Site::prepare(scenario, deployment)?;
     let mut recorder = Recorder::new(site.subscribe(Delivery::Lossless)?, &site.schedule);
-    let mut crew = site.start_crew(deployment, false)?;
+    let mut crew = site.start_crew(deployment, Host::LockStep)?;
     let words = crew.page().words();
     recorder.make_known(words);
     if !deployment.yielding {

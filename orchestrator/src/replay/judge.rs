@@ -10,8 +10,35 @@ use shared_types::Topic;
 use super::compare::Comparison;
 use super::history::History;
 
+/// Compares what the steps of a service publish with what was recorded.
+pub(super) struct Jury(Vec<Judge>);
+
+impl Jury {
+    /// One judge a topic that the service publishes, in the order of the wiring table.
+    pub(super) fn new(topics: impl IntoIterator<Item = Topic>) -> Self {
+        Self(topics.into_iter().map(Judge::new).collect())
+    }
+
+    /// Hears what a step publishes on an output; if it was not finished, perhaps.
+    pub(super) fn hear(&mut self, output: usize, replayed: &[u8], is_finished: bool, history: &History) {
+        self.0[output].hear(replayed, is_finished, history);
+    }
+
+    /// No more steps of the tick follow.
+    pub(super) fn end_tick(&mut self, history: &History) {
+        for judge in &mut self.0 {
+            judge.end_tick(history);
+        }
+    }
+
+    /// What was found.
+    pub(super) fn into_comparisons(self) -> impl Iterator<Item = Comparison> {
+        self.0.into_iter().map(Judge::into_comparison)
+    }
+}
+
 /// Compares what the steps of a tick publish on one topic with what was recorded.
-pub(super) struct Judge {
+struct Judge {
     comparison: Comparison,
     /// Whether the recorded sample of the tick has been accounted for.
     is_settled: bool,
@@ -20,7 +47,7 @@ pub(super) struct Judge {
 }
 
 impl Judge {
-    pub(super) fn new(topic: Topic) -> Self {
+    fn new(topic: Topic) -> Self {
         Self {
             comparison: Comparison::new(topic),
             is_settled: false,
@@ -28,12 +55,12 @@ impl Judge {
         }
     }
 
-    pub(super) fn into_comparison(self) -> Comparison {
+    fn into_comparison(self) -> Comparison {
         self.comparison
     }
 
     /// Hears what a step publishes; if it was not finished, perhaps.
-    pub(super) fn hear(&mut self, replayed: &[u8], is_finished: bool, history: &History) {
+    fn hear(&mut self, replayed: &[u8], is_finished: bool, history: &History) {
         if self.is_settled {
             return;
         }
@@ -47,7 +74,7 @@ impl Judge {
     }
 
     /// No more steps of the tick follow: what was recorded can be nothing else.
-    pub(super) fn end_tick(&mut self, history: &History) {
+    fn end_tick(&mut self, history: &History) {
         self.is_settled = false;
         if let Some(sample) = self.doubtful.take()
             && self.comparison.has_recorded(sample.bytes(), history)

@@ -1,30 +1,25 @@
 //! One service in a replay: what it sees at each step, what it publishes, and whether that is what was recorded.
 
 use runtime::edge_store::EdgeStore;
-use runtime::owned_sample::OwnedSample;
-use runtime::step::{self, Slots, Timetable, Views};
-use shared_types::scenario::Scenario;
+use runtime::step::{Timetable, Views};
 use shared_types::schedule::MAX_PORTS;
-use shared_types::service::{ErasedService, InputView, header_of};
+use shared_types::service::{InputView, header_of};
 use shared_types::{Now, Schedule, ServiceId};
 
+use super::ReplayError;
 use super::compare::Comparison;
 use super::history::History;
-use super::judge::Judge;
+use super::judge::Jury;
 use super::recorded_steps::RecordedStep;
-use crate::services;
+use super::stepper::{Step, Stepper};
 
 /// What a step sees of an input: the sequence number of the sample, and whether the step before saw another one.
 pub(super) type Seen = [Option<(u64, bool)>; MAX_PORTS];
 
 /// A service that does its steps again.
 pub(super) struct Station {
-    service: Box<dyn ErasedService>,
+    stepper: Box<dyn Stepper>,
     timetable: Timetable,
-    /// The service's state before its first step.
-    newborn: Vec<u8>,
-    /// The state before the last step: who dies in its step goes on from there.
-    before_last: Vec<u8>,
     /// Ticks of the last step and of the one before it.
     last: Option<u64>,
     last_but_one: Option<u64>,
@@ -32,61 +27,55 @@ pub(super) struct Station {
     stores: [Option<EdgeStore>; MAX_PORTS],
     /// Of each input, the next sample that its store wants.
     next_stored: [u64; MAX_PORTS],
-    judges: Vec<Judge>,
-    outputs: Vec<OwnedSample>,
+    jury: Jury,
     pub(super) steps: u64,
     pub(super) steps_without_inputs: u64,
 }
 
 impl Station {
-    pub(super) fn new(service: ServiceId, scenario: &Scenario, schedule: &Schedule) -> Result<Self, String> {
+    pub(super) fn new(service: ServiceId, schedule: &Schedule, stepper: Box<dyn Stepper>) -> Self {
         let timetable = Timetable::new(schedule, service);
-        let service = services::build(service, scenario)?;
-        let mut newborn = vec![0; service.state_size()];
-        service.save(&mut newborn);
         let mut stores: [Option<EdgeStore>; MAX_PORTS] = Default::default();
         for (store, edge) in stores.iter_mut().zip(&timetable.inputs) {
             *store = edge.has_faults().then(|| EdgeStore::new(edge.clone()));
         }
-        Ok(Self {
-            service,
-            before_last: newborn.clone(),
-            newborn,
+        Self {
+            stepper,
             last: None,
             last_but_one: None,
             stores,
             next_stored: [0; MAX_PORTS],
-            judges: timetable
-                .outputs
-                .iter()
-                .map(|output| Judge::new(output.topic))
-                .collect(),
-            outputs: timetable
-                .outputs
-                .iter()
-                .map(|output| OwnedSample::of(output.topic))
-                .collect(),
+            jury: Jury::new(timetable.outputs.iter().map(|output| output.topic)),
             timetable,
             steps: 0,
             steps_without_inputs: 0,
-        })
+        }
     }
 
     pub(super) fn service(&self) -> ServiceId {
         self.timetable.service
     }
 
+    /// Returns when all steps have been compared.
+    pub(super) fn settle(&mut self, history: &History) -> Result<(), ReplayError> {
+        self.stepper.finish(&mut self.jury, history)
+    }
+
     pub(super) fn finish(self) -> impl Iterator<Item = Comparison> {
-        self.judges.into_iter().map(Judge::into_comparison)
+        self.jury.into_comparisons()
     }
 
     /// Does the step at `tick`, if there is one, on the samples that the schedule has due.
-    pub(super) fn step_as_scheduled(&mut self, tick: u64, history: &History) {
-        if !self.timetable.steps.occurs_at(tick) {
-            return;
+    pub(super) fn step_as_scheduled(&mut self, tick: u64, history: &History) -> Result<(), ReplayError> {
+        if self.timetable.steps.occurs_at(tick) {
+            self.step_on_due(tick, history)?;
         }
+        self.end_tick(tick, history)
+    }
+
+    fn step_on_due(&mut self, tick: u64, history: &History) -> Result<(), ReplayError> {
         if self.timetable.begins_anew_at(tick) {
-            self.service.restore(&self.newborn);
+            self.stepper.begin_anew();
         }
         let mut seen = Seen::default();
         for (seen, edge) in seen.iter_mut().zip(&self.timetable.inputs) {
@@ -94,34 +83,38 @@ impl Station {
                 .due_sample(tick)
                 .map(|due| (edge.sequence_number(due), edge.is_fresh(tick, due)));
         }
-        self.step(&self.timetable.now(tick), &seen, true, history);
-        self.end_tick(history);
+        self.step(self.timetable.now(tick), &seen, true, history)?;
+        Ok(())
     }
 
     /// Does the steps of a tick on the samples that they are recorded to have seen.
-    pub(super) fn step_as_recorded(&mut self, steps: &[RecordedStep], history: &History) {
+    pub(super) fn step_as_recorded(
+        &mut self,
+        tick: u64,
+        steps: &[RecordedStep],
+        history: &History,
+    ) -> Result<(), ReplayError> {
         for step in steps {
-            self.do_again(step, history);
+            self.do_again(step, history)?;
         }
-        self.end_tick(history);
+        self.end_tick(tick, history)
     }
 
-    fn do_again(&mut self, recorded: &RecordedStep, history: &History) {
+    fn do_again(&mut self, recorded: &RecordedStep, history: &History) -> Result<(), ReplayError> {
         if !self.remember_only(recorded.previous) {
             self.steps_without_inputs += 1;
-            return;
+            return Ok(());
         }
         let now = Now {
             operator: recorded.operator,
             ..self.timetable.now_after(recorded.previous, recorded.tick)
         };
-        self.before_last.resize(self.service.state_size(), 0);
-        self.service.save(&mut self.before_last);
-        if self.step(&now, &recorded.seen, recorded.is_finished, history) {
+        if self.step(now, &recorded.seen, recorded.is_finished, history)? {
             self.last_but_one = self.last.replace(recorded.tick);
         } else {
             (self.last, self.last_but_one) = (None, None);
         }
+        Ok(())
     }
 
     /// Goes back to what a process knew that took another one's place, if one did: the step after which the dead one
@@ -129,11 +122,11 @@ impl Station {
     /// `false` if that is not known here: the log begins later, or a step that led to it could not be done.
     fn remember_only(&mut self, previous: Option<u64>) -> bool {
         if previous.is_none() {
-            self.service.restore(&self.newborn);
+            self.stepper.begin_anew();
         } else if previous == self.last {
             return true;
         } else if previous == self.last_but_one {
-            self.service.restore(&self.before_last);
+            self.stepper.go_back();
         } else {
             return false;
         }
@@ -141,18 +134,27 @@ impl Station {
         true
     }
 
-    /// Steps and hears what is published; `false` if a sample that the step saw was not recorded.
-    fn step(&mut self, now: &Now, seen: &Seen, is_finished: bool, history: &History) -> bool {
+    /// Has a step done; `false` if a sample that it saw was not recorded.
+    fn step(
+        &mut self,
+        now: Now,
+        seen: &Seen,
+        is_finished: bool,
+        history: &History,
+    ) -> Result<bool, ReplayError> {
         self.fill_stores(now.tick, history);
         let mut views = Views::default();
+        let mut as_recorded = [None; MAX_PORTS];
         let inputs = self.timetable.inputs.iter().zip(&mut self.stores);
-        for ((view, seen), (edge, store)) in views.iter_mut().zip(seen).zip(inputs) {
+        let places = views.iter_mut().zip(&mut as_recorded);
+        for (((view, as_recorded), seen), (edge, store)) in places.zip(seen).zip(inputs) {
             let Some((seq, fresh)) = *seen else { continue };
             let Some(bytes) = history.sample(edge.topic, seq) else {
                 // What this step saw is not known, and so is nothing that it led to.
                 self.steps_without_inputs += 1;
-                return false;
+                return Ok(false);
             };
+            *as_recorded = store.is_none().then_some(seq);
             *view = match store {
                 Some(store) => {
                     let due = header_of(bytes).tick;
@@ -168,34 +170,19 @@ impl Station {
                 },
             };
         }
-        let mut slots = Slots::default();
-        for ((slot, output), sample) in slots
-            .iter_mut()
-            .zip(&self.timetable.outputs)
-            .zip(&mut self.outputs)
-        {
-            if output.is_due(now.tick) {
-                *slot = step::prepared(output.topic, output.header(now.tick), sample.bytes_mut());
-            }
-        }
-        // What was not finite was never published: there is nothing to compare it with.
-        let finite = self
-            .timetable
-            .step_at(self.service.as_mut(), now, &views, &mut slots)
-            .is_ok();
+        let step = Step {
+            now,
+            views,
+            as_recorded,
+            is_finished,
+        };
+        self.stepper.step(&step, &mut self.jury, history)?;
         self.steps += 1;
-        for (slot, judge) in slots.iter().zip(&mut self.judges) {
-            if let Some(bytes) = slot.bytes.as_deref().filter(|_| finite) {
-                judge.hear(bytes, is_finished, history);
-            }
-        }
-        true
+        Ok(true)
     }
 
-    fn end_tick(&mut self, history: &History) {
-        for judge in &mut self.judges {
-            judge.end_tick(history);
-        }
+    fn end_tick(&mut self, tick: u64, history: &History) -> Result<(), ReplayError> {
+        self.stepper.end_tick(tick, &mut self.jury, history)
     }
 
     /// Lets every input with planned faults have the samples up to a tick.

@@ -78,6 +78,8 @@ impl CrewMember {
                 }
                 return None;
             }
+            // What is said in replays only.
+            ToOrchestrator::Stepped { .. } => return None,
             ToOrchestrator::Finished => {
                 self.phase = Phase::Finished;
                 CrewEvent::Finished(self.service)
