@@ -194,7 +194,8 @@ impl ServiceProcess {
     fn hand_over(&mut self, jury: &mut Jury, history: &History) -> Result<(), ProcessFailure> {
         self.collect(jury, history)?;
         if !self.orders.is_empty() {
-            self.say(&ToService::Steps(std::mem::take(&mut self.orders)))?;
+            let orders = std::mem::take(&mut self.orders);
+            self.say(&ToService::Steps(orders))?;
         }
         self.under_way.append(&mut self.told);
         Ok(())
