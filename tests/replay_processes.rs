@@ -108,12 +108,10 @@ fn a_changed_gain_is_found_at_the_same_tick_and_member() {
 fn what_is_not_finite_is_not_published_and_does_not_end_the_replay() {
     let place = Place::new();
     succeed(&mut place.short_flight("out", 1.0, &["--host", "inprocess"]));
-    let (said, _) = replayed(
-        &place,
-        &["out", "--service", "controller", "--set", "controller.k1=1e300"],
-    );
-    assert!(said.contains(" samples of 1001 steps"), "{said}");
-    assert!(!said.contains(" 3003 samples of "), "{said}");
+    // A body without inertia spins beyond all numbers with the first torque.
+    let weightless = "vehicle.inertia=[1e-100, 1e-100, 1e-100]";
+    let (said, _) = replayed(&place, &["out", "--service", "plant", "--set", weightless]);
+    assert!(said.contains(" 2 samples of 1001 steps"), "{said}");
 }
 
 /// A replay into processes of a log that is long enough.
@@ -124,7 +122,11 @@ fn long_replay(place: &Place) -> Child {
     command.spawn().unwrap()
 }
 
-/// The process that replays a service, once it is in the middle of it: it sleeps once a batch of steps at least.
+/// By so many sleeps a service process has done steps, and has not done the last: it sleeps about thirty times until it is
+/// ready, and then before each of the 235 batches of a long replay.
+const SLEEPS: u32 = 100;
+
+/// The process that replays a service, once it is in the middle of it.
 fn in_the_middle(replay: &Child, service: ServiceId) -> u32 {
     until("steps of the service", || {
         let services = services_of(replay.id());
@@ -132,7 +134,7 @@ fn in_the_middle(replay: &Child, service: ServiceId) -> u32 {
         let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
         let mut lines = status.lines();
         let sleeps = lines.find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"))?;
-        (sleeps.trim().parse::<u32>().ok()? > 20).then_some(pid)
+        (sleeps.trim().parse::<u32>().ok()? > SLEEPS).then_some(pid)
     })
 }
 
@@ -153,7 +155,7 @@ fn the_death_of_a_service_ends_the_replay_which_names_it() {
     let said = text(&output.stderr).replace('│', " ");
     let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
     let what = format!("the process {killed} that replayed `controller` died after its step at tick ");
-    assert!(said.contains(&what) && said.contains("killed by KILL"), "{said}");
+    assert!(said.contains(&what) && said.contains("KILL"), "{said}");
     assert_eq!(text(&output.stdout), "");
     nothing_is_left(&place, id);
 }
