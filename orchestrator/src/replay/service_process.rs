@@ -110,8 +110,8 @@ impl ServiceProcess {
         let ToOrchestrator::Ready { .. } = self.hear()? else {
             return Err(self.gave_up(&"it did not get ready"));
         };
-        let senders = self.inputs.iter_mut().map(|input| input.connect());
-        let receivers = self.outputs.iter_mut().map(|output| output.connect());
+        let senders = self.inputs.iter_mut().map(InputPort::connect);
+        let receivers = self.outputs.iter_mut().map(OutputPort::connect);
         let connected: Result<(), PortError> = senders.chain(receivers).collect();
         connected.map_err(|error| self.gave_up(&error))?;
         self.is_ready = true;
