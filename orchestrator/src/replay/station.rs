@@ -8,10 +8,12 @@ use shared_types::schedule::MAX_PORTS;
 use shared_types::service::{ErasedService, InputView, header_of};
 use shared_types::{Now, Schedule, ServiceId};
 
+use super::checkpoints::RecordedCheckpoints;
 use super::compare::Comparison;
-use super::history::History;
+use super::history::{History, KEPT};
 use super::judge::Judge;
-use super::recorded_steps::RecordedStep;
+use super::machine::RecordedStep;
+use super::scope::Scope;
 use crate::services;
 
 /// What a step sees of an input: the sequence number of the sample, and whether the step before saw another one.
@@ -28,6 +30,12 @@ pub(super) struct Station {
     /// Ticks of the last step and of the one before it.
     last: Option<u64>,
     last_but_one: Option<u64>,
+    /// Whether what the service knows by now cannot be known here: a step saw a sample that was not recorded.
+    is_lost: bool,
+    /// What is compared; before it steps are only done.
+    scope: Scope,
+    /// Steps before this tick are not done: the service began with what it is recorded to have known.
+    begins_at: u64,
     /// Of each input with planned faults, what has come.
     stores: [Option<EdgeStore>; MAX_PORTS],
     /// Of each input, the next sample that its store wants.
@@ -36,10 +44,21 @@ pub(super) struct Station {
     outputs: Vec<OwnedSample>,
     pub(super) steps: u64,
     pub(super) steps_without_inputs: u64,
+    /// How often it went on from a recorded checkpoint because what the service knew could not be known otherwise.
+    pub(super) resumptions: u64,
+    pub(super) checkpoints: u64,
+    pub(super) checkpoints_different: u64,
+    /// Tick of the first step after which the service knew something else than is recorded.
+    pub(super) first_different_after: Option<u64>,
 }
 
 impl Station {
-    pub(super) fn new(service: ServiceId, scenario: &Scenario, schedule: &Schedule) -> Result<Self, String> {
+    pub(super) fn new(
+        service: ServiceId,
+        scenario: &Scenario,
+        schedule: &Schedule,
+        scope: Scope,
+    ) -> Result<Self, String> {
         let timetable = Timetable::new(schedule, service);
         let service = services::build(service, scenario)?;
         let mut newborn = vec![0; service.state_size()];
@@ -54,6 +73,9 @@ impl Station {
             newborn,
             last: None,
             last_but_one: None,
+            is_lost: false,
+            scope,
+            begins_at: 0,
             stores,
             next_stored: [0; MAX_PORTS],
             judges: timetable
@@ -69,11 +91,27 @@ impl Station {
             timetable,
             steps: 0,
             steps_without_inputs: 0,
+            resumptions: 0,
+            checkpoints: 0,
+            checkpoints_different: 0,
+            first_different_after: None,
         })
+    }
+
+    /// Begins with what the service is recorded to have known before its step at `next_tick` or the first one after it.
+    pub(super) fn begin_with(&mut self, next_tick: u64, state: &[u8]) {
+        self.service.restore(state);
+        self.last = next_tick.checked_sub(1);
+        self.begins_at = next_tick;
     }
 
     pub(super) fn service(&self) -> ServiceId {
         self.timetable.service
+    }
+
+    /// The tick of the first step that it may do.
+    pub(super) fn begins_at(&self) -> u64 {
+        self.begins_at
     }
 
     pub(super) fn finish(self) -> impl Iterator<Item = Comparison> {
@@ -81,12 +119,29 @@ impl Station {
     }
 
     /// Does the step at `tick`, if there is one, on the samples that the schedule has due.
-    pub(super) fn step_as_scheduled(&mut self, tick: u64, history: &History) {
+    pub(super) fn step_as_scheduled(
+        &mut self,
+        tick: u64,
+        history: &History,
+        checkpoints: &RecordedCheckpoints,
+    ) {
         if !self.timetable.steps.occurs_at(tick) {
+            return;
+        }
+        if tick < self.begins_at {
+            self.follow(tick, history);
             return;
         }
         if self.timetable.begins_anew_at(tick) {
             self.service.restore(&self.newborn);
+            self.is_lost = false;
+        } else if self.is_lost {
+            let previous = tick.checked_sub(1);
+            let previous = previous.and_then(|before| self.timetable.steps.last_at_or_before(before));
+            if !self.resume_after(previous, checkpoints) {
+                self.leave_out(tick, history);
+                return;
+            }
         }
         let mut seen = Seen::default();
         for (seen, edge) in seen.iter_mut().zip(&self.timetable.inputs) {
@@ -94,21 +149,50 @@ impl Station {
                 .due_sample(tick)
                 .map(|due| (edge.sequence_number(due), edge.is_fresh(tick, due)));
         }
-        self.step(&self.timetable.now(tick), &seen, true, history);
-        self.end_tick(history);
+        if self.lacks_repeated(tick, history) {
+            self.leave_out(tick, history);
+            return;
+        }
+        self.is_lost = !self.step(&self.timetable.now(tick), &seen, true, history);
+        self.end_tick(tick, history, checkpoints);
+    }
+
+    /// Whether a fault has a step see the content of an older sample that was not recorded.
+    fn lacks_repeated(&mut self, tick: u64, history: &History) -> bool {
+        self.fill_stores(tick, history);
+        let mut inputs = self.stores.iter().zip(&self.timetable.inputs);
+        inputs.any(|(store, edge)| {
+            let due = edge.due_sample(tick);
+            store
+                .as_ref()
+                .zip(due)
+                .is_some_and(|(store, due)| !store.has(due))
+        })
     }
 
     /// Does the steps of a tick on the samples that they are recorded to have seen.
-    pub(super) fn step_as_recorded(&mut self, steps: &[RecordedStep], history: &History) {
-        for step in steps {
-            self.do_again(step, history);
+    pub(super) fn step_as_recorded(
+        &mut self,
+        tick: u64,
+        steps: &[RecordedStep],
+        history: &History,
+        checkpoints: &RecordedCheckpoints,
+    ) {
+        if tick < self.begins_at {
+            self.follow(tick, history);
+            return;
         }
-        self.end_tick(history);
+        for step in steps.iter().filter(|step| step.tick >= self.begins_at) {
+            self.do_again(step, history, checkpoints);
+        }
+        if !steps.is_empty() {
+            self.end_tick(tick, history, checkpoints);
+        }
     }
 
-    fn do_again(&mut self, recorded: &RecordedStep, history: &History) {
-        if !self.remember_only(recorded.previous) {
-            self.steps_without_inputs += 1;
+    fn do_again(&mut self, recorded: &RecordedStep, history: &History, checkpoints: &RecordedCheckpoints) {
+        if !self.remember_only(recorded.previous) && !self.resume_after(recorded.previous, checkpoints) {
+            self.leave_out(recorded.tick, history);
             return;
         }
         let now = Now {
@@ -117,10 +201,41 @@ impl Station {
         };
         self.before_last.resize(self.service.state_size(), 0);
         self.service.save(&mut self.before_last);
-        if self.step(&now, &recorded.seen, recorded.is_finished, history) {
-            self.last_but_one = self.last.replace(recorded.tick);
-        } else {
+        self.is_lost = !self.step(&now, &recorded.seen, recorded.is_finished, history);
+        if self.is_lost {
             (self.last, self.last_but_one) = (None, None);
+        } else {
+            self.last_but_one = self.last.replace(recorded.tick);
+        }
+    }
+
+    /// Goes on with what the service is recorded to have known after its step at `previous`, if it is.
+    fn resume_after(&mut self, previous: Option<u64>, checkpoints: &RecordedCheckpoints) -> bool {
+        let Some(state) = previous.and_then(|previous| checkpoints.after(previous)) else {
+            return false;
+        };
+        self.service.restore(state);
+        self.last = previous;
+        self.is_lost = false;
+        self.resumptions += 1;
+        true
+    }
+
+    /// Leaves out a step that cannot be done again.
+    fn leave_out(&mut self, tick: u64, history: &History) {
+        self.is_lost = true;
+        self.steps_without_inputs += u64::from(self.scope.contains(tick));
+        self.follow(tick, history);
+    }
+
+    /// Keeps what has come by a tick at which nothing is done: a later step may see it.
+    fn follow(&mut self, tick: u64, history: &History) {
+        self.fill_stores(tick, history);
+        let long_ago = tick.saturating_sub(KEPT as u64);
+        for (store, edge) in self.stores.iter_mut().zip(&self.timetable.inputs) {
+            if let (Some(store), Some(due)) = (store, edge.due_sample(long_ago)) {
+                store.forget_before(due);
+            }
         }
     }
 
@@ -150,7 +265,7 @@ impl Station {
             let Some((seq, fresh)) = *seen else { continue };
             let Some(bytes) = history.sample(edge.topic, seq) else {
                 // What this step saw is not known, and so is nothing that it led to.
-                self.steps_without_inputs += 1;
+                self.steps_without_inputs += u64::from(self.scope.contains(now.tick));
                 return false;
             };
             *view = match store {
@@ -183,6 +298,9 @@ impl Station {
             .timetable
             .step_at(self.service.as_mut(), now, &views, &mut slots)
             .is_ok();
+        if !self.scope.contains(now.tick) {
+            return true;
+        }
         self.steps += 1;
         for (slot, judge) in slots.iter().zip(&mut self.judges) {
             if let Some(bytes) = slot.bytes.as_deref().filter(|_| finite) {
@@ -192,9 +310,27 @@ impl Station {
         true
     }
 
-    fn end_tick(&mut self, history: &History) {
+    fn end_tick(&mut self, tick: u64, history: &History, checkpoints: &RecordedCheckpoints) {
         for judge in &mut self.judges {
             judge.end_tick(history);
+        }
+        if let Some(recorded) = checkpoints.after(tick)
+            && self.scope.contains(tick)
+            && self.scope.checkpoints
+            && !self.is_lost
+        {
+            self.compare_state(tick, recorded);
+        }
+    }
+
+    /// Compares what the service knows after its step at `tick` with what it is recorded to have known.
+    fn compare_state(&mut self, tick: u64, recorded: &[u8]) {
+        let mut state = vec![0; self.service.state_size()];
+        self.service.save(&mut state);
+        self.checkpoints += 1;
+        if state != recorded {
+            self.checkpoints_different += 1;
+            self.first_different_after.get_or_insert(tick);
         }
     }
 
