@@ -98,7 +98,7 @@ fn exit_of(error: &ReplayError) -> Exit {
 fn report(replayed: &Replayed, options: &Options) -> String {
     let mut text = String::new();
     if options.from.is_some() {
-        text += &format!("{}\n", starts_in_words(replayed));
+        text += &format!("{}\n", starts_in_words(replayed, options));
     }
     if let Some(reason) = &replayed.log_ends {
         text += &format!("The log ends early: {reason}\n");
@@ -156,18 +156,24 @@ fn report(replayed: &Replayed, options: &Options) -> String {
 }
 
 /// Where the services began.
-fn starts_in_words(replayed: &Replayed) -> String {
+fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
     if replayed.starts.is_empty() {
         return "No checkpoint was recorded before: begun with the flight.".to_owned();
     }
+    let services = match options.services.len() {
+        0 => ServiceId::ALL.len(),
+        count => count,
+    };
+    let rest = if replayed.starts.len() < services {
+        "; the others with the flight"
+    } else {
+        ""
+    };
     let starts = replayed.starts.iter();
     let starts: Vec<_> = starts
         .map(|start| format!("{} at {} s", start.service, start.time))
         .collect();
-    format!(
-        "Begun from checkpoints: {}; others with the flight.",
-        starts.join(", ")
-    )
+    format!("Begun from checkpoints: {}{rest}.", starts.join(", "))
 }
 
 fn names(services: &[ServiceId]) -> String {
