@@ -116,7 +116,10 @@ fn a_part_of_a_flight_begins_with_checkpoints_and_is_compared_alone() {
         "{said}"
     );
     for (arguments, reason) in [
-        (["--from", "3.0", "--to", "2.0"], "between --from 3 s and --to 2 s"),
+        (
+            ["--from", "3.0", "--to", "2.0"],
+            "between --from 3 s and --to 2 s",
+        ),
         (["--from", "1.0", "--to", "7.0"], "--to 7 s is beyond it"),
         (["--from", "6.001", "--to", "7.0"], "--from 6.001 s is beyond it"),
         (["--from", "-1", "--to", "2.0"], "--from"),
@@ -222,20 +225,16 @@ fn behind_a_gap_in_a_log_of_simulated_time_services_go_on_with_what_they_knew() 
 
     let found = replayed(&recovered);
     assert!(!found.is_identical() && found.lacks_samples);
-    assert_eq!(
-        (found.first_difference(), found.checkpoints_different),
-        (None, 0)
-    );
+    assert_eq!((found.first_difference(), found.checkpoints_different), (None, 0));
     assert_eq!(found.resumptions, SERVICES as u64);
     let steps = SERVICES as u64 * 6001;
     assert_eq!(found.steps + found.steps_without_inputs, steps);
     assert!(found.compared() > published(&recovered, |tick| tick < 1500));
-    let said = text_of(
-        &place,
-        &["replay", "out/run.recovered.mcap", "--quiet"],
-        8,
+    let said = text_of(&place, &["replay", "out/run.recovered.mcap", "--quiet"], 8);
+    assert!(
+        said.contains("5 times a service went on from a checkpoint"),
+        "{said}"
     );
-    assert!(said.contains("5 times a service went on from a checkpoint"), "{said}");
 
     // Where nothing is missing, nothing is said of what is missing elsewhere.
     assert!(part(&recovered, 0.2, 1.2).is_identical());
@@ -287,10 +286,7 @@ fn where_the_recorder_in_real_time_has_dropped_samples_services_go_on_with_what_
     without(&log, &holed, is_dropped);
     let found = replayed(&holed);
     assert!(!found.is_identical());
-    assert_eq!(
-        (found.first_difference(), found.checkpoints_different),
-        (None, 0)
-    );
+    assert_eq!((found.first_difference(), found.checkpoints_different), (None, 0));
     assert!(found.steps_without_inputs > 0 && found.resumptions > 0);
     let of_the_controller = |comparison: &&orchestrator::replay::Comparison| {
         comparison.topic.publisher() == Some(ServiceId::Controller)

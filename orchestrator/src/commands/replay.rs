@@ -108,7 +108,8 @@ fn report(replayed: &Replayed, options: &Options) -> String {
     }
     if !replayed.strange_checkpoints.is_empty() {
         let services = names(&replayed.strange_checkpoints);
-        text += &format!("Another build has written the checkpoints of {services}; they were not looked at.\n");
+        text +=
+            &format!("Another build has written the checkpoints of {services}; they were not looked at.\n");
     }
     if replayed
         .comparisons

@@ -130,7 +130,9 @@ impl Checkpoints {
         let next_tick = tick.checked_sub(1)?;
         // SAFETY: `slot` points into the mapping, which lives as long as `self`.
         let length = unsafe { (*slot).length.load(Ordering::Relaxed) };
-        let length = usize::try_from(length).ok().filter(|&length| length <= CAPACITY)?;
+        let length = usize::try_from(length)
+            .ok()
+            .filter(|&length| length <= CAPACITY)?;
         let mut state = vec![0; length];
         copy_state(slot, &mut state);
         // The copy before, the tick after: what was overwritten meanwhile is not taken.
