@@ -182,7 +182,7 @@ impl Station {
             self.follow(tick, history);
             return;
         }
-        for step in steps.iter().filter(|step| step.tick >= self.begins_at) {
+        for step in steps {
             self.do_again(step, history, checkpoints);
         }
         if !steps.is_empty() {

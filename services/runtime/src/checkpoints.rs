@@ -164,7 +164,8 @@ fn copy_state(slot: *const Slot, copy: &mut [u8]) {
 }
 
 const _: () = assert!(
-    std::mem::offset_of!(Slot, state) % size_of::<u64>() == 0 && CAPACITY % size_of::<u64>() == 0,
+    std::mem::offset_of!(Slot, state).is_multiple_of(size_of::<u64>())
+        && CAPACITY.is_multiple_of(size_of::<u64>()),
     "a state is copied word by word"
 );
 
