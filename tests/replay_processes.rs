@@ -59,6 +59,9 @@ fn a_flight_in_which_everything_fails_as_planned_is_identical_in_processes() {
         {at = 1.0, service = \"path_generator\", kind = \"off\", for = 1.5}]";
     succeed(&mut place.rig_flight("out", 3.0, &["--set", faults]));
     assert_identical(&replayed(&place, &["out"]));
+    // Services begin with what they are recorded to have known, and what they know is compared.
+    let part = replayed(&place, &["out", "--from", "2.2", "--to", "2.8"]);
+    assert_identical(&part);
 }
 
 #[test]

@@ -75,6 +75,8 @@ pub trait CrewObserver {
     fn ready(&mut self, crew: &Crew<'_>, core: Option<usize>);
     /// Processes may have died, and services may fly again.
     fn changed(&mut self, crew: &Crew<'_>);
+    /// The flight has come to a tick. Called often.
+    fn progressed(&mut self, crew: &Crew<'_>, tick: u64);
     /// About a second of the flight has passed, or it has ended.
     fn health(&mut self, crew: &Crew<'_>);
     /// The flight has ended, and this is how.
@@ -214,6 +216,18 @@ impl<'a> Crew<'a> {
     #[must_use]
     pub fn step_log(&self) -> &StepLog {
         &self.step_log
+    }
+
+    /// What the services knew after their last steps.
+    #[must_use]
+    pub fn checkpoints(&self) -> &Checkpoints {
+        &self.checkpoints
+    }
+
+    /// When everybody steps.
+    #[must_use]
+    pub fn schedule(&self) -> &Schedule {
+        self.schedule
     }
 
     /// The processes, by service.

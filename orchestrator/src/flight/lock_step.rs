@@ -89,6 +89,7 @@ impl Flight<'_> {
             if self.recorder.drain(sink)? == Progress::Done {
                 return Ok(Outcome::Completed);
             }
+            self.observer.progressed(&self.crew, self.recorder.ticks());
             if let Some(signal) = interrupt.signal() {
                 return Ok(Outcome::Interrupted { signal });
             }

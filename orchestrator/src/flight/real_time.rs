@@ -238,6 +238,7 @@ impl<'a> Flight<'a> {
                 self.crew.keep_spare();
             }
             self.record(sink)?;
+            self.observer.progressed(&self.crew, self.recorder.ticks());
             self.replace_the_hung();
             desk.serve(|question| self.answer(question));
             if Instant::now() >= next_health {

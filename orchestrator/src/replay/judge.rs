@@ -10,30 +10,51 @@ use shared_types::Topic;
 use super::compare::Comparison;
 use super::history::History;
 
-/// Compares what the steps of a service publish with what was recorded.
-pub(super) struct Jury(Vec<Judge>);
+/// Compares what the steps of a service publish, and what it knows after some of them, with what was recorded.
+pub(super) struct Jury {
+    judges: Vec<Judge>,
+    /// How often what it knows was compared.
+    pub(super) checkpoints: u64,
+    pub(super) checkpoints_different: u64,
+    /// Tick of the first step after which the service knew something else than is recorded.
+    pub(super) first_different_after: Option<u64>,
+}
 
 impl Jury {
     /// One judge a topic that the service publishes, in the order of the wiring table.
     pub(super) fn new(topics: impl IntoIterator<Item = Topic>) -> Self {
-        Self(topics.into_iter().map(Judge::new).collect())
+        Self {
+            judges: topics.into_iter().map(Judge::new).collect(),
+            checkpoints: 0,
+            checkpoints_different: 0,
+            first_different_after: None,
+        }
     }
 
     /// Hears what a step publishes on an output; if it was not finished, perhaps.
     pub(super) fn hear(&mut self, output: usize, replayed: &[u8], is_finished: bool, history: &History) {
-        self.0[output].hear(replayed, is_finished, history);
+        self.judges[output].hear(replayed, is_finished, history);
+    }
+
+    /// Hears what the service knows after its step at `tick`, and what it is recorded to have known.
+    pub(super) fn hear_state(&mut self, tick: u64, replayed: &[u8], recorded: &[u8]) {
+        self.checkpoints += 1;
+        if replayed != recorded {
+            self.checkpoints_different += 1;
+            self.first_different_after.get_or_insert(tick);
+        }
     }
 
     /// No more steps of the tick follow.
     pub(super) fn end_tick(&mut self, history: &History) {
-        for judge in &mut self.0 {
+        for judge in &mut self.judges {
             judge.end_tick(history);
         }
     }
 
     /// What was found.
     pub(super) fn into_comparisons(self) -> impl Iterator<Item = Comparison> {
-        self.0.into_iter().map(Judge::into_comparison)
+        self.judges.into_iter().map(Judge::into_comparison)
     }
 }
 

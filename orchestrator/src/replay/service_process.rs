@@ -40,10 +40,15 @@ fn timespec(duration: Duration) -> Timespec {
 }
 
 /// What the jury is to hear of, in its order.
-#[derive(Clone, Copy)]
 enum Told {
-    /// A step; whether it was finished in the flight.
-    Step { tick: u64, is_finished: bool },
+    /// A step; whether it was finished in the flight, and whether it is compared.
+    Step {
+        tick: u64,
+        is_finished: bool,
+        is_compared: bool,
+    },
+    /// What the service is recorded to have known after the last step of a batch.
+    State { tick: u64, recorded: Vec<u8> },
     /// No more steps of a tick follow.
     EndOfTick,
 }
@@ -62,6 +67,8 @@ pub(super) struct ServiceProcess {
     /// The steps that are to be handed over next.
     orders: Vec<StepOrder>,
     told: Vec<Told>,
+    /// Whether the process is to tell what it knows after them.
+    tells_state: bool,
     /// What the process is doing.
     under_way: Vec<Told>,
     /// The tick from which on the next batch is.
@@ -88,6 +95,7 @@ impl ServiceProcess {
             memory: Memory::default(),
             orders: Vec::with_capacity(BATCH),
             told: Vec::new(),
+            tells_state: false,
             under_way: Vec::new(),
             batch_begins: 0,
             compared: None,
@@ -195,7 +203,8 @@ impl ServiceProcess {
         self.collect(jury, history)?;
         if !self.orders.is_empty() {
             let orders = std::mem::take(&mut self.orders);
-            self.say(&ToService::Steps(orders))?;
+            let tells_state = std::mem::take(&mut self.tells_state);
+            self.say(&ToService::Steps { orders, tells_state })?;
         }
         self.under_way.append(&mut self.told);
         Ok(())
@@ -206,18 +215,30 @@ impl ServiceProcess {
         if self.under_way.is_empty() {
             return Ok(());
         }
-        let ToOrchestrator::Stepped { not_finite } = self.hear()? else {
+        let ToOrchestrator::Stepped { not_finite, state } = self.hear()? else {
             return Err(self.gave_up(&"it did not do its steps"));
         };
         let mut place = 0;
         for told in std::mem::take(&mut self.under_way) {
             match told {
-                Told::Step { tick, is_finished } => {
+                Told::Step {
+                    tick,
+                    is_finished,
+                    is_compared,
+                } => {
                     if !not_finite.contains(&place) {
-                        self.listen(tick, is_finished, jury, history)?;
+                        let hear = |output: usize, bytes: &[u8]| {
+                            if is_compared {
+                                jury.hear(output, bytes, is_finished, history);
+                            }
+                        };
+                        self.listen(tick, hear)?;
                     }
                     place += 1;
                     self.compared = Some(tick);
+                }
+                Told::State { tick, recorded } => {
+                    jury.hear_state(tick, state.as_deref().unwrap_or_default(), &recorded);
                 }
                 Told::EndOfTick => jury.end_tick(history),
             }
@@ -225,21 +246,15 @@ impl ServiceProcess {
         Ok(())
     }
 
-    /// Lets the jury hear what a step has published.
-    fn listen(
-        &mut self,
-        tick: u64,
-        is_finished: bool,
-        jury: &mut Jury,
-        history: &History,
-    ) -> Result<(), ProcessFailure> {
+    /// Takes what a step has published, output by output.
+    fn listen(&mut self, tick: u64, mut hear: impl FnMut(usize, &[u8])) -> Result<(), ProcessFailure> {
         for at in 0..self.outputs.len() {
             let output = &mut self.outputs[at];
             if !output.is_due(tick) {
                 continue;
             }
             match output.receive(tick) {
-                Ok(Some(bytes)) => jury.hear(at, bytes, is_finished, history),
+                Ok(Some(bytes)) => hear(at, bytes),
                 Ok(None) => return Err(self.gave_up(&format!("a sample of tick {tick} was lost"))),
                 Err(error) => return Err(self.gave_up(&error)),
             }
@@ -257,6 +272,14 @@ impl Stepper for ServiceProcess {
         self.memory = Memory::BeforeLast;
     }
 
+    fn resume(&mut self, state: &[u8], jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
+        self.make_ready()?;
+        self.hand_over(jury, history)?;
+        self.memory = Memory::AfterLast;
+        let state = state.to_vec();
+        Ok(self.say(&ToService::Know { state })?)
+    }
+
     fn step(&mut self, step: &Step<'_>, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
         if self.orders.len() == BATCH {
             self.hand_over(jury, history)?;
@@ -267,15 +290,23 @@ impl Stepper for ServiceProcess {
         self.told.push(Told::Step {
             tick: step.now.tick,
             is_finished: step.is_finished,
+            is_compared: step.is_compared,
         });
         Ok(())
     }
 
+    fn compare_state(&mut self, tick: u64, recorded: &[u8], _jury: &mut Jury) {
+        self.tells_state = true;
+        let recorded = recorded.to_vec();
+        self.told.push(Told::State { tick, recorded });
+    }
+
     fn end_tick(&mut self, tick: u64, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
-        if let Some(Told::Step { .. }) = self.told.last() {
+        if let Some(Told::Step { .. } | Told::State { .. }) = self.told.last() {
             self.told.push(Told::EndOfTick);
         }
-        if tick >= self.batch_begins + BATCH as u64 {
+        // What the service knows it tells after the last step of a batch.
+        if self.tells_state || tick >= self.batch_begins + BATCH as u64 {
             self.hand_over(jury, history)?;
             self.batch_begins = tick;
         }

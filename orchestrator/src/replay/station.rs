@@ -7,10 +7,12 @@ use shared_types::service::{InputView, header_of};
 use shared_types::{Now, Schedule, ServiceId};
 
 use super::ReplayError;
+use super::checkpoints::RecordedCheckpoints;
 use super::compare::Comparison;
-use super::history::History;
+use super::history::{History, KEPT};
 use super::judge::Jury;
-use super::recorded_steps::RecordedStep;
+use super::machine::RecordedStep;
+use super::scope::Scope;
 use super::stepper::{Step, Stepper};
 
 /// What a step sees of an input: the sequence number of the sample, and whether the step before saw another one.
@@ -23,6 +25,12 @@ pub(super) struct Station {
     /// Ticks of the last step and of the one before it.
     last: Option<u64>,
     last_but_one: Option<u64>,
+    /// Whether what the service knows by now cannot be known here: a step saw a sample that was not recorded.
+    is_lost: bool,
+    /// What is compared; before it steps are only done.
+    scope: Scope,
+    /// Steps before this tick are not done: the service began with what it is recorded to have known.
+    begins_at: u64,
     /// Of each input with planned faults, what has come.
     stores: [Option<EdgeStore>; MAX_PORTS],
     /// Of each input, the next sample that its store wants.
@@ -30,10 +38,17 @@ pub(super) struct Station {
     jury: Jury,
     pub(super) steps: u64,
     pub(super) steps_without_inputs: u64,
+    /// How often it went on from a recorded checkpoint because what the service knew could not be known otherwise.
+    pub(super) resumptions: u64,
 }
 
 impl Station {
-    pub(super) fn new(service: ServiceId, schedule: &Schedule, stepper: Box<dyn Stepper>) -> Self {
+    pub(super) fn new(
+        service: ServiceId,
+        schedule: &Schedule,
+        stepper: Box<dyn Stepper>,
+        scope: Scope,
+    ) -> Self {
         let timetable = Timetable::new(schedule, service);
         let mut stores: [Option<EdgeStore>; MAX_PORTS] = Default::default();
         for (store, edge) in stores.iter_mut().zip(&timetable.inputs) {
@@ -43,17 +58,43 @@ impl Station {
             stepper,
             last: None,
             last_but_one: None,
+            is_lost: false,
+            scope,
+            begins_at: 0,
             stores,
             next_stored: [0; MAX_PORTS],
             jury: Jury::new(timetable.outputs.iter().map(|output| output.topic)),
             timetable,
             steps: 0,
             steps_without_inputs: 0,
+            resumptions: 0,
         }
+    }
+
+    /// Begins with what the service is recorded to have known before its step at `next_tick` or the first one after it.
+    pub(super) fn begin_with(
+        &mut self,
+        next_tick: u64,
+        state: &[u8],
+        history: &History,
+    ) -> Result<(), ReplayError> {
+        self.last = next_tick.checked_sub(1);
+        self.begins_at = next_tick;
+        self.stepper.resume(state, &mut self.jury, history)
     }
 
     pub(super) fn service(&self) -> ServiceId {
         self.timetable.service
+    }
+
+    /// The tick of the first step that it may do.
+    pub(super) fn begins_at(&self) -> u64 {
+        self.begins_at
+    }
+
+    /// What was found by now. It is all once the station has settled.
+    pub(super) fn jury(&self) -> &Jury {
+        &self.jury
     }
 
     /// Returns when all steps have been compared.
@@ -66,16 +107,39 @@ impl Station {
     }
 
     /// Does the step at `tick`, if there is one, on the samples that the schedule has due.
-    pub(super) fn step_as_scheduled(&mut self, tick: u64, history: &History) -> Result<(), ReplayError> {
+    pub(super) fn step_as_scheduled(
+        &mut self,
+        tick: u64,
+        history: &History,
+        checkpoints: &RecordedCheckpoints,
+    ) -> Result<(), ReplayError> {
         if self.timetable.steps.occurs_at(tick) {
-            self.step_on_due(tick, history)?;
+            self.step_on_due(tick, history, checkpoints)?;
+            self.compare_state(tick, checkpoints);
         }
-        self.end_tick(tick, history)
+        self.stepper.end_tick(tick, &mut self.jury, history)
     }
 
-    fn step_on_due(&mut self, tick: u64, history: &History) -> Result<(), ReplayError> {
+    fn step_on_due(
+        &mut self,
+        tick: u64,
+        history: &History,
+        checkpoints: &RecordedCheckpoints,
+    ) -> Result<(), ReplayError> {
+        if tick < self.begins_at {
+            self.follow(tick, history);
+            return Ok(());
+        }
         if self.timetable.begins_anew_at(tick) {
             self.stepper.begin_anew();
+            self.is_lost = false;
+        } else if self.is_lost {
+            let previous = tick.checked_sub(1);
+            let previous = previous.and_then(|before| self.timetable.steps.last_at_or_before(before));
+            if !self.resume_after(previous, history, checkpoints)? {
+                self.leave_out(tick, history);
+                return Ok(());
+            }
         }
         let mut seen = Seen::default();
         for (seen, edge) in seen.iter_mut().zip(&self.timetable.inputs) {
@@ -83,8 +147,25 @@ impl Station {
                 .due_sample(tick)
                 .map(|due| (edge.sequence_number(due), edge.is_fresh(tick, due)));
         }
-        self.step(self.timetable.now(tick), &seen, true, history)?;
+        if self.lacks_repeated(tick, history) {
+            self.leave_out(tick, history);
+            return Ok(());
+        }
+        self.is_lost = !self.step(self.timetable.now(tick), &seen, true, history)?;
         Ok(())
+    }
+
+    /// Whether a fault has a step see the content of an older sample that was not recorded.
+    fn lacks_repeated(&mut self, tick: u64, history: &History) -> bool {
+        self.fill_stores(tick, history);
+        let mut inputs = self.stores.iter().zip(&self.timetable.inputs);
+        inputs.any(|(store, edge)| {
+            let due = edge.due_sample(tick);
+            store
+                .as_ref()
+                .zip(due)
+                .is_some_and(|(store, due)| !store.has(due))
+        })
     }
 
     /// Does the steps of a tick on the samples that they are recorded to have seen.
@@ -93,28 +174,78 @@ impl Station {
         tick: u64,
         steps: &[RecordedStep],
         history: &History,
+        checkpoints: &RecordedCheckpoints,
     ) -> Result<(), ReplayError> {
-        for step in steps {
-            self.do_again(step, history)?;
+        if tick < self.begins_at {
+            self.follow(tick, history);
+            return Ok(());
         }
-        self.end_tick(tick, history)
+        for step in steps {
+            self.do_again(step, history, checkpoints)?;
+        }
+        if !steps.is_empty() {
+            self.compare_state(tick, checkpoints);
+        }
+        self.stepper.end_tick(tick, &mut self.jury, history)
     }
 
-    fn do_again(&mut self, recorded: &RecordedStep, history: &History) -> Result<(), ReplayError> {
-        if !self.remember_only(recorded.previous) {
-            self.steps_without_inputs += 1;
+    fn do_again(
+        &mut self,
+        recorded: &RecordedStep,
+        history: &History,
+        checkpoints: &RecordedCheckpoints,
+    ) -> Result<(), ReplayError> {
+        let previous = recorded.previous;
+        if !self.remember_only(previous) && !self.resume_after(previous, history, checkpoints)? {
+            self.leave_out(recorded.tick, history);
             return Ok(());
         }
         let now = Now {
             operator: recorded.operator,
             ..self.timetable.now_after(recorded.previous, recorded.tick)
         };
-        if self.step(now, &recorded.seen, recorded.is_finished, history)? {
-            self.last_but_one = self.last.replace(recorded.tick);
-        } else {
+        self.is_lost = !self.step(now, &recorded.seen, recorded.is_finished, history)?;
+        if self.is_lost {
             (self.last, self.last_but_one) = (None, None);
+        } else {
+            self.last_but_one = self.last.replace(recorded.tick);
         }
         Ok(())
+    }
+
+    /// Goes on with what the service is recorded to have known after its step at `previous`, if it is.
+    fn resume_after(
+        &mut self,
+        previous: Option<u64>,
+        history: &History,
+        checkpoints: &RecordedCheckpoints,
+    ) -> Result<bool, ReplayError> {
+        let Some(state) = previous.and_then(|previous| checkpoints.after(previous)) else {
+            return Ok(false);
+        };
+        self.stepper.resume(state, &mut self.jury, history)?;
+        self.last = previous;
+        self.is_lost = false;
+        self.resumptions += 1;
+        Ok(true)
+    }
+
+    /// Leaves out a step that cannot be done again.
+    fn leave_out(&mut self, tick: u64, history: &History) {
+        self.is_lost = true;
+        self.steps_without_inputs += u64::from(self.scope.contains(tick));
+        self.follow(tick, history);
+    }
+
+    /// Keeps what has come by a tick at which nothing is done: a later step may see it.
+    fn follow(&mut self, tick: u64, history: &History) {
+        self.fill_stores(tick, history);
+        let long_ago = tick.saturating_sub(KEPT as u64);
+        for (store, edge) in self.stores.iter_mut().zip(&self.timetable.inputs) {
+            if let (Some(store), Some(due)) = (store, edge.due_sample(long_ago)) {
+                store.forget_before(due);
+            }
+        }
     }
 
     /// Goes back to what a process knew that took another one's place, if one did: the step after which the dead one
@@ -143,6 +274,7 @@ impl Station {
         history: &History,
     ) -> Result<bool, ReplayError> {
         self.fill_stores(now.tick, history);
+        let is_compared = self.scope.contains(now.tick);
         let mut views = Views::default();
         let mut as_recorded = [None; MAX_PORTS];
         let inputs = self.timetable.inputs.iter().zip(&mut self.stores);
@@ -151,7 +283,7 @@ impl Station {
             let Some((seq, fresh)) = *seen else { continue };
             let Some(bytes) = history.sample(edge.topic, seq) else {
                 // What this step saw is not known, and so is nothing that it led to.
-                self.steps_without_inputs += 1;
+                self.steps_without_inputs += u64::from(is_compared);
                 return Ok(false);
             };
             *as_recorded = store.is_none().then_some(seq);
@@ -175,14 +307,22 @@ impl Station {
             views,
             as_recorded,
             is_finished,
+            is_compared,
         };
         self.stepper.step(&step, &mut self.jury, history)?;
-        self.steps += 1;
+        self.steps += u64::from(is_compared);
         Ok(true)
     }
 
-    fn end_tick(&mut self, tick: u64, history: &History) -> Result<(), ReplayError> {
-        self.stepper.end_tick(tick, &mut self.jury, history)
+    /// Has compared what the service knows after its step at `tick` with what it is recorded to have known, if it is.
+    fn compare_state(&mut self, tick: u64, checkpoints: &RecordedCheckpoints) {
+        if let Some(recorded) = checkpoints.after(tick)
+            && self.scope.contains(tick)
+            && self.scope.checkpoints
+            && !self.is_lost
+        {
+            self.stepper.compare_state(tick, recorded, &mut self.jury);
+        }
     }
 
     /// Lets every input with planned faults have the samples up to a tick.

@@ -20,6 +20,8 @@ pub(super) struct Step<'a> {
     pub(super) as_recorded: [Option<u64>; MAX_PORTS],
     /// Whether all that it had to publish was published in the flight.
     pub(super) is_finished: bool,
+    /// Whether the jury is to hear of it.
+    pub(super) is_compared: bool,
 }
 
 /// Does the steps of a service, in their order, now or later.
@@ -30,9 +32,15 @@ pub(super) trait Stepper {
     /// The next step shall know what the service knew before the last one.
     fn go_back(&mut self);
 
+    /// The next step shall know this.
+    fn resume(&mut self, state: &[u8], jury: &mut Jury, history: &History) -> Result<(), ReplayError>;
+
     /// Does a step. The jury hears, sooner or later, what comes of it; of what is not finite nothing, for it was never
     /// published.
     fn step(&mut self, step: &Step<'_>, jury: &mut Jury, history: &History) -> Result<(), ReplayError>;
+
+    /// Lets the jury compare, sooner or later, what the service knows after the step at `tick`, which was told just before.
+    fn compare_state(&mut self, tick: u64, recorded: &[u8], jury: &mut Jury);
 
     /// All steps of a tick have been told. Called for every tick, so that nothing is put off for too long.
     fn end_tick(&mut self, tick: u64, jury: &mut Jury, history: &History) -> Result<(), ReplayError>;
@@ -77,6 +85,11 @@ impl Stepper for InThisProcess {
         self.service.restore(&self.before_last);
     }
 
+    fn resume(&mut self, state: &[u8], _jury: &mut Jury, _history: &History) -> Result<(), ReplayError> {
+        self.service.restore(state);
+        Ok(())
+    }
+
     fn step(&mut self, step: &Step<'_>, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
         self.service.save(&mut self.before_last);
         let tick = step.now.tick;
@@ -90,7 +103,7 @@ impl Stepper for InThisProcess {
         let done = self
             .timetable
             .step_at(self.service.as_mut(), &step.now, &step.views, &mut slots);
-        if done.is_ok() {
+        if done.is_ok() && step.is_compared {
             for (output, slot) in slots.iter().enumerate() {
                 if let Some(bytes) = slot.bytes.as_deref() {
                     jury.hear(output, bytes, step.is_finished, history);
@@ -98,6 +111,12 @@ impl Stepper for InThisProcess {
             }
         }
         Ok(())
+    }
+
+    fn compare_state(&mut self, tick: u64, recorded: &[u8], jury: &mut Jury) {
+        let mut state = vec![0; self.service.state_size()];
+        self.service.save(&mut state);
+        jury.hear_state(tick, &state, recorded);
     }
 
     fn end_tick(&mut self, _tick: u64, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {

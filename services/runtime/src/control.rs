@@ -55,7 +55,17 @@ pub enum ToService {
         bytes: Vec<u8>,
     },
     /// In a replay: do these steps. What they see has been published.
-    Steps(Vec<StepOrder>),
+    Steps {
+        /// The steps, at most [`crate::replaying::BATCH`].
+        orders: Vec<StepOrder>,
+        /// Whether to tell then what the service knows.
+        tells_state: bool,
+    },
+    /// In a replay: know this before the next step.
+    Know {
+        /// The state of the service.
+        state: Vec<u8>,
+    },
     /// The run ends: stop at once.
     Stop,
 }
@@ -121,6 +131,8 @@ pub enum ToOrchestrator {
     Stepped {
         /// The places of those among them that computed a number that is not finite, of which nothing is published.
         not_finite: Vec<usize>,
+        /// What the service knows after the last of them, if that was asked for.
+        state: Option<Vec<u8>>,
     },
     /// A number that is not finite came up; the service has stopped.
     NonFinite(NonFinite),

@@ -129,10 +129,12 @@ pub fn obey(
     };
     loop {
         match channel.receive() {
-            Ok(ToService::Steps(orders)) => {
+            Ok(ToService::Steps { orders, tells_state }) => {
                 let not_finite = replaying.do_all(&orders)?;
-                channel.send(&ToOrchestrator::Stepped { not_finite })?;
+                let state = tells_state.then(|| replaying.state());
+                channel.send(&ToOrchestrator::Stepped { not_finite, state })?;
             }
+            Ok(ToService::Know { state }) => replaying.service.restore(&state),
             Ok(_) | Err(ControlError::Closed) => return Ok(()),
             Err(error) => return Err(error.into()),
         }
@@ -151,6 +153,12 @@ struct Replaying<'a> {
 }
 
 impl Replaying<'_> {
+    fn state(&self) -> Vec<u8> {
+        let mut state = vec![0; self.service.state_size()];
+        self.service.save(&mut state);
+        state
+    }
+
     /// Does the steps of a batch; the places of those that computed a number that is not finite.
     fn do_all(&mut self, orders: &[StepOrder]) -> Result<Vec<usize>, PortError> {
         let mut not_finite = Vec::new();

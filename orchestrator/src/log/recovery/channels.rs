@@ -11,7 +11,7 @@ use shared_types::{Sample, Topic};
 
 use super::scan::Chunk;
 use crate::log::framing::{CDR_HEADER, LAYOUT_KEY};
-use crate::log::{HostEvent, HostSample, ServiceHealth, ServiceStep};
+use crate::log::{HostEvent, HostSample, ServiceCheckpoint, ServiceHealth, ServiceStep};
 
 /// Number of the first channel of a log; the others follow.
 const FIRST_CHANNEL: usize = 1;
@@ -85,6 +85,7 @@ pub(super) fn kinds() -> Vec<Kind> {
         Kind::of_host::<HostEvent>(),
         Kind::of_host::<ServiceHealth>(),
         Kind::of_host::<ServiceStep>(),
+        Kind::of_host::<ServiceCheckpoint>(),
     ]);
     kinds
 }
