@@ -311,7 +311,10 @@ fn a_replay_of_a_recovered_log_does_not_go_beyond_where_samples_are_missing() {
     let replayed = replay(&place.path("new.mcap"), &Options::default(), None).unwrap();
     // Flown in one process, it has no checkpoints with which services could go on.
     assert!(!replayed.is_identical() && replayed.lacks_samples && replayed.steps_without_inputs > 0);
-    assert_eq!((replayed.first_difference(), replayed.compared()), (None, 8 * 1000));
+    assert_eq!(
+        (replayed.first_difference(), replayed.compared()),
+        (None, 8 * 1000)
+    );
 }
 
 #[test]
