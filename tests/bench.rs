@@ -82,3 +82,21 @@ fn a_measurement_of_nothing_is_refused() {
         );
     }
 }
+
+#[test]
+fn what_deaths_cost_is_counted_and_nothing_is_left_behind() {
+    let place = Place::new();
+    let output = succeed(&mut place.gerono(&["bench", "deaths", "--deaths", "5", "--json", "deaths.json"]));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+    let text = std::fs::read_to_string(place.path("deaths.json")).unwrap();
+    let measured: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!([&measured["deaths"], &measured["rebirths"]], [5, 5]);
+    assert_plausible(&measured["back_after"], 5);
+    let services = measured["services"].as_array().unwrap();
+    assert_eq!(services.len(), 5);
+    for service in services {
+        assert!(number(&service["near"]["p50"]) > 0.0 && number(&service["elsewhere"]["p50"]) > 0.0);
+    }
+    let shown = String::from_utf8(output.stdout).unwrap();
+    assert!(shown.contains("5 processes killed themselves"), "{shown}");
+}

@@ -3,9 +3,9 @@
 mod common;
 
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
-use common::{Place, finish, output, services_of, shared_memory_of, signal, until};
+use common::{Place, begin, finish, output, services_of, shared_memory_of, signal, until};
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -29,12 +29,7 @@ fn found(place: &Place, more: &[&str]) -> impl Fn(&str) -> Value {
 
 /// A flight without end, under way.
 fn fly(place: &Place, out: &str) -> std::process::Child {
-    let child = place
-        .short_flight(out, 3600.0, &[])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let child = begin(&mut place.short_flight(out, 3600.0, &[]));
     until("all services", || {
         (services_of(child.id()).len() == 5 && !shared_memory_of(child.id()).is_empty()).then_some(())
     });
@@ -121,12 +116,7 @@ fn a_wrong_scenario_is_refused_before_anything_is_measured() {
 #[test]
 fn a_signal_ends_the_measuring_and_nothing_is_said_or_left() {
     let place = Place::new();
-    let child = place
-        .gerono(&["doctor", "--seconds", "3600"])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let child = begin(&mut place.gerono(&["doctor", "--seconds", "3600"]));
     let is_caught = || {
         let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
         let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;

@@ -4,9 +4,9 @@
 mod common;
 
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 
-use common::{Place, finish, signal, succeed, until};
+use common::{Place, begin, finish, signal, succeed, until};
 use orchestrator::log::LogReader;
 use rustix::process::Signal;
 
@@ -125,12 +125,7 @@ fn an_interrupted_run_is_a_prefix_that_ends_with_a_whole_tick() {
     let place = Place::new();
     succeed(&mut place.short_flight("whole", 60.0, &["--host", "inprocess"]));
     for (out, number) in [("interrupted", Signal::INT), ("terminated", Signal::TERM)] {
-        let mut command = place.short_flight(out, 60.0, &[]);
-        let child = command
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let child = begin(&mut place.short_flight(out, 60.0, &[]));
         wait_for_ticks(&place.path(out));
         signal(child.id(), number);
         let output = finish(child);

@@ -3,11 +3,11 @@
 mod common;
 
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 
 use common::{
-    Place, finish, is_alive, output, processes_of, scenario, services_of, shared_memory_of, signal, succeed,
-    until,
+    Place, begin, finish, is_alive, output, processes_of, scenario, services_of, shared_memory_of, signal,
+    succeed, until,
 };
 use iceoryx2::prelude::*;
 use orchestrator::log::LogReader;
@@ -16,18 +16,8 @@ use shared_types::ServiceId;
 
 /// Begins a long flight and waits until it is under way.
 fn fly(place: &Place, out: &str) -> (Child, Vec<(String, u32)>) {
-    let mut command = place.short_flight(out, 3600.0, &[]);
-    let child = command
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let partial = place.path(out).join("run.mcap.partial");
-    until("a first chunk of the log", || {
-        std::fs::metadata(&partial)
-            .ok()
-            .filter(|metadata| metadata.len() > 500_000)
-    });
+    let child = begin(&mut place.short_flight(out, 3600.0, &[]));
+    place.await_log(out, 500_000);
     let services = services_of(child.id());
     assert_eq!(services.len(), ServiceId::ALL.len());
     (child, services)
@@ -94,14 +84,7 @@ fn clean_removes_what_dead_runs_have_left_and_no_more() {
 #[test]
 fn two_runs_at_once_do_not_see_each_other() {
     let place = Place::new();
-    let spawn = |out: &str| {
-        let mut command = place.short_flight(out, 3.0, &[]);
-        command
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap()
-    };
+    let spawn = |out: &str| begin(&mut place.short_flight(out, 3.0, &[]));
     let (one, other) = (spawn("one"), spawn("other"));
     for output in [finish(one), finish(other)] {
         assert!(
@@ -119,12 +102,7 @@ fn two_runs_at_once_do_not_see_each_other() {
 #[test]
 fn a_foreign_observer_does_not_stall_a_run() {
     let place = Place::new();
-    let mut command = place.short_flight("observed", 60.0, &[]);
-    let child = command
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let child = begin(&mut place.short_flight("observed", 60.0, &[]));
     let configuration = until("the run's iceoryx2 configuration", || {
         let base = std::fs::read_dir(place.path("tmp"))
             .ok()?

@@ -5,9 +5,9 @@ mod common;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Output, Stdio};
+use std::process::{Child, Output};
 
-use common::{Place, finish, output, scenario, signal, succeed, until};
+use common::{Place, begin, finish, output, signal, succeed};
 use orchestrator::log::{LogReadError, LogReader, RecoverError, Recovery, is_whole, recover};
 use orchestrator::replay::{Options, replay};
 use rand_chacha::ChaCha8Rng;
@@ -192,21 +192,11 @@ fn fails(place: &Place, arguments: &[&str], code: i32) -> Output {
 
 /// Kills the orchestrator of a run once its log has so many bytes, and leaves the folder as it then is.
 fn kill_at(place: &Place, child: Child, out: &str, bytes: u64) {
-    let partial = place.path(out).join("run.mcap.partial");
-    until("some of the log", || {
-        std::fs::metadata(&partial).ok().filter(|file| file.len() > bytes)
-    });
+    place.await_log(out, bytes);
     signal(child.id(), Signal::KILL);
     finish(child);
-    assert!(partial.exists() && !place.path(out).join("run.mcap").exists());
-}
-
-fn begin(mut command: std::process::Command) -> Child {
-    command
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
+    let exists = |name| place.path(out).join(name).exists();
+    assert!(exists("run.mcap.partial") && !exists("run.mcap"));
 }
 
 fn recovered(place: &Place, out: &str) -> PathBuf {
@@ -219,7 +209,7 @@ fn a_killed_recorder_loses_less_than_a_chunk_and_the_rest_is_a_prefix_of_the_who
     succeed(&mut place.short_flight("whole", 20.0, &["--host", "inprocess"]));
     kill_at(
         &place,
-        begin(place.short_flight("out", 20.0, &[])),
+        begin(&mut place.short_flight("out", 20.0, &[])),
         "out",
         1_000_000,
     );
@@ -273,18 +263,7 @@ fn a_killed_recorder_loses_less_than_a_chunk_and_the_rest_is_a_prefix_of_the_who
 #[test]
 fn a_killed_recorder_in_real_time_has_kept_chunks_of_an_eighth_of_a_second_and_both_logs_are_recovered() {
     let place = Place::new();
-    let hover = scenario("hover");
-    let arguments = [
-        "run",
-        hover.to_str().unwrap(),
-        "--host",
-        "realtime",
-        "--out",
-        "out",
-        "--set",
-        "duration=100.0",
-    ];
-    kill_at(&place, begin(place.gerono(&arguments)), "out", 1_500_000);
+    kill_at(&place, begin(&mut place.live_hover("out", &[])), "out", 1_500_000);
     succeed(&mut place.gerono(&["recover", "out"]));
     let log = recovered(&place, "out");
     let file = std::fs::read(&log).unwrap();
@@ -332,7 +311,10 @@ fn a_replay_of_a_recovered_log_does_not_go_beyond_where_samples_are_missing() {
     let replayed = replay(&place.path("new.mcap"), &Options::default(), None).unwrap();
     // Flown in one process, it has no checkpoints with which services could go on.
     assert!(!replayed.is_identical() && replayed.lacks_samples && replayed.steps_without_inputs > 0);
-    assert_eq!((replayed.first_difference(), replayed.compared()), (None, 8 * 1000));
+    assert_eq!(
+        (replayed.first_difference(), replayed.compared()),
+        (None, 8 * 1000)
+    );
 }
 
 #[test]

@@ -3,11 +3,11 @@
 mod common;
 
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
 use common::{
-    Place, finish, is_alive, output, processes_of, scenario, shared_memory_of, signal, succeed, until,
+    Place, begin, finish, is_alive, output, processes_of, scenario, shared_memory_of, signal, succeed, until,
 };
 use orchestrator::log::LogReader;
 use rand_chacha::ChaCha8Rng;
@@ -154,11 +154,6 @@ fn fig_7_with_every_service_killed_in_turn_is_fig_7() {
     committed_is_the_same_with("fig7", &crashes);
 }
 
-fn begin(mut command: Command) -> Child {
-    let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
-    command.spawn().unwrap()
-}
-
 fn pid_of(child: &Child, service: ServiceId) -> u32 {
     pid_named(child, service.name())
 }
@@ -179,20 +174,11 @@ fn successor_of(child: &Child, service: ServiceId, before: u32) -> u32 {
     })
 }
 
-/// Waits until the log of a run has so many bytes.
-fn await_log(place: &Place, out: &str, bytes: u64) {
-    let partial = place.path(out).join("run.mcap.partial");
-    until("a part of the log", || {
-        let metadata = std::fs::metadata(&partial).ok()?;
-        (metadata.len() > bytes).then_some(())
-    });
-}
-
 #[test]
 fn a_service_that_is_stopped_for_a_while_is_waited_for() {
     let place = Place::new();
-    let child = begin(place.short_flight("stopped", 20.0, &[]));
-    await_log(&place, "stopped", 1_000_000);
+    let child = begin(&mut place.short_flight("stopped", 20.0, &[]));
+    place.await_log("stopped", 1_000_000);
     for service in ServiceId::ALL {
         let pid = pid_of(&child, service);
         signal(pid, Signal::STOP);
@@ -208,8 +194,8 @@ fn a_service_that_is_stopped_for_a_while_is_waited_for() {
 #[test]
 fn a_consumer_that_dies_while_its_publisher_waits_in_send_is_mended() {
     let place = Place::new();
-    let child = begin(place.short_flight("choked", 20.0, &[]));
-    await_log(&place, "choked", 1_000_000);
+    let child = begin(&mut place.short_flight("choked", 20.0, &[]));
+    place.await_log("choked", 1_000_000);
     signal(child.id(), Signal::STOP);
     // Nobody can tell that a publisher waits; in this time the ring fills the recorder's buffers several times.
     std::thread::sleep(Duration::from_millis(200));
@@ -256,7 +242,7 @@ fn kill_at_once(child: &Child, pids: [u32; 2]) {
 #[test]
 fn of_two_services_that_die_at_once_one_goes_on_in_the_spare_process_and_both_leave_no_trace() {
     let place = Place::new();
-    let child = begin(place.short_flight("both", 40.0, &[]));
+    let child = begin(&mut place.short_flight("both", 40.0, &[]));
     let spare = pid_named(&child, SPARE);
     let both = [ServiceId::Estimator, ServiceId::RcOutput].map(|service| (service, pid_of(&child, service)));
     kill_at_once(&child, both.map(|(_, pid)| pid));
@@ -269,7 +255,7 @@ fn of_two_services_that_die_at_once_one_goes_on_in_the_spare_process_and_both_le
 #[test]
 fn a_service_that_dies_together_with_the_spare_process_leaves_no_trace() {
     let place = Place::new();
-    let child = begin(place.short_flight("together", 40.0, &[]));
+    let child = begin(&mut place.short_flight("together", 40.0, &[]));
     for service in ServiceId::ALL {
         let spare = pid_named(&child, SPARE);
         let pid = pid_of(&child, service);
@@ -284,8 +270,8 @@ fn a_service_that_dies_together_with_the_spare_process_leaves_no_trace() {
 #[test]
 fn a_run_goes_on_without_a_spare_process_if_that_dies_again_and_again() {
     let place = Place::new();
-    let child = begin(place.short_flight("without", 40.0, &[]));
-    await_log(&place, "without", 1_000_000);
+    let child = begin(&mut place.short_flight("without", 40.0, &[]));
+    place.await_log("without", 1_000_000);
     let mut last = None;
     // The flight waits for a service until all spare processes are dead.
     let estimator = pid_of(&child, ServiceId::Estimator);
@@ -407,7 +393,7 @@ fn kills_at_random_moments_leave_no_trace_in_the_log_nor_anything_behind() {
     let mut kills = 0;
     for run in 0.. {
         let out = format!("run-{run}");
-        let child = begin(place.short_flight(&out, 10.0, &["--quiet"]));
+        let child = begin(&mut place.short_flight(&out, 10.0, &["--quiet"]));
         let orchestrator = child.id();
         let (more, child) = under_fire(child, &mut random, 200);
         let ended = finish(child);

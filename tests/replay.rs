@@ -4,9 +4,8 @@
 mod common;
 
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
 
-use common::{Place, finish, output, scenario, services_of, signal, succeed, until};
+use common::{Place, begin, finish, output, scenario, services_of, signal, succeed, until};
 use orchestrator::log::{Compression, LogReader, Manifest, RunLogWriter};
 use orchestrator::replay::{Options, Replayed, replay};
 use runtime::crash::CrashPlace;
@@ -85,26 +84,8 @@ fn a_flight_of_processes_in_which_all_fails_is_replayed_identically() {
 #[test]
 fn a_flight_in_real_time_is_replayed_identically_although_services_died_in_it() {
     let place = Place::new();
-    let hover = scenario("hover");
-    let arguments = [
-        "run",
-        hover.to_str().unwrap(),
-        "--host",
-        "realtime",
-        "--out",
-        "out",
-        "--set",
-        "duration=100.0",
-    ];
-    let mut command = place.gerono(&arguments);
-    let child = command
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let partial = place.path("out").join("run.mcap.partial");
-    let size = || std::fs::metadata(&partial).map_or(0, |file| file.len());
-    until("the first chunk", || (size() > 20_000).then_some(()));
+    let child = begin(&mut place.live_hover("out", &[]));
+    place.await_log("out", 20_000);
     for service in [ServiceId::Controller, ServiceId::Estimator, ServiceId::Controller] {
         let pid_of = || {
             services_of(child.id())
@@ -114,8 +95,7 @@ fn a_flight_in_real_time_is_replayed_identically_although_services_died_in_it() 
         let (_, pid) = until("the service", pid_of);
         signal(pid, Signal::KILL);
         until("a successor", || pid_of().filter(|&(_, now)| now != pid));
-        let before = size();
-        until("some more", || (size() > before + 500_000).then_some(()));
+        place.await_log("out", place.log_bytes("out") + 500_000);
     }
     signal(child.id(), Signal::INT);
     assert_eq!(finish(child).status.code(), Some(130));

@@ -4,9 +4,9 @@ mod common;
 #[path = "common/terminal.rs"]
 mod terminal;
 
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 
-use common::{Place, finish, is_alive, output, scenario, services_of, signal, succeed, until, wait};
+use common::{Place, begin, finish, is_alive, output, scenario, services_of, signal, succeed, until, wait};
 use rustix::process::Signal;
 use shared_types::ServiceId;
 use terminal::{Screen, Terminal};
@@ -27,12 +27,7 @@ fn take_off(place: &Place) -> Child {
         "--quiet",
     ];
     let arguments = [&["run", hover.to_str().unwrap()], &more[..]].concat();
-    let mut command = place.gerono(&arguments);
-    let child = command
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let child = begin(&mut place.gerono(&arguments));
     let is_live = || succeeds(&mut place.gerono(&["top", "--once"])).then_some(());
     until("a flight that can be looked at", is_live);
     child

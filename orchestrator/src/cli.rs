@@ -796,6 +796,26 @@ pub enum BenchInstead {
     /// Takes 12 × REPETITIONS × SECONDS, or half of it without SCHED_FIFO.
     #[command(after_help = BenchLatency::EXAMPLES)]
     Latency(BenchLatency),
+    /// Measure what the deaths of services cost a flight in real time, and the others in it.
+    ///
+    /// Flies the paper's laboratory in hover twice: undisturbed, and with each service in its turn killing itself in the
+    /// middle of a step (SIGKILL), 0.3 s apart. Says how soon another process flew in the dead one's place, how far the vehicle was
+    /// from its point, and whether the other services kept their periods: those within 0.1 s of another's death beside all
+    /// others of the same flight.
+    ///
+    /// Takes 2 × (4 + 0.3 × DEATHS) s.
+    Deaths(BenchDeaths),
+}
+
+/// Arguments of `gerono bench deaths`.
+#[derive(Debug, Args)]
+pub struct BenchDeaths {
+    /// How many processes die.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub deaths: u32,
+    /// Write the figures as JSON to this file as well: times in s.
+    #[arg(long, value_name = "F")]
+    pub json: Option<PathBuf>,
 }
 
 /// Arguments of `gerono bench latency`.

@@ -3,6 +3,7 @@
 pub mod attach;
 pub mod bench;
 pub mod check;
+mod conclusion;
 pub mod doctor;
 pub mod faults;
 pub mod logs;

@@ -95,21 +95,9 @@ impl LiveRun {
     /// # Errors
     /// [`LiveError`].
     pub fn find(name: Option<&str>) -> Result<Self, LiveError> {
-        let places = run_root::find().map_err(LiveError::Places)?.live;
-        let mut open: Vec<_> = places
-            .into_iter()
-            .filter(|place| place.join(SOCKET).exists())
-            .collect();
-        if let Some(name) = name {
-            open.retain(|place| name_of(place) == name);
-        }
-        match (open.as_slice(), name) {
-            ([], Some(name)) => Err(LiveError::Unknown(name.to_owned())),
-            ([], None) => Err(LiveError::None),
-            ([place], _) => Self::connect(place),
-            (several, _) => Err(LiveError::Several(
-                several.iter().map(|place| name_of(place)).collect(),
-            )),
+        match only_place(name, |socket| socket.exists())? {
+            Some(place) => Self::connect(&place),
+            None => Err(name.map_or(LiveError::None, |name| LiveError::Unknown(name.to_owned()))),
         }
     }
 
@@ -178,17 +166,22 @@ impl AsFd for LiveRun {
 /// # Errors
 /// [`LiveError`].
 pub fn abandoned(name: Option<&str>) -> Result<PathBuf, LiveError> {
-    let mut places = run_root::find().map_err(LiveError::Places)?.live;
     // Where somebody answers at the desk, the orchestrator lives.
-    places.retain(|place| place.join(SOCKET).exists() && connect(&place.join(SOCKET)).is_err());
-    if let Some(name) = name {
-        places.retain(|place| name_of(place) == name);
-    }
-    match (places.as_slice(), name) {
-        ([], Some(name)) => Err(LiveError::NotAbandoned(name.to_owned())),
-        ([], None) => Err(LiveError::NoneAbandoned),
-        ([place], _) => Ok(place.clone()),
-        (several, _) => Err(LiveError::Several(
+    let place = only_place(name, |socket| socket.exists() && connect(socket).is_err())?;
+    place.ok_or_else(|| {
+        name.map_or(LiveError::NoneAbandoned, |name| {
+            LiveError::NotAbandoned(name.to_owned())
+        })
+    })
+}
+
+/// The place of the live run of a name whose socket is as wanted, or of the only one; none if there is none.
+fn only_place(name: Option<&str>, wanted: impl Fn(&Path) -> bool) -> Result<Option<PathBuf>, LiveError> {
+    let mut places = run_root::find().map_err(LiveError::Places)?.live;
+    places.retain(|place| wanted(&place.join(SOCKET)) && name.is_none_or(|name| name_of(place) == name));
+    match places.as_slice() {
+        [] | [_] => Ok(places.pop()),
+        several => Err(LiveError::Several(
             several.iter().map(|place| name_of(place)).collect(),
         )),
     }
@@ -199,7 +192,7 @@ fn name_of(place: &Path) -> String {
     name.to_string_lossy().into_owned()
 }
 
-fn connect(path: &PathBuf) -> rustix::io::Result<Channel> {
+fn connect(path: &Path) -> rustix::io::Result<Channel> {
     let socket = rustix::net::socket_with(
         AddressFamily::UNIX,
         SocketType::SEQPACKET,

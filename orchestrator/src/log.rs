@@ -32,7 +32,9 @@ pub use digest::{LogDigest, digest};
 pub use export::{ExportError, decode_sample, export_json};
 pub use framing::{Compression, LogError, Written, partial_path};
 pub use host_reader::{HostEntry, HostReadError, HostReader};
-pub use host_samples::{HostEvent, HostSample, LoggedCheckpoint, ServiceCheckpoint, ServiceHealth, ServiceStep};
+pub use host_samples::{
+    HostEvent, HostSample, LoggedCheckpoint, ServiceCheckpoint, ServiceHealth, ServiceStep,
+};
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest};
 pub use reader::{LogReadError, LogReader, LoggedSample};

@@ -84,6 +84,28 @@ impl Place {
         self.gerono(&arguments)
     }
 
+    /// `gerono run` of a hover in real time for longer than any test lasts, to the folder `out`.
+    pub(crate) fn live_hover(&self, out: &str, more: &[&str]) -> Command {
+        let hover = scenario("hover");
+        let mut arguments = vec!["run", hover.to_str().unwrap(), "--host", "realtime", "--out", out];
+        arguments.extend(["--set", "duration=100.0"]);
+        arguments.extend(more);
+        self.gerono(&arguments)
+    }
+
+    /// How many bytes of the log of a flight to the folder `out`, which goes on, are on the disk.
+    pub(crate) fn log_bytes(&self, out: &str) -> u64 {
+        let log = self.path(out).join("run.mcap.partial");
+        std::fs::metadata(log).map_or(0, |file| file.len())
+    }
+
+    /// Waits until these are more than so many: its first chunk is written when it flies.
+    pub(crate) fn await_log(&self, out: &str, bytes: u64) {
+        until("a part of the log", || {
+            (self.log_bytes(out) > bytes).then_some(())
+        });
+    }
+
     /// Everything that runs of this place have left behind: bookkeeping and shared memory.
     pub(crate) fn leavings(&self) -> Vec<String> {
         let mut left = Vec::new();
@@ -129,14 +151,18 @@ pub(crate) fn wait(child: &mut Child) -> ExitStatus {
     }
 }
 
-/// Runs a command to its end under the watchdog, with its output.
-pub(crate) fn output(command: &mut Command) -> Output {
-    let child = command
+/// Begins a command whose output is kept.
+pub(crate) fn begin(command: &mut Command) -> Child {
+    command
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
-        .unwrap();
-    finish(child)
+        .unwrap()
+}
+
+/// Runs a command to its end under the watchdog, with its output.
+pub(crate) fn output(command: &mut Command) -> Output {
+    finish(begin(command))
 }
 
 /// The rest of a command under the watchdog, with its output.

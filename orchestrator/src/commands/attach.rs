@@ -1,7 +1,7 @@
 //! `gerono attach`: takes over a flight in real time whose orchestrator has died.
 
-use super::run::{exit, facts, report};
-use super::{Failure, write_json};
+use super::Failure;
+use super::conclusion::Flown;
 use crate::cli::{Attach, Host};
 use crate::exit::Exit;
 use crate::flight::real_time::{self, Succession};
@@ -41,19 +41,18 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
         Tape::new(&scenario, flight.schedule(), Some(log), &mut progress).from_tick(flight.first_tick());
     let ending =
         real_time::take_over(flight, &mut tape, &interrupt, &mut record).map_err(|error| trouble(&error))?;
-    let (flown, written) = tape.finish();
-    progress.clear();
-    let written = written.map(drop).and_then(|()| record.finish());
-    let ending = match written {
+    let ending = match record.finish() {
         Ok(()) => ending,
         Err(error) => Ending {
             outcome: Outcome::Failed(error.into()),
             ..ending
         },
     };
-    let summary = flown.finish(facts(NAME, Host::Realtime, &ending));
-    let saved = write_json(&folder.summary(), &summary);
-    report(&summary, &ending, &folder, arguments.quiet);
-    saved?;
-    Ok(exit(&ending.outcome))
+    let flown = Flown {
+        name: NAME,
+        host: Host::Realtime,
+        folder: &folder,
+        quiet: arguments.quiet,
+    };
+    flown.conclude(tape, ending)
 }

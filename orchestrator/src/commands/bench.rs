@@ -4,6 +4,7 @@
 //! in turn with it: a bare ring of five processes that hand nothing on but the turn itself.
 
 mod chain;
+mod deaths;
 mod latency;
 mod measure;
 mod ring;
@@ -52,6 +53,7 @@ struct Measured {
 pub fn bench(arguments: &Bench) -> Result<(), Failure> {
     match &arguments.instead {
         Some(BenchInstead::Latency(arguments)) => latency::latency(arguments),
+        Some(BenchInstead::Deaths(arguments)) => deaths::deaths(arguments),
         None => throughput(arguments),
     }
 }

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use miette::Report;
 use runtime::deployment::Scheduler;
 use shared_types::ServiceId;
 use shared_types::scenario::{PoseSource, RadioProtocol, Scenario};
 
-use super::{Failure, load, print, scenario_name, schedule_of, write_json};
+use super::conclusion::Flown;
+use super::{Failure, load, scenario_name, schedule_of};
 use crate::cli::{DeploymentArguments, Host, Run};
 use crate::exit::Exit;
 use crate::flight::crew::restart::{PerService, RestartPolicy};
@@ -19,7 +19,6 @@ use crate::interrupt::Interrupt;
 use crate::log::{Manifest, RunLogWriter};
 use crate::progress::Progress;
 use crate::run_folder::RunFolder;
-use crate::summary::{self, RunFacts, Summary};
 
 /// `gerono run`.
 ///
@@ -56,26 +55,13 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let mut progress = Progress::new(&schedule, &name, arguments.quiet);
     let mut tape = Tape::new(&scenario, &schedule, Some(log), &mut progress);
     let ending = fly(arguments, &scenario, &folder, &mut tape, &interrupt);
-    let log_lost = matches!(&ending.outcome, Outcome::Failed(FlightFailure::Log(_)));
-    let (tape_summary, written) = if log_lost {
-        (tape.abandon(), Ok(None))
-    } else {
-        tape.finish()
+    let flown = Flown {
+        name: &name,
+        host: arguments.host,
+        folder: &folder,
+        quiet: arguments.quiet,
     };
-    progress.clear();
-
-    let ending = match written {
-        Ok(_) => ending,
-        Err(error) => Ending {
-            outcome: Outcome::Failed(error.into()),
-            ..ending
-        },
-    };
-    let summary = tape_summary.finish(facts(&name, arguments.host, &ending));
-    let saved = write_json(&folder.summary(), &summary);
-    report(&summary, &ending, &folder, arguments.quiet);
-    saved?;
-    Ok(exit(&ending.outcome))
+    flown.conclude(tape, ending)
 }
 
 /// Never silently with simulated poses in the place of those that the scenario names.
@@ -171,46 +157,5 @@ fn deployment(arguments: &DeploymentArguments) -> Deployment {
                 longest_pause: pause.map_or(default.longest_pause, Duration::from_secs_f64),
             }
         }),
-    }
-}
-
-pub(super) fn facts(name: &str, host: Host, ending: &Ending) -> RunFacts {
-    let (outcome, reason) = match &ending.outcome {
-        Outcome::Completed => (summary::Outcome::Completed, String::new()),
-        Outcome::Interrupted { signal } => (summary::Outcome::Interrupted, format!("signal {signal}")),
-        Outcome::Failed(failure) => (summary::Outcome::Failed, failure.to_string()),
-    };
-    RunFacts {
-        scenario: name.to_owned(),
-        host: host.name().to_owned(),
-        outcome,
-        reason,
-        wall_seconds: ending.wall_time.as_secs_f64(),
-        rebirths: ending.rebirths.clone(),
-        timing: ending.timing.clone(),
-    }
-}
-
-pub(super) fn report(summary: &Summary, ending: &Ending, folder: &RunFolder, quiet: bool) {
-    if !quiet {
-        for warning in &ending.warnings {
-            eprintln!("note: {warning}");
-        }
-        print(format!("{summary}\nresults: {}\n", folder.path().display()));
-    }
-    if let Outcome::Failed(failure) = &ending.outcome {
-        eprintln!("{:?}", Report::msg(failure.to_string()));
-    }
-}
-
-pub(super) fn exit(outcome: &Outcome) -> Exit {
-    match outcome {
-        Outcome::Completed => Exit::Success,
-        Outcome::Interrupted { signal } => Exit::Signal(*signal),
-        Outcome::Failed(FlightFailure::Log(_)) => Exit::NotWritten,
-        Outcome::Failed(
-            FlightFailure::Setup(_) | FlightFailure::NotReady { .. } | FlightFailure::NotPermitted { .. },
-        ) => Exit::Trouble,
-        Outcome::Failed(_) => Exit::FlightFailed,
     }
 }

@@ -356,7 +356,9 @@ impl<'a> Crew<'a> {
         let mut events = Vec::new();
         loop {
             match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
-                Ok(Some(message)) => events.extend(self.members[at].understand(message)),
+                Ok(Some(message)) => {
+                    events.extend(self.members[at].understand(message, self.start.in_real_time));
+                }
                 Ok(None) => break,
                 Err(ControlError::Closed) => {
                     events.extend(self.bury(at));

@@ -86,17 +86,18 @@ impl Flight<'_> {
     {
         let mut next_health = Instant::now() + Duration::from_secs(1);
         loop {
-            if self.recorder.drain(sink)? == Progress::Done {
+            let progress = self.recorder.drain(sink)?;
+            if progress == Progress::Done {
                 return Ok(Outcome::Completed);
             }
             self.observer.progressed(&self.crew, self.recorder.ticks());
             if let Some(signal) = interrupt.signal() {
                 return Ok(Outcome::Interrupted { signal });
             }
-            let period = if self.crew.needs_care() {
-                BIRTH_PERIOD
-            } else {
-                RECORDER_PERIOD
+            let period = match progress {
+                Progress::Behind => Duration::ZERO,
+                _ if self.crew.needs_care() => BIRTH_PERIOD,
+                _ => RECORDER_PERIOD,
             };
             for event in self.crew.watch(period) {
                 self.attend_to(event)?;
@@ -145,8 +146,8 @@ where
         Outcome::Failed(
             failure @ (FlightFailure::Log(_) | FlightFailure::Lost { .. } | FlightFailure::Diverged { .. }),
         ) => Outcome::Failed(failure),
-        outcome => match recorder.drain(sink) {
-            Ok(_) => outcome,
+        outcome => match recorder.drain_all(sink) {
+            Ok(()) => outcome,
             // Why the flight ended matters more, unless it was on request.
             Err(failure) => match outcome {
                 Outcome::Failed(first) => Outcome::Failed(first),

@@ -50,12 +50,14 @@ impl<'a> Tape<'a> {
     /// # Errors
     /// [`LogError`] if the log cannot be closed: it then keeps the name of an incomplete one.
     pub fn finish(self) -> (FlightSummary, Result<Option<Written>, LogError>) {
+        self.progress.clear();
         (self.summary, self.log.map(RunLogWriter::finish).transpose())
     }
 
     /// Leaves the log as it is, with the name of an incomplete one.
     #[must_use]
     pub fn abandon(self) -> FlightSummary {
+        self.progress.clear();
         self.summary
     }
 

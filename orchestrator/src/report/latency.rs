@@ -58,7 +58,11 @@ pub(super) fn histograms(log: &Path, schedule: &Schedule) -> Vec<Histogram> {
     let steps = host_log_beside(log).and_then(|path| HostReader::open(&path).ok());
     let mut late = ServiceId::ALL.map(|service| Histogram::new(service, "step began after its tick"));
     let mut long = ServiceId::ALL.map(|service| Histogram::new(service, "step took"));
-    for (service, step) in steps.into_iter().flat_map(HostReader::steps).map_while(Result::ok) {
+    for (service, step) in steps
+        .into_iter()
+        .flat_map(HostReader::steps)
+        .map_while(Result::ok)
+    {
         late[service.index()].count(step.began_ns.saturating_sub(schedule.time_ns(step.tick)));
         // Of a step in which a process died nobody knows how long it took.
         if step.published_ns != 0 {

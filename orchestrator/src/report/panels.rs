@@ -60,6 +60,23 @@ const fn panel(title: &'static str, unit: &'static str, groups: &'static [Group]
     }
 }
 
+/// A group for each axis, with a curve for each `topic, channel, symbol, words after the symbol, dash`.
+macro_rules! for_each_axis {
+    (@group $axis:literal $($topic:ident $channel:literal $symbol:literal $words:literal $dash:literal;)+) => {
+        group(
+            $axis,
+            &[$(curve($topic, concat!($channel, "_", $axis), concat!($symbol, $axis, $words), $dash)),+],
+        )
+    };
+    ($($curves:tt)+) => {
+        &[
+            for_each_axis!(@group "x" $($curves)+),
+            for_each_axis!(@group "y" $($curves)+),
+            for_each_axis!(@group "z" $($curves)+),
+        ]
+    };
+}
+
 /// All panels, in the order of the page. One whose channels a log does not have is left out there.
 pub(super) const PANELS: [Panel; 12] = [
     Panel {
@@ -106,38 +123,15 @@ pub(super) const PANELS: [Panel; 12] = [
     panel(
         "Torque τ commanded",
         "N m",
-        &[
-            group("x", &[curve(COMMAND, "torque_x", "τx", 0)]),
-            group("y", &[curve(COMMAND, "torque_y", "τy", 0)]),
-            group("z", &[curve(COMMAND, "torque_z", "τz", 0)]),
-        ],
+        for_each_axis!(COMMAND "torque" "τ" "" 0;),
     ),
     panel(
         "Body rates ω",
         "rad/s",
-        &[
-            group(
-                "x",
-                &[
-                    curve(TRUTH, "rate_x", "ωx", 0),
-                    curve(COMMAND, "rate_x", "ωx commanded", 1),
-                ],
-            ),
-            group(
-                "y",
-                &[
-                    curve(TRUTH, "rate_y", "ωy", 0),
-                    curve(COMMAND, "rate_y", "ωy commanded", 1),
-                ],
-            ),
-            group(
-                "z",
-                &[
-                    curve(TRUTH, "rate_z", "ωz", 0),
-                    curve(COMMAND, "rate_z", "ωz commanded", 1),
-                ],
-            ),
-        ],
+        for_each_axis!(
+            TRUTH "rate" "ω" "" 0;
+            COMMAND "rate" "ω" " commanded" 1;
+        ),
     ),
     panel(
         "Mass",
@@ -154,29 +148,10 @@ pub(super) const PANELS: [Panel; 12] = [
     panel(
         "Disturbance b",
         "m/s²",
-        &[
-            group(
-                "x",
-                &[
-                    curve(ADAPTATION, "disturbance_x", "b̂x", 0),
-                    curve(TRUTH, "disturbance_x", "bx", 1),
-                ],
-            ),
-            group(
-                "y",
-                &[
-                    curve(ADAPTATION, "disturbance_y", "b̂y", 0),
-                    curve(TRUTH, "disturbance_y", "by", 1),
-                ],
-            ),
-            group(
-                "z",
-                &[
-                    curve(ADAPTATION, "disturbance_z", "b̂z", 0),
-                    curve(TRUTH, "disturbance_z", "bz", 1),
-                ],
-            ),
-        ],
+        for_each_axis!(
+            ADAPTATION "disturbance" "b̂" "" 0;
+            TRUTH "disturbance" "b" "" 1;
+        ),
     ),
     panel(
         "Attitude",

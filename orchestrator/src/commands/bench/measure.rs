@@ -214,7 +214,7 @@ fn restarts(flight: &FlightCommand, ticks_apart: u64) -> Result<Vec<f64>> {
 
 /// Flies in lock-step by a command of its own, since a process can take part in one run only, and returns the summary.
 fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_json::Value> {
-    let (output, summary) = fly_by_command(flight, options)?;
+    let (output, summary) = fly_by_command(flight, options, |_| Ok(()))?;
     if output.status.success() {
         Ok(summary)
     } else {
@@ -222,10 +222,12 @@ fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_j
     }
 }
 
-/// Flies by a command of its own, and returns the summary of a flight that took off, whatever became of it.
+/// Flies by a command of its own, lets `look` at the folder of the results, and returns the summary of a flight that took
+/// off, whatever became of it.
 pub(super) fn fly_by_command(
     flight: &FlightCommand,
     options: &[&str],
+    look: impl FnOnce(&Path) -> Result<()>,
 ) -> Result<(Output, serde_json::Value)> {
     let out = flight.folder.join("flight");
     let setup = |error: &dyn std::fmt::Display| FlightFailure::Setup(error.to_string());
@@ -240,7 +242,9 @@ pub(super) fn fly_by_command(
     let Ok(text) = std::fs::read_to_string(out.join("summary.json")) else {
         return Err(complaint(&output));
     };
+    let looked = look(&out);
     std::fs::remove_dir_all(&out).map_err(|error| setup(&error))?;
+    looked?;
     Ok((
         output,
         serde_json::from_str(&text).map_err(|error| setup(&error))?,

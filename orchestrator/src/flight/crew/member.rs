@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use runtime::control::ToOrchestrator;
+use runtime::step::NonFinite;
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 
@@ -25,6 +26,8 @@ pub(super) struct CrewMember {
     pub(super) died_at: Option<Instant>,
     /// Number of this birth, once it was announced to the others.
     pub(super) birth: Option<u32>,
+    /// The number that is not finite at which its process has stopped, to be replaced.
+    pub(super) not_finite: Option<NonFinite>,
     /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
     pub(super) remembered: Vec<(usize, u64)>,
 }
@@ -60,12 +63,14 @@ impl CrewMember {
             flown_until: 0,
             died_at: None,
             birth: None,
+            not_finite: None,
             remembered: Vec::new(),
         }
     }
 
-    /// Takes note of what the process says.
-    pub(super) fn understand(&mut self, message: ToOrchestrator) -> Option<CrewEvent> {
+    /// Takes note of what the process says. In real time a number that is not finite ends its process and no more: a
+    /// vehicle is in the air, and what the next process sees is something else. In lock-step it would see the same.
+    pub(super) fn understand(&mut self, message: ToOrchestrator, in_real_time: bool) -> Option<CrewEvent> {
         Some(match message {
             ToOrchestrator::Ready { warnings } => {
                 self.phase = Phase::Ready;
@@ -83,6 +88,10 @@ impl CrewMember {
             ToOrchestrator::Finished => {
                 self.phase = Phase::Finished;
                 CrewEvent::Finished(self.service)
+            }
+            ToOrchestrator::NonFinite(found) if in_real_time => {
+                self.not_finite = Some(found);
+                return None;
             }
             ToOrchestrator::NonFinite(found) => {
                 self.phase = Phase::GivenUp;

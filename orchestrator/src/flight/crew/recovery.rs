@@ -11,7 +11,7 @@ use shared_types::schedule::MAX_PORTS;
 
 use super::member::{CrewMember, Phase};
 use super::process::Process;
-use super::{Crew, CrewEvent, READY_LIMIT, Rebirth};
+use super::{Crew, CrewEvent, Exit, READY_LIMIT, Rebirth};
 use crate::flight::FlightFailure;
 use crate::flight::archive::Archive;
 use crate::flight::recorder::Recorder;
@@ -22,7 +22,11 @@ impl Crew<'_> {
         let next_tick = self.next_tick(self.members[at].service);
         let member = &mut self.members[at];
         let (service, pid) = (member.service, member.process.id());
-        let exit = member.process.wait();
+        let mut exit = member.process.wait();
+        let not_finite = member.not_finite.take();
+        if let Some(found) = &not_finite {
+            exit.description = found.to_string();
+        }
         self.exits.push((Some(service), pid, exit.clone()));
 
         let words = self.page.words();
@@ -48,13 +52,17 @@ impl Crew<'_> {
         };
         let Some(pause) = pause else {
             member.phase = Phase::GivenUp;
-            return Some(CrewEvent::Lost(FlightFailure::Died {
+            let times = member.fruitless;
+            let died = |exit: Exit| FlightFailure::Died {
                 service: service.to_string(),
                 pid,
                 tick: flown_until.saturating_sub(1),
                 how: exit.description,
-                times: member.fruitless,
-            }));
+                times,
+            };
+            return Some(CrewEvent::Lost(
+                not_finite.map_or_else(|| died(exit), FlightFailure::NonFinite),
+            ));
         };
         let now = Instant::now();
         member.died_at = (!is_planned).then_some(now);

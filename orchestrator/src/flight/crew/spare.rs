@@ -62,7 +62,7 @@ impl Crew<'_> {
         if self.instruct(&process, None).is_ok() {
             self.spare.process = Some(process);
         } else {
-            self.bury_spare(process);
+            self.bury_spare(process, None);
         }
     }
 
@@ -72,7 +72,7 @@ impl Crew<'_> {
         self.listen_to_spare();
         let mut process = self.spare.process.take()?;
         if process.channel.send(&ToService::Become(role)).is_err() {
-            self.bury_spare(process);
+            self.bury_spare(process, None);
             return None;
         }
         process.asked_at = Instant::now();
@@ -83,22 +83,31 @@ impl Crew<'_> {
     /// Notices that the spare process has died or cannot do its work. It has nothing else to say.
     pub(super) fn listen_to_spare(&mut self) -> Option<CrewEvent> {
         let channel = &self.spare.process.as_ref()?.channel;
-        if matches!(channel.try_receive::<ToOrchestrator>(), Ok(None)) {
-            return None;
-        }
+        let said = match channel.try_receive() {
+            Ok(None) => return None,
+            Ok(Some(ToOrchestrator::Failed { reason })) => Some(reason),
+            Ok(Some(_)) | Err(_) => None,
+        };
         let process = self.spare.process.take()?;
-        self.bury_spare(process);
+        self.bury_spare(process, said);
         Some(CrewEvent::Died)
     }
 
-    fn bury_spare(&mut self, mut process: Process) {
+    /// Ends a spare process that is of no use, and keeps what it `said` of that, or else how it ended.
+    fn bury_spare(&mut self, mut process: Process, said: Option<String>) {
         // One that has only failed still lives.
         process.signal(Signal::KILL);
         let exit = process.wait();
         self.spare.note_failure(process.asked_at.elapsed() > SETTLED);
-        let description = format!("a spare process: {}", exit.description);
-        self.exits
-            .push((None, process.id(), Exit { description, ..exit }));
+        let description = format!("a spare process: {}", said.unwrap_or(exit.description));
+        self.exits.push((
+            None,
+            process.id(),
+            Exit {
+                description,
+                killed: exit.killed,
+            },
+        ));
         self.member.clean_up_after_the_dead();
     }
 }
