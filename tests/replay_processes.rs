@@ -3,9 +3,9 @@
 
 mod common;
 
-use std::process::{Child, Output, Stdio};
+use std::process::{Child, Output};
 
-use common::{Place, finish, output, services_of, shared_memory_of, signal, succeed, until};
+use common::{Place, begin, finish, output, services_of, shared_memory_of, signal, succeed, until};
 use runtime::crash::CrashPlace;
 use rustix::process::Signal;
 use shared_types::ServiceId;
@@ -122,9 +122,7 @@ fn what_is_not_finite_is_not_published_and_does_not_end_the_replay() {
 /// A replay into processes of a log that is long enough.
 fn long_replay(place: &Place) -> Child {
     succeed(&mut place.short_flight("out", 60.0, &["--host", "inprocess", "--quiet"]));
-    let mut command = place.gerono(&["replay", "--quiet", "--processes", "out"]);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped());
-    command.spawn().unwrap()
+    begin(&mut place.gerono(&["replay", "--quiet", "--processes", "out"]))
 }
 
 /// By so many sleeps a service process has done steps, and has not done the last: it sleeps about thirty times until it is

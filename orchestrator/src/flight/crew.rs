@@ -357,7 +357,7 @@ impl<'a> Crew<'a> {
         loop {
             match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
                 Ok(Some(message)) => {
-                    events.extend(self.members[at].understand(message, self.start.in_real_time));
+                    events.extend(self.members[at].understand(message, self.start.host));
                 }
                 Ok(None) => break,
                 Err(ControlError::Closed) => {
