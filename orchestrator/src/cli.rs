@@ -810,6 +810,9 @@ pub struct BenchDeaths {
     /// How many processes die.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub deaths: u32,
+    /// Fly under SCHED_FIFO (docs/deployment.md).
+    #[arg(long)]
+    pub fifo: bool,
     /// Write the figures as JSON to this file as well: times in s.
     #[arg(long, value_name = "F")]
     pub json: Option<PathBuf>,

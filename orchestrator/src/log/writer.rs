@@ -27,6 +27,8 @@ pub struct RunLogWriter {
     file: McapFile,
     channels: [u16; Topic::ALL.len()],
     chunk_ticks: u64,
+    /// Tick at which the next chunk begins, whether there are samples just before it or not.
+    next_chunk: u64,
 }
 
 impl RunLogWriter {
@@ -41,10 +43,12 @@ impl RunLogWriter {
         for topic in Topic::ALL {
             channels[topic.index()] = topic.dispatch(AddChannel { file: &mut file })?;
         }
+        let chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, CHUNK_SECONDS);
         Ok(Self {
             file,
             channels,
-            chunk_ticks: chunk_ticks(manifest.scenario.schedule.tick, CHUNK_SECONDS),
+            chunk_ticks,
+            next_chunk: chunk_ticks,
         })
     }
 
@@ -52,6 +56,7 @@ impl RunLogWriter {
     #[must_use]
     pub fn in_real_time(mut self, manifest: &Manifest) -> Self {
         self.chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, REAL_TIME_CHUNK_SECONDS);
+        self.next_chunk = self.chunk_ticks;
         self
     }
 
@@ -65,6 +70,9 @@ impl RunLogWriter {
     #[inline]
     pub fn write(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), LogError> {
         let header = header_of(bytes);
+        if header.tick >= self.next_chunk {
+            self.end_chunk_before(header.tick)?;
+        }
         let sequence = header.seq as u32;
         self.file
             .write(self.channels[topic.index()], sequence, header.stamp_ns, bytes)
@@ -77,9 +85,16 @@ impl RunLogWriter {
     #[inline]
     pub fn end_tick(&mut self, tick: u64) -> Result<(), LogError> {
         if (tick + 1).is_multiple_of(self.chunk_ticks) {
-            self.file.flush()?;
+            self.end_chunk_before(tick + 1)?;
         }
         Ok(())
+    }
+
+    /// Ends the chunk before a tick, so that none spans a time of which nothing was recorded.
+    #[cold]
+    fn end_chunk_before(&mut self, tick: u64) -> Result<(), LogError> {
+        self.next_chunk = (tick / self.chunk_ticks + 1) * self.chunk_ticks;
+        self.file.flush()
     }
 
     /// Completes the log and gives it its name. To be called at the end of a whole tick.
@@ -127,6 +142,37 @@ mod tests {
     use shared_types::Header;
 
     const COMPRESSIONS: [Compression; 3] = [Compression::None, Compression::Lz4, Compression::Zstd];
+
+    #[test]
+    fn no_chunk_spans_a_time_of_which_nothing_was_recorded() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let scenario = scenario(0.01, 10.0);
+        let manifest = Manifest::new(&scenario);
+        let mut log = RunLogWriter::create(&path, &manifest, Compression::None)
+            .unwrap()
+            .in_real_time(&manifest);
+        // Chunks of 13 ticks, and nobody recorded from tick 6 to 99.
+        for tick in (0..=5).chain(100..=120) {
+            let header = Header {
+                tick,
+                stamp_ns: tick * 10_000_000,
+                seq: tick,
+            };
+            log.write(Topic::VehicleState, &sample(Topic::VehicleState, header))
+                .unwrap();
+            log.end_tick(tick).unwrap();
+        }
+        log.finish().unwrap();
+        let file = fs::read(&path).unwrap();
+        let summary = mcap::Summary::read(&file).unwrap().unwrap();
+        let chunks = summary.chunk_indexes.iter();
+        let ticks = |ns: u64| ns / 10_000_000;
+        let spans: Vec<_> = chunks
+            .map(|chunk| (ticks(chunk.message_start_time), ticks(chunk.message_end_time)))
+            .collect();
+        assert_eq!(spans, [(0, 5), (100, 103), (104, 116), (117, 120)]);
+    }
 
     #[test]
     fn two_logs_of_the_same_flight_are_equal_in_every_byte() {

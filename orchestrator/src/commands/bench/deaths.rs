@@ -66,7 +66,7 @@ struct OthersPeriods {
 /// # Errors
 /// [`Failure`].
 pub(super) fn deaths(arguments: &BenchDeaths) -> std::result::Result<(), Failure> {
-    let measured = measure(arguments.deaths).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let measured = measure(arguments).map_err(|error| Failure::new(Exit::Trouble, error))?;
     print(format!("{}\n", table(&measured.services)));
     let back = measured.back_after.map_or_else(String::new, |back| {
         format!(
@@ -89,7 +89,8 @@ pub(super) fn deaths(arguments: &BenchDeaths) -> std::result::Result<(), Failure
     }
 }
 
-fn measure(count: u32) -> Result<Measured> {
+fn measure(arguments: &BenchDeaths) -> Result<Measured> {
+    let count = arguments.deaths;
     let mut flight: Scenario = toml::from_str(SCENARIO).map_err(|error| setup(&error))?;
     flight.vehicle.fan = None;
     flight.vehicle.initial.position = HOVER;
@@ -97,7 +98,8 @@ fn measure(count: u32) -> Result<Measured> {
     let folder = Scratch::create()?;
     let command = FlightCommand::write(&folder, &flight)?;
     let spinner = progress::waiting("two flights in real time");
-    let undisturbed = fly(&command, &[])?;
+    let fifo = arguments.fifo.then_some("--fifo");
+    let undisturbed = fly(&command, fifo.into_iter())?;
     let turns = ServiceId::ALL.iter().cycle().zip(0..count);
     let crashes: Vec<_> = turns
         .flat_map(|(service, turn)| {
@@ -105,8 +107,7 @@ fn measure(count: u32) -> Result<Measured> {
             ["--crash".to_owned(), format!("{service}@{tick}:after-step")]
         })
         .collect();
-    let crashes: Vec<_> = crashes.iter().map(String::as_str).collect();
-    let disturbed = fly(&command, &crashes)?;
+    let disturbed = fly(&command, crashes.iter().map(String::as_str).chain(fifo))?;
     spinner.finish_and_clear();
     let rebirths = disturbed.rebirths(flight.schedule.tick)?;
     Ok(Measured {
@@ -136,8 +137,8 @@ struct Rebirth {
     lost_ns: u64,
 }
 
-fn fly(command: &FlightCommand, crashes: &[&str]) -> Result<Flown> {
-    let options = [&["--host", "realtime"], crashes].concat();
+fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> Result<Flown> {
+    let options: Vec<_> = ["--host", "realtime"].into_iter().chain(options).collect();
     let mut steps = Vec::new();
     let mut largest_z1 = 0.0;
     let (_, summary) = fly_by_command(command, &options, |results| {
