@@ -306,9 +306,10 @@ impl Stepper for ServiceProcess {
             self.told.push(Told::EndOfTick);
         }
         // What the service knows it tells after the last step of a batch.
-        if self.tells_state || tick >= self.batch_begins + BATCH as u64 {
+        let next = tick + 1;
+        if self.tells_state || next >= self.batch_begins + BATCH as u64 {
             self.hand_over(jury, history)?;
-            self.batch_begins = tick;
+            self.batch_begins = next;
         }
         Ok(())
     }
