@@ -107,6 +107,8 @@ pub struct Replayed {
     pub strange_checkpoints: Vec<ServiceId>,
     /// Whether samples are missing in the recovered log, of the part that was replayed.
     pub lacks_samples: bool,
+    /// The service whose steps cannot be done again, if it is to be: in a laboratory the world's are what cameras saw.
+    pub not_again: Option<ServiceId>,
     /// Of each topic that was published in the replay.
     pub comparisons: Vec<Comparison>,
     /// Why the log ends early, if it does.
@@ -189,9 +191,14 @@ pub fn replay(
     }
     let scope = Scope::of(options, &schedule)?;
     let wanted = |service: &ServiceId| options.services.is_empty() || options.services.contains(service);
-    let stations = schedule.order().iter().copied().filter(wanted);
+    let mut stations: Vec<_> = schedule.order().iter().copied().filter(wanted).collect();
+    let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
+    let not_again = stations.iter().copied().find(seen);
+    stations.retain(|service| !seen(service));
     let mut flight = Replay {
+        not_again,
         stations: stations
+            .into_iter()
             .map(|service| Station::new(service, scenario, &schedule, scope))
             .collect::<Result<_, _>>()
             .map_err(ReplayError::Scenario)?,
@@ -224,6 +231,7 @@ struct Replay {
     schedule: Schedule,
     scope: Scope,
     stations: Vec<Station>,
+    not_again: Option<ServiceId>,
     source: Source,
     machine: Machine,
     starts: Vec<Start>,
@@ -312,6 +320,7 @@ impl Replay {
             strange_checkpoints: self.machine.strange_checkpoints(),
             lacks_samples: self.lacks_samples(),
             starts: self.starts,
+            not_again: self.not_again,
             comparisons: self.stations.into_iter().flat_map(Station::finish).collect(),
             log_ends: self.source.ends,
         }

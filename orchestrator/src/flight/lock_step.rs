@@ -32,6 +32,7 @@ pub fn fly<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
+    super::refuse_unsimulated_poses(scenario)?;
     let site = Site::prepare(scenario, deployment)?;
     let mut recorder = Recorder::new(site.subscribe(Delivery::Lossless)?, &site.schedule);
     let mut crew = site.start_crew(deployment, false)?;
@@ -63,6 +64,7 @@ where
         warnings,
         rebirths: flight.crew.rebirths().to_vec(),
         timing: None,
+        laboratory: None,
     })
 }
 
