@@ -17,6 +17,7 @@ use runtime::step::NonFinite;
 use shared_types::Schedule;
 use shared_types::scenario::Scenario;
 
+use crate::summary::laboratory::LaboratoryReport;
 use crate::summary::timing::TimingReport;
 
 /// How a flight ended.
@@ -34,6 +35,8 @@ pub struct Ending {
     pub rebirths: Vec<crew::Rebirth>,
     /// How well it kept time, if it was flown in real time.
     pub timing: Option<TimingReport>,
+    /// How cameras and radio link fared, if it was flown in a laboratory.
+    pub laboratory: Option<LaboratoryReport>,
 }
 
 /// Why a flight ended.
@@ -147,6 +150,20 @@ impl FlightFailure {
 pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, FlightFailure> {
     let schedule = scenario.schedule();
     schedule.map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))
+}
+
+/// Why a scenario cannot be flown in simulated time, if its poses come from a laboratory: never silently with others.
+#[must_use]
+pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
+    let name = scenario.capture_system()?.name();
+    Some(format!(
+        "poses are to come from `{name}`, which sends them in real time only; fly with --host realtime, or with --set \
+         estimator.source=simulated, or look at what comes with `gerono mocap probe`"
+    ))
+}
+
+fn refuse_unsimulated_poses(scenario: &Scenario) -> Result<(), FlightFailure> {
+    unsimulated_poses(scenario).map_or(Ok(()), |reason| Err(FlightFailure::Setup(reason)))
 }
 
 impl From<std::convert::Infallible> for FlightFailure {

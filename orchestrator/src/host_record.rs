@@ -15,7 +15,10 @@ use crate::flight::Outcome;
 use crate::flight::crew::{Crew, CrewObserver, Rebirth};
 use crate::flight::real_time::StepObserver;
 use crate::host_record::snapshots::Snapshots;
-use crate::log::{Compression, HostEvent, HostLogWriter, HostSample, LogError, ServiceHealth, ServiceStep};
+use crate::log::{
+    CaptureFigures, Compression, HostEvent, HostLogWriter, HostSample, LinkFigures, LogError, ServiceHealth,
+    ServiceStep,
+};
 use crate::summary::timing::TimingReport;
 
 /// Keeps `host.mcap`. A write that fails is reported when the record is finished; the flight goes on.
@@ -188,6 +191,20 @@ impl StepObserver for HostRecord {
     fn hung(&mut self, service: ServiceId) {
         let text = "has not stepped for too long and is replaced";
         self.event(Some(service), HostEvent::KIND_HUNG, 0, text);
+    }
+
+    fn capture(&mut self, figures: &CaptureFigures) {
+        self.write(&CaptureFigures {
+            time_ns: self.time_ns(),
+            ..*figures
+        });
+    }
+
+    fn link(&mut self, figures: &LinkFigures) {
+        self.write(&LinkFigures {
+            time_ns: self.time_ns(),
+            ..*figures
+        });
     }
 
     fn timing(&mut self, report: &TimingReport) {

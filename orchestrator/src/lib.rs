@@ -4,6 +4,7 @@
 //! * [`scenario_file`]: scenarios from files, with errors that show the place and the fix;
 //! * [`services`]: the step logic of every service, built from a scenario;
 //! * [`flight`]: the hosts' orchestrating side, the crew of processes, the recorder;
+//! * [`laboratory`]: cameras and radio link around the services of a flight in real time;
 //! * [`log`], [`info`], [`summary`], [`plot`], [`host_record`]: what remains of a flight;
 //! * [`report`]: flights as one page;
 //! * [`reproduce`]: the paper's figures, flown again and judged;
@@ -23,6 +24,7 @@ pub mod host_record;
 pub mod identify;
 pub mod info;
 pub mod interrupt;
+pub mod laboratory;
 pub mod live;
 pub mod log;
 pub mod matrix;

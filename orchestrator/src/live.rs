@@ -95,7 +95,7 @@ impl LiveRun {
     /// # Errors
     /// [`LiveError`].
     pub fn find(name: Option<&str>) -> Result<Self, LiveError> {
-        match only_place(name, |socket| socket.exists())? {
+        match only_place(name, Path::exists)? {
             Some(place) => Self::connect(&place),
             None => Err(name.map_or(LiveError::None, |name| LiveError::Unknown(name.to_owned()))),
         }

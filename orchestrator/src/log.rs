@@ -33,7 +33,8 @@ pub use export::{ExportError, decode_sample, export_json};
 pub use framing::{Compression, LogError, Written, partial_path};
 pub use host_reader::{HostEntry, HostReadError, HostReader};
 pub use host_samples::{
-    HostEvent, HostSample, LoggedCheckpoint, ServiceCheckpoint, ServiceHealth, ServiceStep,
+    CaptureFigures, HostEvent, HostSample, LinkFigures, LoggedCheckpoint, ServiceCheckpoint, ServiceHealth,
+    ServiceStep,
 };
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest};

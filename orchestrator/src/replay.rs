@@ -120,6 +120,8 @@ pub struct Replayed {
     pub strange_checkpoints: Vec<ServiceId>,
     /// Whether samples are missing in the recovered log, of the part that was replayed.
     pub lacks_samples: bool,
+    /// The service whose steps cannot be done again, if it is to be: in a laboratory the world's are what cameras saw.
+    pub not_again: Option<ServiceId>,
     /// Of each topic that was published in the replay.
     pub comparisons: Vec<Comparison>,
     /// Why the log ends early, if it does.
@@ -218,9 +220,13 @@ pub fn replay(
         };
         Ok(Station::new(service, &schedule, stepper, scope))
     };
-    let stations = schedule.order().iter().copied().filter(wanted);
+    let mut replayed: Vec<_> = schedule.order().iter().copied().filter(wanted).collect();
+    let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
+    let not_again = replayed.iter().copied().find(seen);
+    replayed.retain(|service| !seen(service));
     let mut flight = Replay {
-        stations: stations.map(station).collect::<Result<_, _>>()?,
+        not_again,
+        stations: replayed.into_iter().map(station).collect::<Result<_, _>>()?,
         source: Source {
             reader,
             history: History::default(),
@@ -250,6 +256,7 @@ struct Replay<'a> {
     schedule: &'a Schedule,
     scope: Scope,
     stations: Vec<Station>,
+    not_again: Option<ServiceId>,
     source: Source,
     machine: Machine,
     starts: Vec<Start>,
@@ -341,6 +348,7 @@ impl Replay<'_> {
             strange_checkpoints: self.machine.strange_checkpoints(),
             lacks_samples: self.lacks_samples(),
             starts: self.starts,
+            not_again: self.not_again,
             comparisons: self.stations.into_iter().flat_map(Station::finish).collect(),
             log_ends: self.source.ends,
         }

@@ -5,6 +5,7 @@
 
 pub mod faults;
 mod flight;
+pub mod laboratory;
 mod phase;
 mod table;
 pub mod timing;
@@ -19,6 +20,7 @@ use crate::flight::crew::Rebirth;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 pub use flight::FlightPhaseBegin;
 use flight::FlightWatch;
+use laboratory::LaboratoryReport;
 use phase::PhaseRecord;
 use timing::TimingReport;
 
@@ -91,6 +93,9 @@ pub struct RunFacts {
     /// How well the flight kept time, if it was flown in real time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingReport>,
+    /// How cameras and radio link fared, if it was flown in a laboratory.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub laboratory: Option<LaboratoryReport>,
 }
 
 /// What a flight came to.

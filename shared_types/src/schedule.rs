@@ -36,6 +36,11 @@ pub struct Rate {
 impl Rate {
     /// At every base tick.
     pub const EVERY_TICK: Self = Self { period: 1, phase: 0 };
+    /// At no tick of any flight.
+    pub const NEVER: Self = Self {
+        period: 1,
+        phase: u64::MAX,
+    };
 
     /// Whether `tick` is one of the ticks.
     #[must_use]
@@ -142,6 +147,7 @@ pub struct Schedule {
     outages: [Arc<[Outage]>; SERVICES],
     edge_faults: [[Arc<[EdgeFault]>; MAX_PORTS]; SERVICES],
     operator: OperatorPlan,
+    world_is_real: bool,
 }
 
 impl Schedule {
@@ -167,6 +173,7 @@ impl Schedule {
             outages: Default::default(),
             edge_faults: Default::default(),
             operator: OperatorPlan::FLYING,
+            world_is_real: false,
         };
         for topic in Topic::ALL {
             if let Some(publisher) = topic.publisher()
@@ -200,6 +207,19 @@ impl Schedule {
     pub fn with_operator(mut self, plan: OperatorPlan) -> Self {
         self.operator = plan;
         self
+    }
+
+    /// The same schedule in a laboratory, where cameras see the world in place of the plant that simulates it.
+    #[must_use]
+    pub fn with_real_world(mut self) -> Self {
+        self.world_is_real = true;
+        self
+    }
+
+    /// Whether the world is simulated. Of a real one nobody knows the truth, and none is published.
+    #[must_use]
+    pub fn simulates_the_world(&self) -> bool {
+        !self.world_is_real
     }
 
     /// When the people responsible for the flight are planned to ask for what.
@@ -263,6 +283,9 @@ impl Schedule {
     /// At which ticks a topic is published.
     #[must_use]
     pub fn publications(&self, topic: Topic) -> Presence {
+        if self.world_is_real && topic == Topic::VehicleTruth {
+            return Presence::new(Rate::NEVER, Arc::default());
+        }
         let outages = topic
             .publisher()
             .map(|publisher| Arc::clone(&self.outages[publisher.index()]));
@@ -538,6 +561,29 @@ mod tests {
         };
         assert_eq!(cycle.first(), cycle.last());
         assert!(error.to_string().contains("plant → estimator → "), "{error}");
+    }
+
+    #[test]
+    fn in_a_real_world_all_is_as_in_a_simulated_one_but_for_the_truth() {
+        let simulated = Schedule::ideal(1, 100);
+        let real = simulated.clone().with_real_world();
+        assert!(simulated.simulates_the_world() && !real.simulates_the_world());
+        for topic in Topic::ALL {
+            let is_known = topic != Topic::VehicleTruth;
+            let count = if is_known {
+                simulated.sample_count(topic)
+            } else {
+                0
+            };
+            assert_eq!(real.sample_count(topic), count, "{topic}");
+            assert_eq!(real.publication(topic).is_due(50), is_known, "{topic}");
+            assert_eq!(real.buffer_size(topic), simulated.buffer_size(topic));
+        }
+        assert_eq!(
+            real.publications(Topic::VehicleTruth)
+                .last_at_or_before(u64::MAX - 1),
+            None
+        );
     }
 
     #[test]

@@ -57,6 +57,7 @@ impl Flown<'_> {
             wall_seconds: ending.wall_time.as_secs_f64(),
             rebirths: ending.rebirths.clone(),
             timing: ending.timing.clone(),
+            laboratory: ending.laboratory.clone(),
         }
     }
 

@@ -59,7 +59,6 @@ pub fn probe(arguments: &RcProbe) -> Result<Exit, Failure> {
         }
     }
     sender.put(&Sticks::AT_REST);
-    std::thread::sleep(Duration::from_nanos(3 * period_ns));
     let report = sender
         .stop()
         .map_err(|_| Failure::new(Exit::Trouble, "the sender has failed"))?;

@@ -118,6 +118,11 @@ fn report(replayed: &Replayed, options: &Options) -> String {
         text +=
             &format!("Another build has written the checkpoints of {services}; they were not looked at.\n");
     }
+    if let Some(service) = replayed.not_again {
+        text += &format!(
+            "The steps of `{service}` are not done again: in this flight they took what the laboratory's cameras sent.\n"
+        );
+    }
     if replayed
         .comparisons
         .iter()
@@ -178,7 +183,8 @@ fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
         0 => ServiceId::ALL.len(),
         count => count,
     };
-    let rest = if replayed.starts.len() < services {
+    let done_again = services - usize::from(replayed.not_again.is_some());
+    let rest = if replayed.starts.len() < done_again {
         "; the others with the flight"
     } else {
         ""

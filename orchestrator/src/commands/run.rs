@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use runtime::deployment::Scheduler;
 use shared_types::ServiceId;
-use shared_types::scenario::{PoseSource, RadioProtocol, Scenario};
+use shared_types::scenario::Scenario;
 
 use super::conclusion::Flown;
 use super::{Failure, load, scenario_name, schedule_of};
@@ -13,7 +13,7 @@ use crate::exit::Exit;
 use crate::flight::crew::restart::{PerService, RestartPolicy};
 use crate::flight::deployment::{Deployment, Placement};
 use crate::flight::tape::Tape;
-use crate::flight::{Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
+use crate::flight::{self, Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
 use crate::host_record::HostRecord;
 use crate::interrupt::Interrupt;
 use crate::log::{Manifest, RunLogWriter};
@@ -26,14 +26,11 @@ use crate::run_folder::RunFolder;
 /// [`Failure`] if nothing was flown; a flight that ends badly is an [`Exit`].
 pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let scenario = load(&arguments.scenario)?;
+    refuse_laboratory(&scenario, arguments.host)?;
     if let Some(problem) = scenario.unasked()
         && arguments.host != Host::Realtime
     {
         return Err(Failure::new(Exit::BadInput, problem));
-    }
-    refuse_network_poses(&scenario)?;
-    if arguments.host == Host::Realtime {
-        refuse_transmitter(&scenario)?;
     }
     let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
@@ -64,32 +61,13 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     flown.conclude(tape, ending)
 }
 
-/// Never silently with simulated poses in the place of those that the scenario names.
-fn refuse_network_poses(scenario: &Scenario) -> Result<(), Failure> {
-    let source = scenario.estimator.as_ref().map(|estimator| estimator.source);
-    let Some(system) = source.and_then(PoseSource::system) else {
-        return Ok(());
+/// A laboratory is for real time only, and there somebody arms.
+fn refuse_laboratory(scenario: &Scenario, host: Host) -> Result<(), Failure> {
+    let reason = match host {
+        Host::Realtime => scenario.unattended().map(|problem| problem.to_string()),
+        Host::Inprocess | Host::Lockstep => flight::unsimulated_poses(scenario),
     };
-    let reason = format!(
-        "poses are to come from `{}`, to which no host connects the estimator; fly with --set \
-         estimator.source=simulated, or look at what comes with `gerono mocap probe`",
-        system.name()
-    );
-    Err(Failure::new(Exit::BadInput, reason))
-}
-
-/// Never silently without the transmitter that the scenario names; in simulated time the link is simulated anyway.
-fn refuse_transmitter(scenario: &Scenario) -> Result<(), Failure> {
-    let link = scenario.rc_output.as_ref().map(|output| output.link);
-    let Some(link) = link.filter(|link| *link != RadioProtocol::Simulated) else {
-        return Ok(());
-    };
-    let reason = format!(
-        "frames are to leave on `{}`, to which no host connects rc_output; fly with --set rc_output.link=simulated, \
-         or try the link with `gerono rc probe`",
-        link.name()
-    );
-    Err(Failure::new(Exit::BadInput, reason))
+    reason.map_or(Ok(()), |reason| Err(Failure::new(Exit::BadInput, reason)))
 }
 
 fn fly(
@@ -110,6 +88,7 @@ fn fly(
         warnings: Vec::new(),
         rebirths: Vec::new(),
         timing: None,
+        laboratory: None,
     })
 }
 

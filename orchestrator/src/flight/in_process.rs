@@ -21,6 +21,7 @@ pub fn fly<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
+    super::refuse_unsimulated_poses(scenario)?;
     let schedule = super::schedule_of(scenario)?;
     let services = services::build_all(scenario).map_err(FlightFailure::Setup)?;
     let mut host = InProcess::new(schedule, services);
@@ -46,6 +47,7 @@ where
         warnings: Vec::new(),
         rebirths: Vec::new(),
         timing: None,
+        laboratory: None,
     })
 }
 

@@ -33,6 +33,7 @@ pub fn fly<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
+    super::refuse_unsimulated_poses(scenario)?;
     let site = Site::prepare(scenario, deployment)?;
     let mut recorder = Recorder::new(site.subscribe(Delivery::Lossless)?, &site.schedule);
     let mut crew = site.start_crew(deployment, Host::LockStep)?;
@@ -64,6 +65,7 @@ where
         warnings,
         rebirths: flight.crew.rebirths().to_vec(),
         timing: None,
+        laboratory: None,
     })
 }
 

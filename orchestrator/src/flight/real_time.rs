@@ -8,6 +8,7 @@ mod answers;
 mod desk;
 mod ending;
 mod heartbeat;
+mod laboratory;
 mod monitor;
 mod recorder;
 mod succession;
@@ -30,6 +31,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 use self::desk::Desk;
 use self::ending::Wish;
 use self::heartbeat::Heartbeats;
+use self::laboratory::Laboratory;
 use self::monitor::Monitor;
 use self::recorder::{Recorder, SETTLING_NS};
 pub use self::succession::Succession;
@@ -39,6 +41,7 @@ use super::site::Site;
 use super::{Ending, FlightFailure, Outcome};
 use crate::interrupt::Interrupt;
 use crate::live::snapshot::LiveEvent;
+use crate::log::{CaptureFigures, LinkFigures};
 use crate::summary::timing::{TimingReport, Unrecorded};
 
 /// How often the recorder looks: a fast flight fills a hundredth of its buffers meanwhile.
@@ -62,6 +65,10 @@ pub trait StepObserver: CrewObserver {
     fn note(&mut self, text: &str);
     /// A service hung and was killed.
     fn hung(&mut self, service: ServiceId);
+    /// How the cameras of a laboratory fare, about once a second and at the end.
+    fn capture(&mut self, figures: &CaptureFigures);
+    /// How the radio link of a laboratory fares, about once a second and at the end.
+    fn link(&mut self, figures: &LinkFigures);
     /// How well the flight kept time.
     fn timing(&mut self, report: &TimingReport);
 }
@@ -141,6 +148,7 @@ struct Flight<'a> {
     heartbeats: Heartbeats,
     observer: &'a mut dyn StepObserver,
     scenario: &'a Scenario,
+    laboratory: Laboratory<'a>,
     /// What is wanted of the flight.
     wish: Wish,
     /// The signal by which somebody wanted its end.
@@ -168,6 +176,7 @@ impl<'a> Flight<'a> {
             recorder,
             observer,
             scenario: &site.scenario,
+            laboratory: Laboratory::of(&site.scenario),
             wish: Wish::FlyOn,
             signal: None,
             events: VecDeque::new(),
@@ -243,6 +252,8 @@ impl<'a> Flight<'a> {
             desk.serve(|question| self.answer(question));
             if Instant::now() >= next_health {
                 self.observer.health(&self.crew);
+                self.observe_laboratory();
+                self.tell_of_laboratory();
                 self.monitor.end_window();
                 next_health += Duration::from_secs(1);
             }
@@ -312,6 +323,23 @@ impl<'a> Flight<'a> {
         });
     }
 
+    fn observe_laboratory(&mut self) {
+        let words = self.crew.page().words();
+        if let Some(figures) = self.laboratory.capture(words) {
+            self.observer.capture(&figures);
+        }
+        if let Some(figures) = self.laboratory.link(words) {
+            self.observer.link(&figures);
+        }
+    }
+
+    fn tell_of_laboratory(&mut self) {
+        let words = self.crew.page().words();
+        for text in self.laboratory.news(words, self.clock.elapsed_ns()) {
+            self.tell(&text);
+        }
+    }
+
     fn replace_the_hung(&mut self) {
         let now = self.clock.tick().min(self.schedule.last_tick());
         let crew = &self.crew;
@@ -353,7 +381,8 @@ impl<'a> Flight<'a> {
         }
     }
 
-    fn finish(self, outcome: Outcome, wall_time: Duration, warnings: Vec<String>) -> Ending {
+    fn finish(mut self, outcome: Outcome, wall_time: Duration, warnings: Vec<String>) -> Ending {
+        self.observe_laboratory();
         let unrecorded = unrecorded(self.schedule, &self.monitor, &self.recorder);
         let report = TimingReport {
             unrecorded,
@@ -368,6 +397,7 @@ impl<'a> Flight<'a> {
             warnings,
             rebirths: self.crew.rebirths().to_vec(),
             timing: Some(report),
+            laboratory: self.laboratory.report(self.crew.page().words()),
         }
     }
 }
@@ -376,7 +406,7 @@ impl<'a> Flight<'a> {
 fn unrecorded(schedule: &Schedule, monitor: &Monitor, recorder: &Recorder) -> Vec<Unrecorded> {
     let of_topic = |topic: Topic| {
         let publisher = topic.publisher()?;
-        let every_step = schedule.topic_rate(topic) == schedule.service_rate(publisher);
+        let every_step = schedule.publications(topic).rate == schedule.service_rate(publisher);
         let steps = monitor.steps(publisher);
         let samples = steps.saturating_sub(recorder.received(topic));
         (every_step && samples > 0).then_some(Unrecorded {

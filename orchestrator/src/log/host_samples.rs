@@ -103,6 +103,102 @@ shared_types::sample! {
         /// The bytes from there on, after the last of them zeros.
         pub state: [u8; 1024],
     }
+
+    /// How the motion capture of a laboratory fares; all counts since the start of the process that listens to it.
+    pub struct CaptureFigures {
+        /// Wall time since the start of the run, ns.
+        pub time_ns: u64,
+        #[values(
+            HEALTH_UNKNOWN = 0, HEALTH_SILENT = 1, HEALTH_ABSENT = 2, HEALTH_SETTLING = 3, HEALTH_GOOD = 4,
+            HEALTH_DOUBTFUL = 5
+        )]
+        /// Nobody has listened yet, nothing has come, no frame had the vehicle, its poses were not believed yet; the last
+        /// frame had a pose that was believed, or none.
+        pub health: u32,
+        /// Explicit padding.
+        pub pad0: u32,
+        /// When the last pose that was believed arrived, ns since the start of the flight; 0 before the first.
+        pub believed_at_ns: u64,
+        /// Frames a second in the last whole second in which any came, Hz; 0 before the first.
+        pub rate: f64,
+        /// Mean time from capture to arrival in that second, s.
+        pub latency: f64,
+        /// Largest such time, s.
+        pub latency_max: f64,
+        /// Standard deviation of the time between frames, s.
+        pub jitter: f64,
+        /// Drift of the sender's clock against the local one, per unit.
+        pub drift: f64,
+        /// Frames that told of the vehicle or could have.
+        pub frames: u64,
+        /// Frames whose pose was believed.
+        pub believed: u64,
+        /// Frames without the vehicle's body.
+        pub absent: u64,
+        /// Frames in which the body was not seen.
+        pub occluded: u64,
+        /// Frames with a pose equal to the one before.
+        pub frozen: u64,
+        /// Frames that had been there.
+        pub repeated: u64,
+        /// Frames behind a newer one.
+        pub late: u64,
+        /// Frames with a stamp that cannot be true.
+        pub mistimed: u64,
+        /// Frames before poses and clock had settled.
+        pub unsettled: u64,
+        /// Frames with a pose where the vehicle cannot be.
+        pub jumped: u64,
+        /// Frames with a pose where another body was.
+        pub exchanged: u64,
+        /// How often the sender's clock was followed anew.
+        pub clock_steps: u64,
+        /// Frames that never came.
+        pub lost: u64,
+        /// How often the numbers of frames began anew.
+        pub restarted: u64,
+        /// How often a place was believed at last.
+        pub settled: u64,
+        /// Seconds whose rate was outside the stated band.
+        pub rate_warnings: u64,
+        /// Packets, or pieces of a stream, that could not be read.
+        pub malformed: u64,
+        /// Packets from others than the server.
+        pub foreign: u64,
+        /// Connections that were made, or servers that answered.
+        pub connections: u64,
+        /// Connections that ended or could not be made, and errors of a socket.
+        pub failures: u64,
+    }
+
+    /// How the radio link of a laboratory fares; all counts since the start of the process that drives it.
+    pub struct LinkFigures {
+        /// Wall time since the start of the run, ns.
+        pub time_ns: u64,
+        #[values(STATE_UNKNOWN = 0, STATE_OPEN = 1, STATE_LOST = 2)]
+        /// Nobody has driven it yet; there is something that takes frames, or it is gone.
+        pub state: u32,
+        /// Explicit padding.
+        pub pad0: u32,
+        /// Frames on their way.
+        pub sent: u64,
+        /// Frames dropped, because others waited or nothing took them.
+        pub dropped: u64,
+        /// Frames that were not sent, so that the receiver's failsafe acts.
+        pub silent: u64,
+        /// Frames left out because the sender woke up too late.
+        pub left_out: u64,
+        /// How often the device or connection was lost.
+        pub losses: u64,
+        /// How often it was found again.
+        pub recoveries: u64,
+        /// How much later than due half of the frames left at most, s; known at the end only, as the next two.
+        pub late_p50: f64,
+        /// How much later 99 of 100 left at most, s.
+        pub late_p99: f64,
+        /// How much later all of them left at most, s.
+        pub late_max: f64,
+    }
 }
 
 const _: () = assert!(
@@ -154,6 +250,22 @@ impl HostSample for ServiceHealth {
 
 impl HostSample for ServiceCheckpoint {
     const CHANNEL: &'static str = "host/checkpoints";
+
+    fn time_ns(&self) -> u64 {
+        self.time_ns
+    }
+}
+
+impl HostSample for CaptureFigures {
+    const CHANNEL: &'static str = "host/motion_capture";
+
+    fn time_ns(&self) -> u64 {
+        self.time_ns
+    }
+}
+
+impl HostSample for LinkFigures {
+    const CHANNEL: &'static str = "host/radio_link";
 
     fn time_ns(&self) -> u64 {
         self.time_ns

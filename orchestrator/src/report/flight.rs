@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use runtime::in_process::TickSink;
-use shared_types::samples::{PathReference, VehicleTruth};
+use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
 use shared_types::scenario::Scenario;
 use shared_types::{Schedule, Topic};
 
@@ -12,7 +12,7 @@ use super::latency::Histogram;
 use super::marks::{Mark, Marks};
 use super::run_facts::RunFacts;
 use super::table::{PageTable, Table};
-use super::track::{PageTrack, Track};
+use super::track::{PageTrack, Place, Track};
 use super::{ReportError, channels, figures, latency, run_facts};
 use crate::log::{LogReadError, LogReader};
 use crate::plot::label;
@@ -93,7 +93,10 @@ struct Gatherer {
     last_tick: u64,
     /// The tick that is being read.
     tick: Option<u64>,
+    /// Whether the truth is known: not of a flight in a laboratory, whose way is the estimator's.
+    knows_the_truth: bool,
     truth: Option<VehicleTruth>,
+    state: Option<VehicleState>,
     reference: Option<PathReference>,
     true_error: TrueError,
     truths: Table,
@@ -115,7 +118,9 @@ impl Gatherer {
         Self {
             last_tick: schedule.last_tick(),
             tick: None,
+            knows_the_truth: schedule.simulates_the_world(),
             truth: None,
+            state: None,
             reference: None,
             true_error: TrueError::default(),
             truths: table(Topic::VehicleTruth, &channels::TRUTH),
@@ -150,6 +155,7 @@ impl Gatherer {
             Topic::ControlErrors => self.errors.add(tick, &channels::errors(&read(bytes))),
             Topic::ControlCommand => self.commands.add(tick, &channels::command(&read(bytes))),
             Topic::ControlAdaptation => self.adaptations.add(tick, &channels::adaptation(&read(bytes))),
+            Topic::VehicleState if !self.knows_the_truth => self.state = Some(read(bytes)),
             Topic::MocapPose | Topic::VehicleState | Topic::RcFrame | Topic::RunEvent => {}
         }
         self.true_error.observe(topic, bytes);
@@ -167,7 +173,11 @@ impl Gatherer {
             let yaw_desired = self.reference.as_ref().map(|reference| reference.yaw);
             let values = channels::truth(&truth, error, yaw_desired);
             self.truths.add(truth.header.tick, &values);
-            self.track.add(&truth, self.true_error.point());
+            self.track.add(&Place::from(&truth), self.true_error.point());
+        }
+        if let Some(state) = self.state.take().filter(|state| state.tracked.is_set()) {
+            let point = self.true_error.point_at(state.state_time_ns);
+            self.track.add(&Place::from(&state), point);
         }
         if let Some(tracer) = &mut self.tracer {
             let Ok(ControlFlow::Continue(()) | ControlFlow::Break(())) = tracer.end_tick(tick);
@@ -185,9 +195,10 @@ impl Gatherer {
             (Topic::ControlAdaptation, self.adaptations),
             (Topic::PathReference, self.references),
         ];
-        let tables = tables.map(|(topic, table)| (topic, table.finish()));
+        let is_known = |topic: &Topic| *topic != Topic::VehicleTruth || self.knows_the_truth;
+        let tables = tables.into_iter().filter(|(topic, _)| is_known(topic));
         (
-            tables.into(),
+            tables.map(|(topic, table)| (topic, table.finish())).collect(),
             self.track.finish(),
             self.marks,
             self.summary.finish(unknown_run()),
@@ -206,5 +217,6 @@ fn unknown_run() -> crate::summary::RunFacts {
         wall_seconds: 0.0,
         rebirths: Vec::new(),
         timing: None,
+        laboratory: None,
     }
 }

@@ -44,6 +44,9 @@ impl Display for Summary {
         if let Some(timing) = &run.timing {
             writeln!(formatter, "\n{timing}\n")?;
         }
+        if let Some(laboratory) = &run.laboratory {
+            writeln!(formatter, "{laboratory}")?;
+        }
         write!(formatter, "{}", samples_in_words(&self.topics))?;
         if let [first, others @ ..] = run.rebirths.as_slice() {
             write!(formatter, "\n{first}")?;

@@ -23,6 +23,7 @@ pub(super) fn facts() -> RunFacts {
         wall_seconds: 0.5,
         rebirths: Vec::new(),
         timing: None,
+        laboratory: None,
     }
 }
 

@@ -1,5 +1,7 @@
 //! A radio link: sticks in, frames out, and failsafe on the way.
 
+use std::convert::Infallible;
+
 use shared_types::scenario::RcLink;
 use shared_types::service::nanoseconds;
 
@@ -71,6 +73,18 @@ impl RadioLink {
     /// # Errors
     /// [`OpenError`], with the fix: before anything is armed.
     pub fn open(link: &RcLink) -> Result<Option<Self>, OpenError> {
+        Self::with_port(link, Port::open)
+    }
+
+    /// The link of somebody who has died in flight: that it cannot be opened now is no end of the flight, but a loss as
+    /// any other.
+    #[must_use]
+    pub fn reopen(link: &RcLink) -> Option<Self> {
+        let Ok(link) = Self::with_port(link, |target| Ok::<_, Infallible>(Port::lost(target)));
+        link
+    }
+
+    fn with_port<E>(link: &RcLink, port: impl FnOnce(Target) -> Result<Port, E>) -> Result<Option<Self>, E> {
         let Some(transmitter) = &link.transmitter else {
             return Ok(None);
         };
@@ -80,7 +94,7 @@ impl RadioLink {
         };
         Ok(Some(Self {
             encoder,
-            port: Port::open(target)?,
+            port: port(target)?,
             frame: Frame::default(),
             loss: Loss {
                 silence_after_ns: nanoseconds(transmitter.silence_after),

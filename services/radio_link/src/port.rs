@@ -219,14 +219,28 @@ impl Port {
             (state, _) => state,
         };
         Ok(Self {
-            target,
             state,
+            counts: Counts::default(),
+            ..Self::lost(target)
+        })
+    }
+
+    /// The port of somebody who has died, and lost with him: it is opened with the first frame, and if that cannot be,
+    /// again and again.
+    #[must_use]
+    pub fn lost(target: Target) -> Self {
+        Self {
+            target,
+            state: State::Closed,
             rest: [0; CAPACITY],
             rest_length: 0,
-            counts: Counts::default(),
+            counts: Counts {
+                losses: 1,
+                ..Counts::default()
+            },
             retry_at_ns: 0,
             pause_ns: FIRST_PAUSE_NS,
-        })
+        }
     }
 
     /// Sends a frame or drops it, without waiting. Times are those of `CLOCK_MONOTONIC`.

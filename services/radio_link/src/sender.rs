@@ -50,6 +50,9 @@ struct Shared {
     sent: AtomicU64,
     dropped: AtomicU64,
     silent: AtomicU64,
+    losses: AtomicU64,
+    recoveries: AtomicU64,
+    left_out: AtomicU64,
     is_open: AtomicBool,
 }
 
@@ -64,6 +67,12 @@ pub struct Condition {
     pub dropped: u64,
     /// Frames that were not sent, so that the receiver's failsafe acts.
     pub silent: u64,
+    /// How often the device or connection was lost.
+    pub losses: u64,
+    /// How often it was found again.
+    pub recoveries: u64,
+    /// Frames left out because the thread woke up too late.
+    pub left_out: u64,
 }
 
 /// A thread that sends frames.
@@ -104,15 +113,18 @@ impl Sender {
             sent: self.shared.sent.load(Ordering::Relaxed),
             dropped: self.shared.dropped.load(Ordering::Relaxed),
             silent,
+            losses: self.shared.losses.load(Ordering::Relaxed),
+            recoveries: self.shared.recoveries.load(Ordering::Relaxed),
+            left_out: self.shared.left_out.load(Ordering::Relaxed),
         }
     }
 
-    /// Ends after the frame that is being sent, if any. Who was flying has put sticks at rest before.
+    /// Ends after one more frame, with the sticks that were put last. Who was flying has put sticks at rest before.
     ///
     /// # Errors
     /// If the thread has panicked.
     pub fn stop(self) -> std::thread::Result<Report> {
-        self.shared.stop.store(true, Ordering::Relaxed);
+        self.shared.stop.store(true, Ordering::Release);
         self.thread.join()
     }
 }
@@ -143,7 +155,10 @@ fn send_until_stopped(mut link: RadioLink, period_ns: u64, shared: &Shared) -> R
         left_out: 0,
     };
     let mut newest = None;
-    while !shared.stop.load(Ordering::Relaxed) {
+    let mut is_last = false;
+    while !is_last {
+        // What was put before is sent after.
+        is_last = shared.stop.load(Ordering::Acquire);
         sleep_until(pace.due_ns);
         newest = shared.mailbox.look().or(newest);
         let now_ns = monotonic_ns();
@@ -154,6 +169,9 @@ fn send_until_stopped(mut link: RadioLink, period_ns: u64, shared: &Shared) -> R
         shared
             .dropped
             .store(counts.busy + counts.closed, Ordering::Relaxed);
+        shared.losses.store(counts.losses, Ordering::Relaxed);
+        shared.recoveries.store(counts.recoveries, Ordering::Relaxed);
+        shared.left_out.store(pace.left_out, Ordering::Relaxed);
         shared.silent.store(link.silent(), Ordering::Release);
         shared.is_open.store(link.port().is_open(), Ordering::Relaxed);
         pace.advance(monotonic_ns());

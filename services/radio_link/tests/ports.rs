@@ -302,3 +302,41 @@ fn a_sender_repeats_the_newest_sticks_and_stops_when_nobody_renews_them() {
     let Counts { busy, closed, .. } = report.counts;
     assert_eq!((busy, closed), (0, 0));
 }
+
+#[test]
+fn the_last_frame_has_the_sticks_that_were_put_last() {
+    let (master, path) = pseudo_terminal();
+    let link = RadioLink::open(&crsf_link(&path)).unwrap().unwrap();
+    let sender = Sender::start(link, 1_000_000).unwrap();
+    let flying = Sticks {
+        codes: [1000; 4],
+        failsafe: false,
+        is_lost: false,
+        disarmed: false,
+    };
+    sender.put(&flying);
+    sender.put(&Sticks::AT_REST);
+    let report = sender.stop().unwrap();
+    let sent = usize::try_from(report.counts.sent).unwrap();
+    let frames = read_frames(&master, sent);
+    let last = crsf::decode(frames.last().unwrap()).unwrap();
+    assert_eq!(last[..5], [992, 992, 172, 992, 172]);
+}
+
+#[test]
+fn the_link_of_a_dead_process_is_opened_again_whether_its_device_is_there_or_not() {
+    let folder = std::env::temp_dir().join(format!("gerono-reopened-{}", std::process::id()));
+    std::fs::create_dir(&folder).unwrap();
+    let device = folder.join("radio");
+    let mut link = RadioLink::reopen(&crsf_link(&device)).unwrap();
+    assert_eq!(link.transmit(Some((Sticks::AT_REST, 0)), 0), Some(Sent::Closed));
+    let (master, path) = pseudo_terminal();
+    std::os::unix::fs::symlink(&path, &device).unwrap();
+    let now_ns = FIRST_PAUSE_NS;
+    let sent = link.transmit(Some((Sticks::AT_REST, now_ns)), now_ns);
+    assert_eq!(sent, Some(Sent::Whole));
+    assert_eq!(read_frames(&master, 1).len(), 1);
+    let counts = link.port().counts();
+    assert_eq!((counts.losses, counts.recoveries), (1, 1));
+    std::fs::remove_dir_all(&folder).unwrap();
+}

@@ -92,7 +92,7 @@ impl Launch<'_> {
     /// [`ProcessError`].
     pub fn in_real_time(
         self,
-        service: &mut dyn ErasedService,
+        mut service: Box<dyn ErasedService>,
         start: &Start,
         lock: BorrowedFd<'_>,
         waiter: &Waiter,
@@ -128,7 +128,9 @@ impl Launch<'_> {
             lone_flight: LoneFlight::new(&start.scenario, waiter.channel().try_clone()?, bequest),
             crash: self.crash,
         };
-        real_time::fly(service, self.schedule, checkpoint.as_ref(), &mut cockpit)?;
+        real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut cockpit)?;
+        // What it has connected in a laboratory comes to rest with its last step.
+        drop(service);
         stay_until_the_end(cockpit.lone_flight.channel())
     }
 }

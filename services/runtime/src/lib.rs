@@ -14,7 +14,7 @@
 //! in memory of its own), [`sample_ring`] (the latest samples of a topic), [`inlet`] (an input, also after a rebirth),
 //! [`edge_store`] (its samples, where faults are planned), [`mailbox`] (an input in real time), [`outlets`] (a service's
 //! outputs), [`lone_flight`] (when the orchestrator is gone), [`succession`] (how another one takes its place), [`flight_clock`] (ticks on the system's clock),
-//! [`step_log`] (what every step in real time was made of), [`control`] (the orchestrator's line to each service),
+//! [`step_log`] (what every step in real time was made of), [`notice`] (how what is connected to a service fares), [`control`] (the orchestrator's line to each service),
 //! [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler, parent's death), [`descriptors`] (what a started
 //! process inherits) and [`process`] and [`launch`] (what `gerono service NAME` runs).
 //!
@@ -36,6 +36,7 @@ pub mod launch;
 pub mod lock_step;
 pub mod lone_flight;
 pub mod mailbox;
+pub mod notice;
 pub mod outlets;
 pub mod owned_sample;
 pub mod ports;

@@ -49,6 +49,9 @@ pub enum ProcessError {
     /// The scenario does not make a service or schedule.
     #[error("the scenario cannot be flown: {0}")]
     Scenario(String),
+    /// What is connected to the service in a laboratory cannot be used.
+    #[error("{0}")]
+    Equipment(String),
     /// The system refused something.
     #[error(transparent)]
     Io(#[from] std::io::Error),
@@ -57,14 +60,21 @@ pub enum ProcessError {
     Flight(#[from] FlightError),
 }
 
+/// A service, or in words why there is none.
+pub type Built = Result<Box<dyn ErasedService>, String>;
+
 /// Runs a process that `gerono run` has spawned, from its first message to its last: a service, or a spare process
 /// that waits for one to die and then takes its place. `name` is what the system calls the process meanwhile.
+///
+/// `build` makes the step logic of a service. In real time `equip` connects it to what the scenario says is in the
+/// laboratory, before the service is ready; it is asked of nobody who is not a service yet.
 ///
 /// # Errors
 /// [`ProcessError`].
 pub fn run(
     name: &str,
-    build: impl Fn(ServiceId, &Scenario) -> Result<Box<dyn ErasedService>, String>,
+    build: impl Fn(ServiceId, &Scenario) -> Built,
+    equip: impl FnOnce(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built,
 ) -> Result<(), ProcessError> {
     let inherited = Inherited::take()?;
     deployment::die_with_parent()?;
@@ -78,7 +88,7 @@ pub fn run(
         deployment::outlive_parent()?;
     }
     let channel = inherited.channel.try_clone()?;
-    let result = live(inherited, &start, name, build);
+    let result = live(inherited, &start, name, build, equip);
     report(&channel, result)
 }
 
@@ -87,7 +97,8 @@ fn live(
     inherited: Inherited,
     start: &Start,
     name: &str,
-    build: impl Fn(ServiceId, &Scenario) -> Result<Box<dyn ErasedService>, String>,
+    build: impl Fn(ServiceId, &Scenario) -> Built,
+    equip: impl FnOnce(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built,
 ) -> Result<(), ProcessError> {
     let Inherited {
         channel,
@@ -127,7 +138,11 @@ fn live(
     let ToService::MakePorts = channel.receive()? else {
         return Ok(());
     };
-    let mut waiter = Waiter::new(role.service, Arc::new(page), doorbells, channel, scheduler);
+    let page = Arc::new(page);
+    if start.host == Host::RealTime {
+        service = equip(service, &start.scenario, &page).map_err(ProcessError::Equipment)?;
+    }
+    let mut waiter = Waiter::new(role.service, page, doorbells, channel, scheduler);
     let launch = Launch {
         schedule: &schedule,
         topics: &topics,
@@ -138,7 +153,7 @@ fn live(
     };
     match start.host {
         Host::LockStep => launch.in_lock_step(service.as_mut(), &mut waiter),
-        Host::RealTime => launch.in_real_time(service.as_mut(), start, lock.as_fd(), &waiter),
+        Host::RealTime => launch.in_real_time(service, start, lock.as_fd(), &waiter),
         Host::Replay => launch.in_replay(service.as_mut(), waiter.channel()),
     }
 }

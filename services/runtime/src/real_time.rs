@@ -8,7 +8,7 @@
 //! ([`crate::step_log`]), from which they can be done again.
 //!
 //! The simulated world is the exception: it leaves out no step, since its time does not stand still, and makes up for
-//! those that it could not do in time.
+//! those that it could not do in time. The real world of a laboratory needs nobody who does that for it.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
@@ -164,7 +164,7 @@ impl Cockpit<'_> {
     /// The step to do next, of those from `due` on: the newest whose time has come, or else the first to come; and how
     /// many are left out. None is left out that is the newest to publish something.
     fn step_to_do(&self, timetable: &Timetable, due: u64, last_tick: u64) -> (u64, u64) {
-        if timetable.service.is_the_world() {
+        if timetable.makes_up {
             return (due, 0);
         }
         let now = self.clock.tick().min(last_tick);

@@ -16,6 +16,7 @@ use shared_types::schedule::MAX_PORTS;
 use shared_types::service::Operator;
 use shared_types::{ServiceId, Topic};
 
+use crate::notice::Notice;
 use crate::shared_file::SharedFile;
 
 /// What the page holds. All words begin as 0.
@@ -40,6 +41,8 @@ pub struct Words {
     pub cells: [Cell; ServiceId::ALL.len()],
     /// The recorder's receivers.
     pub recorder: [ReceiverId; Topic::ALL.len()],
+    /// What each service tells of what is connected to it in a laboratory.
+    pub notices: [Notice; ServiceId::ALL.len()],
 }
 
 /// A service's words, on a cache line of their own.

@@ -38,6 +38,9 @@ pub struct Timetable {
     pub inputs: Vec<Edge>,
     /// Its outputs, in the order of the wiring table.
     pub outputs: Vec<Publication>,
+    /// Whether it makes up for steps that it could not do in time: the simulated world does, whose time does not stand
+    /// still.
+    pub makes_up: bool,
     tick_ns: u64,
     operator: OperatorPlan,
 }
@@ -54,6 +57,7 @@ impl Timetable {
                 .map(|input| schedule.edge(service, input))
                 .collect(),
             outputs: outputs.map(|output| schedule.publication(output.topic)).collect(),
+            makes_up: service.is_the_world() && schedule.simulates_the_world(),
             tick_ns: schedule.tick_ns(),
             operator: schedule.operator(),
         }

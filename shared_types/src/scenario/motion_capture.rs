@@ -5,7 +5,10 @@ use std::net::Ipv4Addr;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Vector;
+use super::{Scenario, Vector};
+use crate::schedule::Schedule;
+use crate::service::nanoseconds;
+use crate::wiring::Topic;
 
 /// Where the estimator's poses come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -56,7 +59,7 @@ pub struct MotionCapture {
     /// Shortest time from the exposure to the arrival that no stamp tells, s; 0.005 (Vicon), 0.004 (VRPN) or 0.0002 (NatNet) unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<f64>,
-    /// Least and largest rate of frames without a warning, Hz.
+    /// Least and largest rate of frames without a warning, Hz; captures are missing after two periods of the least.
     #[serde(default = "default_rate")]
     pub rate: [f64; 2],
     /// Largest speed that a pose is believed at, m/s.
@@ -155,6 +158,33 @@ impl CaptureSystem {
     }
 }
 
+impl Scenario {
+    /// The motion-capture system that sees the vehicle in a laboratory; `None` where the world is simulated.
+    #[must_use]
+    pub fn capture_system(&self) -> Option<CaptureSystem> {
+        self.estimator.as_ref()?.source.system()
+    }
+
+    /// Longest time between two captures of which none is missing, ns.
+    #[must_use]
+    pub fn between_captures_ns(&self, schedule: &Schedule) -> u64 {
+        let published = schedule.time_ns(schedule.topic_rate(Topic::MocapPose).period);
+        let system = self.capture_system().and(self.motion_capture.as_ref());
+        system.map_or(published, |system| {
+            published.max(nanoseconds(1.0 / system.rate[0]))
+        })
+    }
+
+    /// Shortest time from the exposure of a capture to its arrival, which a laboratory's cameras need, ns.
+    #[must_use]
+    pub fn capture_latency_ns(&self) -> u64 {
+        let system = self.capture_system().zip(self.motion_capture.as_ref());
+        system.map_or(0, |(system, stated)| {
+            nanoseconds(stated.latency.unwrap_or(system.latency()))
+        })
+    }
+}
+
 impl MotionCapture {
     /// A system that is known by its address and the vehicle's name only.
     #[must_use]
@@ -181,5 +211,31 @@ impl MotionCapture {
             None => Some((&self.object, None)),
             Some((name, number)) => Some((name, Some(number.parse().ok()?))),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests_support::rig;
+    use super::*;
+
+    #[test]
+    fn captures_are_as_far_apart_as_the_slowest_cameras_make_them_or_the_schedule() {
+        let between = |rate: f64, source: PoseSource| {
+            let mut scenario = rig();
+            scenario.estimator.as_mut().unwrap().source = source;
+            scenario.motion_capture = Some(MotionCapture {
+                rate: [rate, 500.0],
+                ..MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
+            });
+            let schedule = scenario.schedule().unwrap();
+            (
+                scenario.between_captures_ns(&schedule),
+                scenario.capture_latency_ns(),
+            )
+        };
+        assert_eq!(between(40.0, PoseSource::Vrpn), (25_000_000, 4_000_000));
+        assert_eq!(between(400.0, PoseSource::Vrpn), (10_000_000, 4_000_000));
+        assert_eq!(between(40.0, PoseSource::Simulated), (10_000_000, 0));
     }
 }

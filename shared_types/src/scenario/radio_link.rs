@@ -6,6 +6,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Scenario;
+
 /// What frames leave on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -243,6 +245,15 @@ impl RadioProtocol {
             // The heartbeat comes once a second beside it.
             Self::Mavlink => (51 + 21) * 10,
         }
+    }
+}
+
+impl Scenario {
+    /// What frames leave on in a laboratory; `None` where the link is simulated.
+    #[must_use]
+    pub fn radio_link(&self) -> Option<RadioProtocol> {
+        let link = self.rc_output.as_ref()?.link;
+        (!link.is_simulated()).then_some(link)
     }
 }
 

@@ -128,9 +128,10 @@ impl Scenario {
             .estimator
             .as_ref()
             .is_some_and(|estimator| estimator.kalman.prediction);
-        let between_captures = schedule.topic_rate(Topic::MocapPose).period;
-        let between_states = schedule.topic_rate(Topic::VehicleState).period;
-        let repeats = edge.topic == Topic::VehicleState && !is_predicted && between_captures > between_states;
-        schedule.time_ns(age + if repeats { between_captures } else { 0 })
+        let between_captures_ns = self.between_captures_ns(&schedule);
+        let between_states_ns = schedule.time_ns(schedule.topic_rate(Topic::VehicleState).period);
+        let repeats =
+            edge.topic == Topic::VehicleState && !is_predicted && between_captures_ns > between_states_ns;
+        schedule.time_ns(age) + if repeats { between_captures_ns } else { 0 }
     }
 }

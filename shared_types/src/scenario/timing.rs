@@ -36,10 +36,14 @@ impl Scenario {
         let tick_ns = reader.finish()?;
         Schedule::new(tick_ns, last_tick, services, topics, latencies)
             .map(|schedule| {
-                schedule
+                let schedule = schedule
                     .with_outages(self.outages())
                     .with_edge_faults(self.edge_faults())
-                    .with_operator(self.operator_plan())
+                    .with_operator(self.operator_plan());
+                match self.capture_system() {
+                    None => schedule,
+                    Some(_) => schedule.with_real_world(),
+                }
             })
             .map_err(|error| vec![self.schedule.explain(&error)])
     }

@@ -62,10 +62,15 @@ impl Flight<'_> {
         {
             return Some(format!("`{missing}` does not fly"));
         }
+        let elapsed_ns = self.clock.elapsed_ns();
+        let words = self.crew.page().words();
+        if let Some(reason) = self.laboratory.refusal_to_arm(words, elapsed_ns) {
+            return Some(reason);
+        }
         let Some(state) = self.recorder.newest::<VehicleState>() else {
             return Some("nothing is known of the vehicle yet".to_owned());
         };
-        let age = seconds(self.clock.elapsed_ns().saturating_sub(state.header.stamp_ns));
+        let age = seconds(elapsed_ns.saturating_sub(state.header.stamp_ns));
         if age > STALE {
             return Some(format!("the vehicle's state is {age:.1} s old"));
         }

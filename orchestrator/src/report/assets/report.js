@@ -493,6 +493,10 @@ function drawChips() {
 function drawHead() {
   byId("title").textContent = flights.map((flight) => flight.label).join(" · ");
   byId("description").textContent = [...new Set(flights.map((flight) => flight.description).filter(Boolean))].join(" — ");
+  for (const flight of flights.filter(({ track }) => track.is_estimated)) {
+    byId("banners").append(element("p", { class: "banner" },
+      `${named(flight)}the way through space is the estimator's: this flight was in a laboratory, where nobody knows the truth.`));
+  }
   for (const flight of flights.filter(({ broken }) => broken !== null)) {
     byId("banners").append(element("p", { class: "banner", role: "alert" },
       `${named(flight)}only a part of this flight could be read, up to ${inDigits(flight.flown)} s of ${inDigits(flight.duration)} s. ${flight.broken}`));

@@ -56,7 +56,13 @@ impl TrueError {
     /// pd at the time of the last truth, in {I}, m.
     #[must_use]
     pub fn point(&self) -> Option<Vector> {
-        Some(point_at(self.reference.as_ref()?, self.truth?.time_ns))
+        self.point_at(self.truth?.time_ns)
+    }
+
+    /// pd at a time, ns since the start of the flight, in {I}, m.
+    #[must_use]
+    pub fn point_at(&self, time_ns: u64) -> Option<Vector> {
+        Some(point_at(self.reference.as_ref()?, time_ns))
     }
 
     /// The last tick, with its error (m), once nothing more of it comes.

@@ -94,9 +94,9 @@ impl KalmanFilter {
     pub fn new(scenario: &Scenario, kalman: &Kalman) -> Result<Self, Problem> {
         let model = scenario.model.clone().unwrap_or_default();
         let schedule = schedule_of(scenario)?;
-        check_history(&schedule, &model)?;
+        check_history(scenario, &schedule, &model)?;
         Ok(Self {
-            patience_ns: schedule.time_ns(longest_gap(&schedule)),
+            patience_ns: longest_gap_ns(scenario, &schedule),
             process: ProcessModel {
                 vehicle: VehicleModel::new(&model),
                 noise: ProcessNoise::new(kalman),
@@ -316,15 +316,15 @@ fn schedule_of(scenario: &Scenario) -> Result<Schedule, Problem> {
         .map_err(|mut problems| problems.swap_remove(0))
 }
 
-/// Longest time between two captures that are used while none is missing but one by chance, ticks.
-fn longest_gap(schedule: &Schedule) -> u64 {
+/// Longest time between two captures that are used while none is missing but one by chance, ns.
+fn longest_gap_ns(scenario: &Scenario, schedule: &Schedule) -> u64 {
     let captures = schedule.edge(ServiceId::Estimator, 0);
-    2 * schedule.topic_rate(Topic::MocapPose).period + captures.latency
+    2 * scenario.between_captures_ns(schedule) + schedule.time_ns(captures.latency)
 }
 
 /// Refuses latencies during which more frames are sent than the history holds.
-fn check_history(schedule: &Schedule, model: &Model) -> Result<(), Problem> {
-    let needed = commands_under_way(schedule, model);
+fn check_history(scenario: &Scenario, schedule: &Schedule, model: &Model) -> Result<(), Problem> {
+    let needed = commands_under_way(scenario, schedule, model);
     if needed <= CAPACITY as u64 {
         return Ok(());
     }
@@ -340,14 +340,12 @@ fn check_history(schedule: &Schedule, model: &Model) -> Result<(), Problem> {
 }
 
 /// Commands that act, or are sent and will, between the last capture and the time of the prediction.
-fn commands_under_way(schedule: &Schedule, model: &Model) -> u64 {
+fn commands_under_way(scenario: &Scenario, schedule: &Schedule, model: &Model) -> u64 {
     let captures = schedule.edge(ServiceId::Estimator, 0);
-    let ticks = captures.latency
-        + schedule.topic_rate(Topic::MocapPose).period
-        + schedule.service_rate(ServiceId::Estimator).period;
-    let capture_age_ns = schedule
-        .time_ns(ticks)
-        .max(nanoseconds(model.capture_latency.unwrap_or(0.0)));
+    let ticks = captures.latency + schedule.service_rate(ServiceId::Estimator).period;
+    let arrival_ns = schedule.time_ns(ticks) + scenario.between_captures_ns(schedule);
+    let capture_age_ns =
+        (arrival_ns + scenario.capture_latency_ns()).max(nanoseconds(model.capture_latency.unwrap_or(0.0)));
     let frame_period_ns = schedule.time_ns(schedule.topic_rate(Topic::RcFrame).period);
     // One more acts at the beginning, the one before it is kept, and another may begin at either end.
     (capture_age_ns.saturating_add(nanoseconds(model.radio_latency))).div_ceil(frame_period_ns) + 3

@@ -20,6 +20,29 @@ impl Scenario {
         ))
     }
 
+    /// What a flight in a laboratory lacks so that no motor turns before somebody has looked at cameras and radio link.
+    #[must_use]
+    pub fn unattended(&self) -> Option<Problem> {
+        if self.capture_system().is_none() && self.radio_link().is_none() {
+            return None;
+        }
+        let at = Key::root().then("flight");
+        match &self.flight {
+            None => Some(Problem::new(
+                at,
+                "in a laboratory somebody arms the vehicle once cameras and radio link are well, but here the motors turn \
+                 from the start",
+                "add `[flight]`: the vehicle then stands on the ground until `gerono arm`",
+            )),
+            Some(flight) if flight.arm_at.is_some() => Some(Problem::new(
+                at.then("arm_at"),
+                "in a laboratory somebody arms the vehicle once cameras and radio link are well, but here it arms itself",
+                "leave `arm_at` out, and arm with `gerono arm`",
+            )),
+            Some(_) => None,
+        }
+    }
+
     /// The section, and the vehicle that it wants on the ground.
     pub(super) fn check_flight(&self, found: &mut Findings) {
         let Some(flight) = &self.flight else {

@@ -12,10 +12,7 @@ const LONGEST_VICON_NAME: usize = 24;
 
 impl Scenario {
     pub(super) fn check_motion_capture(&self, found: &mut Findings) {
-        let system = self
-            .estimator
-            .as_ref()
-            .and_then(|estimator| estimator.source.system());
+        let system = self.capture_system();
         let at = Key::root().then("motion_capture");
         match (&self.motion_capture, system) {
             (Some(stated), system) => stated.check(system, &at, found),

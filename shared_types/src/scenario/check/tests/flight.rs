@@ -1,9 +1,12 @@
 //! Phases and envelope.
 
+use std::net::Ipv4Addr;
+
 use super::assert_only;
 use crate::scenario::tests_support::{fig1, rig};
 use crate::scenario::{
-    Action, Envelope, EstimateLimit, Fence, Flight, InputSafety, Limit, Problem, Scenario, VectorLimit,
+    Action, Envelope, EstimateLimit, Fence, Flight, InputSafety, Limit, MotionCapture, PoseSource, Problem,
+    RadioProtocol, Scenario, VectorLimit,
 };
 use crate::schedule::OperatorPlan;
 use crate::service::Operator;
@@ -101,6 +104,29 @@ fn a_simulated_flight_that_nobody_arms_is_told_so() {
     let problem = scenario.unasked().unwrap();
     assert_eq!(problem.key.to_string(), "flight.arm_at");
     assert!(problem.fix.contains("arm_at = 1.0"), "{}", problem.fix);
+}
+
+#[test]
+fn in_a_laboratory_somebody_arms() {
+    assert_eq!(rig().unattended(), None);
+    let seen = |scenario: &mut Scenario| {
+        scenario.estimator.as_mut().unwrap().source = PoseSource::Vrpn;
+        scenario.motion_capture = Some(MotionCapture::new(Ipv4Addr::LOCALHOST, "quad"));
+    };
+    let heard = |scenario: &mut Scenario| {
+        scenario.rc_output.get_or_insert_default().link = RadioProtocol::Crsf;
+    };
+    for connect in [&seen as &dyn Fn(&mut Scenario), &heard] {
+        let mut scenario = rig();
+        connect(&mut scenario);
+        let problem = scenario.unattended().unwrap();
+        assert_eq!(problem.key.to_string(), "flight");
+        scenario.flight = Some(Flight::default());
+        assert_eq!(scenario.unattended(), None);
+        scenario.flight.as_mut().unwrap().arm_at = Some(1.0);
+        let problem = scenario.unattended().unwrap();
+        assert_eq!(problem.key.to_string(), "flight.arm_at");
+    }
 }
 
 #[test]
