@@ -11,7 +11,9 @@ use clap::Parser;
 use common::{Place, scenario, succeed};
 use orchestrator::cli::Cli;
 use orchestrator::exit::Exit;
-use orchestrator::log::{CaptureFigures, HostEvent, HostSample, LinkFigures, ServiceHealth};
+use orchestrator::log::{
+    CaptureFigures, HostEvent, HostSample, LinkFigures, ServiceCheckpoint, ServiceHealth, ServiceStep,
+};
 use orchestrator::scenario_file;
 use shared_types::sample::{Record, msg_definition};
 use shared_types::{Header, Topic};
@@ -118,7 +120,15 @@ fn host_messages() -> String {
     fn of<T: HostSample>() -> String {
         message(T::CHANNEL, T::MSG_NAME, &msg_definition::<T>())
     }
-    of::<HostEvent>() + &of::<ServiceHealth>() + &of::<CaptureFigures>() + &of::<LinkFigures>()
+    [
+        of::<HostEvent>(),
+        of::<ServiceHealth>(),
+        of::<ServiceStep>(),
+        of::<ServiceCheckpoint>(),
+        of::<CaptureFigures>(),
+        of::<LinkFigures>(),
+    ]
+    .concat()
 }
 
 #[test]

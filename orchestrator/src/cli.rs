@@ -75,7 +75,9 @@ pub enum Command {
     /// Do the steps of a log again on what it has recorded, and compare what comes of them byte for byte.
     ///
     /// Every service is fed the recorded samples, so that a difference names the service that made it. Works on logs of
-    /// simulated and of real time (whose host.mcap must lie beside run.mcap), with planned faults, and cut short.
+    /// simulated and of real time (whose host.mcap must lie beside run.mcap), with planned faults, and cut short. What the
+    /// services knew is compared with the checkpoints in host.mcap; behind a gap in the log they go on from there.
+    #[command(after_help = Replay::EXAMPLES)]
     Replay(Replay),
     /// Compare two logs: per topic identical, or how many samples differ, the first of them, and by how much.
     Diff(Diff),
@@ -344,9 +346,30 @@ pub struct Replay {
     /// inputs? May be given several times; a difference is then no failure.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub sets: Vec<String>,
+    /// Compare from this time of the flight on, s. Each service begins with the newest that it is recorded to have known by
+    /// then [default: the beginning].
+    #[arg(long, value_name = "S", value_parser = flight_time)]
+    pub from: Option<f64>,
+    /// Compare up to this time of the flight, s, and stop [default: the end of the log].
+    #[arg(long, value_name = "S", value_parser = flight_time)]
+    pub to: Option<f64>,
+    /// Replay each service in a process of its own, with the samples in shared memory, as it was flown.
+    #[arg(long)]
+    pub processes: bool,
     /// Show no progress.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+impl Replay {
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono replay runs/fig1-1\n  \
+        gerono replay runs/fig1-1 --from 12.0 --to 14.5\n  \
+        gerono replay runs/fig1-1 --service controller --set controller.k1=5.0";
+}
+
+fn flight_time(text: &str) -> Result<f64, String> {
+    number_between(text, 0.0, 1e9, "s")
 }
 
 /// Arguments of the commands that ask something of a live run.

@@ -1,5 +1,7 @@
 //! What the machine did during a run, written to `host.mcap`: which processes, on which core, how they fared.
 
+mod snapshots;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -12,6 +14,7 @@ use shared_types::schedule::Edge;
 use crate::flight::Outcome;
 use crate::flight::crew::{Crew, CrewObserver, Rebirth};
 use crate::flight::real_time::StepObserver;
+use crate::host_record::snapshots::Snapshots;
 use crate::log::{
     CaptureFigures, Compression, HostEvent, HostLogWriter, HostSample, LinkFigures, LogError, ServiceHealth,
     ServiceStep,
@@ -29,6 +32,7 @@ pub struct HostRecord {
     ends_written: usize,
     /// How many of its rebirths have been written.
     rebirths_written: usize,
+    snapshots: Snapshots,
 }
 
 impl HostRecord {
@@ -44,6 +48,7 @@ impl HostRecord {
             failure: None,
             ends_written: 0,
             rebirths_written: 0,
+            snapshots: Snapshots::new(),
         })
     }
 
@@ -108,6 +113,14 @@ impl CrewObserver for HostRecord {
             self.event(Some(service), HostEvent::KIND_REBORN, pid, &rebirth.to_string());
         }
         self.rebirths_written = crew.rebirths().len();
+    }
+
+    fn progressed(&mut self, crew: &Crew<'_>, tick: u64) {
+        for checkpoint in self.snapshots.take(crew.checkpoints(), crew.schedule(), tick) {
+            for piece in checkpoint.pieces(self.time_ns()) {
+                self.write(&piece);
+            }
+        }
     }
 
     fn health(&mut self, crew: &Crew<'_>) {

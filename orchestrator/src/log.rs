@@ -14,8 +14,8 @@ mod csv;
 mod digest;
 mod export;
 mod framing;
+mod host_reader;
 mod host_samples;
-mod host_steps;
 mod host_writer;
 mod manifest;
 mod reader;
@@ -32,8 +32,11 @@ pub use csv::export_csv;
 pub use digest::{LogDigest, digest};
 pub use export::{ExportError, decode_sample, export_json};
 pub use framing::{Compression, LogError, Written, partial_path};
-pub use host_samples::{CaptureFigures, HostEvent, HostSample, LinkFigures, ServiceHealth, ServiceStep};
-pub use host_steps::{HostSteps, HostStepsError};
+pub use host_reader::{HostEntry, HostReadError, HostReader};
+pub use host_samples::{
+    CaptureFigures, HostEvent, HostSample, LinkFigures, LoggedCheckpoint, ServiceCheckpoint, ServiceHealth,
+    ServiceStep,
+};
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest};
 pub use reader::{LogReadError, LogReader, LoggedSample};

@@ -1,8 +1,9 @@
 //! The services of the wiring table, built from a scenario.
 
-use shared_types::ServiceId;
+use shared_types::sample::layout_hash;
 use shared_types::scenario::Scenario;
 use shared_types::service::ErasedService;
+use shared_types::{Service, ServiceId};
 
 use controller::ControllerService;
 use estimator::EstimatorService;
@@ -38,4 +39,36 @@ pub fn build_all(scenario: &Scenario) -> Result<Vec<Box<dyn ErasedService>>, Str
         .into_iter()
         .map(|service| build(service, scenario))
         .collect()
+}
+
+/// What tells the layout of a service's state from any other: the beginning of its hash. A state of another build is only
+/// to be restored if it is the same.
+///
+/// # Panics
+/// Never: a hash is a hexadecimal number of more digits.
+#[must_use]
+pub fn state_layout(service: ServiceId) -> u64 {
+    fn of<S: Service>() -> u64 {
+        u64::from_str_radix(&layout_hash::<S::State>()[..16], 16).expect("hexadecimal digits")
+    }
+    match service {
+        ServiceId::Plant => of::<PlantService>(),
+        ServiceId::Estimator => of::<EstimatorService>(),
+        ServiceId::PathGenerator => of::<PathGeneratorService>(),
+        ServiceId::Controller => of::<ControllerService>(),
+        ServiceId::RcOutput => of::<RcOutputService>(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn no_two_services_have_one_layout() {
+        let layouts: BTreeSet<_> = ServiceId::ALL.into_iter().map(state_layout).collect();
+        assert_eq!(layouts.len(), ServiceId::ALL.len());
+    }
 }

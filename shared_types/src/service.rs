@@ -5,13 +5,14 @@
 //! newest one delivered: the schedule (lock-step, in-process), the clock (real time) or a log (replay).
 //! They speak to a service through [`ErasedService`], in bytes, so that one host serves every service.
 
+use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::sample::{Header, Record, Sample};
 use crate::wiring::ServiceId;
 
 /// The moment of a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Now {
     /// Base tick since the start of the flight.
     pub tick: u64,
@@ -24,7 +25,7 @@ pub struct Now {
 }
 
 /// What the people responsible for the flight ask for. Hosts say it, like the time. By default nothing: the motors rest.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Operator {
     /// The motors may turn. Whoever takes it back in the air stops them there.
     pub armed: bool,

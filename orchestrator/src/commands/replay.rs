@@ -1,14 +1,18 @@
 //! `gerono replay`: does a log's steps again and says whether the same comes of them. `gerono diff`: compares two logs.
 
 use comfy_table::{Table, presets};
+use shared_types::ServiceId;
 
 use super::{Failure, log_path, print, schedule_of};
 use crate::cli::{Diff, Replay};
 use crate::diff::{self, TopicDiff};
 use crate::exit::Exit;
+use crate::interrupt::Interrupt;
 use crate::log::LogReader;
 use crate::progress::Progress;
-use crate::replay::{self, Comparison, Difference, Options, Replayed};
+use crate::replay::{
+    self, CheckpointDifference, Comparison, Difference, Options, ProcessFailure, ReplayError, Replayed,
+};
 use crate::scenario_file;
 
 /// `gerono replay`.
@@ -31,14 +35,19 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
         })?)
     };
     let schedule = schedule_of(recorded)?;
+    let interrupt = || Interrupt::install().map_err(|error| trouble(&error));
     let options = Options {
         services: arguments.services.clone(),
         changed,
+        from: arguments.from,
+        to: arguments.to,
+        in_processes: arguments.processes.then(interrupt).transpose()?,
     };
     let mut progress = Progress::new(&schedule, "replay", arguments.quiet);
-    let replayed = replay::replay(&log, &options, Some(&mut progress)).map_err(|error| trouble(&error))?;
+    let replayed = replay::replay(&log, &options, Some(&mut progress));
     progress.clear();
-    print(report(&replayed));
+    let replayed = replayed.map_err(|error| Failure::new(exit_of(&error), error))?;
+    print(report(&replayed, &options));
     Ok(if replayed.is_identical() || options.changed.is_some() {
         Exit::Success
     } else {
@@ -81,10 +90,33 @@ pub fn diff(arguments: &Diff) -> Result<Exit, Failure> {
     Ok(Exit::Diverged)
 }
 
-fn report(replayed: &Replayed) -> String {
+fn exit_of(error: &ReplayError) -> Exit {
+    match error {
+        ReplayError::NothingBetween { .. } | ReplayError::BeyondTheEnd { .. } => Exit::BadInput,
+        ReplayError::Process(ProcessFailure::Interrupted { signal }) => Exit::Signal(*signal),
+        ReplayError::Process(_)
+        | ReplayError::Read(_)
+        | ReplayError::Machine(_)
+        | ReplayError::Scenario(_)
+        | ReplayError::OtherSchedule => Exit::Trouble,
+    }
+}
+
+fn report(replayed: &Replayed, options: &Options) -> String {
     let mut text = String::new();
+    if options.from.is_some() {
+        text += &format!("{}\n", starts_in_words(replayed, options));
+    }
     if let Some(reason) = &replayed.log_ends {
         text += &format!("The log ends early: {reason}\n");
+    }
+    if replayed.lacks_samples {
+        text += "Samples are missing in the recovered log.\n";
+    }
+    if !replayed.strange_checkpoints.is_empty() {
+        let services = names(&replayed.strange_checkpoints);
+        text +=
+            &format!("Another build has written the checkpoints of {services}; they were not looked at.\n");
     }
     if let Some(service) = replayed.not_again {
         text += &format!(
@@ -101,10 +133,22 @@ fn report(replayed: &Replayed) -> String {
     if let Some(difference) = replayed.first_difference() {
         text += &in_words(difference, ["recorded", "replayed"]);
     }
+    if let Some(CheckpointDifference { service, tick, time }) = replayed.first_checkpoint {
+        text += &format!(
+            "{} of {} checkpoints differ; the first is what `{service}` knew after its step at tick {tick} ({time} s).\n",
+            replayed.checkpoints_different, replayed.checkpoints
+        );
+    }
     if replayed.steps_without_inputs > 0 {
         text += &format!(
-            "{} steps saw samples that were not recorded and could not be done again.\n",
+            "{} steps could not be done again: what they saw, or what the service knew by then, was not recorded.\n",
             replayed.steps_without_inputs
+        );
+    }
+    if replayed.resumptions > 0 {
+        text += &format!(
+            "{} times a service went on from a checkpoint, its steps before it not having been recorded whole.\n",
+            replayed.resumptions
         );
     }
     if replayed.unrecorded() > 0 {
@@ -113,13 +157,48 @@ fn report(replayed: &Replayed) -> String {
             replayed.unrecorded()
         );
     }
-    let (steps, compared) = (replayed.steps, replayed.compared());
-    if replayed.is_identical() {
-        text += &format!("identical: {compared} samples of {steps} steps\n");
+    let (steps, compared, checkpoints) = (replayed.steps, replayed.compared(), replayed.checkpoints);
+    let by_whom = if options.in_processes.is_some() {
+        ", done by service processes"
     } else {
-        text += &format!("not identical: {compared} samples of {steps} steps were compared\n");
+        ""
+    };
+    if replayed.is_identical() {
+        text +=
+            &format!("identical: {compared} samples of {steps} steps, {checkpoints} checkpoints{by_whom}\n");
+    } else {
+        text += &format!(
+            "not identical: {compared} samples of {steps} steps and {checkpoints} checkpoints were compared{by_whom}\n"
+        );
     }
     text
+}
+
+/// Where the services began.
+fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
+    if replayed.starts.is_empty() {
+        return "No checkpoint was recorded before: begun with the flight.".to_owned();
+    }
+    let services = match options.services.len() {
+        0 => ServiceId::ALL.len(),
+        count => count,
+    };
+    let done_again = services - usize::from(replayed.not_again.is_some());
+    let rest = if replayed.starts.len() < done_again {
+        "; the others with the flight"
+    } else {
+        ""
+    };
+    let starts = replayed.starts.iter();
+    let starts: Vec<_> = starts
+        .map(|start| format!("{} at {} s", start.service, start.time))
+        .collect();
+    format!("Begun from checkpoints: {}{rest}.", starts.join(", "))
+}
+
+fn names(services: &[ServiceId]) -> String {
+    let names: Vec<_> = services.iter().map(ServiceId::to_string).collect();
+    names.join(", ")
 }
 
 fn in_words(difference: &Difference, [first, second]: [&str; 2]) -> String {

@@ -7,7 +7,7 @@
 //! While all is well a spare process waits to take the place of whoever dies next.
 
 mod member;
-mod process;
+pub(crate) mod process;
 mod rebirth;
 mod recovery;
 pub mod restart;
@@ -40,9 +40,9 @@ pub use succession::Survivor;
 use super::{FlightFailure, Outcome};
 
 /// How long a service may take to make its ports.
-const READY_LIMIT: Duration = Duration::from_secs(30);
+pub(crate) const READY_LIMIT: Duration = Duration::from_secs(30);
 /// How long a service that was told to stop may take before it is killed.
-const STOP_LIMIT: Duration = Duration::from_secs(2);
+pub(crate) const STOP_LIMIT: Duration = Duration::from_secs(2);
 
 /// How often the crew is looked after while a service is being born again.
 pub(super) const BIRTH_PERIOD: Duration = Duration::from_micros(100);
@@ -75,6 +75,8 @@ pub trait CrewObserver {
     fn ready(&mut self, crew: &Crew<'_>, core: Option<usize>);
     /// Processes may have died, and services may fly again.
     fn changed(&mut self, crew: &Crew<'_>);
+    /// The flight has come to a tick. Called often.
+    fn progressed(&mut self, crew: &Crew<'_>, tick: u64);
     /// About a second of the flight has passed, or it has ended.
     fn health(&mut self, crew: &Crew<'_>);
     /// The flight has ended, and this is how.
@@ -186,17 +188,13 @@ impl<'a> Crew<'a> {
     }
 
     fn spawn(&self, name: &str) -> Result<Process, FlightFailure> {
-        let doorbells = self.doorbells.iter().map(AsFd::as_fd);
-        let files: Vec<_> = [
+        let shared = [
             self.page.file(),
             self.checkpoints.file(),
             self.step_log.file(),
             self.lock,
-        ]
-        .into_iter()
-        .chain(doorbells)
-        .collect();
-        Process::start(name, &files).map_err(setup)
+        ];
+        Process::start(name, shared, &self.doorbells).map_err(setup)
     }
 
     /// Tells a process that has just been started what to fly, and which service it is, if that is known.
@@ -218,6 +216,18 @@ impl<'a> Crew<'a> {
     #[must_use]
     pub fn step_log(&self) -> &StepLog {
         &self.step_log
+    }
+
+    /// What the services knew after their last steps.
+    #[must_use]
+    pub fn checkpoints(&self) -> &Checkpoints {
+        &self.checkpoints
+    }
+
+    /// When everybody steps.
+    #[must_use]
+    pub fn schedule(&self) -> &Schedule {
+        self.schedule
     }
 
     /// The processes, by service.
@@ -347,7 +357,7 @@ impl<'a> Crew<'a> {
         loop {
             match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
                 Ok(Some(message)) => {
-                    events.extend(self.members[at].understand(message, self.start.in_real_time));
+                    events.extend(self.members[at].understand(message, self.start.host));
                 }
                 Ok(None) => break,
                 Err(ControlError::Closed) => {

@@ -3,6 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use runtime::control::Host;
 use runtime::in_process::TickSink;
 use runtime::ports::Delivery;
 use runtime::wait::BLOCK_ALWAYS;
@@ -35,7 +36,7 @@ where
     super::refuse_unsimulated_poses(scenario)?;
     let site = Site::prepare(scenario, deployment)?;
     let mut recorder = Recorder::new(site.subscribe(Delivery::Lossless)?, &site.schedule);
-    let mut crew = site.start_crew(deployment, false)?;
+    let mut crew = site.start_crew(deployment, Host::LockStep)?;
     let words = crew.page().words();
     recorder.make_known(words);
     if !deployment.yielding {
@@ -87,16 +88,18 @@ impl Flight<'_> {
     {
         let mut next_health = Instant::now() + Duration::from_secs(1);
         loop {
-            if self.recorder.drain(sink)? == Progress::Done {
+            let progress = self.recorder.drain(sink)?;
+            if progress == Progress::Done {
                 return Ok(Outcome::Completed);
             }
+            self.observer.progressed(&self.crew, self.recorder.ticks());
             if let Some(signal) = interrupt.signal() {
                 return Ok(Outcome::Interrupted { signal });
             }
-            let period = if self.crew.needs_care() {
-                BIRTH_PERIOD
-            } else {
-                RECORDER_PERIOD
+            let period = match progress {
+                Progress::Behind => Duration::ZERO,
+                _ if self.crew.needs_care() => BIRTH_PERIOD,
+                _ => RECORDER_PERIOD,
             };
             for event in self.crew.watch(period) {
                 self.attend_to(event)?;
@@ -145,8 +148,8 @@ where
         Outcome::Failed(
             failure @ (FlightFailure::Log(_) | FlightFailure::Lost { .. } | FlightFailure::Diverged { .. }),
         ) => Outcome::Failed(failure),
-        outcome => match recorder.drain(sink) {
-            Ok(_) => outcome,
+        outcome => match recorder.drain_all(sink) {
+            Ok(()) => outcome,
             // Why the flight ended matters more, unless it was on request.
             Err(failure) => match outcome {
                 Outcome::Failed(first) => Outcome::Failed(first),

@@ -17,6 +17,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use runtime::control::Host;
 use runtime::flight_clock::{FlightClock, monotonic_ns};
 use runtime::in_process::TickSink;
 use runtime::ports::Delivery;
@@ -89,7 +90,7 @@ where
     let site = Site::prepare(scenario, deployment)?;
     let mut recorder = Recorder::new(site.subscribe(Delivery::NewestWins)?, 0);
     let mut desk = Desk::open(&site.root).map_err(FlightFailure::setup)?;
-    let mut crew = site.start_crew(deployment, true)?;
+    let mut crew = site.start_crew(deployment, Host::RealTime)?;
     let warnings = site.await_ready(&mut crew)?;
     observer.ready(&crew, site.cores.ring);
     recorder.connect().map_err(FlightFailure::setup)?;
@@ -246,6 +247,7 @@ impl<'a> Flight<'a> {
                 self.crew.keep_spare();
             }
             self.record(sink)?;
+            self.observer.progressed(&self.crew, self.recorder.ticks());
             self.replace_the_hung();
             desk.serve(|question| self.answer(question));
             if Instant::now() >= next_health {

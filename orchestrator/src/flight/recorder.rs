@@ -12,6 +12,10 @@ use super::FlightFailure;
 use super::archive::Archive;
 use super::subscription::Subscription;
 
+/// Ticks that are handed over in a row: one that is always behind on a busy machine must not keep the orchestrator from
+/// everything else. The fastest flight has a third of them ready at a look.
+const TICKS_IN_A_ROW: u64 = 256;
+
 /// Subscribes to every topic of a lock-step flight and hands its samples over tick by tick.
 pub struct Recorder {
     feeds: Vec<Feed>,
@@ -32,6 +36,8 @@ struct Feed {
 pub enum Progress {
     /// Samples are still missing.
     Waiting,
+    /// There may be more.
+    Behind,
     /// The last tick is whole, or the sink wants no more.
     Done,
 }
@@ -86,7 +92,19 @@ impl Recorder {
             .try_for_each(|feed| feed.subscription.receiver.connect())
     }
 
-    /// Hands over every tick that is whole by now.
+    /// Hands over every tick that is whole by now, however many.
+    ///
+    /// # Errors
+    /// As [`Self::drain`].
+    pub fn drain_all<S: TickSink>(&mut self, sink: &mut S) -> Result<(), FlightFailure>
+    where
+        FlightFailure: From<S::Error>,
+    {
+        while self.drain(sink)? == Progress::Behind {}
+        Ok(())
+    }
+
+    /// Hands over the ticks that are whole by now, up to some hundred.
     ///
     /// # Errors
     /// [`FlightFailure`] if a sample is missing or differs from an earlier one, a port failed or the sink did.
@@ -94,7 +112,11 @@ impl Recorder {
     where
         FlightFailure: From<S::Error>,
     {
+        let pause = self.tick + TICKS_IN_A_ROW;
         while self.tick <= self.last_tick {
+            if self.tick == pause {
+                return Ok(Progress::Behind);
+            }
             if !self.collect()? {
                 return Ok(Progress::Waiting);
             }

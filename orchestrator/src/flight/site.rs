@@ -2,7 +2,7 @@
 
 use std::os::fd::OwnedFd;
 
-use runtime::control::Start;
+use runtime::control::{Host, Start};
 use runtime::deployment::Scheduler;
 use runtime::ports::{Delivery, Member};
 use shared_types::scenario::Scenario;
@@ -97,16 +97,12 @@ impl Site {
         Subscription::to_all(enter).map_err(FlightFailure::setup)
     }
 
-    /// Starts the services' processes, which fly in lock-step or in real time.
+    /// Starts the services' processes.
     ///
     /// # Errors
     /// [`FlightFailure::Setup`].
-    pub(super) fn start_crew(
-        &self,
-        deployment: &Deployment,
-        in_real_time: bool,
-    ) -> Result<Crew<'_>, FlightFailure> {
-        let start = self.start(in_real_time);
+    pub(super) fn start_crew(&self, deployment: &Deployment, host: Host) -> Result<Crew<'_>, FlightFailure> {
+        let start = self.start(host);
         let crashes = deployment.crashes.clone();
         Crew::start(
             &self.member,
@@ -127,7 +123,7 @@ impl Site {
         shared: Shared,
         survivors: [Option<Survivor>; ServiceId::ALL.len()],
     ) -> Result<Crew<'_>, FlightFailure> {
-        let start = self.start(true);
+        let start = self.start(Host::RealTime);
         let lock = self.root.lock();
         let crew = Crew::adopt(&self.member, lock, &self.schedule, start, shared, survivors)?;
         self.root.own();
@@ -135,14 +131,14 @@ impl Site {
     }
 
     /// What every process of the run is told.
-    fn start(&self, in_real_time: bool) -> Start {
+    fn start(&self, host: Host) -> Start {
         Start {
             scenario: self.scenario.clone(),
             iceoryx2_configuration: self.root.configuration(),
             core: self.cores.ring,
             scheduler: self.scheduler,
             role: None,
-            in_real_time,
+            host,
         }
     }
 

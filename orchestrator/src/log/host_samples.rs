@@ -1,5 +1,6 @@
 //! What the machine did, as samples of `host.mcap`.
 
+use runtime::checkpoints::{CAPACITY, Checkpoint};
 use shared_types::ServiceId;
 use shared_types::sample::Record;
 use zerocopy::FromZeros;
@@ -81,6 +82,26 @@ shared_types::sample! {
         pub operator: u32,
         /// Explicit padding.
         pub pad0: u32,
+    }
+
+    /// A piece of a checkpoint: of what a service knew before a step. The pieces of one follow each other.
+    pub struct ServiceCheckpoint {
+        /// Wall time since the start of the run, ns.
+        pub time_ns: u64,
+        /// Tick of the first step that the state does not know of.
+        pub next_tick: u64,
+        /// What tells the layout of the state from any other.
+        pub layout: u64,
+        /// Position of the service in the wiring table.
+        pub service: u32,
+        /// Bytes of the whole state.
+        pub length: u32,
+        /// Bytes of it in the pieces before.
+        pub offset: u32,
+        /// Explicit padding.
+        pub pad0: u32,
+        /// The bytes from there on, after the last of them zeros.
+        pub state: [u8; 1024],
     }
 
     /// How the motion capture of a laboratory fares; all counts since the start of the process that listens to it.
@@ -227,6 +248,14 @@ impl HostSample for ServiceHealth {
     }
 }
 
+impl HostSample for ServiceCheckpoint {
+    const CHANNEL: &'static str = "host/checkpoints";
+
+    fn time_ns(&self) -> u64 {
+        self.time_ns
+    }
+}
+
 impl HostSample for CaptureFigures {
     const CHANNEL: &'static str = "host/motion_capture";
 
@@ -240,6 +269,78 @@ impl HostSample for LinkFigures {
 
     fn time_ns(&self) -> u64 {
         self.time_ns
+    }
+}
+
+/// Bytes of a state in a piece of its checkpoint.
+const PIECE: usize = 1024;
+
+/// A checkpoint as it was logged.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LoggedCheckpoint {
+    /// Whose it is.
+    pub service: ServiceId,
+    /// What tells the layout of its state from any other.
+    pub layout: u64,
+    /// The checkpoint.
+    pub checkpoint: Checkpoint,
+}
+
+impl LoggedCheckpoint {
+    /// Its pieces at a time since the start of the run, in their order.
+    pub fn pieces(&self, time_ns: u64) -> impl Iterator<Item = ServiceCheckpoint> {
+        let state = &self.checkpoint.state;
+        state.chunks(PIECE).enumerate().map(move |(number, bytes)| {
+            let mut piece = ServiceCheckpoint {
+                time_ns,
+                next_tick: self.checkpoint.next_tick,
+                layout: self.layout,
+                service: self.service.index() as u32,
+                length: state.len() as u32,
+                offset: (number * PIECE) as u32,
+                ..ServiceCheckpoint::new_zeroed()
+            };
+            piece.state[..bytes.len()].copy_from_slice(bytes);
+            piece
+        })
+    }
+}
+
+/// Puts the pieces of checkpoints together. One of which a piece is missing is never whole.
+#[derive(Debug, Default)]
+pub(super) struct PieceByPiece {
+    begun: Option<LoggedCheckpoint>,
+}
+
+impl PieceByPiece {
+    /// Takes the next piece of the log; the checkpoint that it completes, if it does.
+    pub(super) fn take(&mut self, piece: &ServiceCheckpoint) -> Option<LoggedCheckpoint> {
+        let service = *ServiceId::ALL.get(piece.service as usize)?;
+        let length = Some(piece.length as usize).filter(|&length| length <= CAPACITY)?;
+        let mut whole = match self.begun.take() {
+            Some(begun) if piece.offset > 0 => begun,
+            _ => LoggedCheckpoint {
+                service,
+                layout: piece.layout,
+                checkpoint: Checkpoint {
+                    next_tick: piece.next_tick,
+                    state: Vec::new(),
+                },
+            },
+        };
+        let Checkpoint { next_tick, state } = &mut whole.checkpoint;
+        let follows = (whole.service, whole.layout, *next_tick) == (service, piece.layout, piece.next_tick)
+            && state.len() == piece.offset as usize;
+        if !follows {
+            return None;
+        }
+        let missing = length.saturating_sub(state.len());
+        state.extend_from_slice(&piece.state[..missing.min(PIECE)]);
+        if state.len() == length {
+            return Some(whole);
+        }
+        self.begun = Some(whole);
+        None
     }
 }
 
@@ -257,6 +358,33 @@ mod tests {
             let next = text[kept.len()..].chars().next().map_or(0, char::len_utf8);
             prop_assert!(kept.len() == text.len() || kept.len() + next > event.text.len());
             prop_assert!(event.text[kept.len()..].iter().all(|&byte| byte == 0));
+        }
+
+        #[test]
+        fn checkpoints_come_back_from_their_pieces_and_none_of_which_one_is_missing(
+            lengths in proptest::collection::vec(1..5000usize, 1..6),
+            lost in 0..20usize,
+        ) {
+            let written: Vec<_> = lengths.iter().enumerate().map(|(number, &length)| LoggedCheckpoint {
+                service: ServiceId::ALL[number % ServiceId::ALL.len()],
+                layout: 7,
+                checkpoint: Checkpoint {
+                    next_tick: number as u64,
+                    state: (0..length).map(|at| (at * 7 + number) as u8).collect(),
+                },
+            }).collect();
+            let pieces: Vec<_> = written.iter().flat_map(|checkpoint| checkpoint.pieces(3)).collect();
+            let read = |pieces: &[ServiceCheckpoint]| -> Vec<_> {
+                let mut reader = PieceByPiece::default();
+                pieces.iter().filter_map(|piece| reader.take(piece)).collect()
+            };
+            prop_assert_eq!(&read(&pieces), &written);
+
+            let mut rest = pieces;
+            let lost = rest.remove(lost % rest.len());
+            let mut expected = written;
+            expected.retain(|checkpoint| checkpoint.checkpoint.next_tick != lost.next_tick);
+            prop_assert_eq!(read(&rest), expected);
         }
     }
 }

@@ -154,6 +154,7 @@ struct Unrecorded;
 impl CrewObserver for Unrecorded {
     fn ready(&mut self, _crew: &Crew<'_>, _core: Option<usize>) {}
     fn changed(&mut self, _crew: &Crew<'_>) {}
+    fn progressed(&mut self, _crew: &Crew<'_>, _tick: u64) {}
     fn health(&mut self, _crew: &Crew<'_>) {}
     fn ended(&mut self, _crew: &Crew<'_>, _outcome: &Outcome) {}
 }

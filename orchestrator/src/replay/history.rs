@@ -7,7 +7,7 @@ use shared_types::Topic;
 use shared_types::service::header_of;
 
 /// Samples of a topic that are kept: any that a step may have seen is among the latest before it.
-const KEPT: usize = 4096;
+pub(super) const KEPT: usize = 4096;
 
 /// Samples by topic and sequence number.
 #[derive(Default)]

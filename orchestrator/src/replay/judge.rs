@@ -10,8 +10,56 @@ use shared_types::Topic;
 use super::compare::Comparison;
 use super::history::History;
 
+/// Compares what the steps of a service publish, and what it knows after some of them, with what was recorded.
+pub(super) struct Jury {
+    judges: Vec<Judge>,
+    /// How often what it knows was compared.
+    pub(super) checkpoints: u64,
+    pub(super) checkpoints_different: u64,
+    /// Tick of the first step after which the service knew something else than is recorded.
+    pub(super) first_different_after: Option<u64>,
+}
+
+impl Jury {
+    /// One judge a topic that the service publishes, in the order of the wiring table.
+    pub(super) fn new(topics: impl IntoIterator<Item = Topic>) -> Self {
+        Self {
+            judges: topics.into_iter().map(Judge::new).collect(),
+            checkpoints: 0,
+            checkpoints_different: 0,
+            first_different_after: None,
+        }
+    }
+
+    /// Hears what a step publishes on an output; if it was not finished, perhaps.
+    pub(super) fn hear(&mut self, output: usize, replayed: &[u8], is_finished: bool, history: &History) {
+        self.judges[output].hear(replayed, is_finished, history);
+    }
+
+    /// Hears what the service knows after its step at `tick`, and what it is recorded to have known.
+    pub(super) fn hear_state(&mut self, tick: u64, replayed: &[u8], recorded: &[u8]) {
+        self.checkpoints += 1;
+        if replayed != recorded {
+            self.checkpoints_different += 1;
+            self.first_different_after.get_or_insert(tick);
+        }
+    }
+
+    /// No more steps of the tick follow.
+    pub(super) fn end_tick(&mut self, history: &History) {
+        for judge in &mut self.judges {
+            judge.end_tick(history);
+        }
+    }
+
+    /// What was found.
+    pub(super) fn into_comparisons(self) -> impl Iterator<Item = Comparison> {
+        self.judges.into_iter().map(Judge::into_comparison)
+    }
+}
+
 /// Compares what the steps of a tick publish on one topic with what was recorded.
-pub(super) struct Judge {
+struct Judge {
     comparison: Comparison,
     /// Whether the recorded sample of the tick has been accounted for.
     is_settled: bool,
@@ -20,7 +68,7 @@ pub(super) struct Judge {
 }
 
 impl Judge {
-    pub(super) fn new(topic: Topic) -> Self {
+    fn new(topic: Topic) -> Self {
         Self {
             comparison: Comparison::new(topic),
             is_settled: false,
@@ -28,12 +76,12 @@ impl Judge {
         }
     }
 
-    pub(super) fn into_comparison(self) -> Comparison {
+    fn into_comparison(self) -> Comparison {
         self.comparison
     }
 
     /// Hears what a step publishes; if it was not finished, perhaps.
-    pub(super) fn hear(&mut self, replayed: &[u8], is_finished: bool, history: &History) {
+    fn hear(&mut self, replayed: &[u8], is_finished: bool, history: &History) {
         if self.is_settled {
             return;
         }
@@ -47,7 +95,7 @@ impl Judge {
     }
 
     /// No more steps of the tick follow: what was recorded can be nothing else.
-    pub(super) fn end_tick(&mut self, history: &History) {
+    fn end_tick(&mut self, history: &History) {
         self.is_settled = false;
         if let Some(sample) = self.doubtful.take()
             && self.comparison.has_recorded(sample.bytes(), history)

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 use shared_types::{Schedule, ServiceId};
 
-use crate::log::{HostSteps, host_log_beside};
+use crate::log::{HostReader, host_log_beside};
 
 /// Edges of the bins in a decade.
 const EDGES: [u64; 10] = [100, 126, 158, 200, 251, 316, 398, 501, 631, 794];
@@ -55,10 +55,14 @@ fn edges() -> impl Iterator<Item = u64> {
 /// How late steps began and how long they took, of each service; none of a flight in simulated time, or if what is
 /// beside the log cannot be read.
 pub(super) fn histograms(log: &Path, schedule: &Schedule) -> Vec<Histogram> {
-    let steps = host_log_beside(log).and_then(|path| HostSteps::open(&path).ok());
+    let steps = host_log_beside(log).and_then(|path| HostReader::open(&path).ok());
     let mut late = ServiceId::ALL.map(|service| Histogram::new(service, "step began after its tick"));
     let mut long = ServiceId::ALL.map(|service| Histogram::new(service, "step took"));
-    for (service, step) in steps.into_iter().flatten().map_while(Result::ok) {
+    for (service, step) in steps
+        .into_iter()
+        .flat_map(HostReader::steps)
+        .map_while(Result::ok)
+    {
         late[service.index()].count(step.began_ns.saturating_sub(schedule.time_ns(step.tick)));
         // Of a step in which a process died nobody knows how long it took.
         if step.published_ns != 0 {

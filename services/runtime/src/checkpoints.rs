@@ -1,17 +1,20 @@
 //! Checkpoints: what a service knew after its last step, where its death cannot reach it.
 //!
-//! They live in an anonymous file that the orchestrator makes and every service inherits, not in the log and
-//! not in a topic: nobody reads them but whoever is born after a death, and writing one costs a copy. Each
-//! service has two slots and writes the older one; a slot that is being written says so, so that a service
-//! that dies while it writes leaves the other. A process that is killed has done all the stores that come
-//! before the one it was killed at; that they come in this order is the compiler's affair.
+//! They live in an anonymous file that the orchestrator makes and every service inherits, and writing one costs a copy.
+//! Two read them: who is born after a death goes on from the newest, and now and then the orchestrator takes a snapshot
+//! for its record of the machine, from which replays begin. Nobody holds a service up by that.
+//!
+//! Each service has two slots and writes the older one; a slot that is being written says so. So a service that dies
+//! while it writes leaves the other: a process that is killed has done all the stores that come before the one it was
+//! killed at. And who copies a slot beside a living writer looks at its tick before and after: no tick comes back to
+//! a slot, so that one which is still there says that nothing was written meanwhile.
 #![expect(
     unsafe_code,
     reason = "memory shared by several processes can only be reached by mapping it"
 )]
 
 use std::os::fd::{BorrowedFd, OwnedFd};
-use std::sync::atomic::{AtomicU64, Ordering, compiler_fence};
+use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 use shared_types::ServiceId;
 use shared_types::service::ErasedService;
@@ -40,7 +43,7 @@ type Table = [[Slot; SLOTS]; ServiceId::ALL.len()];
 #[derive(Debug)]
 pub struct Checkpoints(SharedFile);
 
-/// A checkpoint as it is read after a death.
+/// A checkpoint as it is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Checkpoint {
     /// Tick of the first step that the state does not know of.
@@ -92,34 +95,49 @@ impl Checkpoints {
     /// If the state is larger than [`CAPACITY`].
     #[inline]
     pub fn write(&self, service: ServiceId, next_tick: u64, length: usize, save: impl FnOnce(&mut [u8])) {
+        assert!(length <= CAPACITY, "a state of {length} bytes has no room");
         let [first, second] = self.slots(service);
         let ticks = [first, second].map(|slot| self.next_tick(slot));
         let slot = if ticks[0] <= ticks[1] { first } else { second };
-        // SAFETY: `slot` points into the mapping, which lives as long as `self`; nobody else writes a slot of this
-        // service, and whoever reads it does so when its process is dead (see above).
-        let slot = unsafe { &mut *slot };
-        slot.next_tick.store(0, Ordering::Relaxed);
-        compiler_fence(Ordering::SeqCst);
-        save(&mut slot.state[..length]);
-        slot.length.store(length as u64, Ordering::Relaxed);
-        compiler_fence(Ordering::SeqCst);
-        slot.next_tick.store(next_tick + 1, Ordering::Release);
+        // SAFETY: `slot` points into the mapping, which lives as long as `self`, and the state has room (see above). No
+        // other process writes a slot of this service, and whoever copies one meanwhile does not look at the copy.
+        let (tick, size, state) = unsafe {
+            let state = std::slice::from_raw_parts_mut((&raw mut (*slot).state).cast::<u8>(), length);
+            (&(*slot).next_tick, &(*slot).length, state)
+        };
+        tick.store(0, Ordering::Relaxed);
+        // The tick is taken back before anything of the state is written: pairs with the fence in `snapshot`.
+        fence(Ordering::Release);
+        save(state);
+        size.store(length as u64, Ordering::Relaxed);
+        tick.store(next_tick + 1, Ordering::Release);
     }
 
     /// The newest whole checkpoint of a service, if there is one. To be called when its process is dead, or by
-    /// that process itself.
+    /// that process itself: then [`snapshot`](Self::snapshot) cannot fail.
     #[must_use]
     pub fn newest(&self, service: ServiceId) -> Option<Checkpoint> {
+        self.snapshot(service)
+    }
+
+    /// The newest checkpoint of a service, taken beside its process, which does not notice. `None` if there is none, or
+    /// if the service has written two more while this one was copied; then there is another one to ask for.
+    #[must_use]
+    pub fn snapshot(&self, service: ServiceId) -> Option<Checkpoint> {
         let slots = self.slots(service);
         let slot = slots.into_iter().max_by_key(|&slot| self.next_tick(slot))?;
-        let next_tick = self.next_tick(slot).checked_sub(1)?;
-        // SAFETY: `slot` points into the mapping; its writer is dead or this thread.
-        let slot = unsafe { &*slot };
-        let length = usize::try_from(slot.length.load(Ordering::Relaxed)).ok()?;
-        Some(Checkpoint {
-            next_tick,
-            state: slot.state.get(..length)?.to_vec(),
-        })
+        let tick = self.next_tick(slot);
+        let next_tick = tick.checked_sub(1)?;
+        // SAFETY: `slot` points into the mapping, which lives as long as `self`.
+        let length = unsafe { (*slot).length.load(Ordering::Relaxed) };
+        let length = usize::try_from(length)
+            .ok()
+            .filter(|&length| length <= CAPACITY)?;
+        let mut state = vec![0; length];
+        copy_state(slot, &mut state);
+        // The copy before, the tick after: what was overwritten meanwhile is not taken.
+        fence(Ordering::Acquire);
+        (self.next_tick(slot) == tick).then_some(Checkpoint { next_tick, state })
     }
 
     fn next_tick(&self, slot: *mut Slot) -> u64 {
@@ -134,8 +152,27 @@ impl Checkpoints {
     }
 }
 
+/// Copies the beginning of a slot's state, which its service may be writing.
+fn copy_state(slot: *const Slot, copy: &mut [u8]) {
+    for (at, bytes) in copy.chunks_mut(size_of::<u64>()).enumerate() {
+        // SAFETY: whoever asks has seen to it that `slot` is one and that the copy is not longer than its state, which
+        // consists of whole words and begins at one. Reads are volatile: others may write meanwhile, and what they
+        // did not leave in peace nobody looks at.
+        let word = unsafe { (&raw const (*slot).state).cast::<u64>().add(at).read_volatile() };
+        bytes.copy_from_slice(&word.to_ne_bytes()[..bytes.len()]);
+    }
+}
+
+const _: () = assert!(
+    std::mem::offset_of!(Slot, state).is_multiple_of(size_of::<u64>())
+        && CAPACITY.is_multiple_of(size_of::<u64>()),
+    "a state is copied word by word"
+);
+
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::AtomicBool;
+
     use super::*;
 
     const ME: ServiceId = ServiceId::Controller;
@@ -172,5 +209,63 @@ mod tests {
         assert_eq!(checkpoints.newest(ME).unwrap().state, [8; 3]);
         kept(&checkpoints, 9);
         assert_eq!(checkpoints.newest(ME).unwrap().next_tick, 9);
+    }
+
+    #[test]
+    fn beside_a_service_in_the_middle_of_writing_the_checkpoint_before_is_read() {
+        let checkpoints = Checkpoints::create().unwrap();
+        let mut seen = Vec::new();
+        for next_tick in 0..4 {
+            checkpoints.write(ME, next_tick, 3, |bytes| {
+                bytes[0] = 0xFF;
+                seen.push(checkpoints.snapshot(ME));
+                bytes.fill(next_tick as u8);
+            });
+        }
+        let whole = |next_tick: u64| Checkpoint {
+            next_tick,
+            state: vec![next_tick as u8; 3],
+        };
+        assert_eq!(seen, [None, Some(whole(0)), Some(whole(1)), Some(whole(2))]);
+    }
+
+    #[test]
+    fn a_snapshot_beside_a_service_that_never_rests_is_never_torn() {
+        // No multiple of a word.
+        const LENGTH: usize = 1021;
+        // Takes a few times as long as a copy, so that some copies are overwritten and others are not.
+        fn fill_slowly(bytes: &mut [u8], value: u8) {
+            for part in bytes.chunks_mut(16) {
+                part.fill(value);
+                std::hint::spin_loop();
+            }
+        }
+        let checkpoints = Checkpoints::create().unwrap();
+        let is_enough = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let mut next_tick = 0;
+                while !is_enough.load(Ordering::Relaxed) {
+                    checkpoints.write(ME, next_tick, LENGTH, |bytes| fill_slowly(bytes, next_tick as u8));
+                    next_tick += 1;
+                }
+            });
+            let mut newest = 0;
+            let mut taken = 0;
+            while taken < 20_000 {
+                let Some(Checkpoint { next_tick, state }) = checkpoints.snapshot(ME) else {
+                    continue;
+                };
+                let is_whole = state.len() == LENGTH && state.iter().all(|&byte| byte == next_tick as u8);
+                // The writer ends before anything is said of it: a panic would wait for it for ever.
+                if !is_whole || next_tick < newest {
+                    is_enough.store(true, Ordering::Relaxed);
+                    panic!("torn at {next_tick}, after {newest}");
+                }
+                newest = next_tick;
+                taken += 1;
+            }
+            is_enough.store(true, Ordering::Relaxed);
+        });
     }
 }

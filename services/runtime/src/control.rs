@@ -14,6 +14,7 @@ use shared_types::scenario::Scenario;
 
 use crate::crash::Crash;
 use crate::deployment::Scheduler;
+use crate::replaying::StepOrder;
 use crate::step::NonFinite;
 
 /// File descriptor of the control channel in a service.
@@ -53,6 +54,18 @@ pub enum ToService {
         /// The sample.
         bytes: Vec<u8>,
     },
+    /// In a replay: do these steps. What they see has been published.
+    Steps {
+        /// The steps, at most [`crate::replaying::BATCH`].
+        orders: Vec<StepOrder>,
+        /// Whether to tell then what the service knows.
+        tells_state: bool,
+    },
+    /// In a replay: know this before the next step.
+    Know {
+        /// The state of the service.
+        state: Vec<u8>,
+    },
     /// The run ends: stop at once.
     Stop,
 }
@@ -70,8 +83,19 @@ pub struct Start {
     pub scheduler: Scheduler,
     /// Which service it is; a spare process is told later.
     pub role: Option<Role>,
-    /// Whether to fly in real time; else in lock-step.
-    pub in_real_time: bool,
+    /// What its steps follow.
+    pub host: Host,
+}
+
+/// What says when a service steps, and what each step sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Host {
+    /// The schedule ([`crate::lock_step`]).
+    LockStep,
+    /// The system's clock ([`crate::real_time`]).
+    RealTime,
+    /// A log, by the orchestrator's word ([`crate::replaying`]).
+    Replay,
 }
 
 impl Start {
@@ -103,6 +127,13 @@ pub enum ToOrchestrator {
     CaughtUp,
     /// All steps of the flight are done.
     Finished,
+    /// In a replay: the steps of one message are done, and what came of them is published.
+    Stepped {
+        /// The places of those among them that computed a number that is not finite, of which nothing is published.
+        not_finite: Vec<usize>,
+        /// What the service knows after the last of them, if that was asked for.
+        state: Option<Vec<u8>>,
+    },
     /// A number that is not finite came up; the service has stopped.
     NonFinite(NonFinite),
     /// The service cannot go on.

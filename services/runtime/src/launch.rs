@@ -16,6 +16,7 @@ use crate::lone_flight::LoneFlight;
 use crate::ports::Topics;
 use crate::process::ProcessError;
 use crate::real_time::{self, RealTimePorts};
+use crate::replaying::{self, ReplayPorts};
 use crate::step::Timetable;
 use crate::step_log::StepLog;
 use crate::succession::{Bequest, Hello};
@@ -69,6 +70,20 @@ impl Launch<'_> {
         };
         lock_step::fly(service, self.schedule, first_tick, &mut cockpit)?;
         stay_until_the_end(cockpit.waiter.channel())
+    }
+
+    /// Does the steps of a replay, as the orchestrator tells them.
+    ///
+    /// # Errors
+    /// [`ProcessError`].
+    pub fn in_replay(self, service: &mut dyn ErasedService, channel: &Channel) -> Result<(), ProcessError> {
+        let mut ports = ReplayPorts::open(self.topics, service.id(), self.schedule)?;
+        if await_go(channel, self.warnings)?.is_none() {
+            return Ok(());
+        }
+        ports.connect()?;
+        replaying::obey(service, self.schedule, &mut ports, channel)?;
+        Ok(())
     }
 
     /// Flies in real time once everybody is ready, and stays until the run has ended. `lock` is that of the run's place.

@@ -5,7 +5,8 @@
 //! * [`in_process`]: all services in one thread, no shared memory: sweeps, tests, and the reference that the
 //!   others must equal;
 //! * [`lock_step`]: one process per service, simulated time, no sample ever lost;
-//! * [`real_time`]: one process per service, the system's clock, the newest sample wins.
+//! * [`real_time`]: one process per service, the system's clock, the newest sample wins;
+//! * [`replaying`]: one process per service, told by the orchestrator, step by step, what a log has recorded.
 //!
 //! Under them lie [`ports`] (iceoryx2, in bytes), [`wait`] (yield once, then block on a doorbell),
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
@@ -41,6 +42,7 @@ pub mod owned_sample;
 pub mod ports;
 pub mod process;
 pub mod real_time;
+pub mod replaying;
 pub mod sample_ring;
 pub mod shared_file;
 pub mod shared_page;

@@ -104,7 +104,7 @@ impl LoneFlight {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Start;
+    use crate::control::{Host, Start};
     use crate::deployment::Scheduler;
     use crate::flight_clock::monotonic_ns;
     use crate::succession::{FILES, Heir, Hello};
@@ -129,7 +129,7 @@ mod tests {
                 core: None,
                 scheduler: Scheduler::Fair,
                 role: None,
-                in_real_time: true,
+                host: Host::RealTime,
             },
         };
         Bequest::new(place, &hello, [std::io::stdin().as_fd(); FILES]).unwrap()

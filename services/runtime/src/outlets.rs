@@ -75,6 +75,14 @@ impl Outlets {
         Ok(slots)
     }
 
+    /// Publishes nothing of what has been loaned.
+    #[cold]
+    pub fn take_back(&mut self) {
+        for outlet in &mut self.outlets {
+            outlet.sender.take_back();
+        }
+    }
+
     /// Publishes what has been loaned at `tick`.
     ///
     /// # Errors

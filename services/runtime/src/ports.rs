@@ -167,7 +167,22 @@ impl Member {
         schedule: &Schedule,
         delivery: Delivery,
     ) -> Result<Box<dyn TopicPorts>, PortError> {
-        self.enter(topic, schedule, Access::Create(delivery))
+        self.enter(topic, None, schedule, Access::Create(delivery))
+    }
+
+    /// Makes a topic of the replay of a service, which nobody has but that one and the orchestrator.
+    ///
+    /// # Errors
+    /// [`PortError::Open`].
+    pub fn create_replayed_topic(
+        &self,
+        topic: Topic,
+        replayed: ServiceId,
+        schedule: &Schedule,
+    ) -> Result<Box<dyn TopicPorts>, PortError> {
+        // A loss would be noticed, by whoever misses what was ordered.
+        let access = Access::Create(Delivery::NewestWins);
+        self.enter(topic, Some(replayed), schedule, access)
     }
 
     /// Opens a topic that the orchestrator has made, if its layout is the one of this build.
@@ -175,18 +190,20 @@ impl Member {
     /// # Errors
     /// [`PortError::Open`].
     pub fn open_topic(&self, topic: Topic, schedule: &Schedule) -> Result<Box<dyn TopicPorts>, PortError> {
-        self.enter(topic, schedule, Access::Open)
+        self.enter(topic, None, schedule, Access::Open)
     }
 
     fn enter(
         &self,
         topic: Topic,
+        replayed: Option<ServiceId>,
         schedule: &Schedule,
         access: Access,
     ) -> Result<Box<dyn TopicPorts>, PortError> {
         topic.dispatch(Enter {
             member: self,
             topic,
+            replayed,
             consumer_buffer: consumer_buffer(schedule, topic),
             access,
         })
@@ -202,11 +219,32 @@ impl Topics {
     /// # Errors
     /// [`PortError::Open`].
     pub fn open(member: &Member, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
+        Self::open_each(service, |topic| member.open_topic(topic, schedule))
+    }
+
+    /// Opens the topics of the replay of a service.
+    ///
+    /// # Errors
+    /// [`PortError::Open`].
+    pub fn open_replayed(
+        member: &Member,
+        service: ServiceId,
+        schedule: &Schedule,
+    ) -> Result<Self, PortError> {
+        Self::open_each(service, |topic| {
+            member.enter(topic, Some(service), schedule, Access::Open)
+        })
+    }
+
+    fn open_each(
+        service: ServiceId,
+        open: impl Fn(Topic) -> Result<Box<dyn TopicPorts>, PortError>,
+    ) -> Result<Self, PortError> {
         let inputs = service.inputs().iter().map(|input| input.topic);
         let outputs = service.outputs().iter().map(|output| output.topic);
         let mut topics = Self([const { None }; Topic::ALL.len()]);
         for topic in inputs.chain(outputs) {
-            topics.0[topic.index()] = Some(member.open_topic(topic, schedule)?);
+            topics.0[topic.index()] = Some(open(topic)?);
         }
         Ok(topics)
     }
@@ -272,6 +310,9 @@ pub trait Sender {
     /// [`PortError::Transport`].
     fn loan(&mut self) -> Result<&mut [u8], PortError>;
 
+    /// Gives the place of the next sample back, if it has been loaned.
+    fn take_back(&mut self);
+
     /// Sends the loaned sample, waiting for the run's own receivers.
     ///
     /// # Errors
@@ -318,6 +359,8 @@ enum Access {
 struct Enter<'a> {
     member: &'a Member,
     topic: Topic,
+    /// The service in whose replay the topic is, if it is in one.
+    replayed: Option<ServiceId>,
     consumer_buffer: usize,
     access: Access,
 }
@@ -342,11 +385,16 @@ impl TopicVisitor for Enter<'_> {
         let Self {
             member,
             topic,
+            replayed,
             consumer_buffer,
             access,
         } = self;
         let error = open_error(topic);
-        let name = ServiceName::new(topic.name()).map_err(|reason| error(&reason))?;
+        let name = match replayed {
+            None => ServiceName::new(topic.name()),
+            Some(service) => ServiceName::new(&format!("replay/{service}/{topic}")),
+        };
+        let name = name.map_err(|reason| error(&reason))?;
         let (key, hash) = layout_attribute::<T>(&error)?;
         let builder = member.node.service_builder(&name).publish_subscribe::<Wire<T>>();
         let service = match access {
@@ -499,6 +547,10 @@ impl<T: Sample> Sender for TypedSender<T> {
         // SAFETY: mapped shared memory always holds some bytes, and a `Sample` is valid for any (`FromBytes`).
         let sample = unsafe { sample.assume_init() };
         Ok(self.loaned.insert(sample).payload_mut().0.as_mut_bytes())
+    }
+
+    fn take_back(&mut self) {
+        self.loaned = None;
     }
 
     #[inline]

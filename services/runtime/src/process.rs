@@ -12,7 +12,7 @@ use shared_types::service::ErasedService;
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
-    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, LOCK_FD, SHARED_PAGE_FD,
+    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, Host, LOCK_FD, SHARED_PAGE_FD,
     STEP_LOG_FD, Start, ToOrchestrator, ToService,
 };
 use crate::crash::CrashPoint;
@@ -83,7 +83,7 @@ pub fn run(
     let ToService::Start(start) = inherited.channel.receive()? else {
         return Ok(());
     };
-    if start.in_real_time {
+    if start.host == Host::RealTime {
         // A vehicle in the air outlives the orchestrator: see `lone_flight`.
         deployment::outlive_parent()?;
     }
@@ -131,12 +131,15 @@ fn live(
         (role, services.swap_remove(role.service.index()))
     };
     let (scheduler, warnings) = deployed.unwrap_or_else(|| deploy(role.service, start));
-    let topics = Topics::open(&member, role.service, &schedule)?;
+    let topics = match start.host {
+        Host::LockStep | Host::RealTime => Topics::open(&member, role.service, &schedule)?,
+        Host::Replay => Topics::open_replayed(&member, role.service, &schedule)?,
+    };
     let ToService::MakePorts = channel.receive()? else {
         return Ok(());
     };
     let page = Arc::new(page);
-    if start.in_real_time {
+    if start.host == Host::RealTime {
         service = equip(service, &start.scenario, &page).map_err(ProcessError::Equipment)?;
     }
     let mut waiter = Waiter::new(role.service, page, doorbells, channel, scheduler);
@@ -148,10 +151,10 @@ fn live(
         crash: CrashPoint::new(role.crash),
         warnings,
     };
-    if start.in_real_time {
-        launch.in_real_time(service, start, lock.as_fd(), &waiter)
-    } else {
-        launch.in_lock_step(service.as_mut(), &mut waiter)
+    match start.host {
+        Host::LockStep => launch.in_lock_step(service.as_mut(), &mut waiter),
+        Host::RealTime => launch.in_real_time(service, start, lock.as_fd(), &waiter),
+        Host::Replay => launch.in_replay(service.as_mut(), waiter.channel()),
     }
 }
 
@@ -164,7 +167,9 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
         core: stated.core.or(of_the_run),
         priority: stated.priority.or(fifo),
         // The system may end sleeps late to save power: by 50 µs unless it is told otherwise.
-        timer_slack: stated.timer_slack.or(start.in_real_time.then_some(SHARPEST)),
+        timer_slack: stated
+            .timer_slack
+            .or((start.host == Host::RealTime).then_some(SHARPEST)),
         ..stated
     };
     let refusals = deployment::apply(&settings);

@@ -167,7 +167,7 @@ impl Drop for Heir {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::ToService;
+    use crate::control::{Host, ToService};
     use crate::deployment::Scheduler;
     use shared_types::scenario::{Curve, Hover, Path as Reference, Scenario, Vehicle};
 
@@ -182,7 +182,7 @@ mod tests {
                 core: Some(1),
                 scheduler: Scheduler::Fair,
                 role: None,
-                in_real_time: true,
+                host: Host::RealTime,
             },
         }
     }

@@ -10,7 +10,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use runtime::checkpoints::Checkpoints;
-use runtime::control::{Channel, Start};
+use runtime::control::{Channel, Host, Start};
 use runtime::crash::CrashPoint;
 use runtime::deployment::Scheduler;
 use runtime::flight_clock::{FlightClock, monotonic_ns};
@@ -56,7 +56,7 @@ fn bequest(scenario: &Scenario) -> Bequest {
             core: None,
             scheduler: Scheduler::Fair,
             role: None,
-            in_real_time: true,
+            host: Host::RealTime,
         },
     };
     let file = std::io::stdin();

@@ -15,7 +15,7 @@ use super::{Failure, print, write_json};
 use crate::cli::BenchDeaths;
 use crate::exit::Exit;
 use crate::flight::FlightFailure;
-use crate::log::{HostSteps, LogReader, ServiceStep};
+use crate::log::{HostReader, LogReader, ServiceStep};
 use crate::progress;
 use crate::summary::timing::{Quantiles, histogram};
 use crate::summary::z1_norm;
@@ -142,8 +142,9 @@ fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> R
     let mut steps = Vec::new();
     let mut largest_z1 = 0.0;
     let (_, summary) = fly_by_command(command, &options, |results| {
-        let recorded = HostSteps::open(&results.join("host.mcap")).map_err(|error| setup(&error))?;
+        let recorded = HostReader::open(&results.join("host.mcap")).map_err(|error| setup(&error))?;
         steps = recorded
+            .steps()
             .collect::<std::result::Result<_, _>>()
             .map_err(|error| setup(&error))?;
         largest_z1 = largest_z1_of(&results.join("run.mcap"))?;

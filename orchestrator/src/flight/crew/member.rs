@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use runtime::control::ToOrchestrator;
+use runtime::control::{Host, ToOrchestrator};
 use runtime::step::NonFinite;
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
@@ -70,7 +70,7 @@ impl CrewMember {
 
     /// Takes note of what the process says. In real time a number that is not finite ends its process and no more: a
     /// vehicle is in the air, and what the next process sees is something else. In lock-step it would see the same.
-    pub(super) fn understand(&mut self, message: ToOrchestrator, in_real_time: bool) -> Option<CrewEvent> {
+    pub(super) fn understand(&mut self, message: ToOrchestrator, host: Host) -> Option<CrewEvent> {
         Some(match message {
             ToOrchestrator::Ready { warnings } => {
                 self.phase = Phase::Ready;
@@ -83,11 +83,13 @@ impl CrewMember {
                 }
                 return None;
             }
+            // What is said in replays only.
+            ToOrchestrator::Stepped { .. } => return None,
             ToOrchestrator::Finished => {
                 self.phase = Phase::Finished;
                 CrewEvent::Finished(self.service)
             }
-            ToOrchestrator::NonFinite(found) if in_real_time => {
+            ToOrchestrator::NonFinite(found) if host == Host::RealTime => {
                 self.not_finite = Some(found);
                 return None;
             }

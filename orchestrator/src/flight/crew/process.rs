@@ -8,20 +8,21 @@ use std::time::Instant;
 
 use runtime::control::{CONTROL_FD, Channel};
 use runtime::descriptors::hand_on;
+use runtime::doorbell::Doorbell;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 /// A process that has been started.
-pub(super) struct Process {
-    pub(super) pid: Pid,
+pub(crate) struct Process {
+    pub(crate) pid: Pid,
     /// `None` if another orchestrator has started it.
     child: Option<Child>,
     /// Becomes readable with its death.
-    pub(super) death: OwnedFd,
-    pub(super) channel: Channel,
+    pub(crate) death: OwnedFd,
+    pub(crate) channel: Channel,
     /// When it was started, or asked for what it does now.
-    pub(super) asked_at: Instant,
-    pub(super) is_gone: bool,
+    pub(crate) asked_at: Instant,
+    pub(crate) is_gone: bool,
 }
 
 /// How a process ended.
@@ -34,11 +35,12 @@ pub struct Exit {
 }
 
 impl Process {
-    /// Starts a process of this name, which inherits one end of its control channel and then `files`.
+    /// Starts a process of this name, which inherits one end of its control channel, the files that all processes of a run
+    /// share (page, checkpoints, step records, lock of the run's place), and the doorbells of all services.
     ///
     /// # Errors
     /// If the system refuses.
-    pub(super) fn start(name: &str, files: &[BorrowedFd<'_>]) -> io::Result<Self> {
+    pub(crate) fn start(name: &str, shared: [BorrowedFd<'_>; 4], doorbells: &[Doorbell]) -> io::Result<Self> {
         let (channel, theirs) = Channel::pair()?;
         // The running program itself, even if its file has been replaced meanwhile.
         let mut command = Command::new("/proc/self/exe");
@@ -48,7 +50,8 @@ impl Process {
             .stdout(Stdio::null())
             // Ctrl-C in a terminal is for the orchestrator alone.
             .process_group(0);
-        let files = [theirs.as_fd()].into_iter().chain(files.iter().copied());
+        let doorbells = doorbells.iter().map(AsFd::as_fd);
+        let files = [theirs.as_fd()].into_iter().chain(shared).chain(doorbells);
         hand_on(&mut command, CONTROL_FD, files)?;
         let child = command.spawn()?;
         let pid = Pid::from_child(&child);
@@ -67,7 +70,7 @@ impl Process {
     ///
     /// # Errors
     /// If it is gone.
-    pub(super) fn adopt(pid: Pid, channel: Channel) -> io::Result<Self> {
+    pub(crate) fn adopt(pid: Pid, channel: Channel) -> io::Result<Self> {
         Ok(Self {
             pid,
             child: None,
@@ -79,18 +82,18 @@ impl Process {
     }
 
     /// Its number, as the system shows it.
-    pub(super) fn id(&self) -> u32 {
+    pub(crate) fn id(&self) -> u32 {
         self.pid.as_raw_nonzero().get().cast_unsigned()
     }
 
     /// Sends it a signal.
-    pub(super) fn signal(&self, signal: Signal) {
+    pub(crate) fn signal(&self, signal: Signal) {
         // It fails only for a process that is gone.
         let _ = pidfd_send_signal(&self.death, signal);
     }
 
     /// Waits for the end of a process that has closed its line or was killed.
-    pub(super) fn wait(&mut self) -> Exit {
+    pub(crate) fn wait(&mut self) -> Exit {
         self.is_gone = true;
         let status = match &mut self.child {
             Some(child) => child.wait().ok(),

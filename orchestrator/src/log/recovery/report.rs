@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use mcap::records::Metadata;
 use serde::{Deserialize, Serialize};
@@ -101,16 +102,17 @@ impl Recovery {
                 .is_none_or(|earlier| earlier.lacks_nothing())
     }
 
-    /// Samples before the first place where some are missing between others.
+    /// Whether samples of these ticks are missing between others, or may be.
     #[must_use]
-    pub fn samples_before_first_gap(&self) -> Option<u64> {
-        let own = self.gaps.iter().find(|gap| !gap.lost.is_empty());
-        let own = own.map(|gap| gap.samples_before);
-        let earlier = self
-            .earlier
-            .as_ref()
-            .and_then(|earlier| earlier.samples_before_first_gap());
-        own.into_iter().chain(earlier).min()
+    pub fn lacks_samples_in(&self, ticks: &RangeInclusive<u64>) -> bool {
+        let tick_of = |moment: Option<Moment>| moment.and_then(|moment| moment.tick);
+        let lacks = |gap: &Gap| {
+            let after = tick_of(gap.after).unwrap_or_default();
+            let before = tick_of(gap.before).unwrap_or(u64::MAX);
+            !gap.lost.is_empty() && after <= *ticks.end() && before >= *ticks.start()
+        };
+        let earlier = self.earlier.as_ref();
+        self.gaps.iter().any(lacks) || earlier.is_some_and(|earlier| earlier.lacks_samples_in(ticks))
     }
 
     /// Tick of the last sample.

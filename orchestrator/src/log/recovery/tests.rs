@@ -173,11 +173,11 @@ fn a_recovered_log_that_is_damaged_again_remembers_both() {
     bytes[usize::try_from(second_chunk).unwrap() + 500] ^= 1;
     let (ticks, recovery) = log.recover(&bytes).unwrap();
     assert_eq!(ticks, whole_ticks((0..5).chain(10..15).chain(20..21)));
-    assert_eq!(recovery.samples_before_first_gap(), Some(5 * TOPICS));
-    assert_eq!(
-        recovery.earlier.unwrap().samples_before_first_gap(),
-        Some(15 * TOPICS)
-    );
+    for (ticks, lacks) in [(0..=3, false), (3..=7, true), (11..=13, false), (16..=17, true)] {
+        assert_eq!(recovery.lacks_samples_in(&ticks), lacks, "{ticks:?}");
+    }
+    let earlier = recovery.earlier.unwrap();
+    assert!(!earlier.lacks_samples_in(&(3..=7)) && earlier.lacks_samples_in(&(16..=17)));
 }
 
 #[test]

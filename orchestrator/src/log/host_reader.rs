@@ -1,0 +1,165 @@
+//! Reads from `host.mcap` what a replay needs to know of the machine: what steps of a flight in real time saw, and what
+//! services knew before some of their steps.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use mcap::McapError;
+use mcap::records::{Channel, Record, op};
+use shared_types::ServiceId;
+use zerocopy::FromBytes;
+
+use super::framing::CDR_HEADER;
+use super::host_samples::{HostSample, LoggedCheckpoint, PieceByPiece, ServiceCheckpoint, ServiceStep};
+use super::records::{RawRecord, Records};
+
+/// Why the record of the machine cannot be read on.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot read what the machine did from {}: {reason}", .path.display())]
+pub struct HostReadError {
+    /// The file.
+    path: PathBuf,
+    /// Why, and what to do.
+    reason: String,
+}
+
+/// What the record of the machine tells of a service.
+#[derive(Clone, Debug, PartialEq)]
+pub enum HostEntry {
+    /// A step in real time.
+    Step(ServiceId, ServiceStep),
+    /// What a service knew before a step.
+    Checkpoint(LoggedCheckpoint),
+}
+
+/// Steps and checkpoints in the order of the file; memory does not grow with it. A file that was not closed is read up
+/// to where it breaks off.
+pub struct HostReader {
+    path: PathBuf,
+    records: Records<BufReader<File>>,
+    record: RawRecord,
+    channels: Channels,
+    has_ended: bool,
+}
+
+/// The channels that are read.
+#[derive(Default)]
+struct Channels {
+    steps: Option<u16>,
+    checkpoints: Option<u16>,
+    pieces: PieceByPiece,
+}
+
+/// A sample of another layout than this program's.
+struct OtherLayout;
+
+impl HostReader {
+    /// Opens a record of the machine.
+    ///
+    /// # Errors
+    /// [`HostReadError`] if it cannot be opened.
+    pub fn open(path: &Path) -> Result<Self, HostReadError> {
+        let failed = |error: std::io::Error| HostReadError {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        };
+        let file = File::open(path).map_err(failed)?;
+        let file_bytes = file.metadata().map_err(failed)?.len();
+        Ok(Self {
+            path: path.to_owned(),
+            records: Records::new(BufReader::with_capacity(1 << 16, file), file_bytes),
+            record: RawRecord::default(),
+            channels: Channels::default(),
+            has_ended: false,
+        })
+    }
+
+    /// The steps alone.
+    pub fn steps(self) -> impl Iterator<Item = Result<(ServiceId, ServiceStep), HostReadError>> {
+        self.filter_map(|entry| match entry {
+            Ok(HostEntry::Step(service, step)) => Some(Ok((service, step))),
+            Ok(HostEntry::Checkpoint(_)) => None,
+            Err(error) => Some(Err(error)),
+        })
+    }
+
+    fn advance(&mut self) -> Result<Option<HostEntry>, HostReadError> {
+        loop {
+            match self.records.next(&mut self.record) {
+                Ok(true) => {}
+                Ok(false) | Err(McapError::UnexpectedEof) => return Ok(None),
+                Err(error) => return Err(self.damaged(&error)),
+            }
+            if !matches!(self.record.opcode, op::CHANNEL | op::MESSAGE) {
+                continue;
+            }
+            match mcap::parse_record(self.record.opcode, &self.record.body) {
+                Ok(Record::Channel(channel)) => self.channels.declare(&channel),
+                Ok(Record::Message { header, data }) => match self.channels.take(header.channel_id, &data) {
+                    Ok(None) => {}
+                    Ok(found) => return Ok(found),
+                    Err(OtherLayout) => return Err(self.of_another_layout()),
+                },
+                Ok(_) => {}
+                Err(error) => return Err(self.damaged(&error)),
+            }
+        }
+    }
+
+    fn damaged(&self, error: &McapError) -> HostReadError {
+        HostReadError {
+            path: self.path.clone(),
+            reason: format!("{error}; try `gerono recover {}`", self.path.display()),
+        }
+    }
+
+    fn of_another_layout(&self) -> HostReadError {
+        HostReadError {
+            path: self.path.clone(),
+            reason: "its samples are laid out in another way; use the program that wrote it".to_owned(),
+        }
+    }
+}
+
+impl Channels {
+    fn declare(&mut self, channel: &Channel) {
+        match channel.topic.as_str() {
+            ServiceStep::CHANNEL => self.steps = Some(channel.id),
+            ServiceCheckpoint::CHANNEL => self.checkpoints = Some(channel.id),
+            _ => {}
+        }
+    }
+
+    /// What a message of a channel tells, if it is one of those that are read and tells something by itself.
+    fn take(&mut self, channel: u16, data: &[u8]) -> Result<Option<HostEntry>, OtherLayout> {
+        if self.steps == Some(channel) {
+            let step: ServiceStep = sample(data)?;
+            let service = *ServiceId::ALL.get(step.service as usize).ok_or(OtherLayout)?;
+            return Ok(Some(HostEntry::Step(service, step)));
+        }
+        if self.checkpoints == Some(channel) {
+            return Ok(self.pieces.take(&sample(data)?).map(HostEntry::Checkpoint));
+        }
+        Ok(None)
+    }
+}
+
+fn sample<T: FromBytes>(data: &[u8]) -> Result<T, OtherLayout> {
+    let bytes = data.strip_prefix(&CDR_HEADER).ok_or(OtherLayout)?;
+    T::read_from_bytes(bytes).map_err(|_| OtherLayout)
+}
+
+/// Nothing follows an error.
+impl Iterator for HostReader {
+    type Item = Result<HostEntry, HostReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.has_ended {
+            return None;
+        }
+        let found = self.advance();
+        self.has_ended = !matches!(found, Ok(Some(_)));
+        found.transpose()
+    }
+}

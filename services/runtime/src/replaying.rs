@@ -1,0 +1,196 @@
+//! The host of one service in a replay: the orchestrator says which steps there are and what each of them sees.
+//!
+//! The ports are made as for a flight, of topics that nobody has beside this service and the orchestrator, which publishes the
+//! recorded samples on the inputs' and receives what comes of them on the outputs'. Steps come in batches: what they see
+//! has been published before they are told, what they publish finds room, and so nobody waits within a batch.
+//!
+//! A number that is not finite is not published here either. But it does not end the replay: the log says what came next.
+
+use serde::{Deserialize, Serialize};
+use shared_types::service::{ErasedService, InputView};
+use shared_types::{Now, Schedule, ServiceId};
+
+use crate::control::{Channel, ControlError, ToOrchestrator, ToService};
+use crate::crash::CrashPoint;
+use crate::lock_step::FlightError;
+use crate::outlets::Outlets;
+use crate::ports::{PortError, RECORDER_BUFFER, Receiver, Topics};
+use crate::step::{Timetable, Views};
+
+/// Most steps of a batch. The samples of two have room: those that the service is at, and those that are published meanwhile.
+pub const BATCH: usize = 256;
+const _: () = assert!(2 * BATCH <= RECORDER_BUFFER);
+
+/// A step that is to be done, and what it sees. Inputs are told by a bit each, in the order of the wiring table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StepOrder {
+    /// Its moment.
+    pub now: Now,
+    /// What the service knows before it.
+    pub memory: Memory,
+    /// Inputs that give it a sample: the one that the port holds.
+    pub seen: u32,
+    /// Inputs whose port takes the next sample first.
+    pub next: u32,
+    /// Inputs whose sample the step before did not see.
+    pub fresh: u32,
+}
+
+/// What a service knows before a step of a replay.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Memory {
+    /// What it knew after its last step.
+    #[default]
+    AfterLast,
+    /// What it knew before its last step.
+    BeforeLast,
+    /// What it knew before its first step.
+    Newborn,
+}
+
+/// A service's ports in a replay.
+pub struct ReplayPorts {
+    /// In the order of the wiring table.
+    receivers: Vec<Box<dyn Receiver>>,
+    outlets: Outlets,
+}
+
+impl ReplayPorts {
+    /// Makes the ports that the wiring table gives a service.
+    ///
+    /// # Errors
+    /// [`PortError`].
+    pub fn open(topics: &Topics, id: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
+        let inputs = id.inputs().iter();
+        // As much room as the recorder's: a whole batch waits in it.
+        let receivers = inputs.map(|input| topics.of(input.topic).recorder());
+        Ok(Self {
+            receivers: receivers.collect::<Result<_, _>>()?,
+            outlets: Outlets::open(topics, id, schedule, |topic| topic.newest_sender())?,
+        })
+    }
+
+    /// Connects all ports to those of the orchestrator.
+    ///
+    /// # Errors
+    /// [`PortError`].
+    pub fn connect(&mut self) -> Result<(), PortError> {
+        self.receivers
+            .iter_mut()
+            .try_for_each(|receiver| receiver.connect())?;
+        self.outlets.connect()
+    }
+}
+
+/// What a step sees. Takes the samples that it is the first to see.
+fn views<'a>(
+    receivers: &'a mut [Box<dyn Receiver>],
+    service: ServiceId,
+    order: &StepOrder,
+) -> Result<Views<'a>, PortError> {
+    let mut views = Views::default();
+    let inputs = receivers.iter_mut().zip(service.inputs());
+    for (input, ((receiver, spec), view)) in inputs.zip(&mut views).enumerate() {
+        let has = |bits: u32| bits & 1 << input != 0;
+        if has(order.next) && !receiver.receive()? {
+            return Err(PortError::Transport {
+                topic: spec.topic,
+                reason: format!("what the step at tick {} sees has not come", order.now.tick),
+            });
+        }
+        if has(order.seen) {
+            *view = InputView {
+                bytes: receiver.held(),
+                fresh: has(order.fresh),
+            };
+        }
+    }
+    Ok(views)
+}
+
+/// Does the steps that the orchestrator tells, until it says that the replay ends.
+///
+/// # Errors
+/// [`FlightError`].
+pub fn obey(
+    service: &mut dyn ErasedService,
+    schedule: &Schedule,
+    ports: &mut ReplayPorts,
+    channel: &Channel,
+) -> Result<(), FlightError> {
+    let mut newborn = vec![0; service.state_size()];
+    service.save(&mut newborn);
+    let mut replaying = Replaying {
+        timetable: Timetable::new(schedule, service.id()),
+        before_last: newborn.clone(),
+        newborn,
+        service,
+        ports,
+    };
+    loop {
+        match channel.receive() {
+            Ok(ToService::Steps { orders, tells_state }) => {
+                let not_finite = replaying.do_all(&orders)?;
+                let state = tells_state.then(|| replaying.state());
+                channel.send(&ToOrchestrator::Stepped { not_finite, state })?;
+            }
+            Ok(ToService::Know { state }) => replaying.service.restore(&state),
+            Ok(_) | Err(ControlError::Closed) => return Ok(()),
+            Err(error) => return Err(error.into()),
+        }
+    }
+}
+
+/// A service whose steps are done again.
+struct Replaying<'a> {
+    service: &'a mut dyn ErasedService,
+    timetable: Timetable,
+    ports: &'a mut ReplayPorts,
+    /// What it knew before its first step.
+    newborn: Vec<u8>,
+    /// What it knew before its last step.
+    before_last: Vec<u8>,
+}
+
+impl Replaying<'_> {
+    fn state(&self) -> Vec<u8> {
+        let mut state = vec![0; self.service.state_size()];
+        self.service.save(&mut state);
+        state
+    }
+
+    /// Does the steps of a batch; the places of those that computed a number that is not finite.
+    fn do_all(&mut self, orders: &[StepOrder]) -> Result<Vec<usize>, PortError> {
+        let mut not_finite = Vec::new();
+        for (place, order) in orders.iter().enumerate() {
+            if !self.step(order)? {
+                not_finite.push(place);
+            }
+        }
+        Ok(not_finite)
+    }
+
+    /// Does a step and publishes what comes of it; `false` if that is not finite.
+    fn step(&mut self, order: &StepOrder) -> Result<bool, PortError> {
+        match order.memory {
+            Memory::AfterLast => {}
+            Memory::BeforeLast => self.service.restore(&self.before_last),
+            Memory::Newborn => self.service.restore(&self.newborn),
+        }
+        self.service.save(&mut self.before_last);
+        let tick = order.now.tick;
+        let ReplayPorts { receivers, outlets } = &mut *self.ports;
+        let views = views(receivers, self.timetable.service, order)?;
+        let mut slots = outlets.loan(tick)?;
+        let is_finite = self
+            .timetable
+            .step_at(self.service, &order.now, &views, &mut slots)
+            .is_ok();
+        if is_finite {
+            outlets.send(tick, CrashPoint::default())?;
+        } else {
+            outlets.take_back();
+        }
+        Ok(is_finite)
+    }
+}
