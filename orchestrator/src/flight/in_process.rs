@@ -22,6 +22,7 @@ where
     FlightFailure: From<S::Error>,
 {
     super::refuse_unsimulated_poses(scenario)?;
+    super::refuse_programs(scenario)?;
     let schedule = super::schedule_of(scenario)?;
     let services = services::build_all(scenario).map_err(FlightFailure::Setup)?;
     let mut host = InProcess::new(schedule, services);

@@ -92,6 +92,11 @@ impl Flight<'_> {
             if progress == Progress::Done {
                 return Ok(Outcome::Completed);
             }
+            for guest in self.crew.guests() {
+                if let Some((tick, samples)) = self.recorder.newest_of(guest) {
+                    self.crew.note_guests_step(guest, tick, samples);
+                }
+            }
             self.observer.progressed(&self.crew, self.recorder.ticks());
             if let Some(signal) = interrupt.signal() {
                 return Ok(Outcome::Interrupted { signal });
