@@ -84,6 +84,17 @@ impl Recorder {
         newest.max()
     }
 
+    /// Whether a sample of a service is missing to the tick that is being put together.
+    #[must_use]
+    pub fn waits_for(&self, service: ServiceId) -> bool {
+        let mut feeds = self.feeds.iter();
+        feeds.any(|feed| {
+            feed.topic.publisher() == Some(service)
+                && feed.rate.occurs_at(self.tick)
+                && feed.archive.sample(self.tick).is_none()
+        })
+    }
+
     /// Ticks handed over so far.
     #[must_use]
     pub fn ticks(&self) -> u64 {

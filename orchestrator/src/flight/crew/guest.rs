@@ -36,13 +36,21 @@ impl Crew<'_> {
     pub(super) fn hear_guest(&self, at: usize, message: &ToOrchestrator) -> Result<(), String> {
         let service = self.members[at].service;
         let cell = &self.page.words().cells[service.index()];
-        match message {
-            ToOrchestrator::Ready { receivers, .. } => self.know_receivers(service, cell, receivers),
-            ToOrchestrator::Connected { birth } => {
+        match (message, self.members[at].phase) {
+            (ToOrchestrator::Ready { receivers, .. }, Phase::Starting) => {
+                self.know_receivers(service, cell, receivers)
+            }
+            (ToOrchestrator::Connected { birth }, Phase::Flying) => {
                 cell.births_seen.store(*birth, Ordering::Release);
                 Ok(())
             }
-            _ => Ok(()),
+            (ToOrchestrator::Deployed { .. }, Phase::Starting)
+            | (ToOrchestrator::Finished, Phase::Flying)
+            | (ToOrchestrator::Failed { .. }, _) => Ok(()),
+            (message, _) => {
+                let message = serde_json::to_string(message).unwrap_or_default();
+                Err(format!("says {message}, which it is not its turn to say"))
+            }
         }
     }
 
@@ -70,7 +78,7 @@ impl Crew<'_> {
     /// in real time another one takes its place, as after any death.
     pub(super) fn blame_guest(&mut self, at: usize, what: String) -> Option<CrewEvent> {
         self.members[at].process.signal(Signal::KILL);
-        if self.can_be_followed(at) {
+        if self.can_be_followed() {
             return None;
         }
         self.members[at].phase = Phase::GivenUp;
@@ -79,7 +87,7 @@ impl Crew<'_> {
 
     /// Why the flight cannot go on after the end of a process, if it was that of a guest that none can follow.
     pub(super) fn guests_last_end(&self, at: usize, exit: &Exit) -> Option<FlightFailure> {
-        if !self.is_guest(at) || self.can_be_followed(at) {
+        if !self.is_guest(at) || self.can_be_followed() {
             return None;
         }
         let how = &exit.description;
@@ -93,10 +101,9 @@ impl Crew<'_> {
     }
 
     /// Whether another process may take the place of a guest.
-    fn can_be_followed(&self, at: usize) -> bool {
-        let member = &self.members[at];
-        let has_flown = member.lives > 1 || !matches!(member.phase, Phase::Starting | Phase::Ready);
-        self.start.host == Host::RealTime && has_flown
+    fn can_be_followed(&self) -> bool {
+        let is_in_flight = self.page.words().start_ns.load(Ordering::Acquire) != 0;
+        self.start.host == Host::RealTime && is_in_flight
     }
 
     /// # Errors
@@ -116,6 +123,17 @@ impl Crew<'_> {
     pub(super) fn connect_guests(&self, birth: u32) -> Result<(), FlightFailure> {
         let mut guests = self.guests();
         guests.try_for_each(|guest| self.say(guest, &ToService::Connect { birth }))
+    }
+
+    /// What a guest did wrong that says to have flown its last step, and of which samples are missing.
+    pub(in crate::flight) fn blame_for_missing(&self, guest: ServiceId) -> FlightFailure {
+        let what = "says that it has finished, and has not published all its samples";
+        self.guest_failure(guest.index(), what.to_owned())
+    }
+
+    /// Whether a service has flown its last step, as it says.
+    pub(in crate::flight) fn is_finished(&self, service: ServiceId) -> bool {
+        self.members[service.index()].phase == Phase::Finished
     }
 
     /// Takes note of how far a guest has come, as far as its samples tell.
