@@ -194,7 +194,8 @@ impl Guest {
             let mut views = Views::default();
             for inlet in &mut inlets {
                 if let Some(due) = inlet.edge.due_sample(tick) {
-                    views[inlet.index] = inlet.view(tick, due);
+                    let index = inlet.index;
+                    views[index] = inlet.view(tick, due);
                 }
             }
             self.publish(&timetable, tick, &views);
