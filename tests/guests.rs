@@ -10,7 +10,9 @@ use std::path::Path;
 use std::process::{Child, Output};
 use std::time::{Duration, Instant};
 
-use common::{Place, begin, finish, output, scenario, shared_memory_of, signal, succeed, until};
+use common::logs::last_tick;
+use common::processes::{is_alive, signal};
+use common::{Place, begin, complaint, finish, output, scenario, succeed, until};
 use orchestrator::log::LogReader;
 use orchestrator::services;
 use runtime::control::{Channel, ToOrchestrator, ToService};
@@ -266,26 +268,18 @@ fn a_guest() {
     std::process::exit(0);
 }
 
-fn said(output: &Output) -> String {
-    let text = String::from_utf8_lossy(&output.stderr);
-    // Without the frame that is drawn around what is wrong.
-    let words = text.split_whitespace().filter(|word| !["×", "│"].contains(word));
-    words.collect::<Vec<_>>().join(" ")
-}
-
 /// Flies with a setting for a guest, which must come to nothing: with this exit code and these words.
 fn fails(setting: &str, code: i32, pieces: &[&str]) {
     let place = Place::new();
     let child = begin(&mut place.short_flight("out", 0.5, &["--set", setting]));
     let orchestrator = child.id();
     let output = finish(child);
-    let said = said(&output);
+    let said = complaint(&output);
     assert_eq!(output.status.code(), Some(code), "{said}");
     for piece in pieces {
         assert!(said.contains(piece), "no `{piece}` in:\n{said}");
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
-    assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+    place.assert_nothing_is_left_of(orchestrator);
 }
 
 const BROKEN_CONTRACT: i32 = 3;
@@ -326,7 +320,7 @@ fn services_that_die_beside_a_guest_are_mended_and_the_flight_shows_nothing_of_i
         let mut arguments = vec!["--set", &setting];
         arguments.extend(more);
         succeed(&mut place.short_flight(out, 0.5, &arguments));
-        std::fs::read(place.path(out).join("run.mcap")).unwrap()
+        std::fs::read(place.log(out)).unwrap()
     };
     let undisturbed = fly("undisturbed", &[]);
     let crashes = [
@@ -344,7 +338,7 @@ fn a_log_says_which_program_flew_and_its_steps_are_not_done_again() {
     let place = Place::new();
     let setting = guest(ServiceId::Controller, "lock_step");
     succeed(&mut place.short_flight("out", 0.2, &["--set", &setting, "--set", "programs.folder=/"]));
-    let programs = LogReader::open(&place.path("out").join("run.mcap"))
+    let programs = LogReader::open(&place.log("out"))
         .unwrap()
         .manifest()
         .scenario
@@ -466,19 +460,14 @@ fn who_dies_in_simulated_time_ends_the_flight_with_the_last_whole_tick() {
     let setting = guest(ServiceId::Controller, "dies");
     let output = output(&mut place.short_flight("out", 0.5, &["--set", &setting]));
     assert_eq!(output.status.code(), Some(BROKEN_CONTRACT));
-    let said = said(&output);
+    let said = complaint(&output);
     for piece in [
         "ended: it exited with code 9",
         "in simulated time none can follow it",
     ] {
         assert!(said.contains(piece), "no `{piece}` in:\n{said}");
     }
-    let mut reader = LogReader::open(&place.path("out").join("run.mcap")).unwrap();
-    let mut last = 0;
-    while let Some(sample) = reader.next_sample().unwrap() {
-        last = sample.header.tick;
-    }
-    assert_eq!(last, 100);
+    assert_eq!(last_tick(&place.log("out")), 100);
 }
 
 #[test]
@@ -502,13 +491,17 @@ fn one_process_cannot_fly_programs_and_says_so() {
     let refused = output_of(&["--host", "inprocess"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(
-        said(&refused).contains("fly with --host lockstep or --host realtime"),
+        complaint(&refused).contains("fly with --host lockstep or --host realtime"),
         "{}",
-        said(&refused)
+        complaint(&refused)
     );
     let refused = output_of(&["--crash", "controller@100:before-step"]);
     assert_eq!(refused.status.code(), Some(2));
-    assert!(said(&refused).contains("cannot be told"), "{}", said(&refused));
+    assert!(
+        complaint(&refused).contains("cannot be told"),
+        "{}",
+        complaint(&refused)
+    );
 }
 
 /// The process of a live run that is a guest of this test.
@@ -542,9 +535,8 @@ fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
     place.await_log("out", bytes + 200_000);
     assert_eq!(guest_of(run.id()), Some(second));
     let output = end(run);
-    assert_eq!(output.status.code(), Some(143), "{}", said(&output));
-    let summary = std::fs::read_to_string(place.path("out").join("summary.json")).unwrap();
-    let summary: Value = serde_json::from_str(&summary).unwrap();
+    assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
+    let summary = place.summary("out");
     assert_eq!(summary["rebirths"][0]["service"], "controller", "{summary}");
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
@@ -558,7 +550,5 @@ fn a_guest_does_not_outlive_the_orchestrator() {
     let guest = until("the guest", || guest_of(run.id()));
     signal(run.id(), Signal::KILL);
     finish(run);
-    until("the end of the guest", || {
-        (!common::is_alive(guest)).then_some(())
-    });
+    until("the end of the guest", || (!is_alive(guest)).then_some(()));
 }

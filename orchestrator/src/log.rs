@@ -12,6 +12,7 @@
 
 mod csv;
 mod digest;
+mod durability;
 mod export;
 mod framing;
 mod host_reader;

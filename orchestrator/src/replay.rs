@@ -228,17 +228,19 @@ pub fn replay(
     let is_guest = |service: &ServiceId| recorded.program_of(*service).is_some();
     let guests = replayed.iter().copied().filter(is_guest).collect();
     replayed.retain(|service| !seen(service) && !is_guest(service));
+    let stations: Vec<_> = replayed.into_iter().map(station).collect::<Result<_, _>>()?;
+    let is_asked_for = |topic| stations.iter().any(|station| station.is_about(topic));
     let mut flight = Replay {
         not_again,
         guests,
-        stations: replayed.into_iter().map(station).collect::<Result<_, _>>()?,
         source: Source {
             reader,
-            history: History::default(),
+            history: History::of(is_asked_for),
             read_until: 0,
             ends: None,
             breaks_off: false,
         },
+        stations,
         machine: Machine::beside(log, scope.first)?,
         starts: Vec::new(),
         ends_before: 0,
