@@ -543,13 +543,21 @@ fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
 }
 
 #[test]
-fn a_guest_does_not_outlive_the_orchestrator() {
+fn a_guest_ends_with_the_orchestrator_and_whoever_takes_over_starts_another() {
     let place = Place::new();
     let setting = guest(ServiceId::Controller, "real_time");
-    let run = begin(&mut place.live_hover("out", &["--set", &setting]));
-    place.await_log("out", 100_000);
-    let guest = until("the guest", || guest_of(run.id()));
-    signal(run.id(), Signal::KILL);
-    finish(run);
+    let lonely = "real_time.orchestrator_loss=\"continue\"";
+    let first = begin(&mut place.live_hover("first", &["--set", &setting, "--set", lonely]));
+    place.await_log("first", 100_000);
+    let guest = until("the guest", || guest_of(first.id()));
+    signal(first.id(), Signal::KILL);
+    finish(first);
     until("the end of the guest", || (!is_alive(guest)).then_some(()));
+
+    let second = begin(&mut place.gerono(&["attach", "--out", "second", "--quiet"]));
+    place.await_log("second", 100_000);
+    until("another guest", || guest_of(second.id()));
+    let output = end(second);
+    assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
+    assert_eq!(place.leavings(), Vec::<String>::new());
 }
