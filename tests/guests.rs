@@ -262,9 +262,15 @@ fn a_guest() {
         "forgets_its_receivers" => {
             guest.await_go(&[]);
         }
+        "babbles" => {
+            let receivers = guest.receivers();
+            guest.await_go(&receivers);
+            guest.channel.send(&ToOrchestrator::CaughtUp).unwrap();
+        }
         other => panic!("no conduct `{other}`"),
     }
-    guest.channel.send(&ToOrchestrator::Finished).unwrap();
+    // Who is to be killed for what it has said need not say more.
+    let _ = guest.channel.send(&ToOrchestrator::Finished);
     while !matches!(guest.channel.receive(), Ok(ToService::Stop) | Err(_)) {}
     std::process::exit(0);
 }
@@ -503,6 +509,28 @@ fn one_process_cannot_fly_programs_and_says_so() {
         "{}",
         complaint(&refused)
     );
+}
+
+#[test]
+fn who_breaks_the_contract_in_real_time_is_replaced_and_it_is_said_why() {
+    let place = Place::new();
+    let setting = guest(ServiceId::Controller, "babbles");
+    let run = begin(&mut place.live_hover("out", &["--set", &setting, "--restarts", "2"]));
+    let output = finish(run);
+    assert_eq!(output.status.code(), Some(BROKEN_CONTRACT));
+    let said = complaint(&output);
+    for piece in [
+        "killed, because it says \"CaughtUp\"",
+        "not its turn to say",
+        "--restarts",
+    ] {
+        assert!(said.contains(piece), "no `{piece}` in:\n{said}");
+    }
+    assert!(
+        place.summary("out")["rebirths"].as_array().unwrap().len() >= 2,
+        "{said}"
+    );
+    assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
 /// The process of a live run that is a guest of this test.

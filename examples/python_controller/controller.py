@@ -54,7 +54,7 @@ def newest(stream, subscriber, tick, give_up_ns):
     return stream["seen"].get(found)
 
 line, about = socket.socket(fileno=3), json.load(open(4))
-assert hear() == "MakePorts"
+assert about["contract"] == 1 and hear() == "MakePorts"
 config = iox2.FilePath.new(about["iceoryx2_configuration"])
 node = iox2.NodeBuilder.new().config(iox2.config.from_file(config)).create(iox2.ServiceType.Ipc)
 inputs, outputs = ([join({**stream, "seen": {}}) for stream in about[kind]] for kind in ("inputs", "outputs"))

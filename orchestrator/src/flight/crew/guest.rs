@@ -79,6 +79,7 @@ impl Crew<'_> {
     pub(super) fn blame_guest(&mut self, at: usize, what: String) -> Option<CrewEvent> {
         self.members[at].process.signal(Signal::KILL);
         if self.can_be_followed() {
+            self.members[at].blamed = Some(what);
             return None;
         }
         self.members[at].phase = Phase::GivenUp;
@@ -93,6 +94,7 @@ impl Crew<'_> {
         let how = &exit.description;
         let what = match self.members[at].phase {
             Phase::Starting => format!("ended before it was ready: {how}"),
+            Phase::Ready => format!("ended before the flight began: {how}"),
             _ => format!(
                 "ended: {how}; what it knew is kept nowhere, so that in simulated time none can follow it"
             ),

@@ -28,6 +28,8 @@ pub(super) struct CrewMember {
     pub(super) birth: Option<u32>,
     /// The number that is not finite at which its process has stopped, to be replaced.
     pub(super) not_finite: Option<NonFinite>,
+    /// What its process did wrong, being a guest's, for which it is killed, to be replaced.
+    pub(super) blamed: Option<String>,
     /// What it could not have of its deployment, told before it was ready: as guests do.
     pub(super) warnings: Vec<String>,
     /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
@@ -66,6 +68,7 @@ impl CrewMember {
             died_at: None,
             birth: None,
             not_finite: None,
+            blamed: None,
             warnings: Vec::new(),
             remembered: Vec::new(),
         }

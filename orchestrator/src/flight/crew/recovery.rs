@@ -27,6 +27,9 @@ impl Crew<'_> {
         if let Some(found) = &not_finite {
             exit.description = found.to_string();
         }
+        if let Some(what) = member.blamed.take() {
+            exit.description = format!("killed, because it {what}");
+        }
         self.exits.push((Some(service), pid, exit.clone()));
 
         let words = self.page.words();
