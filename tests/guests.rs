@@ -8,6 +8,7 @@ mod common;
 use std::fs::File;
 use std::path::Path;
 use std::process::{Child, Output};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
 use common::logs::last_tick;
@@ -34,6 +35,17 @@ use shared_types::{Schedule, ServiceId};
 
 /// Names what a guest of this test is to do.
 const CONDUCT: &str = "GERONO_TEST_GUEST";
+
+/// Flights in real time have the machine for themselves.
+static MACHINE: RwLock<()> = RwLock::new(());
+
+fn alone() -> RwLockWriteGuard<'static, ()> {
+    MACHINE.write().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn among_others() -> RwLockReadGuard<'static, ()> {
+    MACHINE.read().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// The invitation's descriptor.
 const INVITATION: i32 = 4;
@@ -299,6 +311,7 @@ fn assert_same_samples(place: &Place, one: &str, other: &str) {
 
 #[test]
 fn a_guest_with_a_services_own_law_publishes_the_same_bytes() {
+    let _machine = among_others();
     let place = Place::new();
     succeed(&mut place.short_flight("services", 0.3, &["--host", "inprocess"]));
     for service in ServiceId::ALL {
@@ -311,6 +324,7 @@ fn a_guest_with_a_services_own_law_publishes_the_same_bytes() {
 
 #[test]
 fn guests_among_themselves_fly_with_all_rates_and_latencies_of_the_rig() {
+    let _machine = among_others();
     let place = Place::new();
     let settings = ServiceId::ALL.map(|service| guest(service, "lock_step"));
     let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
@@ -321,6 +335,7 @@ fn guests_among_themselves_fly_with_all_rates_and_latencies_of_the_rig() {
 
 #[test]
 fn services_that_die_beside_a_guest_are_mended_and_the_flight_shows_nothing_of_it() {
+    let _machine = among_others();
     let place = Place::new();
     let setting = guest(ServiceId::Controller, "lock_step");
     let fly = |out: &str, more: &[&str]| {
@@ -342,6 +357,7 @@ fn services_that_die_beside_a_guest_are_mended_and_the_flight_shows_nothing_of_i
 
 #[test]
 fn a_log_says_which_program_flew_and_its_steps_are_not_done_again() {
+    let _machine = among_others();
     let place = Place::new();
     let setting = guest(ServiceId::Controller, "lock_step");
     succeed(&mut place.short_flight("out", 0.2, &["--set", &setting, "--set", "programs.folder='/'"]));
@@ -365,6 +381,7 @@ fn a_log_says_which_program_flew_and_its_steps_are_not_done_again() {
 
 #[test]
 fn a_program_is_started_in_the_folder_of_the_scenarios_file() {
+    let _machine = among_others();
     let place = Place::new();
     let flights = place.path("flights");
     std::fs::create_dir(&flights).unwrap();
@@ -381,6 +398,7 @@ fn a_program_is_started_in_the_folder_of_the_scenarios_file() {
 
 #[test]
 fn what_cannot_be_started_is_named_with_the_place_where_it_was_looked_for() {
+    let _machine = among_others();
     for name in ["no-such-program", "./no-such-program"] {
         let pieces = [
             &format!("its program `{name}` cannot be started in"),
@@ -393,6 +411,7 @@ fn what_cannot_be_started_is_named_with_the_place_where_it_was_looked_for() {
 
 #[test]
 fn who_ends_before_it_is_ready_ends_the_run() {
+    let _machine = among_others();
     let pieces = [
         "in place of `controller`",
         "ended before it was ready: it exited with code 7",
@@ -408,6 +427,7 @@ fn who_ends_before_it_is_ready_ends_the_run() {
 
 #[test]
 fn who_never_says_that_it_is_ready_is_not_waited_for_for_ever() {
+    let _machine = among_others();
     let began = Instant::now();
     fails(
         &script("exec sleep 1000"),
@@ -422,6 +442,7 @@ fn who_never_says_that_it_is_ready_is_not_waited_for_for_ever() {
 
 #[test]
 fn who_says_what_is_no_message_ends_the_run() {
+    let _machine = among_others();
     for words in ["garbage", r#"{"Reddy":{}}"#, r#"{"Ready":{"receivers":1}}"#] {
         let script = script(&format!("printf '%s' '{words}' >&3; exec sleep 1000"));
         fails(
@@ -434,6 +455,7 @@ fn who_says_what_is_no_message_ends_the_run() {
 
 #[test]
 fn who_speaks_out_of_turn_ends_the_run() {
+    let _machine = among_others();
     let script = script(r#"printf '"Finished"' >&3; exec sleep 1000"#);
     fails(
         &script,
@@ -444,6 +466,7 @@ fn who_speaks_out_of_turn_ends_the_run() {
 
 #[test]
 fn who_gives_up_is_quoted() {
+    let _machine = among_others();
     let script = script(r#"printf '{"Failed":{"reason":"no battery"}}' >&3; exec sleep 1000"#);
     fails(
         &script,
@@ -454,6 +477,7 @@ fn who_gives_up_is_quoted() {
 
 #[test]
 fn who_is_ready_without_a_receiver_for_each_input_ends_the_run() {
+    let _machine = among_others();
     fails(
         &guest(ServiceId::Controller, "forgets_its_receivers"),
         BROKEN_CONTRACT,
@@ -463,6 +487,7 @@ fn who_is_ready_without_a_receiver_for_each_input_ends_the_run() {
 
 #[test]
 fn who_dies_in_simulated_time_ends_the_flight_with_the_last_whole_tick() {
+    let _machine = among_others();
     let place = Place::new();
     let setting = guest(ServiceId::Controller, "dies");
     let output = output(&mut place.short_flight("out", 0.5, &["--set", &setting]));
@@ -479,6 +504,7 @@ fn who_dies_in_simulated_time_ends_the_flight_with_the_last_whole_tick() {
 
 #[test]
 fn who_says_too_early_that_it_has_finished_ends_the_flight() {
+    let _machine = among_others();
     fails(
         &guest(ServiceId::Controller, "finishes_early"),
         BROKEN_CONTRACT,
@@ -488,6 +514,7 @@ fn who_says_too_early_that_it_has_finished_ends_the_flight() {
 
 #[test]
 fn one_process_cannot_fly_programs_and_says_so() {
+    let _machine = among_others();
     let setting = script("exit 7");
     let place = Place::new();
     let output_of = |more: &[&str]| {
@@ -513,6 +540,7 @@ fn one_process_cannot_fly_programs_and_says_so() {
 
 #[test]
 fn who_breaks_the_contract_in_real_time_is_replaced_and_it_is_said_why() {
+    let _machine = alone();
     let place = Place::new();
     let setting = guest(ServiceId::Controller, "babbles");
     let run = begin(&mut place.live_hover("out", &["--set", &setting, "--restarts", "2"]));
@@ -553,33 +581,42 @@ fn end(run: Child) -> Output {
 
 #[test]
 fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
+    let _machine = alone();
     let place = Place::new();
     let setting = guest(ServiceId::Controller, "real_time");
     let run = begin(&mut place.live_hover("out", &["--set", &setting]));
     place.await_log("out", 100_000);
     let first = until("the guest", || guest_of(run.id()));
     signal(first, Signal::KILL);
-    let second = until("another guest", || guest_of(run.id()).filter(|&pid| pid != first));
-    let bytes = place.log_bytes("out");
-    place.await_log("out", bytes + 200_000);
-    assert_eq!(guest_of(run.id()), Some(second));
+    until("another guest in flight", || {
+        let shown = output(&mut place.gerono(&["top", "--once", "--json"]));
+        let shown: Value = serde_json::from_slice(&shown.stdout).ok()?;
+        shown["events"]
+            .to_string()
+            .contains("`controller` flies again")
+            .then_some(())
+    });
+    assert_ne!(guest_of(run.id()).unwrap(), first);
     let output = end(run);
     assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
-    let summary = place.summary("out");
-    assert_eq!(summary["rebirths"][0]["service"], "controller", "{summary}");
+    let rebirths = &place.summary("out")["rebirths"];
+    assert_eq!(rebirths[0]["service"], "controller", "{rebirths}");
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
 #[test]
 fn a_guest_ends_with_the_orchestrator_and_whoever_takes_over_starts_another() {
+    let _machine = alone();
     let place = Place::new();
     let setting = guest(ServiceId::Controller, "real_time");
     let lonely = "real_time.orchestrator_loss=\"continue\"";
-    let first = begin(&mut place.live_hover("first", &["--set", &setting, "--set", lonely]));
+    // Without pipes, which the services would hold open.
+    let settings = ["--quiet", "--set", &setting, "--set", lonely];
+    let mut first = place.live_hover("first", &settings).spawn().unwrap();
     place.await_log("first", 100_000);
     let guest = until("the guest", || guest_of(first.id()));
-    signal(first.id(), Signal::KILL);
-    finish(first);
+    first.kill().unwrap();
+    first.wait().unwrap();
     until("the end of the guest", || (!is_alive(guest)).then_some(()));
 
     let second = begin(&mut place.gerono(&["attach", "--out", "second", "--quiet"]));

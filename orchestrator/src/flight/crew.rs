@@ -362,6 +362,8 @@ impl<'a> Crew<'a> {
         let mut events = Vec::new();
         loop {
             match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
+                // What it says until it is dead counts no more.
+                Ok(Some(_)) if self.members[at].blamed.is_some() => {}
                 Ok(Some(message)) => {
                     if self.is_guest(at)
                         && let Err(what) = self.hear_guest(at, &message)

@@ -79,7 +79,7 @@ impl Crew<'_> {
     pub(super) fn blame_guest(&mut self, at: usize, what: String) -> Option<CrewEvent> {
         self.members[at].process.signal(Signal::KILL);
         if self.can_be_followed() {
-            self.members[at].blamed = Some(what);
+            self.members[at].blamed.get_or_insert(what);
             return None;
         }
         self.members[at].phase = Phase::GivenUp;
