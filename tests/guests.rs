@@ -15,7 +15,6 @@ use common::logs::last_tick;
 use common::processes::{is_alive, signal};
 use common::{Place, begin, complaint, finish, output, scenario, succeed, until};
 use orchestrator::log::LogReader;
-use orchestrator::services;
 use runtime::control::{Channel, ToOrchestrator, ToService};
 use runtime::crash::CrashPoint;
 use runtime::descriptors::inherited;
@@ -111,7 +110,7 @@ impl Guest {
         bells.dedup();
         Self {
             id,
-            service: services::build(id, &scenario).unwrap(),
+            service: experiment::build(id, &scenario).unwrap(),
             channel,
             outlets,
             topics,

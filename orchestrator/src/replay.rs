@@ -36,7 +36,6 @@ use workshop::Workshop;
 use crate::interrupt::Interrupt;
 use crate::log::{HostReadError, LogReadError, LogReader};
 use crate::progress::Progress;
-use crate::services;
 
 /// How far beyond a tick the log is read before the tick is replayed: in real time a sample may come that much late.
 const READ_AHEAD_TICKS: u64 = 512;
@@ -216,7 +215,7 @@ pub fn replay(
         let stepper: Box<dyn Stepper> = match &workshop {
             Some(workshop) => Box::new(workshop.start(service)?),
             None => {
-                let service = services::build(service, scenario).map_err(ReplayError::Scenario)?;
+                let service = experiment::build(service, scenario).map_err(ReplayError::Scenario)?;
                 Box::new(InThisProcess::new(service, &schedule))
             }
         };

@@ -16,7 +16,7 @@ use crate::exit::Exit;
 pub fn check(arguments: &Check) -> Result<(), Failure> {
     let scenario = load(&arguments.scenario)?;
     let schedule = schedule_of(&scenario)?;
-    crate::services::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    experiment::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
     if arguments.mermaid {
         print(mermaid());
     } else {
