@@ -21,6 +21,7 @@ where
     FlightFailure: From<S::Error>,
 {
     super::refuse_unsimulated_poses(scenario)?;
+    super::refuse_programs(scenario)?;
     let schedule = super::schedule_of(scenario)?;
     let services = experiment::build_all(scenario).map_err(FlightFailure::Setup)?;
     let mut host = InProcess::new(schedule, services);
