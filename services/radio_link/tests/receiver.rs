@@ -31,7 +31,10 @@ fn links() -> Vec<RcLink> {
     [Crsf, Sbus, Multi, Msp]
         .map(|protocol| link(protocol, MavlinkMessage::default()))
         .into_iter()
-        .chain([MavlinkMessage::RcOverride, MavlinkMessage::AttitudeTarget].map(|message| link(MavlinkLink, message)))
+        .chain(
+            [MavlinkMessage::RcOverride, MavlinkMessage::AttitudeTarget]
+                .map(|message| link(MavlinkLink, message)),
+        )
         .collect()
 }
 
@@ -138,7 +141,9 @@ fn where_no_switch_arms_the_thrust_alone_lets_motors_rest() {
     link.transmitter.as_mut().unwrap().arming_channel = None;
     let (mut encoder, mut receiver) = ends(&link);
     let bytes = sent(&mut encoder, &Sticks::AT_REST, false);
-    let [command] = heard(&mut receiver, &bytes)[..] else { panic!() };
+    let [command] = heard(&mut receiver, &bytes)[..] else {
+        panic!()
+    };
     assert!(command.is_armed);
     assert_eq!(command.thrust(&link), 0.0);
 }
