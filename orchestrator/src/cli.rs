@@ -142,6 +142,25 @@ pub enum Command {
     /// Try a radio link on the ground, or find out what its channels mean.
     #[command(subcommand)]
     Rc(RcCommand),
+    /// Be the laboratory for a flight that is to be in one: simulate vehicle, cameras and receiver behind its sockets and links.
+    ///
+    /// A hardware-in-the-loop simulator. It simulates the scenario's vehicle by the system's clock, sends what the scenario's
+    /// cameras see of it as `estimator.source` (VRPN, NatNet, Vicon) to where the flight listens, and flies by the frames of
+    /// `rc_output.link` that arrive where the flight sends them: at a pseudo-terminal, which gets the name that
+    /// `rc_output.transmitter.device` states, or at a socket. The flight, `gerono run --host realtime` with the same settings,
+    /// shares nothing else with it, and cannot tell.
+    ///
+    /// Its time begins with it: times in `[vehicle]` and `[cameras]` count from there. Writes run.mcap, which holds the truth,
+    /// and host.mcap, which says when it began: `gerono truth FLIGHT --world WORLD` compares them with the flight.
+    #[command(after_help = World::EXAMPLES)]
+    World(World),
+    /// Say how far the vehicle truly was from its path, while it flew along it.
+    ///
+    /// The error is the distance of the true position from the path at the γ of that time, at every tick: not the
+    /// controller's z1, which rests on an estimate. The truth is that of the flight's own log, or of the log of `gerono world`.
+    /// Parts: 5 s before the scenario's first event (a fan, a change), from there to the last part, the last part, all.
+    #[command(after_help = Truth::EXAMPLES)]
+    Truth(Truth),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
@@ -571,6 +590,69 @@ fn natnet_version(text: &str) -> Result<Version, String> {
         Some((major @ (3 | 4), minor)) => Ok(Version { major, minor }),
         _ => Err("give 3.0, 3.1, 4.0 or 4.1".to_owned()),
     }
+}
+
+/// Arguments of `gerono world`.
+#[derive(Debug, Args)]
+pub struct World {
+    /// The vehicle, and what the flight will look for.
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// Poses a second [default: the middle of `motion_capture.rate`].
+    #[arg(long, value_name = "HZ", value_parser = frame_rate)]
+    pub capture_rate: Option<f64>,
+    /// Time from an exposure until its pose is sent, s [default: `motion_capture.latency`].
+    #[arg(long, value_name = "S", value_parser = latency)]
+    pub capture_latency: Option<f64>,
+    /// Time from the arrival of a frame until it acts, s [default: `model.radio_latency` without half the time between two
+    /// frames, for which a command waits on average].
+    #[arg(long, value_name = "S", value_parser = latency)]
+    pub radio_latency: Option<f64>,
+    /// For how long, s [default: until Ctrl-C].
+    #[arg(long, value_name = "S", value_parser = flight_time)]
+    pub seconds: Option<f64>,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-world-N].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Say nothing unless something is wrong.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+impl World {
+    const EXAMPLES: &str = "Example, in three terminals:\n  \
+        HERE='--set motion_capture.server=127.0.0.1 --set motion_capture.interface=127.0.0.1 --set rc_output.transmitter.device=/tmp/radio'\n  \
+        gerono world scenarios/laboratory.toml $HERE --out runs/world\n  \
+        gerono run scenarios/laboratory.toml $HERE --host realtime --out runs/flight\n  \
+        gerono arm\n\n\
+        and at last `gerono stop`, Ctrl-C in the first, and\n  \
+        gerono truth runs/flight --world runs/world";
+}
+
+fn latency(text: &str) -> Result<f64, String> {
+    number_between(text, 0.0, 1.0, "s")
+}
+
+/// Arguments of `gerono truth`.
+#[derive(Debug, Args)]
+pub struct Truth {
+    /// The log of the flight (run.mcap), or the folder that holds it.
+    pub flight: PathBuf,
+    /// The log of the world that it was flown in, or the folder that holds it [default: the flight's own truth].
+    #[arg(long, value_name = "LOG")]
+    pub world: Option<PathBuf>,
+    /// How much of the end of the flight along the path counts as its last part, s.
+    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = flight_time)]
+    pub last: f64,
+    /// Print it as JSON, for other programs; SI units.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Truth {
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono truth runs/fig7-1\n  \
+        gerono truth runs/flight --world runs/world --last 10";
 }
 
 /// Arguments of `gerono check`.

@@ -13,6 +13,7 @@
 mod csv;
 mod digest;
 mod export;
+pub mod flight_start;
 mod framing;
 mod host_reader;
 mod host_samples;
