@@ -192,3 +192,109 @@ impl Drop for Serial {
         let _removed = std::fs::remove_file(&self.name);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use radio_link::port::{ByteFormat, Port, Sent};
+
+    /// A port that was free a moment ago.
+    fn free_address() -> SocketAddr {
+        let socket = TcpListener::bind("127.0.0.1:0").unwrap();
+        socket.local_addr().unwrap()
+    }
+
+    fn serial(path: &Path) -> Target {
+        Target::Serial {
+            path: path.to_owned(),
+            baud: 420_000,
+            byte: ByteFormat::Plain,
+        }
+    }
+
+    /// Listens until so many bytes have come.
+    fn heard(line: &mut Line, count: usize) -> Vec<u8> {
+        let mut heard = Vec::new();
+        let give_up_ns = monotonic_ns() + 10_000_000_000;
+        while heard.len() < count && monotonic_ns() < give_up_ns {
+            line.listen_until(monotonic_ns() + 1_000_000, &mut |bytes, _| heard.extend_from_slice(bytes));
+        }
+        heard
+    }
+
+    #[test]
+    fn what_a_transmitter_sends_is_heard_wherever_it_sends_it_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let device = folder.path().join("radio");
+        for target in [
+            serial(&device),
+            Target::Tcp(free_address()),
+            Target::Udp(free_address()),
+        ] {
+            let mut line = Line::open(&target).unwrap();
+            let mut port = Port::open(target).unwrap();
+            let frame = [0xc8, 10, 13, 3, 0];
+            for _ in 0..2 {
+                assert_eq!(port.send(&frame, monotonic_ns()), Sent::Whole);
+                assert_eq!(heard(&mut line, frame.len()), frame);
+            }
+        }
+        assert!(!device.exists(), "the name of the device is gone with it");
+    }
+
+    #[test]
+    fn who_waits_is_woken_by_what_comes_and_by_the_time() {
+        let target = Target::Udp(free_address());
+        let mut line = Line::open(&target).unwrap();
+        let mut port = Port::open(target).unwrap();
+        port.send(&[1], monotonic_ns());
+        let mut arrivals = Vec::new();
+        let until_ns = monotonic_ns() + 50_000_000;
+        line.listen_until(until_ns, &mut |_, now_ns| arrivals.push(now_ns));
+        assert!(monotonic_ns() >= until_ns);
+        assert!(arrivals.len() == 1 && arrivals[0] < until_ns, "{arrivals:?}");
+    }
+
+    #[test]
+    fn a_client_that_is_gone_makes_room_for_the_next() {
+        let target = Target::Tcp(free_address());
+        let mut line = Line::open(&target).unwrap();
+        for byte in 0..3 {
+            let mut port = Port::open(target.clone()).unwrap();
+            port.send(&[byte], monotonic_ns());
+            assert_eq!(heard(&mut line, 1), [byte]);
+        }
+    }
+
+    #[test]
+    fn a_line_is_free_again_for_the_successor_of_who_had_it_for_himself() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = serial(&folder.path().join("radio"));
+        let mut line = Line::open(&target).unwrap();
+        for byte in 0..2 {
+            let mut port = Port::open(target.clone()).unwrap();
+            port.send(&[byte], monotonic_ns());
+            assert_eq!(heard(&mut line, 1), [byte]);
+            drop(port);
+            line.listen_until(monotonic_ns() + 2 * FREE_AFTER_NS, &mut |_, _| panic!("nobody sends"));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_had_is_named_with_the_fix() {
+        let folder = tempfile::tempdir().unwrap();
+        let taken = folder.path().join("taken");
+        std::fs::write(&taken, "").unwrap();
+        let address = free_address();
+        let _listener = TcpListener::bind(address).unwrap();
+        for (target, piece) in [
+            (serial(&taken), "give a path that is free"),
+            (serial(&folder.path().join("no/radio")), "a folder of yours"),
+            (Target::Tcp(address), "give a free port"),
+        ] {
+            let shown = Line::open(&target).unwrap_err().to_string();
+            assert!(shown.contains(piece), "{shown}");
+        }
+        assert!(taken.exists(), "what was there stays");
+    }
+}
