@@ -7,6 +7,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use common::logs::{
+    assert_only_the_controller_differs, published, replayed, replayed_with_another_controller,
+};
 use common::{Place, output, succeed};
 use orchestrator::log::{
     Compression, HostEntry, HostLogWriter, HostReader, LogReader, LoggedCheckpoint, Manifest, RunLogWriter,
@@ -17,14 +20,6 @@ use shared_types::{ServiceId, Topic};
 
 const SERVICES: usize = ServiceId::ALL.len();
 
-fn log_of(place: &Place, out: &str) -> PathBuf {
-    place.path(out).join("run.mcap")
-}
-
-fn replayed(log: &Path) -> Replayed {
-    replay(log, &Options::default(), None).unwrap()
-}
-
 fn part(log: &Path, from: f64, to: f64) -> Replayed {
     let options = Options {
         from: Some(from),
@@ -32,16 +27,6 @@ fn part(log: &Path, from: f64, to: f64) -> Replayed {
         ..Options::default()
     };
     replay(log, &options, None).unwrap()
-}
-
-/// Samples that services have published into a log at ticks of which `is_counted` says so.
-fn published(log: &Path, is_counted: impl Fn(u64) -> bool) -> u64 {
-    let mut reader = LogReader::open(log).unwrap();
-    let mut count = 0;
-    while let Some(sample) = reader.next_sample().unwrap() {
-        count += u64::from(sample.topic.publisher().is_some() && is_counted(sample.header.tick));
-    }
-    count
 }
 
 /// The checkpoints beside a flight's log, each once.
@@ -66,7 +51,7 @@ fn text_of(place: &Place, arguments: &[&str], code: i32) -> String {
 /// A flight of processes in simulated time, in whose log there are some checkpoints of every service.
 fn flown_in_lock_step(place: &Place) -> PathBuf {
     succeed(&mut place.rig_flight("out", 6.0, &["--quiet"]));
-    log_of(place, "out")
+    place.log("out")
 }
 
 #[test]
@@ -135,7 +120,7 @@ fn a_part_of_a_flight_begins_with_checkpoints_and_is_compared_alone() {
 fn a_part_of_a_flight_without_checkpoints_begins_with_the_flight() {
     let place = Place::new();
     succeed(&mut place.rig_flight("out", 2.0, &["--host", "inprocess", "--quiet"]));
-    let log = log_of(&place, "out");
+    let log = place.log("out");
     let found = part(&log, 1.0, 1.5);
     assert!(found.is_identical() && found.starts.is_empty());
     assert_eq!(
@@ -158,7 +143,7 @@ fn a_part_of_a_flight_with_faults_sees_what_was_repeated_and_held_back_since_bef
         {at = 1.8, edge = \"control/command -> rc_output\", kind = \"intermittent\", for = 1.0, fraction = 0.5}, \
         {at = 2.2, service = \"path_generator\", kind = \"off\", for = 0.1, state = \"cold\"}]";
     succeed(&mut place.rig_flight("out", 4.0, &["--quiet", "--set", faults]));
-    let log = log_of(&place, "out");
+    let log = place.log("out");
     for (from, to) in [(1.6, 2.0), (2.1, 2.6), (2.25, 4.0)] {
         let found = part(&log, from, to);
         assert!(
@@ -245,30 +230,16 @@ fn behind_a_gap_in_a_log_of_simulated_time_services_go_on_with_what_they_knew() 
     assert!(part(&recovered, 5.0, 5.9).is_identical());
     assert!(!part(&recovered, 1.2, 1.8).is_identical());
 
-    let mut changed = LogReader::open(&recovered).unwrap().manifest().scenario.clone();
-    changed.controller.k1 *= 1.1;
-    let options = Options {
-        changed: Some(changed),
-        ..Options::default()
-    };
-    let found = replay(&recovered, &options, None).unwrap();
+    let found = replayed_with_another_controller(&recovered);
     assert!(found.checkpoints == 0 && found.resumptions >= SERVICES as u64);
-    for comparison in &found.comparisons {
-        let of_the_controller = comparison.topic.publisher() == Some(ServiceId::Controller);
-        assert_eq!(
-            comparison.different > 0,
-            of_the_controller,
-            "{}",
-            comparison.topic
-        );
-    }
+    assert_only_the_controller_differs(&found);
 }
 
 #[test]
 fn where_the_recorder_in_real_time_has_dropped_samples_services_go_on_with_what_they_knew() {
     let place = Place::new();
     succeed(&mut place.rig_flight("out", 3.5, &["--host", "realtime", "--quiet"]));
-    let log = log_of(&place, "out");
+    let log = place.log("out");
     let whole = replayed(&log);
     assert!(
         whole.is_identical() && whole.in_real_time,

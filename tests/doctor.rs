@@ -5,7 +5,8 @@ mod common;
 use std::path::PathBuf;
 use std::process::Command;
 
-use common::{Place, begin, finish, output, services_of, shared_memory_of, signal, until};
+use common::processes::{services_of, shared_memory_of, signal};
+use common::{Place, begin, finish, output, until};
 use rustix::process::Signal;
 use serde_json::Value;
 

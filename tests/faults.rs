@@ -6,7 +6,7 @@ mod common;
 use std::collections::BTreeMap;
 use std::process::Command;
 
-use common::{Place, output, scenario, succeed};
+use common::{Place, complaint, output, scenario, succeed};
 
 /// `gerono faults` with Fig. 1's vehicle in hover, begun where it hovers, to the folder `out`.
 fn faults(place: &Place, out: &str, more: &[&str]) -> Command {
@@ -172,8 +172,7 @@ fn what_cannot_be_flown_is_refused_with_what_to_do_and_nothing_is_written() {
         (&["--moments", "1.0", "--quick"], "cannot be used with"),
     ] {
         let refused = output(&mut faults(&place, "refused", arguments));
-        let errors = String::from_utf8_lossy(&refused.stderr).replace('│', " ");
-        let errors = errors.split_whitespace().collect::<Vec<_>>().join(" ");
+        let errors = complaint(&refused);
         assert_eq!(refused.status.code(), Some(2), "{errors}");
         assert!(errors.contains(piece), "{piece} is not in {errors}");
         assert!(!place.path("refused").exists(), "{piece}");

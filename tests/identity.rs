@@ -6,7 +6,8 @@ mod common;
 use std::path::Path;
 use std::process::{Child, Command};
 
-use common::{Place, begin, finish, signal, succeed, until};
+use common::processes::signal;
+use common::{Place, begin, finish, succeed, until};
 use orchestrator::log::LogReader;
 use rustix::process::Signal;
 

@@ -2,13 +2,11 @@
 
 mod common;
 
-use std::path::Path;
 use std::process::{Child, Command};
 
-use common::{
-    Place, begin, finish, is_alive, output, processes_of, scenario, services_of, shared_memory_of, signal,
-    succeed, until,
-};
+use common::logs::last_tick;
+use common::processes::{is_alive, processes_of, services_of, shared_memory_of, signal};
+use common::{Place, begin, complaint, finish, output, scenario, succeed, until};
 use iceoryx2::prelude::*;
 use orchestrator::log::LogReader;
 use rustix::process::Signal;
@@ -24,15 +22,6 @@ fn fly(place: &Place, out: &str) -> (Child, Vec<(String, u32)>) {
 }
 
 /// The samples of a log, as (topic, tick), if it can be read to its end.
-fn last_tick(log: &Path) -> u64 {
-    let mut reader = LogReader::open(log).unwrap();
-    let mut last = 0;
-    while let Some(sample) = reader.next_sample().unwrap() {
-        last = sample.header.tick;
-    }
-    last
-}
-
 #[test]
 fn services_end_with_a_killed_orchestrator_and_the_next_run_sweeps_up() {
     let place = Place::new();
@@ -50,8 +39,7 @@ fn services_end_with_a_killed_orchestrator_and_the_next_run_sweeps_up() {
     assert!(!place.leavings().is_empty() && !shared_memory_of(orchestrator).is_empty());
 
     succeed(&mut place.short_flight("next", 0.1, &[]));
-    assert_eq!(place.leavings(), Vec::<String>::new());
-    assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+    place.assert_nothing_is_left_of(orchestrator);
 }
 
 #[test]
@@ -93,7 +81,7 @@ fn two_runs_at_once_do_not_see_each_other() {
             String::from_utf8_lossy(&output.stderr)
         );
     }
-    let bytes = |out: &str| std::fs::read(place.path(out).join("run.mcap")).unwrap();
+    let bytes = |out: &str| std::fs::read(place.log(out)).unwrap();
     assert!(bytes("one") == bytes("other"));
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
@@ -145,11 +133,11 @@ fn a_foreign_observer_does_not_stall_a_run() {
     drop(subscribers);
     drop(node);
 
-    let observed = place.path("observed").join("run.mcap");
+    let observed = place.log("observed");
     let seconds = 1.0 + (last_tick(&observed) / 1000) as f64;
     succeed(&mut place.short_flight("alone", seconds, &["--host", "inprocess"]));
     let mut observed = LogReader::open(&observed).unwrap();
-    let mut alone = LogReader::open(&place.path("alone").join("run.mcap")).unwrap();
+    let mut alone = LogReader::open(&place.log("alone")).unwrap();
     while let Some(sample) = observed.next_sample().unwrap() {
         let expected = alone.next_sample().unwrap().unwrap();
         assert_eq!((sample.topic, sample.bytes), (expected.topic, expected.bytes));
@@ -181,9 +169,7 @@ fn a_full_disk_ends_the_run_and_nothing_half_written_is_called_complete() {
         let errors = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(4), "{errors}");
         assert!(errors.contains("run.mcap"), "{errors}");
-        assert!(
-            !place.path(host).join("run.mcap").exists() && place.path(host).join("run.mcap.partial").exists()
-        );
+        assert!(!place.log(host).exists() && place.path(host).join("run.mcap.partial").exists());
         let summary = std::fs::read_to_string(place.path(host).join("summary.json")).unwrap();
         assert!(summary.contains("\"failed\""), "{summary}");
     }
@@ -226,13 +212,7 @@ fn a_strict_deployment_that_is_not_permitted_is_not_flown() {
     ];
     let flight = output(&mut place.short_flight("out", 1.0, &sets));
     assert_eq!(flight.status.code(), Some(1));
-    let said = String::from_utf8_lossy(&flight.stderr).into_owned();
-    // Lines are broken for the terminal wherever they are.
-    let said = said
-        .replace(['│', '\n'], " ")
-        .split_whitespace()
-        .collect::<Vec<_>>()
-        .join(" ");
+    let said = complaint(&flight);
     for piece in [
         "`deployment.strict`",
         "core 1023 cannot be used",
@@ -241,8 +221,7 @@ fn a_strict_deployment_that_is_not_permitted_is_not_flown() {
     ] {
         assert!(said.contains(piece), "no `{piece}` in: {said}");
     }
-    let summary = std::fs::read_to_string(place.path("out/summary.json")).unwrap();
-    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    let summary = place.summary("out");
     assert_eq!(summary["outcome"], "failed");
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
@@ -257,18 +236,14 @@ fn a_number_that_is_not_finite_is_stopped_where_it_was_made_in_every_host() {
         let output = output(&mut place.short_flight(host, 5.0, &wild));
         let errors = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(3), "{errors}");
-        let last = last_tick(&place.path(host).join("run.mcap"));
+        let last = last_tick(&place.log(host));
         let names = [
             "`plant`",
             "`world_from_body`",
             "`vehicle/truth`",
             &format!("tick {}", last + 1),
         ];
-        let text = errors
-            .replace('│', " ")
-            .split_whitespace()
-            .collect::<Vec<_>>()
-            .join(" ");
+        let text = complaint(&output);
         assert!(
             names.iter().all(|name| text.contains(name)),
             "{names:?}\n{errors}"
@@ -276,7 +251,7 @@ fn a_number_that_is_not_finite_is_stopped_where_it_was_made_in_every_host() {
         said.push(errors);
     }
     assert_eq!(said[0], said[1]);
-    let bytes = |out: &str| std::fs::read(place.path(out).join("run.mcap")).unwrap();
+    let bytes = |out: &str| std::fs::read(place.log(out)).unwrap();
     assert!(bytes("lockstep") == bytes("inprocess"));
 }
 

@@ -5,16 +5,14 @@ mod common;
 
 use std::net::{Ipv4Addr, SocketAddrV4, TcpListener};
 use std::os::fd::OwnedFd;
-use std::path::PathBuf;
-use std::process::{Child, Output, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use common::{
-    Place, finish, output, processes_of, scenario, services_of, shared_memory_of, signal, succeed, until,
-};
+use common::processes::{await_process, await_successor, signal};
+use common::{Place, complaint, finish, output, said, scenario, succeed, until};
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
 use motion_capture::sender::server::{Plan, Server};
@@ -232,21 +230,11 @@ fn run(place: &Place, settings: &[String], more: &[&str]) -> Child {
         .unwrap()
 }
 
-fn printed(output: &Output) -> String {
-    let [out, err] =
-        [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
-    out + &err
-}
-
 /// Asks for arming; why it is refused, if it is.
 fn arm(place: &Place) -> Option<String> {
     let output = output(&mut place.gerono(&["arm"]));
-    assert!(
-        matches!(output.status.code(), Some(0 | 7)),
-        "{}",
-        printed(&output)
-    );
-    (!output.status.success()).then(|| printed(&output))
+    assert!(matches!(output.status.code(), Some(0 | 7)), "{}", said(&output));
+    (!output.status.success()).then(|| said(&output))
 }
 
 /// Arms anew, as soon as it is granted.
@@ -262,14 +250,9 @@ fn look(place: &Place) -> Option<Snapshot> {
 
 /// Kills the process of a service and waits until another one flies in its place.
 fn kill(place: &Place, orchestrator: u32, service: ServiceId) {
-    let pid_of = || {
-        let services = services_of(orchestrator);
-        let found = services.into_iter().find(|(name, _)| name == service.name());
-        found.map(|(_, pid)| pid)
-    };
-    let pid = until("the service", pid_of);
+    let pid = await_process(orchestrator, service);
     signal(pid, Signal::KILL);
-    until("a successor", || pid_of().filter(|&now| now != pid));
+    await_successor(orchestrator, service, pid);
     until("its flight", || {
         look(place).filter(|snapshot| {
             let service = &snapshot.services[service.index()];
@@ -279,7 +262,7 @@ fn kill(place: &Place, orchestrator: u32, service: ServiceId) {
 }
 
 fn log(place: &Place) -> LogReader {
-    LogReader::open(&place.path("out").join("run.mcap")).unwrap()
+    LogReader::open(&place.log("out")).unwrap()
 }
 
 /// The last sample of a type in `host.mcap`.
@@ -314,12 +297,6 @@ fn sticks_of(place: &Place, link: &RcLink) -> Vec<ChannelCodes> {
 
 fn distance(position: [f64; 3]) -> f64 {
     (Vector3::from(position) - Vector3::from(PLACE)).norm()
-}
-
-fn assert_nothing_is_left(place: &Place, orchestrator: u32) {
-    assert_eq!(place.leavings(), Vec::<String>::new());
-    assert_eq!(shared_memory_of(orchestrator), Vec::<PathBuf>::new());
-    assert_eq!(processes_of(orchestrator), Vec::new());
 }
 
 #[test]
@@ -358,8 +335,8 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
     });
     signal(orchestrator, Signal::INT);
     let ended = finish(child);
-    assert_eq!(ended.status.code(), Some(130), "{}", printed(&ended));
-    assert_nothing_is_left(&place, orchestrator);
+    assert_eq!(ended.status.code(), Some(130), "{}", said(&ended));
+    place.assert_nothing_is_left_of(orchestrator);
     drop(cameras);
 
     let flown = scenario_file::load(&scenario("laboratory"), &settings, None).unwrap();
@@ -411,13 +388,13 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
     assert!(capture.believed > 0 && capture.connections == 1, "{capture:?}");
     let link: LinkFigures = last_of_host(&place, "host/radio_link");
     assert!(link.sent > 0 && link.late_max > 0.0, "{link:?}");
-    let shown = printed(&ended);
+    let shown = said(&ended);
     assert!(
         shown.contains("Motion capture: ") && shown.contains("Radio link: "),
         "{shown}"
     );
 
-    let replayed = printed(&succeed(&mut place.gerono(&["replay", "out", "--quiet"])));
+    let replayed = said(&succeed(&mut place.gerono(&["replay", "out", "--quiet"])));
     assert!(
         replayed.contains("The steps of `plant` are not done again") && replayed.contains("identical: "),
         "{replayed}"
@@ -450,14 +427,9 @@ fn what_is_not_there_ends_the_run_before_it_flies_with_the_fix() {
         let child = run(&place, settings, &[]);
         let orchestrator = child.id();
         let ended = finish(child);
-        let shown = printed(&ended);
-        let shown = shown
-            .split_whitespace()
-            .collect::<Vec<_>>()
-            .join(" ")
-            .replace("│ ", "");
+        let shown = complaint(&ended);
         assert!(!ended.status.success() && shown.contains(piece), "{shown}");
-        assert_nothing_is_left(&place, orchestrator);
+        place.assert_nothing_is_left_of(orchestrator);
         std::fs::remove_dir_all(place.path("out")).unwrap();
     }
 }
@@ -479,12 +451,7 @@ fn a_laboratory_that_nobody_attends_is_refused() {
         }
         arguments.extend(more);
         let ended = output(&mut place.gerono(&arguments));
-        let shown = printed(&ended);
-        let shown = shown
-            .split_whitespace()
-            .collect::<Vec<_>>()
-            .join(" ")
-            .replace("│ ", "");
+        let shown = complaint(&ended);
         assert_eq!(ended.status.code(), Some(2), "{shown}");
         assert!(shown.contains(piece), "{shown}");
         assert!(!place.path("out").exists());

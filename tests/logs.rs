@@ -7,7 +7,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Output};
 
-use common::{Place, begin, finish, output, signal, succeed};
+use common::processes::signal;
+use common::{Place, begin, complaint, finish, output, succeed};
 use orchestrator::log::{LogReadError, LogReader, RecoverError, Recovery, is_whole, recover};
 use orchestrator::replay::{Options, replay};
 use rand_chacha::ChaCha8Rng;
@@ -173,12 +174,6 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// What a command has complained of, without the line breaks and the frame that long errors get.
-fn error_of(ended: &Output) -> String {
-    let text = text(&ended.stderr).replace('│', " ");
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
 fn fails(place: &Place, arguments: &[&str], code: i32) -> Output {
     let ended = output(&mut place.gerono(arguments));
     assert_eq!(
@@ -218,7 +213,7 @@ fn a_killed_recorder_loses_less_than_a_chunk_and_the_rest_is_a_prefix_of_the_who
         let mut arguments = vec![command, "out"];
         arguments.extend((command == "diff").then_some("out"));
         let ended = fails(&place, &arguments, 1);
-        assert!(error_of(&ended).contains("gerono recover"), "{command}");
+        assert!(complaint(&ended).contains("gerono recover"), "{command}");
     }
     let shown = text(&succeed(&mut place.gerono(&["info", "out"])).stdout);
     assert!(
@@ -294,9 +289,9 @@ fn a_replay_of_a_recovered_log_does_not_go_beyond_where_samples_are_missing() {
     std::fs::write(&log, &file).unwrap();
     let ended = fails(&place, &["digest", "out"], 1);
     assert!(
-        error_of(&ended).contains("gerono recover"),
+        complaint(&ended).contains("gerono recover"),
         "{}",
-        error_of(&ended)
+        complaint(&ended)
     );
     let info = succeed(&mut place.gerono(&["info", "out", "--json"]));
     let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();

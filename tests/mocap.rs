@@ -5,7 +5,7 @@ mod common;
 use std::net::{TcpListener, UdpSocket};
 use std::process::{Child, Output};
 
-use common::{Place, output};
+use common::{Place, output, said};
 
 /// A process that is ended with the test.
 struct Sender(Child);
@@ -57,12 +57,6 @@ fn probed(place: &Place, system: &str, send: &[&str], probe: &[&str]) -> Output 
     output(&mut place.gerono(&[&from[..], probe].concat()))
 }
 
-fn printed(output: &Output) -> String {
-    let [out, err] =
-        [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
-    out + &err
-}
-
 #[test]
 fn every_system_that_is_sent_is_heard_and_believed() {
     let place = Place::new();
@@ -73,7 +67,7 @@ fn every_system_that_is_sent_is_heard_and_believed() {
         ("vicon", &[]),
     ] {
         let output = probed(&place, system, send, &["--object", "quad"]);
-        let text = printed(&output);
+        let text = said(&output);
         assert!(output.status.success(), "{system}: {text}");
         assert!(
             text.contains("believed") && text.contains("malformed 0, from strangers 0"),
@@ -86,7 +80,7 @@ fn every_system_that_is_sent_is_heard_and_believed() {
 fn a_body_that_nobody_sends_is_named_with_those_that_came() {
     let place = Place::new();
     let output = probed(&place, "vrpn", &[], &["--object", "drone"]);
-    let text = printed(&output);
+    let text = said(&output);
     assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(
         text.contains("no pose of `drone` could be believed") && text.contains(" quad "),
@@ -110,7 +104,7 @@ fn nobody_there_is_told_as_that() {
     ];
     let output = output(&mut place.gerono(&arguments));
     assert_eq!(output.status.code(), Some(1));
-    assert!(printed(&output).contains("nothing came from 127.0.0.1"));
+    assert!(said(&output).contains("nothing came from 127.0.0.1"));
 }
 
 /// The sections that were written are those of a scenario, and they let the body lie level at the origin.
@@ -120,7 +114,7 @@ fn a_calibration_is_part_of_a_scenario() {
     let file = place.path("calibration.toml");
     let calibrate = ["--object", "quad", "--calibrate", file.to_str().unwrap()];
     let output = probed(&place, "natnet", &["--rest"], &calibrate);
-    assert!(output.status.success(), "{}", printed(&output));
+    assert!(output.status.success(), "{}", said(&output));
     let written: toml::Table = std::fs::read_to_string(&file).unwrap().parse().unwrap();
     let stated = written["motion_capture"].clone();
     let stated: shared_types::scenario::MotionCapture = stated.try_into().unwrap();
@@ -163,7 +157,7 @@ fn a_flight_never_takes_simulated_poses_for_those_of_a_network() {
         "motion_capture={server = \"127.0.0.1\", object = \"quad\"}",
     ]);
     let output = output(&mut run);
-    assert_eq!(output.status.code(), Some(2), "{}", printed(&output));
-    assert!(printed(&output).contains("estimator.source=simulated"));
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(said(&output).contains("estimator.source=simulated"));
     assert!(!place.path("out").exists());
 }

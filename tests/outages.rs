@@ -5,7 +5,7 @@ mod common;
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
-use common::{Place, output, scenario, succeed};
+use common::{Place, complaint, output, scenario, succeed};
 use orchestrator::flight::{Outcome, in_process};
 use orchestrator::interrupt::Interrupt;
 use orchestrator::scenario_file;
@@ -289,12 +289,10 @@ fn outages_that_cannot_be_are_refused_with_the_place() {
     ] {
         let setting = format!("fault=[{faults}]");
         let refused = output(&mut place.short_flight("refused", 1.0, &["--set", &setting]));
-        let errors = String::from_utf8_lossy(&refused.stderr).into_owned();
+        let errors = complaint(&refused);
         assert_eq!(refused.status.code(), Some(2), "{errors}");
-        let words = errors.replace('│', " ");
-        let words = words.split_whitespace().collect::<Vec<_>>().join(" ");
         for piece in pieces {
-            assert!(words.contains(piece), "{piece} is not in {errors}");
+            assert!(errors.contains(piece), "{piece} is not in {errors}");
         }
     }
 }

@@ -9,10 +9,8 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use common::{
-    Place, begin, finish, output, processes_of, scenario, services_of, shared_memory_of, signal, succeed,
-    until,
-};
+use common::processes::{await_successor, pid_of, processes_of, services_of, signal};
+use common::{Place, begin, finish, output, scenario, succeed, until};
 use orchestrator::live::Snapshot;
 use orchestrator::log::{HostEvent, LogReader, ServiceStep};
 use orchestrator::summary::z1_norm;
@@ -40,11 +38,6 @@ fn host_samples<T: FromBytes>(place: &Place, out: &str, channel: &str) -> Vec<T>
         .collect()
 }
 
-fn summary(place: &Place, out: &str) -> serde_json::Value {
-    let text = std::fs::read_to_string(place.path(out).join("summary.json")).unwrap();
-    serde_json::from_str(&text).unwrap()
-}
-
 /// All samples of a log, by tick and topic.
 fn samples(log: &Path) -> BTreeMap<(u64, usize), Vec<u8>> {
     let mut reader = LogReader::open(log).unwrap();
@@ -66,27 +59,6 @@ fn take_off(place: &Place, out: &str, seconds: f64) -> Child {
     child
 }
 
-fn pid_of(orchestrator: u32, service: ServiceId) -> Option<u32> {
-    let services = services_of(orchestrator);
-    services
-        .into_iter()
-        .find(|(name, _)| name == service.name())
-        .map(|(_, pid)| pid)
-}
-
-/// Waits until another process than `pid` is the service.
-fn await_successor(orchestrator: u32, service: ServiceId, pid: u32) {
-    until("a successor", || {
-        pid_of(orchestrator, service).filter(|&now| now != pid)
-    });
-}
-
-fn assert_nothing_is_left(place: &Place, orchestrator: u32) {
-    assert_eq!(place.leavings(), Vec::<String>::new());
-    assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
-    assert_eq!(processes_of(orchestrator), Vec::new());
-}
-
 #[test]
 fn until_something_is_late_a_flight_in_real_time_is_that_of_lock_step() {
     let _machine = the_machine();
@@ -99,7 +71,7 @@ fn until_something_is_late_a_flight_in_real_time_is_that_of_lock_step() {
         succeed(&mut place.gerono(&arguments));
     };
     fly("lock-step", "lockstep");
-    let theirs = samples(&place.path("lock-step").join("run.mcap"));
+    let theirs = samples(&place.log("lock-step"));
     // A machine in use may be late from the first tick on, but not every time.
     let punctual = (0..5).map(|flight| {
         let out = format!("real-time-{flight}");
@@ -112,7 +84,7 @@ fn until_something_is_late_a_flight_in_real_time_is_that_of_lock_step() {
 /// Demands of a flight in real time that its samples are those of lock-step until something was late; how many.
 fn punctual_samples(place: &Place, out: &str, theirs: &BTreeMap<(u64, usize), Vec<u8>>) -> usize {
     let steps: Vec<ServiceStep> = host_samples(place, out, "host/steps");
-    let timing = &summary(place, out)["timing"];
+    let timing = &place.summary(out)["timing"];
     assert_eq!(timing["unrecorded"], serde_json::json!([]));
     let rows = timing["services"].as_array().unwrap().iter();
     let steps_in_summary: u64 = rows.map(|row| row["steps"].as_u64().unwrap()).sum();
@@ -132,7 +104,7 @@ fn punctual_samples(place: &Place, out: &str, theirs: &BTreeMap<(u64, usize), Ve
         .filter(|step| !is_punctual(step))
         .map(|step| step.tick);
     let first_late = late.min().unwrap_or(u64::MAX);
-    let ours = samples(&place.path(out).join("run.mcap"));
+    let ours = samples(&place.log(out));
     let punctual = theirs.range(..(first_late, 0));
     punctual
         .map(|(key, sample)| assert!(ours.get(key) == Some(sample), "another sample at tick {}", key.0))
@@ -161,7 +133,7 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
         String::from_utf8_lossy(&output.stderr)
     );
 
-    let summary = summary(&place, "out");
+    let summary = place.summary("out");
     let reborn: Vec<_> = summary["rebirths"]
         .as_array()
         .unwrap()
@@ -174,7 +146,7 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
         ServiceId::ALL.map(|service| service.name().to_owned()).into()
     );
     // It ends where it should be, on the path that waited for it.
-    let log = LogReader::open(&place.path("out").join("run.mcap")).unwrap();
+    let log = LogReader::open(&place.log("out")).unwrap();
     let errors = log.samples::<ControlErrors>().last().unwrap().unwrap();
     let distance = z1_norm(&errors).unwrap();
     assert!(distance < 0.2, "‖z1‖ ended at {distance} m");
@@ -196,7 +168,7 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
             );
         }
     }
-    assert_nothing_is_left(&place, orchestrator);
+    place.assert_nothing_is_left_of(orchestrator);
 }
 
 #[test]
@@ -224,7 +196,7 @@ fn a_service_that_hangs_is_replaced() {
         .map(|event| event.service as usize)
         .collect();
     assert_eq!(hung, services.map(ServiceId::index));
-    assert_nothing_is_left(&place, orchestrator);
+    place.assert_nothing_is_left_of(orchestrator);
 }
 
 #[test]
@@ -236,9 +208,9 @@ fn an_interrupt_ends_a_flight_with_its_log_whole() {
     signal(orchestrator, Signal::INT);
     let output = finish(child);
     assert_eq!(output.status.code(), Some(130));
-    let ticks = samples(&place.path("out").join("run.mcap"));
+    let ticks = samples(&place.log("out"));
     assert!(ticks.len() > 100, "only {} samples", ticks.len());
-    assert_nothing_is_left(&place, orchestrator);
+    place.assert_nothing_is_left_of(orchestrator);
 }
 
 /// What made it so may be gone by then; here it is not, being the world's own state.
@@ -263,7 +235,7 @@ fn who_computes_a_number_that_is_not_finite_is_replaced_until_that_is_in_vain() 
         5,
         "the first, which had flown some ticks, and four of which none did"
     );
-    assert_nothing_is_left(&place, orchestrator);
+    place.assert_nothing_is_left_of(orchestrator);
 }
 
 /// A flight in real time from the ground to the ground, which only the operator arms and lands, to the folder `out`.
@@ -316,7 +288,7 @@ fn an_operator_arms_and_stops_and_the_run_ends_on_the_ground() {
         String::from_utf8_lossy(&output.stderr)
     );
     let last = |frames: Vec<RcFrame>| *frames.last().unwrap();
-    let log = || LogReader::open(&place.path("out").join("run.mcap")).unwrap();
+    let log = || LogReader::open(&place.log("out")).unwrap();
     let frame = last(log().samples::<RcFrame>().map(Result::unwrap).collect());
     assert!(frame.failsafe.is_set() && frame.thrust == 0.0);
     let truth = log().samples::<VehicleTruth>().last().unwrap().unwrap();
@@ -348,7 +320,7 @@ fn a_kill_outlives_the_service_that_obeys_it() {
     });
     signal(child.id(), Signal::INT);
     assert_eq!(finish(child).status.code(), Some(130));
-    let log = LogReader::open(&place.path("out").join("run.mcap")).unwrap();
+    let log = LogReader::open(&place.log("out")).unwrap();
     let frames: Vec<_> = log.samples::<RcFrame>().map(Result::unwrap).collect();
     assert!(
         frames.iter().any(|frame| frame.thrust > 1.0),
@@ -382,7 +354,7 @@ fn services_whose_orchestrator_is_killed_end_and_the_next_run_finds_nothing() {
         services.iter().all(|&(_, pid)| !runs(pid)).then_some(())
     });
     succeed(&mut place.gerono(&["clean"]));
-    assert_nothing_is_left(&place, shared);
+    place.assert_nothing_is_left_of(shared);
 }
 
 #[test]
@@ -463,7 +435,7 @@ fn whoever_takes_over_a_flight_records_it_and_replaces_who_dies() {
     assert_eq!(place.leavings(), Vec::<String>::new());
     assert!(services.iter().all(|&(_, pid)| !runs(pid)));
 
-    let reader = LogReader::open(&place.path("second").join("run.mcap")).unwrap();
+    let reader = LogReader::open(&place.log("second")).unwrap();
     let ticks: Vec<_> = reader
         .samples::<VehicleTruth>()
         .map(|truth| truth.unwrap().header.tick)

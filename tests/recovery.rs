@@ -2,14 +2,12 @@
 
 mod common;
 
-use std::path::Path;
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
-use common::{
-    Place, begin, finish, is_alive, output, processes_of, scenario, shared_memory_of, signal, succeed, until,
-};
-use orchestrator::log::LogReader;
+use common::logs::last_tick;
+use common::processes::{await_process, await_successor, is_alive, processes_of, shared_memory_of, signal};
+use common::{Place, begin, complaint, finish, output, scenario, succeed, until};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use runtime::process::SPARE;
@@ -33,13 +31,12 @@ const DEATHS: [&str; 9] = [
 const BIRTHS: usize = DEATHS.len() - 1;
 
 fn log(place: &Place, out: &str) -> Vec<u8> {
-    std::fs::read(place.path(out).join("run.mcap")).unwrap()
+    std::fs::read(place.log(out)).unwrap()
 }
 
 /// Deaths that the summary of a run tells of.
 fn rebirths(place: &Place, out: &str) -> Vec<String> {
-    let summary = std::fs::read_to_string(place.path(out).join("summary.json")).unwrap();
-    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    let summary = place.summary(out);
     let rebirths = summary["rebirths"].as_array();
     rebirths.into_iter().flatten().map(ToString::to_string).collect()
 }
@@ -154,23 +151,11 @@ fn fig_7_with_every_service_killed_in_turn_is_fig_7() {
     committed_is_the_same_with("fig7", &crashes);
 }
 
-fn pid_of(child: &Child, service: ServiceId) -> u32 {
-    pid_named(child, service.name())
-}
-
 fn pid_named(child: &Child, wanted: &str) -> u32 {
     until(wanted, || {
         let processes = processes_of(child.id());
         let found = processes.iter().find(|(name, _)| name == wanted);
         found.map(|(_, pid)| *pid)
-    })
-}
-
-/// Process id of a service once it is another process than `before`.
-fn successor_of(child: &Child, service: ServiceId, before: u32) -> u32 {
-    until("the next process of the service", || {
-        let now = pid_of(child, service);
-        (now != before).then_some(now)
     })
 }
 
@@ -180,7 +165,7 @@ fn a_service_that_is_stopped_for_a_while_is_waited_for() {
     let child = begin(&mut place.short_flight("stopped", 20.0, &[]));
     place.await_log("stopped", 1_000_000);
     for service in ServiceId::ALL {
-        let pid = pid_of(&child, service);
+        let pid = await_process(child.id(), service);
         signal(pid, Signal::STOP);
         std::thread::sleep(Duration::from_millis(30));
         signal(pid, Signal::CONT);
@@ -200,7 +185,7 @@ fn a_consumer_that_dies_while_its_publisher_waits_in_send_is_mended() {
     // Nobody can tell that a publisher waits; in this time the ring fills the recorder's buffers several times.
     std::thread::sleep(Duration::from_millis(200));
     for service in [ServiceId::Controller, ServiceId::Estimator, ServiceId::RcOutput] {
-        signal(pid_of(&child, service), Signal::KILL);
+        signal(await_process(child.id(), service), Signal::KILL);
     }
     signal(child.id(), Signal::CONT);
     let ended = finish(child);
@@ -244,9 +229,10 @@ fn of_two_services_that_die_at_once_one_goes_on_in_the_spare_process_and_both_le
     let place = Place::new();
     let child = begin(&mut place.short_flight("both", 40.0, &[]));
     let spare = pid_named(&child, SPARE);
-    let both = [ServiceId::Estimator, ServiceId::RcOutput].map(|service| (service, pid_of(&child, service)));
+    let both = [ServiceId::Estimator, ServiceId::RcOutput]
+        .map(|service| (service, await_process(child.id(), service)));
     kill_at_once(&child, both.map(|(_, pid)| pid));
-    let successors = both.map(|(service, pid)| successor_of(&child, service, pid));
+    let successors = both.map(|(service, pid)| await_successor(child.id(), service, pid));
     assert!(successors.contains(&spare), "{spare} {successors:?}");
     assert_ne!(pid_named(&child, SPARE), spare);
     finish_like_undisturbed(&place, "both", child, 2);
@@ -258,9 +244,9 @@ fn a_service_that_dies_together_with_the_spare_process_leaves_no_trace() {
     let child = begin(&mut place.short_flight("together", 40.0, &[]));
     for service in ServiceId::ALL {
         let spare = pid_named(&child, SPARE);
-        let pid = pid_of(&child, service);
+        let pid = await_process(child.id(), service);
         kill_at_once(&child, [pid, spare]);
-        assert_ne!(successor_of(&child, service, pid), spare);
+        assert_ne!(await_successor(child.id(), service, pid), spare);
     }
     finish_like_undisturbed(&place, "together", child, ServiceId::ALL.len());
     let deaths = deaths_of_spares(&place, "together");
@@ -274,7 +260,7 @@ fn a_run_goes_on_without_a_spare_process_if_that_dies_again_and_again() {
     place.await_log("without", 1_000_000);
     let mut last = None;
     // The flight waits for a service until all spare processes are dead.
-    let estimator = pid_of(&child, ServiceId::Estimator);
+    let estimator = await_process(child.id(), ServiceId::Estimator);
     signal(estimator, Signal::STOP);
     // It is not started again after nine deaths in a row.
     for _ in 0..9 {
@@ -286,9 +272,9 @@ fn a_run_goes_on_without_a_spare_process_if_that_dies_again_and_again() {
     }
     signal(estimator, Signal::CONT);
     for service in [ServiceId::Controller, ServiceId::Plant] {
-        let pid = pid_of(&child, service);
+        let pid = await_process(child.id(), service);
         signal(pid, Signal::KILL);
-        successor_of(&child, service, pid);
+        await_successor(child.id(), service, pid);
     }
     finish_like_undisturbed(&place, "without", child, 2);
     let deaths = deaths_of_spares(&place, "without");
@@ -302,19 +288,17 @@ fn a_service_that_dies_again_and_again_is_given_up_and_the_log_is_whole_up_to_th
         let out = service.name();
         let crashes = vec![format!("{service}@300:before-step"); 20];
         let ended = output(&mut with_crashes(place.short_flight(out, 1.0, &[]), &crashes));
-        let errors = String::from_utf8_lossy(&ended.stderr).into_owned();
+        let errors = complaint(&ended);
         assert_eq!(ended.status.code(), Some(3), "{errors}");
-        let words = errors.replace('│', " ");
-        let words = words.split_whitespace().collect::<Vec<_>>().join(" ");
         for piece in [
             format!("`{service}`"),
             "after tick 299".to_owned(),
             "KILL".to_owned(),
             "9 deaths in a row".to_owned(),
         ] {
-            assert!(words.contains(&piece), "{piece} is not in {errors}");
+            assert!(errors.contains(&piece), "{piece} is not in {errors}");
         }
-        let last = last_tick(&place.path(out).join("run.mcap"));
+        let last = last_tick(&place.log(out));
         assert!((290..=300).contains(&last), "{last}");
     }
     assert_eq!(place.leavings(), Vec::<String>::new());
@@ -351,17 +335,8 @@ fn how_often_a_service_is_started_again_is_for_each_service_to_choose() {
         &crashes,
     ));
     assert_eq!(ended.status.code(), Some(3));
-    assert!((290..=300).contains(&last_tick(&place.path("once").join("run.mcap"))));
+    assert!((290..=300).contains(&last_tick(&place.log("once"))));
     assert_eq!(place.leavings(), Vec::<String>::new());
-}
-
-fn last_tick(log: &Path) -> u64 {
-    let mut reader = LogReader::open(log).unwrap();
-    let mut last = 0;
-    while let Some(sample) = reader.next_sample().unwrap() {
-        last = sample.header.tick;
-    }
-    last
 }
 
 /// Kills services of a run at random moments from its start on, until it ends; tells how many.

@@ -3,34 +3,18 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use common::{Place, begin, finish, output, scenario, services_of, signal, succeed, until};
+use common::logs::{
+    assert_only_the_controller_differs, published, replayed, replayed_with_another_controller,
+};
+use common::processes::{await_process, await_successor, signal};
+use common::{Place, begin, finish, output, scenario, succeed};
 use orchestrator::log::{Compression, LogReader, Manifest, RunLogWriter};
-use orchestrator::replay::{Options, Replayed, replay};
-use runtime::crash::CrashPlace;
 use rustix::process::Signal;
 use shared_types::samples::ControlCommand;
 use shared_types::{ServiceId, Topic};
 use zerocopy::FromBytes;
-
-fn replayed(log: &Path) -> Replayed {
-    replay(log, &Options::default(), None).unwrap()
-}
-
-fn log_of(place: &Place, out: &str) -> PathBuf {
-    place.path(out).join("run.mcap")
-}
-
-/// Samples that services have published into a log.
-fn published(log: &Path) -> u64 {
-    let mut reader = LogReader::open(log).unwrap();
-    let mut count = 0;
-    while let Some(sample) = reader.next_sample().unwrap() {
-        count += u64::from(sample.topic.publisher().is_some());
-    }
-    count
-}
 
 #[test]
 fn every_scenario_is_replayed_identically() {
@@ -63,14 +47,14 @@ fn every_scenario_is_replayed_identically() {
             ]);
         }
         succeed(&mut command);
-        let log = log_of(&place, &out);
+        let log = place.log(&out);
         let replayed = replayed(&log);
         assert!(
             replayed.is_identical(),
             "{out}: {:?}",
             replayed.first_difference()
         );
-        assert_eq!(replayed.compared(), published(&log), "{out}");
+        assert_eq!(replayed.compared(), published(&log, |_| true), "{out}");
         std::fs::remove_dir_all(place.path(&out)).unwrap();
     }
 }
@@ -85,10 +69,10 @@ fn a_flight_of_processes_in_which_all_fails_is_replayed_identically() {
         {at = 0.6, edge = \"mocap/pose -> estimator\", kind = \"stuck\", for = 0.1}, \
         {at = 0.7, edge = \"control/command -> rc_output\", kind = \"intermittent\", for = 0.2, fraction = 0.5}]";
     succeed(&mut place.rig_flight("out", 1.2, &["--set", faults]));
-    let log = log_of(&place, "out");
+    let log = place.log("out");
     let replayed = replayed(&log);
     assert!(replayed.is_identical(), "{:?}", replayed.first_difference());
-    assert_eq!(replayed.compared(), published(&log));
+    assert_eq!(replayed.compared(), published(&log, |_| true));
 }
 
 #[test]
@@ -97,19 +81,14 @@ fn a_flight_in_real_time_is_replayed_identically_although_services_died_in_it() 
     let child = begin(&mut place.live_hover("out", &[]));
     place.await_log("out", 20_000);
     for service in [ServiceId::Controller, ServiceId::Estimator, ServiceId::Controller] {
-        let pid_of = || {
-            services_of(child.id())
-                .into_iter()
-                .find(|(name, _)| name == service.name())
-        };
-        let (_, pid) = until("the service", pid_of);
+        let pid = await_process(child.id(), service);
         signal(pid, Signal::KILL);
-        until("a successor", || pid_of().filter(|&(_, now)| now != pid));
+        await_successor(child.id(), service, pid);
         place.await_log("out", place.log_bytes("out") + 500_000);
     }
     signal(child.id(), Signal::INT);
     assert_eq!(finish(child).status.code(), Some(130));
-    let replayed = replayed(&log_of(&place, "out"));
+    let replayed = replayed(&place.log("out"));
     assert!(replayed.in_real_time);
     assert!(replayed.is_identical(), "{:?}", replayed.first_difference());
 }
@@ -117,28 +96,12 @@ fn a_flight_in_real_time_is_replayed_identically_although_services_died_in_it() 
 #[test]
 fn a_flight_in_real_time_is_replayed_identically_wherever_in_a_step_its_services_died() {
     let place = Place::new();
-    let places = CrashPlace::ALL
-        .into_iter()
-        .filter(|&place| place >= CrashPlace::BeforeStep);
-    let deaths: Vec<_> = places
-        .enumerate()
-        .flat_map(|(life, place)| {
-            let crash = move |service: ServiceId| {
-                let tick = 200 + 400 * life + 60 * service.index();
-                format!("{service}@{tick}:{}", place.name())
-            };
-            ServiceId::ALL.map(crash)
-        })
-        .collect();
-    // The laboratory's vehicle: it holds its rates by itself while nobody commands.
-    let mut command = place.rig_flight("out", 3.0, &["--host", "realtime"]);
-    command.args(deaths.iter().flat_map(|death| ["--crash", death]));
+    let (mut command, deaths) = place.flight_with_deaths_everywhere("out");
     succeed(&mut command);
-    let summary = std::fs::read_to_string(place.path("out").join("summary.json")).unwrap();
-    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    let summary = place.summary("out");
     // On a machine in use one may hang too, and be replaced.
-    assert!(summary["rebirths"].as_array().unwrap().len() >= deaths.len());
-    let replayed = replayed(&log_of(&place, "out"));
+    assert!(summary["rebirths"].as_array().unwrap().len() >= deaths);
+    let replayed = replayed(&place.log("out"));
     assert!(replayed.in_real_time);
     assert!(replayed.is_identical(), "{:?}", replayed.first_difference());
 }
@@ -148,7 +111,7 @@ fn one_bit_that_is_not_as_it_was_is_found() {
     let place = Place::new();
     succeed(&mut place.short_flight("out", 0.5, &["--host", "inprocess"]));
     let altered = place.path("altered.mcap");
-    rewrite(&log_of(&place, "out"), &altered, |topic, tick, bytes| {
+    rewrite(&place.log("out"), &altered, |topic, tick, bytes| {
         if (topic, tick) == (Topic::ControlCommand, 123) {
             let command = ControlCommand::mut_from_bytes(bytes).unwrap();
             command.thrust = f64::from_bits(command.thrust.to_bits() ^ 1);
@@ -175,7 +138,7 @@ fn one_bit_that_is_not_as_it_was_is_found() {
 fn a_log_that_breaks_off_is_replayed_as_far_as_it_goes() {
     let place = Place::new();
     succeed(&mut place.short_flight("out", 2.0, &["--host", "inprocess"]));
-    let whole = std::fs::read(log_of(&place, "out")).unwrap();
+    let whole = std::fs::read(place.log("out")).unwrap();
     let cut = place.path("cut.mcap");
     std::fs::write(&cut, &whole[..whole.len() * 2 / 3]).unwrap();
     let replayed = replayed(&cut);
@@ -187,23 +150,8 @@ fn a_log_that_breaks_off_is_replayed_as_far_as_it_goes() {
 fn what_would_have_been_commanded_differs_where_the_change_acts_and_nowhere_else() {
     let place = Place::new();
     succeed(&mut place.short_flight("out", 0.5, &["--host", "inprocess"]));
-    let log = log_of(&place, "out");
-    let mut changed = LogReader::open(&log).unwrap().manifest().scenario.clone();
-    changed.controller.k1 *= 1.1;
-    let options = Options {
-        changed: Some(changed),
-        ..Options::default()
-    };
-    let replayed = replay(&log, &options, None).unwrap();
-    for comparison in &replayed.comparisons {
-        let of_the_controller = comparison.topic.publisher() == Some(ServiceId::Controller);
-        assert_eq!(
-            comparison.different > 0,
-            of_the_controller,
-            "{}",
-            comparison.topic
-        );
-    }
+    let log = place.log("out");
+    assert_only_the_controller_differs(&replayed_with_another_controller(&log));
     let slower = place
         .gerono(&["replay", "out", "--set", "schedule.tick=0.002"])
         .output()

@@ -5,8 +5,8 @@ mod common;
 
 use std::process::{Child, Output};
 
-use common::{Place, begin, finish, output, services_of, shared_memory_of, signal, succeed, until};
-use runtime::crash::CrashPlace;
+use common::processes::{is_alive, pid_of, services_of, signal};
+use common::{Place, begin, complaint, finish, output, succeed, until};
 use rustix::process::Signal;
 use shared_types::ServiceId;
 
@@ -78,20 +78,7 @@ fn a_long_flight_and_one_service_of_it_are_identical_in_processes() {
 #[test]
 fn of_a_flight_in_real_time_in_which_services_died_anywhere_in_a_step_processes_say_the_same() {
     let place = Place::new();
-    let places = CrashPlace::ALL
-        .into_iter()
-        .filter(|&place| place >= CrashPlace::BeforeStep);
-    let deaths: Vec<_> = places
-        .enumerate()
-        .flat_map(|(life, place)| {
-            ServiceId::ALL.map(|service| {
-                let tick = 200 + 400 * life + 60 * service.index();
-                format!("{service}@{tick}:{}", place.name())
-            })
-        })
-        .collect();
-    let mut command = place.rig_flight("out", 3.0, &["--host", "realtime"]);
-    command.args(deaths.iter().flat_map(|death| ["--crash", death]));
+    let (mut command, _) = place.flight_with_deaths_everywhere("out");
     succeed(&mut command);
     // A machine that has no time for the recorder makes it lose samples; then both say of which steps nothing is known.
     let (said, _) = replayed(&place, &["out"]);
@@ -132,18 +119,12 @@ const SLEEPS: u32 = 100;
 /// The process that replays a service, once it is in the middle of it.
 fn in_the_middle(replay: &Child, service: ServiceId) -> u32 {
     until("steps of the service", || {
-        let services = services_of(replay.id());
-        let (_, pid) = services.into_iter().find(|(name, _)| name == service.name())?;
+        let pid = pid_of(replay.id(), service)?;
         let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
         let mut lines = status.lines();
         let sleeps = lines.find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"))?;
         (sleeps.trim().parse::<u32>().ok()? > SLEEPS).then_some(pid)
     })
-}
-
-fn nothing_is_left(place: &Place, replay: u32) {
-    assert_eq!(place.leavings(), Vec::<String>::new());
-    assert_eq!(shared_memory_of(replay), Vec::<std::path::PathBuf>::new());
 }
 
 #[test]
@@ -155,12 +136,11 @@ fn the_death_of_a_service_ends_the_replay_which_names_it() {
     signal(killed, Signal::KILL);
     let output = finish(replay);
     assert_eq!(output.status.code(), Some(1));
-    let said = text(&output.stderr).replace('│', " ");
-    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    let said = complaint(&output);
     let what = format!("the process {killed} that replayed `controller` died after its step at tick ");
     assert!(said.contains(&what) && said.contains("KILL"), "{said}");
     assert_eq!(text(&output.stdout), "");
-    nothing_is_left(&place, id);
+    place.assert_nothing_is_left_of(id);
 }
 
 #[test]
@@ -173,6 +153,6 @@ fn a_signal_ends_a_replay_in_good_order() {
     signal(id, Signal::INT);
     let output = finish(replay);
     assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
-    assert!(services.iter().all(|&(_, pid)| !common::is_alive(pid)));
-    nothing_is_left(&place, id);
+    assert!(services.iter().all(|&(_, pid)| !is_alive(pid)));
+    place.assert_nothing_is_left_of(id);
 }

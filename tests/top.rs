@@ -6,7 +6,8 @@ mod terminal;
 
 use std::process::{Child, Command};
 
-use common::{Place, begin, finish, is_alive, output, scenario, services_of, signal, succeed, until, wait};
+use common::processes::{is_alive, pid_of, signal};
+use common::{Place, begin, finish, output, scenario, succeed, until, wait};
 use rustix::process::Signal;
 use shared_types::ServiceId;
 use terminal::{Screen, Terminal};
@@ -35,12 +36,6 @@ fn take_off(place: &Place) -> Child {
 
 fn succeeds(command: &mut Command) -> bool {
     output(command).status.success()
-}
-
-fn pid_of(orchestrator: u32, service: &str) -> Option<u32> {
-    let services = services_of(orchestrator);
-    let own = services.into_iter().find(|(name, _)| name == service);
-    own.map(|(_, pid)| pid)
 }
 
 /// The row of a service: process id and rate.
@@ -140,13 +135,13 @@ fn killed_only_after_a_yes(terminal: &mut Terminal, orchestrator: u32) {
             .any(|line| line.starts_with(">controller"))
             .then_some(())
     });
-    let pid = until("the controller", || pid_of(orchestrator, "controller"));
+    let pid = until("the controller", || pid_of(orchestrator, ServiceId::Controller));
 
     terminal.press("k");
     terminal.await_text(&format!("kill controller ({pid})? y: yes, else: no"));
     terminal.press("n");
     terminal.await_text("nothing was done");
-    assert!(is_alive(pid) && pid_of(orchestrator, "controller") == Some(pid));
+    assert!(is_alive(pid) && pid_of(orchestrator, ServiceId::Controller) == Some(pid));
 
     terminal.press("k");
     terminal.await_text(&format!("kill controller ({pid})?"));
@@ -155,7 +150,7 @@ fn killed_only_after_a_yes(terminal: &mut Terminal, orchestrator: u32) {
         row_of(screen, "controller").filter(|&(now, rate)| now != pid && rate > 0)
     });
     assert!(!is_alive(pid));
-    assert_eq!(pid_of(orchestrator, "controller"), Some(successor.0));
+    assert_eq!(pid_of(orchestrator, ServiceId::Controller), Some(successor.0));
     terminal.await_text("`controller` was killed by hand");
 
     terminal.press("?");

@@ -7,11 +7,12 @@ use std::net::{TcpListener, UdpSocket};
 use std::path::Path;
 use std::process::Child;
 
-use common::logs::log;
 use common::{Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
 use orchestrator::live::Snapshot;
+use orchestrator::log::LogReader;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
+use shared_types::Sample;
 use shared_types::samples::{RcFrame, VehicleTruth};
 
 /// What the paper reached in Fig. 7, root mean square, m.
@@ -123,7 +124,13 @@ fn a_flight_whose_world_is_another_program_keeps_to_its_path_in_the_jet_of_a_fan
     let orchestrator = flight.id();
     until("the run", || look(&place));
     until("arming", || {
-        place.gerono(&["arm"]).output().unwrap().status.success().then_some(())
+        place
+            .gerono(&["arm"])
+            .output()
+            .unwrap()
+            .status
+            .success()
+            .then_some(())
     });
     let flies = |snapshot: &Snapshot| snapshot.phase.as_deref() == Some("fly");
     until("the path", || look(&place).filter(flies));
@@ -134,7 +141,10 @@ fn a_flight_whose_world_is_another_program_keeps_to_its_path_in_the_jet_of_a_fan
     assert!(flown.status.success(), "{}", said(&flown));
     place.assert_nothing_is_left_of(orchestrator);
     let told = world.end();
-    assert!(told.contains("0 bytes of none, 0 times none for too long"), "{told}");
+    assert!(
+        told.contains("0 bytes of none, 0 times none for too long"),
+        "{told}"
+    );
     assert!(!place.path("radio").exists());
 
     let compared = ["truth", "flight", "--world", "world", "--last", "6", "--json"];
@@ -156,19 +166,35 @@ fn a_flight_whose_world_is_another_program_keeps_to_its_path_in_the_jet_of_a_fan
     assert!(replayed.contains("identical: "), "{replayed}");
 }
 
+fn samples<T: Sample>(log: &Path) -> Vec<T> {
+    LogReader::open(log)
+        .unwrap()
+        .samples()
+        .map(Result::unwrap)
+        .collect()
+}
+
 /// The world's own log says so, and what frames began to act.
 fn assert_it_came_from_the_ground_and_returned(place: &Place) {
-    let truths: Vec<_> = log(&place.log("world")).samples::<VehicleTruth>().map(Result::unwrap).collect();
+    let truths = samples::<VehicleTruth>(&place.log("world"));
     let height = |truth: &VehicleTruth| -truth.position_world[2];
-    let [first, .., last] = truths.as_slice() else { panic!() };
+    let [first, .., last] = truths.as_slice() else {
+        panic!()
+    };
     assert_eq!([height(first), height(last)], [0.0, 0.0]);
     let highest = truths.iter().map(height).fold(0.0, f64::max);
     assert!((1.15..1.4).contains(&highest), "{highest}");
     let ticks: Vec<_> = truths.iter().map(|truth| truth.header.tick).collect();
     assert!((0..ticks.len() as u64).eq(ticks), "every tick, in its order");
-    let frames: Vec<_> = log(&place.log("world")).samples::<RcFrame>().map(Result::unwrap).collect();
-    assert!(frames.windows(2).all(|pair| pair[0].header.seq < pair[1].header.seq));
-    let [first, .., last] = frames.as_slice() else { panic!() };
+    let frames = samples::<RcFrame>(&place.log("world"));
+    assert!(
+        frames
+            .windows(2)
+            .all(|pair| pair[0].header.seq < pair[1].header.seq)
+    );
+    let [first, .., last] = frames.as_slice() else {
+        panic!()
+    };
     assert!(first.failsafe.is_set() && last.failsafe.is_set());
 }
 
@@ -181,7 +207,18 @@ fn every_system_that_a_world_seems_to_have_is_believed() {
         settings.push(format!("estimator.source={source}"));
         let _world = World::begin(&place, &settings, &["--out", source, "--quiet"]);
         let port = port.to_string();
-        let probe = ["mocap", "probe", "--source", probed, "--object", "quad", "--seconds", "3", "--port", &port];
+        let probe = [
+            "mocap",
+            "probe",
+            "--source",
+            probed,
+            "--object",
+            "quad",
+            "--seconds",
+            "3",
+            "--port",
+            &port,
+        ];
         let probed = output(&mut place.gerono(&probe));
         assert!(
             probed.status.success() && said(&probed).contains("malformed 0, from strangers 0"),
@@ -200,7 +237,11 @@ fn what_a_world_cannot_be_is_refused_with_the_fix() {
     let occupied = format!("motion_capture.port={}", port.local_addr().unwrap().port());
     let device = format!("rc_output.transmitter.device='{}'", taken.display());
     for (setting, code, piece) in [
-        ("estimator.source=simulated", 2, "state `vrpn`, `natnet` or `vicon_udp`"),
+        (
+            "estimator.source=simulated",
+            2,
+            "state `vrpn`, `natnet` or `vicon_udp`",
+        ),
         ("motion_capture.object='#7'", 1, "without a number"),
         (&occupied, 1, "as `port` one that is free"),
         (&device, 1, "give a path that is free"),
@@ -222,7 +263,15 @@ fn what_a_world_cannot_be_is_refused_with_the_fix() {
 fn the_truth_of_a_simulated_flight_is_in_its_own_log() {
     let place = Place::new();
     let fig7 = scenario("fig7");
-    let flown = ["run", fig7.to_str().unwrap(), "--host", "inprocess", "--out", "flight", "--quiet"];
+    let flown = [
+        "run",
+        fig7.to_str().unwrap(),
+        "--host",
+        "inprocess",
+        "--out",
+        "flight",
+        "--quiet",
+    ];
     succeed(&mut place.gerono(&flown));
     let compared = succeed(&mut place.gerono(&["truth", "flight", "--json"]));
     let truth: Value = serde_json::from_slice(&compared.stdout).unwrap();

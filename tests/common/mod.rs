@@ -1,11 +1,14 @@
 //! What the tests of real processes share: isolation, a watchdog, and the search for leavings.
 #![allow(dead_code, reason = "every test target uses a part of it")]
 
+pub(crate) mod logs;
+pub(crate) mod processes;
+
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use runtime::process::SPARE;
+use runtime::crash::CrashPlace;
 use shared_types::ServiceId;
 use tempfile::TempDir;
 
@@ -93,6 +96,37 @@ impl Place {
         self.gerono(&arguments)
     }
 
+    /// `gerono run` in real time of such a flight, to the folder `out`, in which every service dies at every place of a step;
+    /// and the number of deaths. The laboratory's vehicle holds its rates by itself while nobody commands.
+    pub(crate) fn flight_with_deaths_everywhere(&self, out: &str) -> (Command, usize) {
+        let places = CrashPlace::ALL
+            .into_iter()
+            .filter(|&place| place >= CrashPlace::BeforeStep);
+        let deaths: Vec<_> = places
+            .enumerate()
+            .flat_map(|(life, place)| {
+                ServiceId::ALL.map(|service| {
+                    let tick = 200 + 400 * life + 60 * service.index();
+                    format!("{service}@{tick}:{}", place.name())
+                })
+            })
+            .collect();
+        let mut command = self.rig_flight(out, 3.0, &["--host", "realtime"]);
+        command.args(deaths.iter().flat_map(|death| ["--crash", death]));
+        (command, deaths.len())
+    }
+
+    /// The log of a flight to the folder `out`.
+    pub(crate) fn log(&self, out: &str) -> PathBuf {
+        self.path(out).join("run.mcap")
+    }
+
+    /// The summary of a flight to the folder `out`.
+    pub(crate) fn summary(&self, out: &str) -> serde_json::Value {
+        let text = std::fs::read_to_string(self.path(out).join("summary.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    }
+
     /// How many bytes of the log of a flight to the folder `out`, which goes on, are on the disk.
     pub(crate) fn log_bytes(&self, out: &str) -> u64 {
         let log = self.path(out).join("run.mcap.partial");
@@ -114,6 +148,14 @@ impl Place {
         }
         left.into_iter().map(|path| path.display().to_string()).collect()
     }
+
+    /// Nothing is left of a run of this place, and no process either.
+    #[track_caller]
+    pub(crate) fn assert_nothing_is_left_of(&self, orchestrator: u32) {
+        assert_eq!(self.leavings(), Vec::<String>::new());
+        assert_eq!(processes::shared_memory_of(orchestrator), Vec::<PathBuf>::new());
+        assert_eq!(processes::processes_of(orchestrator), Vec::new());
+    }
 }
 
 fn entries(folder: &Path) -> Vec<PathBuf> {
@@ -123,16 +165,6 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
         .flatten()
         .map(|entry| entry.path())
         .collect()
-}
-
-/// Shared memory whose name begins with a run's prefix: that of the orchestrator's process id.
-pub(crate) fn shared_memory_of(orchestrator: u32) -> Vec<PathBuf> {
-    let prefix = format!("gerono_{orchestrator}-");
-    let mine = |path: &PathBuf| {
-        path.file_name()
-            .is_some_and(|name| name.to_string_lossy().starts_with(&prefix))
-    };
-    entries(Path::new("/dev/shm")).into_iter().filter(mine).collect()
 }
 
 /// Waits for a child, but not for ever.
@@ -198,36 +230,17 @@ pub(crate) fn succeed(command: &mut Command) -> Output {
     output
 }
 
-/// Process ids of the services of a live run, by name.
-pub(crate) fn services_of(orchestrator: u32) -> Vec<(String, u32)> {
-    let mut services = processes_of(orchestrator);
-    services.retain(|(name, _)| name != SPARE);
-    services
+/// All that a command has said.
+pub(crate) fn said(output: &Output) -> String {
+    [&output.stdout, &output.stderr]
+        .map(|bytes| String::from_utf8_lossy(bytes))
+        .concat()
 }
 
-/// Process ids of the services of a live run and of its spare process, by name.
-pub(crate) fn processes_of(orchestrator: u32) -> Vec<(String, u32)> {
-    let children = format!("/proc/{orchestrator}/task/{orchestrator}/children");
-    let children = std::fs::read_to_string(children).unwrap_or_default();
-    let pids = children.split_whitespace().filter_map(|word| word.parse().ok());
-    pids.filter_map(|pid| Some((name_of(pid)?, pid))).collect()
-}
-
-/// What a process of a run is called by the system, or, if it has only just been started, by its command line.
-fn name_of(pid: u32) -> Option<String> {
-    let called = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
-    let called = called.trim_end();
-    if called == SPARE || ServiceId::from_name(called).is_some() {
-        return Some(called.to_owned());
-    }
-    let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-    let mut words = line
-        .split(|&byte| byte == 0)
-        .map(|word| String::from_utf8_lossy(word).into_owned());
-    match (words.next(), words.next().as_deref(), words.next()) {
-        (_, Some("service"), name) => name,
-        _ => None,
-    }
+/// What a command has complained of, without the line breaks and the frame that long errors get.
+pub(crate) fn complaint(output: &Output) -> String {
+    let text = String::from_utf8_lossy(&output.stderr).replace('│', " ");
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Polls until something is so, under the watchdog.
@@ -240,19 +253,4 @@ pub(crate) fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
         assert!(Instant::now() < deadline, "never came: {what}");
         std::thread::sleep(Duration::from_millis(1));
     }
-}
-
-/// Sends a signal to a process.
-pub(crate) fn signal(pid: u32, signal: rustix::process::Signal) {
-    let pid = rustix::process::Pid::from_raw(i32::try_from(pid).unwrap()).unwrap();
-    rustix::process::kill_process(pid, signal).unwrap();
-}
-
-/// Whether a process lives (a zombie does not).
-pub(crate) fn is_alive(pid: u32) -> bool {
-    std::fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|stat| {
-        stat.rsplit(") ")
-            .next()
-            .is_some_and(|rest| !rest.starts_with(['Z', 'X']))
-    })
 }

@@ -217,7 +217,9 @@ mod tests {
         let mut heard = Vec::new();
         let give_up_ns = monotonic_ns() + 10_000_000_000;
         while heard.len() < count && monotonic_ns() < give_up_ns {
-            line.listen_until(monotonic_ns() + 1_000_000, &mut |bytes, _| heard.extend_from_slice(bytes));
+            line.listen_until(monotonic_ns() + 1_000_000, &mut |bytes, _| {
+                heard.extend_from_slice(bytes)
+            });
         }
         heard
     }
@@ -276,7 +278,9 @@ mod tests {
             port.send(&[byte], monotonic_ns());
             assert_eq!(heard(&mut line, 1), [byte]);
             drop(port);
-            line.listen_until(monotonic_ns() + 2 * FREE_AFTER_NS, &mut |_, _| panic!("nobody sends"));
+            line.listen_until(monotonic_ns() + 2 * FREE_AFTER_NS, &mut |_, _| {
+                panic!("nobody sends")
+            });
         }
     }
 

@@ -1,0 +1,95 @@
+//! Flying many times: the figures of the paper, and everything that can fail.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use shared_types::ServiceId;
+use shared_types::scenario::EdgeName;
+use shared_types::scenario::suggest::known_names;
+
+use super::flight::ScenarioArguments;
+use super::values::service;
+use crate::matrix::{self, plan, trouble::Troubles};
+use crate::reproduce::figures::Figure;
+
+/// Arguments of `gerono reproduce`.
+#[derive(Debug, Args)]
+pub struct Reproduce {
+    /// How many seeds to fly [default: 20; with --quick 2].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: Option<u64>,
+    /// Which figures: 1, 2, 3-6, 7, 8, 9, 10, 11, tracking [default: all].
+    #[arg(long, value_delimiter = ',', value_name = "FIGURES", value_parser = str::parse::<Figure>)]
+    pub figures: Vec<Figure>,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/reproduce-N].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Fly fewer seeds and a shorter list of figures, judged all the same.
+    #[arg(long)]
+    pub quick: bool,
+    /// Fly the eight without parts of the design instead, to see what each is worth.
+    #[arg(long, conflicts_with_all = ["figures", "quick"])]
+    pub ablation: bool,
+}
+
+/// Arguments of `gerono faults`.
+#[derive(Debug, Args)]
+pub struct Faults {
+    /// What to fly.
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// When faults begin, s [default: three moments at which nothing else happens; with --quick one].
+    #[arg(long, value_delimiter = ',', value_name = "T,T,…")]
+    pub moments: Vec<f64>,
+    /// How long faults last, s.
+    #[arg(long = "for", value_name = "T", default_value_t = matrix::LASTS)]
+    pub lasts: f64,
+    /// How long to fly after a fault, s.
+    #[arg(long, value_name = "T", default_value_t = matrix::AFTER)]
+    pub after: f64,
+    /// Which faults: off (off-warm, off-cold), freeze, delay, intermittent, stuck, wrong, garbage (garbage-in-range,
+    /// garbage-any-bits) [default: all].
+    #[arg(long = "fault", value_delimiter = ',', value_name = "KIND,…", value_parser = str::parse::<Troubles>)]
+    pub faults: Vec<Troubles>,
+    /// Which services, and no edges unless they are named too [default: all but the plant].
+    #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = failing_service)]
+    pub services: Vec<ServiceId>,
+    /// Which edges, such as "mocap/pose -> estimator", and no services unless they are named too [default: all].
+    #[arg(long = "edge", value_delimiter = ',', value_name = "EDGE,…", value_parser = edge)]
+    pub edges: Vec<EdgeName>,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/faults-SCENARIO-N].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Fly everything once more as processes that really die, and fail unless all bytes are the same.
+    #[arg(long)]
+    pub processes: bool,
+    /// Let everything fail at one moment only.
+    #[arg(long, conflicts_with = "moments")]
+    pub quick: bool,
+}
+
+impl Faults {
+    /// What `gerono faults --help` shows.
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono faults scenarios/fig1.toml\n  \
+        gerono faults scenarios/fig3_6.toml --quick --fault off,freeze --for 0.2\n  \
+        gerono faults scenarios/fig1.toml --service controller --moments 12,25 --processes\n  \
+        gerono faults scenarios/fig1.toml --edge 'vehicle/state -> controller' --fault delay,garbage";
+}
+
+/// A service that can fail.
+fn failing_service(name: &str) -> Result<ServiceId, String> {
+    let service = service(name)?;
+    if plan::services().any(|failing| failing == service) {
+        Ok(service)
+    } else {
+        Err("the plant is the vehicle itself, which flies on whatever happens".to_owned())
+    }
+}
+
+fn edge(name: &str) -> Result<EdgeName, String> {
+    EdgeName::find(name).ok_or_else(|| {
+        let names: Vec<_> = EdgeName::all().map(|edge| edge.to_string()).collect();
+        format!("there is no such edge; {}", known_names(name, &names))
+    })
+}

@@ -1,0 +1,40 @@
+//! Checking the machine.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::values::number_between;
+
+/// Arguments of `gerono doctor`.
+#[derive(Debug, Args)]
+pub struct Doctor {
+    /// The scenario that is to be flown [default: a minute at 1 kHz that asks for nothing].
+    pub scenario: Option<PathBuf>,
+    /// Change a value of the scenario, for example `--set deployment.core=1`; may be given several times.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", requires = "scenario")]
+    pub sets: Vec<String>,
+    /// How long to measure wake-ups, s; the longer, the more of what is rare is seen.
+    #[arg(long, value_name = "T", default_value = "3", value_parser = measuring_time)]
+    pub seconds: f64,
+    /// The folder into which runs write.
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    pub runs: PathBuf,
+    /// Print what was found as JSON, for other programs.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Doctor {
+    /// What `gerono doctor --help` shows.
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono doctor\n  \
+        gerono doctor scenarios/fig1.toml --set deployment.core=1 --set deployment.priority=20\n  \
+        gerono doctor scenarios/fig1.toml --seconds 60 --runs /data/runs\n  \
+        gerono doctor --json | jq '.checks[] | select(.verdict != \"green\")'\n\n\
+        Exit codes: 0 nothing is red; 2 the scenario is wrong; 6 something is red: the flight would fail or be worth nothing.";
+}
+
+fn measuring_time(text: &str) -> Result<f64, String> {
+    number_between(text, 0.01, 3600.0, "s")
+}

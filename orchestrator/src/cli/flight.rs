@@ -1,0 +1,157 @@
+//! Flying a scenario, and checking one.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args, ValueEnum};
+use runtime::crash::{Crash, CrashPlace};
+use shared_types::ServiceId;
+use shared_types::scenario::suggest::known_names;
+
+use super::values::value_between;
+use crate::flight::crew::restart::PerService;
+use crate::log::Compression;
+
+/// What a scenario is made of: a file and what is changed of it.
+#[derive(Debug, Args)]
+pub struct ScenarioArguments {
+    /// The scenario file.
+    pub scenario: PathBuf,
+    /// Seed of every random draw, in place of the scenario's.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Change a value of the scenario, for example `--set controller.k1=5`; may be given several times.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub sets: Vec<String>,
+}
+
+/// Arguments of `gerono run`.
+#[derive(Debug, Args)]
+pub struct Run {
+    /// What to fly.
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// Where the services run and what makes them step; in simulated time the log is the same.
+    #[arg(long, value_enum, default_value_t)]
+    pub host: Host,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-N].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Compression of the logs' chunks.
+    #[arg(long, value_enum, default_value_t)]
+    pub compression: Compression,
+    /// Say nothing unless something is wrong.
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// How the services use the machine.
+    #[command(flatten)]
+    pub deployment: DeploymentArguments,
+}
+
+/// How the processes of a run use the machine. Nothing of it changes run.mcap.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Use of the machine (lock-step)")]
+pub struct DeploymentArguments {
+    /// Put the services under SCHED_FIFO, above all ordinary work; flies without if it is not permitted.
+    #[arg(long)]
+    pub fifo: bool,
+    /// Keep the services together on this core instead of the idlest one.
+    #[arg(long, value_name = "N", conflicts_with = "no_pin")]
+    pub core: Option<usize>,
+    /// Let the system place the services instead of keeping them together on the idlest core.
+    #[arg(long)]
+    pub no_pin: bool,
+    /// Let a waiting service always sleep instead of yielding once first.
+    #[arg(long)]
+    pub no_yield: bool,
+    /// How often in a row a service is started again without having flown a tick more [default: 8].
+    ///
+    /// For one service as SERVICE=N, else for all; may be given several times. With 0 its first death ends the run.
+    #[arg(long, value_name = "[SERVICE=]N", value_parser = str::parse::<PerService<u32>>)]
+    pub restarts: Vec<PerService<u32>>,
+    /// Longest pause, in s, before a service that dies again and again is started once more [default: 0.1].
+    #[arg(long, value_name = "[SERVICE=]S", value_parser = seconds_per_service)]
+    pub restart_pause: Vec<PerService<f64>>,
+    /// Let a service kill itself, as SERVICE@TICK:PLACE; may be given several times, for one process after the other.
+    ///
+    /// The log must show nothing of it. Places: before-ports, after-ports, recovering, before-step, after-step,
+    /// between-publishes, after-publishing, checkpointing, before-waking.
+    #[arg(long, value_name = "WHERE")]
+    pub crash: Vec<ServiceCrash>,
+}
+
+fn seconds_per_service(text: &str) -> Result<PerService<f64>, String> {
+    let parsed: PerService<f64> = text.parse()?;
+    value_between(parsed.value, 0.0, 60.0, "s")?;
+    Ok(parsed)
+}
+
+/// Where the process of a service shall kill itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServiceCrash {
+    /// The service.
+    pub service: ServiceId,
+    /// Tick and place.
+    pub crash: Crash,
+}
+
+impl FromStr for ServiceCrash {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('@').and_then(|(service, rest)| {
+            let (tick, place) = rest.split_once(':')?;
+            Some((service, tick, place))
+        });
+        let (service, tick, place) =
+            parts.ok_or_else(|| "write it as controller@1500:before-step".to_owned())?;
+        let services = ServiceId::ALL.map(ServiceId::name);
+        let places = CrashPlace::ALL.map(CrashPlace::name);
+        let position = |names: &[&str], name: &str| {
+            let found = names.iter().position(|known| *known == name);
+            found.ok_or_else(|| known_names(name, names))
+        };
+        Ok(Self {
+            service: ServiceId::ALL[position(&services, service)?],
+            crash: Crash {
+                tick: tick.parse().map_err(|_| format!("`{tick}` is no tick"))?,
+                place: CrashPlace::ALL[position(&places, place)?],
+            },
+        })
+    }
+}
+
+/// Where the services of a flight run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Host {
+    /// One process a service, simulated time, no sample ever lost.
+    #[default]
+    Lockstep,
+    /// All services in one thread of this process.
+    Inprocess,
+    /// One process a service, the system's clock, the newest sample wins.
+    Realtime,
+}
+
+impl Host {
+    /// Name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lockstep => "lockstep",
+            Self::Inprocess => "inprocess",
+            Self::Realtime => "realtime",
+        }
+    }
+}
+
+/// Arguments of `gerono check`.
+#[derive(Debug, Args)]
+pub struct Check {
+    /// What to check.
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// Print the wiring as a Mermaid diagram instead.
+    #[arg(long)]
+    pub mermaid: bool,
+}

@@ -1,0 +1,58 @@
+//! What can be asked of a run that goes on.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::log::Compression;
+
+/// Arguments of the commands that ask something of a live run.
+#[derive(Debug, Args)]
+pub struct Operate {
+    /// The run, if several are under way: the name of its place, as `gerono doctor` shows it.
+    #[arg(long, value_name = "ID")]
+    pub run: Option<String>,
+}
+
+/// Arguments of `gerono attach`.
+#[derive(Debug, Args)]
+pub struct Attach {
+    /// Which run.
+    #[command(flatten)]
+    pub run: Operate,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/attached-N].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Compression of the logs' chunks.
+    #[arg(long, value_enum, default_value_t)]
+    pub compression: Compression,
+    /// Say nothing unless something is wrong.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Arguments of `gerono top`.
+#[derive(Debug, Args)]
+pub struct Top {
+    /// Which run.
+    #[command(flatten)]
+    pub run: Operate,
+    /// Permit the keys that kill (`k`) and freeze (`f`) the selected service; without it they do nothing.
+    #[arg(long, conflicts_with = "once")]
+    pub allow_faults: bool,
+    /// Print how the run is now, and no more; needs no terminal.
+    #[arg(long)]
+    pub once: bool,
+    /// Print it as JSON, for other programs.
+    #[arg(long, requires = "once")]
+    pub json: bool,
+}
+
+impl Top {
+    /// What `gerono top --help` shows.
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono top\n  \
+        gerono top --allow-faults\n  \
+        gerono top --once --json | jq '.services[] | {name, rate, wake: .wake.p99}'\n\n\
+        Exit codes: 0 left by a key, or the run has ended; 1 there is no such run, or no terminal.";
+}

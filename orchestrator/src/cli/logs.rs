@@ -1,0 +1,177 @@
+//! What can be done with logs.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use shared_types::ServiceId;
+use shared_types::Topic;
+use shared_types::scenario::suggest::known_names;
+
+use super::values::number_between;
+use super::values::service;
+
+/// Arguments of `gerono diff`.
+#[derive(Debug, Args)]
+pub struct Diff {
+    /// The first log, or the folder of its run.
+    pub first: PathBuf,
+    /// The second log, or the folder of its run.
+    pub second: PathBuf,
+}
+
+/// Arguments of `gerono replay`.
+#[derive(Debug, Args)]
+pub struct Replay {
+    /// The log, or the folder of a run.
+    pub log: PathBuf,
+    /// Which services [default: all].
+    #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = service)]
+    pub services: Vec<ServiceId>,
+    /// Change a value of the scenario, for example `--set controller.k1=5`: what would have been published on these
+    /// inputs? May be given several times; a difference is then no failure.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Compare from this time of the flight on, s. Each service begins with the newest that it is recorded to have known by
+    /// then [default: the beginning].
+    #[arg(long, value_name = "S", value_parser = flight_time)]
+    pub from: Option<f64>,
+    /// Compare up to this time of the flight, s, and stop [default: the end of the log].
+    #[arg(long, value_name = "S", value_parser = flight_time)]
+    pub to: Option<f64>,
+    /// Replay each service in a process of its own, with the samples in shared memory, as it was flown.
+    #[arg(long)]
+    pub processes: bool,
+    /// Show no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+impl Replay {
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono replay runs/fig1-1\n  \
+        gerono replay runs/fig1-1 --from 12.0 --to 14.5\n  \
+        gerono replay runs/fig1-1 --service controller --set controller.k1=5.0";
+}
+
+fn flight_time(text: &str) -> Result<f64, String> {
+    number_between(text, 0.0, 1e9, "s")
+}
+
+/// Arguments of `gerono plot`.
+#[derive(Debug, Args)]
+pub struct Plot {
+    /// The logs (run.mcap), or the folders that hold them.
+    #[arg(required = true)]
+    pub logs: Vec<PathBuf>,
+    /// The SVG file to write.
+    #[arg(long, short)]
+    pub output: PathBuf,
+    /// Draw from this time on, s [default: the start].
+    #[arg(long, value_name = "T")]
+    pub from: Option<f64>,
+    /// Draw until this time, s [default: the end].
+    #[arg(long, value_name = "T")]
+    pub to: Option<f64>,
+}
+
+/// Arguments of `gerono report`.
+#[derive(Debug, Args)]
+pub struct Report {
+    /// The logs (run.mcap), or the folders that hold them.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// The folder to write into; made if there is none, and what an earlier report wrote there is replaced.
+    #[arg(long, short, value_name = "DIR")]
+    pub output: PathBuf,
+}
+
+impl Report {
+    /// What `gerono report --help` shows.
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono report runs/fig1-1 -o report\n  \
+        gerono report runs/fig1-1 runs/fig1-2 -o compared\n  \
+        gerono report crashed/run.mcap.partial -o report";
+}
+
+/// Arguments of `gerono export`.
+#[derive(Debug, Args)]
+pub struct Export {
+    /// The log (run.mcap), or the folder that holds it.
+    pub log: PathBuf,
+    /// The file to write, or `-` [default: standard output; with --view run.view.mcap beside the log].
+    #[arg(long, short, visible_alias = "out", value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Write a copy of the log for viewers.
+    #[arg(long, conflicts_with_all = ["every", "topic", "csv"])]
+    pub view: bool,
+    /// Write only every n-th tick.
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub every: u64,
+    /// Write only this topic.
+    #[arg(long, value_name = "TOPIC", value_parser = topic)]
+    pub topic: Option<Topic>,
+    /// Write a table with a column for every member, and for every element of an array: `position_world[0]`.
+    #[arg(long, requires = "topic")]
+    pub csv: bool,
+}
+
+impl Export {
+    /// What `gerono export --help` shows.
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono export runs/fig1-1 --every 100 --output fig1.jsonl\n  \
+        gerono export runs/fig1-1 --csv --topic control/errors --out errors.csv\n  \
+        gerono export runs/fig1-1 --csv --topic vehicle/truth | head\n  \
+        gerono export runs/fig1-1 --view --out fig1.mcap";
+}
+
+fn topic(name: &str) -> Result<Topic, String> {
+    let names = Topic::ALL.map(Topic::name);
+    Topic::from_name(name).ok_or_else(|| format!("there is no such topic; {}", known_names(name, &names)))
+}
+
+/// Arguments of `gerono info`.
+#[derive(Debug, Args)]
+pub struct Info {
+    /// The log (run.mcap), or the folder that holds it.
+    pub log: PathBuf,
+    /// Print it as JSON, for other programs.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `gerono recover`.
+#[derive(Debug, Args)]
+pub struct Recover {
+    /// The log, or the folder of a run.
+    pub log: PathBuf,
+    /// The file to write, or for the folder of a run the folder to write into; nothing is overwritten [default:
+    /// run.recovered.mcap beside run.mcap].
+    #[arg(long, value_name = "PATH")]
+    pub out: Option<PathBuf>,
+    /// The scenario that was flown, for a log that does not know it any more; otherwise it is not needed.
+    #[arg(long, value_name = "FILE")]
+    pub scenario: Option<PathBuf>,
+    /// The seed that was flown with, in place of the scenario's.
+    #[arg(long, requires = "scenario")]
+    pub seed: Option<u64>,
+    /// What was changed of the scenario when it was flown; may be given several times.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", requires = "scenario")]
+    pub sets: Vec<String>,
+}
+
+impl Recover {
+    /// What `gerono recover --help` shows.
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono recover runs/fig1-1\n  \
+        gerono recover runs/fig1-1/run.mcap.partial --out saved.mcap\n  \
+        gerono recover damaged.mcap --scenario scenarios/fig1.toml --seed 3\n\n\
+        Exit codes: 0 all that is whole is in the new log, or nothing had to be done; 1 there is nothing to recover, or the scenario \
+        must be stated; 2 the scenario is wrong; 4 it cannot be written, or the file exists already.";
+}
+
+/// Arguments of `gerono digest`.
+#[derive(Debug, Args)]
+pub struct Digest {
+    /// The log (run.mcap), or the folder that holds it.
+    pub log: PathBuf,
+}

@@ -1,0 +1,67 @@
+//! The radio link, without a flight and from a log.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::flight::ScenarioArguments;
+use super::values::number_between;
+use crate::identify;
+
+/// What `gerono rc` can do.
+#[derive(Debug, Subcommand)]
+pub enum RcCommand {
+    /// Move one stick after another, slowly and disarmed, and say what the receiver should show.
+    ///
+    /// Uses the link of a scenario's `[rc_output]` (docs/radio_links.md). Take the propellers off all the same. Where no
+    /// arming switch is stated the thrust stick is left alone, because it might let the motors turn.
+    Probe(RcProbe),
+    /// Fit the calibration of the link that a log was flown with: thrust and body rates against the travel of the sticks.
+    ///
+    /// Least squares, with standard errors and residuals. A stick that hardly moved, or that moved against gusts only,
+    /// explains little of what was measured; the part of a scenario that is printed then keeps what was stated.
+    Identify(RcIdentify),
+}
+
+/// Arguments of `gerono rc probe`.
+#[derive(Debug, Args)]
+pub struct RcProbe {
+    /// Whose link.
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// How long a stick takes from the middle to both ends and back, s.
+    #[arg(long, default_value_t = 8.0, value_name = "S", value_parser = sweep_seconds)]
+    pub seconds: f64,
+    /// Move the thrust stick too although nothing keeps the vehicle disarmed: its propellers are off.
+    #[arg(long)]
+    pub propellers_off: bool,
+}
+
+fn sweep_seconds(text: &str) -> Result<f64, String> {
+    number_between(text, 0.1, 600.0, "s")
+}
+
+/// Arguments of `gerono rc identify`.
+#[derive(Debug, Args)]
+pub struct RcIdentify {
+    /// The log (run.mcap), or the folder that holds it.
+    pub log: PathBuf,
+    /// What thrust and rates are measured by.
+    #[arg(long, value_enum, default_value_t)]
+    pub from: identify::Source,
+    /// Mass of the vehicle, kg [default: the scenario's].
+    #[arg(long, value_name = "KG", value_parser = mass)]
+    pub mass: Option<f64>,
+    /// Print JSON, for other programs.
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn mass(text: &str) -> Result<f64, String> {
+    let mass: f64 = text.parse().map_err(|_| "give a mass in kg".to_owned())?;
+    if mass > 0.0 && mass.is_finite() {
+        Ok(mass)
+    } else {
+        Err("give a mass above 0 kg".to_owned())
+    }
+}

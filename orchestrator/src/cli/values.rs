@@ -1,0 +1,30 @@
+//! What several commands are given.
+
+use shared_types::ServiceId;
+
+pub(super) fn service_process(name: &str) -> Result<String, String> {
+    if name != runtime::process::SPARE {
+        service(name)?;
+    }
+    Ok(name.to_owned())
+}
+
+pub(super) fn service(name: &str) -> Result<ServiceId, String> {
+    ServiceId::from_name(name).ok_or_else(|| {
+        let names: Vec<_> = ServiceId::ALL.iter().map(|service| service.name()).collect();
+        format!("there is no such service; there are {}", names.join(", "))
+    })
+}
+
+pub(super) fn number_between(text: &str, least: f64, most: f64, unit: &str) -> Result<f64, String> {
+    let value = text.parse().map_err(|_| "this is no number".to_owned())?;
+    value_between(value, least, most, unit)
+}
+
+pub(super) fn value_between(value: f64, least: f64, most: f64, unit: &str) -> Result<f64, String> {
+    if (least..=most).contains(&value) {
+        Ok(value)
+    } else {
+        Err(format!("give {least} to {most} {unit}"))
+    }
+}

@@ -1,0 +1,57 @@
+//! What is in logs, and what replays make of it.
+
+use std::path::Path;
+
+use orchestrator::log::LogReader;
+use orchestrator::replay::{Options, Replayed, replay};
+use shared_types::ServiceId;
+
+/// A whole log, replayed.
+pub(crate) fn replayed(log: &Path) -> Replayed {
+    replay(log, &Options::default(), None).unwrap()
+}
+
+/// A log, replayed with a controller that is one tenth stiffer.
+pub(crate) fn replayed_with_another_controller(log: &Path) -> Replayed {
+    let mut changed = LogReader::open(log).unwrap().manifest().scenario.clone();
+    changed.controller.k1 *= 1.1;
+    let options = Options {
+        changed: Some(changed),
+        ..Options::default()
+    };
+    replay(log, &options, None).unwrap()
+}
+
+/// What the controller publishes differs, and nothing else.
+#[track_caller]
+pub(crate) fn assert_only_the_controller_differs(replayed: &Replayed) {
+    for comparison in &replayed.comparisons {
+        let of_the_controller = comparison.topic.publisher() == Some(ServiceId::Controller);
+        assert_eq!(
+            comparison.different > 0,
+            of_the_controller,
+            "{}",
+            comparison.topic
+        );
+    }
+}
+
+/// Samples that services have published into a log at ticks of which `is_counted` says so.
+pub(crate) fn published(log: &Path, is_counted: impl Fn(u64) -> bool) -> u64 {
+    let mut reader = LogReader::open(log).unwrap();
+    let mut count = 0;
+    while let Some(sample) = reader.next_sample().unwrap() {
+        count += u64::from(sample.topic.publisher().is_some() && is_counted(sample.header.tick));
+    }
+    count
+}
+
+/// The last tick of which there is a sample in a log.
+pub(crate) fn last_tick(log: &Path) -> u64 {
+    let mut reader = LogReader::open(log).unwrap();
+    let mut last = 0;
+    while let Some(sample) = reader.next_sample().unwrap() {
+        last = sample.header.tick;
+    }
+    last
+}

@@ -1,0 +1,84 @@
+//! The processes of a live run, as the system tells of them.
+
+use std::path::{Path, PathBuf};
+
+use runtime::process::SPARE;
+use shared_types::ServiceId;
+
+use super::{entries, until};
+
+/// Shared memory whose name begins with a run's prefix: that of the orchestrator's process id.
+pub(crate) fn shared_memory_of(orchestrator: u32) -> Vec<PathBuf> {
+    let prefix = format!("gerono_{orchestrator}-");
+    let mine = |path: &PathBuf| {
+        path.file_name()
+            .is_some_and(|name| name.to_string_lossy().starts_with(&prefix))
+    };
+    entries(Path::new("/dev/shm")).into_iter().filter(mine).collect()
+}
+
+/// Process ids of the services of a live run, by name.
+pub(crate) fn services_of(orchestrator: u32) -> Vec<(String, u32)> {
+    let mut services = processes_of(orchestrator);
+    services.retain(|(name, _)| name != SPARE);
+    services
+}
+
+/// Process ids of the services of a live run and of its spare process, by name.
+pub(crate) fn processes_of(orchestrator: u32) -> Vec<(String, u32)> {
+    let children = format!("/proc/{orchestrator}/task/{orchestrator}/children");
+    let children = std::fs::read_to_string(children).unwrap_or_default();
+    let pids = children.split_whitespace().filter_map(|word| word.parse().ok());
+    pids.filter_map(|pid| Some((name_of(pid)?, pid))).collect()
+}
+
+/// What a process of a run is called by the system, or, if it has only just been started, by its command line.
+fn name_of(pid: u32) -> Option<String> {
+    let called = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
+    let called = called.trim_end();
+    if called == SPARE || ServiceId::from_name(called).is_some() {
+        return Some(called.to_owned());
+    }
+    let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+    let mut words = line
+        .split(|&byte| byte == 0)
+        .map(|word| String::from_utf8_lossy(word).into_owned());
+    match (words.next(), words.next().as_deref(), words.next()) {
+        (_, Some("service"), name) => name,
+        _ => None,
+    }
+}
+
+/// Process id of a service of a live run, if it has one.
+pub(crate) fn pid_of(orchestrator: u32, service: ServiceId) -> Option<u32> {
+    let mut services = services_of(orchestrator).into_iter();
+    let (_, pid) = services.find(|(name, _)| name == service.name())?;
+    Some(pid)
+}
+
+/// Waits until a service has a process.
+pub(crate) fn await_process(orchestrator: u32, service: ServiceId) -> u32 {
+    until("the service", || pid_of(orchestrator, service))
+}
+
+/// Waits until another process than `before` is the service.
+pub(crate) fn await_successor(orchestrator: u32, service: ServiceId, before: u32) -> u32 {
+    until("the next process of the service", || {
+        pid_of(orchestrator, service).filter(|&now| now != before)
+    })
+}
+
+/// Sends a signal to a process.
+pub(crate) fn signal(pid: u32, signal: rustix::process::Signal) {
+    let pid = rustix::process::Pid::from_raw(i32::try_from(pid).unwrap()).unwrap();
+    rustix::process::kill_process(pid, signal).unwrap();
+}
+
+/// Whether a process lives (a zombie does not).
+pub(crate) fn is_alive(pid: u32) -> bool {
+    std::fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|stat| {
+        stat.rsplit(") ")
+            .next()
+            .is_some_and(|rest| !rest.starts_with(['Z', 'X']))
+    })
+}
