@@ -6,6 +6,7 @@ mod common;
 use std::net::{TcpListener, UdpSocket};
 use std::path::Path;
 use std::process::Child;
+use std::time::Duration;
 
 use common::{Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
 use orchestrator::live::Snapshot;
@@ -24,6 +25,9 @@ const FAN: f64 = 14.0;
 /// How long the vehicle flies in its jet, s.
 const IN_THE_JET: f64 = 14.0;
 
+/// Pause between two questions to a flight.
+const BETWEEN_QUESTIONS: Duration = Duration::from_millis(200);
+
 /// A world that is ended with the test.
 struct World(Option<Child>);
 
@@ -33,13 +37,12 @@ impl World {
         Self(Some(begin(&mut world)))
     }
 
-    /// Ends it as its user would; what it has said.
-    fn end(mut self) -> String {
+    /// Ends it as its user would.
+    fn end(mut self) {
         let child = self.0.take().unwrap();
         interrupt(&child);
         let ended = finish(child);
         assert!(ended.status.success(), "{}", said(&ended));
-        said(&ended)
     }
 }
 
@@ -87,8 +90,6 @@ fn settings(place: &Place, port: u16) -> Vec<String> {
         format!("rc_output.transmitter.device='{}'", place.path("radio").display()),
         format!("vehicle.fan.on_at={FAN:?}"),
         "flight.spool_up=0.2".to_owned(),
-        "flight.takeoff_speed=0.8".to_owned(),
-        "flight.landing_speed=0.6".to_owned(),
     ]
 }
 
@@ -97,11 +98,12 @@ fn look(place: &Place) -> Option<Snapshot> {
     serde_json::from_slice(&run.stdout).ok()
 }
 
-/// Waits for a moment of the flight's time.
-fn await_time(place: &Place, seconds: f64) {
-    until("the time", || {
-        look(place).filter(|snapshot| snapshot.time >= seconds)
-    });
+/// Asks now and then until the answer is good. Who asks is a process, and the flight needs the cores as well.
+fn ask<T>(what: &str, mut question: impl FnMut() -> Option<T>) -> T {
+    until(what, || {
+        std::thread::sleep(BETWEEN_QUESTIONS);
+        question()
+    })
 }
 
 fn part<'a>(truth: &'a Value, name: &str) -> &'a Value {
@@ -122,29 +124,21 @@ fn a_flight_whose_world_is_another_program_keeps_to_its_path_in_the_jet_of_a_fan
         &["--host", "realtime", "--out", "flight"],
     )));
     let orchestrator = flight.id();
-    until("the run", || look(&place));
-    until("arming", || {
-        place
-            .gerono(&["arm"])
-            .output()
-            .unwrap()
-            .status
-            .success()
-            .then_some(())
+    ask("arming", || {
+        let asked = place.gerono(&["arm"]).output().unwrap();
+        asked.status.success().then_some(())
     });
     let flies = |snapshot: &Snapshot| snapshot.phase.as_deref() == Some("fly");
-    until("the path", || look(&place).filter(flies));
-    await_time(&place, FAN + IN_THE_JET);
+    ask("the path", || look(&place).filter(flies));
+    ask("the time in the jet", || {
+        look(&place).filter(|snapshot| snapshot.time >= FAN + IN_THE_JET)
+    });
     assert!(look(&place).is_some_and(|snapshot| flies(&snapshot)));
     succeed(&mut place.gerono(&["stop"]));
     let flown = finish(flight);
     assert!(flown.status.success(), "{}", said(&flown));
     place.assert_nothing_is_left_of(orchestrator);
-    let told = world.end();
-    assert!(
-        told.contains("0 bytes of none, 0 times none for too long"),
-        "{told}"
-    );
+    world.end();
     assert!(!place.path("radio").exists());
 
     let compared = ["truth", "flight", "--world", "world", "--last", "6", "--json"];
@@ -192,10 +186,13 @@ fn assert_it_came_from_the_ground_and_returned(place: &Place) {
             .windows(2)
             .all(|pair| pair[0].header.seq < pair[1].header.seq)
     );
-    let [first, .., last] = frames.as_slice() else {
-        panic!()
-    };
-    assert!(first.failsafe.is_set() && last.failsafe.is_set());
+    let mut at_rest: Vec<_> = frames.iter().map(|frame| frame.failsafe.is_set()).collect();
+    at_rest.dedup();
+    assert_eq!(
+        at_rest,
+        [true, false, true],
+        "armed once, and not lost on the way"
+    );
 }
 
 #[test]
@@ -242,7 +239,7 @@ fn what_a_world_cannot_be_is_refused_with_the_fix() {
             2,
             "state `vrpn`, `natnet` or `vicon_udp`",
         ),
-        ("motion_capture.object='#7'", 1, "without a number"),
+        ("motion_capture.object='quad#7'", 1, "without a number"),
         (&occupied, 1, "as `port` one that is free"),
         (&device, 1, "give a path that is free"),
     ] {
