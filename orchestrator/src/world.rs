@@ -11,14 +11,17 @@
 //!
 //! * [`line`]: where frames arrive;
 //! * [`radio`]: what the newest of them that has reached the motors asks for;
+//! * [`onboard`]: what flies by it: the scenario's own rate loop, or [`betaflight`], a flight controller's real firmware;
 //! * [`cameras`]: poses, sent when a real system would have them ready;
 //! * [`record`]: what truly happened, on the disk.
 //!
 //! Failure policy: what cannot be had at the start is an error that names the fix. Later nothing is: who is not there is not
 //! heard, and a vehicle that has not heard its transmitter for [`radio::LOST_AFTER_NS`] lets its motors rest.
 
+pub mod betaflight;
 pub mod cameras;
 pub mod line;
+pub mod onboard;
 pub mod radio;
 pub mod record;
 mod vehicle;
@@ -29,8 +32,7 @@ use shared_types::scenario::Scenario;
 use shared_types::service::seconds;
 
 use self::cameras::Cameras;
-use self::line::Line;
-use self::radio::Radio;
+use self::onboard::{Heard, Onboard};
 use self::record::{Moment, Record};
 use self::vehicle::Vehicle;
 use crate::interrupt::Interrupt;
@@ -80,12 +82,8 @@ pub struct Report {
     pub lateness_ns: Histogram<u64>,
     /// Poses that were sent.
     pub poses: u64,
-    /// Frames that asked for something.
-    pub frames: u64,
-    /// Bytes that belonged to none.
-    pub skipped: u64,
-    /// How often frames stayed away for so long that the motors were let rest.
-    pub losses: u64,
+    /// What was heard on board.
+    pub heard: Heard,
     /// The signal that ended it, if one did.
     pub signal: Option<i32>,
 }
@@ -94,8 +92,7 @@ pub struct Report {
 pub struct World {
     clock: FlightClock,
     vehicle: Vehicle,
-    line: Line,
-    radio: Radio,
+    onboard: Onboard,
     cameras: Cameras,
     record: Record,
 }
@@ -108,16 +105,14 @@ impl World {
     pub fn new(
         scenario: &Scenario,
         clock: FlightClock,
-        line: Line,
-        radio: Radio,
+        onboard: Onboard,
         cameras: Cameras,
         record: Record,
     ) -> Result<Self, String> {
         Ok(Self {
             clock,
             vehicle: Vehicle::new(scenario)?,
-            line,
-            radio,
+            onboard,
             cameras,
             record,
         })
@@ -142,15 +137,13 @@ impl World {
             self.step(simulated, begins_ns);
             simulated += 1;
         }
-        let heard = self.radio.heard();
+        let heard = self.onboard.heard();
         self.record.finish()?;
         Ok(Report {
             ticks: simulated,
             lateness_ns,
             poses: self.cameras.sent(),
-            frames: heard.frames,
-            skipped: heard.skipped,
-            losses: self.radio.losses(),
+            heard,
             signal: interrupt.signal(),
         })
     }
@@ -159,9 +152,7 @@ impl World {
     fn attend_until(&mut self, at_ns: u64) {
         loop {
             let until_ns = at_ns.min(self.cameras.due_ns());
-            let radio = &mut self.radio;
-            self.line
-                .listen_until(until_ns, &mut |bytes, now_ns| radio.hear(bytes, now_ns));
+            self.onboard.listen_until(until_ns);
             self.cameras.send(monotonic_ns());
             if until_ns == at_ns {
                 return;
@@ -170,9 +161,10 @@ impl World {
     }
 
     fn step(&mut self, tick: u64, begins_ns: u64) {
-        let frame = self.radio.acting(begins_ns);
+        let frame = self.onboard.acting(begins_ns);
         let sees = self.cameras.see_at(tick);
         let (truth, pose) = self.vehicle.step(tick, self.clock.tick_ns, frame.as_ref(), sees);
+        self.onboard.feel(&truth);
         if let Some(pose) = &pose {
             self.cameras
                 .take(pose, self.clock.start_ns + pose.capture_time_ns);

@@ -23,6 +23,15 @@ pub struct World {
     /// frames, for which a command waits on average].
     #[arg(long, value_name = "S", value_parser = latency)]
     pub radio_latency: Option<f64>,
+    /// Let Betaflight, built for simulation, fly on board, by its simulator interface on the loopback; the flight's link goes to it.
+    #[arg(long)]
+    pub betaflight: bool,
+    /// Distance of a rotor from the centre, for Betaflight, m.
+    #[arg(long, value_name = "M", default_value_t = 0.1, value_parser = lever)]
+    pub rotor_arm: f64,
+    /// Torque about the vertical axis per thrust of a rotor, for Betaflight, m.
+    #[arg(long, value_name = "M", default_value_t = 0.03, value_parser = lever)]
+    pub rotor_torque: f64,
     /// For how long, s [default: until Ctrl-C].
     #[arg(long, value_name = "S", value_parser = span)]
     pub seconds: Option<f64>,
@@ -71,6 +80,10 @@ fn rate(text: &str) -> Result<f64, String> {
 
 fn latency(text: &str) -> Result<f64, String> {
     number_between(text, 0.0, 1.0, "s")
+}
+
+fn lever(text: &str) -> Result<f64, String> {
+    number_between(text, 0.001, 10.0, "m")
 }
 
 fn span(text: &str) -> Result<f64, String> {

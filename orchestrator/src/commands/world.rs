@@ -12,8 +12,10 @@ use crate::cli::World as Arguments;
 use crate::exit::Exit;
 use crate::interrupt::Interrupt;
 use crate::run_folder::RunFolder;
+use crate::world::betaflight::{Betaflight, Rotors};
 use crate::world::cameras::Cameras;
-use crate::world::line::Line;
+use crate::world::line::{Line, LineError};
+use crate::world::onboard::Onboard;
 use crate::world::radio::Radio;
 use crate::world::record::Record;
 use crate::world::{Report, Timing, World};
@@ -36,7 +38,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     };
     let trouble = |reason: &dyn std::fmt::Display| Failure::new(Exit::Trouble, reason);
     let cameras = cameras(&scenario, &timing)?;
-    let (line, radio) = receiver(&scenario, &timing)?;
+    let onboard = onboard(arguments, &scenario, &timing)?;
     let interrupt = Interrupt::install().map_err(|error| trouble(&error))?;
     let name = format!("{}-world", scenario_name(&arguments.scenario.scenario));
     let folder = RunFolder::create(arguments.out.as_deref(), &name)
@@ -44,10 +46,10 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     let unwritten = |error| Failure::new(Exit::NotWritten, error);
     let clock = FlightClock::starting_in(COUNTDOWN, nanoseconds(scenario.schedule.tick));
     let record = Record::begin(&folder, &scenario, clock.start_ns).map_err(unwritten)?;
-    let world = World::new(&scenario, clock, line, radio, cameras, record);
+    let world = World::new(&scenario, clock, onboard, cameras, record);
     let world = world.map_err(|error| Failure::new(Exit::BadInput, error))?;
     if !arguments.quiet {
-        print(introduction(&scenario, &timing));
+        print(introduction(arguments, &scenario, &timing));
     }
     let ticks = arguments
         .seconds
@@ -87,7 +89,17 @@ fn cameras(scenario: &Scenario, timing: &Timing) -> Result<Cameras, Failure> {
         .map_err(|error| Failure::new(Exit::Trouble, error))
 }
 
-fn receiver(scenario: &Scenario, timing: &Timing) -> Result<(Line, Radio), Failure> {
+fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Result<Onboard, Failure> {
+    let trouble = |error: LineError| Failure::new(Exit::Trouble, error);
+    if arguments.betaflight {
+        let rotors = Rotors {
+            arm: arguments.rotor_arm,
+            torque_per_thrust: arguments.rotor_torque,
+        };
+        let betaflight = Betaflight::open(scenario, rotors).map_err(trouble)?;
+        return Ok(Onboard::Betaflight(betaflight));
+    }
+
     let link = scenario.rc_output.as_ref();
     let stated = link.and_then(|link| Some((link, link.transmitter.as_ref()?)));
     let made = stated.and_then(|(link, transmitter)| {
@@ -103,15 +115,15 @@ fn receiver(scenario: &Scenario, timing: &Timing) -> Result<(Line, Radio), Failu
             "state `crsf`, `sbus`, `multi`, `msp` or `mavlink`",
         ));
     };
-    let line = Line::open(&target).map_err(|error| Failure::new(Exit::Trouble, error))?;
-    Ok((line, radio))
+    let line = Line::open(&target).map_err(trouble)?;
+    Ok(Onboard::RateLoop(line, radio))
 }
 
 fn refused(key: Key, reason: &str, fix: &str) -> Failure {
     Failure::new(Exit::BadInput, Problem::new(key, reason, fix))
 }
 
-fn introduction(scenario: &Scenario, timing: &Timing) -> String {
+fn introduction(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> String {
     let Timing {
         capture_rate,
         capture_latency,
@@ -119,12 +131,18 @@ fn introduction(scenario: &Scenario, timing: &Timing) -> String {
     } = timing;
     let system = scenario.capture_system().map_or("", |system| system.name());
     let link = scenario.radio_link().map_or("", |link| link.name());
+    let onboard = if arguments.betaflight {
+        "on board: Betaflight, by its simulator's UDP ports".to_owned()
+    } else {
+        format!(
+            "receiver: `{link}`, frames act {:.1} ms after their arrival",
+            1e3 * radio_latency
+        )
+    };
     format!(
-        "cameras: `{system}`, {capture_rate:.1} poses a second, {:.1} ms after their exposure\n\
-         receiver: `{link}`, frames act {:.1} ms after their arrival\n\
+        "cameras: `{system}`, {capture_rate:.1} poses a second, {:.1} ms after their exposure\n{onboard}\n\
          the world's time begins now; fly with the same settings, and end it with Ctrl-C\n",
         1e3 * capture_latency,
-        1e3 * radio_latency
     )
 }
 
@@ -135,9 +153,9 @@ fn conclusion(report: &Report, tick_ns: u64) -> String {
          ticks late by {:.3} ms (half of them), {:.3} ms (99 of 100), {:.3} ms at most\n",
         seconds(report.ticks * tick_ns),
         report.poses,
-        report.frames,
-        report.skipped,
-        report.losses,
+        report.heard.frames,
+        report.heard.skipped,
+        report.heard.losses,
         late(0.5),
         late(0.99),
         late(1.0)
