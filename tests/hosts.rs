@@ -5,12 +5,23 @@ mod allocations;
 mod common;
 
 use std::convert::Infallible;
+use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
-use orchestrator::log::LogDigest;
-use orchestrator::{scenario_file, services};
+use motion_capture::conventions::{Calibration, WorldPose};
+use motion_capture::natnet::Version;
+use motion_capture::sender::server::{Plan, Server};
+use nalgebra::{Matrix3, Vector3};
+use orchestrator::log::{CaptureFigures, LinkFigures, LogDigest};
+use orchestrator::{laboratory, scenario_file, services};
+use runtime::flight_clock::monotonic_ns;
 use runtime::in_process::{InProcess, TickSink};
-use shared_types::scenario::Scenario;
+use runtime::shared_page::SharedPage;
+use rustix::fd::OwnedFd;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use shared_types::scenario::{CaptureSystem, Scenario};
 use shared_types::{ServiceId, Topic};
 
 fn host(scenario: &Scenario) -> InProcess {
@@ -116,5 +127,112 @@ fn a_flight_allocates_nothing_in_any_step() {
         let mut host = host(&scenario);
         let count = allocations::allocations_during(|| host.fly(&mut Nowhere).unwrap());
         assert_eq!(count, 0);
+    }
+}
+
+/// A serial line, and the device that a transmitter opens.
+fn serial_line() -> (OwnedFd, String) {
+    let line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    grantpt(&line).unwrap();
+    unlockpt(&line).unwrap();
+    let device = ptsname(&line, Vec::new()).unwrap().into_string().unwrap();
+    (line, device)
+}
+
+/// A port that was free a moment ago.
+fn free_port() -> u16 {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.local_addr().unwrap().port()
+}
+
+/// A motion-capture system that sees a vehicle which moves a little, because what does not is frozen.
+struct CaptureServer {
+    server: Server,
+    calibration: Calibration,
+    number: u32,
+}
+
+impl CaptureServer {
+    fn open(system: CaptureSystem, port: u16) -> Self {
+        let at = |port| SocketAddrV4::new(Ipv4Addr::LOCALHOST, port);
+        // The others have but one.
+        let data_port = match system {
+            CaptureSystem::Natnet => free_port(),
+            _ => port,
+        };
+        let plan = Plan {
+            system,
+            at: at(port),
+            to: at(data_port),
+            version: Version { major: 4, minor: 1 },
+        };
+        Self {
+            server: Server::open(&plan).unwrap(),
+            calibration: Calibration::new(system, None, None),
+            number: 0,
+        }
+    }
+
+    fn send(&mut self) {
+        self.number += 1;
+        let pose = WorldPose {
+            position_world: Vector3::new(0.0, 0.0, -1e-9 * f64::from(self.number)),
+            world_from_body: Matrix3::identity(),
+        };
+        self.server.serve(&["quad"]);
+        let now_ns = monotonic_ns();
+        let bodies = [("quad", Some(self.calibration.capture_pose(&pose)))];
+        self.server.send(self.number, now_ns, now_ns, &bodies);
+    }
+}
+
+fn laboratory_of(system: &str, port: u16, device: &str) -> Scenario {
+    let sets = [
+        format!("estimator.source={system}"),
+        format!(
+            "motion_capture={{server = \"127.0.0.1\", port = {port}, object = \"quad\", rate = [20.0, 500.0]}}"
+        ),
+        format!("rc_output.transmitter={{device = \"{device}\", arming_channel = 5}}"),
+    ];
+    scenario_file::load(&common::scenario("laboratory"), &sets, None).unwrap()
+}
+
+/// Neither do those of the services that cameras and a radio are connected to, once they are.
+#[test]
+fn a_step_in_a_laboratory_allocates_nothing() {
+    for (name, system) in [
+        ("vicon_udp", CaptureSystem::ViconUdp),
+        ("vrpn", CaptureSystem::Vrpn),
+        ("natnet", CaptureSystem::Natnet),
+    ] {
+        let port = free_port();
+        let (_line, device) = serial_line();
+        let scenario = laboratory_of(name, port, &device);
+        let mut cameras = CaptureServer::open(system, port);
+        let page = Arc::new(SharedPage::create().unwrap());
+        let mut host = host(&scenario);
+        for service in [ServiceId::Plant, ServiceId::RcOutput] {
+            let plain = services::build(service, &scenario).unwrap();
+            host.replace(laboratory::equip(plain, &scenario, &page).unwrap());
+        }
+        page.words().start_ns.store(monotonic_ns(), Ordering::Release);
+        let mut allocations = 0;
+        let mut believed = 0;
+        for _ in 0..=host.schedule().last_tick() {
+            cameras.send();
+            let count = allocations::allocations_during(|| host.fly(&mut Stopping::default()).unwrap());
+            let figures: CaptureFigures = page.words().notices[ServiceId::Plant.index()].look();
+            if believed > 0 {
+                allocations += count;
+            }
+            believed = figures.believed;
+            if believed > 1000 {
+                break;
+            }
+        }
+        assert!(believed > 1000, "{name}: {believed}");
+        assert_eq!(allocations, 0, "{name}");
+        let link: LinkFigures = page.words().notices[ServiceId::RcOutput.index()].look();
+        assert!(link.sent > 0);
     }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command};
 
 use common::processes::signal;
-use common::{Place, begin, finish, succeed, until};
+use common::{Place, begin, finish, output, succeed, until};
 use orchestrator::log::LogReader;
 use rustix::process::Signal;
 
@@ -106,6 +106,26 @@ fn every_compression_carries_the_same_messages() {
         assert!(log(&place, &pair[0]) == log(&place, &pair[1]), "{compression}");
     }
     assert!(digests.iter().all(|digest| *digest == digests[0]), "{digests:?}");
+}
+
+#[test]
+fn a_log_that_is_forced_to_the_disk_holds_the_same_bytes() {
+    let place = Place::new();
+    let hosts = ["lockstep", "inprocess"];
+    for host in hosts {
+        let durable = ["--host", host, "--durable", "0.01"];
+        succeed(&mut place.short_flight(host, 3.0, &durable));
+    }
+    succeed(&mut place.short_flight("plain", 3.0, &["--host", "inprocess"]));
+    for host in hosts {
+        assert!(log(&place, host) == log(&place, "plain"), "{host}");
+    }
+    for period in ["0", "-1", "NaN", "soon"] {
+        let durable = format!("--durable={period}");
+        let refused = output(&mut place.short_flight("refused", 1.0, &[&durable]));
+        assert_eq!(refused.status.code(), Some(2), "{period}");
+        assert!(!place.path("refused").exists());
+    }
 }
 
 #[test]

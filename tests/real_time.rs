@@ -122,8 +122,11 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
         signal(pid, Signal::KILL);
         await_successor(orchestrator, service, pid);
     }
-    // A second or so later all is as before.
+    // Soon all is as before; on a machine in use, which keeps the services waiting too, a little later.
     place.await_log("out", place.log_bytes("out") + 500_000);
+    until("the vehicle on its path", || {
+        look(&place).filter(|snapshot| snapshot.position_error.is_some_and(|error| error < 0.1))
+    });
     signal(orchestrator, Signal::INT);
     let output = finish(child);
     assert_eq!(

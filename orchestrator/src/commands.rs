@@ -26,10 +26,12 @@ use serde::Serialize;
 use shared_types::Schedule;
 use shared_types::scenario::Scenario;
 
-use crate::cli::ScenarioArguments;
+use crate::cli::{RecordingArguments, ScenarioArguments};
 use crate::exit::Exit;
 use crate::flight;
-use crate::log::{LogReader, partial_path, recovered_path};
+use crate::host_record::HostRecord;
+use crate::log::{HostLogWriter, LogError, LogReader, partial_path, recovered_path};
+use crate::run_folder::RunFolder;
 use crate::scenario_file;
 
 /// What ends a command early: what to tell the user and the exit code.
@@ -56,6 +58,12 @@ fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
         report: error.into(),
         exit: Exit::BadInput,
     })
+}
+
+/// Begins the record of the machine's side of a run.
+fn host_record(folder: &RunFolder, recording: RecordingArguments) -> Result<HostRecord, LogError> {
+    let log = HostLogWriter::create(&folder.host_log(), recording.compression)?;
+    Ok(HostRecord::new(log.durable(recording.forcing_period())?))
 }
 
 /// When everybody steps in a flight of `scenario`.

@@ -3,7 +3,6 @@
 mod snapshots;
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
@@ -17,8 +16,8 @@ use crate::flight::crew::{Crew, CrewObserver, Rebirth};
 use crate::flight::real_time::StepObserver;
 use crate::host_record::snapshots::Snapshots;
 use crate::log::{
-    CaptureFigures, Compression, HostEvent, HostLogWriter, HostSample, LinkFigures, LogError, ServiceHealth,
-    ServiceStep, flight_start,
+    CaptureFigures, HostEvent, HostLogWriter, HostSample, LinkFigures, LogError, ServiceHealth, ServiceStep,
+    flight_start,
 };
 use crate::summary::timing::TimingReport;
 
@@ -37,20 +36,18 @@ pub struct HostRecord {
 }
 
 impl HostRecord {
-    /// Begins a record.
-    ///
-    /// # Errors
-    /// [`LogError`].
-    pub fn create(path: &Path, compression: Compression) -> Result<Self, LogError> {
-        Ok(Self {
-            log: HostLogWriter::create(path, compression)?,
+    /// Begins a record in a log.
+    #[must_use]
+    pub fn new(log: HostLogWriter) -> Self {
+        Self {
+            log,
             started: Instant::now(),
             flight_begins_ns: 0,
             failure: None,
             ends_written: 0,
             rebirths_written: 0,
             snapshots: Snapshots::new(),
-        })
+        }
     }
 
     /// Closes the record.

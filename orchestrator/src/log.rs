@@ -12,6 +12,7 @@
 
 mod csv;
 mod digest;
+mod durability;
 mod export;
 pub mod flight_start;
 mod framing;

@@ -224,16 +224,18 @@ pub fn replay(
     let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
     let not_again = replayed.iter().copied().find(seen);
     replayed.retain(|service| !seen(service));
+    let stations: Vec<_> = replayed.into_iter().map(station).collect::<Result<_, _>>()?;
+    let is_asked_for = |topic| stations.iter().any(|station| station.is_about(topic));
     let mut flight = Replay {
         not_again,
-        stations: replayed.into_iter().map(station).collect::<Result<_, _>>()?,
         source: Source {
             reader,
-            history: History::default(),
+            history: History::of(is_asked_for),
             read_until: 0,
             ends: None,
             breaks_off: false,
         },
+        stations,
         machine: Machine::beside(log, scope.first)?,
         starts: Vec::new(),
         ends_before: 0,

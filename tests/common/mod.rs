@@ -15,6 +15,9 @@ use tempfile::TempDir;
 /// No command of a test may take longer; a hang becomes a failure.
 const WATCHDOG: Duration = Duration::from_secs(120);
 
+/// Services whose orchestrator was killed are waited for so long before what they leave is left.
+const SWEEPING: Duration = Duration::from_secs(20);
+
 /// What makes of the first seconds of `fig3_6.toml` a flight in which everything happens that the rig knows.
 pub(crate) const ALL_OF_THE_RIG: [&str; 12] = [
     "vehicle.change=[{at = 0.4, mass = 0.23, center_of_mass = [0.003, 0.0, 0.002]}]",
@@ -155,6 +158,16 @@ impl Place {
         assert_eq!(self.leavings(), Vec::<String>::new());
         assert_eq!(processes::shared_memory_of(orchestrator), Vec::<PathBuf>::new());
         assert_eq!(processes::processes_of(orchestrator), Vec::new());
+    }
+}
+
+impl Drop for Place {
+    /// Sweeps up behind an orchestrator that was killed: once the folder is gone, nobody knows whose the shared memory was.
+    fn drop(&mut self) {
+        let deadline = Instant::now() + SWEEPING;
+        while !self.leavings().is_empty() && Instant::now() < deadline {
+            let _ = self.gerono(&["clean"]).output();
+        }
     }
 }
 

@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use runtime::crash::{Crash, CrashPlace};
 use shared_types::ServiceId;
 use shared_types::scenario::suggest::known_names;
 
-use super::values::value_between;
+use super::values::{number_between, value_between};
 use crate::flight::crew::restart::PerService;
 use crate::log::Compression;
 
@@ -37,15 +38,39 @@ pub struct Run {
     /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Compression of the logs' chunks.
-    #[arg(long, value_enum, default_value_t)]
-    pub compression: Compression,
+    /// How the logs are written.
+    #[command(flatten)]
+    pub recording: RecordingArguments,
     /// Say nothing unless something is wrong.
     #[arg(long, short)]
     pub quiet: bool,
     /// How the services use the machine.
     #[command(flatten)]
     pub deployment: DeploymentArguments,
+}
+
+/// How logs are written.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct RecordingArguments {
+    /// Compression of the logs' chunks.
+    #[arg(long, value_enum, default_value_t)]
+    pub compression: Compression,
+    /// Force the logs to the disk again and again, this long apart, in s; a power failure costs little more than that
+    /// [default: the system writes them when it likes].
+    #[arg(long, value_name = "S", value_parser = forcing_period)]
+    pub durable: Option<f64>,
+}
+
+impl RecordingArguments {
+    /// How long apart the logs are to be forced to the disk.
+    #[must_use]
+    pub fn forcing_period(self) -> Option<Duration> {
+        self.durable.map(Duration::from_secs_f64)
+    }
+}
+
+fn forcing_period(text: &str) -> Result<f64, String> {
+    number_between(text, 0.01, 3600.0, "s")
 }
 
 /// How the processes of a run use the machine. Nothing of it changes run.mcap.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::log::Compression;
+use super::flight::RecordingArguments;
 
 /// Arguments of the commands that ask something of a live run.
 #[derive(Debug, Args)]
@@ -23,9 +23,9 @@ pub struct Attach {
     /// Folder for the results; must be empty if it exists [default: the next free runs/attached-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Compression of the logs' chunks.
-    #[arg(long, value_enum, default_value_t)]
-    pub compression: Compression,
+    /// How the logs are written.
+    #[command(flatten)]
+    pub recording: RecordingArguments,
     /// Say nothing unless something is wrong.
     #[arg(long, short)]
     pub quiet: bool,

@@ -1,13 +1,12 @@
 //! `gerono attach`: takes over a flight in real time whose orchestrator has died.
 
-use super::Failure;
 use super::conclusion::Flown;
+use super::{Failure, host_record};
 use crate::cli::{Attach, Host};
 use crate::exit::Exit;
 use crate::flight::real_time::{self, Succession};
 use crate::flight::tape::Tape;
 use crate::flight::{Ending, Outcome};
-use crate::host_record::HostRecord;
 use crate::interrupt::Interrupt;
 use crate::live;
 use crate::log::{Manifest, RunLogWriter};
@@ -28,12 +27,12 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     let place = live::abandoned(arguments.run.run.as_deref()).map_err(|error| trouble(&error))?;
     // Before anything is taken over: without a place for the results the services go on alone.
     let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(|error| not_written(&error))?;
-    let mut record =
-        HostRecord::create(&folder.host_log(), arguments.compression).map_err(|error| not_written(&error))?;
+    let mut record = host_record(&folder, arguments.recording).map_err(|error| not_written(&error))?;
     let flight = Succession::prepare(&place).map_err(|error| trouble(&error))?;
     let scenario = flight.scenario().clone();
     let manifest = Manifest::new(&scenario);
-    let log = RunLogWriter::create(&folder.run_log(), &manifest, arguments.compression)
+    let log = RunLogWriter::create(&folder.run_log(), &manifest, arguments.recording.compression)
+        .and_then(|log| log.durable(arguments.recording.forcing_period()))
         .map_err(|error| not_written(&error))?
         .in_real_time(&manifest);
     let mut progress = Progress::new(flight.schedule(), NAME, arguments.quiet);

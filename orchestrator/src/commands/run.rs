@@ -7,14 +7,13 @@ use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 
 use super::conclusion::Flown;
-use super::{Failure, load, scenario_name, schedule_of};
+use super::{Failure, host_record, load, scenario_name, schedule_of};
 use crate::cli::{DeploymentArguments, Host, Run};
 use crate::exit::Exit;
 use crate::flight::crew::restart::{PerService, RestartPolicy};
 use crate::flight::deployment::{Deployment, Placement};
 use crate::flight::tape::Tape;
 use crate::flight::{self, Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
-use crate::host_record::HostRecord;
 use crate::interrupt::Interrupt;
 use crate::log::{Manifest, RunLogWriter};
 use crate::progress::Progress;
@@ -43,7 +42,8 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let folder = RunFolder::create(arguments.out.as_deref(), &name)
         .map_err(|error| Failure::new(Exit::NotWritten, error))?;
     let manifest = Manifest::new(&scenario);
-    let mut log = RunLogWriter::create(&folder.run_log(), &manifest, arguments.compression)
+    let mut log = RunLogWriter::create(&folder.run_log(), &manifest, arguments.recording.compression)
+        .and_then(|log| log.durable(arguments.recording.forcing_period()))
         .map_err(|error| Failure::new(Exit::NotWritten, error))?;
     if arguments.host == Host::Realtime {
         log = log.in_real_time(&manifest);
@@ -99,7 +99,7 @@ fn fly_processes(
     tape: &mut Tape<'_>,
     interrupt: &Interrupt,
 ) -> Result<Ending, FlightFailure> {
-    let mut record = HostRecord::create(&folder.host_log(), arguments.compression)?;
+    let mut record = host_record(folder, arguments.recording)?;
     let deployment = deployment(&arguments.deployment);
     let ending = if arguments.host == Host::Realtime {
         real_time::fly(scenario, &deployment, tape, interrupt, &mut record)?

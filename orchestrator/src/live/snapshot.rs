@@ -25,6 +25,10 @@ pub struct Snapshot {
     pub services: Vec<ServiceSnapshot>,
     /// From a capture to the frame that rests on it, in the last second.
     pub capture_to_frame: Option<Quantiles>,
+    /// How the cameras are, if there are real ones.
+    pub cameras: Option<CamerasSnapshot>,
+    /// How the radio link is, if there is a real one.
+    pub radio_link: Option<LinkSnapshot>,
     /// ‖z1‖, distance from the path's point, m; none while the law is not asked.
     pub position_error: Option<f64>,
     /// m̂, kg.
@@ -60,6 +64,34 @@ pub struct ServiceSnapshot {
     pub rebirths: u64,
     /// Its inputs.
     pub inputs: Vec<InputSnapshot>,
+}
+
+/// How the cameras of a laboratory are; counts are since the start of the process that listens to them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CamerasSnapshot {
+    /// Why they are not to be trusted; none if they are.
+    pub trouble: Option<String>,
+    /// Frames in the last whole second, Hz.
+    pub rate: f64,
+    /// Mean time from capture to arrival in that second, s.
+    pub latency: f64,
+    /// Standard deviation of the time between frames in that second, s.
+    pub jitter: f64,
+    /// Frames that told of the vehicle or could have.
+    pub frames: u64,
+    /// Those whose pose was believed.
+    pub believed: u64,
+}
+
+/// How the radio link of a laboratory is; counts are since the start of the process that drives it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LinkSnapshot {
+    /// Why no frame can leave; none if they do.
+    pub trouble: Option<String>,
+    /// Frames on their way.
+    pub sent: u64,
+    /// Frames that were dropped or left out.
+    pub lost: u64,
 }
 
 /// How old an input is.

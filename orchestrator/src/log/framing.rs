@@ -5,11 +5,14 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{McapError, McapResult, WriteOptions, Writer};
 use shared_types::sample::{Record, layout_hash, msg_definition};
+
+use super::durability::Durability;
 
 /// What precedes a sample's bytes in a message: CDR as of XCDR1, little-endian, no options.
 pub(super) const CDR_HEADER: [u8; 4] = [0, 1, 0, 0];
@@ -127,6 +130,8 @@ pub(super) struct McapFile {
     /// A message's bytes; kept to spare an allocation.
     payload: Vec<u8>,
     messages: u64,
+    /// `None` if the system writes to the disk when it likes.
+    durability: Option<Durability>,
 }
 
 impl McapFile {
@@ -177,7 +182,21 @@ impl McapFile {
             writer: Some(writer),
             payload: CDR_HEADER.to_vec(),
             messages: 0,
+            durability: None,
         })
+    }
+
+    /// Forces what has been handed to the system to the disk in every `period`.
+    pub(super) fn force_every(&mut self, period: Duration) -> Result<(), LogError> {
+        let partial = partial_path(&self.path);
+        // Through another descriptor of the same file: the library keeps its own.
+        let begun = File::open(&partial).and_then(|file| Durability::begin(period, move || file.sync_data()));
+        let durability = begun.map_err(|source| LogError::Create {
+            path: partial,
+            source,
+        })?;
+        self.durability = Some(durability);
+        Ok(())
     }
 
     /// Writes facts about the whole log.
@@ -262,15 +281,35 @@ impl McapFile {
 
     /// Closes the chunk and hands it to the system.
     pub(super) fn flush(&mut self) -> Result<(), LogError> {
+        if self.durability.as_ref().is_some_and(Durability::has_failed) {
+            self.end_durability()?;
+        }
         self.attempt(Writer::flush)
+    }
+
+    /// Forces the rest to the disk; a file of which that has failed takes no more.
+    fn end_durability(&mut self) -> Result<(), LogError> {
+        let result = self
+            .durability
+            .take()
+            .map_or(Ok(()), |mut durability| durability.end());
+        result.map_err(|source| {
+            self.abandon();
+            LogError::Write {
+                path: partial_path(&self.path),
+                source,
+            }
+        })
     }
 
     /// Writes index and end of the file and gives it its name.
     ///
-    /// It is not forced to the disk, which takes longer than many a flight. A reader recognises a file whose
-    /// end was lost to a power failure.
+    /// Unless it was asked for, it is not forced to the disk, which takes longer than many a flight. A reader recognises a file
+    /// whose end was lost to a power failure.
     pub(super) fn finish(mut self) -> Result<Written, LogError> {
         self.attempt(Writer::finish)?;
+        let is_durable = self.durability.is_some();
+        self.end_durability()?;
         let partial = partial_path(&self.path);
         let written = |source| LogError::Write {
             path: partial.clone(),
@@ -282,6 +321,12 @@ impl McapFile {
             path: self.path.clone(),
             source,
         })?;
+        if is_durable {
+            force_names(&self.path).map_err(|source| LogError::Write {
+                path: self.path.clone(),
+                source,
+            })?;
+        }
         Ok(Written {
             messages: self.messages,
             bytes,
@@ -320,6 +365,12 @@ impl Drop for McapFile {
     fn drop(&mut self) {
         self.abandon();
     }
+}
+
+/// Forces the names of a file's folder to the disk.
+fn force_names(path: &Path) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
 }
 
 /// The system's error, where there is one behind the library's.

@@ -12,7 +12,7 @@ use zerocopy::FromBytes;
 
 use super::framing::CDR_HEADER;
 use super::host_samples::{HostSample, LoggedCheckpoint, PieceByPiece, ServiceCheckpoint, ServiceStep};
-use super::records::{RawRecord, Records};
+use super::records::{self, RawRecord, Records};
 
 /// Why the record of the machine cannot be read on.
 #[derive(Debug, thiserror::Error)]
@@ -94,7 +94,7 @@ impl HostReader {
             if !matches!(self.record.opcode, op::CHANNEL | op::MESSAGE) {
                 continue;
             }
-            match mcap::parse_record(self.record.opcode, &self.record.body) {
+            match records::parse(self.record.opcode, &self.record.body) {
                 Ok(Record::Channel(channel)) => self.channels.declare(&channel),
                 Ok(Record::Message { header, data }) => match self.channels.take(header.channel_id, &data) {
                     Ok(None) => {}

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::Duration;
 
 use super::framing::{Compression, LogError, McapFile, Written};
 use super::host_samples::HostSample;
@@ -37,6 +38,17 @@ impl HostLogWriter {
             channels: BTreeMap::new(),
             flushed_ns: 0,
         })
+    }
+
+    /// Forces what is recorded to the disk in every `period`, if there is one: a power failure costs that and an eighth of a second.
+    ///
+    /// # Errors
+    /// [`LogError::Create`].
+    pub fn durable(mut self, period: Option<Duration>) -> Result<Self, LogError> {
+        if let Some(period) = period {
+            self.file.force_every(period)?;
+        }
+        Ok(self)
     }
 
     /// Writes facts about the whole run, such as the kind of the machine.

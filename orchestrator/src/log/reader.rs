@@ -13,7 +13,7 @@ use zerocopy::IntoBytes;
 
 use super::framing::{CDR_HEADER, LAYOUT_KEY};
 use super::manifest::{FORMAT_VERSION, Manifest, ManifestProblem};
-use super::records::{RawRecord, Records, is_message_index};
+use super::records::{self, RawRecord, Records, is_message_index};
 use super::recovery::Recovery;
 use super::view;
 
@@ -245,7 +245,7 @@ impl LogReader {
 
     /// Takes note of the channel or schema in `self.record`.
     fn take_declaration(&mut self) -> Result<(), LogReadError> {
-        match mcap::parse_record(self.record.opcode, &self.record.body) {
+        match records::parse(self.record.opcode, &self.record.body) {
             Ok(Record::Schema { header, .. }) => {
                 self.schemas.insert(header.id, header.name);
                 Ok(())
@@ -270,7 +270,7 @@ impl LogReader {
 
     /// Takes the sample out of the message in `self.record`.
     fn take_message(&mut self) -> Result<(Topic, Header), LogReadError> {
-        let (header, data) = match mcap::parse_record(op::MESSAGE, &self.record.body) {
+        let (header, data) = match records::parse(op::MESSAGE, &self.record.body) {
             Ok(Record::Message { header, data }) => (header, data),
             Ok(_) => return Err(self.damaged("a message is none".to_owned())),
             Err(error) => return Err(self.explain(error)),
@@ -342,7 +342,7 @@ fn read_manifest(
         if record.opcode == op::HEADER {
             continue;
         }
-        let metadata = match mcap::parse_record(record.opcode, &record.body) {
+        let metadata = match records::parse(record.opcode, &record.body) {
             Ok(Record::Metadata(metadata)) => metadata,
             Ok(_) => break,
             Err(error) => return Err(explain(path, error, 0, None)),

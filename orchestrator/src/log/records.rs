@@ -4,7 +4,7 @@ use std::io::{self, Read};
 
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use mcap::{McapError, McapResult, parse_record};
+use mcap::{McapError, McapResult};
 
 /// Length of what precedes every record: its kind and the length of the rest.
 pub(super) const FRAME_BYTES: usize = 1 + 8;
@@ -184,9 +184,21 @@ fn read_some(source: &mut impl Read, place: &mut [u8]) -> io::Result<usize> {
     }
 }
 
+/// What a record of a kind says. Of an attachment only that it is one: logs have none, and the library (0.26) believes their
+/// lengths and panics.
+pub(super) fn parse(opcode: u8, body: &[u8]) -> McapResult<Record<'_>> {
+    match opcode {
+        op::ATTACHMENT => Ok(Record::Unknown {
+            opcode,
+            data: body.into(),
+        }),
+        _ => mcap::parse_record(opcode, body),
+    }
+}
+
 /// Refuses a chunk whose content would have to be believed blindly; says how it is compressed.
 fn check_chunk(body: &[u8]) -> McapResult<String> {
-    let Record::Chunk { header, data } = parse_record(op::CHUNK, body)? else {
+    let Record::Chunk { header, data } = parse(op::CHUNK, body)? else {
         return Err(McapError::UnexpectedEoc);
     };
     if header.uncompressed_crc == 0 && header.uncompressed_size > 0 {

@@ -1,6 +1,7 @@
 //! Writes `run.mcap`: the log of the experiment, a function of scenario and seed alone.
 
 use std::path::Path;
+use std::time::Duration;
 
 use shared_types::service::header_of;
 use shared_types::wiring::TopicVisitor;
@@ -54,6 +55,17 @@ impl RunLogWriter {
         self.chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, REAL_TIME_CHUNK_SECONDS);
         self.next_chunk = self.chunk_ticks;
         self
+    }
+
+    /// Forces what is recorded to the disk in every `period`, if there is one: a power failure costs that and a chunk.
+    ///
+    /// # Errors
+    /// [`LogError::Create`].
+    pub fn durable(mut self, period: Option<Duration>) -> Result<Self, LogError> {
+        if let Some(period) = period {
+            self.file.force_every(period)?;
+        }
+        Ok(self)
     }
 
     /// Writes a sample of a topic. The caller keeps the order (tick, topic).
@@ -321,6 +333,38 @@ mod tests {
         );
         assert!(matches!(writer.finish(), Err(LogError::Closed { .. })));
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn what_cannot_be_forced_to_the_disk_is_reported_and_is_not_called_complete() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        // It takes everything, but there is no disk behind it.
+        symlink("/dev/null", partial_path(&path)).unwrap();
+        let manifest = Manifest::new(&scenario(0.01, 1.0));
+        for period in [Duration::from_millis(1), Duration::from_secs(3600)] {
+            let writer = RunLogWriter::create(&path, &manifest, Compression::None).unwrap();
+            let finished = writer.durable(Some(period)).unwrap().finish();
+            assert!(matches!(finished, Err(LogError::Write { .. })), "{finished:?}");
+            assert!(!path.exists());
+        }
+    }
+
+    #[test]
+    fn a_disk_that_fails_in_flight_is_reported_with_the_next_chunk() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        symlink("/dev/null", partial_path(&path)).unwrap();
+        let manifest = Manifest::new(&scenario(0.01, 1.0));
+        let writer = RunLogWriter::create(&path, &manifest, Compression::None).unwrap();
+        let mut writer = writer.durable(Some(Duration::from_millis(1))).unwrap();
+        let deadline = std::time::Instant::now() + Duration::from_secs(60);
+        let failure = (0..).find_map(|tick| {
+            assert!(std::time::Instant::now() < deadline, "it was never reported");
+            writer.end_tick(tick).err()
+        });
+        assert!(matches!(failure, Some(LogError::Write { .. })), "{failure:?}");
+        assert!(matches!(writer.finish(), Err(LogError::Closed { .. })));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The recorded samples around the tick that is replayed.
 
-use std::collections::BTreeMap;
+use std::collections::VecDeque;
 
 use runtime::owned_sample::OwnedSample;
 use shared_types::Topic;
@@ -10,35 +10,159 @@ use shared_types::service::header_of;
 pub(super) const KEPT: usize = 4096;
 
 /// Samples by topic and sequence number.
-#[derive(Default)]
 pub(super) struct History {
-    topics: [BTreeMap<u64, OwnedSample>; Topic::ALL.len()],
+    /// Of a topic that nobody asks for, none.
+    topics: [Option<Recorded>; Topic::ALL.len()],
     last_tick: Option<u64>,
 }
 
+/// The latest samples of a topic.
+#[derive(Default)]
+struct Recorded {
+    /// In the order of their sequence numbers.
+    samples: VecDeque<(u64, OwnedSample)>,
+    /// Places of forgotten ones.
+    free: Vec<OwnedSample>,
+}
+
 impl History {
+    /// A history of the topics of which `is_asked_for` says so.
+    pub(super) fn of(is_asked_for: impl Fn(Topic) -> bool) -> Self {
+        Self {
+            topics: Topic::ALL.map(|topic| is_asked_for(topic).then(Recorded::default)),
+            last_tick: None,
+        }
+    }
+
     pub(super) fn keep(&mut self, topic: Topic, bytes: &[u8]) {
         let header = header_of(bytes);
-        let sample = OwnedSample::copy_of(topic, bytes);
-        self.topics[topic.index()].insert(header.seq, sample);
         self.last_tick = self.last_tick.max(Some(header.tick));
+        if let Some(recorded) = &mut self.topics[topic.index()] {
+            recorded.keep(topic, header.seq, bytes);
+        }
     }
 
     /// The sample of a sequence number.
     pub(super) fn sample(&self, topic: Topic, seq: u64) -> Option<&[u8]> {
-        self.topics[topic.index()].get(&seq).map(OwnedSample::bytes)
+        self.topics[topic.index()].as_ref()?.sample(seq)
     }
 
-    /// Tick of the latest sample.
+    /// Tick of the latest sample, whatever its topic.
     pub(super) fn last_tick(&self) -> Option<u64> {
         self.last_tick
     }
 
     pub(super) fn forget_old(&mut self) {
-        for samples in &mut self.topics {
-            while samples.len() > KEPT {
-                samples.pop_first();
-            }
+        for recorded in self.topics.iter_mut().flatten() {
+            recorded.forget_old();
         }
+    }
+}
+
+impl Recorded {
+    fn keep(&mut self, topic: Topic, seq: u64, bytes: &[u8]) {
+        let mut sample = self.free.pop().unwrap_or_else(|| OwnedSample::of(topic));
+        sample.bytes_mut().copy_from_slice(bytes);
+        let is_newest = self.samples.back().is_none_or(|(newest, _)| *newest < seq);
+        if is_newest {
+            self.samples.push_back((seq, sample));
+            return;
+        }
+        match self.position(seq) {
+            Ok(position) => self.samples[position].1 = sample,
+            Err(position) => self.samples.insert(position, (seq, sample)),
+        }
+    }
+
+    fn sample(&self, seq: u64) -> Option<&[u8]> {
+        let (first, _) = self.samples.front()?;
+        let distance = usize::try_from(seq.checked_sub(*first)?).ok()?;
+        // Unless some are missing, it is as far behind the first as its number says.
+        let position = match self.samples.get(distance) {
+            Some((found, _)) if *found == seq => distance,
+            _ => self.position(seq).ok()?,
+        };
+        Some(self.samples[position].1.bytes())
+    }
+
+    /// Where a sequence number is, or would be.
+    fn position(&self, seq: u64) -> Result<usize, usize> {
+        self.samples.binary_search_by_key(&seq, |(kept, _)| *kept)
+    }
+
+    fn forget_old(&mut self) {
+        while self.samples.len() > KEPT
+            && let Some((_, sample)) = self.samples.pop_front()
+        {
+            self.free.push(sample);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use shared_types::samples::PathReference;
+    use shared_types::{Header, Sample};
+    use std::collections::BTreeMap;
+    use zerocopy::{FromZeros, IntoBytes};
+
+    fn sample(seq: u64, gamma: f64) -> PathReference {
+        PathReference {
+            header: Header {
+                seq,
+                tick: seq,
+                ..Header::new_zeroed()
+            },
+            gamma,
+            ..PathReference::new_zeroed()
+        }
+    }
+
+    proptest! {
+        /// In whatever order they come, whichever are missing and however often one comes: the newest of a number is found.
+        #[test]
+        fn samples_are_found_by_their_numbers(
+            numbers in proptest::collection::vec(0..60u64, 0..120),
+            start in 0..10_000u64,
+        ) {
+            let topic = PathReference::TOPIC;
+            let mut history = History::of(|asked| asked == topic);
+            let mut model = BTreeMap::new();
+            for (at, number) in numbers.iter().enumerate() {
+                let sample = sample(start + number, at as f64);
+                history.keep(topic, sample.as_bytes());
+                model.insert(start + number, sample);
+            }
+            for seq in start.saturating_sub(2)..start + 62 {
+                let expected = model.get(&seq).map(IntoBytes::as_bytes);
+                prop_assert_eq!(history.sample(topic, seq), expected);
+            }
+            prop_assert_eq!(history.last_tick(), model.keys().next_back().copied());
+        }
+    }
+
+    #[test]
+    fn the_latest_are_kept_and_none_of_what_nobody_asks_for() {
+        let topic = PathReference::TOPIC;
+        let mut history = History::of(|asked| asked == topic);
+        let mut blind = History::of(|asked| asked != topic);
+        let count = KEPT as u64 + 10;
+        for seq in 0..count {
+            let sample = sample(seq, seq as f64);
+            history.keep(topic, sample.as_bytes());
+            history.forget_old();
+            blind.keep(topic, sample.as_bytes());
+        }
+        assert_eq!(history.sample(topic, 9), None);
+        for seq in [10, 11, count - 1] {
+            assert_eq!(
+                history.sample(topic, seq),
+                Some(sample(seq, seq as f64).as_bytes())
+            );
+        }
+        assert_eq!(blind.sample(topic, count - 1), None);
+        assert_eq!(blind.last_tick(), Some(count - 1));
     }
 }

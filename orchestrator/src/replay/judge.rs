@@ -126,7 +126,7 @@ mod tests {
 
     /// Compared, unrecorded and different samples of a tick with such steps, of which `recorded` was.
     fn judged(recorded: Option<f64>, steps: &[(f64, bool)]) -> (u64, u64, u64) {
-        let mut history = History::default();
+        let mut history = History::of(|_| true);
         if let Some(gamma) = recorded {
             history.keep(PathReference::TOPIC, sample(gamma).as_bytes());
         }

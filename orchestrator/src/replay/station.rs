@@ -4,7 +4,7 @@ use runtime::edge_store::EdgeStore;
 use runtime::step::{Timetable, Views};
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::{InputView, header_of};
-use shared_types::{Now, Schedule, ServiceId};
+use shared_types::{Now, Schedule, ServiceId, Topic};
 
 use super::ReplayError;
 use super::checkpoints::RecordedCheckpoints;
@@ -85,6 +85,13 @@ impl Station {
 
     pub(super) fn service(&self) -> ServiceId {
         self.timetable.service
+    }
+
+    /// Whether the service sees or publishes samples of a topic.
+    pub(super) fn is_about(&self, topic: Topic) -> bool {
+        let mut inputs = self.timetable.inputs.iter();
+        let mut outputs = self.timetable.outputs.iter();
+        inputs.any(|edge| edge.topic == topic) || outputs.any(|output| output.topic == topic)
     }
 
     /// The tick of the first step that it may do.

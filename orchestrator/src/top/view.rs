@@ -4,6 +4,7 @@
 //! the flight, the services and the keys stay.
 
 mod help;
+mod laboratory;
 mod services;
 mod trends;
 
@@ -81,11 +82,15 @@ impl View<'_> {
 
     fn draw(&self, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
         let table = ServiceTable::new(&snapshot.services, self.controls.selected(), area.width);
-        let rows = Rows::within(area, table.height());
+        let laboratory = laboratory::line(snapshot, area.width);
+        let rows = Rows::within(area, table.height(), laboratory.is_some());
         self.title(&snapshot.scenario, area.width)
             .render(rows.title, buffer);
         fitting(status(snapshot), area.width).render(rows.status, buffer);
         fitting(capture_to_frame(snapshot), area.width).render(rows.chain, buffer);
+        if let Some(parts) = laboratory {
+            fitting(parts, area.width).render(rows.laboratory, buffer);
+        }
         table.draw(rows.services, buffer);
         services::inputs(&snapshot.services, self.controls.selected()).render(rows.inputs, buffer);
         trends::draw(self.history, rows.trends, buffer);
@@ -154,6 +159,7 @@ struct Rows {
     title: Rect,
     status: Rect,
     chain: Rect,
+    laboratory: Rect,
     services: Rect,
     inputs: Rect,
     trends: Rect,
@@ -163,7 +169,7 @@ struct Rows {
 
 impl Rows {
     /// What matters most takes its rows first.
-    fn within(area: Rect, table: u16) -> Self {
+    fn within(area: Rect, table: u16, has_laboratory: bool) -> Self {
         let mut left = area.height;
         let mut take = |wanted: u16| {
             let given = wanted.min(left);
@@ -171,6 +177,7 @@ impl Rows {
             Constraint::Length(given)
         };
         let [keys, status] = [take(1), take(1)];
+        let laboratory = take(u16::from(has_laboratory));
         let services = take(table);
         let [title, chain, inputs] = [take(1), take(1), take(1)];
         let trends = if left < trends::height(1) {
@@ -182,18 +189,29 @@ impl Rows {
             title,
             status,
             chain,
+            laboratory,
             services,
             inputs,
             Constraint::Length(trends),
             Constraint::Fill(1),
             keys,
         ];
-        let [title, status, chain, services, inputs, trends, events, keys] =
-            Layout::vertical(parts).areas(area);
+        let [
+            title,
+            status,
+            chain,
+            laboratory,
+            services,
+            inputs,
+            trends,
+            events,
+            keys,
+        ] = Layout::vertical(parts).areas(area);
         Self {
             title,
             status,
             chain,
+            laboratory,
             services,
             inputs,
             trends,

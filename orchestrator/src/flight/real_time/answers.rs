@@ -112,11 +112,14 @@ impl Flight<'_> {
 
     fn snapshot(&self) -> Snapshot {
         let planned = self.schedule.operator().at(self.clock.tick());
-        let Operator { armed, land, killed } = self.crew.page().words().operator(planned);
+        let words = self.crew.page().words();
+        let Operator { armed, land, killed } = words.operator(planned);
+        let elapsed_ns = self.clock.elapsed_ns();
+        let (radio_link, cameras) = self.laboratory.snapshot(words, elapsed_ns);
         let adaptation = self.recorder.newest::<ControlAdaptation>();
         Snapshot {
             scenario: self.scenario.description.clone(),
-            time: seconds(self.clock.elapsed_ns()),
+            time: seconds(elapsed_ns),
             duration: seconds(self.schedule.time_ns(self.schedule.last_tick())),
             phase: self.phase().map(|phase| phase.name().to_owned()),
             armed,
@@ -124,6 +127,8 @@ impl Flight<'_> {
             killed,
             services: self.services(),
             capture_to_frame: self.monitor.capture_to_frame(),
+            cameras,
+            radio_link,
             position_error: self
                 .recorder
                 .newest::<ControlErrors>()

@@ -5,6 +5,7 @@ use shared_types::ServiceId;
 use shared_types::scenario::{CaptureSystem, MotionCapture, RadioProtocol, Scenario};
 use shared_types::service::seconds;
 
+use crate::live::snapshot::{CamerasSnapshot, LinkSnapshot};
 use crate::log::{CaptureFigures, LinkFigures};
 use crate::summary::laboratory::LaboratoryReport;
 
@@ -45,6 +46,30 @@ impl<'a> Laboratory<'a> {
     pub fn link(&self, words: &Words) -> Option<LinkFigures> {
         let notice = &words.notices[ServiceId::RcOutput.index()];
         self.link.map(|_| notice.look())
+    }
+
+    /// How link and cameras are so long after the start of the flight, for people who look.
+    #[must_use]
+    pub fn snapshot(
+        &self,
+        words: &Words,
+        elapsed_ns: u64,
+    ) -> (Option<LinkSnapshot>, Option<CamerasSnapshot>) {
+        let [link_trouble, cameras_trouble] = self.troubles(words, elapsed_ns);
+        let link = self.link(words).map(|figures| LinkSnapshot {
+            trouble: link_trouble,
+            sent: figures.sent,
+            lost: figures.dropped + figures.left_out,
+        });
+        let cameras = self.capture(words).map(|figures| CamerasSnapshot {
+            trouble: cameras_trouble,
+            rate: figures.rate,
+            latency: figures.latency,
+            jitter: figures.jitter,
+            frames: figures.frames,
+            believed: figures.believed,
+        });
+        (link, cameras)
     }
 
     /// For the summary; none where there is no laboratory.
@@ -187,6 +212,22 @@ mod tests {
         let lost = news(LinkFigures::STATE_LOST);
         assert!(lost.len() == 1 && lost[0].contains("`crsf` is lost"), "{lost:?}");
         assert_eq!(news(LinkFigures::STATE_OPEN), WELL[..1]);
+    }
+
+    #[test]
+    fn who_looks_sees_how_both_are() {
+        let stated = stated();
+        let words = told(&good(), LinkFigures::STATE_LOST);
+        let (link, cameras) = laboratory(&stated).snapshot(&words, NOW_NS);
+        assert!(link.unwrap().trouble.unwrap().contains("`crsf` is lost"));
+        let cameras = cameras.unwrap();
+        assert_eq!((cameras.trouble, cameras.rate), (None, 100.0));
+        let nothing = Laboratory {
+            cameras: None,
+            link: None,
+            were_well: [None; 2],
+        };
+        assert_eq!(nothing.snapshot(&words, NOW_NS), (None, None));
     }
 
     #[test]

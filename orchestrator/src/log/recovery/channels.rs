@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use mcap::parse_record;
 use mcap::records::{MessageHeader, Record, op};
 use shared_types::sample::{Record as SampleRecord, layout_hash, msg_definition};
 use shared_types::service::header_of;
@@ -11,6 +10,7 @@ use shared_types::{Sample, Topic};
 
 use super::scan::Chunk;
 use crate::log::framing::{CDR_HEADER, LAYOUT_KEY};
+use crate::log::records;
 use crate::log::{
     CaptureFigures, HostEvent, HostSample, LinkFigures, ServiceCheckpoint, ServiceHealth, ServiceStep,
 };
@@ -122,7 +122,7 @@ impl<'a> Channels<'a> {
     ) -> Result<u64, E> {
         let mut strange = 0;
         for (opcode, body) in chunk.records() {
-            match parse_record(opcode, body) {
+            match records::parse(opcode, body) {
                 Ok(Record::Schema { header, .. }) => {
                     self.schemas.insert(header.id, header.name);
                 }

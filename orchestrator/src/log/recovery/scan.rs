@@ -9,10 +9,9 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-use mcap::parse_record;
 use mcap::records::{ChunkHeader, Metadata, Record, op};
 
-use crate::log::records::{ChunkRecords, FRAME_BYTES, RECORD_BYTES_MAX, RawRecord, is_message_index};
+use crate::log::records::{self, ChunkRecords, FRAME_BYTES, RECORD_BYTES_MAX, RawRecord, is_message_index};
 
 /// Length of the header of a chunk that is not compressed.
 const PLAIN_HEADER_BYTES: u64 = 8 + 8 + 8 + 4 + 4 + 8;
@@ -87,7 +86,7 @@ impl Chunk {
             let (opcode, length) = frame_of(*frame);
             let is_expected = matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE);
             let body = usize::try_from(length).ok().and_then(|length| rest.get(..length));
-            let Some(body) = body.filter(|body| is_expected && parse_record(opcode, body).is_ok()) else {
+            let Some(body) = body.filter(|body| is_expected && records::parse(opcode, body).is_ok()) else {
                 break;
             };
             chunk.push(opcode, body);
@@ -189,7 +188,7 @@ impl Scan {
         if frame_of(*frame) != (op::FOOTER, FOOTER_BYTES) || !tail.ends_with(mcap::MAGIC) {
             return Ok(None);
         }
-        let Ok(Record::Footer(footer)) = parse_record(op::FOOTER, &body[..FOOTER_BYTES as usize]) else {
+        let Ok(Record::Footer(footer)) = records::parse(op::FOOTER, &body[..FOOTER_BYTES as usize]) else {
             return Ok(None);
         };
         let data_end_bytes = FRAME_BYTES as u64 + DATA_END_BYTES;
@@ -366,7 +365,7 @@ fn metadata(body: &[u8]) -> Option<Metadata> {
     while !pairs.is_empty() {
         pairs = skip_texts(pairs, 2)?;
     }
-    match parse_record(op::METADATA, body) {
+    match records::parse(op::METADATA, body) {
         Ok(Record::Metadata(metadata)) => Some(metadata),
         _ => None,
     }

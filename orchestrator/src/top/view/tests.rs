@@ -4,7 +4,7 @@ use ratatui::backend::TestBackend;
 
 use super::super::keys::Key;
 use super::*;
-use crate::live::snapshot::{InputSnapshot, LiveEvent, ServiceSnapshot};
+use crate::live::snapshot::{CamerasSnapshot, InputSnapshot, LinkSnapshot, LiveEvent, ServiceSnapshot};
 use crate::summary::timing::Quantiles;
 
 const DOCUMENT: &str = include_str!("../../../../docs/top.md");
@@ -80,6 +80,8 @@ fn snapshot(time: f64) -> Snapshot {
         killed: false,
         services,
         capture_to_frame: times(58e-6, 140e-6, 1.9e-3),
+        cameras: None,
+        radio_link: None,
         position_error: Some(0.0167 + 0.5 / (1.0 + time * time)),
         mass_estimate: Some(0.2 + 0.01 / (1.0 + time)),
         disturbance_estimate: (time > 20.0).then_some(0.3742),
@@ -144,6 +146,49 @@ fn the_view_in_the_documentation_is_the_one_of_80_by_24() {
         shown == drawn,
         "docs/top.md is out of date; it should show\n\n{drawn}\n"
     );
+}
+
+#[test]
+fn what_is_in_a_laboratory_has_a_line_and_what_is_the_matter_comes_first() {
+    let drawn = |cameras: Option<CamerasSnapshot>| {
+        let snapshot = Snapshot {
+            cameras,
+            radio_link: Some(LinkSnapshot {
+                trouble: None,
+                sent: 812,
+                lost: 3,
+            }),
+            ..snapshot(45.0)
+        };
+        let view = View {
+            run: "4711-0",
+            snapshot: Some(&snapshot),
+            history: &History::default(),
+            controls: &selecting(3),
+            silence: None,
+        };
+        view.without_keys(80).lines().nth(3).unwrap().to_owned()
+    };
+    let cameras = CamerasSnapshot {
+        rate: 99.96,
+        latency: 4.2e-3,
+        jitter: 310e-6,
+        frames: 9012,
+        believed: 9000,
+        trouble: None,
+    };
+    let well = drawn(Some(cameras.clone()));
+    assert_eq!(
+        well,
+        "cameras 100.0 Hz, 4.2ms old ±310µs, 9000 of 9012 believed  link 812 sent, 3 lost"
+    );
+    let trouble = "the last pose of `quad` that can be believed is 2.0 s old".to_owned();
+    let blind = drawn(Some(CamerasSnapshot {
+        trouble: Some(trouble.clone()),
+        ..cameras
+    }));
+    assert!(blind.starts_with(&trouble), "{blind}");
+    assert_eq!(drawn(None), "link 812 sent, 3 lost");
 }
 
 #[test]
