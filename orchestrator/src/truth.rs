@@ -174,7 +174,7 @@ impl Flown {
             .filter(|reference| reference.phase == PathReference::PHASE_FLY)
             .map(|reference| reference.reference_time_ns);
         let first = on_path.next();
-        let on_path = first.map(|first| [first, on_path.last().unwrap_or(first)]);
+        let on_path = first.map(|first| [first, on_path.next_back().unwrap_or(first)]);
         Ok(Self {
             on_path: on_path.ok_or_else(|| TruthError::NeverFlew(flight.to_owned()))?,
             references,

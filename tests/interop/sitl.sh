@@ -67,6 +67,7 @@ world=$!
 (cd controller && exec "$sitl" >second.log 2>&1) &
 controller=$!
 python3 "$here/sitl_settings.py" 127.0.0.1 5761
+python3 "$here/sitl_ready.py" 127.0.0.1 5761
 "$GERONO" run "$scenario" --host realtime --out "$work/flight" >flight.txt 2>&1 &
 flight=$!
 patience=60

@@ -116,7 +116,7 @@ fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Resul
         ));
     };
     let line = Line::open(&target).map_err(trouble)?;
-    Ok(Onboard::RateLoop(line, radio))
+    Ok(Onboard::RateLoop(line, Box::new(radio)))
 }
 
 fn refused(key: Key, reason: &str, fix: &str) -> Failure {

@@ -218,7 +218,7 @@ mod tests {
         let give_up_ns = monotonic_ns() + 10_000_000_000;
         while heard.len() < count && monotonic_ns() < give_up_ns {
             line.listen_until(monotonic_ns() + 1_000_000, &mut |bytes, _| {
-                heard.extend_from_slice(bytes)
+                heard.extend_from_slice(bytes);
             });
         }
         heard

@@ -10,7 +10,7 @@ use super::radio::Radio;
 #[derive(Debug)]
 pub enum Onboard {
     /// The scenario's own rate loop, behind a receiver.
-    RateLoop(Line, Radio),
+    RateLoop(Line, Box<Radio>),
     /// Betaflight, which has the receiver, in a process of its own.
     Betaflight(Betaflight),
 }
