@@ -192,7 +192,8 @@ impl Scan {
             return Ok(None);
         };
         let data_end_bytes = FRAME_BYTES as u64 + DATA_END_BYTES;
-        let Some(at) = footer.summary_start.checked_sub(data_end_bytes) else {
+        let stated = footer.summary_start.checked_sub(data_end_bytes);
+        let Some(at) = stated.filter(|&at| at < footer_at) else {
             return Ok(None);
         };
         Ok((self.frame_at(at)? == Some((op::DATA_END, DATA_END_BYTES))).then_some(at))
