@@ -112,49 +112,18 @@ pub fn compare(flight: &Path, world: Option<&Path>, last: f64) -> Result<Truth, 
         Some(world) => Shift(start_of(flight)?.wrapping_sub(start_of(world)?).cast_signed()),
     };
     let truth = LogReader::open(world.unwrap_or(flight))?;
-    let scenario = truth.manifest().scenario.clone();
     let [begin, end] = flown.on_path.map(|time| shift.of_flight(time));
-    let mut parts = parts(&scenario, [begin, end], last);
+    let mut parts = parts(&truth.manifest().scenario, [begin, end], last);
     let averaged = [end.saturating_sub(nanoseconds(AVERAGED)).max(begin), end];
-
-    let curve = Curve::new(&scenario.path.curve)?;
-    let mut clock = PathClock::default();
-    flown
-        .references
-        .iter()
-        .for_each(|reference| clock.observe(reference));
-    let mut disturbance: [Statistics; 3] = Default::default();
-    for sample in truth.samples::<VehicleTruth>() {
-        let truth = sample?;
-        let at = truth.header.stamp_ns;
-        let Some(demand) = shift.of_truth(at).and_then(|time| clock.at(time)) else {
-            continue;
-        };
-        let p = Vector3::from(truth.position_world);
-        let error = (p - curve.at(demand.gamma).position).norm();
-        for (_, span, statistics) in &mut parts {
-            if is_within(span, at) {
-                statistics.add(error);
-            }
-        }
-        if is_within(&averaged, at) {
-            add_each(&mut disturbance, &truth.disturbance_world);
-        }
-    }
-    parts.retain(|(_, _, statistics)| statistics.count() > 0);
+    let disturbance = flown.judge(truth, shift, &averaged, &mut parts)?;
+    parts.retain(|(_, _, error)| error.count() > 0);
     if parts.is_empty() {
         return Err(TruthError::NoTruth(world.unwrap_or(flight).to_owned()));
     }
-    let mut estimate: [Statistics; 3] = Default::default();
-    for adaptation in &flown.adaptations {
-        if is_within(&averaged, shift.of_flight(adaptation.header.stamp_ns)) {
-            add_each(&mut estimate, &adaptation.disturbance_projected_world);
-        }
-    }
     Ok(Truth {
         parts: parts.iter().map(Part::of).collect(),
-        disturbance: disturbance.map(|component| component.mean()),
-        disturbance_estimate: estimate.map(|component| component.mean()),
+        disturbance,
+        disturbance_estimate: flown.estimate(shift, &averaged),
     })
 }
 
@@ -180,6 +149,49 @@ impl Flown {
             references,
             adaptations,
         })
+    }
+
+    /// Adds the distances from the path to those parts that they belong to; the mean of the true disturbance in a span.
+    fn judge(
+        &self,
+        truth: LogReader,
+        shift: Shift,
+        averaged: &Span,
+        parts: &mut [(&'static str, Span, Statistics)],
+    ) -> Result<[f64; 3], TruthError> {
+        let curve = Curve::new(&truth.manifest().scenario.path.curve)?;
+        let mut clock = PathClock::default();
+        self.references
+            .iter()
+            .for_each(|reference| clock.observe(reference));
+        let mut disturbance: [Statistics; 3] = Default::default();
+        for sample in truth.samples::<VehicleTruth>() {
+            let truth = sample?;
+            let at = truth.header.stamp_ns;
+            let Some(demand) = shift.of_truth(at).and_then(|time| clock.at(time)) else {
+                continue;
+            };
+            let p = Vector3::from(truth.position_world);
+            let error = (p - curve.at(demand.gamma).position).norm();
+            for (_, _, statistics) in parts.iter_mut().filter(|(_, span, _)| is_within(span, at)) {
+                statistics.add(error);
+            }
+            if is_within(averaged, at) {
+                add_each(&mut disturbance, &truth.disturbance_world);
+            }
+        }
+        Ok(disturbance.map(|component| component.mean()))
+    }
+
+    /// Mean of π(b̂) in a span, in {I}, m/s².
+    fn estimate(&self, shift: Shift, averaged: &Span) -> [f64; 3] {
+        let mut estimate: [Statistics; 3] = Default::default();
+        for adaptation in &self.adaptations {
+            if is_within(averaged, shift.of_flight(adaptation.header.stamp_ns)) {
+                add_each(&mut estimate, &adaptation.disturbance_projected_world);
+            }
+        }
+        estimate.map(|component| component.mean())
     }
 }
 
@@ -230,5 +242,54 @@ fn is_within([from, to]: &Span, at: u64) -> bool {
 fn add_each(statistics: &mut [Statistics; 3], values: &[f64; 3]) {
     for (statistics, value) in statistics.iter_mut().zip(values) {
         statistics.add(*value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reproduce::flight::Source;
+
+    fn spans(on_path: [f64; 2], last: f64) -> Vec<(&'static str, [f64; 2])> {
+        let scenario = Source::FIG7.load(&[], 1).unwrap();
+        parts(&scenario, on_path.map(nanoseconds), last)
+            .into_iter()
+            .map(|(name, span, _)| (name, span.map(seconds)))
+            .collect()
+    }
+
+    #[test]
+    fn parts_lie_around_the_fan_and_at_the_end() {
+        assert_eq!(
+            spans([9.0, 81.5], 20.0),
+            [
+                ("before", [25.0, 30.0]),
+                ("after", [30.0, 61.5]),
+                ("last", [61.5, 81.5]),
+                ("all", [9.0, 81.5]),
+            ]
+        );
+    }
+
+    #[test]
+    fn a_flight_that_ends_before_the_fan_or_begins_with_it_has_no_parts_around_it() {
+        assert_eq!(
+            spans([9.0, 29.0], 5.0),
+            [("last", [24.0, 29.0]), ("all", [9.0, 29.0])]
+        );
+        assert_eq!(
+            spans([9.0, 29.0], 50.0),
+            [("last", [9.0, 29.0]), ("all", [9.0, 29.0])]
+        );
+        assert_eq!(spans([28.0, 33.0], 1.0)[0], ("before", [28.0, 30.0]));
+    }
+
+    #[test]
+    fn a_world_that_began_earlier_is_further_on() {
+        let shift = Shift(nanoseconds(1.5).cast_signed());
+        assert_eq!(shift.of_flight(nanoseconds(2.0)), nanoseconds(3.5));
+        assert_eq!(shift.of_truth(nanoseconds(3.5)), Some(nanoseconds(2.0)));
+        assert_eq!(shift.of_truth(nanoseconds(1.0)), None, "before the flight");
+        assert_eq!(Shift(-1_500_000_000).of_flight(nanoseconds(1.0)), 0);
     }
 }

@@ -9,7 +9,7 @@
 //! Nothing of it is shared with the flight but the scenario. It simulates the same plant, by the system's clock: tick k begins
 //! k·h after the first, and what has not arrived by then does not act in it.
 //!
-//! * [`line`]: where frames arrive;
+//! * [`mod@line`]: where frames arrive;
 //! * [`radio`]: what the newest of them that has reached the motors asks for;
 //! * [`onboard`]: what flies by it: the scenario's own rate loop, or [`betaflight`], a flight controller's real firmware;
 //! * [`cameras`]: poses, sent when a real system would have them ready;

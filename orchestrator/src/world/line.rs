@@ -23,7 +23,10 @@ const PIECE: usize = 4096;
 #[derive(Debug, thiserror::Error)]
 pub enum LineError {
     /// There is something already where the device should be.
-    #[error("there is something at {} already; give a path that is free as `rc_output.transmitter.device`", .0.display())]
+    #[error(
+        "there is something at {} already; give a path that is free as `rc_output.transmitter.device`, or remove what a world \
+         that was killed has left", .0.display()
+    )]
     Taken(PathBuf),
     /// The name of the device cannot be made.
     #[error("cannot make the device {}: {reason}; give a path in a folder of yours as `rc_output.transmitter.device`", .path.display())]
@@ -99,22 +102,21 @@ impl Line {
                 return;
             }
             let patience = deadline(until_ns - now_ns);
-            let mut waited: Vec<_> = self
-                .descriptors()
-                .into_iter()
-                .flatten()
-                .map(|descriptor| PollFd::from_borrowed_fd(descriptor, PollFlags::IN))
-                .collect();
+            let (first, second) = self.descriptors();
+            let waits_for = |descriptor| PollFd::from_borrowed_fd(descriptor, PollFlags::IN);
             // Whatever ends the wait, what has arrived is looked for next.
-            let _ended = poll(&mut waited, Some(&patience));
+            let _ended = match second {
+                None => poll(&mut [waits_for(first)], Some(&patience)),
+                Some(second) => poll(&mut [waits_for(first), waits_for(second)], Some(&patience)),
+            };
         }
     }
 
-    fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2] {
+    fn descriptors(&self) -> (BorrowedFd<'_>, Option<BorrowedFd<'_>>) {
         match self {
-            Self::Serial(serial) => [Some(serial.receiver.as_fd()), None],
-            Self::Tcp(listener, client) => [Some(listener.as_fd()), client.as_ref().map(AsFd::as_fd)],
-            Self::Udp(socket) => [Some(socket.as_fd()), None],
+            Self::Serial(serial) => (serial.receiver.as_fd(), None),
+            Self::Tcp(listener, client) => (listener.as_fd(), client.as_ref().map(AsFd::as_fd)),
+            Self::Udp(socket) => (socket.as_fd(), None),
         }
     }
 
