@@ -214,7 +214,7 @@ fn parts(scenario: &Scenario, [begin, end]: Span, last: f64) -> Vec<(&'static st
             [at.saturating_sub(nanoseconds(ULTIMATE)).max(begin), at],
         )
     });
-    let after = event.map(|at| ("after", [at, last.max(at)]));
+    let after = event.filter(|at| *at < last).map(|at| ("after", [at, last]));
     before
         .into_iter()
         .chain(after)
@@ -282,6 +282,7 @@ mod tests {
             [("last", [9.0, 29.0]), ("all", [9.0, 29.0])]
         );
         assert_eq!(spans([28.0, 33.0], 1.0)[0], ("before", [28.0, 30.0]));
+        assert!(spans([28.0, 33.0], 4.0).iter().all(|(name, _)| *name != "after"));
     }
 
     #[test]
