@@ -9,6 +9,7 @@ mod logs;
 mod mocap;
 mod rc;
 mod values;
+mod world;
 
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
@@ -22,6 +23,7 @@ pub use self::logs::*;
 pub use self::mocap::*;
 pub use self::rc::*;
 use self::values::service_process;
+pub use self::world::*;
 use crate::exit::Exit;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
@@ -147,6 +149,25 @@ pub enum Command {
     /// Try a radio link on the ground, or find out what its channels mean.
     #[command(subcommand)]
     Rc(RcCommand),
+    /// Be the laboratory for a flight that is to be in one: simulate vehicle, cameras and receiver behind its sockets and links.
+    ///
+    /// A hardware-in-the-loop simulator. It simulates the scenario's vehicle by the system's clock, sends what the scenario's
+    /// cameras see of it as `estimator.source` (VRPN, NatNet, Vicon) to where the flight listens, and flies by the frames of
+    /// `rc_output.link` that arrive where the flight sends them: at a pseudo-terminal, which gets the name that
+    /// `rc_output.transmitter.device` states, or at a socket. The flight, `gerono run --host realtime` with the same settings,
+    /// shares nothing else with it, and cannot tell.
+    ///
+    /// Its time begins with it: times in `[vehicle]` and `[cameras]` count from there. Writes run.mcap, which holds the truth,
+    /// and host.mcap, which says when it began: `gerono truth FLIGHT --world WORLD` compares them with the flight.
+    #[command(after_help = World::EXAMPLES)]
+    World(World),
+    /// Say how far the vehicle truly was from its path, while it flew along it.
+    ///
+    /// The error is the distance of the true position from the path at the γ of that time, at every tick: not the
+    /// controller's z1, which rests on an estimate. The truth is that of the flight's own log, or of the log of `gerono world`.
+    /// Parts: 5 s before the scenario's first event (a fan, a change), from there to the last part, the last part, all.
+    #[command(after_help = Truth::EXAMPLES)]
+    Truth(Truth),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not

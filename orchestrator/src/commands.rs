@@ -16,6 +16,8 @@ pub mod reproduce;
 pub mod run;
 pub mod small;
 pub mod top;
+pub mod truth;
+pub mod world;
 
 use std::path::{Path, PathBuf};
 

@@ -4,8 +4,9 @@ mod snapshots;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
+use runtime::flight_clock::monotonic_ns;
 use runtime::step_log::StepRecord;
 use shared_types::ServiceId;
 use shared_types::schedule::Edge;
@@ -16,6 +17,7 @@ use crate::flight::real_time::StepObserver;
 use crate::host_record::snapshots::Snapshots;
 use crate::log::{
     CaptureFigures, HostEvent, HostLogWriter, HostSample, LinkFigures, LogError, ServiceHealth, ServiceStep,
+    flight_start,
 };
 use crate::summary::timing::TimingReport;
 
@@ -149,14 +151,12 @@ impl CrewObserver for HostRecord {
 }
 
 impl StepObserver for HostRecord {
-    fn flight_begins_in(&mut self, countdown: Duration) {
-        self.flight_begins_ns = self.time_ns() + u64::try_from(countdown.as_nanos()).unwrap_or(0);
-    }
-
-    fn flight_began(&mut self, ago: Duration) {
+    fn flight_begins_at(&mut self, start_ns: u64) {
         // What was before this record began stands at its beginning.
-        let ago_ns = u64::try_from(ago.as_nanos()).unwrap_or(u64::MAX);
-        self.flight_begins_ns = self.time_ns().wrapping_sub(ago_ns);
+        let in_ns = start_ns.wrapping_sub(monotonic_ns());
+        self.flight_begins_ns = self.time_ns().wrapping_add(in_ns);
+        let result = flight_start::write(&mut self.log, start_ns);
+        self.keep_first(result);
     }
 
     fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]) {

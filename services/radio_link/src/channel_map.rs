@@ -103,6 +103,25 @@ impl ChannelMap {
         self.sticks.map(|stick| stick.channel)
     }
 
+    /// The travels of the sticks thrust, roll, pitch and yaw of whom these channels were sent: what [`ChannelMap::travels`]
+    /// was given, where no failsafe was.
+    #[must_use]
+    pub fn stick_travels(&self, sent: &Travels) -> [f64; 4] {
+        self.sticks.map(|stick| {
+            let [low, high] = stick.ends;
+            2.0 * (sent[stick.channel] - low) / (high - low) - 1.0
+        })
+    }
+
+    /// Whether these channels let the motors turn: the arming switch is nearer to its travel armed. Where there is no such
+    /// switch they always do.
+    #[must_use]
+    pub fn is_armed(&self, sent: &Travels) -> bool {
+        self.arming.is_none_or(|(channel, [disarmed, armed])| {
+            (sent[channel] - armed).abs() < (sent[channel] - disarmed).abs()
+        })
+    }
+
     /// The code of a stick whose travel is nearest to a travel.
     #[must_use]
     #[expect(

@@ -6,7 +6,8 @@
 //! * [`crsf`], [`sbus`], [`multi`], [`msp`], [`mavlink`]: frames of one link each, from numbers to bytes and back;
 //! * [`encoder`]: sticks to a frame of whichever link a scenario states;
 //! * [`port`]: a serial device or socket that never holds anybody up;
-//! * [`sender`]: frames leave at exact times, from a thread of their own.
+//! * [`sender`]: frames leave at exact times, from a thread of their own;
+//! * [`receiver`]: the other end of a link, for whoever stands for the vehicle.
 //!
 //! The formats are written here, by hand: each is some 26 bytes of packing. The crates that there are for them encode into
 //! memory of the heap or not at all (`sbus-rs` has no flags and is a decoder; it checks our frames in the tests), and bring
@@ -29,6 +30,7 @@ pub mod msp;
 pub mod multi;
 mod packing;
 pub mod port;
+pub mod receiver;
 pub mod sbus;
 pub mod sender;
 pub mod sticks;

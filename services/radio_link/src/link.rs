@@ -17,6 +17,8 @@ pub struct RadioLink {
     port: Port,
     frame: Frame,
     loss: Loss,
+    /// Whether somebody has died whose last frame counts at the receiver until there is a newer one.
+    succeeds: bool,
     /// Frames that were not sent, so that the receiver's failsafe acts.
     silent: u64,
     /// Where answers go that nobody reads.
@@ -73,18 +75,23 @@ impl RadioLink {
     /// # Errors
     /// [`OpenError`], with the fix: before anything is armed.
     pub fn open(link: &RcLink) -> Result<Option<Self>, OpenError> {
-        Self::with_port(link, Port::open)
+        Self::with_port(link, false, Port::open)
     }
 
     /// The link of somebody who has died in flight: that it cannot be opened now is no end of the flight, but a loss as
-    /// any other.
+    /// any other. It sends nothing before the first sticks: a frame with which the motors rest would disarm a vehicle in the air,
+    /// and many a flight controller does not arm again there.
     #[must_use]
     pub fn reopen(link: &RcLink) -> Option<Self> {
-        let Ok(link) = Self::with_port(link, |target| Ok::<_, Infallible>(Port::lost(target)));
+        let Ok(link) = Self::with_port(link, true, |target| Ok::<_, Infallible>(Port::lost(target)));
         link
     }
 
-    fn with_port<E>(link: &RcLink, port: impl FnOnce(Target) -> Result<Port, E>) -> Result<Option<Self>, E> {
+    fn with_port<E>(
+        link: &RcLink,
+        succeeds: bool,
+        port: impl FnOnce(Target) -> Result<Port, E>,
+    ) -> Result<Option<Self>, E> {
         let Some(transmitter) = &link.transmitter else {
             return Ok(None);
         };
@@ -100,15 +107,19 @@ impl RadioLink {
                 silence_after_ns: nanoseconds(transmitter.silence_after),
                 since_ns: None,
             },
+            succeeds,
             silent: 0,
             answers: [0; 512],
         }))
     }
 
     /// Sends the frame of the newest sticks and when they were put, at a time of `CLOCK_MONOTONIC`; `None` if none was
-    /// sent, so that the receiver's failsafe acts.
+    /// sent: so that the receiver's failsafe acts, or because a successor has nothing to say yet.
     #[inline]
     pub fn transmit(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> Option<Sent> {
+        if newest.is_none() && self.succeeds {
+            return None;
+        }
         let verdict = self.loss.judge(newest, now_ns);
         self.port.receive(&mut self.answers, now_ns);
         if verdict.own_failsafe && !self.encoder.has_failsafe_flag() {
@@ -142,6 +153,7 @@ impl RadioLink {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shared_types::scenario::{RadioProtocol, Transmitter};
 
     const MS: u64 = 1_000_000;
 
@@ -196,5 +208,25 @@ mod tests {
         assert_eq!(judge(500).sticks, FLYING);
         let verdict = judge(501);
         assert_eq!((verdict.sticks, verdict.own_failsafe), (Sticks::AT_REST, true));
+    }
+
+    #[test]
+    fn a_successor_sends_nothing_before_it_has_sticks() {
+        let link = RcLink {
+            link: RadioProtocol::Crsf,
+            transmitter: Some(Transmitter {
+                device: Some("/dev/null".to_owned()),
+                ..Transmitter::default()
+            }),
+            ..RcLink::default()
+        };
+        let mut link = RadioLink::reopen(&link).unwrap();
+        assert_eq!(link.transmit(None, 0), None);
+        assert_eq!((link.silent(), link.port().counts().closed), (0, 0));
+        assert_eq!(
+            link.transmit(Some((FLYING, MS)), MS),
+            Some(Sent::Closed),
+            "what there is no device for"
+        );
     }
 }

@@ -1,0 +1,45 @@
+//! `gerono truth`: how far the vehicle truly was from its path.
+
+use comfy_table::{Table, presets};
+
+use super::{Failure, log_path, print};
+use crate::cli::Truth as Arguments;
+use crate::exit::Exit;
+use crate::truth::{self, Truth};
+
+/// `gerono truth`.
+///
+/// # Errors
+/// [`Failure`] if a log cannot be read, or does not tell what is asked of it.
+pub fn truth(arguments: &Arguments) -> Result<(), Failure> {
+    let flight = log_path(&arguments.flight);
+    let world = arguments.world.as_ref().map(|world| log_path(world));
+    let truth = truth::compare(&flight, world.as_deref(), arguments.last)
+        .map_err(|error| Failure::new(Exit::Trouble, error))?;
+    if arguments.json {
+        let text = serde_json::to_string_pretty(&truth);
+        print(text.map_err(|error| Failure::new(Exit::Trouble, error))? + "\n");
+    } else {
+        print(shown(&truth));
+    }
+    Ok(())
+}
+
+fn shown(truth: &Truth) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_FULL_CONDENSED);
+    table.set_header(["part", "from, s", "to, s", "RMSE, cm", "SD, cm", "largest, cm"]);
+    for part in &truth.parts {
+        let [from, to] = part.span;
+        let times = [from, to].map(|time| format!("{time:.1}"));
+        let distances =
+            [part.rmse, part.deviation, part.largest].map(|metres| format!("{:.3}", 1e2 * metres));
+        table.add_row([part.name.to_owned()].into_iter().chain(times).chain(distances));
+    }
+    let vector = |[x, y, z]: [f64; 3]| format!("[{x:.3}, {y:.3}, {z:.3}]");
+    format!(
+        "{table}\ndisturbance in the last 10 s, m/s²: true {}, estimated {}\n",
+        vector(truth.disturbance),
+        vector(truth.disturbance_estimate)
+    )
+}

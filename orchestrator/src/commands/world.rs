@@ -1,0 +1,163 @@
+//! `gerono world`: a laboratory that is none, for a flight that believes to be in one.
+
+use std::time::Duration;
+
+use radio_link::port::Target;
+use runtime::flight_clock::FlightClock;
+use shared_types::scenario::{Key, Problem, Scenario};
+use shared_types::service::{nanoseconds, seconds};
+
+use super::{Failure, load, print, scenario_name, schedule_of};
+use crate::cli::World as Arguments;
+use crate::exit::Exit;
+use crate::interrupt::Interrupt;
+use crate::run_folder::RunFolder;
+use crate::world::betaflight::{Betaflight, Rotors};
+use crate::world::cameras::Cameras;
+use crate::world::line::{Line, LineError};
+use crate::world::onboard::Onboard;
+use crate::world::radio::Radio;
+use crate::world::record::Record;
+use crate::world::{Report, Timing, World};
+
+/// From the making of the world to its first tick.
+const COUNTDOWN: Duration = Duration::from_millis(20);
+
+/// `gerono world`.
+///
+/// # Errors
+/// [`Failure`] if the scenario has no laboratory, or what the flight is to find cannot be had.
+pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
+    let scenario = load(&arguments.scenario)?;
+    schedule_of(&scenario)?;
+    let believed = Timing::believed(&scenario);
+    let timing = Timing {
+        capture_rate: arguments.capture_rate.unwrap_or(believed.capture_rate),
+        capture_latency: arguments.capture_latency.unwrap_or(believed.capture_latency),
+        radio_latency: arguments.radio_latency.unwrap_or(believed.radio_latency),
+    };
+    let trouble = |reason: &dyn std::fmt::Display| Failure::new(Exit::Trouble, reason);
+    let cameras = cameras(&scenario, &timing)?;
+    let onboard = onboard(arguments, &scenario, &timing)?;
+    let interrupt = Interrupt::install().map_err(|error| trouble(&error))?;
+    let name = format!("{}-world", scenario_name(&arguments.scenario.scenario));
+    let folder = RunFolder::create(arguments.out.as_deref(), &name)
+        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    let unwritten = |error| Failure::new(Exit::NotWritten, error);
+    let clock = FlightClock::starting_in(COUNTDOWN, nanoseconds(scenario.schedule.tick));
+    let record = Record::begin(&folder, &scenario, clock.start_ns).map_err(unwritten)?;
+    let world = World::new(&scenario, clock, onboard, cameras, record);
+    let world = world.map_err(|error| Failure::new(Exit::BadInput, error))?;
+    if !arguments.quiet {
+        print(introduction(arguments, &scenario, &timing));
+    }
+    let ticks = arguments
+        .seconds
+        .map_or(u64::MAX, |seconds| nanoseconds(seconds) / clock.tick_ns);
+    let report = world.run(ticks, &interrupt).map_err(unwritten)?;
+    if !arguments.quiet {
+        print(conclusion(&report, clock.tick_ns));
+        print(format!("results: {}\n", folder.path().display()));
+    }
+    Ok(Exit::Success)
+}
+
+fn cameras(scenario: &Scenario, timing: &Timing) -> Result<Cameras, Failure> {
+    let Some((system, stated)) = scenario.capture_system().zip(scenario.motion_capture.as_ref()) else {
+        let key: Key = ["estimator", "source"].into_iter().collect();
+        let reason = "the scenario's flight simulates the world itself";
+        return Err(refused(key, reason, "state `vrpn`, `natnet` or `vicon_udp`"));
+    };
+    let period = (1.0 / (timing.capture_rate * scenario.schedule.tick)).round();
+    if period < 1.0 {
+        let reason = format!(
+            "cameras do not see more often than once a tick of {} s",
+            scenario.schedule.tick
+        );
+        return Err(Failure::new(
+            Exit::BadInput,
+            format!("{reason}; give a lower --capture-rate"),
+        ));
+    }
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a whole number of ticks, at least 1"
+    )]
+    let period = period as u64;
+    Cameras::open(system, stated, period, nanoseconds(timing.capture_latency))
+        .map_err(|error| Failure::new(Exit::Trouble, error))
+}
+
+fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Result<Onboard, Failure> {
+    let trouble = |error: LineError| Failure::new(Exit::Trouble, error);
+    if arguments.betaflight {
+        let rotors = Rotors {
+            arm: arguments.rotor_arm,
+            torque_per_thrust: arguments.rotor_torque,
+        };
+        let betaflight = Betaflight::open(scenario, rotors).map_err(trouble)?;
+        return Ok(Onboard::Betaflight(betaflight));
+    }
+
+    let link = scenario.rc_output.as_ref();
+    let stated = link.and_then(|link| Some((link, link.transmitter.as_ref()?)));
+    let made = stated.and_then(|(link, transmitter)| {
+        let radio = Radio::new(link, transmitter, nanoseconds(timing.radio_latency))?;
+        Some((Target::new(link.link, transmitter)?, radio))
+    });
+    let Some((target, radio)) = made else {
+        let key: Key = ["rc_output", "link"].into_iter().collect();
+        let reason = "the scenario's radio link is simulated";
+        return Err(refused(
+            key,
+            reason,
+            "state `crsf`, `sbus`, `multi`, `msp` or `mavlink`",
+        ));
+    };
+    let line = Line::open(&target).map_err(trouble)?;
+    Ok(Onboard::RateLoop(line, Box::new(radio)))
+}
+
+fn refused(key: Key, reason: &str, fix: &str) -> Failure {
+    Failure::new(Exit::BadInput, Problem::new(key, reason, fix))
+}
+
+fn introduction(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> String {
+    let Timing {
+        capture_rate,
+        capture_latency,
+        radio_latency,
+    } = timing;
+    let system = scenario.capture_system().map_or("", |system| system.name());
+    let link = scenario.radio_link().map_or("", |link| link.name());
+    let onboard = if arguments.betaflight {
+        "on board: Betaflight, by its simulator's UDP ports".to_owned()
+    } else {
+        format!(
+            "receiver: `{link}`, frames act {:.1} ms after their arrival",
+            1e3 * radio_latency
+        )
+    };
+    format!(
+        "cameras: `{system}`, {capture_rate:.1} poses a second, {:.1} ms after their exposure\n{onboard}\n\
+         the world's time begins now; fly with the same settings, and end it with Ctrl-C\n",
+        1e3 * capture_latency,
+    )
+}
+
+fn conclusion(report: &Report, tick_ns: u64) -> String {
+    let late = |quantile| 1e-6 * report.lateness_ns.value_at_quantile(quantile) as f64;
+    format!(
+        "{:.3} s simulated; {} poses sent, {} frames received, {} bytes of none, {} times none for too long\n\
+         ticks late by {:.3} ms (half of them), {:.3} ms (99 of 100), {:.3} ms at most\n",
+        seconds(report.ticks * tick_ns),
+        report.poses,
+        report.heard.frames,
+        report.heard.skipped,
+        report.heard.losses,
+        late(0.5),
+        late(0.99),
+        late(1.0)
+    )
+}

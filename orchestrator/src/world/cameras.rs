@@ -1,0 +1,140 @@
+//! Cameras that see the vehicle and send its poses over the network, as one of three systems.
+//!
+//! A pose is sent a stated time after its exposure. Its stamp is what the system stamps: Motive the exposure, a VRPN server
+//! the making of the message, Vicon's stream nothing.
+
+use std::collections::VecDeque;
+use std::net::SocketAddrV4;
+
+use motion_capture::conventions::{Calibration, WorldPose};
+use motion_capture::natnet::{self, Version};
+use motion_capture::sender::server::{Plan, Server};
+use motion_capture::transport::Address;
+use motion_capture::wire::CapturePose;
+use runtime::flight_clock::monotonic_ns;
+use shared_types::rotation::from_row_major;
+use shared_types::samples::MocapPose;
+use shared_types::scenario::{CaptureSystem, MotionCapture};
+
+/// Version of the `NatNet` bit stream that is sent.
+const NATNET: Version = Version { major: 4, minor: 1 };
+
+/// Cameras and the system that they belong to.
+#[derive(Debug)]
+pub struct Cameras {
+    system: CaptureSystem,
+    server: Server,
+    calibration: Calibration,
+    object: String,
+    /// Ticks between two captures.
+    period: u64,
+    latency_ns: u64,
+    /// Captures that are not sent yet, oldest first.
+    coming: VecDeque<Capture>,
+    sent: u64,
+}
+
+/// What was captured; `None` where the body was not seen. Times are ns of `CLOCK_MONOTONIC`.
+#[derive(Clone, Copy, Debug)]
+struct Capture {
+    exposed_ns: u64,
+    due_ns: u64,
+    pose: Option<CapturePose>,
+}
+
+impl Cameras {
+    /// The system that a scenario states, served where the flight looks for it: every `period` ticks it captures, and sends
+    /// `latency_ns` later.
+    ///
+    /// # Errors
+    /// What is wrong with what is stated, or the socket that cannot be had, with the fix.
+    pub fn open(
+        system: CaptureSystem,
+        stated: &MotionCapture,
+        period: u64,
+        latency_ns: u64,
+    ) -> Result<Self, String> {
+        let address = Address::new(system, stated).map_err(|problem| problem.to_string())?;
+        let Some((object, None)) = stated.name_and_number() else {
+            let reason = "a simulated system knows bodies by their names only";
+            return Err(format!(
+                "{reason}; state `motion_capture.object` without a number"
+            ));
+        };
+        let frames_port = match system {
+            CaptureSystem::ViconUdp => address.server.port(),
+            CaptureSystem::Vrpn | CaptureSystem::Natnet => natnet::DATA_PORT,
+        };
+        let plan = Plan {
+            system,
+            at: address.server,
+            to: SocketAddrV4::new(address.interface, frames_port),
+            version: NATNET,
+        };
+        let server = Server::open(&plan).map_err(|error| {
+            let fix =
+                "state as `motion_capture.server` an address of this machine and as `port` one that is free";
+            format!("cannot serve at {}: {error}; {fix}", plan.at)
+        })?;
+        let [world_from_capture, body_from_markers] =
+            [&stated.world_from_capture, &stated.body_from_markers].map(Option::as_ref);
+        Ok(Self {
+            system,
+            server,
+            calibration: Calibration::new(system, world_from_capture, body_from_markers),
+            object: object.to_owned(),
+            period,
+            latency_ns,
+            coming: VecDeque::new(),
+            sent: 0,
+        })
+    }
+
+    /// Whether they look at a tick.
+    #[must_use]
+    pub fn see_at(&self, tick: u64) -> bool {
+        tick.is_multiple_of(self.period)
+    }
+
+    /// Takes what they have seen at a time, ns of `CLOCK_MONOTONIC`.
+    pub fn take(&mut self, seen: &MocapPose, exposed_ns: u64) {
+        let pose = seen.tracked.is_set().then(|| {
+            self.calibration.capture_pose(&WorldPose {
+                position_world: seen.position_world.into(),
+                world_from_body: from_row_major(&seen.world_from_body),
+            })
+        });
+        self.coming.push_back(Capture {
+            exposed_ns,
+            due_ns: exposed_ns + self.latency_ns,
+            pose,
+        });
+    }
+
+    /// When the next pose is to be sent, ns of `CLOCK_MONOTONIC`.
+    #[must_use]
+    pub fn due_ns(&self) -> u64 {
+        self.coming.front().map_or(u64::MAX, |capture| capture.due_ns)
+    }
+
+    /// Sends what is due, and lets in who wants to listen.
+    pub fn send(&mut self, now_ns: u64) {
+        self.server.serve(&[&self.object]);
+        while let Some(capture) = self.coming.pop_front_if(|capture| capture.due_ns <= now_ns) {
+            let stamp_ns = match self.system {
+                CaptureSystem::Vrpn => capture.due_ns,
+                CaptureSystem::ViconUdp | CaptureSystem::Natnet => capture.exposed_ns,
+            };
+            let number = u32::try_from(self.sent % (1 << 31)).unwrap_or(0);
+            let body = (self.object.as_str(), capture.pose);
+            self.server.send(number, stamp_ns, monotonic_ns(), &[body]);
+            self.sent += 1;
+        }
+    }
+
+    /// Poses sent so far.
+    #[must_use]
+    pub fn sent(&self) -> u64 {
+        self.sent
+    }
+}

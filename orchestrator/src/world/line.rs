@@ -1,0 +1,306 @@
+//! Where a flight's frames arrive: a pseudo-terminal in place of a serial device, or a socket.
+
+use std::io::{ErrorKind, Read};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+
+use radio_link::port::Target;
+use runtime::flight_clock::{deadline, monotonic_ns};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::{Mode, OFlags, fcntl_setfl};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::ioctl_tiocnxcl;
+
+/// Silence after which a serial line is taken for free, ns.
+const FREE_AFTER_NS: u64 = 50_000_000;
+
+/// Most that is read at once, bytes.
+const PIECE: usize = 4096;
+
+/// Why frames cannot arrive there.
+#[derive(Debug, thiserror::Error)]
+pub enum LineError {
+    /// There is something already where the device should be.
+    #[error(
+        "there is something at {} already; give a path that is free as `rc_output.transmitter.device`, or remove what a world \
+         that was killed has left", .0.display()
+    )]
+    Taken(PathBuf),
+    /// The name of the device cannot be made.
+    #[error("cannot make the device {}: {reason}; give a path in a folder of yours as `rc_output.transmitter.device`", .path.display())]
+    Name {
+        /// Its path.
+        path: PathBuf,
+        /// What the system says.
+        reason: std::io::Error,
+    },
+    /// There are no pseudo-terminals.
+    #[error("cannot have a pseudo-terminal: {0}; see whether /dev/pts is there")]
+    Terminal(std::io::Error),
+    /// The socket cannot be had.
+    #[error("cannot listen at {at}: {reason}; give a free port of this machine in `rc_output.transmitter`")]
+    Socket {
+        /// Where.
+        at: SocketAddr,
+        /// What the system says.
+        reason: std::io::Error,
+    },
+}
+
+/// Where frames arrive.
+#[derive(Debug)]
+pub enum Line {
+    /// A pseudo-terminal under the name of a serial device.
+    Serial(Serial),
+    /// A TCP server, and who has connected last.
+    Tcp(TcpListener, Option<TcpStream>),
+    /// A socket that takes datagrams.
+    Udp(UdpSocket),
+}
+
+/// A pseudo-terminal under the name of a serial device. Dropping it removes the name.
+#[derive(Debug)]
+pub struct Serial {
+    receiver: OwnedFd,
+    /// The transmitter's end once more: as long as it is open the line never hangs up.
+    transmitter: OwnedFd,
+    name: PathBuf,
+    heard_ns: u64,
+}
+
+impl Line {
+    /// Opens the end of a link that a transmitter will look for.
+    ///
+    /// # Errors
+    /// [`LineError`].
+    pub fn open(target: &Target) -> Result<Self, LineError> {
+        let failed = |at: SocketAddr| move |reason| LineError::Socket { at, reason };
+        match target {
+            Target::Serial { path, .. } => Serial::open(path).map(Self::Serial),
+            Target::Tcp(at) => {
+                let listener = TcpListener::bind(at).map_err(failed(*at))?;
+                listener.set_nonblocking(true).map_err(failed(*at))?;
+                Ok(Self::Tcp(listener, None))
+            }
+            Target::Udp(at) => {
+                let socket = UdpSocket::bind(at).map_err(failed(*at))?;
+                socket.set_nonblocking(true).map_err(failed(*at))?;
+                Ok(Self::Udp(socket))
+            }
+        }
+    }
+
+    /// Hands on what arrives, with the time at which it was found, until a time has come; both in ns of `CLOCK_MONOTONIC`.
+    /// What is there by then is handed on in any case.
+    pub fn listen_until(&mut self, until_ns: u64, sink: &mut dyn FnMut(&[u8], u64)) {
+        loop {
+            let now_ns = monotonic_ns();
+            self.take(now_ns, sink);
+            if now_ns >= until_ns {
+                return;
+            }
+            let patience = deadline(until_ns - now_ns);
+            let (first, second) = self.descriptors();
+            let waits_for = |descriptor| PollFd::from_borrowed_fd(descriptor, PollFlags::IN);
+            // Whatever ends the wait, what has arrived is looked for next.
+            let _ended = match second {
+                None => poll(&mut [waits_for(first)], Some(&patience)),
+                Some(second) => poll(&mut [waits_for(first), waits_for(second)], Some(&patience)),
+            };
+        }
+    }
+
+    fn descriptors(&self) -> (BorrowedFd<'_>, Option<BorrowedFd<'_>>) {
+        match self {
+            Self::Serial(serial) => (serial.receiver.as_fd(), None),
+            Self::Tcp(listener, client) => (listener.as_fd(), client.as_ref().map(AsFd::as_fd)),
+            Self::Udp(socket) => (socket.as_fd(), None),
+        }
+    }
+
+    fn take(&mut self, now_ns: u64, sink: &mut dyn FnMut(&[u8], u64)) {
+        let mut piece = [0; PIECE];
+        match self {
+            Self::Serial(serial) => {
+                if let Ok(count @ 1..) = rustix::io::read(&serial.receiver, &mut piece) {
+                    serial.heard_ns = now_ns;
+                    sink(&piece[..count], now_ns);
+                } else if now_ns.saturating_sub(serial.heard_ns) > FREE_AFTER_NS {
+                    serial.heard_ns = now_ns;
+                    serial.release();
+                }
+            }
+            Self::Tcp(listener, client) => {
+                if let Ok((newer, _)) = listener.accept()
+                    && newer.set_nonblocking(true).is_ok()
+                {
+                    *client = Some(newer);
+                }
+                let read = client.as_mut().map(|client| client.read(&mut piece));
+                match read {
+                    Some(Ok(count @ 1..)) => sink(&piece[..count], now_ns),
+                    Some(Err(error)) if error.kind() == ErrorKind::WouldBlock => {}
+                    Some(_) => *client = None,
+                    None => {}
+                }
+            }
+            Self::Udp(socket) => {
+                if let Ok(count) = socket.recv(&mut piece) {
+                    sink(&piece[..count], now_ns);
+                }
+            }
+        }
+    }
+}
+
+impl Serial {
+    fn open(path: &Path) -> Result<Self, LineError> {
+        let terminal = |reason: rustix::io::Errno| LineError::Terminal(reason.into());
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let receiver = openpt(flags).map_err(terminal)?;
+        grantpt(&receiver).map_err(terminal)?;
+        unlockpt(&receiver).map_err(terminal)?;
+        fcntl_setfl(&receiver, OFlags::NONBLOCK).map_err(terminal)?;
+        let device = ptsname(&receiver, Vec::new()).map_err(terminal)?;
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
+        let transmitter = rustix::fs::open(&device, flags, Mode::empty()).map_err(terminal)?;
+        let device = PathBuf::from(device.to_string_lossy().into_owned());
+        symlink(&device, path).map_err(|reason| match reason.kind() {
+            ErrorKind::AlreadyExists => LineError::Taken(path.to_owned()),
+            _ => LineError::Name {
+                path: path.to_owned(),
+                reason,
+            },
+        })?;
+        Ok(Self {
+            receiver,
+            transmitter,
+            name: path.to_owned(),
+            heard_ns: monotonic_ns(),
+        })
+    }
+
+    /// Lets the line be opened by somebody else than who had it for himself. A device does so by itself once nobody has it
+    /// open, but a pseudo-terminal only when this end is closed as well.
+    fn release(&self) {
+        let _is_free = ioctl_tiocnxcl(&self.transmitter);
+    }
+}
+
+impl Drop for Serial {
+    fn drop(&mut self) {
+        let _removed = std::fs::remove_file(&self.name);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use radio_link::port::{ByteFormat, Port, Sent};
+
+    /// A port that was free a moment ago.
+    fn free_address() -> SocketAddr {
+        let socket = TcpListener::bind("127.0.0.1:0").unwrap();
+        socket.local_addr().unwrap()
+    }
+
+    fn serial(path: &Path) -> Target {
+        Target::Serial {
+            path: path.to_owned(),
+            baud: 420_000,
+            byte: ByteFormat::Plain,
+        }
+    }
+
+    /// Listens until so many bytes have come.
+    fn heard(line: &mut Line, count: usize) -> Vec<u8> {
+        let mut heard = Vec::new();
+        let give_up_ns = monotonic_ns() + 10_000_000_000;
+        while heard.len() < count && monotonic_ns() < give_up_ns {
+            line.listen_until(monotonic_ns() + 1_000_000, &mut |bytes, _| {
+                heard.extend_from_slice(bytes);
+            });
+        }
+        heard
+    }
+
+    #[test]
+    fn what_a_transmitter_sends_is_heard_wherever_it_sends_it_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let device = folder.path().join("radio");
+        for target in [
+            serial(&device),
+            Target::Tcp(free_address()),
+            Target::Udp(free_address()),
+        ] {
+            let mut line = Line::open(&target).unwrap();
+            let mut port = Port::open(target).unwrap();
+            let frame = [0xc8, 10, 13, 3, 0];
+            for _ in 0..2 {
+                assert_eq!(port.send(&frame, monotonic_ns()), Sent::Whole);
+                assert_eq!(heard(&mut line, frame.len()), frame);
+            }
+        }
+        assert!(!device.exists(), "the name of the device is gone with it");
+    }
+
+    #[test]
+    fn who_waits_is_woken_by_what_comes_and_by_the_time() {
+        let target = Target::Udp(free_address());
+        let mut line = Line::open(&target).unwrap();
+        let mut port = Port::open(target).unwrap();
+        port.send(&[1], monotonic_ns());
+        let mut arrivals = Vec::new();
+        let until_ns = monotonic_ns() + 50_000_000;
+        line.listen_until(until_ns, &mut |_, now_ns| arrivals.push(now_ns));
+        assert!(monotonic_ns() >= until_ns);
+        assert!(arrivals.len() == 1 && arrivals[0] < until_ns, "{arrivals:?}");
+    }
+
+    #[test]
+    fn a_client_that_is_gone_makes_room_for_the_next() {
+        let target = Target::Tcp(free_address());
+        let mut line = Line::open(&target).unwrap();
+        for byte in 0..3 {
+            let mut port = Port::open(target.clone()).unwrap();
+            port.send(&[byte], monotonic_ns());
+            assert_eq!(heard(&mut line, 1), [byte]);
+        }
+    }
+
+    #[test]
+    fn a_line_is_free_again_for_the_successor_of_who_had_it_for_himself() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = serial(&folder.path().join("radio"));
+        let mut line = Line::open(&target).unwrap();
+        for byte in 0..2 {
+            let mut port = Port::open(target.clone()).unwrap();
+            port.send(&[byte], monotonic_ns());
+            assert_eq!(heard(&mut line, 1), [byte]);
+            drop(port);
+            line.listen_until(monotonic_ns() + 2 * FREE_AFTER_NS, &mut |_, _| {
+                panic!("nobody sends")
+            });
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_had_is_named_with_the_fix() {
+        let folder = tempfile::tempdir().unwrap();
+        let taken = folder.path().join("taken");
+        std::fs::write(&taken, "").unwrap();
+        let address = free_address();
+        let _listener = TcpListener::bind(address).unwrap();
+        for (target, piece) in [
+            (serial(&taken), "give a path that is free"),
+            (serial(&folder.path().join("no/radio")), "a folder of yours"),
+            (Target::Tcp(address), "give a free port"),
+        ] {
+            let shown = Line::open(&target).unwrap_err().to_string();
+            assert!(shown.contains(piece), "{shown}");
+        }
+        assert!(taken.exists(), "what was there stays");
+    }
+}

@@ -1,0 +1,74 @@
+//! What flies on board the vehicle: by which the commands of a flight become forces.
+
+use shared_types::samples::{RcFrame, VehicleTruth};
+
+use super::betaflight::Betaflight;
+use super::line::Line;
+use super::radio::Radio;
+
+/// What flies on board.
+#[derive(Debug)]
+pub enum Onboard {
+    /// The scenario's own rate loop, behind a receiver.
+    RateLoop(Line, Box<Radio>),
+    /// Betaflight, which has the receiver, in a process of its own.
+    Betaflight(Betaflight),
+}
+
+/// What it has heard.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Heard {
+    /// Frames or packets that asked for something.
+    pub frames: u64,
+    /// Bytes that belonged to none.
+    pub skipped: u64,
+    /// How often nothing came for so long that the motors were let rest.
+    pub losses: u64,
+}
+
+impl Onboard {
+    /// Listens until a time has come, ns of `CLOCK_MONOTONIC`.
+    pub(super) fn listen_until(&mut self, until_ns: u64) {
+        match self {
+            Self::RateLoop(line, radio) => {
+                line.listen_until(until_ns, &mut |bytes, now_ns| radio.hear(bytes, now_ns));
+            }
+            Self::Betaflight(betaflight) => betaflight.listen_until(until_ns),
+        }
+    }
+
+    /// What begins to act at a time, if anything does.
+    pub(super) fn acting(&mut self, at_ns: u64) -> Option<RcFrame> {
+        match self {
+            Self::RateLoop(_, radio) => radio.acting(at_ns),
+            Self::Betaflight(betaflight) => Some(betaflight.acting(at_ns)),
+        }
+    }
+
+    /// What its sensors feel.
+    pub(super) fn feel(&mut self, truth: &VehicleTruth) {
+        if let Self::Betaflight(betaflight) = self {
+            betaflight.feel(truth);
+        }
+    }
+
+    /// What it has heard.
+    #[must_use]
+    pub fn heard(&self) -> Heard {
+        match self {
+            Self::RateLoop(_, radio) => Heard {
+                frames: radio.heard().frames,
+                skipped: radio.heard().skipped,
+                losses: radio.losses(),
+            },
+            Self::Betaflight(betaflight) => {
+                let [frames, losses] = betaflight.counts();
+                Heard {
+                    frames,
+                    skipped: 0,
+                    losses,
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The plant, stepped tick by tick.
+
+use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
+use shared_types::scenario::Scenario;
+use shared_types::service::Operator;
+use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::{Header, Now, ServiceId};
+use zerocopy::{FromZeros, IntoBytes};
+
+use crate::services;
+
+/// The plant of a scenario.
+pub(super) struct Vehicle {
+    plant: Box<dyn ErasedService>,
+    /// The frame that acts, with the header of the tick from which on it does.
+    frame: Option<RcFrame>,
+    captures: u64,
+}
+
+impl Vehicle {
+    pub(super) fn new(scenario: &Scenario) -> Result<Self, String> {
+        Ok(Self {
+            plant: services::build(ServiceId::Plant, scenario)?,
+            frame: None,
+            captures: 0,
+        })
+    }
+
+    /// What there is at a tick, and what cameras see of it if they look, when the frame before it has acted. `begins_to_act`
+    /// takes the place of that frame from the tick before on.
+    pub(super) fn step(
+        &mut self,
+        tick: u64,
+        tick_ns: u64,
+        begins_to_act: Option<&RcFrame>,
+        cameras_look: bool,
+    ) -> (VehicleTruth, Option<MocapPose>) {
+        let is_fresh = begins_to_act.is_some();
+        self.frame = begins_to_act.copied().or(self.frame);
+        let header = |seq| Header {
+            tick,
+            stamp_ns: tick * tick_ns,
+            seq,
+        };
+        let mut truth = VehicleTruth {
+            header: header(tick),
+            ..VehicleTruth::new_zeroed()
+        };
+        let mut pose = cameras_look.then(|| MocapPose {
+            header: header(self.captures),
+            ..MocapPose::new_zeroed()
+        });
+        self.captures += u64::from(cameras_look);
+        let now = Now {
+            tick,
+            time_ns: tick * tick_ns,
+            elapsed_ns: if tick == 0 { 0 } else { tick_ns },
+            operator: Operator::FLYING,
+        };
+        let inputs = [InputView {
+            bytes: self.frame.as_ref().map(IntoBytes::as_bytes),
+            fresh: is_fresh,
+        }];
+        let mut outputs = [
+            OutputSlot {
+                bytes: Some(truth.as_mut_bytes()),
+            },
+            OutputSlot {
+                bytes: pose.as_mut().map(IntoBytes::as_mut_bytes),
+            },
+        ];
+        self.plant.step(&now, &inputs, &mut outputs);
+        (truth, pose)
+    }
+}

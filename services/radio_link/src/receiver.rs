@@ -1,0 +1,189 @@
+//! The vehicle's end of a link: from the bytes that arrive to what the sticks mean. The inverse of [`encoder`](crate::encoder)
+//! and of [`channel_map`](crate::channel_map), for whoever stands for a vehicle.
+//!
+//! Failure policy: bytes that are no frame are skipped one by one and counted, until a frame begins again. Nothing is
+//! guessed: what a frame does not carry (an arming switch, say) counts as what a receiver without it would do.
+
+use shared_types::scenario::{RadioProtocol, RcLink, Transmitter};
+
+use crate::channel_map::{ChannelMap, Units};
+use crate::encoder::Encoder;
+use crate::mavlink::Message;
+use crate::{ChannelCodes, DecodeError, crsf, mavlink, msp, multi, sbus};
+
+/// Bytes of an unfinished frame that are kept: more than any frame has.
+const KEPT: usize = 512;
+
+/// What a frame asks the vehicle for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Command {
+    /// What was heard of the channels, in the link's units; all zero for a frame that has none.
+    pub codes: ChannelCodes,
+    /// Travels of the sticks thrust, roll, pitch and yaw as the calibration means them: −1 to 1, beyond by half a step of
+    /// the link at most.
+    pub travels: [f64; 4],
+    /// Whether the motors may turn: the arming switch is on, and the frame does not say that the command is lost.
+    pub is_armed: bool,
+}
+
+impl Command {
+    /// T that the thrust stick asks for on a link, N; never less than none.
+    #[must_use]
+    pub fn thrust(&self, link: &RcLink) -> f64 {
+        (link.thrust_offset + link.thrust_slope * self.travels[0]).max(0.0)
+    }
+
+    /// ω that the other sticks ask for on a link, in {B}, rad/s.
+    #[must_use]
+    pub fn rates_body(&self, link: &RcLink) -> [f64; 3] {
+        std::array::from_fn(|axis| link.rate_slope[axis] * self.travels[axis + 1])
+    }
+}
+
+/// What has arrived since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Heard {
+    /// Frames that asked for something.
+    pub frames: u64,
+    /// Bytes that belong to no frame.
+    pub skipped: u64,
+}
+
+/// Makes commands of a stream of bytes.
+#[derive(Clone, Debug)]
+pub struct Receiver {
+    protocol: RadioProtocol,
+    map: ChannelMap,
+    units: Units,
+    rate_slope: [f64; 3],
+    bytes: Vec<u8>,
+    heard: Heard,
+}
+
+/// What the first bytes are.
+enum First {
+    /// A frame of so many bytes that asks for something.
+    Channels(usize, ChannelCodes, bool),
+    /// A frame of so many bytes with body rates, rad/s, and thrust as a share.
+    Rates(usize, [f64; 3], f64),
+    /// A frame of so many bytes that asks for nothing.
+    Other(usize),
+    /// The beginning of one.
+    Unfinished,
+    /// None.
+    Noise,
+}
+
+impl Receiver {
+    /// The receiver of a link that has been checked; `None` for the simulated one.
+    #[must_use]
+    pub fn new(link: &RcLink, transmitter: &Transmitter) -> Option<Self> {
+        let encoder = Encoder::new(link, transmitter)?;
+        Some(Self {
+            protocol: link.link,
+            map: encoder.map().clone(),
+            units: encoder.units(),
+            rate_slope: link.rate_slope,
+            bytes: Vec::with_capacity(KEPT),
+            heard: Heard::default(),
+        })
+    }
+
+    /// Takes what has arrived and hands on what it asks for, oldest first.
+    pub fn push(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Command)) {
+        self.bytes.extend_from_slice(bytes);
+        let mut at = 0;
+        while at < self.bytes.len() {
+            let (length, command) = match self.first(&self.bytes[at..]) {
+                First::Channels(length, codes, is_lost) => (length, Some(self.of_channels(&codes, is_lost))),
+                First::Rates(length, rates, share) => (length, Some(self.of_rates(rates, share))),
+                First::Other(length) => (length, None),
+                First::Unfinished if self.bytes.len() - at < KEPT => break,
+                First::Unfinished | First::Noise => {
+                    self.heard.skipped += 1;
+                    (1, None)
+                }
+            };
+            at += length;
+            if let Some(command) = command {
+                self.heard.frames += 1;
+                sink(&command);
+            }
+        }
+        self.bytes.drain(..at);
+    }
+
+    /// What has arrived since the start.
+    #[must_use]
+    pub fn heard(&self) -> Heard {
+        self.heard
+    }
+
+    fn first(&self, bytes: &[u8]) -> First {
+        match self.protocol {
+            RadioProtocol::Crsf => fixed(bytes, crsf::LENGTH, |frame| Ok((crsf::decode(frame)?, false))),
+            RadioProtocol::Sbus => fixed(bytes, sbus::LENGTH, |frame| {
+                sbus::decode(frame).map(|(codes, flags)| (codes, flags.failsafe))
+            }),
+            RadioProtocol::Multi => fixed(bytes, multi::LENGTH, |frame| Ok((multi::decode(frame)?.0, false))),
+            RadioProtocol::Msp => fixed(bytes, msp::LENGTH, |frame| {
+                let message = msp::decode(frame)?;
+                let (codes, _) = message.channels();
+                if message.sense == msp::Sense::Request && message.command == msp::SET_RAW_RC {
+                    Ok((codes, false))
+                } else {
+                    let (at, found) = (4, message.command);
+                    Err(DecodeError::Mark { at, found })
+                }
+            }),
+            RadioProtocol::Mavlink => of_mavlink(bytes),
+            RadioProtocol::Simulated => First::Noise,
+        }
+    }
+
+    fn of_channels(&self, codes: &ChannelCodes, is_lost: bool) -> Command {
+        let sent = codes.map(|code| self.units.travel(code));
+        Command {
+            codes: *codes,
+            travels: self.map.stick_travels(&sent),
+            is_armed: !is_lost && self.map.is_armed(&sent),
+        }
+    }
+
+    fn of_rates(&self, rates: [f64; 3], share: f64) -> Command {
+        let mut sent = [0.0; 16];
+        sent[self.map.stick_channels()[0]] = 2.0 * share - 1.0;
+        let [thrust, ..] = self.map.stick_travels(&sent);
+        let [roll, pitch, yaw] = std::array::from_fn(|axis| rates[axis] / self.rate_slope[axis]);
+        Command {
+            codes: [0; 16],
+            travels: [thrust, roll, pitch, yaw],
+            is_armed: true,
+        }
+    }
+}
+
+/// The frame of a format whose frames are all equally long.
+fn fixed(
+    bytes: &[u8],
+    length: usize,
+    decode: impl Fn(&[u8]) -> Result<(ChannelCodes, bool), DecodeError>,
+) -> First {
+    match bytes.get(..length).map(decode) {
+        Some(Ok((codes, is_lost))) => First::Channels(length, codes, is_lost),
+        Some(Err(_)) => First::Noise,
+        None => First::Unfinished,
+    }
+}
+
+fn of_mavlink(bytes: &[u8]) -> First {
+    match mavlink::decode(bytes) {
+        Ok((Message::RcOverride { channels, .. }, _, _, length)) => First::Channels(length, channels, false),
+        Ok((Message::AttitudeTarget(target), _, _, length)) => {
+            First::Rates(length, target.rates_body.map(f64::from), f64::from(target.thrust))
+        }
+        Ok((Message::Heartbeat, _, _, length)) => First::Other(length),
+        Err(DecodeError::Length { .. }) => First::Unfinished,
+        Err(_) => First::Noise,
+    }
+}

@@ -1,0 +1,296 @@
+//! `gerono world`: a flight in real time whose vehicle, cameras and receiver are another program, met over a socket and a
+//! pseudo-terminal only.
+
+mod common;
+
+use std::net::{TcpListener, UdpSocket};
+use std::path::Path;
+use std::process::Child;
+use std::time::Duration;
+
+use common::processes::signal;
+use common::{Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
+use orchestrator::live::Snapshot;
+use orchestrator::log::LogReader;
+use rustix::process::Signal;
+use serde_json::Value;
+use shared_types::samples::{RcFrame, VehicleTruth};
+use shared_types::{Sample, ServiceId};
+
+/// What the paper reached in Fig. 7, root mean square, m.
+const PAPER: f64 = 0.017;
+
+/// How far neither the fan nor the death of any service brings it from its path, m: less than its own size.
+const ASTRAY: f64 = 0.1;
+
+/// When the fan is switched on, s after the world began.
+const FAN: f64 = 14.0;
+
+/// How long the vehicle flies in its jet, s.
+const IN_THE_JET: f64 = 14.0;
+
+/// Pause between two questions to a flight.
+const BETWEEN_QUESTIONS: Duration = Duration::from_millis(200);
+
+/// A world that is ended with the test.
+struct World(Option<Child>);
+
+impl World {
+    fn begin(place: &Place, settings: &[String], more: &[&str]) -> Self {
+        let mut world = place.gerono(&arguments("world", settings, more));
+        Self(Some(begin(&mut world)))
+    }
+
+    /// Ends it as its user would.
+    fn end(mut self) {
+        let child = self.0.take().unwrap();
+        signal(child.id(), Signal::INT);
+        let ended = finish(child);
+        assert!(ended.status.success(), "{}", said(&ended));
+    }
+}
+
+impl Drop for World {
+    fn drop(&mut self) {
+        if let Some(mut child) = self.0.take() {
+            signal(child.id(), Signal::INT);
+            wait(&mut child);
+        }
+    }
+}
+
+/// `gerono COMMAND` of the simulated laboratory.
+fn arguments<'a>(command: &'a str, settings: &'a [String], more: &[&'a str]) -> Vec<&'a str> {
+    let file = Box::leak(
+        scenario("laboratory_simulated")
+            .into_os_string()
+            .into_string()
+            .unwrap()
+            .into_boxed_str(),
+    );
+    let mut arguments = vec![command, &*file];
+    arguments.extend(settings.iter().flat_map(|setting| ["--set", setting.as_str()]));
+    arguments.extend(more);
+    arguments
+}
+
+/// A port of TCP and UDP that was free a moment ago.
+fn free_port() -> u16 {
+    let socket = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = socket.local_addr().unwrap().port();
+    drop(UdpSocket::bind(("127.0.0.1", port)).unwrap());
+    port
+}
+
+/// A place in the network and on the disk of this test's own, and an operator who does not dawdle.
+fn settings(place: &Place, port: u16) -> Vec<String> {
+    vec![
+        format!("motion_capture.port={port}"),
+        format!("rc_output.transmitter.device='{}'", place.path("radio").display()),
+        format!("vehicle.fan.on_at={FAN:?}"),
+        "flight.spool_up=0.2".to_owned(),
+    ]
+}
+
+fn look(place: &Place) -> Option<Snapshot> {
+    let run = place.gerono(&["top", "--once", "--json"]).output().unwrap();
+    serde_json::from_slice(&run.stdout).ok()
+}
+
+/// Asks now and then until the answer is good. Who asks is a process, and the flight needs the cores as well.
+fn ask<T>(what: &str, mut question: impl FnMut() -> Option<T>) -> T {
+    until(what, || {
+        std::thread::sleep(BETWEEN_QUESTIONS);
+        question()
+    })
+}
+
+/// Kills the process of a service and waits until another one flies in its place.
+fn kill(place: &Place, service: ServiceId) {
+    let now = || Some(look(place)?.services.swap_remove(service.index()));
+    let before = ask("the service", now).pid;
+    signal(before, Signal::KILL);
+    ask("its successor", || {
+        now().filter(|service| service.flies && service.pid != before)
+    });
+}
+
+fn part<'a>(truth: &'a Value, name: &str) -> &'a Value {
+    let parts = truth["parts"].as_array().unwrap();
+    parts.iter().find(|part| part["name"] == name).unwrap()
+}
+
+#[test]
+fn a_flight_whose_world_is_another_program_keeps_to_its_path_in_a_jet_and_while_its_services_die() {
+    let place = Place::new();
+    let settings = settings(&place, free_port());
+    let world = World::begin(&place, &settings, &["--out", "world"]);
+    until("the device", || place.path("radio").exists().then_some(()));
+
+    let flight = begin(&mut place.gerono(&arguments(
+        "run",
+        &settings,
+        &["--host", "realtime", "--out", "flight"],
+    )));
+    let orchestrator = flight.id();
+    ask("arming", || {
+        let asked = place.gerono(&["arm"]).output().unwrap();
+        asked.status.success().then_some(())
+    });
+    let flies = |snapshot: &Snapshot| snapshot.phase.as_deref() == Some("fly");
+    ask("the path", || look(&place).filter(flies));
+    ask("the time in the jet", || {
+        look(&place).filter(|snapshot| snapshot.time >= FAN + IN_THE_JET)
+    });
+    for service in ServiceId::ALL {
+        kill(&place, service);
+    }
+    assert!(look(&place).is_some_and(|snapshot| flies(&snapshot)));
+    succeed(&mut place.gerono(&["stop"]));
+    let flown = finish(flight);
+    assert!(flown.status.success(), "{}", said(&flown));
+    place.assert_nothing_is_left_of(orchestrator);
+    world.end();
+    assert!(!place.path("radio").exists());
+
+    let compared = ["truth", "flight", "--world", "world", "--last", "10", "--json"];
+    let compared = succeed(&mut place.gerono(&compared));
+    let truth: Value = serde_json::from_slice(&compared.stdout).unwrap();
+    for name in ["before", "last"] {
+        let rmse = part(&truth, name)["rmse"].as_f64().unwrap();
+        assert!(rmse < PAPER, "{name}: {truth:#}");
+    }
+    let largest = part(&truth, "all")["largest"].as_f64().unwrap();
+    assert!(largest < ASTRAY, "{truth:#}");
+    let [_, push, _] = [0, 1, 2].map(|axis| truth["disturbance"][axis].as_f64().unwrap());
+    let [_, believed, _] = [0, 1, 2].map(|axis| truth["disturbance_estimate"][axis].as_f64().unwrap());
+    assert!(push > 0.7 && believed > 0.5 * push, "the jet is felt: {truth:#}");
+
+    assert_it_came_from_the_ground_and_returned(&place);
+    let alone = output(&mut place.gerono(&["truth", "flight"]));
+    assert_eq!(alone.status.code(), Some(1));
+    assert!(complaint(&alone).contains("name the log of `gerono world` with --world"));
+    let replayed = said(&succeed(&mut place.gerono(&["replay", "flight", "--quiet"])));
+    assert!(replayed.contains("identical: "), "{replayed}");
+}
+
+fn samples<T: Sample>(log: &Path) -> Vec<T> {
+    LogReader::open(log)
+        .unwrap()
+        .samples()
+        .map(Result::unwrap)
+        .collect()
+}
+
+/// The world's own log says so, and what frames began to act.
+fn assert_it_came_from_the_ground_and_returned(place: &Place) {
+    let truths = samples::<VehicleTruth>(&place.log("world"));
+    let height = |truth: &VehicleTruth| -truth.position_world[2];
+    let [first, .., last] = truths.as_slice() else {
+        panic!()
+    };
+    assert_eq!([height(first), height(last)], [0.0, 0.0]);
+    let highest = truths.iter().map(height).fold(0.0, f64::max);
+    assert!((1.15..1.4).contains(&highest), "{highest}");
+    let ticks: Vec<_> = truths.iter().map(|truth| truth.header.tick).collect();
+    assert!((0..ticks.len() as u64).eq(ticks), "every tick, in its order");
+    let frames = samples::<RcFrame>(&place.log("world"));
+    assert!(
+        frames
+            .windows(2)
+            .all(|pair| pair[0].header.seq < pair[1].header.seq)
+    );
+    let mut at_rest: Vec<_> = frames.iter().map(|frame| frame.failsafe.is_set()).collect();
+    at_rest.dedup();
+    assert_eq!(
+        at_rest,
+        [true, false, true],
+        "armed once, and not lost on the way"
+    );
+}
+
+#[test]
+fn every_system_that_a_world_seems_to_have_is_believed() {
+    let place = Place::new();
+    for (source, probed) in [("natnet", "natnet"), ("vicon_udp", "vicon")] {
+        let port = free_port();
+        let mut settings = settings(&place, port);
+        settings.push(format!("estimator.source={source}"));
+        let _world = World::begin(&place, &settings, &["--out", source, "--quiet"]);
+        let port = port.to_string();
+        let probe = [
+            "mocap",
+            "probe",
+            "--source",
+            probed,
+            "--object",
+            "quad",
+            "--seconds",
+            "3",
+            "--port",
+            &port,
+        ];
+        let probed = output(&mut place.gerono(&probe));
+        assert!(
+            probed.status.success() && said(&probed).contains("malformed 0, from strangers 0"),
+            "{}",
+            said(&probed)
+        );
+    }
+}
+
+#[test]
+fn what_a_world_cannot_be_is_refused_with_the_fix() {
+    let place = Place::new();
+    let taken = place.path("taken");
+    std::fs::write(&taken, "").unwrap();
+    let port = TcpListener::bind("127.0.0.1:0").unwrap();
+    let occupied = format!("motion_capture.port={}", port.local_addr().unwrap().port());
+    let device = format!("rc_output.transmitter.device='{}'", taken.display());
+    for (setting, code, piece) in [
+        (
+            "estimator.source=simulated",
+            2,
+            "state `vrpn`, `natnet` or `vicon_udp`",
+        ),
+        ("motion_capture.object='quad#7'", 1, "without a number"),
+        (&occupied, 1, "as `port` one that is free"),
+        (&device, 1, "give a path that is free"),
+    ] {
+        let mut settings = settings(&place, free_port());
+        settings.push(setting.to_owned());
+        let refused = output(&mut place.gerono(&arguments("world", &settings, &[])));
+        assert_eq!(refused.status.code(), Some(code), "{setting}: {}", said(&refused));
+        assert!(complaint(&refused).contains(piece), "{}", complaint(&refused));
+        assert!(!place.path("runs").exists() && !place.path("radio").exists());
+    }
+    let fig7 = scenario("fig7");
+    let refused = output(&mut place.gerono(&["world", fig7.to_str().unwrap()]));
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(Path::new(&taken).exists());
+}
+
+#[test]
+fn the_truth_of_a_simulated_flight_is_in_its_own_log() {
+    let place = Place::new();
+    let fig7 = scenario("fig7");
+    let flown = [
+        "run",
+        fig7.to_str().unwrap(),
+        "--host",
+        "inprocess",
+        "--out",
+        "flight",
+        "--quiet",
+    ];
+    succeed(&mut place.gerono(&flown));
+    let compared = succeed(&mut place.gerono(&["truth", "flight", "--json"]));
+    let truth: Value = serde_json::from_slice(&compared.stdout).unwrap();
+    let spans = ["before", "after", "last", "all"].map(|name| {
+        let span = &part(&truth, name)["span"];
+        [0, 1].map(|end| span[end].as_f64().unwrap().round())
+    });
+    assert_eq!(spans, [[25.0, 30.0], [30.0, 60.0], [60.0, 80.0], [0.0, 80.0]]);
+    let rmse = part(&truth, "last")["rmse"].as_f64().unwrap();
+    assert!(rmse < 0.004, "the bar of the figure: {truth:#}");
+}
