@@ -1,0 +1,65 @@
+//! What must hold of whatever arrives on a radio link.
+
+use radio_link::receiver::{Command, Receiver};
+use radio_link::{crsf, mavlink, msp, multi, sbus};
+use shared_types::scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
+
+/// A receiver of every kind, the last two of `MAVLink`.
+const LINKS: [(RadioProtocol, MavlinkMessage); 6] = [
+    (RadioProtocol::Crsf, MavlinkMessage::RcOverride),
+    (RadioProtocol::Sbus, MavlinkMessage::RcOverride),
+    (RadioProtocol::Multi, MavlinkMessage::RcOverride),
+    (RadioProtocol::Msp, MavlinkMessage::RcOverride),
+    (RadioProtocol::Mavlink, MavlinkMessage::RcOverride),
+    (RadioProtocol::Mavlink, MavlinkMessage::AttitudeTarget),
+];
+
+fn receiver((link, message): (RadioProtocol, MavlinkMessage)) -> Receiver {
+    let transmitter = Transmitter {
+        arming_channel: Some(6),
+        mavlink: Some(Mavlink {
+            message,
+            ..Mavlink::default()
+        }),
+        ..Transmitter::default()
+    };
+    let link = RcLink {
+        link,
+        ..RcLink::default()
+    };
+    Receiver::new(&link, &transmitter).expect("it is not the simulated one")
+}
+
+/// What is understood of bytes that come in pieces of a length; and how many bytes belong to no frame.
+fn heard(link: (RadioProtocol, MavlinkMessage), bytes: &[u8], piece: usize) -> (Vec<Command>, u64) {
+    let mut receiver = receiver(link);
+    let mut commands = Vec::new();
+    for piece in bytes.chunks(piece) {
+        receiver.push(piece, &mut |command| commands.push(*command));
+    }
+    assert_eq!(receiver.heard().frames, commands.len() as u64);
+    (commands, receiver.heard().skipped)
+}
+
+/// Panics unless every decoder takes these bytes for what they are, at once and in pieces.
+///
+/// # Panics
+/// If one does not.
+pub fn check(bytes: &[u8]) {
+    let _ = (crsf::decode(bytes), sbus::decode(bytes), multi::decode(bytes));
+    let _ = (msp::decode(bytes), mavlink::decode(bytes));
+    let mut answers = msp::Receiver::default();
+    for byte in bytes {
+        let _ = answers.push(*byte);
+    }
+    for link in LINKS {
+        let (at_once, skipped) = heard(link, bytes, usize::MAX);
+        assert_eq!((at_once.clone(), skipped), heard(link, bytes, 7), "{link:?}");
+        assert!(skipped <= bytes.len() as u64);
+        for Command { codes, travels, .. } in &at_once {
+            let is_small = |travel: &f64| travel.abs() <= 1e3;
+            let is_of_channels = codes.iter().any(|code| *code != 0);
+            assert!(!is_of_channels || travels.iter().all(is_small), "{travels:?}");
+        }
+    }
+}
