@@ -10,12 +10,13 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use experiment::ExperimentDigest;
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
 use motion_capture::sender::server::{Plan, Server};
 use nalgebra::{Matrix3, Vector3};
-use orchestrator::log::{CaptureFigures, LinkFigures, LogDigest};
-use orchestrator::{laboratory, scenario_file, services};
+use orchestrator::log::{CaptureFigures, LinkFigures};
+use orchestrator::{laboratory, scenario_file};
 use runtime::flight_clock::monotonic_ns;
 use runtime::in_process::{InProcess, TickSink};
 use runtime::shared_page::SharedPage;
@@ -27,7 +28,7 @@ use shared_types::{ServiceId, Topic};
 fn host(scenario: &Scenario) -> InProcess {
     InProcess::new(
         scenario.schedule().unwrap(),
-        services::build_all(scenario).unwrap(),
+        experiment::build_all(scenario).unwrap(),
     )
 }
 
@@ -62,7 +63,7 @@ fn short_losses() -> Scenario {
 
 /// Digests what is published and stops after every tick.
 #[derive(Default)]
-struct Stopping(LogDigest);
+struct Stopping(ExperimentDigest);
 
 impl TickSink for Stopping {
     type Error = Infallible;
@@ -97,7 +98,7 @@ fn services_have_no_hidden_state() {
             for service in ServiceId::ALL {
                 let mut state = vec![0; host.service_mut(service).state_size()];
                 host.service_mut(service).save(&mut state);
-                let mut fresh = services::build(service, &scenario).unwrap();
+                let mut fresh = experiment::build(service, &scenario).unwrap();
                 fresh.restore(&state);
                 host.replace(fresh);
             }
@@ -212,7 +213,7 @@ fn a_step_in_a_laboratory_allocates_nothing() {
         let page = Arc::new(SharedPage::create().unwrap());
         let mut host = host(&scenario);
         for service in [ServiceId::Plant, ServiceId::RcOutput] {
-            let plain = services::build(service, &scenario).unwrap();
+            let plain = experiment::build(service, &scenario).unwrap();
             host.replace(laboratory::equip(plain, &scenario, &page).unwrap());
         }
         page.words().start_ns.store(monotonic_ns(), Ordering::Release);

@@ -5,9 +5,9 @@ mod common;
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
+use experiment::ExperimentDigest;
 use orchestrator::flight::{Outcome, in_process};
 use orchestrator::interrupt::Interrupt;
-use orchestrator::log::LogDigest;
 use orchestrator::scenario_file;
 use runtime::in_process::TickSink;
 use shared_types::Topic;
@@ -20,7 +20,7 @@ const STATE: &str = "safety.\"vehicle/state -> controller\"";
 /// What is to be known of a flight.
 #[derive(Default)]
 struct Flight {
-    digest: LogDigest,
+    digest: ExperimentDigest,
     /// Time from which on distances count, s.
     counts_from: f64,
     /// Where the vehicle is.

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use orchestrator::{scenario_file, services};
+use orchestrator::scenario_file;
 use runtime::in_process::{InProcess, TickSink};
 use shared_types::Topic;
 
@@ -43,7 +43,7 @@ fn ticks_not_recorded(bencher: Bencher) {
     bencher
         .counter(ItemsCount::new(TICKS))
         .with_inputs(|| {
-            let services = services::build_all(&scenario).expect("the scenario is in order");
+            let services = experiment::build_all(&scenario).expect("the scenario is in order");
             InProcess::new(schedule.clone(), services)
         })
         .bench_local_refs(|host| host.fly(&mut Nowhere).is_ok());

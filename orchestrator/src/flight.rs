@@ -14,8 +14,8 @@ pub mod tape;
 use std::time::Duration;
 
 use runtime::step::NonFinite;
-use shared_types::Schedule;
 use shared_types::scenario::Scenario;
+use shared_types::{Schedule, ServiceId};
 
 use crate::summary::laboratory::LaboratoryReport;
 use crate::summary::timing::TimingReport;
@@ -104,6 +104,18 @@ pub enum FlightFailure {
         /// How long they had.
         limit: Duration,
     },
+    /// A program of one's own in place of a service did not keep the process contract.
+    #[error(
+        "the program in place of `{service}` (process {pid}) {what}; docs/process_contract.md says what it must do"
+    )]
+    Guest {
+        /// Name of the service.
+        service: String,
+        /// Its process id.
+        pid: u32,
+        /// What it did, in words.
+        what: String,
+    },
     /// The machine does not permit what the scenario insists on.
     #[error(
         "the scenario insists on its deployment (`deployment.strict`), of which this machine does not permit all: {}; \
@@ -160,6 +172,23 @@ pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
         "poses are to come from `{name}`, which sends them in real time only; fly with --host realtime, or with --set \
          estimator.source=simulated, or look at what comes with `gerono mocap probe`"
     ))
+}
+
+/// Why a scenario cannot be flown in one process, if programs of one's own are to fly in it.
+#[must_use]
+pub fn programs_of_its_own(scenario: &Scenario) -> Option<String> {
+    let guests = scenario.guests();
+    let guest = ServiceId::ALL
+        .into_iter()
+        .find(|service| guests[service.index()])?;
+    Some(format!(
+        "a program of its own is to fly in place of `{guest}` (`programs.{guest}`), and here all fly in one process; fly \
+         with --host lockstep or --host realtime, or with --set 'programs={{}}'"
+    ))
+}
+
+fn refuse_programs(scenario: &Scenario) -> Result<(), FlightFailure> {
+    programs_of_its_own(scenario).map_or(Ok(()), |reason| Err(FlightFailure::Setup(reason)))
 }
 
 fn refuse_unsimulated_poses(scenario: &Scenario) -> Result<(), FlightFailure> {

@@ -38,7 +38,6 @@ pub mod reproduce;
 pub mod run_folder;
 pub mod run_root;
 pub mod scenario_file;
-pub mod services;
 pub mod summary;
 pub mod top;
 pub mod truth;

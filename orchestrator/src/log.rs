@@ -31,7 +31,7 @@ mod writer;
 use std::path::{Path, PathBuf};
 
 pub use csv::export_csv;
-pub use digest::{LogDigest, digest};
+pub use digest::digest;
 pub use export::{ExportError, decode_sample, export_json};
 pub use framing::{Compression, LogError, Written, partial_path};
 pub use host_reader::{HostEntry, HostReadError, HostReader};

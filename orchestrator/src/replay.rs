@@ -36,7 +36,6 @@ use workshop::Workshop;
 use crate::interrupt::Interrupt;
 use crate::log::{HostReadError, LogReadError, LogReader};
 use crate::progress::Progress;
-use crate::services;
 
 /// How far beyond a tick the log is read before the tick is replayed: in real time a sample may come that much late.
 const READ_AHEAD_TICKS: u64 = 512;
@@ -122,6 +121,8 @@ pub struct Replayed {
     pub lacks_samples: bool,
     /// The service whose steps cannot be done again, if it is to be: in a laboratory the world's are what cameras saw.
     pub not_again: Option<ServiceId>,
+    /// Services that are to be replayed and in whose place programs of one's own flew, whose steps nobody can do again.
+    pub guests: Vec<ServiceId>,
     /// Of each topic that was published in the replay.
     pub comparisons: Vec<Comparison>,
     /// Why the log ends early, if it does.
@@ -214,7 +215,7 @@ pub fn replay(
         let stepper: Box<dyn Stepper> = match &workshop {
             Some(workshop) => Box::new(workshop.start(service)?),
             None => {
-                let service = services::build(service, scenario).map_err(ReplayError::Scenario)?;
+                let service = experiment::build(service, scenario).map_err(ReplayError::Scenario)?;
                 Box::new(InThisProcess::new(service, &schedule))
             }
         };
@@ -223,11 +224,14 @@ pub fn replay(
     let mut replayed: Vec<_> = schedule.order().iter().copied().filter(wanted).collect();
     let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
     let not_again = replayed.iter().copied().find(seen);
-    replayed.retain(|service| !seen(service));
+    let is_guest = |service: &ServiceId| recorded.program_of(*service).is_some();
+    let guests = replayed.iter().copied().filter(is_guest).collect();
+    replayed.retain(|service| !seen(service) && !is_guest(service));
     let stations: Vec<_> = replayed.into_iter().map(station).collect::<Result<_, _>>()?;
     let is_asked_for = |topic| stations.iter().any(|station| station.is_about(topic));
     let mut flight = Replay {
         not_again,
+        guests,
         source: Source {
             reader,
             history: History::of(is_asked_for),
@@ -259,6 +263,7 @@ struct Replay<'a> {
     scope: Scope,
     stations: Vec<Station>,
     not_again: Option<ServiceId>,
+    guests: Vec<ServiceId>,
     source: Source,
     machine: Machine,
     starts: Vec<Start>,
@@ -351,6 +356,7 @@ impl Replay<'_> {
             lacks_samples: self.lacks_samples(),
             starts: self.starts,
             not_again: self.not_again,
+            guests: self.guests,
             comparisons: self.stations.into_iter().flat_map(Station::finish).collect(),
             log_ends: self.source.ends,
         }

@@ -102,8 +102,11 @@ impl RunRoot {
     }
 
     fn write_configuration(&self) -> io::Result<()> {
+        // The orchestrator alone cleans up after the dead: guests and onlookers keep to it too.
         let text = format!(
-            "[global]\nroot-path = {:?}\nprefix = {:?}\n",
+            "[global]\nroot-path = {:?}\nprefix = {:?}\n\n\
+             [global.node]\ncleanup-dead-nodes-on-creation = false\ncleanup-dead-nodes-on-destruction = false\n\n\
+             [global.service]\ncleanup-dead-nodes-on-open = false\n",
             self.folder.join("iceoryx2").display().to_string(),
             self.prefix,
         );

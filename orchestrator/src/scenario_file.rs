@@ -29,7 +29,13 @@ use sources::Sources;
 /// # Errors
 /// [`ScenarioError`] if the file cannot be read or if what it and the arguments say cannot be flown.
 pub fn load(path: &Path, sets: &[String], seed: Option<u64>) -> Result<Scenario, ScenarioError> {
-    load_text(path, &read::text(path)?, sets, seed)
+    let mut scenario = load_text(path, &read::text(path)?, sets, seed)?;
+    if let Some(programs) = &mut scenario.programs {
+        // Without a working folder there is no file to be found in it either.
+        let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        programs.anchor(file.parent().unwrap_or(Path::new("/")));
+    }
+    Ok(scenario)
 }
 
 /// As [`load`], of a scenario whose text is at hand; `path` is what errors call it.

@@ -21,6 +21,9 @@ use crate::wiring::Topic;
 /// Package name under which the message definitions appear in logs.
 pub const MSG_PACKAGE: &str = "gerono_msgs";
 
+/// What precedes a sample's bytes in a logged message: CDR as of XCDR1, little-endian, no options.
+pub const CDR_HEADER: [u8; 4] = [0, 1, 0, 0];
+
 /// How a field type is written in a message definition.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MsgType {

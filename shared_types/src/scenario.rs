@@ -11,6 +11,7 @@ mod flight;
 mod machine;
 mod motion_capture;
 mod problem;
+mod programs;
 mod radio_link;
 mod safety;
 pub mod suggest;
@@ -30,6 +31,7 @@ pub use flight::Flight;
 pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
 pub use motion_capture::{CaptureSystem, FrameTransform, MotionCapture, PoseSource};
 pub use problem::{Key, Problem};
+pub use programs::{Guests, Programs};
 pub use radio_link::{
     ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProtocol, Transmitter,
 };
@@ -92,6 +94,9 @@ pub struct Scenario {
     /// What services do about samples that are too old or cannot be true, by input: `"topic -> service"`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub safety: BTreeMap<String, InputSafety>,
+    /// Programs of one's own that fly in place of services.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub programs: Option<Programs>,
     /// How the services use the machine; never changes the log.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deployment: Option<Deployment>,
@@ -839,6 +844,7 @@ impl Scenario {
             envelope: None,
             fault: Vec::new(),
             safety: BTreeMap::new(),
+            programs: None,
             deployment: None,
             real_time: None,
         }

@@ -16,7 +16,7 @@ use crate::exit::Exit;
 pub fn check(arguments: &Check) -> Result<(), Failure> {
     let scenario = load(&arguments.scenario)?;
     let schedule = schedule_of(&scenario)?;
-    crate::services::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    experiment::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
     if arguments.mermaid {
         print(mermaid());
     } else {
@@ -30,7 +30,7 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
 pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
     let order: Vec<_> = schedule.order().iter().map(|service| service.name()).collect();
     format!(
-        "{}\nbase tick {} s, {} ticks, {} s; theorem's bound on ‖z1‖ {:.4} m\norder within a tick: {}\n\n{}\n\n{}\n\n{}\n",
+        "{}\nbase tick {} s, {} ticks, {} s; theorem's bound on ‖z1‖ {:.4} m\norder within a tick: {}\n{}\n{}\n\n{}\n\n{}\n",
         if scenario.description.is_empty() {
             "the scenario can be flown"
         } else {
@@ -41,6 +41,7 @@ pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
         seconds(schedule.time_ns(schedule.last_tick())),
         scenario.controller.ultimate_bound(),
         order.join(" → "),
+        programs(scenario),
         services(schedule),
         topics(schedule),
         edges(schedule),
@@ -51,6 +52,16 @@ fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
     table
+}
+
+/// The programs that fly in place of services, a line each.
+fn programs(scenario: &Scenario) -> String {
+    let programs = ServiceId::ALL
+        .into_iter()
+        .filter_map(|service| Some((service, scenario.program_of(service)?)));
+    programs
+        .map(|(service, words)| format!("in place of {service}: {}\n", words.join(" ")))
+        .collect()
 }
 
 fn services(schedule: &Schedule) -> Table {

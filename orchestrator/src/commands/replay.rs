@@ -123,6 +123,12 @@ fn report(replayed: &Replayed, options: &Options) -> String {
             "The steps of `{service}` are not done again: in this flight they took what the laboratory's cameras sent.\n"
         );
     }
+    if !replayed.guests.is_empty() {
+        text += &format!(
+            "The steps of {} are not done again: programs of one's own flew there.\n",
+            names(&replayed.guests)
+        );
+    }
     if replayed
         .comparisons
         .iter()
@@ -183,7 +189,7 @@ fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
         0 => ServiceId::ALL.len(),
         count => count,
     };
-    let done_again = services - usize::from(replayed.not_again.is_some());
+    let done_again = services - usize::from(replayed.not_again.is_some()) - replayed.guests.len();
     let rest = if replayed.starts.len() < done_again {
         "; the others with the flight"
     } else {

@@ -25,7 +25,7 @@ use crate::run_folder::RunFolder;
 /// [`Failure`] if nothing was flown; a flight that ends badly is an [`Exit`].
 pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let scenario = load(&arguments.scenario)?;
-    refuse_laboratory(&scenario, arguments.host)?;
+    refuse_host(&scenario, arguments.host)?;
     if let Some(problem) = scenario.unasked()
         && arguments.host != Host::Realtime
     {
@@ -35,6 +35,19 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
         let reason =
             "--crash kills the process of a service, and with --host inprocess there is but one process";
+        return Err(Failure::new(Exit::BadInput, reason));
+    }
+    let is_guest = |service: ServiceId| scenario.program_of(service).is_some();
+    if let Some(crash) = arguments
+        .deployment
+        .crash
+        .iter()
+        .find(|crash| is_guest(crash.service))
+    {
+        let reason = format!(
+            "--crash tells a service where to die, and a program of its own in place of `{}` cannot be told",
+            crash.service
+        );
         return Err(Failure::new(Exit::BadInput, reason));
     }
     let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
@@ -61,11 +74,14 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     flown.conclude(tape, ending)
 }
 
-/// A laboratory is for real time only, and there somebody arms.
-fn refuse_laboratory(scenario: &Scenario, host: Host) -> Result<(), Failure> {
+/// A laboratory is for real time only, and there somebody arms; programs of one's own are for processes only.
+fn refuse_host(scenario: &Scenario, host: Host) -> Result<(), Failure> {
     let reason = match host {
         Host::Realtime => scenario.unattended().map(|problem| problem.to_string()),
-        Host::Inprocess | Host::Lockstep => flight::unsimulated_poses(scenario),
+        Host::Lockstep => flight::unsimulated_poses(scenario),
+        Host::Inprocess => {
+            flight::unsimulated_poses(scenario).or_else(|| flight::programs_of_its_own(scenario))
+        }
     };
     reason.map_or(Ok(()), |reason| Err(Failure::new(Exit::BadInput, reason)))
 }

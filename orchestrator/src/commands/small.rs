@@ -8,7 +8,7 @@ use clap_complete::Shell;
 use super::{Failure, log_path, print};
 use crate::cli::{Cli, Digest, Plot};
 use crate::exit::Exit;
-use crate::{laboratory, log, plot, run_root, scenario_file, services};
+use crate::{laboratory, log, plot, run_root, scenario_file};
 
 /// `gerono plot`.
 ///
@@ -50,7 +50,7 @@ pub fn completions(shell: Shell) {
 /// # Errors
 /// [`Failure`].
 pub fn service(name: &str) -> Result<(), Failure> {
-    runtime::process::run(name, services::build, laboratory::equip).map_err(|error| match error {
+    runtime::process::run(name, experiment::build, laboratory::equip).map_err(|error| match error {
         runtime::process::ProcessError::NotSpawned => Failure::new(Exit::BadInput, error),
         error => Failure::new(Exit::FlightFailed, error),
     })

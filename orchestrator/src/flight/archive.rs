@@ -114,6 +114,13 @@ impl Archive {
         self.remembered.get(&place)?.as_deref()
     }
 
+    /// Tick of the newest sample, and how many have come.
+    #[must_use]
+    pub fn newest(&self) -> Option<(u64, u64)> {
+        let newest = self.at(self.count.checked_sub(1)?)?;
+        Some((header_of(newest).tick, self.count))
+    }
+
     /// How many samples have come.
     #[must_use]
     #[inline]

@@ -6,6 +6,7 @@
 //!
 //! While all is well a spare process waits to take the place of whoever dies next.
 
+mod guest;
 mod member;
 pub(crate) mod process;
 mod rebirth;
@@ -280,9 +281,14 @@ impl<'a> Crew<'a> {
     pub fn go(&mut self) -> Result<(), FlightFailure> {
         for service in ServiceId::ALL {
             self.members[service.index()].phase = Phase::Flying;
-            self.say(service, &ToService::Go { reborn: false })?;
+            self.say_go(service, false)?;
         }
         Ok(())
+    }
+
+    fn say_go(&self, service: ServiceId, reborn: bool) -> Result<(), FlightFailure> {
+        let start_ns = self.page.words().start_ns.load(Ordering::Acquire);
+        self.say(service, &ToService::Go { reborn, start_ns })
     }
 
     /// Whether somebody is dead, on the way back, or has samples to catch up with.
@@ -356,12 +362,28 @@ impl<'a> Crew<'a> {
         let mut events = Vec::new();
         loop {
             match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
+                // What it says until it is dead counts no more.
+                Ok(Some(_)) if self.members[at].blamed.is_some() => {}
                 Ok(Some(message)) => {
+                    if self.is_guest(at)
+                        && let Err(what) = self.hear_guest(at, &message)
+                    {
+                        events.extend(self.blame_guest(at, what));
+                        break;
+                    }
                     events.extend(self.members[at].understand(message, self.start.host));
                 }
                 Ok(None) => break,
                 Err(ControlError::Closed) => {
                     events.extend(self.bury(at));
+                    break;
+                }
+                Err(error) if self.is_guest(at) => {
+                    let what = format!(
+                        "says what is no message of the contract: {}",
+                        guest::reason(&error)
+                    );
+                    events.extend(self.blame_guest(at, what));
                     break;
                 }
                 Err(error) => {

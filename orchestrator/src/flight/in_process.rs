@@ -7,7 +7,6 @@ use shared_types::scenario::Scenario;
 
 use super::{Ending, FlightFailure, Outcome};
 use crate::interrupt::Interrupt;
-use crate::services;
 
 /// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
 ///
@@ -22,8 +21,9 @@ where
     FlightFailure: From<S::Error>,
 {
     super::refuse_unsimulated_poses(scenario)?;
+    super::refuse_programs(scenario)?;
     let schedule = super::schedule_of(scenario)?;
-    let services = services::build_all(scenario).map_err(FlightFailure::Setup)?;
+    let services = experiment::build_all(scenario).map_err(FlightFailure::Setup)?;
     let mut host = InProcess::new(schedule, services);
     let mut sink = Interruptible {
         sink,

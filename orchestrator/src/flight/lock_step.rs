@@ -92,6 +92,7 @@ impl Flight<'_> {
             if progress == Progress::Done {
                 return Ok(Outcome::Completed);
             }
+            self.look_after_guests(progress)?;
             self.observer.progressed(&self.crew, self.recorder.ticks());
             if let Some(signal) = interrupt.signal() {
                 return Ok(Outcome::Interrupted { signal });
@@ -119,6 +120,21 @@ impl Flight<'_> {
                 next_health += Duration::from_secs(1);
             }
         }
+    }
+
+    /// Takes note of how far guests have come, and of those that have finished without having flown to the end.
+    fn look_after_guests(&self, progress: Progress) -> Result<(), FlightFailure> {
+        for guest in self.crew.guests() {
+            if let Some((tick, samples)) = self.recorder.newest_of(guest) {
+                self.crew.note_guests_step(guest, tick, samples);
+            }
+            // What it has published before it said so has been received since.
+            if progress == Progress::Waiting && self.crew.is_finished(guest) && self.recorder.waits_for(guest)
+            {
+                return Err(self.crew.blame_for_missing(guest));
+            }
+        }
+        Ok(())
     }
 
     fn attend_to(&mut self, event: CrewEvent) -> Result<(), FlightFailure> {

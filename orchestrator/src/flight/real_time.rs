@@ -303,6 +303,11 @@ impl<'a> Flight<'a> {
         FlightFailure: From<S::Error>,
     {
         self.recorder.receive()?;
+        for guest in self.crew.guests() {
+            if let Some((tick, samples)) = self.recorder.newest_of(guest) {
+                self.crew.note_guests_step(guest, tick, samples);
+            }
+        }
         self.observe_steps();
         let settled_ns = self.clock.elapsed_ns().saturating_sub(SETTLING_NS);
         let settled = (settled_ns / self.clock.tick_ns).min(self.schedule.last_tick() + 1);
@@ -382,10 +387,13 @@ impl<'a> Flight<'a> {
     fn finish(mut self, outcome: Outcome, wall_time: Duration, warnings: Vec<String>) -> Ending {
         self.observe_laboratory();
         let unrecorded = unrecorded(self.schedule, &self.monitor, &self.recorder);
-        let report = TimingReport {
+        let mut report = TimingReport {
             unrecorded,
             ..self.monitor.finish()
         };
+        // Nobody has timed the steps of guests.
+        let is_guest = |name: &str| self.crew.guests().any(|guest| guest.name() == name);
+        report.services.retain(|timing| !is_guest(timing.service));
         self.observer.timing(&report);
         self.observer.ended(&self.crew, &outcome);
         Ending {

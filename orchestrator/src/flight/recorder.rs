@@ -6,7 +6,7 @@ use runtime::in_process::TickSink;
 use runtime::ports::PortError;
 use runtime::shared_page::Words;
 use shared_types::schedule::Presence;
-use shared_types::{Schedule, Topic};
+use shared_types::{Schedule, ServiceId, Topic};
 
 use super::FlightFailure;
 use super::archive::Archive;
@@ -74,6 +74,25 @@ impl Recorder {
     pub fn archive(&self, topic: Topic) -> &Archive {
         let feed = self.feeds.iter().find(|feed| feed.topic == topic);
         &feed.expect("all topics of services are recorded").archive
+    }
+
+    /// Tick of the newest sample that a service has published, and how many of that topic have come.
+    #[must_use]
+    pub fn newest_of(&self, service: ServiceId) -> Option<(u64, u64)> {
+        let outputs = service.outputs().iter();
+        let newest = outputs.filter_map(|output| self.archive(output.topic).newest());
+        newest.max()
+    }
+
+    /// Whether a sample of a service is missing to the tick that is being put together.
+    #[must_use]
+    pub fn waits_for(&self, service: ServiceId) -> bool {
+        let mut feeds = self.feeds.iter();
+        feeds.any(|feed| {
+            feed.topic.publisher() == Some(service)
+                && feed.rate.occurs_at(self.tick)
+                && feed.archive.sample(self.tick).is_none()
+        })
     }
 
     /// Ticks handed over so far.

@@ -5,7 +5,6 @@ use runtime::checkpoints::Checkpoints;
 use shared_types::{Schedule, ServiceId};
 
 use crate::log::LoggedCheckpoint;
-use crate::services;
 
 /// From one checkpoint of a service in the record to the next, ns of the flight.
 const PERIOD_NS: u64 = 1_000_000_000;
@@ -32,7 +31,7 @@ impl Snapshots {
         Self {
             services: ServiceId::ALL.map(|service| Taken {
                 service,
-                layout: services::state_layout(service),
+                layout: experiment::state_layout(service),
                 next_at: 0,
                 last: 0,
             }),
@@ -78,7 +77,7 @@ mod tests {
         for tick in 0..5500 {
             for found in snapshots.take(&checkpoints, &schedule, tick) {
                 assert_eq!(found.service, SERVICE);
-                assert_eq!(found.layout, services::state_layout(SERVICE));
+                assert_eq!(found.layout, experiment::state_layout(SERVICE));
                 taken.push((tick, found.checkpoint.next_tick));
             }
             // It is late, and away for a while.

@@ -1,42 +1,10 @@
-//! The digest of an experiment: what the golden hashes are made of.
+//! The digest of the experiment that a log has recorded.
 
 use std::path::Path;
 
-use sha2::{Digest, Sha256};
-use shared_types::Topic;
-use shared_types::sample::hex;
-use shared_types::service::header_of;
+use experiment::ExperimentDigest;
 
-use super::framing::CDR_HEADER;
 use super::reader::{LogReadError, LogReader};
-
-/// SHA-256 over topic, time and payload of every message in order.
-///
-/// Each message adds the topic's name and a zero byte, the log time in ns and the payload's length (both as
-/// little-endian 64-bit numbers), and the payload: CDR header and sample. Chunks, compression and manifest do not count.
-#[derive(Clone, Default)]
-pub struct LogDigest {
-    hash: Sha256,
-}
-
-impl LogDigest {
-    /// Adds a sample.
-    pub fn update(&mut self, topic: Topic, bytes: &[u8]) {
-        let payload_bytes = (CDR_HEADER.len() + bytes.len()) as u64;
-        self.hash.update(topic.name().as_bytes());
-        self.hash.update([0]);
-        self.hash.update(header_of(bytes).stamp_ns.to_le_bytes());
-        self.hash.update(payload_bytes.to_le_bytes());
-        self.hash.update(CDR_HEADER);
-        self.hash.update(bytes);
-    }
-
-    /// The digest in lower-case hexadecimal.
-    #[must_use]
-    pub fn finish(self) -> String {
-        hex(&self.hash.finalize())
-    }
-}
 
 /// The digest of a log: equal for equal experiments, on any machine.
 ///
@@ -44,7 +12,7 @@ impl LogDigest {
 /// [`LogReadError`], also for an incomplete log.
 pub fn digest(path: &Path) -> Result<String, LogReadError> {
     let mut reader = LogReader::open(path)?;
-    let mut digest = LogDigest::default();
+    let mut digest = ExperimentDigest::default();
     while let Some(logged) = reader.next_sample()? {
         digest.update(logged.topic, logged.bytes);
     }
@@ -56,13 +24,14 @@ mod tests {
     use super::*;
     use crate::log::Compression;
     use crate::log::test_flight::{record, record_samples, samples, scenario};
+    use shared_types::Topic;
 
     #[test]
     fn the_digest_depends_neither_on_compression_nor_on_the_manifest() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
         let mut scenario = scenario(0.01, 1.0);
-        let mut expected = LogDigest::default();
+        let mut expected = ExperimentDigest::default();
         for (topic, bytes) in samples(&scenario.schedule().unwrap()) {
             expected.update(topic, &bytes);
         }

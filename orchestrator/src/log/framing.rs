@@ -10,12 +10,9 @@ use std::time::Duration;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{McapError, McapResult, WriteOptions, Writer};
-use shared_types::sample::{Record, layout_hash, msg_definition};
+use shared_types::sample::{CDR_HEADER, Record, layout_hash, msg_definition};
 
 use super::durability::Durability;
-
-/// What precedes a sample's bytes in a message: CDR as of XCDR1, little-endian, no options.
-pub(super) const CDR_HEADER: [u8; 4] = [0, 1, 0, 0];
 
 /// Key of a channel's metadata under which the layout hash of its samples stands.
 pub(super) const LAYOUT_KEY: &str = "layout";

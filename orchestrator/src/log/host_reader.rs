@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use mcap::McapError;
 use mcap::records::{Channel, Record, op};
 use shared_types::ServiceId;
+use shared_types::sample::CDR_HEADER;
 use zerocopy::FromBytes;
 
-use super::framing::CDR_HEADER;
 use super::host_samples::{HostSample, LoggedCheckpoint, PieceByPiece, ServiceCheckpoint, ServiceStep};
 use super::records::{self, RawRecord, Records};
 

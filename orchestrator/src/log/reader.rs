@@ -7,11 +7,12 @@ use std::path::{Path, PathBuf};
 
 use mcap::McapError;
 use mcap::records::{Record, op};
+use shared_types::sample::CDR_HEADER;
 use shared_types::service::header_of;
 use shared_types::{Header, Sample, Topic};
 use zerocopy::IntoBytes;
 
-use super::framing::{CDR_HEADER, LAYOUT_KEY};
+use super::framing::LAYOUT_KEY;
 use super::manifest::{FORMAT_VERSION, Manifest, ManifestProblem};
 use super::records::{self, RawRecord, Records, is_message_index};
 use super::recovery::Recovery;

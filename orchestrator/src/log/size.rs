@@ -1,8 +1,7 @@
 //! How large the log of a flight becomes, known before it is flown.
 
+use shared_types::sample::CDR_HEADER;
 use shared_types::{Schedule, Topic};
-
-use super::framing::CDR_HEADER;
 
 /// What a message costs beside its sample, bytes: frame and fields of its record, the mark of CDR, its place in the
 /// index of its chunk.

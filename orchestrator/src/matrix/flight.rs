@@ -4,6 +4,7 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use experiment::ExperimentDigest;
 use runtime::in_process::TickSink;
 use shared_types::samples::VehicleTruth;
 use shared_types::scenario::Scenario;
@@ -16,7 +17,6 @@ use crate::flight::crew::CrewObserver;
 use crate::flight::deployment::Deployment;
 use crate::flight::{FlightFailure, Outcome, in_process, lock_step};
 use crate::interrupt::Interrupt;
-use crate::log::LogDigest;
 use crate::summary::faults::{FaultReport, FaultWatch};
 use crate::summary::read;
 
@@ -66,7 +66,7 @@ pub fn fly(cell: &Cell, way: Way, interrupt: &Interrupt) -> Result<Flown, String
         watch: FaultWatch::new(vec![cell.watched.clone()], &schedule),
         from: cell.watched.from,
         has_tipped: false,
-        digest: with_digest.then(LogDigest::default),
+        digest: with_digest.then(ExperimentDigest::default),
     };
     let outcome = match way {
         Way::InProcess { .. } => in_this_process(scenario, &mut onlooker, interrupt),
@@ -112,7 +112,7 @@ struct Onlooker {
     /// First tick of the fault.
     from: u64,
     has_tipped: bool,
-    digest: Option<LogDigest>,
+    digest: Option<ExperimentDigest>,
 }
 
 impl Onlooker {
@@ -121,7 +121,7 @@ impl Onlooker {
             report: self.watch.finish(schedule).pop(),
             has_tipped: self.has_tipped,
             ended,
-            digest: self.digest.map(LogDigest::finish),
+            digest: self.digest.map(ExperimentDigest::finish),
         }
     }
 }

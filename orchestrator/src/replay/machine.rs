@@ -10,7 +10,6 @@ use super::checkpoints::RecordedCheckpoints;
 use super::station::Seen;
 use super::{READ_AHEAD_TICKS, ReplayError};
 use crate::log::{HostEntry, HostReader, LoggedCheckpoint, ServiceStep, host_log_beside};
-use crate::services;
 
 /// One step, and what it saw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,7 +127,7 @@ impl Machine {
 
     fn keep_checkpoint(&mut self, found: LoggedCheckpoint) {
         let own = &mut self.services[found.service.index()];
-        if found.layout != services::state_layout(found.service) {
+        if found.layout != experiment::state_layout(found.service) {
             own.has_strange_checkpoints = true;
             return;
         }

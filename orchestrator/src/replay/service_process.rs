@@ -123,7 +123,10 @@ impl ServiceProcess {
         let connected: Result<(), PortError> = senders.chain(receivers).collect();
         connected.map_err(|error| self.gave_up(&error))?;
         self.is_ready = true;
-        self.say(&ToService::Go { reborn: false })
+        self.say(&ToService::Go {
+            reborn: false,
+            start_ns: 0,
+        })
     }
 
     /// The next thing that the process says.

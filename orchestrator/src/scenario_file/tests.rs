@@ -7,6 +7,7 @@ mod machine;
 mod motion_capture;
 mod mutations;
 mod optional;
+mod programs;
 mod radio_link;
 mod semantics;
 mod syntax;

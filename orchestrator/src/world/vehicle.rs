@@ -7,8 +7,6 @@ use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, ServiceId};
 use zerocopy::{FromZeros, IntoBytes};
 
-use crate::services;
-
 /// The plant of a scenario.
 pub(super) struct Vehicle {
     plant: Box<dyn ErasedService>,
@@ -20,7 +18,7 @@ pub(super) struct Vehicle {
 impl Vehicle {
     pub(super) fn new(scenario: &Scenario) -> Result<Self, String> {
         Ok(Self {
-            plant: services::build(ServiceId::Plant, scenario)?,
+            plant: experiment::build(ServiceId::Plant, scenario)?,
             frame: None,
             captures: 0,
         })

@@ -46,6 +46,13 @@ pub enum ToService {
     Go {
         /// Whether another process has flown before this one and died: go on from its last checkpoint.
         reborn: bool,
+        /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; else 0.
+        start_ns: u64,
+    },
+    /// To a guest in simulated time: connect all ports to those of a service that was born again, and say so.
+    Connect {
+        /// Number of the birth.
+        birth: u32,
     },
     /// A sample that a reborn service may have missed.
     Missed {
@@ -118,10 +125,25 @@ pub struct Role {
 /// What a service says to the orchestrator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToOrchestrator {
+    /// A guest's program is about to be started.
+    Deployed {
+        /// What could not be had of the deployment that was asked for, in words.
+        warnings: Vec<String>,
+    },
     /// All ports are made.
     Ready {
         /// What could not be had of the deployment that was asked for, in words.
+        #[serde(default)]
         warnings: Vec<String>,
+        /// Of a guest the ids of its receivers, hexadecimal, in the order of its inputs. Services make theirs known
+        /// themselves.
+        #[serde(default)]
+        receivers: Vec<String>,
+    },
+    /// A guest is connected to a service that was born again.
+    Connected {
+        /// Number of the birth.
+        birth: u32,
     },
     /// A reborn service gets all its inputs by its ports.
     CaughtUp,
@@ -249,7 +271,12 @@ impl Channel {
 
     fn receive_with<M: DeserializeOwned>(&self, flags: RecvFlags) -> Result<M, ControlError> {
         let mut buffer = vec![0; MESSAGE_LIMIT];
-        let received = rustix::io::retry_on_intr(|| rustix::net::recv(&self.0, &mut *buffer, flags));
+        let mut receive = || rustix::io::retry_on_intr(|| rustix::net::recv(&self.0, &mut *buffer, flags));
+        let received = match receive() {
+            // The other side has ended without having read everything; what it had said before is still to be had.
+            Err(rustix::io::Errno::CONNRESET) => receive(),
+            received => received,
+        };
         match received {
             Ok((0, _)) | Err(rustix::io::Errno::CONNRESET) => Err(ControlError::Closed),
             Ok((length, _)) => Ok(serde_json::from_slice(&buffer[..length])?),
@@ -280,11 +307,31 @@ mod tests {
     }
 
     #[test]
+    fn the_last_words_of_one_that_has_not_read_everything_are_heard() {
+        let (mine, theirs) = Channel::pair().unwrap();
+        mine.send(&ToService::MakePorts).unwrap();
+        let last_words = ToOrchestrator::Failed {
+            reason: "no room".to_owned(),
+        };
+        let theirs = Channel::inherited(theirs);
+        theirs.send(&last_words).unwrap();
+        drop(theirs);
+        assert_eq!(mine.receive::<ToOrchestrator>().unwrap(), last_words);
+        assert!(matches!(
+            mine.receive::<ToOrchestrator>(),
+            Err(ControlError::Closed)
+        ));
+    }
+
+    #[test]
     fn messages_arrive_whole_and_in_order() {
         let (mine, theirs) = Channel::pair().unwrap();
         let theirs = Channel::inherited(theirs);
         assert!(theirs.try_receive::<ToService>().unwrap().is_none());
-        let go = ToService::Go { reborn: true };
+        let go = ToService::Go {
+            reborn: true,
+            start_ns: 0,
+        };
         mine.send(&go).unwrap();
         mine.send(&ToService::Stop).unwrap();
         assert_eq!(theirs.receive::<ToService>().unwrap(), go);

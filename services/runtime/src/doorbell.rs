@@ -2,7 +2,7 @@
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
-use rustix::event::{EventfdFlags, eventfd};
+use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
 
 /// A service's doorbell. Whoever publishes for the service rings it; a ring is a hint, never data.
 #[derive(Debug)]
@@ -36,10 +36,40 @@ impl Doorbell {
         // An interrupted sleep is a ring like any other: everything is looked at again.
         let _ = rustix::io::read(&self.0, &mut [0u8; 8]);
     }
+
+    /// Sleeps as [`Self::sleep`] does, but no longer than this, ns.
+    #[inline]
+    pub fn sleep_up_to(&self, limit_ns: u64) {
+        const SECOND: u64 = 1_000_000_000;
+        let limit = Timespec {
+            tv_sec: i64::try_from(limit_ns / SECOND).unwrap_or(i64::MAX),
+            tv_nsec: i64::try_from(limit_ns % SECOND).unwrap_or_default(),
+        };
+        let mut file = [PollFd::new(&self.0, PollFlags::IN)];
+        // As above, an interruption is a ring.
+        if poll(&mut file, Some(&limit)).is_ok_and(|rung| rung > 0) {
+            self.sleep();
+        }
+    }
 }
 
 impl AsFd for Doorbell {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.0.as_fd()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sleep_with_a_limit_ends_with_a_ring_or_without() {
+        let doorbell = Doorbell::create().unwrap();
+        doorbell.sleep_up_to(1);
+        doorbell.ring();
+        doorbell.sleep_up_to(u64::MAX);
+        doorbell.ring();
+        doorbell.sleep();
     }
 }

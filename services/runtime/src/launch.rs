@@ -124,6 +124,8 @@ impl Launch<'_> {
                 tick_ns: self.schedule.tick_ns(),
             },
             page,
+            doorbells: waiter.doorbells(),
+            guests: start.scenario.guests(),
             grace_ns: nanoseconds(start.scenario.real_time.unwrap_or_default().grace),
             lone_flight: LoneFlight::new(&start.scenario, waiter.channel().try_clone()?, bequest),
             crash: self.crash,
@@ -138,9 +140,10 @@ impl Launch<'_> {
 /// Says that all ports are made and waits for the start: whether another process has flown before this one; none if
 /// the run ends.
 fn await_go(channel: &Channel, warnings: Vec<String>) -> Result<Option<bool>, ProcessError> {
-    channel.send(&ToOrchestrator::Ready { warnings })?;
+    let receivers = Vec::new();
+    channel.send(&ToOrchestrator::Ready { warnings, receivers })?;
     Ok(match channel.receive()? {
-        ToService::Go { reborn } => Some(reborn),
+        ToService::Go { reborn, .. } => Some(reborn),
         _ => None,
     })
 }

@@ -16,7 +16,8 @@
 //! outputs), [`lone_flight`] (when the orchestrator is gone), [`succession`] (how another one takes its place), [`flight_clock`] (ticks on the system's clock),
 //! [`step_log`] (what every step in real time was made of), [`notice`] (how what is connected to a service fares), [`control`] (the orchestrator's line to each service),
 //! [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler, parent's death), [`descriptors`] (what a started
-//! process inherits) and [`process`] and [`launch`] (what `gerono service NAME` runs).
+//! process inherits), [`guest`] (a program of one's own in place of a service) and [`process`] and [`launch`] (what
+//! `gerono service NAME` runs).
 //!
 //! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the
 //! control channel closes, or when its parent dies; a number that is not finite is stopped at the service
@@ -30,6 +31,7 @@ pub mod descriptors;
 pub mod doorbell;
 pub mod edge_store;
 pub mod flight_clock;
+pub mod guest;
 pub mod in_process;
 pub mod inlet;
 pub mod launch;

@@ -34,7 +34,7 @@ pub const RECORDER_BUFFER: usize = 1024;
 const OBSERVERS: usize = 2;
 
 /// Name of the service attribute that carries the layout hash.
-const LAYOUT_ATTRIBUTE: &str = "layout";
+pub(crate) const LAYOUT_ATTRIBUTE: &str = "layout";
 
 /// Why a port cannot be made or used.
 #[derive(Debug, thiserror::Error)]
@@ -260,7 +260,8 @@ impl Topics {
     }
 }
 
-fn consumer_buffer(schedule: &Schedule, topic: Topic) -> usize {
+/// Places of a consumer's buffer of a topic.
+pub(crate) fn consumer_buffer(schedule: &Schedule, topic: Topic) -> usize {
     usize::try_from(schedule.buffer_size(topic)).map_or(RECORDER_BUFFER, |size| size.min(RECORDER_BUFFER))
 }
 

@@ -6,9 +6,9 @@
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
 
-use shared_types::ServiceId;
 use shared_types::scenario::{Scenario, ServiceDeployment};
 use shared_types::service::ErasedService;
+use shared_types::{Schedule, ServiceId};
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
@@ -19,6 +19,7 @@ use crate::crash::CrashPoint;
 use crate::deployment::{self, Scheduler, Setting};
 use crate::descriptors::inherited;
 use crate::doorbell::Doorbell;
+use crate::guest::{self, Belongings, Invitation};
 use crate::launch::Launch;
 use crate::lock_step::FlightError;
 use crate::ports::{Member, PortError, Topics};
@@ -52,6 +53,9 @@ pub enum ProcessError {
     /// What is connected to the service in a laboratory cannot be used.
     #[error("{0}")]
     Equipment(String),
+    /// The program that is to fly in place of the service cannot be started.
+    #[error("{0}")]
+    Guest(String),
     /// The system refused something.
     #[error(transparent)]
     Io(#[from] std::io::Error),
@@ -83,13 +87,47 @@ pub fn run(
     let ToService::Start(start) = inherited.channel.receive()? else {
         return Ok(());
     };
+    let channel = inherited.channel.try_clone()?;
+    // In a replay it is the service itself that does steps again.
+    if let Some(role) = start.role
+        && start.host != Host::Replay
+        && let Some(program) = start.scenario.program_of(role.service)
+    {
+        return report(&channel, invite(program, role.service, &start, &inherited));
+    }
     if start.host == Host::RealTime {
         // A vehicle in the air outlives the orchestrator: see `lone_flight`.
         deployment::outlive_parent()?;
     }
-    let channel = inherited.channel.try_clone()?;
     let result = live(inherited, &start, name, build, equip);
     report(&channel, result)
+}
+
+/// Becomes the program that flies in place of a service. It does not outlive the orchestrator: nobody could take it over.
+fn invite(
+    program: &[String],
+    service: ServiceId,
+    start: &Start,
+    inherited: &Inherited,
+) -> Result<(), ProcessError> {
+    let schedule = schedule_of(start)?;
+    let invitation = Invitation::new(service, start, &schedule).map_err(ProcessError::Guest)?;
+    let (_, warnings) = deploy(service, start);
+    inherited.channel.send(&ToOrchestrator::Deployed { warnings })?;
+    let folder = start.scenario.programs.as_ref();
+    let folder = folder.and_then(|programs| programs.folder.as_deref());
+    let belongings = Belongings {
+        channel: &inherited.channel,
+        lock: inherited.lock.as_fd(),
+        doorbells: &inherited.doorbells,
+    };
+    let reason = guest::become_program(program, folder, &invitation, &belongings);
+    Err(ProcessError::Guest(reason))
+}
+
+fn schedule_of(start: &Start) -> Result<Schedule, ProcessError> {
+    let schedule = start.scenario.schedule();
+    schedule.map_err(|problems| ProcessError::Scenario(format!("{problems:?}")))
 }
 
 /// Makes what is needed to fly, and flies. Who has no role yet makes what every role needs and waits for one.
@@ -114,10 +152,7 @@ fn live(
     if deployed.is_none() {
         prepare_spare(start);
     }
-    let schedule = start
-        .scenario
-        .schedule()
-        .map_err(|problems| ProcessError::Scenario(format!("{problems:?}")))?;
+    let schedule = schedule_of(start)?;
     let member = Member::join(&start.iceoryx2_configuration, name)?;
     let (role, mut service) = if let Some(role) = start.role {
         (role, build(role.service)?)
@@ -142,7 +177,14 @@ fn live(
     if start.host == Host::RealTime {
         service = equip(service, &start.scenario, &page).map_err(ProcessError::Equipment)?;
     }
-    let mut waiter = Waiter::new(role.service, page, doorbells, channel, scheduler);
+    let mut waiter = Waiter::new(
+        role.service,
+        page,
+        doorbells,
+        channel,
+        scheduler,
+        start.scenario.guests(),
+    );
     let launch = Launch {
         schedule: &schedule,
         topics: &topics,

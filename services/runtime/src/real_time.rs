@@ -16,12 +16,14 @@ use std::sync::atomic::{Ordering, fence};
 
 use rustix::thread::futex;
 use shared_types::samples::PathReference;
+use shared_types::scenario::Guests;
 use shared_types::service::{ErasedService, Operator};
 use shared_types::{Now, Schedule, ServiceId, Topic};
 use zerocopy::FromBytes;
 
 use crate::checkpoints::{Checkpoint, Checkpoints};
 use crate::crash::{self, CrashPlace, CrashPoint};
+use crate::doorbell::Doorbell;
 use crate::flight_clock::{FlightClock, deadline, monotonic_ns, nap_until};
 use crate::lock_step::FlightError;
 use crate::lone_flight::LoneFlight;
@@ -78,6 +80,10 @@ pub struct Cockpit<'a> {
     pub ports: RealTimePorts,
     /// The words that the run shares.
     pub page: Arc<SharedPage>,
+    /// The doorbells of all services, by which guests wake others and are woken: they know nothing of the words.
+    pub doorbells: Arc<[Doorbell]>,
+    /// Which services are guests.
+    pub guests: Guests,
     /// Where it keeps what it knows.
     pub checkpoints: &'a Checkpoints,
     /// Where it tells of its steps.
@@ -272,7 +278,12 @@ impl Cockpit<'_> {
             if monotonic_ns() >= give_up_at {
                 break false;
             }
-            self.doze(service, rung, give_up_at);
+            if self.guests[self.ports.mailboxes[place].publisher.index()] {
+                let left = give_up_at.saturating_sub(monotonic_ns());
+                self.doorbells[service.index()].sleep_up_to(left);
+            } else {
+                self.doze(service, rung, give_up_at);
+            }
             Cell::count(&self.cell(service).blocks);
         };
         self.cell(service).waiting_for.store(0, Ordering::Relaxed);
@@ -334,7 +345,7 @@ impl Cockpit<'_> {
         }
     }
 
-    /// Wakes those services that sleep for a publication of this one.
+    /// Wakes those services that sleep for a publication of this one, and guests in any case.
     #[inline]
     fn wake(&self, service: ServiceId) {
         // Publications before, announcements after: pairs with the fence in `await_input`.
@@ -342,7 +353,9 @@ impl Cockpit<'_> {
         let mine = announcement(service);
         for &consumer in self.ports.outlets.consumers() {
             let cell = self.cell(consumer);
-            if cell.waiting_for.load(Ordering::Relaxed) == mine {
+            if self.guests[consumer.index()] {
+                self.doorbells[consumer.index()].ring();
+            } else if cell.waiting_for.load(Ordering::Relaxed) == mine {
                 cell.ring();
             }
         }

@@ -17,6 +17,7 @@ use std::sync::atomic::{Ordering, fence};
 use std::time::{Duration, Instant};
 
 use shared_types::ServiceId;
+use shared_types::scenario::Guests;
 
 use crate::control::Channel;
 use crate::deployment::Scheduler;
@@ -45,11 +46,13 @@ pub struct Waiter {
     doorbells: Arc<[Doorbell]>,
     channel: Channel,
     scheduler: Scheduler,
+    guests: Guests,
     leader: Option<Leader>,
 }
 
 impl Waiter {
-    /// Joins the ring. `doorbells` are those of all services, in the order of the wiring table.
+    /// Joins the ring. `doorbells` are those of all services, in the order of the wiring table; `guests` do not announce
+    /// that they sleep.
     #[must_use]
     pub fn new(
         me: ServiceId,
@@ -57,6 +60,7 @@ impl Waiter {
         doorbells: Vec<Doorbell>,
         channel: Channel,
         scheduler: Scheduler,
+        guests: Guests,
     ) -> Self {
         let leader = (me == ServiceId::ALL[0]).then(Leader::default);
         Self {
@@ -65,6 +69,7 @@ impl Waiter {
             doorbells: doorbells.into(),
             channel,
             scheduler,
+            guests,
             leader,
         }
     }
@@ -101,18 +106,15 @@ impl Waiter {
         self.page.words().stopping.load(Ordering::Relaxed) != 0
     }
 
-    /// Rings the doorbells of those services that sleep for a publication of this one.
+    /// Rings the doorbells of those services that sleep for a publication of this one, and those of guests in any case.
     #[inline]
     pub fn wake(&self, consumers: &[ServiceId]) {
         // Publications before, announcements after: pairs with the fence in `sleep_for`.
         fence(Ordering::SeqCst);
         let mine = announcement(self.me);
         for consumer in consumers {
-            if self.page.words().cells[consumer.index()]
-                .waiting_for
-                .load(Ordering::Relaxed)
-                == mine
-            {
+            let cell = &self.page.words().cells[consumer.index()];
+            if cell.waiting_for.load(Ordering::Relaxed) == mine || self.guests[consumer.index()] {
                 self.doorbells[consumer.index()].ring();
             }
         }
@@ -290,7 +292,7 @@ mod tests {
             .iter()
             .map(|_| Doorbell::create().unwrap())
             .collect();
-        Waiter::new(me, page, doorbells, channel, Scheduler::Fair)
+        Waiter::new(me, page, doorbells, channel, Scheduler::Fair, Guests::default())
     }
 
     #[test]

@@ -13,6 +13,7 @@ use runtime::checkpoints::Checkpoints;
 use runtime::control::{Channel, Host, Start};
 use runtime::crash::CrashPoint;
 use runtime::deployment::Scheduler;
+use runtime::doorbell::Doorbell;
 use runtime::flight_clock::{FlightClock, monotonic_ns};
 use runtime::lone_flight::LoneFlight;
 use runtime::ports::{Delivery, Member, Topics};
@@ -81,6 +82,8 @@ fn allocations_of(member: &Member, ticks: u64) -> (u64, usize) {
     let mut cockpit = Cockpit {
         ports,
         page,
+        doorbells: ServiceId::ALL.map(|_| Doorbell::create().unwrap()).into(),
+        guests: scenario.guests(),
         checkpoints: &Checkpoints::create().unwrap(),
         step_log: &step_log,
         clock: FlightClock::starting_in(Duration::from_millis(2), schedule.tick_ns()),

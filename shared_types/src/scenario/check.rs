@@ -13,6 +13,7 @@ mod flight;
 mod machine;
 mod motion_capture;
 mod path;
+mod programs;
 mod radio;
 mod radio_link;
 mod safety;
@@ -41,6 +42,7 @@ impl Scenario {
         self.check_flight(&mut found);
         self.check_envelope(&mut found);
         self.check_machine(&mut found);
+        self.check_programs(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems
     }

@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{RadioProtocol, RcLink, Scenario};
+use super::{Programs, RadioProtocol, RcLink, Scenario};
 use crate::wiring::ServiceId;
 
 /// How the services use the machine: for all of them, unless a service's own table says otherwise.
@@ -164,6 +164,7 @@ impl Scenario {
         Self {
             deployment: None,
             real_time: None,
+            programs: self.programs.as_ref().map(Programs::without_folder),
             rc_output: self.rc_output.as_ref().map(|link| RcLink {
                 link: RadioProtocol::Simulated,
                 transmitter: None,

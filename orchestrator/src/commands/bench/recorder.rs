@@ -19,6 +19,7 @@ use runtime::in_process::TickSink;
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 use shared_types::Topic;
+use shared_types::sample::CDR_HEADER;
 use shared_types::scenario::Scenario;
 use shared_types::service::header_of;
 
@@ -36,9 +37,6 @@ const FLIGHT_SECONDS: f64 = 2.0;
 
 /// How often they are written in one measurement.
 const ROUNDS: u64 = 15;
-
-/// What precedes a sample in a message.
-const CDR_HEADER: [u8; 4] = [0, 1, 0, 0];
 
 /// All that was measured; medians of the repetitions.
 #[derive(Clone, Debug, Serialize)]

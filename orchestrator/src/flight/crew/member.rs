@@ -28,6 +28,10 @@ pub(super) struct CrewMember {
     pub(super) birth: Option<u32>,
     /// The number that is not finite at which its process has stopped, to be replaced.
     pub(super) not_finite: Option<NonFinite>,
+    /// What its process did wrong, being a guest's, for which it is killed, to be replaced.
+    pub(super) blamed: Option<String>,
+    /// What it could not have of its deployment, told before it was ready: as guests do.
+    pub(super) warnings: Vec<String>,
     /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
     pub(super) remembered: Vec<(usize, u64)>,
 }
@@ -64,6 +68,8 @@ impl CrewMember {
             died_at: None,
             birth: None,
             not_finite: None,
+            blamed: None,
+            warnings: Vec::new(),
             remembered: Vec::new(),
         }
     }
@@ -72,9 +78,14 @@ impl CrewMember {
     /// vehicle is in the air, and what the next process sees is something else. In lock-step it would see the same.
     pub(super) fn understand(&mut self, message: ToOrchestrator, host: Host) -> Option<CrewEvent> {
         Some(match message {
-            ToOrchestrator::Ready { warnings } => {
+            ToOrchestrator::Deployed { warnings } => {
+                self.warnings = warnings;
+                return None;
+            }
+            ToOrchestrator::Ready { mut warnings, .. } => {
                 self.phase = Phase::Ready;
                 self.birth = None;
+                warnings.append(&mut self.warnings);
                 CrewEvent::Ready(self.service, warnings)
             }
             ToOrchestrator::CaughtUp => {
@@ -83,8 +94,8 @@ impl CrewMember {
                 }
                 return None;
             }
-            // What is said in replays only.
-            ToOrchestrator::Stepped { .. } => return None,
+            // What is said in replays only, and what the crew has heard of a guest.
+            ToOrchestrator::Stepped { .. } | ToOrchestrator::Connected { .. } => return None,
             ToOrchestrator::Finished => {
                 self.phase = Phase::Finished;
                 CrewEvent::Finished(self.service)

@@ -27,6 +27,9 @@ impl Crew<'_> {
         if let Some(found) = &not_finite {
             exit.description = found.to_string();
         }
+        if let Some(what) = member.blamed.take() {
+            exit.description = format!("killed, because it {what}");
+        }
         self.exits.push((Some(service), pid, exit.clone()));
 
         let words = self.page.words();
@@ -35,6 +38,11 @@ impl Crew<'_> {
         if is_over || words.stopping.load(Ordering::Relaxed) != 0 {
             return None;
         }
+        if let Some(failure) = self.guests_last_end(at, &exit) {
+            self.members[at].phase = Phase::GivenUp;
+            return Some(CrewEvent::Lost(failure));
+        }
+        let member = &mut self.members[at];
         let flown_until = cell.steps_until.load(Ordering::Relaxed);
         member.fruitless = if flown_until > member.flown_until {
             0
@@ -92,7 +100,7 @@ impl Crew<'_> {
                 let service = self.members[at].service;
                 self.members[at].phase = Phase::Flying;
                 self.note_rebirth(service, self.next_tick(service).checked_sub(1));
-                self.say(service, &ToService::Go { reborn: true })?;
+                self.say_go(service, true)?;
             }
         }
         Ok(())
@@ -107,6 +115,7 @@ impl Crew<'_> {
         for at in 0..self.members.len() {
             match self.members[at].phase {
                 Phase::Dead(again_at) if again_at <= now => self.give_birth(at)?,
+                Phase::Starting if self.is_guest(at) => self.limit_guests_patience(at, now)?,
                 Phase::Starting if now - self.members[at].process.asked_at > READY_LIMIT => {
                     return Err(FlightFailure::NotReady {
                         services: vec![self.members[at].service.to_string()],
@@ -126,7 +135,12 @@ impl Crew<'_> {
             service,
             crash: self.crash_of(service, self.members[at].lives),
         };
-        let spare = self.take_spare(role);
+        // One that is ready to be a service is not ready to be a guest.
+        let spare = if self.is_guest(at) {
+            None
+        } else {
+            self.take_spare(role)
+        };
         let is_new = spare.is_none();
         let process = match spare {
             Some(process) => process,
@@ -158,7 +172,9 @@ impl Crew<'_> {
             }
             let words = self.page.words();
             let Some(birth) = self.members[at].birth else {
-                self.members[at].birth = Some(1 + words.births.fetch_add(1, Ordering::SeqCst));
+                let birth = 1 + words.births.fetch_add(1, Ordering::SeqCst);
+                self.members[at].birth = Some(birth);
+                self.connect_guests(birth)?;
                 recorder
                     .connect()
                     .map_err(|error| FlightFailure::Setup(error.to_string()))?;
@@ -201,7 +217,7 @@ impl Crew<'_> {
         self.members[service.index()].remembered = remembered;
         self.members[service.index()].phase = Phase::CatchingUp(places);
         self.note_rebirth(service, next_tick.checked_sub(1));
-        self.say(service, &ToService::Go { reborn: true })
+        self.say_go(service, true)
     }
 
     /// Tick of the first step that is not known to the service's last checkpoint.

@@ -10,7 +10,7 @@ use runtime::in_process::TickSink;
 use runtime::owned_sample::OwnedSample;
 use runtime::ports::PortError;
 use shared_types::service::header_of;
-use shared_types::{Sample, Topic};
+use shared_types::{Sample, ServiceId, Topic};
 
 use crate::flight::FlightFailure;
 use crate::flight::subscription::Subscription;
@@ -84,6 +84,14 @@ impl Recorder {
     pub fn received(&self, topic: Topic) -> u64 {
         let feed = self.feeds.iter().find(|feed| feed.subscription.topic == topic);
         feed.map_or(0, |feed| feed.received)
+    }
+
+    /// Tick of the newest sample that a service has published, and how many of that topic have been received.
+    #[must_use]
+    pub fn newest_of(&self, service: ServiceId) -> Option<(u64, u64)> {
+        let of_service = |feed: &&Feed| feed.subscription.topic.publisher() == Some(service);
+        let feeds = self.feeds.iter().filter(of_service);
+        feeds.filter_map(|feed| Some((feed.newest?, feed.received))).max()
     }
 
     /// Ticks written so far.

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use mcap::records::{MessageHeader, Record, op};
-use shared_types::sample::{Record as SampleRecord, layout_hash, msg_definition};
+use shared_types::sample::{CDR_HEADER, Record as SampleRecord, layout_hash, msg_definition};
 use shared_types::service::header_of;
 use shared_types::wiring::TopicVisitor;
 use shared_types::{Sample, Topic};
 
 use super::scan::Chunk;
-use crate::log::framing::{CDR_HEADER, LAYOUT_KEY};
+use crate::log::framing::LAYOUT_KEY;
 use crate::log::records;
 use crate::log::{
     CaptureFigures, HostEvent, HostSample, LinkFigures, ServiceCheckpoint, ServiceHealth, ServiceStep,

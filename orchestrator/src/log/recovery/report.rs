@@ -78,13 +78,13 @@ impl Recovery {
     /// Samples that were kept.
     #[must_use]
     pub fn kept(&self) -> u64 {
-        self.samples.values().sum()
+        total(self.samples.values())
     }
 
     /// Samples that are known to be missing between others.
     #[must_use]
     pub fn lost(&self) -> u64 {
-        self.gaps.iter().flat_map(|gap| gap.lost.values()).sum()
+        total(self.gaps.iter().flat_map(|gap| gap.lost.values()))
     }
 
     /// Whether the log reaches to the planned end and lacks nothing before it.
@@ -200,12 +200,18 @@ impl Recovery {
             (Some(planned), None) => format!("planned were ticks 0 to {planned}"),
             _ => "it reaches to its end".to_owned(),
         };
-        let known = match (self.was_closed, self.lost()) {
-            (false, _) => "; the file was never closed, so how much came after is not known",
-            (true, _) => "",
+        let known = if self.was_closed {
+            ""
+        } else {
+            "; the file was never closed, so how much came after is not known"
         };
         planned + known
     }
+}
+
+/// The sum of counts, some of which a damaged log only claims.
+fn total<'a>(counts: impl IntoIterator<Item = &'a u64>) -> u64 {
+    counts.into_iter().copied().fold(0, u64::saturating_add)
 }
 
 impl fmt::Display for Gap {
@@ -221,7 +227,7 @@ impl fmt::Display for Gap {
         if self.lost.is_empty() {
             return formatter.write_str("no samples were lost");
         }
-        let total: u64 = self.lost.values().sum();
+        let total = total(self.lost.values());
         let begins_ns = self.after.map_or(0, |after| after.time_ns);
         let seconds = before.time_ns.saturating_sub(begins_ns) as f64 * 1e-9;
         write!(

@@ -1,5 +1,6 @@
 mod flight;
 mod machine;
+mod programs;
 mod radio_link;
 mod rig;
 mod safety;

@@ -2,17 +2,18 @@
 //!
 //! A change here is a change of every experiment: it must be meant, and its reason be in the commit's message.
 
-mod common;
+#[path = "../../../tests/common/rig.rs"]
+mod rig;
 
 use std::convert::Infallible;
 use std::ops::ControlFlow;
+use std::path::Path;
 
-use orchestrator::flight::in_process;
-use orchestrator::interrupt::Interrupt;
-use orchestrator::log::LogDigest;
-use orchestrator::scenario_file;
-use runtime::in_process::TickSink;
+use experiment::{ExperimentDigest, build_all};
+use runtime::in_process::{InProcess, TickSink};
 use shared_types::Topic;
+use shared_types::scenario::Scenario;
+use toml::{Table, Value};
 
 /// SHA-256 over (topic, time, payload) of what the services publish in the first second of each flight.
 const GOLDEN: [(&str, &[&str], &str); 5] = [
@@ -38,7 +39,7 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
     ),
     (
         "fig3_6",
-        &common::ALL_OF_THE_RIG,
+        &rig::ALL_OF_THE_RIG,
         "6188a01b7db77029b251a8ae816c1ded8db5c3ba48f7a83b51f59cda7facb106",
     ),
 ];
@@ -47,7 +48,7 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
 const SHORT: &[&str] = &["vehicle.change=[]"];
 
 #[derive(Default)]
-struct Digesting(LogDigest);
+struct Digesting(ExperimentDigest);
 
 impl TickSink for Digesting {
     type Error = Infallible;
@@ -62,17 +63,37 @@ impl TickSink for Digesting {
     }
 }
 
+/// Puts the values of one table in the place of another's, or beside them.
+fn change(table: &mut Table, changes: Table) {
+    for (key, value) in changes {
+        match (table.get_mut(&key), value) {
+            (Some(Value::Table(old)), Value::Table(new)) => change(old, new),
+            (_, new) => drop(table.insert(key, new)),
+        }
+    }
+}
+
+/// A committed scenario with these values, each written as in a scenario file.
+fn scenario(name: &str, changes: &[&str]) -> Scenario {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+    let text = std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap();
+    let mut table: Table = text.parse().unwrap();
+    for changes in changes {
+        change(&mut table, changes.parse().unwrap());
+    }
+    let scenario: Scenario = table.try_into().unwrap();
+    assert_eq!(scenario.problems(), [], "{name}");
+    scenario
+}
+
 #[test]
 fn short_flights_have_their_golden_hashes() {
     let flown = GOLDEN.map(|(name, changes, _)| {
-        let sets: Vec<_> = ["duration=1.0"]
-            .iter()
-            .chain(changes)
-            .map(|&setting| setting.to_owned())
-            .collect();
-        let scenario = scenario_file::load(&common::scenario(name), &sets, None).unwrap();
+        let scenario = scenario(name, &[&["duration=1.0"], changes].concat());
+        let services = build_all(&scenario).unwrap();
         let mut digest = Digesting::default();
-        in_process::fly(&scenario, &mut digest, &Interrupt::never()).unwrap();
+        let mut host = InProcess::new(scenario.schedule().unwrap(), services);
+        host.fly(&mut digest).unwrap();
         (name, digest.0.finish())
     });
     assert_eq!(

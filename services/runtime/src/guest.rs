@@ -1,0 +1,260 @@
+//! A guest: a program of one's own that flies in place of a service, in whatever language.
+//!
+//! The process that `gerono run` starts for the service reads its start message and deploys itself as every service does,
+//! writes an invitation, which says all that the program needs to know, and becomes the program. From then on the two
+//! speak as docs/process_contract.md says: in the orchestrator's own messages, without the shared page, the checkpoints
+//! and the step records, which are a matter between processes of one build.
+
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::Command;
+
+use serde::Serialize;
+use shared_types::scenario::Scenario;
+use shared_types::schedule::Rate;
+use shared_types::service::nanoseconds;
+use shared_types::{Schedule, ServiceId, Topic};
+
+use crate::control::{CONTROL_FD, Channel, Host, Start};
+use crate::descriptors::hand_on;
+use crate::doorbell::Doorbell;
+use crate::ports::{LAYOUT_ATTRIBUTE, consumer_buffer};
+
+/// Version of the contract with guests; raised when programs that keep the one before would go wrong.
+pub const CONTRACT: u32 = 1;
+
+/// File descriptor of the invitation in a guest.
+const INVITATION_FD: i32 = CONTROL_FD + 1;
+/// File descriptor of the first service's doorbell in a guest, behind the lock of the run's place.
+const FIRST_BELL_FD: i32 = INVITATION_FD + 2;
+
+/// What a program needs to know to fly in place of a service.
+#[derive(Debug, Serialize)]
+pub struct Invitation {
+    contract: u32,
+    service: &'static str,
+    host: &'static str,
+    iceoryx2_configuration: String,
+    control: i32,
+    bell: i32,
+    tick_ns: u64,
+    last_tick: u64,
+    period: u64,
+    phase: u64,
+    grace_ns: u64,
+    inputs: Vec<InputStream>,
+    outputs: Vec<OutputStream>,
+    scenario: Scenario,
+}
+
+/// A topic that a guest consumes or publishes.
+#[derive(Debug, Serialize)]
+struct Stream {
+    name: &'static str,
+    topic: &'static str,
+    #[serde(rename = "type")]
+    type_name: &'static str,
+    size: usize,
+    /// Those of the iceoryx2 service.
+    attributes: BTreeMap<&'static str, String>,
+    msg: String,
+    period: u64,
+    phase: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct InputStream {
+    #[serde(flatten)]
+    stream: Stream,
+    latency: u64,
+    buffer: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct OutputStream {
+    #[serde(flatten)]
+    stream: Stream,
+    bells: Vec<i32>,
+}
+
+/// What a guest inherits.
+pub struct Belongings<'a> {
+    /// The line to the orchestrator.
+    pub channel: &'a Channel,
+    /// The lock of the run's place, held until the process ends.
+    pub lock: BorrowedFd<'a>,
+    /// The doorbells of all services, in the order of the wiring table.
+    pub doorbells: &'a [Doorbell],
+}
+
+impl Invitation {
+    /// The invitation to fly in place of `service`.
+    ///
+    /// # Errors
+    /// If the path of the run's place is no text.
+    pub fn new(service: ServiceId, start: &Start, schedule: &Schedule) -> Result<Self, String> {
+        let configuration = &start.iceoryx2_configuration;
+        let configuration = configuration.to_str().ok_or_else(|| {
+            format!(
+                "{} is no text, which a program could be told; let XDG_RUNTIME_DIR or TMPDIR be one",
+                configuration.display()
+            )
+        })?;
+        let Rate { period, phase } = schedule.service_rate(service);
+        let inputs = service.inputs().iter().enumerate();
+        Ok(Self {
+            contract: CONTRACT,
+            service: service.name(),
+            host: match start.host {
+                Host::RealTime => "real_time",
+                Host::LockStep | Host::Replay => "lock_step",
+            },
+            iceoryx2_configuration: configuration.to_owned(),
+            control: CONTROL_FD,
+            bell: bell_of(service),
+            tick_ns: schedule.tick_ns(),
+            last_tick: schedule.last_tick(),
+            period,
+            phase,
+            grace_ns: nanoseconds(start.scenario.real_time.unwrap_or_default().grace),
+            inputs: inputs
+                .map(|(index, input)| InputStream {
+                    stream: Stream::new(input.name, input.topic, schedule),
+                    latency: schedule.latency(service, index),
+                    buffer: consumer_buffer(schedule, input.topic),
+                })
+                .collect(),
+            outputs: service
+                .outputs()
+                .iter()
+                .map(|output| OutputStream {
+                    stream: Stream::new(output.name, output.topic, schedule),
+                    bells: output
+                        .topic
+                        .consumers()
+                        .map(|(consumer, _)| bell_of(consumer))
+                        .collect(),
+                })
+                .collect(),
+            scenario: start.scenario.experiment(),
+        })
+    }
+
+    /// As a file that is read from its beginning.
+    fn file(&self) -> std::io::Result<OwnedFd> {
+        let flags = rustix::fs::MemfdFlags::CLOEXEC;
+        let mut file = std::fs::File::from(rustix::fs::memfd_create("gerono-invitation", flags)?);
+        file.write_all(&serde_json::to_vec(self)?)?;
+        file.rewind()?;
+        Ok(file.into())
+    }
+}
+
+impl Stream {
+    fn new(name: &'static str, topic: Topic, schedule: &Schedule) -> Self {
+        let Rate { period, phase } = schedule.publications(topic).rate;
+        Self {
+            name,
+            topic: topic.name(),
+            type_name: topic.msg_name(),
+            size: topic.kind().size,
+            attributes: BTreeMap::from([(LAYOUT_ATTRIBUTE, topic.layout_hash())]),
+            msg: topic.msg_definition(),
+            period,
+            phase,
+        }
+    }
+}
+
+fn bell_of(service: ServiceId) -> i32 {
+    FIRST_BELL_FD + i32::try_from(service.index()).expect("few services")
+}
+
+/// Becomes the program of `words`, started in `folder`. Returns only if that cannot be: why, in words.
+#[must_use]
+pub fn become_program(
+    words: &[String],
+    folder: Option<&Path>,
+    invitation: &Invitation,
+    belongings: &Belongings<'_>,
+) -> String {
+    let Some((program, arguments)) = words.split_first() else {
+        return "no program is named".to_owned();
+    };
+    let mut command = Command::new(program);
+    command.args(arguments);
+    if let Some(folder) = folder {
+        command.current_dir(folder);
+    }
+    let started = invitation.file().and_then(|invitation| {
+        let files = [belongings.channel.as_fd(), invitation.as_fd(), belongings.lock];
+        let doorbells = belongings.doorbells.iter().map(AsFd::as_fd);
+        hand_on(&mut command, CONTROL_FD, files.into_iter().chain(doorbells))
+    });
+    let error = started.map_or_else(|error| error, |()| command.exec());
+    let folder = folder.map_or_else(String::new, |folder| format!(" in {}", folder.display()));
+    format!(
+        "its program `{program}` cannot be started{folder}: {error}; a name without `/` is looked for in $PATH, any other \
+         in that folder (`programs.folder`)"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::Value;
+    use shared_types::scenario::{Curve, Hover, Path, Vehicle};
+
+    use super::*;
+    use crate::deployment::Scheduler;
+
+    fn invitation() -> Value {
+        let vehicle = Vehicle::new(0.2, [0.1e-3; 3]);
+        let hover = Curve::Hover(Hover {
+            position: [0.0, 0.0, -1.0],
+        });
+        let start = Start {
+            scenario: Scenario::new(10.0, vehicle, Path::new(hover)),
+            iceoryx2_configuration: "/run/iceoryx2.toml".into(),
+            core: None,
+            scheduler: Scheduler::Fair,
+            role: None,
+            host: Host::RealTime,
+        };
+        let schedule = start.scenario.schedule().unwrap();
+        let invitation = Invitation::new(ServiceId::Controller, &start, &schedule).unwrap();
+        serde_json::to_value(invitation).unwrap()
+    }
+
+    #[test]
+    fn an_invitation_tells_of_every_input_and_output() {
+        let invitation = invitation();
+        let names = |kind: &str| -> Vec<String> {
+            let streams = invitation[kind].as_array().unwrap().iter();
+            streams
+                .map(|stream| stream["topic"].as_str().unwrap().to_owned())
+                .collect()
+        };
+        assert_eq!(names("inputs"), ["vehicle/state", "path/reference"]);
+        assert_eq!(
+            names("outputs"),
+            ["control/command", "control/adaptation", "control/errors"]
+        );
+        let state = &invitation["inputs"][0];
+        assert_eq!(state["size"], Topic::VehicleState.kind().size);
+        assert_eq!(state["attributes"]["layout"], Topic::VehicleState.layout_hash());
+        assert_eq!(state["type"], "gerono_msgs/msg/VehicleState");
+        assert_eq!((&state["period"], &state["latency"]), (&1.into(), &0.into()));
+    }
+
+    #[test]
+    fn commands_ring_at_the_radio_link_and_telemetry_at_nobody() {
+        let invitation = invitation();
+        let bells = |output: usize| invitation["outputs"][output]["bells"].clone();
+        assert_eq!(bells(0), serde_json::json!([bell_of(ServiceId::RcOutput)]));
+        assert_eq!(bells(1), serde_json::json!([]));
+        assert_eq!(invitation["bell"], bell_of(ServiceId::Controller));
+    }
+}

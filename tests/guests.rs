@@ -1,0 +1,627 @@
+//! Programs of one's own in place of services: that one that keeps the process contract flies as the service itself would,
+//! and what becomes of those that do not.
+//!
+//! The guests are processes of this very test, which `a_guest` is when it finds itself started as one, and shells.
+
+mod common;
+
+use std::fs::File;
+use std::path::Path;
+use std::process::{Child, Output};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::time::{Duration, Instant};
+
+use common::logs::last_tick;
+use common::processes::{is_alive, signal};
+use common::{Place, begin, complaint, finish, output, scenario, succeed, until};
+use orchestrator::log::LogReader;
+use runtime::control::{Channel, ToOrchestrator, ToService};
+use runtime::crash::CrashPoint;
+use runtime::descriptors::inherited;
+use runtime::doorbell::Doorbell;
+use runtime::flight_clock::{FlightClock, nap_until};
+use runtime::inlet::Inlet;
+use runtime::mailbox::Mailbox;
+use runtime::outlets::Outlets;
+use runtime::ports::{Member, Receiver, Topics};
+use runtime::step::{Timetable, Views};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::process::Signal;
+use serde_json::Value;
+use shared_types::scenario::Scenario;
+use shared_types::service::ErasedService;
+use shared_types::{Schedule, ServiceId};
+
+/// Names what a guest of this test is to do.
+const CONDUCT: &str = "GERONO_TEST_GUEST";
+
+/// Flights in real time have the machine for themselves.
+static MACHINE: RwLock<()> = RwLock::new(());
+
+fn alone() -> RwLockWriteGuard<'static, ()> {
+    MACHINE.write().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn among_others() -> RwLockReadGuard<'static, ()> {
+    MACHINE.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The invitation's descriptor.
+const INVITATION: i32 = 4;
+
+/// A setting by which this test's `a_guest` flies in place of a service.
+fn guest(service: ServiceId, conduct: &str) -> String {
+    let test = std::env::current_exe().unwrap();
+    let words = [
+        "env",
+        &format!("{CONDUCT}={conduct}"),
+        test.to_str().unwrap(),
+        "--exact",
+        "a_guest",
+    ];
+    program(service, &words)
+}
+
+/// A setting by which a program flies in place of a service.
+fn program(service: ServiceId, words: &[&str]) -> String {
+    format!("programs.{service}={}", serde_json::to_string(words).unwrap())
+}
+
+/// A setting by which a script flies in place of the controller.
+fn script(text: &str) -> String {
+    program(ServiceId::Controller, &["sh", "-c", text])
+}
+
+/// A guest as docs/process_contract.md describes it, around the service's own step logic.
+struct Guest {
+    about: Value,
+    id: ServiceId,
+    schedule: Schedule,
+    service: Box<dyn ErasedService>,
+    channel: Channel,
+    topics: Topics,
+    outlets: Outlets,
+    bell: Doorbell,
+    others: Vec<Doorbell>,
+    _member: Member,
+}
+
+impl Guest {
+    fn join() -> Self {
+        let about: Value = serde_json::from_reader(File::from(inherited(INVITATION).unwrap())).unwrap();
+        let descriptor =
+            |number: &Value| inherited(i32::try_from(number.as_i64().unwrap()).unwrap()).unwrap();
+        let scenario: Scenario = serde_json::from_value(about["scenario"].clone()).unwrap();
+        let schedule = scenario.schedule().unwrap();
+        let id = ServiceId::from_name(about["service"].as_str().unwrap()).unwrap();
+        let channel = Channel::inherited(descriptor(&about["control"]));
+        assert_eq!(channel.receive::<ToService>().unwrap(), ToService::MakePorts);
+        let configuration = about["iceoryx2_configuration"].as_str().unwrap();
+        let member = Member::join(Path::new(configuration), "guest").unwrap();
+        let topics = Topics::open(&member, id, &schedule).unwrap();
+        let outlets = Outlets::open(&topics, id, &schedule, |topic| topic.newest_sender()).unwrap();
+        let mut bells: Vec<&Value> = about["outputs"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .flat_map(|output| output["bells"].as_array().unwrap())
+            .collect();
+        bells.sort_by_key(|number| number.as_i64());
+        bells.dedup();
+        Self {
+            id,
+            service: experiment::build(id, &scenario).unwrap(),
+            channel,
+            outlets,
+            topics,
+            bell: Doorbell::inherited(descriptor(&about["bell"])),
+            others: bells
+                .into_iter()
+                .map(|bell| Doorbell::inherited(descriptor(bell)))
+                .collect(),
+            schedule,
+            about,
+            _member: member,
+        }
+    }
+
+    fn receivers(&self) -> Vec<Box<dyn Receiver>> {
+        let inputs = self.id.inputs().iter();
+        inputs
+            .map(|input| self.topics.of(input.topic).receiver().unwrap())
+            .collect()
+    }
+
+    /// Says that it is ready and waits for the start: when tick 0 begins.
+    fn await_go(&self, receivers: &[Box<dyn Receiver>]) -> u64 {
+        let ready = ToOrchestrator::Ready {
+            warnings: Vec::new(),
+            receivers: receivers
+                .iter()
+                .map(|receiver| format!("{:x}", receiver.id()))
+                .collect(),
+        };
+        self.channel.send(&ready).unwrap();
+        let ToService::Go { start_ns, .. } = self.channel.receive().unwrap() else {
+            std::process::exit(0);
+        };
+        start_ns
+    }
+
+    /// Sleeps until somebody rings or the orchestrator speaks, connects to who was born again, and ends with the run.
+    fn rest(&mut self, inlets: &mut [Inlet]) {
+        let mut files = [
+            PollFd::new(&self.bell, PollFlags::IN),
+            PollFd::new(&self.channel, PollFlags::IN),
+        ];
+        poll(&mut files, None).unwrap();
+        let [has_rung, has_spoken] = files.map(|file| !file.revents().is_empty());
+        if has_rung {
+            self.bell.sleep();
+        }
+        if has_spoken {
+            let Ok(ToService::Connect { birth }) = self.channel.receive() else {
+                std::process::exit(0);
+            };
+            self.outlets.connect().unwrap();
+            inlets
+                .iter_mut()
+                .for_each(|inlet| inlet.receiver().connect().unwrap());
+            self.channel.send(&ToOrchestrator::Connected { birth }).unwrap();
+        }
+    }
+
+    fn publish(&mut self, timetable: &Timetable, tick: u64, views: &Views<'_>) {
+        let mut slots = self.outlets.loan(tick).unwrap();
+        timetable
+            .step(self.service.as_mut(), tick, views, &mut slots)
+            .unwrap();
+        self.outlets.send(tick, CrashPoint::default()).unwrap();
+        self.others.iter().for_each(Doorbell::ring);
+    }
+
+    fn fly_in_lock_step(&mut self, until: u64) {
+        let receivers = self.receivers();
+        self.await_go(&receivers);
+        let timetable = Timetable::new(&self.schedule, self.id);
+        let mut inlets: Vec<_> = receivers
+            .into_iter()
+            .enumerate()
+            .map(|(index, receiver)| {
+                let edge = self.schedule.edge(self.id, index);
+                let publisher = edge.topic.publisher().unwrap();
+                Inlet::new(index, edge, publisher, receiver)
+            })
+            .collect();
+        let ticks =
+            (0..=self.schedule.last_tick().min(until)).filter(|&tick| timetable.steps.occurs_at(tick));
+        for tick in ticks {
+            for at in 0..inlets.len() {
+                let Some(due) = inlets[at].edge.due_sample(tick) else {
+                    continue;
+                };
+                while !inlets[at].advance(tick, due).unwrap() {
+                    self.rest(&mut inlets);
+                }
+            }
+            let mut views = Views::default();
+            for inlet in &mut inlets {
+                if let Some(due) = inlet.edge.due_sample(tick) {
+                    let index = inlet.index;
+                    views[index] = inlet.view(tick, due);
+                }
+            }
+            self.publish(&timetable, tick, &views);
+        }
+    }
+
+    fn fly_in_real_time(&mut self) {
+        let receivers = self.receivers();
+        let start_ns = self.await_go(&receivers);
+        let tick_ns = self.about["tick_ns"].as_u64().unwrap();
+        let clock = FlightClock { start_ns, tick_ns };
+        let timetable = Timetable::new(&self.schedule, self.id);
+        let mut mailboxes: Vec<_> = receivers
+            .into_iter()
+            .enumerate()
+            .map(|(index, receiver)| {
+                let publisher = self.schedule.edge(self.id, index).topic.publisher().unwrap();
+                Mailbox::new(&self.schedule, self.id, index, publisher, receiver)
+            })
+            .collect();
+        let mut next = Some(0);
+        while let Some(due) = next.filter(|&tick| tick <= self.schedule.last_tick()) {
+            let now = timetable
+                .steps
+                .last_at_or_before(clock.tick().min(self.schedule.last_tick()));
+            let tick = due.max(now.unwrap_or(due));
+            nap_until(clock.begins_at(tick));
+            let give_up = clock.begins_at(tick) + self.about["grace_ns"].as_u64().unwrap();
+            for mailbox in &mut mailboxes {
+                while !mailbox.has_come(tick).unwrap() && clock.start_ns + clock.elapsed_ns() < give_up {
+                    self.bell.sleep_up_to(tick_ns / 10);
+                }
+            }
+            let mut views = Views::default();
+            for mailbox in &mut mailboxes {
+                let index = mailbox.index;
+                if let Some(delivery) = mailbox.deliver(tick) {
+                    views[index] = delivery.view;
+                }
+            }
+            self.publish(&timetable, tick, &views);
+            next = timetable.steps.first_at_or_after(tick + 1);
+        }
+    }
+}
+
+/// No test unless it was started as a guest.
+#[test]
+fn a_guest() {
+    let Ok(conduct) = std::env::var(CONDUCT) else {
+        return;
+    };
+    let mut guest = Guest::join();
+    match conduct.as_str() {
+        "lock_step" => guest.fly_in_lock_step(u64::MAX),
+        "real_time" => guest.fly_in_real_time(),
+        "finishes_early" => guest.fly_in_lock_step(100),
+        "dies" => {
+            guest.fly_in_lock_step(100);
+            std::process::exit(9);
+        }
+        "forgets_its_receivers" => {
+            guest.await_go(&[]);
+        }
+        "babbles" => {
+            let receivers = guest.receivers();
+            guest.await_go(&receivers);
+            guest.channel.send(&ToOrchestrator::CaughtUp).unwrap();
+        }
+        other => panic!("no conduct `{other}`"),
+    }
+    // Who is to be killed for what it has said need not say more.
+    let _ = guest.channel.send(&ToOrchestrator::Finished);
+    while !matches!(guest.channel.receive(), Ok(ToService::Stop) | Err(_)) {}
+    std::process::exit(0);
+}
+
+/// Flies with a setting for a guest, which must come to nothing: with this exit code and these words.
+fn fails(setting: &str, code: i32, pieces: &[&str]) {
+    let place = Place::new();
+    let child = begin(&mut place.short_flight("out", 0.5, &["--set", setting]));
+    let orchestrator = child.id();
+    let output = finish(child);
+    let said = complaint(&output);
+    assert_eq!(output.status.code(), Some(code), "{said}");
+    for piece in pieces {
+        assert!(said.contains(piece), "no `{piece}` in:\n{said}");
+    }
+    place.assert_nothing_is_left_of(orchestrator);
+}
+
+const BROKEN_CONTRACT: i32 = 3;
+
+fn assert_same_samples(place: &Place, one: &str, other: &str) {
+    let said = succeed(&mut place.gerono(&["diff", one, other])).stdout;
+    let said = String::from_utf8(said).unwrap();
+    assert!(said.starts_with("identical"), "{said}");
+}
+
+#[test]
+fn a_guest_with_a_services_own_law_publishes_the_same_bytes() {
+    let _machine = among_others();
+    let place = Place::new();
+    succeed(&mut place.short_flight("services", 0.3, &["--host", "inprocess"]));
+    for service in ServiceId::ALL {
+        let out = service.name();
+        let setting = guest(service, "lock_step");
+        succeed(&mut place.short_flight(out, 0.3, &["--set", &setting]));
+        assert_same_samples(&place, "services", out);
+    }
+}
+
+#[test]
+fn guests_among_themselves_fly_with_all_rates_and_latencies_of_the_rig() {
+    let _machine = among_others();
+    let place = Place::new();
+    let settings = ServiceId::ALL.map(|service| guest(service, "lock_step"));
+    let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
+    succeed(&mut place.rig_flight("services", 0.5, &["--host", "inprocess"]));
+    succeed(&mut place.rig_flight("guests", 0.5, &settings));
+    assert_same_samples(&place, "services", "guests");
+}
+
+#[test]
+fn services_that_die_beside_a_guest_are_mended_and_the_flight_shows_nothing_of_it() {
+    let _machine = among_others();
+    let place = Place::new();
+    let setting = guest(ServiceId::Controller, "lock_step");
+    let fly = |out: &str, more: &[&str]| {
+        let mut arguments = vec!["--set", &setting];
+        arguments.extend(more);
+        succeed(&mut place.short_flight(out, 0.5, &arguments));
+        std::fs::read(place.log(out)).unwrap()
+    };
+    let undisturbed = fly("undisturbed", &[]);
+    let crashes = [
+        "path_generator@100:after-step",
+        "rc_output@200:before-step",
+        "estimator@300:after-publishing",
+        "plant@400:between-publishes",
+    ];
+    let crashes: Vec<&str> = crashes.iter().flat_map(|crash| ["--crash", crash]).collect();
+    assert!(fly("disturbed", &crashes) == undisturbed);
+}
+
+#[test]
+fn a_log_says_which_program_flew_and_its_steps_are_not_done_again() {
+    let _machine = among_others();
+    let place = Place::new();
+    let setting = guest(ServiceId::Controller, "lock_step");
+    succeed(&mut place.short_flight("out", 0.2, &["--set", &setting, "--set", "programs.folder='/'"]));
+    let programs = LogReader::open(&place.log("out"))
+        .unwrap()
+        .manifest()
+        .scenario
+        .programs
+        .clone()
+        .unwrap();
+    assert_eq!(programs.of(ServiceId::Controller).unwrap()[0], "env");
+    assert_eq!(programs.folder, None);
+
+    let said = String::from_utf8(succeed(&mut place.gerono(&["replay", "out"])).stdout).unwrap();
+    assert!(
+        said.contains("The steps of controller are not done again"),
+        "{said}"
+    );
+    assert!(said.contains("\nidentical: "), "{said}");
+}
+
+#[test]
+fn a_program_is_started_in_the_folder_of_the_scenarios_file() {
+    let _machine = among_others();
+    let place = Place::new();
+    let flights = place.path("flights");
+    std::fs::create_dir(&flights).unwrap();
+    std::fs::copy(scenario("hover"), flights.join("mine.toml")).unwrap();
+    let setting = script("pwd >where; exit 7");
+    let arguments = ["run", "flights/mine.toml", "--out", "out", "--set", &setting];
+    assert_eq!(
+        output(&mut place.gerono(&arguments)).status.code(),
+        Some(BROKEN_CONTRACT)
+    );
+    let found = std::fs::read_to_string(flights.join("where")).unwrap();
+    assert_eq!(Path::new(found.trim_end()), flights.canonicalize().unwrap());
+}
+
+#[test]
+fn what_cannot_be_started_is_named_with_the_place_where_it_was_looked_for() {
+    let _machine = among_others();
+    for name in ["no-such-program", "./no-such-program"] {
+        let pieces = [
+            &format!("its program `{name}` cannot be started in"),
+            "No such file or directory",
+            "programs.folder",
+        ];
+        fails(&program(ServiceId::Controller, &[name]), BROKEN_CONTRACT, &pieces);
+    }
+}
+
+#[test]
+fn who_ends_before_it_is_ready_ends_the_run() {
+    let _machine = among_others();
+    let pieces = [
+        "in place of `controller`",
+        "ended before it was ready: it exited with code 7",
+        "process_contract.md",
+    ];
+    fails(&script("exit 7"), BROKEN_CONTRACT, &pieces);
+    fails(
+        &script("kill -9 $$"),
+        BROKEN_CONTRACT,
+        &["ended before it was ready: killed by"],
+    );
+}
+
+#[test]
+fn who_never_says_that_it_is_ready_is_not_waited_for_for_ever() {
+    let _machine = among_others();
+    let began = Instant::now();
+    fails(
+        &script("exec sleep 1000"),
+        BROKEN_CONTRACT,
+        &[
+            "in place of `controller`",
+            "has not said that it is ready within 10 s",
+        ],
+    );
+    assert!(began.elapsed() < Duration::from_secs(60));
+}
+
+#[test]
+fn who_says_what_is_no_message_ends_the_run() {
+    let _machine = among_others();
+    for words in ["garbage", r#"{"Reddy":{}}"#, r#"{"Ready":{"receivers":1}}"#] {
+        let script = script(&format!("printf '%s' '{words}' >&3; exec sleep 1000"));
+        fails(
+            &script,
+            BROKEN_CONTRACT,
+            &["says what is no message of the contract"],
+        );
+    }
+}
+
+#[test]
+fn who_speaks_out_of_turn_ends_the_run() {
+    let _machine = among_others();
+    let script = script(r#"printf '"Finished"' >&3; exec sleep 1000"#);
+    fails(
+        &script,
+        BROKEN_CONTRACT,
+        &[r#"says "Finished", which it is not its turn to say"#],
+    );
+}
+
+#[test]
+fn who_gives_up_is_quoted() {
+    let _machine = among_others();
+    let script = script(r#"printf '{"Failed":{"reason":"no battery"}}' >&3; exec sleep 1000"#);
+    fails(
+        &script,
+        BROKEN_CONTRACT,
+        &["the service `controller` gave up: no battery"],
+    );
+}
+
+#[test]
+fn who_is_ready_without_a_receiver_for_each_input_ends_the_run() {
+    let _machine = among_others();
+    fails(
+        &guest(ServiceId::Controller, "forgets_its_receivers"),
+        BROKEN_CONTRACT,
+        &["is ready with 0 receivers, and has 2 inputs"],
+    );
+}
+
+#[test]
+fn who_dies_in_simulated_time_ends_the_flight_with_the_last_whole_tick() {
+    let _machine = among_others();
+    let place = Place::new();
+    let setting = guest(ServiceId::Controller, "dies");
+    let output = output(&mut place.short_flight("out", 0.5, &["--set", &setting]));
+    assert_eq!(output.status.code(), Some(BROKEN_CONTRACT));
+    let said = complaint(&output);
+    for piece in [
+        "ended: it exited with code 9",
+        "in simulated time none can follow it",
+    ] {
+        assert!(said.contains(piece), "no `{piece}` in:\n{said}");
+    }
+    assert_eq!(last_tick(&place.log("out")), 100);
+}
+
+#[test]
+fn who_says_too_early_that_it_has_finished_ends_the_flight() {
+    let _machine = among_others();
+    fails(
+        &guest(ServiceId::Controller, "finishes_early"),
+        BROKEN_CONTRACT,
+        &["says that it has finished, and has not published all its samples"],
+    );
+}
+
+#[test]
+fn one_process_cannot_fly_programs_and_says_so() {
+    let _machine = among_others();
+    let setting = script("exit 7");
+    let place = Place::new();
+    let output_of = |more: &[&str]| {
+        let mut arguments = vec!["--set", setting.as_str()];
+        arguments.extend(more);
+        output(&mut place.short_flight("out", 0.5, &arguments))
+    };
+    let refused = output_of(&["--host", "inprocess"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        complaint(&refused).contains("fly with --host lockstep or --host realtime"),
+        "{}",
+        complaint(&refused)
+    );
+    let refused = output_of(&["--crash", "controller@100:before-step"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        complaint(&refused).contains("cannot be told"),
+        "{}",
+        complaint(&refused)
+    );
+}
+
+#[test]
+fn who_breaks_the_contract_in_real_time_is_replaced_and_it_is_said_why() {
+    let _machine = alone();
+    let place = Place::new();
+    let setting = guest(ServiceId::Controller, "babbles");
+    let run = begin(&mut place.live_hover("out", &["--set", &setting, "--restarts", "2"]));
+    let output = finish(run);
+    assert_eq!(output.status.code(), Some(BROKEN_CONTRACT));
+    let said = complaint(&output);
+    for piece in [
+        "killed, because it says \"CaughtUp\"",
+        "not its turn to say",
+        "--restarts",
+    ] {
+        assert!(said.contains(piece), "no `{piece}` in:\n{said}");
+    }
+    assert!(
+        place.summary("out")["rebirths"].as_array().unwrap().len() >= 2,
+        "{said}"
+    );
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+/// The process of a live run that is a guest of this test.
+fn guest_of(orchestrator: u32) -> Option<u32> {
+    let children =
+        std::fs::read_to_string(format!("/proc/{orchestrator}/task/{orchestrator}/children")).ok()?;
+    let is_guest = |pid: &u32| {
+        std::fs::read_to_string(format!("/proc/{pid}/cmdline")).is_ok_and(|line| line.contains("a_guest"))
+    };
+    children
+        .split_whitespace()
+        .filter_map(|pid| pid.parse().ok())
+        .find(is_guest)
+}
+
+fn end(run: Child) -> Output {
+    signal(run.id(), Signal::TERM);
+    finish(run)
+}
+
+#[test]
+fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
+    let _machine = alone();
+    let place = Place::new();
+    let setting = guest(ServiceId::Controller, "real_time");
+    let run = begin(&mut place.live_hover("out", &["--set", &setting]));
+    place.await_log("out", 100_000);
+    let first = until("the guest", || guest_of(run.id()));
+    signal(first, Signal::KILL);
+    until("another guest in flight", || {
+        let shown = output(&mut place.gerono(&["top", "--once", "--json"]));
+        let shown: Value = serde_json::from_slice(&shown.stdout).ok()?;
+        shown["events"]
+            .to_string()
+            .contains("`controller` flies again")
+            .then_some(())
+    });
+    assert_ne!(guest_of(run.id()).unwrap(), first);
+    let output = end(run);
+    assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
+    let rebirths = &place.summary("out")["rebirths"];
+    assert_eq!(rebirths[0]["service"], "controller", "{rebirths}");
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
+
+#[test]
+fn a_guest_ends_with_the_orchestrator_and_whoever_takes_over_starts_another() {
+    let _machine = alone();
+    let place = Place::new();
+    let setting = guest(ServiceId::Controller, "real_time");
+    let lonely = "real_time.orchestrator_loss=\"continue\"";
+    // Without pipes, which the services would hold open.
+    let settings = ["--quiet", "--set", &setting, "--set", lonely];
+    let mut first = place.live_hover("first", &settings).spawn().unwrap();
+    place.await_log("first", 100_000);
+    let guest = until("the guest", || guest_of(first.id()));
+    first.kill().unwrap();
+    first.wait().unwrap();
+    until("the end of the guest", || (!is_alive(guest)).then_some(()));
+
+    let second = begin(&mut place.gerono(&["attach", "--out", "second", "--quiet"]));
+    place.await_log("second", 100_000);
+    until("another guest", || guest_of(second.id()));
+    let output = end(second);
+    assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+}
