@@ -158,7 +158,7 @@ pub enum Command {
     /// shares nothing else with it, and cannot tell.
     ///
     /// Its time begins with it: times in `[vehicle]` and `[cameras]` count from there. Writes run.mcap, which holds the truth,
-    /// and host.mcap, which says when it began: `gerono truth FLIGHT --world WORLD` compares them with the flight.
+    /// host.mcap, which says when it began, and summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.
     #[command(after_help = World::EXAMPLES)]
     World(World),
     /// Say how far the vehicle truly was from its path, while it flew along it.

@@ -1,13 +1,15 @@
 //! `gerono world`: a laboratory that is none, for a flight that believes to be in one.
 
+use std::fmt::{Display, Formatter};
 use std::time::Duration;
 
 use radio_link::port::Target;
 use runtime::flight_clock::FlightClock;
+use serde::Serialize;
 use shared_types::scenario::{Key, Problem, Scenario};
 use shared_types::service::{nanoseconds, seconds};
 
-use super::{Failure, load, print, scenario_name, schedule_of};
+use super::{Failure, load, print, scenario_name, schedule_of, write_json};
 use crate::cli::World as Arguments;
 use crate::exit::Exit;
 use crate::interrupt::Interrupt;
@@ -55,8 +57,10 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         .seconds
         .map_or(u64::MAX, |seconds| nanoseconds(seconds) / clock.tick_ns);
     let report = world.run(ticks, &interrupt).map_err(unwritten)?;
+    let summary = Summary::of(&report, clock.tick_ns);
+    write_json(&folder.summary(), &summary)?;
     if !arguments.quiet {
-        print(conclusion(&report, clock.tick_ns));
+        print(&summary);
         print(format!("results: {}\n", folder.path().display()));
     }
     Ok(Exit::Success)
@@ -146,18 +150,45 @@ fn introduction(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> 
     )
 }
 
-fn conclusion(report: &Report, tick_ns: u64) -> String {
-    let late = |quantile| 1e-6 * report.lateness_ns.value_at_quantile(quantile) as f64;
-    format!(
-        "{:.3} s simulated; {} poses sent, {} frames received, {} bytes of none, {} times none for too long\n\
-         ticks late by {:.3} ms (half of them), {:.3} ms (99 of 100), {:.3} ms at most\n",
-        seconds(report.ticks * tick_ns),
-        report.poses,
-        report.heard.frames,
-        report.heard.skipped,
-        report.heard.losses,
-        late(0.5),
-        late(0.99),
-        late(1.0)
-    )
+/// What a world came to, for people and programs.
+#[derive(Serialize)]
+struct Summary {
+    /// Time that was simulated, s.
+    seconds: f64,
+    /// Poses that were sent.
+    poses: u64,
+    /// Frames that asked for something, or packets of motors.
+    frames: u64,
+    /// Bytes that belonged to none.
+    skipped: u64,
+    /// How often none came for too long.
+    losses: u64,
+    /// How much later than due ticks were: half of them, 99 of 100, and all, s.
+    late: [f64; 3],
+}
+
+impl Summary {
+    fn of(report: &Report, tick_ns: u64) -> Self {
+        let late = |quantile| seconds(report.lateness_ns.value_at_quantile(quantile));
+        Self {
+            seconds: seconds(report.ticks * tick_ns),
+            poses: report.poses,
+            frames: report.heard.frames,
+            skipped: report.heard.skipped,
+            losses: report.heard.losses,
+            late: [late(0.5), late(0.99), late(1.0)],
+        }
+    }
+}
+
+impl Display for Summary {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        let [half, most, all] = self.late.map(|late| 1e3 * late);
+        writeln!(
+            formatter,
+            "{:.3} s simulated; {} poses sent, {} frames received, {} bytes of none, {} times none for too long\n\
+             ticks late by {half:.3} ms (half of them), {most:.3} ms (99 of 100), {all:.3} ms at most",
+            self.seconds, self.poses, self.frames, self.skipped, self.losses
+        )
+    }
 }
