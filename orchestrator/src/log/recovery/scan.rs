@@ -261,13 +261,15 @@ impl Scan {
         Ok(found.map(|found| (found, bytes)))
     }
 
-    /// Whether the lengths in the header of a chunk agree with that of its record: most bytes that look like one do not.
+    /// Whether the lengths in the header of a chunk fit into its record: most bytes that look like one do not. Behind them there may
+    /// be what later versions of the format add.
     fn may_be_chunk(&self, at: u64, length: u64) -> io::Result<bool> {
         let Some(header) = self.chunk_header_at(at)? else {
             return Ok(false);
         };
         let header_bytes = PLAIN_HEADER_BYTES + header.compression.len() as u64;
-        Ok(header.compressed_size.checked_add(header_bytes) == Some(length))
+        let stated = header.compressed_size.checked_add(header_bytes);
+        Ok(stated.is_some_and(|stated| stated <= length))
     }
 
     fn chunk_header_at(&self, at: u64) -> io::Result<Option<ChunkHeader>> {
