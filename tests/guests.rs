@@ -609,17 +609,19 @@ fn a_guest_ends_with_the_orchestrator_and_whoever_takes_over_starts_another() {
     let place = Place::new();
     let setting = guest(ServiceId::Controller, "real_time");
     let lonely = "real_time.orchestrator_loss=\"continue\"";
-    // Without pipes, which the services would hold open.
-    let settings = ["--quiet", "--set", &setting, "--set", lonely];
-    let mut first = place.live_hover("first", &settings).spawn().unwrap();
-    place.await_log("first", 100_000);
+    // The laboratory's vehicle holds its rates by itself while nobody commands. Without pipes, which services would hold open.
+    let settings = [
+        "--host", "realtime", "--quiet", "--set", &setting, "--set", lonely,
+    ];
+    let mut first = place.rig_flight("first", 300.0, &settings).spawn().unwrap();
+    place.await_log("first", 20_000);
     let guest = until("the guest", || guest_of(first.id()));
     first.kill().unwrap();
     first.wait().unwrap();
     until("the end of the guest", || (!is_alive(guest)).then_some(()));
 
     let second = begin(&mut place.gerono(&["attach", "--out", "second", "--quiet"]));
-    place.await_log("second", 100_000);
+    place.await_log("second", 20_000);
     until("another guest", || guest_of(second.id()));
     let output = end(second);
     assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
