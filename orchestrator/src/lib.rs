@@ -2,7 +2,7 @@
 //!
 //! * [`cli`], [`commands`], [`exit`]: the command `gerono`;
 //! * [`scenario_file`]: scenarios from files, with errors that show the place and the fix;
-//! * [`services`]: the step logic of every service, built from a scenario;
+//! * [`experiment`]: the step logic of every service, built from a scenario, in a crate of its own;
 //! * [`flight`]: the hosts' orchestrating side, the crew of processes, the recorder;
 //! * [`laboratory`]: cameras and radio link around the services of a flight in real time;
 //! * [`world`]: the laboratory that is none: what those are connected to where there is no real one;
