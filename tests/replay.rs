@@ -11,6 +11,7 @@ use common::logs::{
 use common::processes::{await_process, await_successor, signal};
 use common::{Place, begin, finish, output, scenario, succeed};
 use orchestrator::log::{Compression, LogReader, Manifest, RunLogWriter};
+use orchestrator::scenario_file;
 use rustix::process::Signal;
 use shared_types::samples::ControlCommand;
 use shared_types::{ServiceId, Topic};
@@ -37,8 +38,9 @@ fn every_scenario_is_replayed_identically() {
             &out,
         ];
         let mut command = place.gerono(&arguments);
-        if out == "laboratory" {
-            // As it is tried without one.
+        let stated = scenario_file::load(&path, &[], None).unwrap();
+        if stated.capture_system().is_some() {
+            // As it is tried without a laboratory.
             command.args([
                 "--set",
                 "estimator.source=simulated",
