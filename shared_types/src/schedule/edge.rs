@@ -163,14 +163,10 @@ impl Edge {
             arrived_by = match &fault.kind {
                 EdgeFaultKind::Altered(_) => return Some(sample),
                 EdgeFaultKind::Late(by) if arrival + by <= tick => return Some(sample),
-                EdgeFaultKind::Late(by) => {
-                    let in_time = tick.saturating_sub(*by);
-                    if in_time >= fault.from {
-                        in_time
-                    } else {
-                        fault.from.checked_sub(1)?
-                    }
-                }
+                EdgeFaultKind::Late(by) => match tick.checked_sub(*by) {
+                    Some(in_time) if in_time >= fault.from => in_time,
+                    _ => fault.from.checked_sub(1)?,
+                },
                 EdgeFaultKind::Lost(loss) if loss.is_total() => fault.from.checked_sub(1)?,
                 EdgeFaultKind::Lost(loss) if loss.befalls(sample) => arrival.checked_sub(1)?,
                 EdgeFaultKind::Lost(_) => return Some(sample),
@@ -234,6 +230,28 @@ mod tests {
                 EdgeFaultKind::Altered(_) => Some(undisturbed),
             },
         }
+    }
+
+    #[test]
+    fn the_first_sample_may_be_late() {
+        let every_tick = || {
+            let rate = Rate { period: 1, phase: 0 };
+            Presence::new(rate, Arc::default())
+        };
+        let late = EdgeFault {
+            from: 0,
+            until: 10,
+            kind: EdgeFaultKind::Late(3),
+        };
+        let edge = Edge {
+            topic: Topic::MocapPose,
+            latency: 0,
+            published: every_tick(),
+            consumed: every_tick(),
+            faults: Arc::new([late]),
+        };
+        let due = [0, 2, 3, 4].map(|tick| edge.due_sample(tick));
+        assert_eq!(due, [None, None, Some(0), Some(1)]);
     }
 
     proptest! {
