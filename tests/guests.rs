@@ -12,7 +12,7 @@ use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
 use common::logs::last_tick;
-use common::processes::{is_alive, signal};
+use common::processes::{await_end, signal};
 use common::{Place, begin, complaint, finish, output, scenario, succeed, until};
 use orchestrator::log::LogReader;
 use runtime::control::{Channel, ToOrchestrator, ToService};
@@ -618,7 +618,7 @@ fn a_guest_ends_with_the_orchestrator_and_whoever_takes_over_starts_another() {
     let guest = until("the guest", || guest_of(first.id()));
     first.kill().unwrap();
     first.wait().unwrap();
-    until("the end of the guest", || (!is_alive(guest)).then_some(()));
+    await_end(guest);
 
     let second = begin(&mut place.gerono(&["attach", "--out", "second", "--quiet"]));
     place.await_log("second", 20_000);

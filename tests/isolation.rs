@@ -5,7 +5,7 @@ mod common;
 use std::process::{Child, Command};
 
 use common::logs::last_tick;
-use common::processes::{is_alive, processes_of, services_of, shared_memory_of, signal};
+use common::processes::{await_end, processes_of, services_of, shared_memory_of, signal};
 use common::{Place, begin, complaint, finish, output, scenario, succeed, until};
 use iceoryx2::prelude::*;
 use orchestrator::log::LogReader;
@@ -32,9 +32,7 @@ fn services_end_with_a_killed_orchestrator_and_the_next_run_sweeps_up() {
     });
     signal(orchestrator, Signal::KILL);
     finish(child);
-    for (name, pid) in processes {
-        until(&format!("the end of {name}"), || (!is_alive(pid)).then_some(()));
-    }
+    processes.into_iter().for_each(|(_, pid)| await_end(pid));
     assert!(place.path("killed/run.mcap.partial").exists() && !place.path("killed/run.mcap").exists());
     assert!(!place.leavings().is_empty() && !shared_memory_of(orchestrator).is_empty());
 
@@ -106,7 +104,7 @@ fn a_foreign_observer_does_not_stall_a_run() {
         Some(run.join("iceoryx2.toml")).filter(|file| file.exists())
     });
     let path = FilePath::new(configuration.as_os_str().as_encoded_bytes()).unwrap();
-    let config = until("a whole configuration", || Config::from_file(&path).ok());
+    let config = Config::from_file(&path).unwrap();
     let node = NodeBuilder::new()
         .config(&config)
         .create::<ipc::Service>()

@@ -110,7 +110,10 @@ impl RunRoot {
             self.folder.join("iceoryx2").display().to_string(),
             self.prefix,
         );
-        fs::write(self.configuration(), text)
+        // Under its name it is whole: an empty one would be taken for iceoryx2's own defaults.
+        let written = self.folder.join("iceoryx2.toml.partial");
+        fs::write(&written, text)?;
+        fs::rename(written, self.configuration())
     }
 }
 
@@ -271,6 +274,29 @@ mod tests {
         let folder = first.folder().to_owned();
         drop(first);
         assert!(!folder.exists() && second.folder().exists());
+    }
+
+    #[test]
+    fn who_finds_a_runs_configuration_finds_all_of_it() {
+        let (stop, stopped) = std::sync::mpsc::channel::<()>();
+        let onlooker = std::thread::spawn(move || {
+            let mut found = 0;
+            while stopped.try_recv() == Err(std::sync::mpsc::TryRecvError::Empty) {
+                for run in fs::read_dir(base_folder()).unwrap().flatten() {
+                    let Ok(text) = fs::read_to_string(run.path().join("iceoryx2.toml")) else {
+                        continue;
+                    };
+                    assert!(text.ends_with("cleanup-dead-nodes-on-open = false\n"), "{text:?}");
+                    found += 1;
+                }
+            }
+            found
+        });
+        for _ in 0..500 {
+            drop(RunRoot::create().unwrap());
+        }
+        drop(stop);
+        assert!(onlooker.join().unwrap() > 0);
     }
 
     #[test]

@@ -82,3 +82,8 @@ pub(crate) fn is_alive(pid: u32) -> bool {
             .is_some_and(|rest| !rest.starts_with(['Z', 'X']))
     })
 }
+
+/// Waits until a process lives no more.
+pub(crate) fn await_end(pid: u32) {
+    until("the end of a killed process", || (!is_alive(pid)).then_some(()));
+}
