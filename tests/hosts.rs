@@ -5,11 +5,12 @@ mod allocations;
 mod common;
 
 use std::convert::Infallible;
-use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddrV4};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use common::laboratory::{free_port, serial_line};
 use experiment::ExperimentDigest;
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
@@ -20,8 +21,6 @@ use orchestrator::{laboratory, scenario_file};
 use runtime::flight_clock::monotonic_ns;
 use runtime::in_process::{InProcess, TickSink};
 use runtime::shared_page::SharedPage;
-use rustix::fd::OwnedFd;
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use shared_types::scenario::{CaptureSystem, Scenario};
 use shared_types::{ServiceId, Topic};
 
@@ -129,21 +128,6 @@ fn a_flight_allocates_nothing_in_any_step() {
         let count = allocations::allocations_during(|| host.fly(&mut Nowhere).unwrap());
         assert_eq!(count, 0);
     }
-}
-
-/// A serial line, and the device that a transmitter opens.
-fn serial_line() -> (OwnedFd, String) {
-    let line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
-    grantpt(&line).unwrap();
-    unlockpt(&line).unwrap();
-    let device = ptsname(&line, Vec::new()).unwrap().into_string().unwrap();
-    (line, device)
-}
-
-/// A port that was free a moment ago.
-fn free_port() -> u16 {
-    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-    socket.local_addr().unwrap().port()
 }
 
 /// A motion-capture system that sees a vehicle which moves a little, because what does not is frozen.

@@ -3,7 +3,7 @@
 
 mod common;
 
-use std::net::{Ipv4Addr, SocketAddrV4, TcpListener};
+use std::net::{Ipv4Addr, SocketAddrV4};
 use std::os::fd::OwnedFd;
 use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,13 +11,13 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use common::laboratory::{free_port, serial_line};
 use common::processes::{await_process, await_successor, signal};
 use common::{Place, complaint, finish, output, said, scenario, succeed, until};
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
 use motion_capture::sender::server::{Plan, Server};
 use nalgebra::Vector3;
-use orchestrator::live::Snapshot;
 use orchestrator::log::{CaptureFigures, LinkFigures, LogReader};
 use orchestrator::scenario_file;
 use radio_link::encoder::Encoder;
@@ -28,7 +28,6 @@ use runtime::flight_clock::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::process::Signal;
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use shared_types::ServiceId;
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::exp;
@@ -47,12 +46,6 @@ const PERIOD: Duration = Duration::from_millis(10);
 
 /// The arming switch, on.
 const ARMED: u16 = crsf::ENDS[1];
-
-/// A port that was free a moment ago.
-fn free_port() -> u16 {
-    let socket = TcpListener::bind("127.0.0.1:0").unwrap();
-    socket.local_addr().unwrap().port()
-}
 
 /// A thread that is ended with the test.
 struct Helper {
@@ -134,10 +127,7 @@ struct Receiver {
 
 impl Receiver {
     fn new() -> Self {
-        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
-        grantpt(&master).unwrap();
-        unlockpt(&master).unwrap();
-        let device = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
+        let (master, device) = serial_line();
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
         let line = rustix::fs::open(device.as_str(), flags, Mode::empty()).unwrap();
         let frames = Arc::<Mutex<Vec<ChannelCodes>>>::default();
@@ -243,18 +233,13 @@ fn arm_anew(place: &Place) {
     until("arming", || arm(place).is_none().then_some(()));
 }
 
-fn look(place: &Place) -> Option<Snapshot> {
-    let run = place.gerono(&["top", "--once", "--json"]).output().unwrap();
-    serde_json::from_slice(&run.stdout).ok()
-}
-
 /// Kills the process of a service and waits until another one flies in its place.
 fn kill(place: &Place, orchestrator: u32, service: ServiceId) {
     let pid = await_process(orchestrator, service);
     signal(pid, Signal::KILL);
     await_successor(orchestrator, service, pid);
     until("its flight", || {
-        look(place).filter(|snapshot| {
+        place.look().filter(|snapshot| {
             let service = &snapshot.services[service.index()];
             service.flies && service.pid != pid
         })
@@ -306,7 +291,7 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
     let settings = settings(port, &receiver.device);
     let child = run(&place, &settings, &[]);
     let orchestrator = child.id();
-    until("the run", || look(&place));
+    until("the run", || place.look());
     receiver.await_frame("a frame at rest", 0, |codes| codes[4] != ARMED);
     until("the refusal", || {
         let refusal = arm(&place).unwrap();
@@ -331,7 +316,9 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
 
     succeed(&mut place.gerono(&["disarm"]));
     until("disarmed", || {
-        look(&place).filter(|snapshot| snapshot.phase.as_deref() == Some("disarmed"))
+        place
+            .look()
+            .filter(|snapshot| snapshot.phase.as_deref() == Some("disarmed"))
     });
     signal(orchestrator, Signal::INT);
     let ended = finish(child);

@@ -2,9 +2,9 @@
 
 mod common;
 
-use std::net::{TcpListener, UdpSocket};
 use std::process::{Child, Output};
 
+use common::laboratory::free_port;
 use common::{Place, output, said};
 
 /// A process that is ended with the test.
@@ -17,17 +17,9 @@ impl Drop for Sender {
     }
 }
 
-/// A port of TCP and UDP that was free a moment ago.
-fn free_port() -> String {
-    let socket = TcpListener::bind("127.0.0.1:0").unwrap();
-    let port = socket.local_addr().unwrap().port();
-    drop(UdpSocket::bind(("127.0.0.1", port)).unwrap());
-    port.to_string()
-}
-
 /// Sends as a system, and listens to it.
 fn probed(place: &Place, system: &str, send: &[&str], probe: &[&str]) -> Output {
-    let (port, frames) = (free_port(), free_port());
+    let (port, frames) = (free_port().to_string(), free_port().to_string());
     // Vicon sends to the port of the listener, NatNet is asked at one and sends to another.
     let to = format!("127.0.0.1:{}", if system == "vicon" { &port } else { &frames });
     let at = [
@@ -91,7 +83,7 @@ fn a_body_that_nobody_sends_is_named_with_those_that_came() {
 #[test]
 fn nobody_there_is_told_as_that() {
     let place = Place::new();
-    let port = free_port();
+    let port = free_port().to_string();
     let arguments = [
         "mocap",
         "probe",

@@ -5,19 +5,10 @@ mod common;
 use std::os::fd::OwnedFd;
 use std::process::Command;
 
+use common::laboratory::serial_line;
 use common::{Place, output, scenario};
 use radio_link::crsf;
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use serde_json::Value;
-
-/// The receiver's end of a pseudo-terminal, and the name of the transmitter's.
-fn receiver() -> (OwnedFd, String) {
-    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
-    grantpt(&master).unwrap();
-    unlockpt(&master).unwrap();
-    let device = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
-    (master, device)
-}
 
 /// `gerono rc probe` of figure 7's link as CRSF on a device.
 fn probe(place: &Place, device: &str, more: &[&str]) -> Command {
@@ -44,7 +35,7 @@ fn frames(master: &OwnedFd) -> Vec<radio_link::ChannelCodes> {
 #[test]
 fn a_probe_moves_one_stick_after_another_and_never_arms() {
     let place = Place::new();
-    let (master, device) = receiver();
+    let (master, device) = serial_line();
     let shown = String::from_utf8(output(&mut probe(&place, &device, &[])).stdout).unwrap();
     for piece in [
         "roll rate   channel  1",
@@ -76,7 +67,7 @@ fn a_probe_moves_one_stick_after_another_and_never_arms() {
 #[test]
 fn without_an_arming_switch_the_thrust_stick_rests() {
     let place = Place::new();
-    let (master, device) = receiver();
+    let (master, device) = serial_line();
     let unarmed = format!("rc_output.transmitter={{device = \"{device}\"}}");
     output(&mut probe(&place, &device, &["--set", &unarmed]));
     let frames = frames(&master);

@@ -125,7 +125,9 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
     // Soon all is as before; on a machine in use, which keeps the services waiting too, a little later.
     place.await_log("out", place.log_bytes("out") + 500_000);
     until("the vehicle on its path", || {
-        look(&place).filter(|snapshot| snapshot.position_error.is_some_and(|error| error < 0.1))
+        place
+            .look()
+            .filter(|snapshot| snapshot.position_error.is_some_and(|error| error < 0.1))
     });
     signal(orchestrator, Signal::INT);
     let output = finish(child);
@@ -248,16 +250,12 @@ fn wait_on_the_ground(place: &Place) -> Child {
     begin(&mut place.live_hover("out", &["--set", "schedule.tick=0.002", "--set", flight]))
 }
 
-/// How the only live run is.
-fn look(place: &Place) -> Option<Snapshot> {
-    let run = place.gerono(&["top", "--once", "--json"]).output().unwrap();
-    serde_json::from_slice(&run.stdout).ok()
-}
-
 /// Waits for a phase of the only live run.
 fn await_phase(place: &Place, phase: &str) {
     until(phase, || {
-        look(place).filter(|snapshot| snapshot.phase.as_deref() == Some(phase))
+        place
+            .look()
+            .filter(|snapshot| snapshot.phase.as_deref() == Some(phase))
     });
 }
 
@@ -317,9 +315,9 @@ fn a_kill_outlives_the_service_that_obeys_it() {
     // Nothing lets the motors turn again.
     arm(&place);
     let flown = |snapshot: &Snapshot| snapshot.services[ServiceId::RcOutput.index()].flies;
-    let reborn_by = until("the new transmitter", || look(&place).filter(flown)).time;
+    let reborn_by = until("the new transmitter", || place.look().filter(flown)).time;
     until("half a second more", || {
-        look(&place).filter(|snapshot| snapshot.time > reborn_by + 0.5)
+        place.look().filter(|snapshot| snapshot.time > reborn_by + 0.5)
     });
     signal(child.id(), Signal::INT);
     assert_eq!(finish(child).status.code(), Some(130));

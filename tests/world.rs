@@ -3,11 +3,12 @@
 
 mod common;
 
-use std::net::{TcpListener, UdpSocket};
+use std::net::TcpListener;
 use std::path::Path;
 use std::process::Child;
 use std::time::Duration;
 
+use common::laboratory::free_port;
 use common::processes::signal;
 use common::{Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
 use orchestrator::live::Snapshot;
@@ -77,14 +78,6 @@ fn arguments<'a>(command: &'a str, settings: &'a [String], more: &[&'a str]) -> 
     arguments
 }
 
-/// A port of TCP and UDP that was free a moment ago.
-fn free_port() -> u16 {
-    let socket = TcpListener::bind("127.0.0.1:0").unwrap();
-    let port = socket.local_addr().unwrap().port();
-    drop(UdpSocket::bind(("127.0.0.1", port)).unwrap());
-    port
-}
-
 /// A place in the network and on the disk of this test's own, and an operator who does not dawdle.
 fn settings(place: &Place, port: u16) -> Vec<String> {
     vec![
@@ -93,11 +86,6 @@ fn settings(place: &Place, port: u16) -> Vec<String> {
         format!("vehicle.fan.on_at={FAN:?}"),
         "flight.spool_up=0.2".to_owned(),
     ]
-}
-
-fn look(place: &Place) -> Option<Snapshot> {
-    let run = place.gerono(&["top", "--once", "--json"]).output().unwrap();
-    serde_json::from_slice(&run.stdout).ok()
 }
 
 /// Asks now and then until the answer is good. Who asks is a process, and the flight needs the cores as well.
@@ -110,7 +98,7 @@ fn ask<T>(what: &str, mut question: impl FnMut() -> Option<T>) -> T {
 
 /// Kills the process of a service and waits until another one flies in its place.
 fn kill(place: &Place, service: ServiceId) {
-    let now = || Some(look(place)?.services.swap_remove(service.index()));
+    let now = || Some(place.look()?.services.swap_remove(service.index()));
     let before = ask("the service", now).pid;
     signal(before, Signal::KILL);
     ask("its successor", || {
@@ -157,12 +145,16 @@ fn flies_in_the_jet_and_through_deaths(place: &Place) -> bool {
         Some("land" | "disarmed") => Some(false),
         _ => None,
     };
-    let is_flying = || look(place).is_some_and(|snapshot| snapshot.phase.as_deref() == Some("fly"));
-    if !ask("the path", || look(place).and_then(comes)) {
+    let is_flying = || {
+        place
+            .look()
+            .is_some_and(|snapshot| snapshot.phase.as_deref() == Some("fly"))
+    };
+    if !ask("the path", || place.look().and_then(comes)) {
         return false;
     }
     let stayed = ask("the time in the jet", || {
-        let snapshot = look(place)?;
+        let snapshot = place.look()?;
         let is_over = snapshot.time >= FAN + IN_THE_JET;
         (is_over || comes(snapshot) == Some(false)).then(is_flying)
     });

@@ -8,23 +8,14 @@
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
+root=$here/../..
 seconds=${1:-3600}
-target=${CARGO_TARGET_DIR:-$here/../../target}/fuzz
-host=$(rustc -vV | sed -n 's/^host: //p')
-
-# With a target stated build scripts are left alone.
-RUSTFLAGS="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
--Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
--Cllvm-args=-sanitizer-coverage-trace-compares" \
-    cargo build --release --quiet --manifest-path "$here/Cargo.toml" --target "$host" --target-dir "$target"
+. "$root/tests/fuzz.sh"
 
 # Every input is a file for a moment: in memory, where there is such a place.
 TMPDIR=$(mktemp -d -p "$([ -d /dev/shm ] && echo /dev/shm || echo "${TMPDIR:-/tmp}")")
 export TMPDIR
 trap 'rm -rf "$TMPDIR"' EXIT
 
-found=$target/found/log
-mkdir -p "$found" "$target/crashes"
-"$target/$host/release/log" -max_total_time="$seconds" -max_len=4096 -rss_limit_mb=1024 -timeout=10 \
-    -print_final_stats=1 -verbosity=0 -artifact_prefix="$target/crashes/log-" "$found" "$here/corpus"
+fuzz log "$seconds" "$here/corpus" -max_len=4096 -rss_limit_mb=1024 -timeout=10
 echo "nothing was found"

@@ -30,7 +30,7 @@ use crate::cli::{RecordingArguments, ScenarioArguments};
 use crate::exit::Exit;
 use crate::flight;
 use crate::host_record::HostRecord;
-use crate::log::{HostLogWriter, LogError, LogReader, partial_path, recovered_path};
+use crate::log::{HostLogWriter, LogError, LogReader, Manifest, RunLogWriter, partial_path, recovered_path};
 use crate::run_folder::RunFolder;
 use crate::scenario_file;
 
@@ -58,6 +58,16 @@ fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
         report: error.into(),
         exit: Exit::BadInput,
     })
+}
+
+/// Begins the log of a run.
+fn run_log(
+    folder: &RunFolder,
+    manifest: &Manifest,
+    recording: RecordingArguments,
+) -> Result<RunLogWriter, LogError> {
+    let log = RunLogWriter::create(&folder.run_log(), manifest, recording.compression)?;
+    log.durable(recording.forcing_period())
 }
 
 /// Begins the record of the machine's side of a run.

@@ -16,7 +16,7 @@
 //! * [`record`]: what truly happened, on the disk.
 //!
 //! Failure policy: what cannot be had at the start is an error that names the fix. Later nothing is: who is not there is not
-//! heard, and a vehicle that has not heard its transmitter for [`radio::LOST_AFTER_NS`] lets its motors rest.
+//! heard, and a vehicle that has not heard who flies it for [`silence::LOST_AFTER_NS`] lets its motors rest.
 
 pub mod betaflight;
 pub mod cameras;
@@ -24,6 +24,7 @@ pub mod line;
 pub mod onboard;
 pub mod radio;
 pub mod record;
+pub mod silence;
 mod vehicle;
 
 use hdrhistogram::Histogram;

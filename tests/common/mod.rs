@@ -1,6 +1,7 @@
 //! What the tests of real processes share: isolation, a watchdog, and the search for leavings.
 #![allow(dead_code, reason = "every test target uses a part of it")]
 
+pub(crate) mod laboratory;
 pub(crate) mod logs;
 pub(crate) mod processes;
 mod rig;
@@ -9,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use orchestrator::live::Snapshot;
 use runtime::crash::CrashPlace;
 use shared_types::ServiceId;
 use tempfile::TempDir;
@@ -113,6 +115,12 @@ impl Place {
     pub(crate) fn summary(&self, out: &str) -> serde_json::Value {
         let text = std::fs::read_to_string(self.path(out).join("summary.json")).unwrap();
         serde_json::from_str(&text).unwrap()
+    }
+
+    /// How the only live run is, if there is one.
+    pub(crate) fn look(&self) -> Option<Snapshot> {
+        let looked = self.gerono(&["top", "--once", "--json"]).output().unwrap();
+        serde_json::from_slice(&looked.stdout).ok()
     }
 
     /// How many bytes of the log of a flight to the folder `out`, which goes on, are on the disk.

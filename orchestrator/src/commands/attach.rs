@@ -1,7 +1,7 @@
 //! `gerono attach`: takes over a flight in real time whose orchestrator has died.
 
 use super::conclusion::Flown;
-use super::{Failure, host_record};
+use super::{Failure, host_record, run_log};
 use crate::cli::{Attach, Host};
 use crate::exit::Exit;
 use crate::flight::real_time::{self, Succession};
@@ -9,7 +9,7 @@ use crate::flight::tape::Tape;
 use crate::flight::{Ending, Outcome};
 use crate::interrupt::Interrupt;
 use crate::live;
-use crate::log::{Manifest, RunLogWriter};
+use crate::log::Manifest;
 use crate::progress::Progress;
 use crate::run_folder::RunFolder;
 
@@ -31,8 +31,7 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     let flight = Succession::prepare(&place).map_err(|error| trouble(&error))?;
     let scenario = flight.scenario().clone();
     let manifest = Manifest::new(&scenario);
-    let log = RunLogWriter::create(&folder.run_log(), &manifest, arguments.recording.compression)
-        .and_then(|log| log.durable(arguments.recording.forcing_period()))
+    let log = run_log(&folder, &manifest, arguments.recording)
         .map_err(|error| not_written(&error))?
         .in_real_time(&manifest);
     let mut progress = Progress::new(flight.schedule(), NAME, arguments.quiet);

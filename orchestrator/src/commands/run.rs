@@ -7,7 +7,7 @@ use shared_types::ServiceId;
 use shared_types::scenario::Scenario;
 
 use super::conclusion::Flown;
-use super::{Failure, host_record, load, scenario_name, schedule_of};
+use super::{Failure, host_record, load, run_log, scenario_name, schedule_of};
 use crate::cli::{DeploymentArguments, Host, Run};
 use crate::exit::Exit;
 use crate::flight::crew::restart::{PerService, RestartPolicy};
@@ -15,7 +15,7 @@ use crate::flight::deployment::{Deployment, Placement};
 use crate::flight::tape::Tape;
 use crate::flight::{self, Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
 use crate::interrupt::Interrupt;
-use crate::log::{Manifest, RunLogWriter};
+use crate::log::Manifest;
 use crate::progress::Progress;
 use crate::run_folder::RunFolder;
 
@@ -55,8 +55,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let folder = RunFolder::create(arguments.out.as_deref(), &name)
         .map_err(|error| Failure::new(Exit::NotWritten, error))?;
     let manifest = Manifest::new(&scenario);
-    let mut log = RunLogWriter::create(&folder.run_log(), &manifest, arguments.recording.compression)
-        .and_then(|log| log.durable(arguments.recording.forcing_period()))
+    let mut log = run_log(&folder, &manifest, arguments.recording)
         .map_err(|error| Failure::new(Exit::NotWritten, error))?;
     if arguments.host == Host::Realtime {
         log = log.in_real_time(&manifest);

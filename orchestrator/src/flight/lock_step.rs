@@ -124,10 +124,9 @@ impl Flight<'_> {
 
     /// Takes note of how far guests have come, and of those that have finished without having flown to the end.
     fn look_after_guests(&self, progress: Progress) -> Result<(), FlightFailure> {
+        self.crew
+            .note_guests_steps(|guest| self.recorder.newest_of(guest));
         for guest in self.crew.guests() {
-            if let Some((tick, samples)) = self.recorder.newest_of(guest) {
-                self.crew.note_guests_step(guest, tick, samples);
-            }
             // What it has published before it said so has been received since.
             if progress == Progress::Waiting && self.crew.is_finished(guest) && self.recorder.waits_for(guest)
             {

@@ -303,11 +303,8 @@ impl<'a> Flight<'a> {
         FlightFailure: From<S::Error>,
     {
         self.recorder.receive()?;
-        for guest in self.crew.guests() {
-            if let Some((tick, samples)) = self.recorder.newest_of(guest) {
-                self.crew.note_guests_step(guest, tick, samples);
-            }
-        }
+        self.crew
+            .note_guests_steps(|guest| self.recorder.newest_of(guest));
         self.observe_steps();
         let settled_ns = self.clock.elapsed_ns().saturating_sub(SETTLING_NS);
         let settled = (settled_ns / self.clock.tick_ns).min(self.schedule.last_tick() + 1);

@@ -10,7 +10,7 @@ use mcap::records::{Record, op};
 
 use super::framing::LogError;
 use super::host_writer::HostLogWriter;
-use super::records::{RawRecord, Records};
+use super::records::{self, RawRecord, Records};
 
 /// Name of the metadata record.
 const RECORD_NAME: &str = "flight";
@@ -38,7 +38,7 @@ pub fn read(path: &Path) -> Option<u64> {
         if record.opcode != op::METADATA {
             continue;
         }
-        if let Ok(Record::Metadata(metadata)) = mcap::parse_record(record.opcode, &record.body)
+        if let Ok(Record::Metadata(metadata)) = records::parse(record.opcode, &record.body)
             && metadata.name == RECORD_NAME
         {
             return metadata.metadata.get(KEY)?.parse().ok();

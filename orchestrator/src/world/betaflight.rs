@@ -28,14 +28,12 @@ use shared_types::scenario::Scenario;
 use zerocopy::FromZeros;
 
 use super::line::{Line, LineError};
+use super::silence::Silence;
 
 /// Where it sends what its motors do.
 const MOTORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9002);
 /// Where it takes what its sensors feel.
 const SENSORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9003);
-
-/// Silence after which the motors stand still, ns.
-const LOST_AFTER_NS: u64 = 500_000_000;
 
 /// Pressure of the air at the ground, Pa.
 const PRESSURE: f64 = 101_325.0;
@@ -62,9 +60,8 @@ pub struct Betaflight {
     /// What it asks of its motors, and what they do, 0 to 1.
     asked: [f64; 4],
     motors: [f64; 4],
-    heard_at_ns: Option<u64>,
+    silence: Silence,
     packets: u64,
-    losses: u64,
 }
 
 impl Betaflight {
@@ -91,9 +88,8 @@ impl Betaflight {
             },
             asked: [0.0; 4],
             motors: [0.0; 4],
-            heard_at_ns: None,
+            silence: Silence::default(),
             packets: 0,
-            losses: 0,
         })
     }
 
@@ -102,14 +98,14 @@ impl Betaflight {
         let Self {
             line,
             asked,
-            heard_at_ns,
+            silence,
             packets,
             ..
         } = self;
         line.listen_until(until_ns, &mut |packet, now_ns| {
             if let Some(motors) = motors_of(packet) {
                 *asked = motors;
-                *heard_at_ns = Some(now_ns);
+                silence.ends_at(now_ns);
                 *packets += 1;
             }
         });
@@ -117,9 +113,7 @@ impl Betaflight {
 
     /// What acts in the tick before a time.
     pub fn acting(&mut self, at_ns: u64) -> RcFrame {
-        let is_lost = |heard_at: &mut u64| at_ns.saturating_sub(*heard_at) > LOST_AFTER_NS;
-        if self.heard_at_ns.take_if(is_lost).is_some() {
-            self.losses += 1;
+        if self.silence.becomes_too_long(at_ns) {
             self.asked = [0.0; 4];
         }
         for (motor, asked) in self.motors.iter_mut().zip(self.asked) {
@@ -144,7 +138,7 @@ impl Betaflight {
     /// Packets of motors so far, and how often they stayed away for too long.
     #[must_use]
     pub fn counts(&self) -> [u64; 2] {
-        [self.packets, self.losses]
+        [self.packets, self.silence.losses()]
     }
 }
 

@@ -1,7 +1,7 @@
 //! From bytes that arrive to the frame that acts on the motors.
 //!
 //! A frame acts a stated time after its last byte has arrived, as the air and the flight controller need it. Who hears
-//! nothing for [`LOST_AFTER_NS`] lets the motors rest, as receivers do.
+//! nothing for [`LOST_AFTER_NS`](super::silence::LOST_AFTER_NS) lets the motors rest, as receivers do.
 
 use std::collections::VecDeque;
 
@@ -10,8 +10,7 @@ use shared_types::samples::RcFrame;
 use shared_types::scenario::{RcLink, Transmitter};
 use zerocopy::FromZeros;
 
-/// Silence after which a vehicle takes its transmitter for lost, ns.
-pub const LOST_AFTER_NS: u64 = 500_000_000;
+use super::silence::Silence;
 
 /// A receiver, and its frames on their way to the motors.
 #[derive(Debug)]
@@ -21,11 +20,9 @@ pub struct Radio {
     latency_ns: u64,
     /// Frames and when they begin to act, oldest first.
     coming: VecDeque<(u64, RcFrame)>,
-    /// When the last one arrived; `None` before the first, and once it has been missed.
-    heard_at_ns: Option<u64>,
+    silence: Silence,
     /// Frames so far, by which they are told apart.
     count: u64,
-    losses: u64,
 }
 
 impl Radio {
@@ -37,9 +34,8 @@ impl Radio {
             receiver: Receiver::new(link, transmitter)?,
             latency_ns,
             coming: VecDeque::new(),
-            heard_at_ns: None,
+            silence: Silence::default(),
             count: 0,
-            losses: 0,
         })
     }
 
@@ -50,12 +46,12 @@ impl Radio {
             receiver,
             latency_ns,
             coming,
-            heard_at_ns,
+            silence,
             count,
             ..
         } = self;
         receiver.push(bytes, &mut |command| {
-            *heard_at_ns = Some(now_ns);
+            silence.ends_at(now_ns);
             coming.push_back((now_ns + *latency_ns, frame_of(command, link, *count)));
             *count += 1;
         });
@@ -67,9 +63,7 @@ impl Radio {
         while let Some((_, frame)) = self.coming.pop_front_if(|(acts_at, _)| *acts_at <= at_ns) {
             newest = Some(frame);
         }
-        let is_lost = |heard_at: &mut u64| at_ns.saturating_sub(*heard_at) > LOST_AFTER_NS;
-        if self.heard_at_ns.take_if(is_lost).is_some() {
-            self.losses += 1;
+        if self.silence.becomes_too_long(at_ns) {
             self.count += 1;
             self.coming.clear();
             return Some(at_rest(self.count - 1));
@@ -86,7 +80,7 @@ impl Radio {
     /// How often nothing was heard for too long.
     #[must_use]
     pub fn losses(&self) -> u64 {
-        self.losses
+        self.silence.losses()
     }
 }
 
@@ -113,6 +107,7 @@ fn frame_of(command: &Command, link: &RcLink, seq: u64) -> RcFrame {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::world::silence::LOST_AFTER_NS;
     use radio_link::encoder::Encoder;
     use radio_link::frame::Frame;
     use radio_link::sticks::Sticks;

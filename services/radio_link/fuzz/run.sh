@@ -8,18 +8,9 @@
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
+root=$here/../../..
 seconds=${1:-3600}
-target=${CARGO_TARGET_DIR:-$here/../../../target}/fuzz
-host=$(rustc -vV | sed -n 's/^host: //p')
+. "$root/tests/fuzz.sh"
 
-# With a target stated build scripts are left alone.
-RUSTFLAGS="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
--Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
--Cllvm-args=-sanitizer-coverage-trace-compares" \
-    cargo build --release --quiet --manifest-path "$here/Cargo.toml" --target "$host" --target-dir "$target"
-
-found=$target/found/receiver
-mkdir -p "$found" "$target/crashes"
-"$target/$host/release/receiver" -max_total_time="$seconds" -max_len=2048 -rss_limit_mb=512 -timeout=5 \
-    -print_final_stats=1 -verbosity=0 -artifact_prefix="$target/crashes/receiver-" "$found" "$here/../tests/corpus"
+fuzz receiver "$seconds" "$here/../tests/corpus" -max_len=2048 -rss_limit_mb=512 -timeout=5
 echo "nothing was found"

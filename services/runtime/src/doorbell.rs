@@ -2,7 +2,9 @@
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
-use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
+use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
+
+use crate::flight_clock::deadline;
 
 /// A service's doorbell. Whoever publishes for the service rings it; a ring is a hint, never data.
 #[derive(Debug)]
@@ -40,11 +42,7 @@ impl Doorbell {
     /// Sleeps as [`Self::sleep`] does, but no longer than this, ns.
     #[inline]
     pub fn sleep_up_to(&self, limit_ns: u64) {
-        const SECOND: u64 = 1_000_000_000;
-        let limit = Timespec {
-            tv_sec: i64::try_from(limit_ns / SECOND).unwrap_or(i64::MAX),
-            tv_nsec: i64::try_from(limit_ns % SECOND).unwrap_or_default(),
-        };
+        let limit = deadline(limit_ns);
         let mut file = [PollFd::new(&self.0, PollFlags::IN)];
         // As above, an interruption is a ring.
         if poll(&mut file, Some(&limit)).is_ok_and(|rung| rung > 0) {

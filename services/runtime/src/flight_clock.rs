@@ -49,7 +49,7 @@ impl FlightClock {
     }
 }
 
-/// A time of `CLOCK_MONOTONIC` in ns, as the system's sleeps want it.
+/// A time of `CLOCK_MONOTONIC`, or the length of a wait, in ns, as the system's sleeps want it.
 #[must_use]
 #[inline]
 pub fn deadline(at_ns: u64) -> Timespec {

@@ -138,11 +138,16 @@ impl Crew<'_> {
         self.members[service.index()].phase == Phase::Finished
     }
 
-    /// Takes note of how far a guest has come, as far as its samples tell.
-    pub(in crate::flight) fn note_guests_step(&self, guest: ServiceId, tick: u64, samples: u64) {
-        let cell = &self.page.words().cells[guest.index()];
-        cell.steps_until.store(tick + 1, Ordering::Relaxed);
-        cell.steps.store(samples, Ordering::Relaxed);
+    /// Takes note of how far guests have come, as far as their samples tell: `newest` says the tick of the newest of a
+    /// guest's, and how many have come.
+    pub(in crate::flight) fn note_guests_steps(&self, newest: impl Fn(ServiceId) -> Option<(u64, u64)>) {
+        for guest in self.guests() {
+            if let Some((tick, samples)) = newest(guest) {
+                let cell = &self.page.words().cells[guest.index()];
+                cell.steps_until.store(tick + 1, Ordering::Relaxed);
+                cell.steps.store(samples, Ordering::Relaxed);
+            }
+        }
     }
 
     fn guest_failure(&self, at: usize, what: String) -> FlightFailure {
