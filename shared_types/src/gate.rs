@@ -90,11 +90,11 @@ impl<T: Sample> Gate<T> {
         Some(verdict)
     }
 
-    /// The last good sample; `None` where the input has none at all.
+    /// The last good sample. Whoever goes on from what another process remembered has it before it sees one itself.
     #[must_use]
     #[inline]
-    pub fn held(&self, input: &Input<'_, T>) -> Option<&T> {
-        self.held.as_ref().filter(|_| input.newest().is_some())
+    pub fn held(&self) -> Option<&T> {
+        self.held.as_ref()
     }
 
     /// Whether the last good sample is also the newest one.

@@ -64,11 +64,11 @@ impl References {
         });
     }
 
-    /// The last good reference; `None` where the input has none at all.
+    /// The last good reference.
     #[must_use]
     #[inline]
-    pub fn held(&self, input: &Input<'_, PathReference>) -> Option<&PathReference> {
-        self.gate.held(input)
+    pub fn held(&self) -> Option<&PathReference> {
+        self.gate.held()
     }
 
     /// What the law is to fly by: a reference, carried on if it is late, and at rest if it is too old.

@@ -145,12 +145,10 @@ impl Service for ControllerService {
         references.look(now, &inputs.reference);
         let mut command = Commanded::NOTHING;
         let (mut learns, mut is_nonsense) = (false, false);
-        let duty = duties.of(references.held(&inputs.reference));
+        let duty = duties.of(references.held());
         if matches!(duty, Duty::Rest | Duty::Idle) {
             pilot.stand_by(duty);
-        } else if let (Some(state), Some(reference)) =
-            (states.held(&inputs.state), references.held(&inputs.reference))
-        {
+        } else if let (Some(state), Some(reference)) = (states.held(), references.held()) {
             let course = Course {
                 state,
                 is_new,

@@ -72,7 +72,7 @@ impl EstimatorService {
             }
         });
         let is_too_old = self.captures.age_ns(now).is_some_and(|age| age > self.max_age_ns);
-        let measured = as_captured(self.captures.held(&inputs.pose));
+        let measured = as_captured(self.captures.held());
         self.last = measured.unwrap_or(self.last);
         if let Some(state) = outputs.state.due() {
             self.last.write(state);

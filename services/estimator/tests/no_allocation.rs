@@ -38,9 +38,10 @@ fn tracked_and_allocations(scenario: &str) -> (u32, u64) {
                 operator: shared_types::Operator::FLYING,
             };
             seen.capture_time_ns = now.time_ns;
+            seen.tracked = (tick % 2 == 0).into();
             sent.header.stamp_ns = now.time_ns;
             let pose = InputView {
-                bytes: (tick % 2 == 0).then_some(seen.as_bytes()),
+                bytes: Some(seen.as_bytes()),
                 fresh: true,
             };
             let frame = InputView {

@@ -173,7 +173,7 @@ impl PathGeneratorService {
         let sight = Sight {
             vehicle,
             vehicle_age_ns: self.states.age_ns(now).unwrap_or(u64::MAX),
-            frame: self.frames.held(&inputs.frame),
+            frame: self.frames.held(),
             frame_age_ns: self.frames.age_ns(now).unwrap_or(u64::MAX),
             path: path.position,
             path_rates: [self.motion.gamma_dot, self.motion.gamma_ddot],
@@ -252,7 +252,7 @@ impl Service for PathGeneratorService {
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
         self.motion.advance(now.elapsed());
         self.states.look(now, &inputs.state);
-        let newest = self.states.held(&inputs.state).copied();
+        let newest = self.states.held().copied();
         let known = newest.filter(|vehicle| vehicle.tracked.is_set() && !self.states.is_too_old(now));
         let Led { point, gamma, rates } = self.lead(now, inputs, known.as_ref());
         // The path does not wait for a state that is late.

@@ -73,19 +73,16 @@ impl RcOutputService {
         let [oldest_command, oldest_state] = self.fresh_ns;
         let is_within = |age: Option<u64>, oldest: u64| age.is_some_and(|age| age <= oldest);
         let command = self.commands.is_newest(&inputs.command)
-            && self.commands.held(&inputs.command).is_some()
+            && self.commands.held().is_some()
             && is_within(self.commands.age_ns(now), oldest_command);
-        let state = self
-            .states
-            .held(&inputs.state)
-            .is_some_and(|state| state.tracked.is_set())
+        let state = self.states.held().is_some_and(|state| state.tracked.is_set())
             && is_within(self.states.age_ns(now), oldest_state);
         [command, state]
     }
 
     /// What the frame of this step is to carry, and its stage.
     fn choose(&self, now: &Now, inputs: &RcOutputInputs<'_>) -> (Option<&ControlCommand>, u8) {
-        let (held, age) = (self.commands.held(&inputs.command), self.commands.age_ns(now));
+        let (held, age) = (self.commands.held(), self.commands.age_ns(now));
         let is_older_than = |most: fn(Patience) -> u64| {
             let most = self.patience.map_or(u64::MAX, most);
             age.is_some_and(|age| age > most)
@@ -139,7 +136,7 @@ impl Service for RcOutputService {
             now,
             &Case {
                 command: command.as_ref(),
-                state: self.states.held(&inputs.state),
+                state: self.states.held(),
                 state_is_fresh,
                 inputs_are_fresh,
             },

@@ -16,7 +16,7 @@ fn a_step_of_the_transmitter_does_not_allocate() {
     }
 }
 
-/// What 100 steps allocate and how many failsafe frames they send, with a command in every other step.
+/// What 100 steps allocate and how many failsafe frames they send, when every other command is to rest.
 fn allocations_and_failsafes(link: &str) -> (u64, u32) {
     let text = format!(
         "duration = 1.0\n\
@@ -25,15 +25,15 @@ fn allocations_and_failsafes(link: &str) -> (u64, u32) {
          {link}",
     );
     let mut service = RcOutputService::new(&toml::from_str(&text).unwrap());
-    let command = ControlCommand {
-        mode: ControlCommand::MODE_RATES,
+    let commands = [ControlCommand::MODE_RATES, ControlCommand::MODE_FAILSAFE].map(|mode| ControlCommand {
+        mode,
         ..ControlCommand::new_zeroed()
-    };
+    });
     let mut frame = RcFrame::new_zeroed();
     let mut state = vec![0; service.state_size()];
     let mut failsafes = 0;
     let count = allocations::allocations_during(|| {
-        for tick in 0..100 {
+        for (tick, command) in (0..100).zip(commands.iter().cycle()) {
             let now = Now {
                 tick,
                 time_ns: tick * 1_000_000,
@@ -42,7 +42,7 @@ fn allocations_and_failsafes(link: &str) -> (u64, u32) {
             };
             let inputs = [
                 InputView {
-                    bytes: (tick % 2 == 0).then_some(command.as_bytes()),
+                    bytes: Some(command.as_bytes()),
                     fresh: true,
                 },
                 InputView::default(),

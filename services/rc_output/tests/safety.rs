@@ -85,6 +85,19 @@ fn stages_begin_above_exactly_the_stated_ages_and_the_held_frame_is_the_last_one
 }
 
 #[test]
+fn a_transmitter_that_is_born_anew_holds_the_last_command_until_it_sees_one_itself() {
+    let mut transmitter = service(&[RADIO, POLICY]);
+    let sent = step(&mut transmitter, 5, Some(&command(5, 2.0)));
+    for tick in [6, 44, 45, 105] {
+        let held = step(&mut reborn(&transmitter, &[RADIO, POLICY]), tick, None);
+        assert_eq!((held.channels, held.stage), (sent.channels, RcFrame::STAGE_HOLD));
+        assert!(!held.failsafe.is_set() && !held.inputs_fresh.is_set());
+    }
+    let too_late = step(&mut reborn(&transmitter, &[RADIO, POLICY]), 106, None);
+    assert!(too_late.failsafe.is_set());
+}
+
+#[test]
 fn without_a_policy_no_command_is_too_old() {
     let mut transmitter = service(&[RADIO]);
     let last = command(5, 2.0);

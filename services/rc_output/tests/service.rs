@@ -193,7 +193,7 @@ fn saturated_frames_are_counted_where_they_are_sent() {
     assert_eq!(counts, [0, 1, 2, 2]);
     step_into(&mut radio, Some(&bad), None);
     assert_eq!(
-        step(&mut radio, None).saturated_frames,
+        step(&mut radio, Some(&good)).saturated_frames,
         2,
         "nothing was sent between"
     );

@@ -87,11 +87,11 @@ impl StateGate {
         verdict == Some(Verdict::Good)
     }
 
-    /// The last good state; `None` where the input has none at all.
+    /// The last good state.
     #[must_use]
     #[inline]
-    pub fn held(&self, input: &Input<'_, VehicleState>) -> Option<&VehicleState> {
-        self.gate.held(input)
+    pub fn held(&self) -> Option<&VehicleState> {
+        self.gate.held()
     }
 
     /// Time since the last good state was published, ns; `None` before the first.

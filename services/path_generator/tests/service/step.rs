@@ -142,38 +142,42 @@ fn without_a_tracked_vehicle_the_path_stands_still_and_says_so() {
         tracked: false.into(),
         ..vehicle([0.0, -0.19, -1.19], [0.0; 3])
     };
+    let seen = vehicle([0.0, -0.19, -1.19], [0.0; 3]);
     for mode in [PathMode::Following, PathMode::TrajectoryTracking] {
-        for blind in [None, Some(&unseen)] {
-            let mut generator = generator(Path {
-                mode,
-                initial_gamma_dot: 0.8,
-                ..paper_path()
-            });
-            let seen = vehicle([0.0, -0.19, -1.19], [0.0; 3]);
-            for tick in 0..10 {
-                step_at(&mut generator, tick, Some(&seen));
-            }
-            let first = step_at(&mut generator, 10, blind);
-            assert!(first.gamma > 0.0);
-            for tick in 11..20 {
-                let reference = step_at(&mut generator, tick, blind);
-                assert_eq!(reference.gamma, first.gamma);
-                assert_eq!(reference.position_world, first.position_world);
-                let rates = [
-                    reference.gamma_dot,
-                    reference.gamma_ddot,
-                    reference.gamma_dot_desired,
-                ];
-                assert_eq!(rates, [0.0; 3]);
-            }
-            let again = step_at(&mut generator, 20, Some(&seen));
-            assert_eq!(again.gamma, first.gamma);
-            let expected = match mode {
-                PathMode::Following => (0.0, 1.0),
-                PathMode::TrajectoryTracking => (1.0, 0.0),
-            };
-            assert_eq!((again.gamma_dot, again.gamma_ddot), expected);
+        let mut generator = generator(Path {
+            mode,
+            initial_gamma_dot: 0.8,
+            ..paper_path()
+        });
+        let stands_still_at = |tick: u64, reference: &PathReference, first: &PathReference| {
+            assert_eq!(reference.gamma, first.gamma, "tick {tick}");
+            assert_eq!(reference.position_world, first.position_world);
+            let rates = [
+                reference.gamma_dot,
+                reference.gamma_ddot,
+                reference.gamma_dot_desired,
+            ];
+            assert_eq!(rates, [0.0; 3]);
+        };
+        let begin = step_at(&mut generator, 0, None);
+        for tick in 1..10 {
+            stands_still_at(tick, &step_at(&mut generator, tick, None), &begin);
         }
+        for tick in 10..20 {
+            step_at(&mut generator, tick, Some(&seen));
+        }
+        let first = step_at(&mut generator, 20, Some(&unseen));
+        assert!(first.gamma > begin.gamma);
+        for tick in 21..30 {
+            stands_still_at(tick, &step_at(&mut generator, tick, Some(&unseen)), &first);
+        }
+        let again = step_at(&mut generator, 30, Some(&seen));
+        assert_eq!(again.gamma, first.gamma);
+        let expected = match mode {
+            PathMode::Following => (0.0, 1.0),
+            PathMode::TrajectoryTracking => (1.0, 0.0),
+        };
+        assert_eq!((again.gamma_dot, again.gamma_ddot), expected);
     }
 }
 
