@@ -5,7 +5,7 @@ mod common;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::os::fd::OwnedFd;
-use std::process::{Child, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -444,4 +444,84 @@ fn a_laboratory_that_nobody_attends_is_refused() {
         assert!(!place.path("out").exists());
     }
     assert_eq!(receiver.count(), 0);
+}
+
+/// A flight whose cameras are those of another one.
+fn flight_with_the_captures_of(place: &Place, recording: &str, host: &str, more: &[&str]) -> Command {
+    let recording = format!("estimator.recording={recording}");
+    let settings = [
+        "--host",
+        host,
+        "--set",
+        "estimator.source=replay",
+        "--set",
+        &recording,
+    ];
+    place.rig_flight("out", 2.0, &[&settings[..], more].concat())
+}
+
+#[test]
+fn the_cameras_of_a_recorded_flight_are_seen_through_again_also_after_a_death() {
+    let place = Place::new();
+    succeed(&mut place.rig_flight("recorded", 2.0, &[]));
+    let crash = ["--crash", "plant@1000:before-step"];
+    succeed(&mut flight_with_the_captures_of(
+        &place, "recorded", "realtime", &crash,
+    ));
+
+    let captures = |log: LogReader| -> Vec<MocapPose> {
+        let poses = log.samples::<MocapPose>().map(Result::unwrap);
+        poses.filter(|pose| pose.tracked.is_set()).collect()
+    };
+    let recorded = captures(LogReader::open(&place.log("recorded")).unwrap());
+    let seen = captures(log(&place));
+    assert!(
+        2 * seen.len() > recorded.len(),
+        "{} of {}",
+        seen.len(),
+        recorded.len()
+    );
+    let what = |pose: &MocapPose| (pose.capture_time_ns, pose.position_world, pose.world_from_body);
+    for pose in &seen {
+        let is_it = |of_then: &MocapPose| {
+            what(of_then) == what(pose) && of_then.header.stamp_ns <= pose.header.stamp_ns
+        };
+        assert!(recorded.iter().any(is_it), "{pose:?}");
+    }
+    // The process that took the dead one's place may hand on the newest once more.
+    assert!(seen.is_sorted_by_key(|pose| pose.capture_time_ns));
+    let tracked = log(&place).samples::<VehicleState>().map(Result::unwrap);
+    assert!(tracked.filter(|state| state.tracked.is_set()).count() > 10);
+    assert_eq!(log(&place).samples::<VehicleTruth>().count(), 0);
+    let replayed = said(&succeed(&mut place.gerono(&["replay", "out"])));
+    assert!(replayed.contains("identical"), "{replayed}");
+}
+
+#[test]
+fn captures_that_cannot_be_seen_again_end_the_run_before_it_flies_with_the_fix() {
+    let place = Place::new();
+    let blind = ["--set", "cameras.occlusion=[{at = 0.0, lasts = 2.0}]"];
+    succeed(&mut place.rig_flight("blind", 1.0, &blind));
+    for (recording, host, more, piece) in [
+        ("nowhere", "realtime", &[][..], "nowhere"),
+        (
+            "blind",
+            "realtime",
+            &[],
+            "no capture in blind/run.mcap has seen the vehicle",
+        ),
+        ("blind", "lockstep", &[], "fly with --host realtime"),
+        (
+            "blind",
+            "realtime",
+            &["--set", "estimator={source=\"replay\", kalman={}}"],
+            "add `recording` with its run's folder or its log",
+        ),
+    ] {
+        let ended = output(&mut flight_with_the_captures_of(&place, recording, host, more));
+        let shown = complaint(&ended);
+        assert!(!ended.status.success() && shown.contains(piece), "{shown}");
+        let _ = std::fs::remove_dir_all(place.path("out"));
+    }
+    assert_eq!(place.leavings(), Vec::<String>::new());
 }

@@ -30,8 +30,8 @@ use crate::cli::{RecordingArguments, ScenarioArguments};
 use crate::exit::Exit;
 use crate::flight;
 use crate::host_record::HostRecord;
-use crate::log::{HostLogWriter, LogError, LogReader, Manifest, RunLogWriter, partial_path, recovered_path};
-use crate::run_folder::RunFolder;
+use crate::log::{HostLogWriter, LogError, LogReader, Manifest, RunLogWriter};
+use crate::run_folder::{RunFolder, log_meant_by};
 use crate::scenario_file;
 
 /// What ends a command early: what to tell the user and the exit code.
@@ -85,28 +85,13 @@ fn schedule_of(scenario: &Scenario) -> Result<Schedule, Failure> {
 ///
 /// Says so if it was recovered, for no command may take such a log for the one that was recorded.
 fn log_path(path: &Path) -> PathBuf {
-    let log = find_log(path);
+    let log = log_meant_by(path);
     if let Ok(reader) = LogReader::open(&log)
         && let Some(recovery) = reader.recovery()
     {
         eprintln!("note: {} was recovered: {recovery}", log.display());
     }
     log
-}
-
-/// The log that a path means, without a word.
-fn find_log(path: &Path) -> PathBuf {
-    if !path.is_dir() {
-        return path.to_owned();
-    }
-    let complete = path.join("run.mcap");
-    let candidates = [
-        complete.clone(),
-        recovered_path(&complete),
-        partial_path(&complete),
-    ];
-    let found = candidates.into_iter().find(|candidate| candidate.exists());
-    found.unwrap_or(complete)
 }
 
 /// Name of a flight: that of its scenario's file.

@@ -164,9 +164,16 @@ pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, FlightFailure> {
     schedule.map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))
 }
 
-/// Why a scenario cannot be flown in simulated time, if its poses come from a laboratory: never silently with others.
+/// Why a scenario cannot be flown in simulated time, if its poses come from elsewhere: never silently with others.
 #[must_use]
 pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
+    if scenario.recorded_captures().is_some() {
+        return Some(
+            "recorded captures come in real time only; fly with --host realtime, or with --set \
+             estimator.source=simulated; in simulated time `gerono replay` does a recorded flight's steps again"
+                .to_owned(),
+        );
+    }
     let name = scenario.capture_system()?.name();
     Some(format!(
         "poses are to come from `{name}`, which sends them in real time only; fly with --host realtime, or with --set \

@@ -1,4 +1,5 @@
-//! A laboratory around the services: cameras in the place of the simulated world, a radio link behind the transmitter.
+//! A laboratory around the services: cameras, or what others have recorded, in the place of the simulated world; a radio link
+//! behind the transmitter.
 //!
 //! Only a flight in real time has one; a service's process connects itself to its part of it, once it knows which service
 //! it is.
@@ -8,8 +9,10 @@
 //! `[safety]` says happens. Whoever takes a dead process's place does not find out for the first time that something is missing.
 
 mod cameras;
+mod recorded_cameras;
 mod transmitter;
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -20,6 +23,7 @@ use shared_types::scenario::Scenario;
 use shared_types::service::ErasedService;
 
 use cameras::Cameras;
+use recorded_cameras::RecordedCameras;
 use transmitter::Transmitter;
 
 /// Connects a service to what a scenario says is in the laboratory; most are connected to nothing.
@@ -29,10 +33,14 @@ use transmitter::Transmitter;
 pub fn equip(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
     let page = Arc::clone(page);
     Ok(match service.id() {
-        ServiceId::Plant => match scenario.capture_system().zip(scenario.motion_capture.as_ref()) {
-            Some((system, stated)) => Box::new(Cameras::open(system, stated, page)?),
-            None => service,
-        },
+        ServiceId::Plant => {
+            let system = scenario.capture_system().zip(scenario.motion_capture.as_ref());
+            match (system, scenario.recorded_captures()) {
+                (Some((system, stated)), _) => Box::new(Cameras::open(system, stated, page)?),
+                (None, Some(recording)) => Box::new(RecordedCameras::open(Path::new(recording))?),
+                (None, None) => service,
+            }
+        }
         ServiceId::RcOutput => match &scenario.rc_output {
             Some(link) if !link.link.is_simulated() => Box::new(Transmitter::open(service, link, page)?),
             _ => service,

@@ -4,6 +4,8 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::log::{partial_path, recovered_path};
+
 /// Why there is no folder for the results.
 #[derive(Debug, thiserror::Error)]
 pub enum RunFolderError {
@@ -89,6 +91,22 @@ impl RunFolder {
     pub fn summary(&self) -> PathBuf {
         self.0.join("summary.json")
     }
+}
+
+/// The log that a path means: itself, or, if it is the folder of a run, the best that is left of its log.
+#[must_use]
+pub fn log_meant_by(path: &Path) -> PathBuf {
+    if !path.is_dir() {
+        return path.to_owned();
+    }
+    let complete = RunFolder(path.to_owned()).run_log();
+    let candidates = [
+        complete.clone(),
+        recovered_path(&complete),
+        partial_path(&complete),
+    ];
+    let found = candidates.into_iter().find(|candidate| candidate.exists());
+    found.unwrap_or(complete)
 }
 
 #[cfg(test)]

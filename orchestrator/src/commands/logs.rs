@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 
 use shared_types::scenario::Scenario;
 
-use super::{Failure, find_log, log_path, print};
+use super::{Failure, log_path, print};
 use crate::cli::{Export, Info, Recover};
 use crate::exit::Exit;
 use crate::info;
 use crate::log::{
     self, ExportError, RecoverError, ViewError, host_log_beside, is_whole, partial_path, recovered_path,
 };
+use crate::run_folder::log_meant_by;
 use crate::scenario_file;
 
 /// `gerono export`.
@@ -69,7 +70,7 @@ fn export_view(log: &Path, output: Option<&Path>) -> Result<(), Failure> {
 /// # Errors
 /// [`Failure`].
 pub fn info(arguments: &Info) -> Result<(), Failure> {
-    let log = find_log(&arguments.log);
+    let log = log_meant_by(&arguments.log);
     let info = info::Info::read(&log).map_err(|error| Failure::new(Exit::Trouble, error))?;
     if arguments.json {
         let text = serde_json::to_string_pretty(&info).map_err(|error| Failure::new(Exit::Trouble, error))?;

@@ -23,6 +23,8 @@ pub enum PoseSource {
     Vrpn,
     /// OptiTrack Motive's NatNet stream.
     Natnet,
+    /// The captures of a recorded flight, at the times at which they came then.
+    Replay,
 }
 
 /// A motion-capture system that sends poses over a network.
@@ -104,11 +106,11 @@ fn default_settle() -> f64 {
 }
 
 impl PoseSource {
-    /// The system on the network; `None` for the plant's cameras.
+    /// The system on the network; `None` for the plant's cameras and for recorded ones.
     #[must_use]
     pub fn system(self) -> Option<CaptureSystem> {
         match self {
-            Self::Simulated => None,
+            Self::Simulated | Self::Replay => None,
             Self::ViconUdp => Some(CaptureSystem::ViconUdp),
             Self::Vrpn => Some(CaptureSystem::Vrpn),
             Self::Natnet => Some(CaptureSystem::Natnet),
@@ -118,7 +120,7 @@ impl PoseSource {
     /// Whether poses come from the plant's cameras.
     #[must_use]
     pub fn is_simulated(&self) -> bool {
-        self.system().is_none()
+        *self == Self::Simulated
     }
 }
 
@@ -159,28 +161,47 @@ impl CaptureSystem {
 }
 
 impl Scenario {
-    /// The motion-capture system that sees the vehicle in a laboratory; `None` where the world is simulated.
+    /// Where the poses come from.
+    #[must_use]
+    pub fn pose_source(&self) -> PoseSource {
+        self.estimator
+            .as_ref()
+            .map_or(PoseSource::Simulated, |estimator| estimator.source)
+    }
+
+    /// The motion-capture system that sees the vehicle in a laboratory; `None` if the poses come from elsewhere.
     #[must_use]
     pub fn capture_system(&self) -> Option<CaptureSystem> {
-        self.estimator.as_ref()?.source.system()
+        self.pose_source().system()
+    }
+
+    /// The recorded flight whose captures are replayed; `None` if the poses come from elsewhere.
+    #[must_use]
+    pub fn recorded_captures(&self) -> Option<&str> {
+        let estimator = self.estimator.as_ref()?;
+        let recording = estimator.recording.as_deref();
+        recording.filter(|_| estimator.source == PoseSource::Replay)
     }
 
     /// Longest time between two captures of which none is missing, ns.
     #[must_use]
     pub fn between_captures_ns(&self, schedule: &Schedule) -> u64 {
         let published = schedule.time_ns(schedule.topic_rate(Topic::MocapPose).period);
-        let system = self.capture_system().and(self.motion_capture.as_ref());
-        system.map_or(published, |system| {
-            published.max(nanoseconds(1.0 / system.rate[0]))
+        let stated = self.motion_capture.as_ref();
+        let cameras = stated.filter(|_| !self.pose_source().is_simulated());
+        cameras.map_or(published, |cameras| {
+            published.max(nanoseconds(1.0 / cameras.rate[0]))
         })
     }
 
     /// Shortest time from the exposure of a capture to its arrival, which a laboratory's cameras need, ns.
     #[must_use]
     pub fn capture_latency_ns(&self) -> u64 {
-        let system = self.capture_system().zip(self.motion_capture.as_ref());
-        system.map_or(0, |(system, stated)| {
-            nanoseconds(stated.latency.unwrap_or(system.latency()))
+        let source = self.pose_source();
+        let cameras = self.motion_capture.as_ref().filter(|_| !source.is_simulated());
+        cameras.map_or(0, |cameras| {
+            let usual = source.system().map_or(0.0, CaptureSystem::latency);
+            nanoseconds(cameras.latency.unwrap_or(usual))
         })
     }
 }
@@ -236,6 +257,7 @@ mod tests {
         };
         assert_eq!(between(40.0, PoseSource::Vrpn), (25_000_000, 4_000_000));
         assert_eq!(between(400.0, PoseSource::Vrpn), (10_000_000, 4_000_000));
+        assert_eq!(between(40.0, PoseSource::Replay), (25_000_000, 0));
         assert_eq!(between(40.0, PoseSource::Simulated), (10_000_000, 0));
     }
 }

@@ -91,6 +91,7 @@ pub(super) fn rig() -> Scenario {
         }),
         estimator: Some(Estimator {
             source: PoseSource::default(),
+            recording: None,
             kalman: Kalman::default(),
         }),
         rc_output: Some(RcLink::default()),

@@ -40,9 +40,10 @@ impl Scenario {
                     .with_outages(self.outages())
                     .with_edge_faults(self.edge_faults())
                     .with_operator(self.operator_plan());
-                match self.capture_system() {
-                    None => schedule,
-                    Some(_) => schedule.with_real_world(),
+                if self.pose_source().is_simulated() {
+                    schedule
+                } else {
+                    schedule.with_real_world()
                 }
             })
             .map_err(|error| vec![self.schedule.explain(&error)])

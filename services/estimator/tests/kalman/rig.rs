@@ -175,6 +175,7 @@ pub fn scenario(model: &Model, kalman: &Kalman) -> Scenario {
     scenario.model = Some(model.clone());
     scenario.estimator = Some(shared_types::scenario::Estimator {
         source: shared_types::scenario::PoseSource::default(),
+        recording: None,
         kalman: kalman.clone(),
     });
     scenario

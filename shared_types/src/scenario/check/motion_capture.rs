@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 
 use super::Findings;
-use crate::scenario::{CaptureSystem, FrameTransform, Key, MotionCapture, Scenario};
+use crate::scenario::{CaptureSystem, FrameTransform, Key, MotionCapture, PoseSource, Scenario};
 
 /// Longest name of a body on the wire, bytes.
 const LONGEST_NAME: usize = 255;
@@ -25,6 +25,13 @@ impl Scenario {
                 "add `[motion_capture]` with `server` and `object`, or leave `source` out",
             ),
             (None, None) => {}
+        }
+        if self.pose_source() == PoseSource::Replay && self.recorded_captures().is_none() {
+            found.add(
+                Key::root().then("estimator").then("source"),
+                "nothing says which flight's captures are to be replayed",
+                "add `recording` with its run's folder or its log, or leave `source` out",
+            );
         }
     }
 }
