@@ -133,3 +133,29 @@ fn what_deaths_cost_is_counted_and_nothing_is_left_behind() {
     let shown = String::from_utf8(output.stdout).unwrap();
     assert!(shown.contains("5 processes killed themselves"), "{shown}");
 }
+
+#[test]
+fn frames_that_answer_packets_stand_beside_the_bare_hops_and_nothing_is_left_behind() {
+    let place = Place::new();
+    let asked = [
+        "bench",
+        "laboratory",
+        "--seconds",
+        "2",
+        "--json",
+        "laboratory.json",
+    ];
+    let output = succeed(&mut place.gerono(&asked));
+    assert_eq!(place.leavings(), Vec::<String>::new());
+    let text = std::fs::read_to_string(place.path("laboratory.json")).unwrap();
+    let measured: Value = serde_json::from_str(&text).unwrap();
+    let [answers, hops] = ["packet_to_frame", "four_hops"].map(|what| number(&measured[what]["p50"]));
+    assert!(answers > hops && hops > 0.0, "{measured:#}");
+    let tilts = number(&measured["packet_to_frame"]["count"]) + number(&measured["unanswered"]);
+    assert!((10.0..=20.0).contains(&tilts), "{measured:#}");
+    for hop in ["socket_hop", "serial_hop"] {
+        assert_plausible(&measured[hop], 3000);
+    }
+    let shown = String::from_utf8(output.stdout).unwrap();
+    assert!(shown.contains("tilts of the vehicle were answered"), "{shown}");
+}

@@ -150,7 +150,7 @@ impl FlightFailure {
         clippy::needless_pass_by_value,
         reason = "used to map errors, which come by value"
     )]
-    fn setup(error: impl ToString) -> Self {
+    pub(crate) fn setup(error: impl ToString) -> Self {
         Self::Setup(error.to_string())
     }
 }

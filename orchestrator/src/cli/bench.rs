@@ -59,6 +59,26 @@ pub enum BenchInstead {
     ///
     /// Takes 2 × (4 + 0.3 × DEATHS) s.
     Deaths(BenchDeaths),
+    /// Measure how long it is from a capture's packet on a socket to the serial frame that rests on it, in real time.
+    ///
+    /// Is a VRPN server and a receiver on a pseudo-terminal, and lets a flight take off between them that sees the vehicle as the
+    /// server shows it, at 1 kHz. Then the vehicle seems to tilt by a little, to and fro, eight times a second: the first frame that
+    /// answers a tilt rests on the capture in which it was seen. The bare hops beside it do nothing but hand bytes on: through TCP, four
+    /// times from process to process, and through a pseudo-terminal.
+    ///
+    /// Takes SECONDS and some 20 s.
+    Laboratory(BenchLaboratory),
+}
+
+/// Arguments of `gerono bench laboratory`.
+#[derive(Debug, Args)]
+pub struct BenchLaboratory {
+    /// For how long the vehicle tilts, s.
+    #[arg(long, value_name = "S", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=3600))]
+    pub seconds: u32,
+    /// Write the figures as JSON to this file as well: times in s.
+    #[arg(long, value_name = "F")]
+    pub json: Option<PathBuf>,
 }
 
 /// Arguments of `gerono bench recorder`.

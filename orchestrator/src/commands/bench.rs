@@ -5,6 +5,7 @@
 
 mod chain;
 mod deaths;
+mod laboratory;
 mod latency;
 mod measure;
 mod recorder;
@@ -56,6 +57,7 @@ pub fn bench(arguments: &Bench) -> Result<(), Failure> {
     match &arguments.instead {
         Some(BenchInstead::Latency(arguments)) => latency::latency(arguments),
         Some(BenchInstead::Deaths(arguments)) => deaths::deaths(arguments),
+        Some(BenchInstead::Laboratory(arguments)) => laboratory::laboratory(arguments),
         Some(BenchInstead::Recorder(arguments)) => recorder::recorder(&scenario, arguments),
         None => throughput(&scenario, arguments),
     }

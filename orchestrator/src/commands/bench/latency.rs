@@ -366,7 +366,8 @@ fn table_of(services: &[ServiceTimes]) -> Table {
     table
 }
 
-fn microseconds(quantiles: Option<&Quantiles>) -> String {
+/// Quantiles as they are shown, µs.
+pub(super) fn microseconds(quantiles: Option<&Quantiles>) -> String {
     let shown = |quantiles: &Quantiles| {
         let Quantiles {
             p50, p99, p999, max, ..

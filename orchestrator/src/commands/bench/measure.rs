@@ -263,6 +263,11 @@ pub(super) struct FlightCommand {
 }
 
 impl FlightCommand {
+    /// The file of the scenario.
+    pub(super) fn scenario(&self) -> &Path {
+        &self.scenario
+    }
+
     /// Writes the scenario of a flight to a folder.
     pub(super) fn write(folder: &Scratch, flight: &Scenario) -> Result<Self> {
         let command = Self {
