@@ -4,8 +4,17 @@
 
 mod common;
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use common::{Place, succeed};
 use serde_json::Value;
+
+/// Who measures is alone.
+static ALONE: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
@@ -21,6 +30,7 @@ fn assert_plausible(times: &Value, asked: u64) {
 
 #[test]
 fn the_latency_of_flights_stands_beside_its_floor_and_nothing_is_left_behind() {
+    let _alone = alone();
     let place = Place::new();
     let arguments = [
         "bench",
@@ -72,6 +82,7 @@ fn the_latency_of_flights_stands_beside_its_floor_and_nothing_is_left_behind() {
 
 #[test]
 fn the_recorder_stands_beside_the_library_and_nothing_is_left_behind() {
+    let _alone = alone();
     let place = Place::new();
     let json = ["--json", "recorder.json"];
     let output = succeed(
@@ -118,6 +129,7 @@ fn a_measurement_of_nothing_is_refused() {
 
 #[test]
 fn what_deaths_cost_is_counted_and_nothing_is_left_behind() {
+    let _alone = alone();
     let place = Place::new();
     let output = succeed(&mut place.gerono(&["bench", "deaths", "--deaths", "5", "--json", "deaths.json"]));
     assert_eq!(place.leavings(), Vec::<String>::new());
@@ -136,6 +148,7 @@ fn what_deaths_cost_is_counted_and_nothing_is_left_behind() {
 
 #[test]
 fn frames_that_answer_packets_stand_beside_the_bare_hops_and_nothing_is_left_behind() {
+    let _alone = alone();
     let place = Place::new();
     let asked = [
         "bench",

@@ -10,7 +10,7 @@ use orchestrator::flight::{Outcome, in_process};
 use orchestrator::interrupt::Interrupt;
 use orchestrator::scenario_file;
 use runtime::in_process::TickSink;
-use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleTruth};
+use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState, VehicleTruth};
 use shared_types::{FlightPhase, Topic};
 use zerocopy::FromBytes;
 
@@ -24,6 +24,7 @@ struct Flight {
     /// Phases, each with the time of its first reference in ms.
     phases: Vec<(FlightPhase, u64)>,
     truths: Vec<VehicleTruth>,
+    states: Vec<VehicleState>,
     references: Vec<PathReference>,
     adaptations: Vec<ControlAdaptation>,
     frames: Vec<RcFrame>,
@@ -35,6 +36,7 @@ impl TickSink for Flight {
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
         match topic {
             Topic::VehicleTruth => self.truths.push(VehicleTruth::read_from_bytes(bytes).unwrap()),
+            Topic::VehicleState => self.states.push(VehicleState::read_from_bytes(bytes).unwrap()),
             Topic::PathReference => {
                 let reference = PathReference::read_from_bytes(bytes).unwrap();
                 let phase = FlightPhase::from_code(reference.phase);
@@ -251,6 +253,53 @@ fn a_heavier_vehicle_than_believed_takes_off_and_lands_too() {
     let flight = fly("fig1", &heavier);
     assert_eq!(flight.order(), WHOLE);
     assert!(flight.rests_on_the_ground_at_the_end());
+}
+
+fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b) * (a - b))
+        .sum::<f64>()
+        .sqrt()
+}
+
+/// What the ground has borne until then is no disturbance.
+#[test]
+fn at_every_speed_of_take_off_the_vehicle_is_known_and_led_from_the_first_moment() {
+    for speed in [0.1, 0.4, 0.8, 1.5] {
+        for mass in [0.15, 0.19, 0.24] {
+            let settings = [
+                format!("flight.takeoff_speed={speed:?}"),
+                format!("vehicle.mass={mass:?}"),
+                "flight.land_at=29.0".to_owned(),
+                "duration=30.0".to_owned(),
+            ];
+            let flight = fly(RIG, &settings.each_ref().map(String::as_str));
+            let case = format!("{speed} m/s, {mass} kg");
+            let begins = [FlightPhase::TakeOff, FlightPhase::Fly].map(|phase| flight.begin(phase));
+            let is_taking_off = |millisecond: &u64| (begins[0]..begins[1]).contains(millisecond);
+            let mut known = 0.0_f64;
+            for state in &flight.states {
+                let millisecond = state.state_time_ns / 1_000_000;
+                if millisecond < begins[1] && state.tracked.is_set() {
+                    known = known.max(distance(
+                        &state.position_world,
+                        &flight.truth(millisecond).position_world,
+                    ));
+                }
+            }
+            let led = flight.references.iter().map(|reference| {
+                let millisecond = reference.header.stamp_ns / 1_000_000;
+                let way = distance(
+                    &reference.position_world,
+                    &flight.truth(millisecond).position_world,
+                );
+                if is_taking_off(&millisecond) { way } else { 0.0 }
+            });
+            let led = led.fold(0.0, f64::max);
+            println!("{case}: known {known:.4} led {led:.4}");
+        }
+    }
 }
 
 #[test]

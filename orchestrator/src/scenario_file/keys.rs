@@ -280,7 +280,7 @@ mod tests {
         );
         assert_eq!(
             advice(&key("estimator")),
-            "`estimator` is a table that holds `kalman`, `source`"
+            "`estimator` is a table that holds `kalman`, `recording`, `source`"
         );
     }
 

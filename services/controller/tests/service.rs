@@ -5,6 +5,9 @@
 mod allocations;
 mod support;
 
+#[path = "../../../tests/common/rebirth.rs"]
+mod rebirth;
+
 use controller::regressor::ParameterVector;
 use controller::{ControllerService, Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
 use nalgebra::Vector3;
@@ -156,18 +159,27 @@ fn a_step_without_state_or_reference_commands_nothing_and_lets_the_estimates_res
         (None, Some(&some_reference)),
     ] {
         let mut service = ControllerService::new(&scenario());
-        step_with_both(&mut service, 0);
-        step_with_both(&mut service, 1);
-        let silent = step(&mut service, 2, state, reference);
+        step(&mut service, 0, state, reference);
+        let silent = step(&mut service, 1, state, reference);
         assert_eq!(silent.command, ControlCommand::new_zeroed());
         assert_eq!(silent.errors, ControlErrors::new_zeroed());
-        // The rates of tick 1 still act up to tick 2; from there on the estimates rest.
-        let next = step_with_both(&mut service, 3);
+        let next = step_with_both(&mut service, 2);
         assert!(silent.adaptation.resting.is_set() && !next.adaptation.resting.is_set());
         assert_eq!(estimates_in(&next.adaptation), estimates_in(&silent.adaptation));
-        let later = step_with_both(&mut service, 4).adaptation;
+        let later = step_with_both(&mut service, 3).adaptation;
         assert_ne!(estimates_in(&later), estimates_in(&next.adaptation));
     }
+}
+
+#[test]
+fn a_controller_that_is_born_anew_commands_by_what_was_held_until_it_sees_samples_itself() {
+    let mut service = ControllerService::new(&scenario());
+    let seen = step_with_both(&mut service, 0);
+    let mut reborn = rebirth::reborn(&service, ControllerService::new(&scenario()));
+    let blind = step(&mut reborn, 1, None, None);
+    // The estimates have gone on meanwhile.
+    let difference = (blind.command.thrust - seen.command.thrust).abs();
+    assert!(seen.command.thrust > 1.0 && difference < 0.01 * seen.command.thrust);
 }
 
 #[test]

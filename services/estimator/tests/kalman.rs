@@ -4,6 +4,8 @@
 mod consistency;
 #[path = "kalman/faults.rs"]
 mod faults;
+#[path = "kalman/ground.rs"]
+mod ground;
 #[path = "kalman/laboratory.rs"]
 mod laboratory;
 #[path = "kalman/prediction.rs"]

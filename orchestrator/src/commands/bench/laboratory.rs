@@ -259,6 +259,15 @@ impl Drop for FlightUnderWay {
     }
 }
 
+/// A tilt that no frame has answered yet.
+#[derive(Clone, Copy)]
+struct Tilt {
+    /// When the capture was sent that shows it, ns.
+    sent_ns: u64,
+    /// What the last frame before asked for, rad/s.
+    rate_before: f64,
+}
+
 /// What became of the tilts.
 struct Tilts {
     /// Times until the answer, ns.
@@ -311,10 +320,13 @@ impl Here {
             unanswered: 0,
         };
         let began_ns = monotonic_ns();
-        let mut armed_ns = None;
+        let (mut armed_ns, mut open) = (None, None);
         for number in 0.. {
             let due_ns = began_ns + u64::from(number) * PERIOD_NS;
-            self.listen_until(due_ns, None);
+            if let (Some(answered_ns), Some(Tilt { sent_ns, .. })) = (self.listen_until(due_ns, open), open) {
+                tilts.answered.saturating_record(answered_ns - sent_ns);
+                open = None;
+            }
             let now_ns = monotonic_ns();
             if armed_ns.is_none() && self.asked.1 {
                 armed_ns = Some(now_ns);
@@ -329,20 +341,17 @@ impl Here {
             if armed_ns.is_none() && number % BETWEEN_REQUESTS == 0 {
                 flight.arm()?;
             }
-            let tilts_now = flown_ns > TILT_AFTER_NS && number % BETWEEN_TILTS == 0;
-            let side = f64::from(number / BETWEEN_TILTS % 2) * 2.0 - 1.0;
-            let roll = if flown_ns > TILT_AFTER_NS {
-                side * TILT
+            let (is_tilted, side) = (flown_ns > TILT_AFTER_NS, number / BETWEEN_TILTS % 2);
+            let roll = if is_tilted {
+                f64::from(side) * 2.0 * TILT - TILT
             } else {
                 0.0
             };
+            let rate_before = self.asked.0;
             let sent_ns = self.show(number, height(flown_ns), roll);
-            if tilts_now {
-                let answered_ns = self.listen_until(due_ns + PERIOD_NS, Some(self.asked.0));
-                match answered_ns {
-                    Some(answered_ns) => tilts.answered.saturating_record(answered_ns - sent_ns),
-                    None => tilts.unanswered += 1,
-                }
+            if is_tilted && number % BETWEEN_TILTS == 0 {
+                tilts.unanswered += u64::from(open.is_some());
+                open = Some(Tilt { sent_ns, rate_before });
                 bar.inc(1);
             }
         }
@@ -365,8 +374,8 @@ impl Here {
         now_ns
     }
 
-    /// Hears frames until a time; when the first has come that asks for another rate than `before`.
-    fn listen_until(&mut self, until_ns: u64, before: Option<f64>) -> Option<u64> {
+    /// Hears frames until a time; when the first has come that answers a tilt.
+    fn listen_until(&mut self, until_ns: u64, open: Option<Tilt>) -> Option<u64> {
         let Self {
             line,
             receiver,
@@ -378,7 +387,7 @@ impl Here {
         line.listen_until(until_ns, &mut |bytes, now_ns| {
             receiver.push(bytes, &mut |command| {
                 *asked = (*rate_slope * command.travels[1], command.is_armed);
-                let answers = before.is_some_and(|before| (asked.0 - before).abs() > ANSWER);
+                let answers = open.is_some_and(|tilt| (asked.0 - tilt.rate_before).abs() > ANSWER);
                 if answers && answered_ns.is_none() {
                     answered_ns = Some(now_ns);
                 }

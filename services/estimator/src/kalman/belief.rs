@@ -24,6 +24,9 @@ const INITIAL_VELOCITY_DEVIATION: f64 = 5.0;
 const INITIAL_RATE_BIAS_DEVIATION: f64 = 1.0;
 const INITIAL_DISTURBANCE_DEVIATION: f64 = 5.0;
 
+/// Standard deviation of each component of the velocity of a vehicle on the ground, which somebody may push, m/s.
+const STANDING_VELOCITY_DEVIATION: f64 = 0.3;
+
 /// A pose of the body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
@@ -77,6 +80,8 @@ pub struct Belief {
     pub nominal: Nominal,
     /// P, covariance of the error of the mean.
     pub covariance: Covariance,
+    /// Whether the ground holds the vehicle, so that it neither moves nor turns whatever it is told.
+    pub stands: bool,
 }
 
 /// How a measured pose differs from the one believed in.
@@ -137,7 +142,20 @@ impl Belief {
                 actuation,
             },
             covariance,
+            stands: false,
         }
+    }
+
+    /// What a pose tells of a vehicle that stands on the ground. What the ground bears says nothing of ω_bias and d.
+    #[must_use]
+    pub fn standing(time_ns: u64, pose: &Pose, noise: PoseNoise, actuation: Actuation) -> Self {
+        const VARIANCE: f64 = STANDING_VELOCITY_DEVIATION * STANDING_VELOCITY_DEVIATION;
+        let mut belief = Self::from_pose(time_ns, pose, noise, actuation);
+        let mut velocity = belief.covariance.fixed_view_mut::<3, 3>(VELOCITY, VELOCITY);
+        velocity.fill_with_identity();
+        velocity *= VARIANCE;
+        belief.stands = true;
+        belief
     }
 
     /// What a pose tells to one who had lost the vehicle: as the first one, but ω_bias and d are kept, with what
@@ -170,7 +188,8 @@ impl Belief {
         belief
     }
 
-    /// Carries the belief on to a later time, under the commands that act until then.
+    /// Carries the belief on to a later time, under the commands that act until then. A vehicle that stands does so until
+    /// its thrust may lift it.
     pub fn propagate(&mut self, to_ns: u64, process: &ProcessModel, history: &CommandHistory) {
         if to_ns <= self.time_ns {
             return;
@@ -180,6 +199,12 @@ impl Belief {
             let steps = length_ns.div_ceil(LONGEST_STEP_NS);
             let h = seconds(length_ns) / steps as f64;
             for _ in 0..steps {
+                if self.stands {
+                    let actuation = &mut self.nominal.actuation;
+                    *actuation = process.vehicle.actuated(actuation, &segment.command, h);
+                    self.stands = process.vehicle.is_held(actuation);
+                    continue;
+                }
                 let (nominal, transition) = process.vehicle.stepped(&self.nominal, &segment.command, h);
                 self.nominal = nominal;
                 self.covariance = transition.carried(&self.covariance);

@@ -57,6 +57,12 @@ impl CommandHistory {
         }
     }
 
+    /// Before anything is known of the thrust there is none: the vehicle stands on the ground.
+    #[must_use]
+    pub fn resting() -> Self {
+        Self::hovering(0.0)
+    }
+
     /// The commands, oldest first.
     #[must_use]
     #[inline]

@@ -11,6 +11,8 @@
 //!   that is believed starts the filter from nothing;
 //! * a frame that the vehicle does not receive ([`RcFrame::is_whole`]) is not heard, nor one that asks for more than the
 //!   link can carry;
+//! * while the vehicle stands on the ground, as a flight with phases begins and ends, the filter starts from every capture: what
+//!   the ground bears of its weight is no disturbance, and somebody may carry it about;
 //! * without a capture used for two periods of the cameras and their latency the state is said to coast;
 //! * without any for [`coast`](Kalman::coast) the state is predicted on, but no longer counts as tracked; when
 //!   `restart_after` has passed as well the vehicle is lost: there is no state any more, and the next capture
@@ -31,6 +33,11 @@ use crate::source::{Estimate, is_pose};
 
 /// By how much more than its limits a channel may mean, as a share.
 const ROUNDING: f64 = 1e-9;
+
+/// For how long the motors of a vehicle that hardly moves must rest before it is taken to stand on the ground, ns.
+const LANDED_AFTER_NS: u64 = 300_000_000;
+/// Speed below which it hardly moves, m/s.
+const HARDLY: f64 = 0.1;
 
 /// What has become of a capture.
 #[derive(Clone, Debug)]
@@ -60,6 +67,8 @@ pub struct KalmanFilter {
     most_sent: [f64; 4],
     radio_latency_ns: u64,
     capture_latency_ns: Option<u64>,
+    /// Whether there is a ground to stand on.
+    has_ground: bool,
     pub(super) memory: Memory,
 }
 
@@ -68,6 +77,8 @@ pub struct KalmanFilter {
 pub(super) struct Memory {
     /// The frames already sent that still matter.
     pub history: CommandHistory,
+    /// Since when all frames have let the motors rest, ns since the start of the flight.
+    pub rests_since_ns: Option<u64>,
     /// What is believed, and since when; `None` before the first capture.
     pub track: Option<Track>,
     /// Captures refused since the start of the flight.
@@ -95,6 +106,7 @@ impl KalmanFilter {
         let model = scenario.model.clone().unwrap_or_default();
         let schedule = schedule_of(scenario)?;
         check_history(scenario, &schedule, &model)?;
+        let has_ground = scenario.flight.is_some();
         Ok(Self {
             patience_ns: longest_gap_ns(scenario, &schedule),
             process: ProcessModel {
@@ -109,8 +121,14 @@ impl KalmanFilter {
             most_sent: scenario.rc_output.as_ref().map_or([f64::INFINITY; 4], most_sent),
             radio_latency_ns: nanoseconds(model.radio_latency),
             capture_latency_ns: model.capture_latency.map(nanoseconds),
+            has_ground,
             memory: Memory {
-                history: CommandHistory::hovering(model.mass),
+                history: if has_ground {
+                    CommandHistory::resting()
+                } else {
+                    CommandHistory::hovering(model.mass)
+                },
+                rests_since_ns: None,
                 track: None,
                 captures_refused: 0,
             },
@@ -136,6 +154,10 @@ impl KalmanFilter {
         }
         let acts_from_ns = frame.header.stamp_ns.saturating_add(self.radio_latency_ns);
         history.push(history.meaning(acts_from_ns, frame));
+        let rests_since_ns = &mut self.memory.rests_since_ns;
+        *rests_since_ns = rests_since_ns
+            .or(Some(acts_from_ns))
+            .filter(|_| frame.failsafe.is_set());
     }
 
     /// Whether the link can carry a frame.
@@ -164,12 +186,19 @@ impl KalmanFilter {
             return Outcome::Ignored;
         }
         if self.is_lost(now_ns) {
-            return self.restart(now_ns, exposure_ns, &pose, &track.belief);
+            return if track.belief.stands {
+                self.start_from(now_ns, exposure_ns, &pose)
+            } else {
+                self.restart(now_ns, exposure_ns, &pose, &track.belief)
+            };
         }
         let history = &mut self.memory.history;
         let turn_if_missed = history.turn_if_missed(track.belief.time_ns, exposure_ns);
         track.belief.propagate(exposure_ns, &self.process, history);
         history.forget_before(exposure_ns);
+        if track.belief.stands {
+            return self.stand(now_ns, exposure_ns, &pose, &track.belief);
+        }
         let doubtful = track.belief.less_sure_of_attitude(turn_if_missed);
         let likely = [track.belief, doubtful]
             .into_iter()
@@ -179,6 +208,9 @@ impl KalmanFilter {
             track.belief.correct(&innovation, self.pose_noise);
             if !track.belief.is_sound() {
                 return self.start_from(now_ns, exposure_ns, &pose);
+            }
+            if self.has_landed(&track.belief) {
+                return self.stand(now_ns, exposure_ns, &pose, &track.belief);
             }
             track.used_at_ns = now_ns;
             track.refused_since_ns = None;
@@ -252,8 +284,25 @@ impl KalmanFilter {
 
     fn start_from(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose) -> Outcome {
         let actuation = Actuation::settled(self.memory.history.acting(exposure_ns));
-        let belief = Belief::from_pose(exposure_ns, pose, self.pose_noise, actuation);
+        let belief = if self.has_ground && self.process.vehicle.is_held(&actuation) {
+            Belief::standing(exposure_ns, pose, self.pose_noise, actuation)
+        } else {
+            Belief::from_pose(exposure_ns, pose, self.pose_noise, actuation)
+        };
         self.start(now_ns, belief)
+    }
+
+    /// Starts from a capture of a vehicle that stands on the ground.
+    fn stand(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &Belief) -> Outcome {
+        let belief = Belief::standing(exposure_ns, pose, self.pose_noise, last.nominal.actuation);
+        self.start(now_ns, belief)
+    }
+
+    /// Whether a vehicle that flew stands on the ground again.
+    fn has_landed(&self, belief: &Belief) -> bool {
+        let rests_since_ns = self.memory.rests_since_ns.filter(|_| self.has_ground);
+        rests_since_ns.is_some_and(|since| belief.time_ns >= since.saturating_add(LANDED_AFTER_NS))
+            && belief.nominal.velocity_world.norm() < HARDLY
     }
 
     fn restart(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &Belief) -> Outcome {
@@ -304,7 +353,11 @@ fn estimate_of(belief: &Belief, vehicle: &VehicleModel) -> Estimate {
         world_from_body: to_row_major(&nominal.world_from_body),
         velocity_body: nominal.world_from_body.tr_mul(&nominal.velocity_world).into(),
         angular_velocity_body: (nominal.actuation.rates_body + nominal.rate_bias_body).into(),
-        acceleration_world: vehicle.acceleration(nominal).into(),
+        acceleration_world: if belief.stands {
+            [0.0; 3]
+        } else {
+            vehicle.acceleration(nominal).into()
+        },
         thrust: nominal.actuation.thrust,
         position_sigma: variances.max().max(0.0).sqrt(),
     }

@@ -9,6 +9,9 @@ use super::commands::Command;
 use super::error_state::Transition;
 use super::lag::Lag;
 
+/// Share of its weight from which on thrust may lift the vehicle, whatever is believed of its mass.
+const LIFTING: f64 = 0.5;
+
 /// What the vehicle is believed to be doing: the mean of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nominal {
@@ -78,6 +81,12 @@ impl VehicleModel {
             thrust: self.thrust.over(h).end(actuation.thrust, target.thrust),
             rates_body: self.rates.over(h).end(actuation.rates_body, target.rates_body),
         }
+    }
+
+    /// Whether a vehicle that stands on the ground stays there with this thrust.
+    #[must_use]
+    pub fn is_held(&self, actuation: &Actuation) -> bool {
+        actuation.thrust < LIFTING * self.mass * GRAVITY
     }
 
     /// v̇ = g e3 − (T/m) R e3 + d in {I}, m/s².

@@ -20,6 +20,8 @@ shared_types::sample! {
         pub used_at_ns: u64,
         /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
         pub refused_since_ns: u64,
+        /// Since when all frames have let the motors rest, ns since the start of the flight.
+        pub rests_since_ns: u64,
         /// p, position in {I}, m.
         pub position_world: [f64; 3],
         /// v, linear velocity in {I}, m/s.
@@ -46,8 +48,10 @@ shared_types::sample! {
         pub started: Flag,
         /// Whether the last capture looked at was refused.
         pub refusing: Flag,
-        /// Explicit padding.
-        pub pad0: [u8; 2],
+        /// Whether all frames let the motors rest lately.
+        pub rests: Flag,
+        /// Whether the ground holds the vehicle.
+        pub stands: Flag,
     }
 }
 
@@ -63,6 +67,8 @@ impl KalmanFilter {
         state.commands = commands;
         state.command_count = count as u64;
         state.captures_refused = self.memory.captures_refused;
+        state.rests = self.memory.rests_since_ns.is_some().into();
+        state.rests_since_ns = self.memory.rests_since_ns.unwrap_or(0);
         if let Some(track) = &self.memory.track {
             save_track(track, &mut state);
         }
@@ -75,6 +81,7 @@ impl KalmanFilter {
         self.memory = Memory {
             history: CommandHistory::restored(state.commands, count),
             track: state.started.is_set().then(|| restored_track(state)),
+            rests_since_ns: state.rests.is_set().then_some(state.rests_since_ns),
             captures_refused: state.captures_refused,
         };
     }
@@ -85,6 +92,7 @@ fn save_track(track: &Track, state: &mut KalmanState) {
     state.started = true.into();
     state.time_ns = track.belief.time_ns;
     state.used_at_ns = track.used_at_ns;
+    state.stands = track.belief.stands.into();
     state.refusing = track.refused_since_ns.is_some().into();
     state.refused_since_ns = track.refused_since_ns.unwrap_or(0);
     state.position_world = nominal.position_world.into();
@@ -115,6 +123,7 @@ fn restored_track(state: &KalmanState) -> Track {
                 },
             },
             covariance: Covariance::from_column_slice(&state.covariance),
+            stands: state.stands.is_set(),
         },
         used_at_ns: state.used_at_ns,
         refused_since_ns: state.refusing.is_set().then_some(state.refused_since_ns),
