@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
@@ -208,7 +210,7 @@ fn finish_like_undisturbed(place: &Place, out: &str, child: Child, deaths: usize
     assert_eq!(rebirths(place, out).len(), deaths);
     succeed(&mut place.short_flight("undisturbed", 40.0, &["--host", "inprocess"]));
     assert!(log(place, out) == log(place, "undisturbed"));
-    assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+    assert_eq!(shared_memory_of(orchestrator), Vec::<PathBuf>::new());
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
@@ -220,6 +222,36 @@ fn kill_at_once(child: &Child, pids: [u32; 2]) {
     }
     pids.into_iter().for_each(await_end);
     signal(child.id(), Signal::CONT);
+}
+
+/// What a connection of everybody who publishes would be called to somebody who has died while he was making it.
+fn half_made_connections(orchestrator: u32) -> BTreeSet<PathBuf> {
+    let half_made = |connection: PathBuf| {
+        let name = connection.to_str()?.strip_suffix(".connection")?;
+        let (publisher, _subscriber) = name.rsplit_once('_')?;
+        Some(format!("{publisher}_1.connection").into())
+    };
+    shared_memory_of(orchestrator)
+        .into_iter()
+        .filter_map(half_made)
+        .collect()
+}
+
+#[test]
+fn nobody_waits_for_shared_memory_that_somebody_died_in_the_middle_of_making() {
+    let place = Place::new();
+    let child = begin(&mut place.short_flight("half-made", 40.0, &[]));
+    place.await_log("half-made", 500_000);
+    let estimator = await_process(child.id(), ServiceId::Estimator);
+    signal(estimator, Signal::STOP);
+    let half_made = half_made_connections(child.id());
+    assert!(half_made.len() >= ServiceId::ALL.len(), "{half_made:?}");
+    for path in &half_made {
+        drop(std::fs::File::create_new(path).unwrap());
+    }
+    signal(estimator, Signal::KILL);
+    await_successor(child.id(), ServiceId::Estimator, estimator);
+    finish_like_undisturbed(&place, "half-made", child, 1);
 }
 
 #[test]
@@ -378,7 +410,7 @@ fn kills_at_random_moments_leave_no_trace_in_the_log_nor_anything_behind() {
             String::from_utf8_lossy(&ended.stderr)
         );
         assert!(log(&place, &out) == log(&place, "undisturbed"), "{out} differs");
-        assert_eq!(shared_memory_of(orchestrator), Vec::<std::path::PathBuf>::new());
+        assert_eq!(shared_memory_of(orchestrator), Vec::<PathBuf>::new());
         assert!(processes_of(orchestrator).is_empty());
         std::fs::remove_dir_all(place.path(&out)).unwrap();
         kills += more;

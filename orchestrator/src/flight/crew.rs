@@ -404,6 +404,11 @@ impl<'a> Crew<'a> {
         self.page.words().cells.iter().for_each(Cell::ring);
     }
 
+    /// Removes shared memory that a service was making when it died: others may be waiting for it.
+    pub fn remove_unfinished(&self) {
+        self.member.remove_unfinished();
+    }
+
     /// Tells everybody to stop, waits until all are gone, and kills who does not go.
     pub fn stop(&mut self) {
         let words = self.page.words();

@@ -116,6 +116,7 @@ impl Flight<'_> {
             }
             if Instant::now() >= next_health {
                 self.crew.rouse();
+                self.crew.remove_unfinished();
                 self.observer.health(&self.crew);
                 next_health += Duration::from_secs(1);
             }

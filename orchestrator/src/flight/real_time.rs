@@ -249,6 +249,7 @@ impl<'a> Flight<'a> {
             self.replace_the_hung();
             desk.serve(|question| self.answer(question));
             if Instant::now() >= next_health {
+                self.crew.remove_unfinished();
                 self.observer.health(&self.crew);
                 self.observe_laboratory();
                 self.tell_of_laboratory();

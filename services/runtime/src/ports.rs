@@ -11,7 +11,9 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -26,12 +28,16 @@ use shared_types::{Sample, Schedule, ServiceId, Topic};
 
 use crate::doorbell::Doorbell;
 use crate::shared_page::{Owner, SharedPage};
+use crate::unfinished;
 
 /// Places of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
 pub const RECORDER_BUFFER: usize = 1024;
 
 /// Subscribers of a topic beside the run's own: for people who look at a flight with other tools.
 const OBSERVERS: usize = 2;
+
+/// How long cleaning up after the dead takes at most unless it waits for something that they had only begun.
+const CLEANING: Duration = Duration::from_millis(20);
 
 /// Name of the service attribute that carries the layout hash.
 pub(crate) const LAYOUT_ATTRIBUTE: &str = "layout";
@@ -106,6 +112,8 @@ static RUN: OnceLock<PathBuf> = OnceLock::new();
 /// A process's membership in the run.
 pub struct Member {
     node: Node<ipc::Service>,
+    /// What the names of the run's shared memory begin with.
+    prefix: String,
 }
 
 impl Member {
@@ -142,7 +150,10 @@ impl Member {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(|error| PortError::Node(error.to_string()))?;
-        Ok(Self { node })
+        Ok(Self {
+            node,
+            prefix: config.global.prefix.to_string(),
+        })
     }
 
     /// For ports that carry no topic of the wiring table.
@@ -153,8 +164,25 @@ impl Member {
 
     /// Frees what processes that have died held of the run. They must have been waited for.
     pub fn clean_up_after_the_dead(&self) {
-        // What cannot be freed now is tried again after the next death, and goes with the run at the latest.
-        self.node.try_cleanup_dead_nodes();
+        std::thread::scope(|scope| {
+            let (is_done, done) = mpsc::channel::<()>();
+            let prefix = &self.prefix;
+            // Whoever cleans up opens what the dead have made, also what they had only begun.
+            scope.spawn(move || {
+                while done.recv_timeout(CLEANING) == Err(RecvTimeoutError::Timeout) {
+                    unfinished::remove(prefix);
+                }
+            });
+            // What cannot be freed now is tried again after the next death, and goes with the run at the latest.
+            self.node.try_cleanup_dead_nodes();
+            drop(is_done);
+        });
+        self.remove_unfinished();
+    }
+
+    /// Removes shared memory of the run that the dead had only begun to make, and for which others may be waiting.
+    pub fn remove_unfinished(&self) {
+        unfinished::remove(&self.prefix);
     }
 
     /// Makes the topic; the orchestrator does so before any service starts.
