@@ -35,7 +35,7 @@ fn somebody_has_open(file: &Path) -> bool {
     let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
     let mut descriptors = processes
         .filter_map(|process| fs::read_dir(process.path().join("fd")).ok())
-        .flat_map(|descriptors| descriptors.flatten());
+        .flat_map(Iterator::flatten);
     descriptors.any(|descriptor| fs::read_link(descriptor.path()).is_ok_and(|open| open == file))
 }
 
