@@ -7,13 +7,12 @@ use std::cell::Cell;
 use std::fs::{self, File};
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use runtime::shared_memory;
 use rustix::fs::{FlockOperation, flock};
 
-/// Where Linux keeps named shared memory.
-const SHARED_MEMORY: &str = "/dev/shm";
+use crate::log::partial_path;
 
 /// Names a user's folder for what lives no longer than the machine runs, by the XDG Base Directory Specification.
 const RUNTIME_FOLDER: &str = "XDG_RUNTIME_DIR";
@@ -98,7 +97,7 @@ impl RunRoot {
     /// A path in shared memory that is removed with the run.
     #[must_use]
     pub fn shared_memory(&self, name: &str) -> PathBuf {
-        Path::new(SHARED_MEMORY).join(format!("{}{name}", self.prefix))
+        Path::new(shared_memory::FOLDER).join(format!("{}{name}", self.prefix))
     }
 
     fn write_configuration(&self) -> io::Result<()> {
@@ -111,7 +110,7 @@ impl RunRoot {
             self.prefix,
         );
         // Under its name it is whole: an empty one would be taken for iceoryx2's own defaults.
-        let written = self.folder.join("iceoryx2.toml.partial");
+        let written = partial_path(&self.configuration());
         fs::write(&written, text)?;
         fs::rename(written, self.configuration())
     }
@@ -178,7 +177,7 @@ fn close_door(base: &Path) -> io::Result<File> {
 /// anybody goes on, which would make every birth of a process wait for the disk.
 fn base_folder() -> PathBuf {
     let in_memory = || {
-        let shared_memory = PathBuf::from(SHARED_MEMORY);
+        let shared_memory = PathBuf::from(shared_memory::FOLDER);
         shared_memory.is_dir().then_some(shared_memory)
     };
     let of_this_user = std::env::var_os(RUNTIME_FOLDER).filter(|folder| !folder.is_empty());
@@ -202,7 +201,7 @@ fn unused_id(base: &Path) -> String {
     let process = std::process::id();
     (0u32..)
         .map(|number| format!("{process}-{number}"))
-        .find(|id| !base.join(id).exists() && shared_memory_of(&prefix_of(id)).is_empty())
+        .find(|id| !base.join(id).exists() && shared_memory::of(&prefix_of(id)).is_empty())
         .expect("some number is free")
 }
 
@@ -240,7 +239,7 @@ fn look(base: &Path) -> io::Result<Found> {
 
 /// Removes a place and all shared memory with its prefix.
 fn remove(folder: &Path, prefix: &str) -> io::Result<()> {
-    for path in shared_memory_of(prefix) {
+    for path in shared_memory::of(prefix) {
         if path.is_dir() {
             fs::remove_dir_all(path)?;
         } else {
@@ -248,18 +247,6 @@ fn remove(folder: &Path, prefix: &str) -> io::Result<()> {
         }
     }
     fs::remove_dir_all(folder)
-}
-
-/// The shared memory files of this user whose names begin with a run's prefix.
-fn shared_memory_of(prefix: &str) -> Vec<PathBuf> {
-    let mine = |entry: &fs::DirEntry| {
-        entry.file_name().to_string_lossy().starts_with(prefix)
-            && entry
-                .metadata()
-                .is_ok_and(|metadata| metadata.uid() == rustix::process::getuid().as_raw())
-    };
-    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
-    entries.filter(mine).map(|entry| entry.path()).collect()
 }
 
 #[cfg(test)]
@@ -305,9 +292,9 @@ mod tests {
         let dead = base_folder().join("dead-test-0");
         fs::create_dir_all(&dead).unwrap();
         File::create(lock_path(&dead)).unwrap();
-        let memory = Path::new(SHARED_MEMORY).join(format!("{}segment", prefix_of("dead-test-0")));
+        let memory = Path::new(shared_memory::FOLDER).join(format!("{}segment", prefix_of("dead-test-0")));
         fs::write(&memory, b"left").unwrap();
-        let kept = Path::new(SHARED_MEMORY).join(format!("{}segment", live.prefix()));
+        let kept = Path::new(shared_memory::FOLDER).join(format!("{}segment", live.prefix()));
         fs::write(&kept, b"in use").unwrap();
 
         let found = find().unwrap();

@@ -8,7 +8,7 @@
 //! * [`real_time`]: one process per service, the system's clock, the newest sample wins;
 //! * [`replaying`]: one process per service, told by the orchestrator, step by step, what a log has recorded.
 //!
-//! Under them lie [`ports`] (iceoryx2, in bytes), [`unfinished`] (memory that the dead were making), [`wait`] (yield once, then block on a doorbell),
+//! Under them lie [`ports`] (iceoryx2, in bytes), [`shared_memory`] (what there is of it, and what the dead were making), [`wait`] (yield once, then block on a doorbell),
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
 //! service knew, for whoever is born after its death; both are a [`shared_file`]), [`owned_sample`] (a sample
 //! in memory of its own), [`sample_ring`] (the latest samples of a topic), [`inlet`] (an input, also after a rebirth),
@@ -47,9 +47,9 @@ pub mod real_time;
 pub mod replaying;
 pub mod sample_ring;
 pub mod shared_file;
+pub mod shared_memory;
 pub mod shared_page;
 pub mod step;
 pub mod step_log;
 pub mod succession;
-pub mod unfinished;
 pub mod wait;

@@ -11,9 +11,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -27,17 +25,14 @@ use shared_types::wiring::TopicVisitor;
 use shared_types::{Sample, Schedule, ServiceId, Topic};
 
 use crate::doorbell::Doorbell;
+use crate::shared_memory;
 use crate::shared_page::{Owner, SharedPage};
-use crate::unfinished;
 
 /// Places of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
 pub const RECORDER_BUFFER: usize = 1024;
 
 /// Subscribers of a topic beside the run's own: for people who look at a flight with other tools.
 const OBSERVERS: usize = 2;
-
-/// How long cleaning up after the dead takes at most unless it waits for something that they had only begun.
-const CLEANING: Duration = Duration::from_millis(20);
 
 /// Name of the service attribute that carries the layout hash.
 pub(crate) const LAYOUT_ATTRIBUTE: &str = "layout";
@@ -164,25 +159,16 @@ impl Member {
 
     /// Frees what processes that have died held of the run. They must have been waited for.
     pub fn clean_up_after_the_dead(&self) {
-        std::thread::scope(|scope| {
-            let (is_done, done) = mpsc::channel::<()>();
-            let prefix = &self.prefix;
-            // Whoever cleans up opens what the dead have made, also what they had only begun.
-            scope.spawn(move || {
-                while done.recv_timeout(CLEANING) == Err(RecvTimeoutError::Timeout) {
-                    unfinished::remove(prefix);
-                }
-            });
+        shared_memory::without_waiting_for_the_unfinished(&self.prefix, || {
             // What cannot be freed now is tried again after the next death, and goes with the run at the latest.
             self.node.try_cleanup_dead_nodes();
-            drop(is_done);
         });
         self.remove_unfinished();
     }
 
     /// Removes shared memory of the run that the dead had only begun to make, and for which others may be waiting.
     pub fn remove_unfinished(&self) {
-        unfinished::remove(&self.prefix);
+        shared_memory::remove_unfinished(&self.prefix);
     }
 
     /// Makes the topic; the orchestrator does so before any service starts.

@@ -183,13 +183,17 @@ impl Scenario {
         recording.filter(|_| estimator.source == PoseSource::Replay)
     }
 
+    /// What is known of the cameras, where they are no simulated ones.
+    fn real_cameras(&self) -> Option<&MotionCapture> {
+        let stated = self.motion_capture.as_ref();
+        stated.filter(|_| !self.pose_source().is_simulated())
+    }
+
     /// Longest time between two captures of which none is missing, ns.
     #[must_use]
     pub fn between_captures_ns(&self, schedule: &Schedule) -> u64 {
         let published = schedule.time_ns(schedule.topic_rate(Topic::MocapPose).period);
-        let stated = self.motion_capture.as_ref();
-        let cameras = stated.filter(|_| !self.pose_source().is_simulated());
-        cameras.map_or(published, |cameras| {
+        self.real_cameras().map_or(published, |cameras| {
             published.max(nanoseconds(1.0 / cameras.rate[0]))
         })
     }
@@ -197,10 +201,8 @@ impl Scenario {
     /// Shortest time from the exposure of a capture to its arrival, which a laboratory's cameras need, ns.
     #[must_use]
     pub fn capture_latency_ns(&self) -> u64 {
-        let source = self.pose_source();
-        let cameras = self.motion_capture.as_ref().filter(|_| !source.is_simulated());
-        cameras.map_or(0, |cameras| {
-            let usual = source.system().map_or(0.0, CaptureSystem::latency);
+        self.real_cameras().map_or(0, |cameras| {
+            let usual = self.capture_system().map_or(0.0, CaptureSystem::latency);
             nanoseconds(cameras.latency.unwrap_or(usual))
         })
     }

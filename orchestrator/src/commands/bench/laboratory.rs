@@ -4,34 +4,35 @@
 //! here. The vehicle seems to take off and to stay at its point; there it seems to tilt by a little, to and fro. The first frame
 //! that answers a tilt is the first that rests on the capture in which it was seen.
 
-use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, TcpListener};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 use comfy_table::{Table, presets};
-use motion_capture::conventions::{Calibration, WorldPose};
-use motion_capture::natnet::Version;
-use motion_capture::sender::server::{Plan, Server};
 use nalgebra::Vector3;
 use radio_link::crsf;
-use radio_link::port::{ByteFormat, Port, Target};
+use radio_link::port::{Port, Target};
 use radio_link::receiver::Receiver;
 use runtime::deployment;
 use runtime::flight_clock::{monotonic_ns, nap_until};
 use runtime::shared_page::Request;
 use serde::Serialize;
 use shared_types::noise::{Noise, Stream};
-use shared_types::rotation::exp;
-use shared_types::scenario::{CaptureSystem, Scenario, Timing};
+use shared_types::rotation::{exp, to_row_major};
+use shared_types::samples::MocapPose;
+use shared_types::scenario::{RcLink, Scenario, Timing};
+use zerocopy::FromZeros;
 
 use super::latency::microseconds;
 use super::measure::{FlightCommand, Result, Scratch, progress_of};
+use super::ring::Members;
 use super::{Failure, chain, print, write_json};
 use crate::cli::BenchLaboratory;
 use crate::exit::Exit;
 use crate::flight::FlightFailure;
 use crate::live::{LiveRun, Question};
 use crate::summary::timing::{Quantiles, histogram};
+use crate::world::cameras::Cameras;
 use crate::world::line::Line;
 
 /// The laboratory whose cameras and receiver are here.
@@ -96,15 +97,12 @@ fn measure(seconds: u32) -> Result<Measured> {
     let folder = Scratch::create()?;
     let device = folder.path().join("radio");
     let core = deployment::idlest(&deployment::allowed_cores()).unwrap_or(0);
+    let scenario = connected(free_address()?.port(), &device, seconds)?;
     let socket_hop = bare_hop(Target::Tcp(free_address()?), POSE_LENGTH)?;
-    let serial_hop = bare_hop(serial(&device), crsf::LENGTH)?;
+    let serial_hop = bare_hop(receivers_end(&scenario)?, crsf::LENGTH)?;
     let four_hops = chain::four_hops(core, false, ROUNDS).map_err(FlightFailure::setup)?;
 
-    let SocketAddr::V4(at) = free_address()? else {
-        return Err(FlightFailure::setup("the loopback has no IPv4 address"));
-    };
-    let scenario = connected(at, &device, seconds)?;
-    let mut here = Here::open(&scenario, at, &device)?;
+    let mut here = Here::open(&scenario)?;
     let mut flight = FlightUnderWay::begin(&folder, &scenario)?;
     let tilts = here.fly(&mut flight, u64::from(seconds) * 1_000_000_000)?;
     flight.end()?;
@@ -126,12 +124,15 @@ fn free_address() -> Result<SocketAddr> {
         .map_err(FlightFailure::setup)
 }
 
-fn serial(device: &Path) -> Target {
-    Target::Serial {
-        path: device.to_owned(),
-        baud: 420_000,
-        byte: ByteFormat::Plain,
-    }
+fn missing() -> FlightFailure {
+    FlightFailure::setup("the laboratory has no cameras or no radio link")
+}
+
+/// Where the receiver of a scenario's radio link listens.
+fn receivers_end(scenario: &Scenario) -> Result<Target> {
+    let link = scenario.rc_output.as_ref().ok_or_else(missing)?;
+    let transmitter = link.transmitter.as_ref().ok_or_else(missing)?;
+    Target::new(link.link, transmitter).ok_or_else(missing)
 }
 
 /// Time from the writing of so many bytes at one end until they have been read at the other, by another thread that waits
@@ -170,12 +171,12 @@ fn bare_hop(target: Target, length: usize) -> Result<Quantiles> {
 }
 
 /// The laboratory's flight with its cameras and receiver here, as fast as it goes.
-fn connected(cameras: SocketAddrV4, device: &Path, seconds: u32) -> Result<Scenario> {
+fn connected(cameras: u16, device: &Path, seconds: u32) -> Result<Scenario> {
     let mut flight: Scenario = toml::from_str(SCENARIO).map_err(FlightFailure::setup)?;
     flight.duration = f64::from(seconds) + 60.0;
     flight.schedule = Timing::default();
     if let Some(stated) = &mut flight.motion_capture {
-        stated.port = Some(cameras.port().into());
+        stated.port = Some(cameras.into());
         stated.rate = [50.0, 500.0];
     }
     if let Some(estimator) = &mut flight.estimator {
@@ -198,7 +199,7 @@ fn connected(cameras: SocketAddrV4, device: &Path, seconds: u32) -> Result<Scena
 
 /// The flight, by a command of its own.
 struct FlightUnderWay {
-    child: Option<Child>,
+    process: Members,
     name: String,
 }
 
@@ -215,7 +216,7 @@ impl FlightUnderWay {
             .map_err(FlightFailure::setup)?;
         Ok(Self {
             name: format!("{}-0", child.id()),
-            child: Some(child),
+            process: Members(vec![child]),
         })
     }
 
@@ -227,35 +228,20 @@ impl FlightUnderWay {
 
     /// Asks for arming, which is granted once all is well.
     fn arm(&mut self) -> Result<()> {
-        let ended = self
-            .child
-            .as_mut()
-            .and_then(|child| child.try_wait().ok().flatten());
-        match ended {
-            Some(status) => Err(FlightFailure::setup(format!("the flight has ended: {status}"))),
-            None => {
-                self.ask(&Question::Operate(Request::Arm));
-                Ok(())
-            }
-        }
+        self.process.check().map_err(FlightFailure::setup)?;
+        self.ask(&Question::Operate(Request::Arm));
+        Ok(())
     }
 
+    /// However it ends: all is measured.
     fn end(mut self) -> Result<()> {
         for question in [Question::Operate(Request::Disarm), Question::Stop, Question::Stop] {
             self.ask(&question);
         }
-        let ended = self.child.take().map(|mut child| child.wait());
-        ended.transpose().map_err(FlightFailure::setup).map(|_| ())
-    }
-}
-
-impl Drop for FlightUnderWay {
-    fn drop(&mut self) {
-        if let Some(mut child) = self.child.take() {
-            // Both fail only for a process that is gone.
-            let _ = child.kill();
-            let _ = child.wait();
+        for child in &mut self.process.0 {
+            child.wait().map_err(FlightFailure::setup)?;
         }
+        Ok(())
     }
 }
 
@@ -277,37 +263,27 @@ struct Tilts {
 
 /// The cameras and the receiver.
 struct Here {
-    server: Server,
-    object: String,
-    calibration: Calibration,
+    cameras: Cameras,
     noise: Noise,
     line: Line,
     receiver: Receiver,
-    rate_slope: f64,
+    link: RcLink,
     /// What the last frame asked for: the rate about the x axis, rad/s, and whether motors may turn.
     asked: (f64, bool),
 }
 
 impl Here {
-    fn open(scenario: &Scenario, at: SocketAddrV4, device: &Path) -> Result<Self> {
-        let missing = || FlightFailure::setup("the laboratory has no cameras or no radio link");
-        let stated = scenario.motion_capture.as_ref().ok_or_else(missing)?;
-        let link = scenario.rc_output.as_ref().ok_or_else(missing)?;
+    fn open(scenario: &Scenario) -> Result<Self> {
+        let stated = scenario.capture_system().zip(scenario.motion_capture.as_ref());
+        let (system, stated) = stated.ok_or_else(missing)?;
+        let link = scenario.rc_output.clone().ok_or_else(missing)?;
         let transmitter = link.transmitter.as_ref().ok_or_else(missing)?;
-        let plan = Plan {
-            system: CaptureSystem::Vrpn,
-            at,
-            to: at,
-            version: Version { major: 4, minor: 1 },
-        };
         Ok(Self {
-            server: Server::open(&plan).map_err(FlightFailure::setup)?,
-            object: stated.object.clone(),
-            calibration: Calibration::new(CaptureSystem::Vrpn, None, None),
+            cameras: Cameras::open(system, stated, 1, 0).map_err(FlightFailure::setup)?,
             noise: Noise::new(1, Stream::CameraNoise),
-            line: Line::open(&serial(device)).map_err(FlightFailure::setup)?,
-            receiver: Receiver::new(link, transmitter).ok_or_else(missing)?,
-            rate_slope: link.rate_slope[0],
+            line: Line::open(&receivers_end(scenario)?).map_err(FlightFailure::setup)?,
+            receiver: Receiver::new(&link, transmitter).ok_or_else(missing)?,
+            link,
             asked: (0.0, false),
         })
     }
@@ -341,12 +317,13 @@ impl Here {
             if armed_ns.is_none() && number % BETWEEN_REQUESTS == 0 {
                 flight.arm()?;
             }
-            let (is_tilted, side) = (flown_ns > TILT_AFTER_NS, number / BETWEEN_TILTS % 2);
-            let roll = if is_tilted {
-                f64::from(side) * 2.0 * TILT - TILT
+            let is_tilted = flown_ns > TILT_AFTER_NS;
+            let side = if (number / BETWEEN_TILTS).is_multiple_of(2) {
+                -1.0
             } else {
-                0.0
+                1.0
             };
+            let roll = if is_tilted { side * TILT } else { 0.0 };
             let rate_before = self.asked.0;
             let sent_ns = self.show(number, height(flown_ns), roll);
             if is_tilted && number % BETWEEN_TILTS == 0 {
@@ -363,14 +340,17 @@ impl Here {
     fn show(&mut self, number: u32, height: f64, roll: f64) -> u64 {
         let mut draws = self.noise.at(u64::from(number));
         // Cameras that see the same twice are taken for frozen.
-        let pose = WorldPose {
-            position_world: Vector3::new(0.0, 0.0, -height) + draws.normal3() * 1e-5,
-            world_from_body: exp(&(Vector3::new(roll, 0.0, 0.0) + draws.normal3() * 1e-5)),
+        let position = Vector3::new(0.0, 0.0, -height) + draws.normal3() * 1e-5;
+        let attitude = exp(&(Vector3::new(roll, 0.0, 0.0) + draws.normal3() * 1e-5));
+        let seen = MocapPose {
+            position_world: position.into(),
+            world_from_body: to_row_major(&attitude),
+            tracked: true.into(),
+            ..MocapPose::new_zeroed()
         };
-        let body = (self.object.as_str(), Some(self.calibration.capture_pose(&pose)));
-        self.server.serve(&[&self.object]);
         let now_ns = monotonic_ns();
-        self.server.send(number, now_ns, now_ns, &[body]);
+        self.cameras.take(&seen, now_ns);
+        self.cameras.send(now_ns);
         now_ns
     }
 
@@ -379,14 +359,14 @@ impl Here {
         let Self {
             line,
             receiver,
-            rate_slope,
+            link,
             asked,
             ..
         } = self;
         let mut answered_ns = None;
         line.listen_until(until_ns, &mut |bytes, now_ns| {
             receiver.push(bytes, &mut |command| {
-                *asked = (*rate_slope * command.travels[1], command.is_armed);
+                *asked = (command.rates_body(link)[0], command.is_armed);
                 let answers = open.is_some_and(|tilt| (asked.0 - tilt.rate_before).abs() > ANSWER);
                 if answers && answered_ns.is_none() {
                     answered_ns = Some(now_ns);
@@ -425,7 +405,7 @@ fn table(measured: &Measured) -> Table {
 fn explanation(measured: &Measured) -> String {
     format!(
         "{} tilts of the vehicle were answered, {} were not. A packet waits for the next tick, and a frame for the time at which \
-         it is due: 1 ms each at most, half of it in the middle.\n",
+         it is due: 1 ms each at most, the second about the same for a whole flight.\n",
         measured.packet_to_frame.count, measured.unanswered,
     )
 }

@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use runtime::deployment;
@@ -11,6 +11,7 @@ use runtime::in_process::TickSink;
 use shared_types::scenario::Scenario;
 use shared_types::{ServiceId, Topic};
 
+use super::ring::Members;
 use super::{Measured, Row, ring};
 use crate::cli::RingWait;
 use crate::commands::Failure;
@@ -353,7 +354,9 @@ impl Scratch {
 }
 
 /// A busy process on a core, until dropped.
-pub(super) struct Load(Child);
+pub(super) struct Load {
+    _process: Members,
+}
 
 impl Load {
     pub(super) fn on(core: usize) -> Result<Self> {
@@ -361,16 +364,10 @@ impl Load {
             .args(["load", &core.to_string()])
             .spawn();
         child
-            .map(Self)
+            .map(|child| Self {
+                _process: Members(vec![child]),
+            })
             .map_err(|error| FlightFailure::Setup(error.to_string()))
-    }
-}
-
-impl Drop for Load {
-    fn drop(&mut self) {
-        // Both fail only for a process that is gone.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
     }
 }
 

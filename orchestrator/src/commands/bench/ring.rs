@@ -53,7 +53,7 @@ pub(super) fn thousand_rounds_per_second(
     Ok(rounds as f64 / 1000.0 / started.elapsed().as_secs_f64())
 }
 
-/// The processes of a ring or of a chain; killed if the measurement is given up.
+/// Processes of a measurement; killed if that is given up, or when it no longer needs them.
 pub(super) struct Members(pub(super) Vec<Child>);
 
 impl Members {
