@@ -15,6 +15,7 @@
 
 pub mod flight_phase;
 pub mod gate;
+pub mod glance;
 pub mod noise;
 pub mod rotation;
 pub mod sample;

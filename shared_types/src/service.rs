@@ -8,6 +8,7 @@
 use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, IntoBytes};
 
+use crate::glance::Glance;
 use crate::sample::{Header, Record, Sample};
 use crate::wiring::ServiceId;
 
@@ -250,7 +251,7 @@ pub struct SampleKind {
     /// Size, bytes.
     pub size: usize,
     first_non_finite_field: fn(&[u8]) -> Option<&'static str>,
-    prepare: fn(&mut [u8], Header),
+    zero: fn(&mut [u8]),
 }
 
 impl SampleKind {
@@ -261,16 +262,11 @@ impl SampleKind {
             size: size_of::<T>(),
             first_non_finite_field: |bytes| {
                 let sample = T::ref_from_bytes(bytes).expect("hosts hand out aligned samples of their topic");
-                if sample.is_finite() {
-                    None
-                } else {
-                    sample.first_non_finite_field()
-                }
+                sample.first_non_finite_field()
             },
-            prepare: |bytes, header| {
+            zero: |bytes| {
                 let sample = T::mut_from_bytes(bytes).expect("hosts hand out aligned samples of their topic");
                 sample.zero();
-                *sample.header_mut() = header;
             },
         }
     }
@@ -279,13 +275,21 @@ impl SampleKind {
     #[must_use]
     #[inline]
     pub fn first_non_finite_field(&self, bytes: &[u8]) -> Option<&'static str> {
-        (self.first_non_finite_field)(bytes)
+        let mut glance = Glance::default();
+        glance.take_in(bytes);
+        if glance.is_surely_finite() {
+            None
+        } else {
+            (self.first_non_finite_field)(bytes)
+        }
     }
 
     /// Zeroes a sample and fills its header in.
     #[inline]
     pub fn prepare(&self, bytes: &mut [u8], header: Header) {
-        (self.prepare)(bytes, header);
+        (self.zero)(bytes);
+        let (place, _) = Header::mut_from_prefix(bytes).expect("a sample begins with a header");
+        *place = header;
     }
 }
 

@@ -17,6 +17,7 @@ use shared_types::gate::{Gate, GateState, LARGEST, StateGate, StateGateState, Ve
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::scenario::{self, EdgeName, PathMode, Scenario};
+use shared_types::service::Input;
 use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
 use shared_types::{FlightPhase, Now, Service, ServiceId, Topic};
 use zerocopy::FromZeros;
@@ -79,13 +80,19 @@ enum Mover {
 /// The path generator's step logic.
 #[derive(Clone, Debug)]
 pub struct PathGeneratorService {
-    curve: Curve,
-    mover: Mover,
-    /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
-    yaws: Vec<(u64, f64)>,
     states: StateGate,
     /// The oldest that a state is while nothing fails, ns.
     ordinary_age_ns: u64,
+    leader: Leader,
+    /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
+    yaws: Vec<(u64, f64)>,
+}
+
+/// What leads the vehicle.
+#[derive(Clone, Debug)]
+struct Leader {
+    curve: Curve,
+    mover: Mover,
     motion: PathMotion,
     /// `None` where the vehicle is in the air from the start.
     phases: Option<Phases>,
@@ -119,9 +126,19 @@ impl PathGeneratorService {
     pub fn new(scenario: &Scenario) -> Result<Self, PathGeneratorError> {
         let path = &scenario.path;
         let curve = Curve::new(&path.curve).map_err(PathGeneratorError::Curve)?;
-        Ok(Self {
+        let leader = Leader {
             curve,
             mover: Mover::new(path).map_err(PathGeneratorError::Transition)?,
+            motion: PathMotion {
+                gamma: path.initial_gamma,
+                gamma_dot: path.initial_gamma_dot,
+                gamma_ddot: 0.0,
+            },
+            phases: Phases::new(scenario),
+            frames: Gate::default(),
+        };
+        Ok(Self {
+            leader,
             yaws: std::iter::once((0, path.yaw))
                 .chain(
                     path.yaw_step
@@ -132,16 +149,17 @@ impl PathGeneratorService {
             states: StateGate::new(scenario.safety_of(Topic::VehicleState, ServiceId::PathGenerator)),
             ordinary_age_ns: EdgeName::of(Topic::VehicleState, ServiceId::PathGenerator)
                 .map_or(0, |edge| scenario.ordinary_age_ns(edge)),
-            motion: PathMotion {
-                gamma: path.initial_gamma,
-                gamma_dot: path.initial_gamma_dot,
-                gamma_ddot: 0.0,
-            },
-            phases: Phases::new(scenario),
-            frames: Gate::default(),
         })
     }
 
+    /// ψd at a tick, rad.
+    fn yaw_at(&self, tick: u64) -> f64 {
+        let begun = self.yaws.partition_point(|(from, _)| *from <= tick);
+        self.yaws[begun.max(1) - 1].1
+    }
+}
+
+impl Leader {
     /// Where the path is, moved on by how the vehicle follows it; it stands still where that is not known.
     fn along_path(&mut self, vehicle: Option<&VehicleState>, pace: &Pace) -> Led {
         let point = self.curve.at(self.motion.gamma);
@@ -157,12 +175,19 @@ impl PathGeneratorService {
         }
     }
 
-    /// What leads the vehicle: the path, or what the phase of the flight has in its place.
-    fn lead(&mut self, now: &Now, inputs: &PathGeneratorInputs<'_>, vehicle: Option<&VehicleState>) -> Led {
+    /// What leads the vehicle, whose last good state is of this age (ns): the path, or what the phase of the flight has
+    /// in its place.
+    fn lead(
+        &mut self,
+        now: &Now,
+        frame: &Input<'_, RcFrame>,
+        vehicle: Option<&VehicleState>,
+        vehicle_age_ns: Option<u64>,
+    ) -> Led {
         let Some(phases) = &mut self.phases else {
             return self.along_path(vehicle, &Pace::FULL);
         };
-        self.frames.look(&inputs.frame, LARGEST, |frame, _| {
+        self.frames.look(frame, LARGEST, |frame, _| {
             if frame.is_whole() && is_of_the_past(frame, now) {
                 Verdict::Good
             } else {
@@ -172,7 +197,7 @@ impl PathGeneratorService {
         let path = self.curve.at(self.motion.gamma);
         let sight = Sight {
             vehicle,
-            vehicle_age_ns: self.states.age_ns(now).unwrap_or(u64::MAX),
+            vehicle_age_ns: vehicle_age_ns.unwrap_or(u64::MAX),
             frame: self.frames.held(),
             frame_age_ns: self.frames.age_ns(now).unwrap_or(u64::MAX),
             path: path.position,
@@ -197,10 +222,12 @@ impl PathGeneratorService {
         }
     }
 
-    /// ψd at a tick, rad.
-    fn yaw_at(&self, tick: u64) -> f64 {
-        let begun = self.yaws.partition_point(|(from, _)| *from <= tick);
-        self.yaws[begun.max(1) - 1].1
+    fn phase(&self) -> FlightPhase {
+        self.phases.as_ref().map_or(FlightPhase::Fly, Phases::phase)
+    }
+
+    fn is_airborne(&self) -> bool {
+        self.phases.as_ref().is_none_or(Phases::is_airborne)
     }
 }
 
@@ -250,14 +277,14 @@ impl Service for PathGeneratorService {
     type State = PathGeneratorState;
 
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
-        self.motion.advance(now.elapsed());
+        self.leader.motion.advance(now.elapsed());
         self.states.look(now, &inputs.state);
-        let newest = self.states.held().copied();
+        let newest = self.states.held();
+        let age_ns = self.states.age_ns(now);
         let known = newest.filter(|vehicle| vehicle.tracked.is_set() && !self.states.is_too_old(now));
-        let Led { point, gamma, rates } = self.lead(now, inputs, known.as_ref());
+        let Led { point, gamma, rates } = self.leader.lead(now, &inputs.frame, known, age_ns);
         // The path does not wait for a state that is late.
-        let age_ns = self.states.age_ns(now).unwrap_or(0);
-        let late_ns = age_ns.saturating_sub(self.ordinary_age_ns);
+        let late_ns = age_ns.unwrap_or(0).saturating_sub(self.ordinary_age_ns);
         if let Some(reference) = outputs.reference.due() {
             *reference = PathReference {
                 header: reference.header,
@@ -278,12 +305,8 @@ impl Service for PathGeneratorService {
                 yaw_rate: 0.0,
                 states_refused: self.states.refused(),
                 vehicle_known: known.is_some().into(),
-                phase: self
-                    .phases
-                    .as_ref()
-                    .map_or(FlightPhase::Fly, Phases::phase)
-                    .code(),
-                airborne: self.phases.as_ref().is_none_or(Phases::is_airborne).into(),
+                phase: self.leader.phase().code(),
+                airborne: self.leader.is_airborne().into(),
                 pad0: 0,
             };
         }
@@ -294,8 +317,8 @@ impl Service for PathGeneratorService {
             gamma,
             gamma_dot,
             gamma_ddot,
-        } = self.motion;
-        let (frames, frame) = self.frames.save();
+        } = self.leader.motion;
+        let (frames, frame) = self.leader.frames.save();
         PathGeneratorState {
             gamma,
             gamma_dot,
@@ -304,6 +327,7 @@ impl Service for PathGeneratorService {
             frame,
             frames,
             phases: self
+                .leader
                 .phases
                 .as_ref()
                 .map_or_else(PhasesMemory::new_zeroed, |phases| phases.memory),
@@ -311,14 +335,14 @@ impl Service for PathGeneratorService {
     }
 
     fn restore(&mut self, state: &PathGeneratorState) {
-        self.motion = PathMotion {
+        self.leader.motion = PathMotion {
             gamma: state.gamma,
             gamma_dot: state.gamma_dot,
             gamma_ddot: state.gamma_ddot,
         };
         self.states.restore(&state.states);
-        self.frames.restore(&state.frames, &state.frame);
-        if let Some(phases) = &mut self.phases {
+        self.leader.frames.restore(&state.frames, &state.frame);
+        if let Some(phases) = &mut self.leader.phases {
             phases.memory = state.phases;
         }
     }

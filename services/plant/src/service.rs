@@ -87,28 +87,28 @@ impl PlantService {
         }
     }
 
-    /// The newest frame that is whole.
-    #[inline]
-    fn receive(&mut self, newest: Option<&RcFrame>) -> Option<RcFrame> {
-        let whole = newest.filter(|frame| frame.is_whole()).copied();
-        if matches!(self.actuators, Actuators::Ideal) && newest.is_some() {
-            self.received = whole.or(self.received);
-            self.received
-        } else {
-            whole
-        }
-    }
-
     /// Moves from the previous step to `now`, tick by tick, so that a change acts at exactly its tick and the
     /// integration error does not depend on how often the plant steps. Returns what drove the last tick.
     fn advance(&mut self, now: &Now, newest: Option<&RcFrame>) -> Drive {
         let count = libm::round(now.elapsed() / self.tick).max(1.0);
         let h = now.elapsed() / count;
         let ticks = now.tick.saturating_sub(whole(count))..now.tick;
-        match (&self.actuators, &self.air, &self.ground) {
-            (Actuators::Ideal, None, None) => self.advance_ideally(ticks, h, &ideal_wrench(newest)),
-            _ => self.advance_among_all(ticks, h, newest),
+        let received = newest.filter(|frame| frame.is_whole());
+        if let Actuators::RateLoop(_) = self.actuators {
+            return self.advance_among_all(ticks, h, received);
         }
+        let acting = received.or(self.received.as_ref().filter(|_| newest.is_some()));
+        let drive = if self.air.is_none() && self.ground.is_none() {
+            let wrench = ideal_wrench(acting);
+            self.advance_ideally(ticks, h, &wrench)
+        } else {
+            let acting = acting.copied();
+            self.advance_among_all(ticks, h, acting.as_ref())
+        };
+        if let Some(frame) = received {
+            self.received = Some(*frame);
+        }
+        drive
     }
 
     /// The ideal vehicle in still air, at what that alone costs.
@@ -193,8 +193,7 @@ impl Service for PlantService {
     /// The first step publishes the initial state as it is: nothing has acted yet.
     fn step(&mut self, now: &Now, inputs: &PlantInputs<'_>, outputs: &mut PlantOutputs<'_>) {
         let acted = if now.elapsed_ns > 0 {
-            let frame = self.receive(inputs.frame.newest());
-            self.advance(now, frame.as_ref())
+            self.advance(now, inputs.frame.newest())
         } else {
             self.pass_center(0, now.tick);
             self.actuators.at_start()

@@ -1,7 +1,8 @@
 //! All services in one thread: no shared memory, no waiting. The reference that the other hosts must equal.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
+use shared_types::glance::Glance;
 use shared_types::schedule::{Edge, MAX_PORTS, Publication};
 use shared_types::service::{ErasedService, InputView};
 use shared_types::{Schedule, ServiceId, Topic};
@@ -42,74 +43,28 @@ pub struct InProcess {
     schedule: Schedule,
     /// In the order of a tick.
     stations: Vec<Station>,
-    /// What services publish, in the order of the log.
-    published: Vec<Source>,
+    /// Of each output of each station, in their order.
+    histories: Vec<History>,
+    /// Places of the histories, in the order of the log.
+    published: Vec<usize>,
     /// Whether any input has planned faults.
     has_stores: bool,
     next_tick: u64,
 }
 
-/// A service, when it steps, where its inputs come from and the latest of what it published.
+/// A service, when it steps, and where its inputs come from.
 struct Station {
     service: Box<dyn ErasedService>,
     /// The service's state before its first step.
     newborn: Vec<u8>,
     timetable: Timetable,
-    /// Of each input.
-    sources: Vec<Source>,
+    /// Of each input, the place of its topic's history.
+    sources: Vec<usize>,
+    /// The places of the histories of what it publishes.
+    own: Range<usize>,
     /// Of each input with planned faults, what has come.
     stores: [Option<EdgeStore>; MAX_PORTS],
     has_stores: bool,
-    /// Of each output.
-    histories: Vec<History>,
-}
-
-/// Where a topic's samples are: which output of which station.
-#[derive(Clone, Copy)]
-struct Source {
-    station: usize,
-    output: usize,
-}
-
-impl Source {
-    /// Finds the publisher of a topic among the services in the order of a tick.
-    fn of(topic: Topic, order: &[ServiceId]) -> Option<Self> {
-        let publishes = |service: &ServiceId| {
-            let mut outputs = service.outputs().iter();
-            outputs.position(|output| output.topic == topic)
-        };
-        order
-            .iter()
-            .enumerate()
-            .find_map(|(station, service)| publishes(service).map(|output| Self { station, output }))
-    }
-}
-
-impl Station {
-    fn new(service: Box<dyn ErasedService>, schedule: &Schedule) -> Self {
-        let timetable = Timetable::new(schedule, service.id());
-        let mut newborn = vec![0; service.state_size()];
-        service.save(&mut newborn);
-        let source =
-            |topic| Source::of(topic, schedule.order()).expect("services consume what services publish");
-        let mut stores: [Option<EdgeStore>; MAX_PORTS] = Default::default();
-        for (store, edge) in stores.iter_mut().zip(&timetable.inputs) {
-            *store = edge.has_faults().then(|| EdgeStore::new(edge.clone()));
-        }
-        Self {
-            service,
-            newborn,
-            has_stores: stores.iter().any(Option::is_some),
-            stores,
-            sources: timetable.inputs.iter().map(|input| source(input.topic)).collect(),
-            histories: timetable
-                .outputs
-                .iter()
-                .map(|output| History::new(output.clone(), schedule))
-                .collect(),
-            timetable,
-        }
-    }
 }
 
 /// The latest samples of a topic, as many as any consumer may still need.
@@ -119,15 +74,15 @@ struct History {
 }
 
 impl History {
-    fn new(publication: Publication, schedule: &Schedule) -> Self {
-        let latest = publication
-            .topic
-            .consumers()
+    fn new(topic: Topic, schedule: &Schedule) -> Self {
+        let publication = schedule.publication(topic);
+        let consumers = topic.consumers();
+        let latest = consumers
             .map(|(service, input)| schedule.latency(service, input))
             .max();
         let depth = latest.unwrap_or(0) / publication.ticks.rate.period + 2;
         Self {
-            samples: SampleRing::new(publication.topic, depth),
+            samples: SampleRing::new(topic, depth),
             publication,
         }
     }
@@ -150,25 +105,29 @@ impl InProcess {
     /// # Panics
     /// If `services` are not exactly those of the wiring table.
     #[must_use]
-    pub fn new(schedule: Schedule, services: Vec<Box<dyn ErasedService>>) -> Self {
-        let mut stations: Vec<_> = services
-            .into_iter()
-            .map(|service| Station::new(service, &schedule))
-            .collect();
-        let place = |id: ServiceId| schedule.order().iter().position(|&other| other == id);
-        stations.sort_by_key(|station| place(station.timetable.service));
-        let complete = stations
+    pub fn new(schedule: Schedule, mut services: Vec<Box<dyn ErasedService>>) -> Self {
+        let order = schedule.order();
+        services.sort_by_key(|service| order.iter().position(|&other| other == service.id()));
+        let complete = services
             .iter()
-            .map(|station| station.timetable.service)
-            .eq(schedule.order().iter().copied());
+            .map(|service| service.id())
+            .eq(order.iter().copied());
         assert!(complete, "one of each service");
-        let topics = Topic::ALL.into_iter();
+        let outputs = order.iter().flat_map(|service| service.outputs());
+        let histories: Vec<_> = outputs
+            .map(|output| History::new(output.topic, &schedule))
+            .collect();
+        let stations: Vec<_> = services
+            .into_iter()
+            .map(|service| Station::new(service, &schedule, &histories))
+            .collect();
+        let mut published: Vec<_> = (0..histories.len()).collect();
+        published.sort_by_key(|&place| histories[place].publication.topic);
         Self {
             has_stores: stations.iter().any(|station| station.has_stores),
             stations,
-            published: topics
-                .filter_map(|topic| Source::of(topic, schedule.order()))
-                .collect(),
+            histories,
+            published,
             schedule,
             next_tick: 0,
         }
@@ -221,15 +180,46 @@ impl InProcess {
 
     #[inline]
     fn step_services(&mut self, tick: u64) -> Result<(), NonFinite> {
-        for place in 0..self.stations.len() {
-            let (before, rest) = self.stations.split_at_mut(place);
-            let (station, after) = rest.split_first_mut().expect("the place is one of theirs");
+        for station in &mut self.stations {
             if station.timetable.steps.occurs_at(tick) {
-                station.step(&Others { before, after }, tick)?;
+                let (others, own) = Others::beside(&mut self.histories, &station.own);
+                station.step(&others, own, tick);
             }
         }
+        self.examine(tick)?;
         if self.has_stores {
             self.keep_published(tick);
+        }
+        Ok(())
+    }
+
+    /// Examines what was published at a tick, all of it at once.
+    #[inline]
+    fn examine(&self, tick: u64) -> Result<(), NonFinite> {
+        let mut glance = Glance::default();
+        for history in &self.histories {
+            if history.publication.is_due(tick) {
+                glance.take_in(history.bytes(tick));
+            }
+        }
+        if glance.is_surely_finite() {
+            Ok(())
+        } else {
+            self.examine_each(tick)
+        }
+    }
+
+    /// Who has stepped on a number that is not finite comes after the one who made it.
+    #[cold]
+    fn examine_each(&self, tick: u64) -> Result<(), NonFinite> {
+        for station in &self.stations {
+            for history in &self.histories[station.own.clone()] {
+                let publication = &history.publication;
+                if publication.is_due(tick) {
+                    let bytes = history.bytes(tick);
+                    station.timetable.examine(tick, publication.topic, bytes)?;
+                }
+            }
         }
         Ok(())
     }
@@ -237,19 +227,18 @@ impl InProcess {
     /// Lets every input with planned faults keep what was published at a tick.
     #[cold]
     fn keep_published(&mut self, tick: u64) {
-        for place in 0..self.stations.len() {
-            let (before, rest) = self.stations.split_at_mut(place);
-            let (station, after) = rest.split_first_mut().expect("the place is one of theirs");
+        for station in &mut self.stations {
             if station.has_stores {
-                station.keep_published(&Others { before, after }, tick, |_| true);
+                let (others, _) = Others::beside(&mut self.histories, &station.own);
+                station.keep_published(&others, tick, |_| true);
             }
         }
     }
 
     #[inline]
     fn hand_over<S: TickSink>(&self, tick: u64, sink: &mut S) -> Result<(), S::Error> {
-        for source in &self.published {
-            let history = &self.stations[source.station].histories[source.output];
+        for &place in &self.published {
+            let history = &self.histories[place];
             if history.publication.is_due(tick) {
                 sink.sample(history.publication.topic, history.bytes(tick))?;
             }
@@ -258,28 +247,67 @@ impl InProcess {
     }
 }
 
-/// The stations beside the one that steps.
+/// The histories of what others publish.
 struct Others<'a> {
-    before: &'a [Station],
-    after: &'a [Station],
+    before: &'a [History],
+    after: &'a [History],
+    /// Place of the first one after.
+    first_after: usize,
 }
 
 impl<'a> Others<'a> {
+    /// The histories beside those of one station, and those.
     #[inline]
-    fn history(&self, source: Source) -> &'a History {
-        let place = self.before.len();
-        let station = if source.station < place {
-            &self.before[source.station]
-        } else {
-            &self.after[source.station - place - 1]
+    fn beside(histories: &'a mut [History], own: &Range<usize>) -> (Self, &'a mut [History]) {
+        let (rest, after) = histories.split_at_mut(own.end);
+        let (before, of_station) = rest.split_at_mut(own.start);
+        let others = Self {
+            before,
+            after,
+            first_after: own.end,
         };
-        &station.histories[source.output]
+        (others, of_station)
+    }
+
+    #[inline]
+    fn history(&self, place: usize) -> &'a History {
+        match self.before.get(place) {
+            Some(history) => history,
+            None => &self.after[place - self.first_after],
+        }
     }
 }
 
 impl Station {
+    /// The station of a service whose outputs are among `histories`, as are its inputs.
+    fn new(service: Box<dyn ErasedService>, schedule: &Schedule, histories: &[History]) -> Self {
+        let timetable = Timetable::new(schedule, service.id());
+        let mut newborn = vec![0; service.state_size()];
+        service.save(&mut newborn);
+        let place = |topic| {
+            let mut topics = histories.iter().map(|history| history.publication.topic);
+            let place = topics.position(|other| other == topic);
+            place.expect("services consume what services publish")
+        };
+        let first_own = timetable.outputs.first().map_or(0, |output| place(output.topic));
+        let mut stores: [Option<EdgeStore>; MAX_PORTS] = Default::default();
+        for (store, edge) in stores.iter_mut().zip(&timetable.inputs) {
+            *store = edge.has_faults().then(|| EdgeStore::new(edge.clone()));
+        }
+        Self {
+            service,
+            newborn,
+            has_stores: stores.iter().any(Option::is_some),
+            stores,
+            sources: timetable.inputs.iter().map(|input| place(input.topic)).collect(),
+            own: first_own..first_own + timetable.outputs.len(),
+            timetable,
+        }
+    }
+
+    /// Steps on the samples that the schedule says are due.
     #[inline]
-    fn step(&mut self, others: &Others<'_>, tick: u64) -> Result<(), NonFinite> {
+    fn step(&mut self, others: &Others<'_>, own: &mut [History], tick: u64) {
         if self.timetable.begins_anew_at(tick) {
             self.service.restore(&self.newborn);
         }
@@ -287,7 +315,6 @@ impl Station {
             // What is published later in the tick is due later as well.
             self.keep_published(others, tick, |edge| edge.latency == 0);
         }
-        // The samples that the schedule says are due.
         let mut views = Views::default();
         let edges = self.timetable.inputs.iter().zip(&self.sources);
         for ((view, (input, &source)), store) in views.iter_mut().zip(edges).zip(&mut self.stores) {
@@ -305,14 +332,14 @@ impl Station {
             };
         }
         let mut slots = Slots::default();
-        for (slot, history) in slots.iter_mut().zip(&mut self.histories) {
+        for (slot, history) in slots.iter_mut().zip(own.iter_mut()) {
             if history.publication.is_due(tick) {
                 let header = history.publication.header(tick);
                 *slot = step::prepared(history.publication.topic, header, history.bytes_mut(tick));
             }
         }
-        self.timetable
-            .step(self.service.as_mut(), tick, &views, &mut slots)
+        let (inputs, outputs) = (&views[..self.sources.len()], &mut slots[..self.own.len()]);
+        self.service.step(&self.timetable.now(tick), inputs, outputs);
     }
 
     /// Keeps what is published at `tick` over those of the edges with planned faults that are `wanted`.

@@ -1,23 +1,34 @@
 //! The latest samples of a topic, by their place in its sequence, in memory that is laid out once.
 
 use shared_types::Topic;
-
-use crate::owned_sample::OwnedSample;
+use zerocopy::IntoBytes;
 
 /// A ring of samples of one topic.
 #[derive(Debug)]
 pub struct SampleRing {
-    /// A power of two of them.
-    slots: Vec<OwnedSample>,
+    /// One sample after the other, in whole words, because samples are read in place.
+    words: Box<[u64]>,
+    /// Words of a sample.
+    size: usize,
+    /// How many samples there are, a power of two, less one.
+    mask: u64,
 }
 
 impl SampleRing {
     /// A ring that holds the latest `depth` samples of `topic`, or more.
+    ///
+    /// # Panics
+    /// If that is more memory than can be addressed.
     #[must_use]
     pub fn new(topic: Topic, depth: u64) -> Self {
-        let slots = (0..depth.next_power_of_two()).map(|_| OwnedSample::of(topic));
+        // A sample begins with a header of whole words and has no padding that is not explicit.
+        let size = topic.kind().size / size_of::<u64>();
+        let depth = depth.next_power_of_two();
+        let samples = usize::try_from(depth).expect("that many samples can be addressed");
         Self {
-            slots: slots.collect(),
+            words: vec![0; samples * size].into_boxed_slice(),
+            size,
+            mask: depth - 1,
         }
     }
 
@@ -25,27 +36,27 @@ impl SampleRing {
     #[must_use]
     #[inline]
     pub fn depth(&self) -> u64 {
-        self.slots.len() as u64
+        self.mask + 1
     }
 
     /// The sample of a place in the sequence, if it has been written and not been overwritten since.
     #[must_use]
     #[inline]
     pub fn at(&self, place: u64) -> &[u8] {
-        self.slots[self.slot_of(place)].bytes()
+        let first = self.first_word_of(place);
+        self.words[first..first + self.size].as_bytes()
     }
 
     /// Where the sample of a place in the sequence is written.
     #[must_use]
     #[inline]
     pub fn at_mut(&mut self, place: u64) -> &mut [u8] {
-        let slot = self.slot_of(place);
-        self.slots[slot].bytes_mut()
+        let first = self.first_word_of(place);
+        self.words[first..first + self.size].as_mut_bytes()
     }
 
     #[inline]
-    fn slot_of(&self, place: u64) -> usize {
-        // The depth is a power of two.
-        usize::try_from(place & (self.depth() - 1)).expect("below the depth")
+    fn first_word_of(&self, place: u64) -> usize {
+        usize::try_from(place & self.mask).expect("below the depth") * self.size
     }
 }

@@ -160,13 +160,23 @@ impl Timetable {
         let (inputs, outputs) = (self.inputs.len(), self.outputs.len());
         service.step(now, &views[..inputs], &mut slots[..outputs]);
         for (slot, output) in slots.iter().zip(&self.outputs) {
-            if let Some(bytes) = slot.bytes.as_deref()
-                && let Some(field) = output.topic.kind().first_non_finite_field(bytes)
-            {
-                return Err(self.non_finite(now.tick, output.topic, field));
+            if let Some(bytes) = slot.bytes.as_deref() {
+                self.examine(now.tick, output.topic, bytes)?;
             }
         }
         Ok(())
+    }
+
+    /// Examines a sample that the service wrote at `tick`.
+    ///
+    /// # Errors
+    /// [`NonFinite`] if it holds a number that is not finite.
+    #[inline]
+    pub fn examine(&self, tick: u64, topic: Topic, bytes: &[u8]) -> Result<(), NonFinite> {
+        match topic.kind().first_non_finite_field(bytes) {
+            None => Ok(()),
+            Some(field) => Err(self.non_finite(tick, topic, field)),
+        }
     }
 
     #[cold]

@@ -33,13 +33,19 @@ pub struct Presence {
     pub rate: Rate,
     /// In the order of time, apart from each other.
     outages: Arc<[Outage]>,
+    /// Whether these are all ticks: most are, and are asked for at every one.
+    is_always: bool,
 }
 
 impl Presence {
     /// The ticks of `rate` but for `outages`, which are in the order of time and apart from each other.
     #[must_use]
     pub fn new(rate: Rate, outages: Arc<[Outage]>) -> Self {
-        Self { rate, outages }
+        Self {
+            rate,
+            is_always: rate == Rate::EVERY_TICK && outages.is_empty(),
+            outages,
+        }
     }
 
     /// Whether there are no outages.
@@ -47,6 +53,13 @@ impl Presence {
     #[inline]
     pub fn is_unbroken(&self) -> bool {
         self.outages.is_empty()
+    }
+
+    /// Whether these are all ticks.
+    #[must_use]
+    #[inline]
+    pub fn is_always(&self) -> bool {
+        self.is_always
     }
 
     /// The outages.
@@ -59,13 +72,16 @@ impl Presence {
     #[must_use]
     #[inline]
     pub fn occurs_at(&self, tick: u64) -> bool {
-        self.rate.occurs_at(tick) && (self.is_unbroken() || self.outage_at(tick).is_none())
+        self.is_always || self.rate.occurs_at(tick) && (self.is_unbroken() || self.outage_at(tick).is_none())
     }
 
     /// The last of the ticks that is not after `tick`.
     #[must_use]
     #[inline]
     pub fn last_at_or_before(&self, tick: u64) -> Option<u64> {
+        if self.is_always {
+            return Some(tick);
+        }
         let last = self.rate.last_at_or_before(tick)?;
         if self.is_unbroken() {
             Some(last)
@@ -102,6 +118,9 @@ impl Presence {
     #[must_use]
     #[inline]
     pub fn count_before(&self, tick: u64) -> u64 {
+        if self.is_always {
+            return tick;
+        }
         let count = self.rate.count_before(tick);
         if self.is_unbroken() {
             count
