@@ -264,7 +264,8 @@ impl Cockpit<'_> {
                 continue;
             };
             let publisher = inlet.publisher;
-            self.waiter.wait(publisher, || self.ports.look(at, tick, due))?;
+            self.waiter
+                .wait(publisher, due, || self.ports.look(at, tick, due))?;
         }
         Ok(())
     }

@@ -120,16 +120,18 @@ impl Waiter {
         }
     }
 
-    /// Waits until `arrived` says that the sample of `publisher` is here.
+    /// Waits until `arrived` says that the sample which `publisher` publishes at tick `due` is here.
     ///
     /// # Errors
     /// What `arrived` says, or that the wait was [`Interrupted`].
     pub fn wait<E: From<Interrupted>>(
         &mut self,
         publisher: ServiceId,
+        due: u64,
         mut arrived: impl FnMut() -> Result<bool, E>,
     ) -> Result<(), E> {
-        if arrived()? {
+        // Nobody looks for what has not been published; what has been this very moment is seen a look later.
+        if self.has_stepped(publisher, due) && arrived()? {
             return Ok(());
         }
         if let Some(leader) = &mut self.leader {
@@ -143,6 +145,12 @@ impl Waiter {
         let result = self.sleep_for(publisher, &mut arrived);
         self.cell().waiting_for.store(0, Ordering::Relaxed);
         result
+    }
+
+    #[inline]
+    fn has_stepped(&self, publisher: ServiceId, tick: u64) -> bool {
+        let cell = &self.page.words().cells[publisher.index()];
+        cell.steps_until.load(Ordering::Relaxed) > tick
     }
 
     #[inline]
@@ -184,12 +192,12 @@ impl Waiter {
         publisher: ServiceId,
         arrived: &mut impl FnMut() -> Result<bool, E>,
     ) -> Result<(), E> {
+        self.cell()
+            .waiting_for
+            .store(announcement(publisher), Ordering::Relaxed);
+        // Announcement before, every look after: pairs with the fence in `wake`.
+        fence(Ordering::SeqCst);
         loop {
-            self.cell()
-                .waiting_for
-                .store(announcement(publisher), Ordering::Relaxed);
-            // Announcement before, the look after: pairs with the fence in `wake`.
-            fence(Ordering::SeqCst);
             if arrived()? {
                 return Ok(());
             }
@@ -303,17 +311,35 @@ mod tests {
         waiter.doorbells[ServiceId::Estimator.index()].ring();
         let arrived = || {
             looks += 1;
-            Ok::<_, Interrupted>(looks > 3)
+            Ok::<_, Interrupted>(looks > 2)
         };
-        waiter.wait(ServiceId::Plant, arrived).unwrap();
-        assert_eq!(looks, 4);
+        waiter.wait(ServiceId::Plant, 0, arrived).unwrap();
+        assert_eq!(looks, 3);
         assert_eq!(waiter.cell().waiting_for.load(Ordering::Relaxed), 0);
+    }
+
+    #[test]
+    fn what_was_published_is_looked_for_at_once() {
+        let mut waiter = waiter(ServiceId::Estimator);
+        let plant = &waiter.page.words().cells[ServiceId::Plant.index()];
+        plant.steps_until.store(8, Ordering::Relaxed);
+        waiter
+            .wait(ServiceId::Plant, 7, || Ok::<_, Interrupted>(true))
+            .unwrap();
+        assert_eq!(waiter.cell().yields.load(Ordering::Relaxed), 0);
+        waiter
+            .wait(ServiceId::Plant, 8, || Ok::<_, Interrupted>(true))
+            .unwrap();
+        assert_eq!(waiter.cell().yields.load(Ordering::Relaxed), 1);
     }
 
     #[test]
     fn a_sleeper_ends_with_the_run() {
         let mut waiter = waiter(ServiceId::Plant);
         waiter.page.words().stopping.store(1, Ordering::Relaxed);
-        assert_eq!(waiter.wait(ServiceId::RcOutput, || Ok(false)), Err(Interrupted));
+        assert_eq!(
+            waiter.wait(ServiceId::RcOutput, 0, || Ok(false)),
+            Err(Interrupted)
+        );
     }
 }
