@@ -13,7 +13,9 @@ use common::processes::{await_successor, pid_of, processes_of, services_of, sign
 use common::{Place, begin, finish, output, scenario, succeed, until};
 use orchestrator::live::Snapshot;
 use orchestrator::log::{HostEvent, LogReader, ServiceStep};
+use orchestrator::scenario_file;
 use orchestrator::summary::z1_norm;
+use runtime::process::SPARE;
 use rustix::process::Signal;
 use shared_types::ServiceId;
 use shared_types::samples::{ControlErrors, RcFrame, VehicleTruth};
@@ -173,6 +175,51 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
             );
         }
     }
+    place.assert_nothing_is_left_of(orchestrator);
+}
+
+#[test]
+fn nobody_waits_for_the_dead() {
+    let _machine = the_machine();
+    let place = Place::new();
+    let child = take_off(&place, "out", 100.0);
+    let orchestrator = child.id();
+    // Whoever is to take the dead one's place is stopped meanwhile.
+    place.await_log("out", place.log_bytes("out") + 500_000);
+    let spare = until("the spare process", || {
+        let mut processes = processes_of(orchestrator).into_iter();
+        processes.find(|(name, _)| name == SPARE).map(|(_, pid)| pid)
+    });
+    signal(spare, Signal::STOP);
+    let dead = until("the service", || pid_of(orchestrator, ServiceId::PathGenerator));
+    signal(dead, Signal::KILL);
+    place.await_log("out", place.log_bytes("out") + 500_000);
+    signal(spare, Signal::CONT);
+    await_successor(orchestrator, ServiceId::PathGenerator, dead);
+    signal(orchestrator, Signal::INT);
+    assert_eq!(finish(child).status.code(), Some(130));
+
+    let steps: Vec<ServiceStep> = host_samples(&place, "out", "host/steps");
+    let controller = ServiceId::Controller;
+    let own = steps
+        .iter()
+        .filter(|step| step.service as usize == controller.index());
+    let in_vain: Vec<_> = own.filter(|step| step.late_inputs != 0).collect();
+    assert!(in_vain.len() > 5, "{} steps without a reference", in_vain.len());
+    let flown = scenario_file::load(&scenario("fig3_6"), &[], None).unwrap();
+    let schedule = flown.schedule().unwrap();
+    let tick_ns = schedule.tick_ns();
+    let half_a_period_ns = schedule.service_rate(controller).period * tick_ns / 2;
+    let prompt = in_vain.iter().filter(|step| {
+        let begins_ns = step.tick * tick_ns;
+        step.began_ns < begins_ns + half_a_period_ns
+    });
+    // Not the one that waited when it died, and not all where the machine keeps them waiting.
+    let (prompt, all) = (prompt.count(), in_vain.len());
+    assert!(
+        2 * prompt > all,
+        "{prompt} of {all} steps did not wait for the dead"
+    );
     place.assert_nothing_is_left_of(orchestrator);
 }
 

@@ -43,7 +43,6 @@ fn rebirths(place: &Place, out: &str) -> Vec<String> {
     rebirths.into_iter().flatten().map(ToString::to_string).collect()
 }
 
-/// How many deaths of spare processes the record of the machine tells of.
 /// How the spare processes of a run have ended, in the words of its record.
 fn deaths_of_spares(place: &Place, out: &str) -> Vec<String> {
     let record = std::fs::read(place.path(out).join("host.mcap")).unwrap();

@@ -287,7 +287,9 @@ impl<'a> Crew<'a> {
     }
 
     fn say_go(&self, service: ServiceId, reborn: bool) -> Result<(), FlightFailure> {
-        let start_ns = self.page.words().start_ns.load(Ordering::Acquire);
+        let words = self.page.words();
+        words.cells[service.index()].gone.store(0, Ordering::SeqCst);
+        let start_ns = words.start_ns.load(Ordering::Acquire);
         self.say(service, &ToService::Go { reborn, start_ns })
     }
 

@@ -63,6 +63,33 @@ pub fn use_scheduler(scheduler: Scheduler) -> std::io::Result<()> {
     }
 }
 
+/// Shortest time slice that the system gives, ns.
+const SHORTEST_SLICE_NS: u64 = 100_000;
+
+/// Lets this thread of the fair scheduler have its core for short whiles only, in return for which it need not wait until
+/// another one's while is over when it wakes; since Linux 6.12, before it changes nothing. Everyone may.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn use_short_slices() -> std::io::Result<()> {
+    // SAFETY: a structure of numbers only.
+    let mut attributes: libc::sched_attr = unsafe { std::mem::zeroed() };
+    let size = u32::try_from(size_of_val(&attributes)).expect("a small structure");
+    // SAFETY: the attributes are as large as stated and outlive the call; 0 is the calling thread.
+    let read = unsafe { libc::syscall(libc::SYS_sched_getattr, 0, &raw mut attributes, size, 0) };
+    if read != 0 {
+        return Err(std::io::Error::last_os_error());
+    }
+    attributes.sched_runtime = SHORTEST_SLICE_NS;
+    // SAFETY: as above.
+    let written = unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) };
+    if written == 0 {
+        Ok(())
+    } else {
+        Err(std::io::Error::last_os_error())
+    }
+}
+
 /// Puts this thread under `SCHED_FIFO` with a priority of 1 to 99.
 ///
 /// # Errors

@@ -95,6 +95,13 @@ impl Mailbox {
         self.edge.due_sample(tick) == Some(tick)
     }
 
+    /// Whether any sample has come.
+    #[must_use]
+    #[inline]
+    pub fn has_any(&self) -> bool {
+        self.newest.is_some()
+    }
+
     /// Takes what has come; tells whether the sample of `tick` or a newer one has.
     ///
     /// # Errors

@@ -222,6 +222,10 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
         (None, Scheduler::Batch) if deployment::use_scheduler(Scheduler::Batch).is_ok() => Scheduler::Batch,
         _ => Scheduler::Fair,
     };
+    if start.host == Host::RealTime && scheduler == Scheduler::Fair {
+        // Only later now and then, beside others who work for long, if it is refused.
+        let _ = deployment::use_short_slices();
+    }
     (scheduler, refusals.iter().map(ToString::to_string).collect())
 }
 

@@ -3,8 +3,9 @@
 //! The schedule is that of lock-step, with ticks on `CLOCK_MONOTONIC`. A step begins when its tick does, and for inputs
 //! that are published at the same tick, as soon as they have come: the chain from the capture to the radio frame runs
 //! at the beginning of a tick, each service woken by the one before. Whoever waits in vain flies, after a grace, with
-//! what it has; whoever wakes too late leaves out the steps whose time has passed. So a flight in which nothing is late
-//! is the flight of lock-step, sample by sample, and else every deviation is in the records of the steps
+//! what it has, and at once where whom it waits for is known to be dead; whoever wakes too late leaves out the steps
+//! whose time has passed. So a flight in which nothing is late is the flight of lock-step, sample by sample, and else
+//! every deviation is in the records of the steps
 //! ([`crate::step_log`]), from which they can be done again.
 //!
 //! The simulated world is the exception: it leaves out no step, since its time does not stand still, and makes up for
@@ -263,7 +264,8 @@ impl Cockpit<'_> {
         if self.ports.mailboxes[place].has_come(tick)? {
             return Ok(true);
         }
-        let announced = announcement(self.ports.mailboxes[place].publisher);
+        let publisher = self.ports.mailboxes[place].publisher;
+        let announced = announcement(publisher);
         self.cell(service).waiting_for.store(announced, Ordering::Relaxed);
         let has_come = loop {
             let rung = self.cell(service).bell.load(Ordering::SeqCst);
@@ -275,10 +277,10 @@ impl Cockpit<'_> {
             if self.is_stopping() {
                 return Err(FlightError::Stopping);
             }
-            if monotonic_ns() >= give_up_at {
+            if monotonic_ns() >= give_up_at || self.need_not_wait_for(publisher, place) {
                 break false;
             }
-            if self.guests[self.ports.mailboxes[place].publisher.index()] {
+            if self.guests[publisher.index()] {
                 let left = give_up_at.saturating_sub(monotonic_ns());
                 self.doorbells[service.index()].sleep_up_to(left);
             } else {
@@ -288,6 +290,14 @@ impl Cockpit<'_> {
         };
         self.cell(service).waiting_for.store(0, Ordering::Relaxed);
         Ok(has_come)
+    }
+
+    /// Whether an input's publisher is dead and something of it has come that one can fly on. Whoever has only just been
+    /// born has nothing, and waits.
+    #[inline]
+    fn need_not_wait_for(&self, publisher: ServiceId, place: usize) -> bool {
+        let is_gone = self.cell(publisher).gone.load(Ordering::Relaxed) != 0;
+        is_gone && self.ports.mailboxes[place].has_any()
     }
 
     #[inline]

@@ -55,6 +55,9 @@ pub struct Cell {
     pub bell: AtomicU32,
     /// How many of the births this service has seen, and is connected to what came of them.
     pub births_seen: AtomicU32,
+    /// Not 0 from the moment when the service's death is noticed until another process flies in its place: in real time
+    /// nobody waits for it meanwhile.
+    pub gone: AtomicU32,
     /// 1 + the last tick that the service has stepped, 0 before the first.
     pub steps_until: AtomicU64,
     /// Steps.

@@ -38,6 +38,7 @@ impl Crew<'_> {
         if is_over || words.stopping.load(Ordering::Relaxed) != 0 {
             return None;
         }
+        cell.gone.store(1, Ordering::SeqCst);
         if let Some(failure) = self.guests_last_end(at, &exit) {
             self.members[at].phase = Phase::GivenUp;
             return Some(CrewEvent::Lost(failure));
