@@ -299,10 +299,15 @@ fn wait_on_the_ground(place: &Place) -> Child {
 
 /// Waits for a phase of the only live run.
 fn await_phase(place: &Place, phase: &str) {
+    let mut seen = None;
     until(phase, || {
-        place
-            .look()
-            .filter(|snapshot| snapshot.phase.as_deref() == Some(phase))
+        let snapshot = place.look()?;
+        if snapshot.phase != seen {
+            // For whoever asks why it never came.
+            eprintln!("{} s: {:?}", snapshot.time, snapshot.phase);
+            seen.clone_from(&snapshot.phase);
+        }
+        (snapshot.phase.as_deref() == Some(phase)).then_some(())
     });
 }
 
