@@ -46,8 +46,7 @@ pub(super) fn thousand_rounds_per_second(
         std::thread::yield_now();
     }
     let started = Instant::now();
-    words.stopping.store(1, Ordering::Release);
-    rustix::io::write(&events[0], &1u64.to_ne_bytes())?;
+    ring_bell(&events[0])?;
     members.wait()?;
     #[expect(clippy::cast_precision_loss, reason = "few rounds")]
     Ok(rounds as f64 / 1000.0 / started.elapsed().as_secs_f64())
@@ -125,9 +124,13 @@ pub fn ring_member(arguments: &RingMember) -> Result<(), Failure> {
 fn go_around(arguments: &RingMember) -> std::io::Result<()> {
     deployment::die_with_parent()?;
     deployment::pin_to(&[arguments.core])?;
-    if arguments.fifo {
-        deployment::use_scheduler(Scheduler::Fifo)?;
-    }
+    // As batch, who is woken waits for its turn, as under FIFO.
+    let scheduler = if arguments.fifo {
+        Scheduler::Fifo
+    } else {
+        Scheduler::Batch
+    };
+    deployment::use_scheduler(scheduler)?;
     let page = SharedPage::open(inherited(PAGE_FD)?)?;
     let events = (FIRST_EVENT_FD..)
         .take(MEMBERS)
@@ -141,22 +144,33 @@ fn go_around(arguments: &RingMember) -> std::io::Result<()> {
     let words = page.words();
     words.misses.fetch_add(1, Ordering::AcqRel);
     let turns = |place: usize| words.cells[place].steps_until.load(Ordering::Acquire);
+    let sleep = || rustix::io::retry_on_intr(|| rustix::io::read(&events[me], &mut [0u8; 8])).map(drop);
+    if arguments.wait == RingWait::Yield {
+        sleep()?;
+        // Yields keep the order in which they begin: the first one makes all ready in the ring's, before it yields itself.
+        // In another order it takes several yields to hand on the turn.
+        let others = if me == 0 { &events[1..] } else { &[] };
+        others.iter().try_for_each(ring_bell)?;
+    }
     for round in 0..arguments.rounds {
         let needed = if me == 0 { round } else { round + 1 };
         match arguments.wait {
             RingWait::Yield => {
-                while turns(before) < needed || words.stopping.load(Ordering::Acquire) == 0 {
+                while turns(before) < needed {
                     rustix::thread::sched_yield();
                 }
             }
-            RingWait::Eventfd => {
-                rustix::io::retry_on_intr(|| rustix::io::read(&events[me], &mut [0u8; 8]))?;
-            }
+            RingWait::Eventfd => sleep()?,
         }
         words.cells[me].steps_until.store(round + 1, Ordering::Release);
         if arguments.wait == RingWait::Eventfd {
-            rustix::io::write(&events[after], &1u64.to_ne_bytes())?;
+            ring_bell(&events[after])?;
         }
     }
+    Ok(())
+}
+
+fn ring_bell(event: &OwnedFd) -> std::io::Result<()> {
+    rustix::io::write(event, &1u64.to_ne_bytes())?;
     Ok(())
 }
