@@ -113,6 +113,12 @@ fn punctual_samples(place: &Place, out: &str, theirs: &BTreeMap<(u64, usize), Ve
         .count()
 }
 
+/// A service's own steps.
+fn of_service(steps: &[ServiceStep], service: ServiceId) -> impl Iterator<Item = &ServiceStep> {
+    let is_own = move |step: &&ServiceStep| step.service as usize == service.index();
+    steps.iter().filter(is_own)
+}
+
 #[test]
 fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() {
     let _machine = the_machine();
@@ -159,9 +165,7 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
     assert!(distance < 0.2, "‖z1‖ ended at {distance} m");
     let steps: Vec<ServiceStep> = host_samples(&place, "out", "host/steps");
     for service in ServiceId::ALL {
-        let own = steps
-            .iter()
-            .filter(|step| step.service as usize == service.index());
+        let own = of_service(&steps, service);
         // A step that its process did not survive is told, but not remembered by the next.
         let apart: Vec<_> = own
             .filter_map(|step| Some((step.tick - step.previous.checked_sub(1)?, u64::from(step.missed))))
@@ -201,10 +205,9 @@ fn nobody_waits_for_the_dead() {
 
     let steps: Vec<ServiceStep> = host_samples(&place, "out", "host/steps");
     let controller = ServiceId::Controller;
-    let own = steps
-        .iter()
-        .filter(|step| step.service as usize == controller.index());
-    let in_vain: Vec<_> = own.filter(|step| step.late_inputs != 0).collect();
+    let in_vain: Vec<_> = of_service(&steps, controller)
+        .filter(|step| step.late_inputs != 0)
+        .collect();
     assert!(in_vain.len() > 5, "{} steps without a reference", in_vain.len());
     let flown = scenario_file::load(&scenario("fig3_6"), &[], None).unwrap();
     let schedule = flown.schedule().unwrap();

@@ -76,18 +76,10 @@ pub fn use_short_slices() -> std::io::Result<()> {
     let mut attributes: libc::sched_attr = unsafe { std::mem::zeroed() };
     let size = u32::try_from(size_of_val(&attributes)).expect("a small structure");
     // SAFETY: the attributes are as large as stated and outlive the call; 0 is the calling thread.
-    let read = unsafe { libc::syscall(libc::SYS_sched_getattr, 0, &raw mut attributes, size, 0) };
-    if read != 0 {
-        return Err(std::io::Error::last_os_error());
-    }
+    done(unsafe { libc::syscall(libc::SYS_sched_getattr, 0, &raw mut attributes, size, 0) })?;
     attributes.sched_runtime = SHORTEST_SLICE_NS;
     // SAFETY: as above.
-    let written = unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) };
-    if written == 0 {
-        Ok(())
-    } else {
-        Err(std::io::Error::last_os_error())
-    }
+    done(unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) })
 }
 
 /// Puts this thread under `SCHED_FIFO` with a priority of 1 to 99.
@@ -115,8 +107,12 @@ fn raised_limit(resource: Resource) -> Option<u64> {
 fn set_policy(policy: i32, sched_priority: i32) -> std::io::Result<()> {
     let parameters = libc::sched_param { sched_priority };
     // SAFETY: the parameters are valid and outlive the call; 0 is the calling thread.
-    let result = unsafe { libc::sched_setscheduler(0, policy, &raw const parameters) };
-    if result == 0 {
+    done(unsafe { libc::sched_setscheduler(0, policy, &raw const parameters) }.into())
+}
+
+/// What a call of libc says that answers 0 once it is done.
+fn done(answer: libc::c_long) -> std::io::Result<()> {
+    if answer == 0 {
         Ok(())
     } else {
         Err(std::io::Error::last_os_error())

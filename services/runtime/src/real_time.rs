@@ -5,8 +5,7 @@
 //! at the beginning of a tick, each service woken by the one before. Whoever waits in vain flies, after a grace, with
 //! what it has, and at once where whom it waits for is known to be dead; whoever wakes too late leaves out the steps
 //! whose time has passed. So a flight in which nothing is late is the flight of lock-step, sample by sample, and else
-//! every deviation is in the records of the steps
-//! ([`crate::step_log`]), from which they can be done again.
+//! every deviation is in the records of the steps ([`crate::step_log`]), from which they can be done again.
 //!
 //! The simulated world is the exception: it leaves out no step, since its time does not stand still, and makes up for
 //! those that it could not do in time. The real world of a laboratory needs nobody who does that for it.

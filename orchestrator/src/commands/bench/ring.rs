@@ -1,14 +1,14 @@
 //! Bare rings: five processes on one core that hand on nothing but the turn. The floor of lock-step flight.
 
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::AsFd;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use runtime::deployment::{self, Scheduler};
 use runtime::descriptors::{hand_on, inherited};
+use runtime::doorbell::Doorbell;
 use runtime::shared_page::SharedPage;
-use rustix::event::{EventfdFlags, eventfd};
 use shared_types::ServiceId;
 
 use crate::cli::{RingMember, RingWait};
@@ -17,7 +17,7 @@ use crate::exit::Exit;
 
 const MEMBERS: usize = ServiceId::ALL.len();
 const PAGE_FD: i32 = 3;
-const FIRST_EVENT_FD: i32 = 4;
+const FIRST_DOORBELL_FD: i32 = 4;
 
 /// Thousands of rounds per second of a bare ring on `core`.
 ///
@@ -30,14 +30,14 @@ pub(super) fn thousand_rounds_per_second(
     rounds: u64,
 ) -> std::io::Result<f64> {
     let page = SharedPage::create()?;
-    let events = (0..MEMBERS)
-        .map(|_| eventfd(0, EventfdFlags::CLOEXEC))
-        .collect::<Result<Vec<_>, _>>()?;
+    let doorbells = (0..MEMBERS)
+        .map(|_| Doorbell::create())
+        .collect::<std::io::Result<Vec<_>>>()?;
     let mut members = Members(Vec::new());
     for place in 0..MEMBERS {
         members
             .0
-            .push(spawn(place, wait, fifo, core, rounds, &page, &events)?);
+            .push(spawn(place, wait, fifo, core, rounds, &page, &doorbells)?);
     }
     // Everyone has arrived: the first may begin.
     let words = page.words();
@@ -46,7 +46,7 @@ pub(super) fn thousand_rounds_per_second(
         std::thread::yield_now();
     }
     let started = Instant::now();
-    ring_bell(&events[0])?;
+    doorbells[0].ring();
     members.wait()?;
     #[expect(clippy::cast_precision_loss, reason = "few rounds")]
     Ok(rounds as f64 / 1000.0 / started.elapsed().as_secs_f64())
@@ -93,7 +93,7 @@ fn spawn(
     core: usize,
     rounds: u64,
     page: &SharedPage,
-    events: &[OwnedFd],
+    doorbells: &[Doorbell],
 ) -> std::io::Result<Child> {
     let mut command = Command::new("/proc/self/exe");
     command.args(["ring-member", &place.to_string(), &rounds.to_string()]);
@@ -108,7 +108,7 @@ fn spawn(
     if fifo {
         command.arg("--fifo");
     }
-    let files = std::iter::once(page.file()).chain(events.iter().map(AsFd::as_fd));
+    let files = std::iter::once(page.file()).chain(doorbells.iter().map(AsFd::as_fd));
     hand_on(&mut command, PAGE_FD, files)?;
     command.spawn()
 }
@@ -124,17 +124,16 @@ pub fn ring_member(arguments: &RingMember) -> Result<(), Failure> {
 fn go_around(arguments: &RingMember) -> std::io::Result<()> {
     deployment::die_with_parent()?;
     deployment::pin_to(&[arguments.core])?;
-    // As batch, who is woken waits for its turn, as under FIFO.
-    let scheduler = if arguments.fifo {
-        Scheduler::Fifo
+    if arguments.fifo {
+        deployment::use_scheduler(Scheduler::Fifo)?;
     } else {
-        Scheduler::Batch
-    };
-    deployment::use_scheduler(scheduler)?;
+        // Who is woken waits for its turn, as under FIFO. It needs no privilege; a sandbox that refuses it costs order.
+        let _ = deployment::use_scheduler(Scheduler::Batch);
+    }
     let page = SharedPage::open(inherited(PAGE_FD)?)?;
-    let events = (FIRST_EVENT_FD..)
+    let doorbells = (FIRST_DOORBELL_FD..)
         .take(MEMBERS)
-        .map(inherited)
+        .map(|file| inherited(file).map(Doorbell::inherited))
         .collect::<std::io::Result<Vec<_>>>()?;
     let (me, before, after) = (
         arguments.place,
@@ -144,13 +143,12 @@ fn go_around(arguments: &RingMember) -> std::io::Result<()> {
     let words = page.words();
     words.misses.fetch_add(1, Ordering::AcqRel);
     let turns = |place: usize| words.cells[place].steps_until.load(Ordering::Acquire);
-    let sleep = || rustix::io::retry_on_intr(|| rustix::io::read(&events[me], &mut [0u8; 8])).map(drop);
     if arguments.wait == RingWait::Yield {
-        sleep()?;
+        doorbells[me].sleep();
         // Yields keep the order in which they begin: the first one makes all ready in the ring's, before it yields itself.
         // In another order it takes several yields to hand on the turn.
-        let others = if me == 0 { &events[1..] } else { &[] };
-        others.iter().try_for_each(ring_bell)?;
+        let others = if me == 0 { &doorbells[1..] } else { &[] };
+        others.iter().for_each(Doorbell::ring);
     }
     for round in 0..arguments.rounds {
         let needed = if me == 0 { round } else { round + 1 };
@@ -160,17 +158,12 @@ fn go_around(arguments: &RingMember) -> std::io::Result<()> {
                     rustix::thread::sched_yield();
                 }
             }
-            RingWait::Eventfd => sleep()?,
+            RingWait::Eventfd => doorbells[me].sleep(),
         }
         words.cells[me].steps_until.store(round + 1, Ordering::Release);
         if arguments.wait == RingWait::Eventfd {
-            ring_bell(&events[after])?;
+            doorbells[after].ring();
         }
     }
-    Ok(())
-}
-
-fn ring_bell(event: &OwnedFd) -> std::io::Result<()> {
-    rustix::io::write(event, &1u64.to_ne_bytes())?;
     Ok(())
 }
