@@ -11,7 +11,6 @@ use std::time::Duration;
 use common::laboratory::free_port;
 use common::processes::signal;
 use common::{Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
-use orchestrator::live::Snapshot;
 use orchestrator::log::LogReader;
 use rustix::process::Signal;
 use serde_json::Value;
@@ -120,10 +119,6 @@ fn flown(place: &Place, flight: &str, world: &str) -> bool {
     let run = ["--host", "realtime", "--out", flight];
     let run = begin(&mut place.gerono(&arguments("run", &settings, &run)));
     let orchestrator = run.id();
-    ask("arming", || {
-        let asked = place.gerono(&["arm"]).output().unwrap();
-        asked.status.success().then_some(())
-    });
     let stayed = flies_in_the_jet_and_through_deaths(place);
     succeed(&mut place.gerono(&["stop"]));
     let ended = finish(run);
@@ -138,25 +133,44 @@ fn flown(place: &Place, flight: &str, world: &str) -> bool {
     kept_time
 }
 
+/// Arms until the vehicle comes to the path; whether it does. One that loses sight of itself on the ground disarms, as it
+/// should, and its operator arms again.
+fn comes_to_the_path(place: &Place) -> bool {
+    let mut was_in_the_air = false;
+    ask("the path", || {
+        let phase = place.look()?.phase?;
+        match phase.as_str() {
+            "fly" => Some(true),
+            "land" => Some(false),
+            "disarmed" if was_in_the_air => Some(false),
+            "disarmed" => {
+                // Refused while there is nothing to see: asked again.
+                place.gerono(&["arm"]).output().unwrap();
+                None
+            }
+            "take-off" => {
+                was_in_the_air = true;
+                None
+            }
+            _ => None,
+        }
+    })
+}
+
 /// Whether the vehicle comes to the path and stays there.
 fn flies_in_the_jet_and_through_deaths(place: &Place) -> bool {
-    let comes = |snapshot: Snapshot| match snapshot.phase.as_deref() {
-        Some("fly") => Some(true),
-        Some("land" | "disarmed") => Some(false),
-        _ => None,
-    };
     let is_flying = || {
         place
             .look()
             .is_some_and(|snapshot| snapshot.phase.as_deref() == Some("fly"))
     };
-    if !ask("the path", || place.look().and_then(comes)) {
+    if !comes_to_the_path(place) {
         return false;
     }
     let stayed = ask("the time in the jet", || {
         let snapshot = place.look()?;
         let is_over = snapshot.time >= FAN + IN_THE_JET;
-        (is_over || comes(snapshot) == Some(false)).then(is_flying)
+        (is_over || matches!(snapshot.phase.as_deref(), Some("land" | "disarmed"))).then(is_flying)
     });
     stayed
         && ServiceId::ALL.into_iter().all(|service| {
