@@ -86,7 +86,7 @@ pub struct DeploymentArguments {
     /// Let the system place the services instead of keeping them together on the idlest core.
     #[arg(long)]
     pub no_pin: bool,
-    /// Let a waiting service always sleep instead of yielding once first.
+    /// Let a waiting service always sleep instead of yielding first.
     #[arg(long)]
     pub no_yield: bool,
     /// How often in a row a service is started again without having flown a tick more [default: 8].

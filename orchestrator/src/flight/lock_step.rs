@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use runtime::control::Host;
 use runtime::in_process::TickSink;
 use runtime::ports::Delivery;
-use runtime::wait::BLOCK_ALWAYS;
+use runtime::verdict::BLOCK_ALWAYS;
 use shared_types::scenario::Scenario;
 
 use super::crew::{BIRTH_PERIOD, Crew, CrewEvent, CrewObserver};

@@ -25,7 +25,7 @@ use crate::shared_file::SharedFile;
 pub struct Words {
     /// Not 0 when the run is to end: nobody shall wait any longer.
     pub stopping: AtomicU32,
-    /// Not 0 while yielding does not pay and everyone shall block at once; see [`crate::wait::BLOCK_ALWAYS`].
+    /// Not 0 while yielding does not pay and everyone shall block at once; see [`crate::verdict::BLOCK_ALWAYS`].
     pub block_only: AtomicU32,
     /// Yields that gave the core away for nothing or for too long, since the last verdict.
     pub misses: AtomicU32,

@@ -1,10 +1,7 @@
-//! Waiting for a sample in lock-step: look first, yield once, then sleep on the doorbell.
+//! Waiting for a sample in lock-step: look first, yield, then sleep on the doorbell.
 //!
-//! With the processes of the ring on one core, one `sched_yield` usually lets the publisher run and costs a
-//! third of a sleep. With a foreign load on the core every yield gives away a slice of milliseconds instead.
-//! Hence an adaptive verdict that one process, the leader, passes for all through the shared page: everybody
-//! counts misses (a fruitless yield counts 1, a slow one 21); over `MISS_LIMIT` of them within
-//! `VERDICT_WAITS` waits of the leader, all only sleep for a while that grows fourfold each time.
+//! With the processes of the ring on one core, one `sched_yield` lets the publisher run and costs half of a sleep, if they
+//! have come to the ring's order ([`crate::ring_order`]) and nobody else is on the core ([`crate::verdict`]).
 //!
 //! A wake-up is never lost: the consumer announces whom it sleeps for, then looks again; a publisher
 //! publishes, then looks for the announcement. Only the consumer takes its announcement back.
@@ -14,7 +11,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{Ordering, fence};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use shared_types::ServiceId;
 use shared_types::scenario::Guests;
@@ -22,18 +19,12 @@ use shared_types::scenario::Guests;
 use crate::control::Channel;
 use crate::deployment::Scheduler;
 use crate::doorbell::Doorbell;
+use crate::ring_order::RingOrder;
 use crate::shared_page::{Cell, SharedPage};
+use crate::verdict::{self, Leader};
 
-/// Value of the shared page's `block_only` with which no verdict lets anybody yield again.
-pub const BLOCK_ALWAYS: u32 = 2;
-
-const MISS_LIMIT: u32 = 40;
-const SLOW_YIELD: Duration = Duration::from_micros(300);
-const SLOW_YIELD_MISSES: u32 = 21;
-const VERDICT_WAITS: u32 = 256;
-const LONGEST_BLOCKING: u32 = 65_536;
-/// Under `SCHED_FIFO` the ring's order is strict and yields never leave it: a few more pay.
-const FIFO_YIELDS: u32 = 16;
+/// In whatever order the ring's five are, the turn comes round to all within fewer.
+const YIELDS: u32 = 16;
 
 /// The wait ended without what was waited for: the run ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +38,7 @@ pub struct Waiter {
     channel: Channel,
     scheduler: Scheduler,
     guests: Guests,
+    order: RingOrder,
     leader: Option<Leader>,
 }
 
@@ -70,6 +62,7 @@ impl Waiter {
             channel,
             scheduler,
             guests,
+            order: RingOrder::new(me, scheduler),
             leader,
         }
     }
@@ -134,10 +127,15 @@ impl Waiter {
         if self.has_stepped(publisher, due) && arrived()? {
             return Ok(());
         }
-        if let Some(leader) = &mut self.leader {
-            leader.pass_verdict(&self.page);
+        let lap = self.leader.as_mut().map(|leader| {
+            leader.pass_verdict(self.page.words(), verdict::is_yield_slow);
+            Instant::now()
+        });
+        let is_here = self.yield_for(&mut arrived)?;
+        if let Some(began) = lap {
+            verdict::count_lap(self.page.words(), began.elapsed());
         }
-        if self.yield_for(&mut arrived)? {
+        if is_here {
             Cell::count(&self.cell().yields);
             return Ok(());
         }
@@ -154,37 +152,25 @@ impl Waiter {
     }
 
     #[inline]
-    fn yield_for<E>(&self, arrived: &mut impl FnMut() -> Result<bool, E>) -> Result<bool, E> {
-        if self.scheduler == Scheduler::Fifo {
-            return self.yield_under_fifo(arrived);
-        }
-        let words = self.page.words();
-        // The leader's verdict, or the evidence for it: a slow yield costs a tick or two, so nobody waits
-        // for the leader to come round.
-        if words.block_only.load(Ordering::Relaxed) != 0 || words.misses.load(Ordering::Relaxed) > MISS_LIMIT
-        {
-            return Ok(false);
-        }
-        let before = Instant::now();
-        rustix::thread::sched_yield();
-        let slow = before.elapsed() > SLOW_YIELD;
-        let here = arrived()?;
-        if slow {
-            words.misses.fetch_add(SLOW_YIELD_MISSES, Ordering::Relaxed);
-        } else if !here {
-            words.misses.fetch_add(1, Ordering::Relaxed);
-        }
-        Ok(here)
-    }
-
-    fn yield_under_fifo<E>(&self, arrived: &mut impl FnMut() -> Result<bool, E>) -> Result<bool, E> {
-        for _ in 0..FIFO_YIELDS {
-            rustix::thread::sched_yield();
+    fn yield_for<E>(&mut self, arrived: &mut impl FnMut() -> Result<bool, E>) -> Result<bool, E> {
+        for _ in 0..YIELDS {
+            if !self.may_yield() {
+                return Ok(false);
+            }
+            self.order.yield_core();
             if arrived()? {
                 return Ok(true);
             }
+            self.order.was_in_vain();
+            verdict::count_miss(self.page.words());
         }
         Ok(false)
+    }
+
+    /// Under `SCHED_FIFO` nobody else has the core, and yielding pays whatever the verdict.
+    #[inline]
+    fn may_yield(&self) -> bool {
+        self.scheduler == Scheduler::Fifo || verdict::is_to_yield(self.page.words())
     }
 
     fn sleep_for<E: From<Interrupted>>(
@@ -216,82 +202,9 @@ pub fn announcement(publisher: ServiceId) -> u32 {
     1 + u32::try_from(publisher.index()).expect("few services")
 }
 
-/// Decides for all whether yielding pays.
-#[derive(Debug)]
-struct Leader {
-    waits_left: u32,
-    blocking_waits: u32,
-}
-
-impl Default for Leader {
-    fn default() -> Self {
-        Self {
-            waits_left: VERDICT_WAITS,
-            blocking_waits: VERDICT_WAITS,
-        }
-    }
-}
-
-impl Leader {
-    #[inline]
-    fn pass_verdict(&mut self, page: &SharedPage) {
-        let words = page.words();
-        if words.block_only.load(Ordering::Relaxed) == BLOCK_ALWAYS {
-            return;
-        }
-        if words.misses.load(Ordering::Relaxed) > MISS_LIMIT {
-            words.block_only.store(1, Ordering::Relaxed);
-            words.misses.store(0, Ordering::Relaxed);
-            self.waits_left = self.blocking_waits;
-            self.blocking_waits = (4 * self.blocking_waits).min(LONGEST_BLOCKING);
-        }
-        self.waits_left -= 1;
-        if self.waits_left == 0 {
-            let was_blocking = words.block_only.swap(0, Ordering::Relaxed) != 0;
-            words.misses.store(0, Ordering::Relaxed);
-            if !was_blocking {
-                // A quiet spell is over: the next load is a new one.
-                self.blocking_waits = (self.blocking_waits / 4).max(VERDICT_WAITS);
-            }
-            self.waits_left = VERDICT_WAITS;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn many_misses_stop_everyone_from_yielding_for_ever_longer_whiles() {
-        let page = SharedPage::create().unwrap();
-        let mut leader = Leader::default();
-        let mut spells = Vec::new();
-        for _ in 0..3 {
-            page.words().misses.store(MISS_LIMIT + 1, Ordering::Relaxed);
-            let mut waits = 0;
-            loop {
-                leader.pass_verdict(&page);
-                waits += 1;
-                if page.words().block_only.load(Ordering::Relaxed) == 0 {
-                    break;
-                }
-            }
-            spells.push(waits);
-        }
-        assert_eq!(spells, [VERDICT_WAITS, 4 * VERDICT_WAITS, 16 * VERDICT_WAITS]);
-    }
-
-    #[test]
-    fn a_few_misses_do_not() {
-        let page = SharedPage::create().unwrap();
-        let mut leader = Leader::default();
-        for _ in 0..10 * VERDICT_WAITS {
-            page.words().misses.store(MISS_LIMIT, Ordering::Relaxed);
-            leader.pass_verdict(&page);
-            assert_eq!(page.words().block_only.load(Ordering::Relaxed), 0);
-        }
-    }
 
     fn waiter(me: ServiceId) -> Waiter {
         let page = Arc::new(SharedPage::create().unwrap());

@@ -8,6 +8,7 @@ use std::time::Instant;
 use runtime::deployment::{self, Scheduler};
 use runtime::descriptors::{hand_on, inherited};
 use runtime::doorbell::Doorbell;
+use runtime::ring_order::RingOrder;
 use runtime::shared_page::SharedPage;
 use shared_types::ServiceId;
 
@@ -124,11 +125,15 @@ pub fn ring_member(arguments: &RingMember) -> Result<(), Failure> {
 fn go_around(arguments: &RingMember) -> std::io::Result<()> {
     deployment::die_with_parent()?;
     deployment::pin_to(&[arguments.core])?;
-    if arguments.fifo {
-        deployment::use_scheduler(Scheduler::Fifo)?;
-    } else {
-        // Who is woken waits for its turn, as under FIFO. It needs no privilege; a sandbox that refuses it costs order.
-        let _ = deployment::use_scheduler(Scheduler::Batch);
+    let scheduler = match arguments.wait {
+        _ if arguments.fifo => Scheduler::Fifo,
+        RingWait::Yield => Scheduler::Fair,
+        RingWait::Eventfd => Scheduler::Batch,
+    };
+    match deployment::use_scheduler(scheduler) {
+        // A sandbox may refuse it: then who is woken now and then pushes off the core who woke it.
+        Err(_) if scheduler == Scheduler::Batch => {}
+        result => result?,
     }
     let page = SharedPage::open(inherited(PAGE_FD)?)?;
     let doorbells = (FIRST_DOORBELL_FD..)
@@ -145,19 +150,25 @@ fn go_around(arguments: &RingMember) -> std::io::Result<()> {
     let turns = |place: usize| words.cells[place].steps_until.load(Ordering::Acquire);
     if arguments.wait == RingWait::Yield {
         doorbells[me].sleep();
-        // Yields keep the order in which they begin: the first one makes all ready in the ring's, before it yields itself.
-        // In another order it takes several yields to hand on the turn.
+        // Under FIFO yields keep the order in which they begin: the first one makes all ready in the ring's, before it
+        // yields itself.
         let others = if me == 0 { &doorbells[1..] } else { &[] };
         others.iter().for_each(Doorbell::ring);
     }
+    let mut order = RingOrder::new(ServiceId::ALL[me], scheduler);
     for round in 0..arguments.rounds {
         let needed = if me == 0 { round } else { round + 1 };
         match arguments.wait {
-            RingWait::Yield => {
-                while turns(before) < needed {
-                    rustix::thread::sched_yield();
+            RingWait::Yield => loop {
+                if turns(before) >= needed {
+                    break;
                 }
-            }
+                order.yield_core();
+                if turns(before) >= needed {
+                    break;
+                }
+                order.was_in_vain();
+            },
             RingWait::Eventfd => doorbells[me].sleep(),
         }
         words.cells[me].steps_until.store(round + 1, Ordering::Release);

@@ -1,0 +1,170 @@
+//! Whether those who wait in lock-step yield or sleep.
+//!
+//! With a foreign load on the core a yield gives away a slice of milliseconds. With a publisher on another core, or in an
+//! order that cannot be the ring's, yields are in vain. Hence a verdict that one process, the leader, passes for all
+//! through the shared page: a yield in vain is a miss, and a lap of the turn that takes too long is as many as would have
+//! taken that time. Over [`MISS_LIMIT`] of them within [`VERDICT_WAITS`] waits of the leader, all only sleep, for a while
+//! that grows fourfold each time. Before they yield again, the leader tries it alone.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use crate::shared_page::Words;
+
+/// Value of the shared page's `block_only` with which no verdict lets anybody yield again.
+pub const BLOCK_ALWAYS: u32 = 2;
+
+/// Four misses a wait cost as much as the sleeps that the yields replace.
+const MISS_LIMIT: u32 = 4 * VERDICT_WAITS;
+const VERDICT_WAITS: u32 = 256;
+const LONGEST_BLOCKING: u32 = 65_536;
+/// Longer than the turns of all take, but for what is not theirs.
+const SLOW_LAP: Duration = Duration::from_micros(300);
+/// What of a slow lap is as bad as a yield in vain.
+const MISS: Duration = Duration::from_micros(8);
+
+/// Whether those who wait may yield: the leader's verdict, or the evidence for it, so that nobody waits for the leader to
+/// come round.
+#[inline]
+pub(crate) fn is_to_yield(words: &Words) -> bool {
+    words.block_only.load(Ordering::Relaxed) == 0 && words.misses.load(Ordering::Relaxed) <= MISS_LIMIT
+}
+
+/// Counts a yield in vain.
+#[inline]
+pub(crate) fn count_miss(words: &Words) {
+    words.misses.fetch_add(1, Ordering::Relaxed);
+}
+
+/// Counts what a wait of the leader took too long, in which the turn goes round once.
+#[inline]
+pub(crate) fn count_lap(words: &Words, lap: Duration) {
+    if lap > SLOW_LAP {
+        let misses = u32::try_from(lap.as_nanos() / MISS.as_nanos()).unwrap_or(MISS_LIMIT);
+        words.misses.fetch_add(misses, Ordering::Relaxed);
+    }
+}
+
+/// Whether somebody else keeps the core for long when this process yields. Tries it.
+pub(crate) fn is_yield_slow() -> bool {
+    let before = Instant::now();
+    rustix::thread::sched_yield();
+    before.elapsed() > SLOW_LAP
+}
+
+/// Decides for all whether yielding pays.
+#[derive(Debug)]
+pub(crate) struct Leader {
+    waits_left: u32,
+    blocking_waits: u32,
+}
+
+impl Default for Leader {
+    fn default() -> Self {
+        Self {
+            waits_left: VERDICT_WAITS,
+            blocking_waits: VERDICT_WAITS,
+        }
+    }
+}
+
+impl Leader {
+    /// Lets all sleep, or yield again, if it is time to. `is_yield_slow` tells whether somebody else keeps the core for
+    /// long when this process yields.
+    #[inline]
+    pub(crate) fn pass_verdict(&mut self, words: &Words, is_yield_slow: impl FnOnce() -> bool) {
+        if words.block_only.load(Ordering::Relaxed) == BLOCK_ALWAYS {
+            return;
+        }
+        if words.misses.load(Ordering::Relaxed) > MISS_LIMIT {
+            self.let_all_sleep(words);
+        }
+        self.waits_left -= 1;
+        if self.waits_left == 0 {
+            let were_sleeping = words.block_only.load(Ordering::Relaxed) != 0;
+            if were_sleeping && is_yield_slow() {
+                // Only the leader has paid for it.
+                self.let_all_sleep(words);
+                return;
+            }
+            words.block_only.store(0, Ordering::Relaxed);
+            words.misses.store(0, Ordering::Relaxed);
+            if !were_sleeping {
+                // A quiet spell is over: the next load is a new one.
+                self.blocking_waits = (self.blocking_waits / 4).max(VERDICT_WAITS);
+            }
+            self.waits_left = VERDICT_WAITS;
+        }
+    }
+
+    #[cold]
+    fn let_all_sleep(&mut self, words: &Words) {
+        words.block_only.store(1, Ordering::Relaxed);
+        words.misses.store(0, Ordering::Relaxed);
+        self.waits_left = self.blocking_waits;
+        self.blocking_waits = (4 * self.blocking_waits).min(LONGEST_BLOCKING);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::shared_page::SharedPage;
+
+    use super::*;
+
+    #[test]
+    fn many_misses_stop_everyone_from_yielding_for_ever_longer_whiles() {
+        let page = SharedPage::create().unwrap();
+        let mut leader = Leader::default();
+        let mut spells = Vec::new();
+        for _ in 0..3 {
+            page.words().misses.store(MISS_LIMIT + 1, Ordering::Relaxed);
+            let mut waits = 0;
+            loop {
+                leader.pass_verdict(page.words(), || false);
+                waits += 1;
+                if page.words().block_only.load(Ordering::Relaxed) == 0 {
+                    break;
+                }
+            }
+            spells.push(waits);
+        }
+        assert_eq!(spells, [VERDICT_WAITS, 4 * VERDICT_WAITS, 16 * VERDICT_WAITS]);
+    }
+
+    #[test]
+    fn where_a_yield_is_slow_they_go_on_sleeping() {
+        let page = SharedPage::create().unwrap();
+        let mut leader = Leader::default();
+        page.words().misses.store(MISS_LIMIT + 1, Ordering::Relaxed);
+        let mut probes = Vec::new();
+        for wait in 1..=5 * VERDICT_WAITS {
+            leader.pass_verdict(page.words(), || {
+                probes.push(wait);
+                true
+            });
+            assert_eq!(page.words().block_only.load(Ordering::Relaxed), 1);
+        }
+        assert_eq!(probes, [VERDICT_WAITS, 5 * VERDICT_WAITS]);
+    }
+
+    #[test]
+    fn a_lap_that_takes_as_long_as_many_turns_is_enough() {
+        let page = SharedPage::create().unwrap();
+        count_lap(page.words(), SLOW_LAP);
+        assert_eq!(page.words().misses.load(Ordering::Relaxed), 0);
+        count_lap(page.words(), Duration::from_millis(14));
+        assert!(page.words().misses.load(Ordering::Relaxed) > MISS_LIMIT);
+    }
+
+    #[test]
+    fn a_few_misses_do_not() {
+        let page = SharedPage::create().unwrap();
+        let mut leader = Leader::default();
+        for _ in 0..10 * VERDICT_WAITS {
+            page.words().misses.store(MISS_LIMIT, Ordering::Relaxed);
+            leader.pass_verdict(page.words(), || false);
+            assert_eq!(page.words().block_only.load(Ordering::Relaxed), 0);
+        }
+    }
+}
