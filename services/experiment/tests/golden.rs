@@ -20,27 +20,27 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
     (
         "fig1",
         SHORT,
-        "f6028e276680d95e741c34be6f2e9c67e291f74e520445ac3ad47b2fae757fba",
+        "9668aa11952f6b071088fc26f09d6cd1e3d7f24a3603bfdfee414635329aba59",
     ),
     (
         "fig2_near",
         SHORT,
-        "39f8cf565c88e892a26bcbbd7b10bab9376c71e5d3b900cbfe93ce813bff2fec",
+        "6a1cbbbd30a7569004cb824ab071b1b7e7d2f27a1d6b7b8728d6f3fb9a55504d",
     ),
     (
         "circle",
         SHORT,
-        "cabd1540415a54bb73b9d8e0ebb05fda4e780739e96f7741b9769153ec0ef051",
+        "5dd4c960dd18c243fa3a0042d450328e108e45c14c7590bb22e04e4ad60cd4ff",
     ),
     (
         "waypoints",
         SHORT,
-        "bb158590f56a24dd4d0d621b59b5786c065e5601043946aedeaa2d464a0d7ce4",
+        "27f56b711b14b1f101642dcf4d598995eee5ffaed978cfbb524175f537358469",
     ),
     (
         "fig3_6",
         &rig::ALL_OF_THE_RIG,
-        "6188a01b7db77029b251a8ae816c1ded8db5c3ba48f7a83b51f59cda7facb106",
+        "d7a096a68408e846a96ad1b8c9863152eb6723badceeea793f36343de74fd377",
     ),
 ];
 
