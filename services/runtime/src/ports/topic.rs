@@ -1,0 +1,190 @@
+//! A topic as an iceoryx2 service: made or opened, and the ports that are made of it.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use iceoryx2::port::{BackpressureAction, BackpressureInfo};
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
+use shared_types::wiring::TopicVisitor;
+use shared_types::{Sample, ServiceId, Topic};
+
+use super::member::Member;
+use super::typed::{TypedReceiver, TypedSender, Wire};
+use super::{
+    Delivery, LAYOUT_ATTRIBUTE, OBSERVERS, PortError, RECORDER_BUFFER, Receiver, Sender, TopicPorts,
+};
+use crate::doorbell::Doorbell;
+use crate::shared_page::{Owner, SharedPage};
+
+/// How a process comes to a topic.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Access {
+    /// It makes it.
+    Create(Delivery),
+    /// It expects it to be there, with the layout of this build.
+    Open,
+}
+
+/// Comes to a topic.
+pub(super) struct Enter<'a> {
+    pub(super) member: &'a Member,
+    pub(super) topic: Topic,
+    /// The service in whose replay the topic is, if it is in one.
+    pub(super) replayed: Option<ServiceId>,
+    pub(super) consumer_buffer: usize,
+    pub(super) access: Access,
+}
+
+struct Ports<T: Sample> {
+    service: TopicService<ipc::Service, Wire<T>, ()>,
+    topic: Topic,
+    consumer_buffer: usize,
+}
+
+fn open_error(topic: Topic) -> impl Fn(&dyn std::fmt::Debug) -> PortError {
+    move |reason| PortError::Open {
+        topic,
+        reason: format!("{reason:?}"),
+    }
+}
+
+impl TopicVisitor for Enter<'_> {
+    type Result = Result<Box<dyn TopicPorts>, PortError>;
+
+    fn visit<T: Sample>(self) -> Self::Result {
+        let Self {
+            member,
+            topic,
+            replayed,
+            consumer_buffer,
+            access,
+        } = self;
+        let error = open_error(topic);
+        let name = match replayed {
+            None => ServiceName::new(topic.name()),
+            Some(service) => ServiceName::new(&format!("replay/{service}/{topic}")),
+        };
+        let name = name.map_err(|reason| error(&reason))?;
+        let (key, hash) = layout_attribute::<T>(&error)?;
+        let builder = member
+            .node()
+            .service_builder(&name)
+            .publish_subscribe::<Wire<T>>();
+        let service = match access {
+            Access::Create(delivery) => {
+                let specifier = AttributeSpecifier::new();
+                let attributes = specifier.define(&key, &hash).map_err(|reason| error(&reason))?;
+                let consumers = topic.consumers().count();
+                // The publisher, the consumers, each beside the dead one whose place it takes, and the recorder.
+                let members = 2 * (1 + consumers) + 1;
+                builder
+                    .enable_safe_overflow(delivery == Delivery::NewestWins)
+                    .history_size(0)
+                    .max_publishers(1)
+                    .max_subscribers(consumers + 1 + OBSERVERS)
+                    .max_nodes(members + OBSERVERS)
+                    .subscriber_max_buffer_size(RECORDER_BUFFER)
+                    .subscriber_max_borrowed_samples(2)
+                    .create_with_attributes(&attributes)
+                    .map_err(|reason| error(&reason))?
+            }
+            Access::Open => {
+                let verifier = AttributeVerifier::new();
+                let attributes = verifier.require(&key, &hash).map_err(|reason| error(&reason))?;
+                builder
+                    .open_with_attributes(&attributes)
+                    .map_err(|reason| error(&reason))?
+            }
+        };
+        Ok(Box::new(Ports::<T> {
+            service,
+            topic,
+            consumer_buffer,
+        }))
+    }
+}
+
+type Attribute = (
+    iceoryx2::service::attribute::AttributeKey,
+    iceoryx2::service::attribute::AttributeValue,
+);
+
+fn layout_attribute<T: Sample>(
+    error: &dyn Fn(&dyn std::fmt::Debug) -> PortError,
+) -> Result<Attribute, PortError> {
+    let hash = shared_types::sample::layout_hash::<T>();
+    Ok((
+        LAYOUT_ATTRIBUTE.try_into().map_err(|reason| error(&reason))?,
+        hash.as_str().try_into().map_err(|reason| error(&reason))?,
+    ))
+}
+
+impl<T: Sample> Ports<T> {
+    fn not_created(&self, reason: &dyn std::fmt::Display) -> PortError {
+        PortError::Create {
+            topic: self.topic,
+            reason: reason.to_string(),
+        }
+    }
+
+    fn receiver_of_size(&self, buffer_size: usize) -> Result<Box<dyn Receiver>, PortError> {
+        let subscriber = self
+            .service
+            .subscriber_builder()
+            .buffer_size(buffer_size)
+            .create()
+            .map_err(|reason| self.not_created(&reason))?;
+        Ok(Box::new(TypedReceiver::new(subscriber, self.topic)))
+    }
+}
+
+impl<T: Sample> TopicPorts for Ports<T> {
+    fn sender(
+        &self,
+        page: Arc<SharedPage>,
+        doorbells: Arc<[Doorbell]>,
+    ) -> Result<Box<dyn Sender>, PortError> {
+        let publisher = self
+            .service
+            .publisher_builder()
+            .max_loaned_samples(2)
+            .backpressure_strategy(BackpressureStrategy::RetryUntilDelivered)
+            .set_backpressure_handler(move |full: &BackpressureInfo| {
+                let words = page.words();
+                let Some(owner) = words.owner(full.receiver_port_id) else {
+                    return BackpressureAction::DiscardData;
+                };
+                if words.stopping.load(Ordering::Relaxed) != 0 {
+                    return BackpressureAction::DiscardDataAndFail;
+                }
+                if let Owner::Service(service) = owner {
+                    // It sleeps for a later sample, or is out as planned: it makes room when it looks.
+                    doorbells[service.index()].ring();
+                }
+                BackpressureAction::Retry
+            })
+            .create()
+            .map_err(|reason| self.not_created(&reason))?;
+        Ok(Box::new(TypedSender::new(publisher, self.topic)))
+    }
+
+    fn newest_sender(&self) -> Result<Box<dyn Sender>, PortError> {
+        let publisher = self
+            .service
+            .publisher_builder()
+            .max_loaned_samples(2)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|reason| self.not_created(&reason))?;
+        Ok(Box::new(TypedSender::new(publisher, self.topic)))
+    }
+
+    fn receiver(&self) -> Result<Box<dyn Receiver>, PortError> {
+        self.receiver_of_size(self.consumer_buffer)
+    }
+
+    fn recorder(&self) -> Result<Box<dyn Receiver>, PortError> {
+        self.receiver_of_size(RECORDER_BUFFER)
+    }
+}

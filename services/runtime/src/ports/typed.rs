@@ -1,0 +1,147 @@
+//! Ports of one sample type.
+#![expect(
+    unsafe_code,
+    reason = "iceoryx2 asks for promises about memory layout that only `unsafe` can give"
+)]
+
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::*;
+use iceoryx2::sample::Sample as Received;
+use iceoryx2::sample_mut::SampleMut as Loaned;
+use shared_types::{Sample, Topic};
+
+use super::{PortError, Receiver, Sender};
+
+/// A sample type as iceoryx2 sees it: with its name in the log instead of its path in Rust.
+#[repr(transparent)]
+pub(super) struct Wire<T>(T);
+
+impl<T: Sample> std::fmt::Debug for Wire<T> {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(T::MSG_NAME)
+    }
+}
+
+// SAFETY: a `Sample` is `repr(C)`, without padding, pointers or invalid bit patterns (zerocopy's derives prove
+// it), and the name stands for exactly this layout: the layout hash is compared besides.
+unsafe impl<T: Sample> ZeroCopySend for Wire<T> {
+    unsafe fn type_name() -> &'static str {
+        T::MSG_NAME
+    }
+}
+
+/// The publisher of a topic, and the sample that is being written.
+pub(super) struct TypedSender<T: Sample> {
+    // Before the publisher, so that a loaned sample is returned to a publisher that still is.
+    loaned: Option<Loaned<ipc::Service, Wire<T>, ()>>,
+    publisher: Publisher<ipc::Service, Wire<T>, ()>,
+    topic: Topic,
+}
+
+impl<T: Sample> TypedSender<T> {
+    pub(super) fn new(publisher: Publisher<ipc::Service, Wire<T>, ()>, topic: Topic) -> Self {
+        Self {
+            loaned: None,
+            publisher,
+            topic,
+        }
+    }
+}
+
+impl<T: Sample> Sender for TypedSender<T> {
+    #[inline]
+    fn loan(&mut self) -> Result<&mut [u8], PortError> {
+        let sample = self
+            .publisher
+            .loan_uninit()
+            .map_err(|reason| PortError::Transport {
+                topic: self.topic,
+                reason: reason.to_string(),
+            })?;
+        // SAFETY: mapped shared memory always holds some bytes, and a `Sample` is valid for any (`FromBytes`).
+        let sample = unsafe { sample.assume_init() };
+        Ok(self.loaned.insert(sample).payload_mut().0.as_mut_bytes())
+    }
+
+    fn take_back(&mut self) {
+        self.loaned = None;
+    }
+
+    #[inline]
+    fn send(&mut self) -> Result<(), PortError> {
+        use iceoryx2::port::SendError;
+        let Some(sample) = self.loaned.take() else {
+            return Ok(());
+        };
+        sample.send().map(drop).map_err(|reason| match reason {
+            SendError::UnableToDeliver => PortError::Stopping,
+            reason => PortError::Transport {
+                topic: self.topic,
+                reason: reason.to_string(),
+            },
+        })
+    }
+
+    fn connect(&mut self) -> Result<(), PortError> {
+        self.publisher
+            .update_connections()
+            .map_err(|reason| PortError::Transport {
+                topic: self.topic,
+                reason: reason.to_string(),
+            })
+    }
+}
+
+/// A subscriber of a topic, and the sample that is being read.
+pub(super) struct TypedReceiver<T: Sample> {
+    held: Option<Received<ipc::Service, Wire<T>, ()>>,
+    subscriber: Subscriber<ipc::Service, Wire<T>, ()>,
+    topic: Topic,
+}
+
+impl<T: Sample> TypedReceiver<T> {
+    pub(super) fn new(subscriber: Subscriber<ipc::Service, Wire<T>, ()>, topic: Topic) -> Self {
+        Self {
+            held: None,
+            subscriber,
+            topic,
+        }
+    }
+}
+
+impl<T: Sample> Receiver for TypedReceiver<T> {
+    #[inline]
+    fn receive(&mut self) -> Result<bool, PortError> {
+        match self.subscriber.receive() {
+            Ok(None) => Ok(false),
+            Ok(sample) => {
+                self.held = sample;
+                Ok(true)
+            }
+            Err(reason) => Err(PortError::Transport {
+                topic: self.topic,
+                reason: reason.to_string(),
+            }),
+        }
+    }
+
+    #[inline]
+    fn held(&self) -> Option<&[u8]> {
+        self.held.as_ref().map(|sample| sample.payload().0.as_bytes())
+    }
+
+    fn id(&self) -> u128 {
+        self.subscriber.id().value()
+    }
+
+    fn connect(&mut self) -> Result<(), PortError> {
+        self.subscriber
+            .update_connections()
+            .map_err(|reason| PortError::Transport {
+                topic: self.topic,
+                reason: reason.to_string(),
+            })
+    }
+}
