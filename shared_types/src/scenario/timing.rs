@@ -5,9 +5,13 @@ mod faults;
 pub(super) mod names;
 mod ticks;
 
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use ticks::TickReader;
 
-use super::{Key, Problem, Scenario, Timing};
+use super::{Key, Problem, Scenario};
 use crate::schedule::{MAX_PORTS, Rate, Schedule, ScheduleError, default_latencies};
 use crate::wiring::{ServiceId, Topic};
 
@@ -20,6 +24,31 @@ const LONGEST_FLIGHT: u64 = 100_000_000;
 /// Largest period, phase and latency, base ticks: they set how far services run ahead and so how much
 /// shared memory their buffers take.
 const LONGEST_DELAY: u64 = 10_000;
+
+/// Base tick, rates and transport latencies, s. Every time is a whole number of base ticks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Timing {
+    /// Base tick h, s.
+    pub tick: f64,
+    /// Period of a service or topic, by name, s; one tick unless stated, a topic's is its publisher's.
+    pub period: BTreeMap<String, f64>,
+    /// First step of a service or first sample of a topic, by name, s; 0 unless stated.
+    pub phase: BTreeMap<String, f64>,
+    /// Transport latency of an edge, by `"topic -> service"`, s; as in the wiring table unless stated.
+    pub latency: BTreeMap<String, f64>,
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        Self {
+            tick: 0.001,
+            period: BTreeMap::new(),
+            phase: BTreeMap::new(),
+            latency: BTreeMap::new(),
+        }
+    }
+}
 
 impl Scenario {
     /// The schedule that the scenario's times make.

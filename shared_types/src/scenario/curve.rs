@@ -1,0 +1,124 @@
+//! The curves that a path may follow.
+
+use std::f64::consts::PI;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Vector;
+
+/// A curve pd(γ) in {I}, at least C⁴ with bounded derivatives.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Curve {
+    /// The paper's tilted figure of eight (27): Rx(tilt) [ℓ sin wγ cos wγ, ℓ sin wγ, −height]ᵀ.
+    TiltedEight(TiltedEight),
+    /// A point to hover at.
+    Hover(Hover),
+    /// A tilted circle.
+    Circle(Circle),
+    /// A straight line without end.
+    Line(Line),
+    /// A Lissajous figure: an oscillation along each axis, such as a bob up and down.
+    Lissajous(Lissajous),
+    /// A smooth curve through points, from rest at the first to rest at the last, or around and around.
+    Waypoints(Waypoints),
+}
+
+/// The paper's tilted figure of eight (27).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TiltedEight {
+    /// ℓ, m.
+    pub size: f64,
+    /// w, rad per unit of γ.
+    pub frequency: f64,
+    /// Height of the centre above the origin before the tilt, m.
+    pub height: f64,
+    /// Angle of the tilt about x, rad.
+    pub tilt: f64,
+}
+
+impl Default for TiltedEight {
+    fn default() -> Self {
+        Self {
+            size: 1.2,
+            frequency: 0.6,
+            height: 1.2,
+            tilt: PI / 20.0,
+        }
+    }
+}
+
+/// A point to hover at.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Hover {
+    /// The point in {I}, m.
+    pub position: Vector,
+}
+
+/// Rx(tilt) [r cos wγ, r sin wγ, 0]ᵀ + centre.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Circle {
+    /// Centre in {I}, m.
+    pub center: Vector,
+    /// r, m.
+    pub radius: f64,
+    /// w, rad per unit of γ.
+    #[serde(default = "default::circle_frequency")]
+    pub frequency: f64,
+    /// Angle of the tilt about x, rad.
+    #[serde(default)]
+    pub tilt: f64,
+}
+
+/// start + direction γ.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Line {
+    /// The point at γ = 0 in {I}, m.
+    pub start: Vector,
+    /// Way per unit of γ in {I}, m.
+    pub direction: Vector,
+}
+
+/// center + amplitude ∘ sin(frequency γ + phase), along each axis of {I}.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Lissajous {
+    /// Centre in {I}, m.
+    pub center: Vector,
+    /// Amplitudes, m.
+    pub amplitude: Vector,
+    /// Frequencies, rad per unit of γ.
+    pub frequency: Vector,
+    /// Phases at γ = 0, rad.
+    #[serde(default)]
+    pub phase: Vector,
+}
+
+/// A smooth curve through points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Waypoints {
+    /// The points in {I}, m: at least two, at least three for a closed curve; no two neighbours coincide.
+    pub points: Vec<Vector>,
+    /// Whether the last point leads back to the first.
+    #[serde(default)]
+    pub closed: bool,
+    /// γ from one point to the next.
+    #[serde(default = "default::waypoint_interval")]
+    pub interval: f64,
+}
+
+mod default {
+    pub(super) fn circle_frequency() -> f64 {
+        1.0
+    }
+
+    pub(super) fn waypoint_interval() -> f64 {
+        1.0
+    }
+}

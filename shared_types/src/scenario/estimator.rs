@@ -1,0 +1,64 @@
+//! The state estimator.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::PoseSource;
+
+/// The state estimator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Estimator {
+    /// Where poses come from.
+    #[serde(default, skip_serializing_if = "PoseSource::is_simulated")]
+    pub source: PoseSource,
+    /// The log of the flight whose captures are replayed, or its run's folder; with the source `replay`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording: Option<String>,
+    /// The error-state Kalman filter.
+    pub kalman: Kalman,
+}
+
+/// An error-state Kalman filter on poses and the frames already sent, with prediction to the time at which the
+/// next frame acts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Kalman {
+    /// Standard deviation of a captured position, each component, m.
+    pub position_deviation: f64,
+    /// Standard deviation of a captured attitude about each axis, rad.
+    pub attitude_deviation: f64,
+    /// Spectral density of the disturbance's drift, each component, (m/s³)²/Hz.
+    pub disturbance_drift: f64,
+    /// Spectral density of the acceleration's noise, each component, (m/s²)²/Hz.
+    pub acceleration_noise: f64,
+    /// Spectral density of the body rates' noise about each axis, (rad/s)²/Hz.
+    pub rate_noise: f64,
+    /// Spectral density of the body rates' bias drift about each axis, (rad/s²)²/Hz.
+    pub rate_bias_drift: f64,
+    /// Squared Mahalanobis distance above which a capture is refused as an outlier.
+    pub gate: f64,
+    /// For how long captures may be refused in a row before the filter starts anew from one, s.
+    pub restart_after: f64,
+    /// For how long the state counts as tracked without a capture, s.
+    pub coast: f64,
+    /// Whether the state is predicted to the time at which the next frame acts; if not it speaks of the last capture.
+    pub prediction: bool,
+}
+
+impl Default for Kalman {
+    fn default() -> Self {
+        Self {
+            position_deviation: 3e-4,
+            attitude_deviation: 2e-3,
+            disturbance_drift: 0.3,
+            acceleration_noise: 1e-5,
+            rate_noise: 2e-4,
+            rate_bias_drift: 1e-3,
+            gate: 60.0,
+            restart_after: 0.3,
+            coast: 0.25,
+            prediction: true,
+        }
+    }
+}

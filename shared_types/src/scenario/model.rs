@@ -1,0 +1,47 @@
+//! What estimator and controller believe of vehicle and links.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Vector;
+
+/// What estimator and controller believe of the vehicle and of the links.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Model {
+    /// Mass, kg.
+    pub mass: f64,
+    /// Edges of the cuboid that the vehicle is taken for, along each body axis, m: its J is Ji = M(lj² + lk²)/12.
+    pub size: Vector,
+    /// Time constant of the thrust, s.
+    pub thrust_lag: f64,
+    /// Time constant of the body rates, s.
+    pub rate_lag: f64,
+    /// Time from the sending of a frame to its acting, s.
+    pub radio_latency: f64,
+    /// Time from a capture's exposure to its arrival, s; if not stated, captures tell by their stamps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub capture_latency: Option<f64>,
+}
+
+impl Default for Model {
+    fn default() -> Self {
+        Self {
+            mass: 0.2,
+            size: [0.14, 0.14, 0.14],
+            thrust_lag: 0.03,
+            rate_lag: 0.02,
+            radio_latency: 0.005,
+            capture_latency: None,
+        }
+    }
+}
+
+impl Model {
+    /// Diagonal of J of the cuboid, kg m² (Remark 2).
+    #[must_use]
+    pub fn inertia(&self) -> Vector {
+        let [x, y, z] = self.size.map(|edge| edge * edge * self.mass / 12.0);
+        [y + z, x + z, x + y]
+    }
+}

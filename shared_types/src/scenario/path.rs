@@ -1,0 +1,99 @@
+//! The path and its timing law.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Curve;
+
+/// The path, how fast it is flown, and the gains of the timing law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Path {
+    /// Whether the path waits for the vehicle.
+    #[serde(default)]
+    pub mode: PathMode,
+    /// vd, desired rate of the path parameter, 1/s.
+    #[serde(default = "default::speed")]
+    pub speed: f64,
+    /// k4, gain of the timing law (25), 1/s.
+    #[serde(default = "default::k4")]
+    pub k4: f64,
+    /// α1, position error below which the path moves at full speed, m.
+    #[serde(default = "default::alpha1")]
+    pub alpha1: f64,
+    /// α2, position error above which the path stands still, m.
+    #[serde(default = "default::alpha2")]
+    pub alpha2: f64,
+    /// γ at the start of the flight.
+    #[serde(default)]
+    pub initial_gamma: f64,
+    /// γ̇ at the start of the flight, 1/s; trajectory tracking begins at `speed` instead.
+    #[serde(default)]
+    pub initial_gamma_dot: f64,
+    /// ψd, desired yaw, rad.
+    #[serde(default)]
+    pub yaw: f64,
+    /// When the desired yaw steps to another, in the order of time.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub yaw_step: Vec<YawStep>,
+    /// The curve pd(γ).
+    pub curve: Curve,
+}
+
+impl Path {
+    /// A curve flown by the timing law with the paper's gains.
+    #[must_use]
+    pub fn new(curve: Curve) -> Self {
+        Self {
+            mode: PathMode::default(),
+            speed: default::speed(),
+            k4: default::k4(),
+            alpha1: default::alpha1(),
+            alpha2: default::alpha2(),
+            initial_gamma: 0.0,
+            initial_gamma_dot: 0.0,
+            yaw: 0.0,
+            yaw_step: Vec::new(),
+            curve,
+        }
+    }
+}
+
+/// A step of the desired yaw.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct YawStep {
+    /// When, s.
+    pub at: f64,
+    /// New ψd, rad.
+    pub yaw: f64,
+}
+
+/// How the path parameter moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PathMode {
+    /// By the timing law (25): the path waits for the vehicle.
+    #[default]
+    Following,
+    /// At constant rate, the paper's comparison: γ̇ = vd, γ̈ = 0.
+    TrajectoryTracking,
+}
+
+mod default {
+    pub(super) fn speed() -> f64 {
+        1.0
+    }
+
+    pub(super) fn k4() -> f64 {
+        1.0
+    }
+
+    pub(super) fn alpha1() -> f64 {
+        0.5
+    }
+
+    pub(super) fn alpha2() -> f64 {
+        1.5
+    }
+}

@@ -1,0 +1,63 @@
+//! The radio link: how a command becomes a frame, and how finely and often it is sent.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{RadioProtocol, Transmitter, Vector};
+
+/// The radio link: what a stick's travel means, and how finely and often it is sent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RcLink {
+    /// Thrust at a thrust channel of 0, N.
+    pub thrust_offset: f64,
+    /// Thrust per unit of the thrust channel, N.
+    pub thrust_slope: f64,
+    /// Body rate about each axis per unit of its channel, rad/s; the paper's are negative.
+    pub rate_slope: Vector,
+    /// Range of the thrust channel; the paper says [0, 1], with which its vehicle could not hover.
+    pub thrust_range: [f64; 2],
+    /// Range of each rate channel.
+    pub rate_range: [f64; 2],
+    /// Steps from −1 to 1 that the link tells apart, as a power of two, bits.
+    pub resolution: u32,
+    /// What frames leave on in real time; simulated unless stated, and always in simulated time.
+    #[serde(skip_serializing_if = "RadioProtocol::is_simulated")]
+    pub link: RadioProtocol,
+    /// The transmitter of a laboratory; none unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transmitter: Option<Transmitter>,
+}
+
+impl Default for RcLink {
+    fn default() -> Self {
+        Self {
+            thrust_offset: 2.3071,
+            thrust_slope: 3.138,
+            rate_slope: [-19.0, -19.0, -8.0],
+            thrust_range: [-1.0, 1.0],
+            rate_range: [-1.0, 1.0],
+            resolution: 11,
+            link: RadioProtocol::Simulated,
+            transmitter: None,
+        }
+    }
+}
+
+impl RcLink {
+    /// The least and the largest thrust that a frame can ask for, N; never below 0.
+    #[must_use]
+    pub fn thrust_limits(&self) -> [f64; 2] {
+        let [a, b] = self
+            .thrust_range
+            .map(|channel| (self.thrust_offset + self.thrust_slope * channel).max(0.0));
+        [a.min(b), a.max(b)]
+    }
+
+    /// The largest body rate about each axis that a frame can ask for in both senses, rad/s.
+    #[must_use]
+    pub fn rate_limits(&self) -> Vector {
+        let reach = self.rate_range[0].abs().min(self.rate_range[1].abs());
+        self.rate_slope.map(|slope| slope.abs() * reach)
+    }
+}

@@ -1,0 +1,205 @@
+//! The vehicle, what moves it, and what happens to it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Vector;
+
+/// The vehicle, its initial state and its changes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Vehicle {
+    /// m, kg.
+    pub mass: f64,
+    /// Diagonal of J, kg m².
+    pub inertia: Vector,
+    /// b, a constant acceleration in {I}, m/s².
+    #[serde(default)]
+    pub disturbance: Vector,
+    /// State at the start of the flight.
+    #[serde(default)]
+    pub initial: InitialState,
+    /// Centre of mass in {B}, seen from the body's origin, on which the thrust acts and which the cameras track, m.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub center_of_mass: Vector,
+    /// What changes in flight, in the order of time.
+    #[serde(default)]
+    pub change: Vec<VehicleChange>,
+    /// How it follows what the radio says; at once and exactly unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub actuators: Option<Actuators>,
+    /// Drag in still air: force against the velocity, along each body axis, N s/m.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub drag: Vector,
+    /// Turbulence of the air everywhere; none unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turbulence: Option<Turbulence>,
+    /// A fan that blows at it; none unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fan: Option<Fan>,
+}
+
+impl Vehicle {
+    /// A vehicle of mass m (kg) and J = Diag(`inertia`) (kg m²) in still air, at the origin, level and at rest.
+    #[must_use]
+    pub fn new(mass: f64, inertia: Vector) -> Self {
+        Self {
+            mass,
+            inertia,
+            disturbance: [0.0; 3],
+            initial: InitialState::default(),
+            center_of_mass: [0.0; 3],
+            change: Vec::new(),
+            actuators: None,
+            drag: [0.0; 3],
+            turbulence: None,
+            fan: None,
+        }
+    }
+}
+
+/// How a vehicle with an on-board rate loop follows frames of thrust and body rates: as first-order lags.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Actuators {
+    /// Time constant of the thrust, s; 0 follows at once.
+    pub thrust_lag: f64,
+    /// Time constants of the body rates about each axis, s; 0 follows at once.
+    pub rate_lag: Vector,
+    /// Largest thrust, N; the smallest is 0.
+    pub thrust_max: f64,
+    /// Largest magnitude of the body rate about each axis, rad/s.
+    pub rate_max: Vector,
+    /// Thrust that results, per thrust that a frame asks for.
+    pub thrust_factor: f64,
+    /// Body rates that result, per rate that a frame asks for.
+    pub rate_factor: Vector,
+    /// Body rates that result when none are asked for, rad/s.
+    pub rate_bias: Vector,
+    /// Share of the radio's frames that the vehicle does not receive, 0 to 1; the one before goes on acting.
+    pub frame_loss: f64,
+    /// Thrust at the start of the flight and until the first frame, N.
+    pub initial_thrust: f64,
+}
+
+impl Default for Actuators {
+    fn default() -> Self {
+        Self {
+            thrust_lag: 0.03,
+            rate_lag: [0.02; 3],
+            thrust_max: 5.5,
+            rate_max: [19.0, 19.0, 8.0],
+            thrust_factor: 1.0,
+            rate_factor: [1.0; 3],
+            rate_bias: [0.0; 3],
+            frame_loss: 0.0,
+            initial_thrust: 0.0,
+        }
+    }
+}
+
+/// A random acceleration, the same everywhere: of each component an Ornstein–Uhlenbeck process.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Turbulence {
+    /// Standard deviation of each component, m/s².
+    pub deviation: f64,
+    /// Correlation time, s.
+    pub correlation_time: f64,
+}
+
+/// A fan: a round, turbulent jet that pushes at the vehicle.
+///
+/// The force on the axis falls with the square of the distance from the fan, as that of a free jet far from
+/// its nozzle, and across the jet like a bell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fan {
+    /// When it is switched on, s.
+    #[serde(default)]
+    pub on_at: f64,
+    /// When it is switched off, s; never unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub off_at: Option<f64>,
+    /// Time constant of its running up and down, s; 0 is at once.
+    #[serde(default)]
+    pub run_up: f64,
+    /// Where it stands in {I}, m.
+    pub position: Vector,
+    /// Where it blows to in {I}; of any length but 0.
+    pub direction: Vector,
+    /// Force on the vehicle on the axis at `reference_distance`, N.
+    pub force: f64,
+    /// Distance from the fan at which `force` is meant, m.
+    pub reference_distance: f64,
+    /// Half the opening angle of the jet, at which the force has fallen to 1/e, rad.
+    #[serde(default = "default::jet_half_angle")]
+    pub half_angle: f64,
+    /// Standard deviation of the force's fluctuation in each component, as a share of the local force.
+    #[serde(default)]
+    pub turbulence: f64,
+    /// Correlation time of the fluctuation, s.
+    #[serde(default = "default::jet_correlation_time")]
+    pub correlation_time: f64,
+    /// Where it is moved to, in the order of time: straight and steadily from one place to the next.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub moves: Vec<FanMove>,
+}
+
+/// A place that the fan has reached at a time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FanMove {
+    /// When it is there, s.
+    pub at: f64,
+    /// Where it is then in {I}, m.
+    pub position: Vector,
+    /// Where it blows to then in {I}.
+    pub direction: Vector,
+}
+
+/// State of the vehicle at the start of the flight; at the origin, level and at rest unless stated.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct InitialState {
+    /// p in {I}, m.
+    pub position: Vector,
+    /// Roll, pitch and yaw, rad; R = Rz(yaw) Ry(pitch) Rx(roll).
+    pub roll_pitch_yaw: Vector,
+    /// v in {B}, m/s.
+    pub velocity_body: Vector,
+    /// ω in {B}, rad/s.
+    pub angular_velocity_body: Vector,
+}
+
+/// A change of the vehicle in flight: what is stated takes its new value at once.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct VehicleChange {
+    /// When, s.
+    pub at: f64,
+    /// New m, kg.
+    pub mass: Option<f64>,
+    /// New diagonal of J, kg m².
+    pub inertia: Option<Vector>,
+    /// New b in {I}, m/s².
+    pub disturbance: Option<Vector>,
+    /// New centre of mass in {B}, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub center_of_mass: Option<Vector>,
+}
+
+mod default {
+    pub(super) fn jet_half_angle() -> f64 {
+        0.2
+    }
+
+    pub(super) fn jet_correlation_time() -> f64 {
+        0.3
+    }
+}
+
+/// Whether a vector is the one that stands for "none".
+fn is_zero(vector: &Vector) -> bool {
+    *vector == [0.0; 3]
+}
