@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use common::processes::{services_of, shared_memory_of, signal};
-use common::{Place, begin, finish, output, until};
+use common::{Begun, Place, begin, finish, output, until};
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -29,7 +29,7 @@ fn found(place: &Place, more: &[&str]) -> impl Fn(&str) -> Value {
 }
 
 /// A flight without end, under way.
-fn fly(place: &Place, out: &str) -> std::process::Child {
+fn fly(place: &Place, out: &str) -> Begun {
     let child = begin(&mut place.short_flight(out, 3600.0, &[]));
     until("all services", || {
         (services_of(child.id()).len() == 5 && !shared_memory_of(child.id()).is_empty()).then_some(())

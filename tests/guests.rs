@@ -7,13 +7,13 @@ mod common;
 
 use std::fs::File;
 use std::path::Path;
-use std::process::{Child, Output};
+use std::process::Output;
 use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
 use common::logs::last_tick;
 use common::processes::{await_end, signal};
-use common::{Place, begin, complaint, finish, output, scenario, succeed, until};
+use common::{Begun, Place, begin, complaint, finish, output, scenario, succeed, until};
 use orchestrator::log::LogReader;
 use runtime::control::{Channel, ToOrchestrator, ToService};
 use runtime::crash::CrashPoint;
@@ -573,7 +573,7 @@ fn guest_of(orchestrator: u32) -> Option<u32> {
         .find(is_guest)
 }
 
-fn end(run: Child) -> Output {
+fn end(run: Begun) -> Output {
     signal(run.id(), Signal::TERM);
     finish(run)
 }
@@ -613,7 +613,7 @@ fn a_guest_ends_with_the_orchestrator_and_whoever_takes_over_starts_another() {
     let settings = [
         "--host", "realtime", "--quiet", "--set", &setting, "--set", lonely,
     ];
-    let mut first = place.rig_flight("first", 300.0, &settings).spawn().unwrap();
+    let mut first = begin(&mut place.rig_flight("first", 300.0, &settings));
     place.await_log("first", 20_000);
     let guest = until("the guest", || guest_of(first.id()));
     first.kill().unwrap();

@@ -2,18 +2,18 @@
 
 mod common;
 
-use std::process::{Child, Command};
+use std::process::Command;
 
 use common::logs::last_tick;
 use common::processes::{await_end, processes_of, services_of, shared_memory_of, signal};
-use common::{Place, begin, complaint, finish, output, scenario, succeed, until};
+use common::{Begun, Place, begin, complaint, finish, output, scenario, succeed, until};
 use iceoryx2::prelude::*;
 use orchestrator::log::LogReader;
 use rustix::process::Signal;
 use shared_types::ServiceId;
 
 /// Begins a long flight and waits until it is under way.
-fn fly(place: &Place, out: &str) -> (Child, Vec<(String, u32)>) {
+fn fly(place: &Place, out: &str) -> (Begun, Vec<(String, u32)>) {
     let child = begin(&mut place.short_flight(out, 3600.0, &[]));
     place.await_log(out, 500_000);
     let services = services_of(child.id());

@@ -5,7 +5,7 @@ mod common;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::os::fd::OwnedFd;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use common::laboratory::{free_port, serial_line};
 use common::processes::{await_process, await_successor, signal};
-use common::{Place, complaint, finish, output, said, scenario, succeed, until};
+use common::{Begun, Place, begin, complaint, finish, output, said, scenario, succeed, until};
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
 use motion_capture::sender::server::{Plan, Server};
@@ -200,7 +200,7 @@ fn settings(port: u16, device: &str) -> [String; 4] {
 }
 
 /// `gerono run` of it in real time, to the folder `out`.
-fn run(place: &Place, settings: &[String], more: &[&str]) -> Child {
+fn run(place: &Place, settings: &[String], more: &[&str]) -> Begun {
     let laboratory = scenario("laboratory");
     let mut arguments = vec![
         "run",
@@ -212,12 +212,7 @@ fn run(place: &Place, settings: &[String], more: &[&str]) -> Child {
     ];
     arguments.extend(settings.iter().flat_map(|setting| ["--set", setting.as_str()]));
     arguments.extend(more);
-    place
-        .gerono(&arguments)
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
+    begin(&mut place.gerono(&arguments))
 }
 
 /// Asks for arming; why it is refused, if it is.

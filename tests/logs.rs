@@ -5,10 +5,10 @@ mod common;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Output};
+use std::process::Output;
 
 use common::processes::signal;
-use common::{Place, begin, complaint, finish, output, succeed};
+use common::{Begun, Place, begin, complaint, finish, output, succeed};
 use orchestrator::log::{LogReadError, LogReader, RecoverError, Recovery, is_whole, recover};
 use orchestrator::replay::{Options, replay};
 use rand_chacha::ChaCha8Rng;
@@ -186,7 +186,7 @@ fn fails(place: &Place, arguments: &[&str], code: i32) -> Output {
 }
 
 /// Kills the orchestrator of a run once its log has so many bytes, and leaves the folder as it then is.
-fn kill_at(place: &Place, child: Child, out: &str, bytes: u64) {
+fn kill_at(place: &Place, child: Begun, out: &str, bytes: u64) {
     place.await_log(out, bytes);
     signal(child.id(), Signal::KILL);
     finish(child);

@@ -6,11 +6,10 @@ mod common;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use std::process::{Child, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use common::processes::{await_successor, pid_of, processes_of, services_of, signal};
-use common::{Place, begin, finish, output, scenario, succeed, until};
+use common::{Begun, Place, begin, finish, output, scenario, succeed, until};
 use orchestrator::live::Snapshot;
 use orchestrator::log::{HostEvent, LogReader, ServiceStep};
 use orchestrator::scenario_file;
@@ -52,7 +51,7 @@ fn samples(log: &Path) -> BTreeMap<(u64, usize), Vec<u8>> {
 
 /// A flight in real time under way, to the folder `out`: of the laboratory's vehicle, which nobody's absence turns over
 /// on a machine in use.
-fn take_off(place: &Place, out: &str, seconds: f64) -> Child {
+fn take_off(place: &Place, out: &str, seconds: f64) -> Begun {
     let child = begin(&mut place.rig_flight(out, seconds, &["--host", "realtime"]));
     until("all services", || {
         (services_of(child.id()).len() == ServiceId::ALL.len()).then_some(())
@@ -294,7 +293,7 @@ fn who_computes_a_number_that_is_not_finite_is_replaced_until_that_is_in_vain() 
 }
 
 /// A flight in real time from the ground to the ground, which only the operator arms and lands, to the folder `out`.
-fn wait_on_the_ground(place: &Place) -> Child {
+fn wait_on_the_ground(place: &Place) -> Begun {
     let flight = "flight={spool_up = 0.1, takeoff_height = 0.3, takeoff_speed = 0.5, transition_time = 0.5, \
                   landing_speed = 0.5}";
     begin(&mut place.live_hover("out", &["--set", "schedule.tick=0.002", "--set", flight]))
@@ -444,7 +443,7 @@ fn whoever_takes_over_a_flight_records_it_and_replaces_who_dies() {
     let lonely = "real_time.orchestrator_loss=\"continue\"";
     // The laboratory's vehicle: it holds its rates by itself while nobody commands.
     let settings = ["--host", "realtime", "--quiet", "--set", lonely];
-    let mut first = place.rig_flight("first", 300.0, &settings).spawn().unwrap();
+    let mut first = begin(&mut place.rig_flight("first", 300.0, &settings));
     place.await_log("first", 20_000);
     let services = services_of(first.id());
     assert!(
@@ -465,11 +464,7 @@ fn whoever_takes_over_a_flight_records_it_and_replaces_who_dies() {
     });
     signal(dead, Signal::KILL);
     until("its end", || (!runs(dead)).then_some(()));
-    let second = place
-        .gerono(&["attach", "--out", "second", "--quiet"])
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let second = begin(&mut place.gerono(&["attach", "--out", "second", "--quiet"]));
     place.await_log("second", 20_000);
     signal(killed, Signal::KILL);
     for service in [ServiceId::Controller, ServiceId::Estimator] {

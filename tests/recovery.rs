@@ -4,12 +4,12 @@ mod common;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::process::{Child, Command};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use common::logs::last_tick;
 use common::processes::{await_end, await_process, await_successor, processes_of, shared_memory_of, signal};
-use common::{Place, begin, complaint, finish, output, scenario, succeed, until};
+use common::{Begun, Place, begin, complaint, finish, output, scenario, succeed, until};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use runtime::process::SPARE;
@@ -152,7 +152,7 @@ fn fig_7_with_every_service_killed_in_turn_is_fig_7() {
     committed_is_the_same_with("fig7", &crashes);
 }
 
-fn pid_named(child: &Child, wanted: &str) -> u32 {
+fn pid_named(child: &Begun, wanted: &str) -> u32 {
     until(wanted, || {
         let processes = processes_of(child.id());
         let found = processes.iter().find(|(name, _)| name == wanted);
@@ -201,7 +201,7 @@ fn a_consumer_that_dies_while_its_publisher_waits_in_send_is_mended() {
 }
 
 /// Ends the flight `out` of 40 s, in which so many deaths were mended, and compares it with an undisturbed one.
-fn finish_like_undisturbed(place: &Place, out: &str, child: Child, deaths: usize) {
+fn finish_like_undisturbed(place: &Place, out: &str, child: Begun, deaths: usize) {
     let orchestrator = child.id();
     let ended = finish(child);
     let errors = String::from_utf8_lossy(&ended.stderr);
@@ -214,7 +214,7 @@ fn finish_like_undisturbed(place: &Place, out: &str, child: Child, deaths: usize
 }
 
 /// Kills processes of a run so that it finds them all dead at once.
-fn kill_at_once(child: &Child, pids: [u32; 2]) {
+fn kill_at_once(child: &Begun, pids: [u32; 2]) {
     signal(child.id(), Signal::STOP);
     for pid in pids {
         signal(pid, Signal::KILL);
@@ -371,7 +371,7 @@ fn how_often_a_service_is_started_again_is_for_each_service_to_choose() {
 }
 
 /// Kills services of a run at random moments from its start on, until it ends; tells how many.
-fn under_fire(mut child: Child, random: &mut ChaCha8Rng, longest_pause_ms: u32) -> (u32, Child) {
+fn under_fire(mut child: Begun, random: &mut ChaCha8Rng, longest_pause_ms: u32) -> (u32, Begun) {
     let mut kills = 0;
     let deadline = Instant::now() + Duration::from_secs(60);
     while child.try_wait().unwrap().is_none() && Instant::now() < deadline {

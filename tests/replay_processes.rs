@@ -3,10 +3,10 @@
 
 mod common;
 
-use std::process::{Child, Output};
+use std::process::Output;
 
 use common::processes::{is_alive, pid_of, services_of, signal};
-use common::{Place, begin, complaint, finish, output, succeed, until};
+use common::{Begun, Place, begin, complaint, finish, output, succeed, until};
 use rustix::process::Signal;
 use shared_types::ServiceId;
 
@@ -107,7 +107,7 @@ fn what_is_not_finite_is_not_published_and_does_not_end_the_replay() {
 }
 
 /// A replay into processes of a log that is long enough.
-fn long_replay(place: &Place) -> Child {
+fn long_replay(place: &Place) -> Begun {
     succeed(&mut place.short_flight("out", 60.0, &["--host", "inprocess", "--quiet"]));
     begin(&mut place.gerono(&["replay", "--quiet", "--processes", "out"]))
 }
@@ -117,7 +117,7 @@ fn long_replay(place: &Place) -> Child {
 const SLEEPS: u32 = 100;
 
 /// The process that replays a service, once it is in the middle of it.
-fn in_the_middle(replay: &Child, service: ServiceId) -> u32 {
+fn in_the_middle(replay: &Begun, service: ServiceId) -> u32 {
     until("steps of the service", || {
         let pid = pid_of(replay.id(), service)?;
         let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;

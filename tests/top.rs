@@ -7,7 +7,7 @@ mod terminal;
 use std::process::{Child, Command};
 
 use common::processes::{is_alive, pid_of, signal};
-use common::{Place, begin, finish, output, scenario, succeed, until, wait};
+use common::{Begun, Place, begin, finish, output, scenario, succeed, until, wait};
 use rustix::process::Signal;
 use shared_types::ServiceId;
 use terminal::{Screen, Terminal};
@@ -16,7 +16,7 @@ const UP: &str = "\x1b[A";
 const DOWN: &str = "\x1b[B";
 
 /// A flight in real time under way.
-fn take_off(place: &Place) -> Child {
+fn take_off(place: &Place) -> Begun {
     let hover = scenario("hover");
     let more = [
         "--host",

@@ -5,12 +5,11 @@ mod common;
 
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::Child;
 use std::time::Duration;
 
 use common::laboratory::free_port;
 use common::processes::signal;
-use common::{Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
+use common::{Begun, Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
 use orchestrator::log::LogReader;
 use rustix::process::Signal;
 use serde_json::Value;
@@ -36,7 +35,7 @@ const STANDSTILL: f64 = 0.1;
 const BETWEEN_QUESTIONS: Duration = Duration::from_millis(200);
 
 /// A world that is ended with the test.
-struct World(Option<Child>);
+struct World(Option<Begun>);
 
 impl World {
     fn begin(place: &Place, settings: &[String], more: &[&str]) -> Self {

@@ -6,6 +6,7 @@ pub(crate) mod logs;
 pub(crate) mod processes;
 mod rig;
 
+use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -189,13 +190,36 @@ pub(crate) fn wait(child: &mut Child) -> ExitStatus {
     }
 }
 
+/// A command under way. A test that gives it up, because it fails, does not leave it behind, nor what it has started, even
+/// if some of that was stopped.
+pub(crate) struct Begun(Child);
+
+impl Deref for Begun {
+    type Target = Child;
+
+    fn deref(&self) -> &Child {
+        &self.0
+    }
+}
+
+impl DerefMut for Begun {
+    fn deref_mut(&mut self) -> &mut Child {
+        &mut self.0
+    }
+}
+
+impl Drop for Begun {
+    fn drop(&mut self) {
+        // Both fail for a command that has ended only.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 /// Begins a command whose output is kept.
-pub(crate) fn begin(command: &mut Command) -> Child {
-    command
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
+pub(crate) fn begin(command: &mut Command) -> Begun {
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+    Begun(child.unwrap())
 }
 
 /// Runs a command to its end under the watchdog, with its output.
@@ -204,7 +228,7 @@ pub(crate) fn output(command: &mut Command) -> Output {
 }
 
 /// The rest of a command under the watchdog, with its output.
-pub(crate) fn finish(mut child: Child) -> Output {
+pub(crate) fn finish(mut child: Begun) -> Output {
     use std::io::Read;
     let drain = |pipe: Option<Box<dyn Read + Send>>| {
         std::thread::spawn(move || {

@@ -3,7 +3,7 @@
 //! With a foreign load on the core a yield gives away a slice of milliseconds. With a publisher on another core, or in an
 //! order that cannot be the ring's, yields are in vain. Hence a verdict that one process, the leader, passes for all
 //! through the shared page: a yield in vain is a miss, and a lap of the turn that takes too long is as many as would have
-//! taken that time. Over [`MISS_LIMIT`] of them within [`VERDICT_WAITS`] waits of the leader, all only sleep, for a while
+//! taken that time. Over `MISS_LIMIT` of them within `VERDICT_WAITS` waits of the leader, all only sleep, for a while
 //! that grows fourfold each time. Before they yield again, the leader tries it alone.
 
 use std::sync::atomic::Ordering;
