@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use common::pilot::comes_to_the_path;
 use common::processes::{await_successor, pid_of, processes_of, services_of, signal};
 use common::{Begun, Place, begin, finish, output, scenario, succeed, until};
 use orchestrator::live::Snapshot;
@@ -16,9 +17,9 @@ use orchestrator::scenario_file;
 use orchestrator::summary::z1_norm;
 use runtime::process::SPARE;
 use rustix::process::Signal;
-use shared_types::ServiceId;
 use shared_types::samples::{ControlErrors, RcFrame, VehicleTruth};
 use shared_types::service::seconds;
+use shared_types::{Schedule, ServiceId};
 use zerocopy::FromBytes;
 
 /// Flights in real time share the machine with nobody else of these tests.
@@ -60,30 +61,40 @@ fn take_off(place: &Place, out: &str, seconds: f64) -> Begun {
     child
 }
 
+/// What makes of `hover.toml` a short flight that any machine has the time for.
+const SHORT_HOVER: [&str; 2] = ["schedule.tick=0.002", "duration=2.0"];
+
 #[test]
 fn until_something_is_late_a_flight_in_real_time_is_that_of_lock_step() {
     let _machine = the_machine();
     let place = Place::new();
     let fly = |out: &str, host: &str| {
         let hover = scenario("hover");
-        let hover = hover.to_str().unwrap();
-        let settings = ["--set", "schedule.tick=0.002", "--set", "duration=2.0"];
-        let arguments = [&["run", hover, "--out", out, "--host", host][..], &settings].concat();
+        let mut arguments = vec!["run", hover.to_str().unwrap(), "--out", out, "--host", host];
+        arguments.extend(SHORT_HOVER.iter().flat_map(|setting| ["--set", setting]));
         succeed(&mut place.gerono(&arguments));
     };
+    let settings = SHORT_HOVER.map(str::to_owned);
+    let flown = scenario_file::load(&scenario("hover"), &settings, None).unwrap();
+    let schedule = flown.schedule().unwrap();
     fly("lock-step", "lockstep");
     let theirs = samples(&place.log("lock-step"));
     // A machine in use may be late from the first tick on, but not every time.
     let punctual = (0..5).map(|flight| {
         let out = format!("real-time-{flight}");
         fly(&out, "realtime");
-        punctual_samples(&place, &out, &theirs)
+        punctual_samples(&place, &out, &theirs, &schedule)
     });
     assert!(punctual.into_iter().any(|samples| samples > 0));
 }
 
 /// Demands of a flight in real time that its samples are those of lock-step until something was late; how many.
-fn punctual_samples(place: &Place, out: &str, theirs: &BTreeMap<(u64, usize), Vec<u8>>) -> usize {
+fn punctual_samples(
+    place: &Place,
+    out: &str,
+    theirs: &BTreeMap<(u64, usize), Vec<u8>>,
+    schedule: &Schedule,
+) -> usize {
     let steps: Vec<ServiceStep> = host_samples(place, out, "host/steps");
     let timing = &place.summary(out)["timing"];
     assert_eq!(timing["unrecorded"], serde_json::json!([]));
@@ -91,13 +102,14 @@ fn punctual_samples(place: &Place, out: &str, theirs: &BTreeMap<(u64, usize), Ve
     let steps_in_summary: u64 = rows.map(|row| row["steps"].as_u64().unwrap()).sum();
     assert_eq!(steps_in_summary, steps.len() as u64);
 
-    // In the ideal profile the due sample of an input is the one of the tick, less its latency: 1 + its number.
     let is_punctual = |step: &&ServiceStep| {
         let service = ServiceId::ALL[step.service as usize];
-        let mut inputs = service.inputs().iter().zip(step.consumed);
+        // A step tells 1 + the number of each sample that it saw, which is its tick where there is one at every tick.
+        let mut inputs = (0..service.inputs().len()).zip(step.consumed);
         step.missed == 0
             && inputs.all(|(input, consumed)| {
-                consumed == (step.tick + 1).saturating_sub(input.default_latency_ticks)
+                let due = schedule.edge(service, input).due_sample(step.tick);
+                consumed == due.map_or(0, |due| due + 1)
             })
     };
     let late = steps
@@ -292,11 +304,31 @@ fn who_computes_a_number_that_is_not_finite_is_replaced_until_that_is_in_vain() 
     place.assert_nothing_is_left_of(orchestrator);
 }
 
-/// A flight in real time from the ground to the ground, which only the operator arms and lands, to the folder `out`.
+/// A flight in real time from the ground to the ground, which only the operator arms and lands, to the folder `out`: of
+/// the laboratory's vehicle, which nobody's absence turns over on a machine in use.
 fn wait_on_the_ground(place: &Place) -> Begun {
-    let flight = "flight={spool_up = 0.1, takeoff_height = 0.3, takeoff_speed = 0.5, transition_time = 0.5, \
-                  landing_speed = 0.5}";
-    begin(&mut place.live_hover("out", &["--set", "schedule.tick=0.002", "--set", flight]))
+    let laboratory = scenario("takeoff_and_land");
+    let mut arguments = vec![
+        "run",
+        laboratory.to_str().unwrap(),
+        "--host",
+        "realtime",
+        "--out",
+        "out",
+    ];
+    let settings = [
+        "duration=100.0",
+        "flight={spool_up = 0.1, takeoff_height = 0.3, takeoff_speed = 0.5, transition_time = 0.5, landing_speed = 0.5}",
+        // Nobody but the operator ends it.
+        "envelope={}",
+    ];
+    arguments.extend(settings.iter().flat_map(|setting| ["--set", setting]));
+    begin(&mut place.gerono(&arguments))
+}
+
+/// Arms, and waits until the vehicle is on its path.
+fn take_off_from_the_ground(place: &Place) {
+    assert!(comes_to_the_path(place), "it is down again");
 }
 
 /// Waits for a phase of the only live run.
@@ -332,8 +364,7 @@ fn an_operator_arms_and_stops_and_the_run_ends_on_the_ground() {
         "there is no run yet"
     );
     let child = wait_on_the_ground(&place);
-    arm(&place);
-    await_phase(&place, "fly");
+    take_off_from_the_ground(&place);
     succeed(&mut place.gerono(&["stop"]));
     await_phase(&place, "land");
     let output = finish(child);
@@ -359,8 +390,7 @@ fn a_kill_outlives_the_service_that_obeys_it() {
     let _machine = the_machine();
     let place = Place::new();
     let child = wait_on_the_ground(&place);
-    arm(&place);
-    await_phase(&place, "fly");
+    take_off_from_the_ground(&place);
     succeed(&mut place.gerono(&["kill"]));
     await_phase(&place, "disarmed");
     let pid = until("the transmitter", || pid_of(child.id(), ServiceId::RcOutput));
@@ -417,8 +447,7 @@ fn a_vehicle_whose_orchestrator_is_killed_lands() {
     let _machine = the_machine();
     let place = Place::new();
     let mut child = wait_on_the_ground(&place);
-    arm(&place);
-    await_phase(&place, "fly");
+    take_off_from_the_ground(&place);
     let services = services_of(child.id());
     assert_eq!(services.len(), ServiceId::ALL.len());
     child.kill().unwrap();

@@ -5,9 +5,9 @@ mod common;
 
 use std::net::TcpListener;
 use std::path::Path;
-use std::time::Duration;
 
 use common::laboratory::free_port;
+use common::pilot::{ask, comes_to_the_path};
 use common::processes::signal;
 use common::{Begun, Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
 use orchestrator::log::LogReader;
@@ -30,9 +30,6 @@ const IN_THE_JET: f64 = 14.0;
 
 /// For how long the machine may stand still, s: half of what the oldest state may be before the vehicle is levelled.
 const STANDSTILL: f64 = 0.1;
-
-/// Pause between two questions to a flight.
-const BETWEEN_QUESTIONS: Duration = Duration::from_millis(200);
 
 /// A world that is ended with the test.
 struct World(Option<Begun>);
@@ -86,14 +83,6 @@ fn settings(place: &Place, port: u16) -> Vec<String> {
     ]
 }
 
-/// Asks now and then until the answer is good. Who asks is a process, and the flight needs the cores as well.
-fn ask<T>(what: &str, mut question: impl FnMut() -> Option<T>) -> T {
-    until(what, || {
-        std::thread::sleep(BETWEEN_QUESTIONS);
-        question()
-    })
-}
-
 /// Kills the process of a service and waits until another one flies in its place.
 fn kill(place: &Place, service: ServiceId) {
     let now = || Some(place.look()?.services.swap_remove(service.index()));
@@ -130,30 +119,6 @@ fn flown(place: &Place, flight: &str, world: &str) -> bool {
     let kept_time = latest < STANDSTILL;
     assert!(stayed || !kept_time, "{}", said(&ended));
     kept_time
-}
-
-/// Arms until the vehicle comes to the path; whether it does. One that loses sight of itself on the ground disarms, as it
-/// should, and its operator arms again.
-fn comes_to_the_path(place: &Place) -> bool {
-    let mut was_in_the_air = false;
-    ask("the path", || {
-        let phase = place.look()?.phase?;
-        match phase.as_str() {
-            "fly" => Some(true),
-            "land" => Some(false),
-            "disarmed" if was_in_the_air => Some(false),
-            "disarmed" => {
-                // Refused while there is nothing to see: asked again.
-                place.gerono(&["arm"]).output().unwrap();
-                None
-            }
-            "take-off" => {
-                was_in_the_air = true;
-                None
-            }
-            _ => None,
-        }
-    })
 }
 
 /// Whether the vehicle comes to the path and stays there.

@@ -3,6 +3,7 @@
 
 pub(crate) mod laboratory;
 pub(crate) mod logs;
+pub(crate) mod pilot;
 pub(crate) mod processes;
 mod rig;
 
