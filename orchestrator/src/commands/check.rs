@@ -30,7 +30,7 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
 pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
     let order: Vec<_> = schedule.order().iter().map(|service| service.name()).collect();
     format!(
-        "{}\nbase tick {} s, {} ticks, {} s; theorem's bound on ‖z1‖ {:.4} m\norder within a tick: {}\n{}\n{}\n\n{}\n\n{}\n",
+        "{}\nbase tick {} s, {} ticks, {} s; theorem's bound on ‖z1‖ {:.4} m\norder within a tick: {}\n{}\n{}\n\n{}\n\n{}\n{}",
         if scenario.description.is_empty() {
             "the scenario can be flown"
         } else {
@@ -45,6 +45,7 @@ pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
         services(schedule),
         topics(schedule),
         edges(schedule),
+        unread(schedule),
     )
 }
 
@@ -102,7 +103,7 @@ fn topics(schedule: &Schedule) -> Table {
 fn edges(schedule: &Schedule) -> Table {
     let mut table = table(&["edge", "latency, s", "buffer, samples"]);
     for topic in Topic::ALL {
-        for (service, input) in topic.consumers() {
+        for (service, input) in schedule.readers(topic) {
             table.add_row([
                 format!("{topic} -> {service}"),
                 seconds(schedule.time_ns(schedule.latency(service, input))).to_string(),
@@ -111,6 +112,25 @@ fn edges(schedule: &Schedule) -> Table {
         }
     }
     table
+}
+
+/// The edges of the wiring table that are not there because no step looks at what they would bring.
+fn unread(schedule: &Schedule) -> String {
+    let edges = Topic::ALL.into_iter().flat_map(|topic| {
+        let unread = topic
+            .consumers()
+            .filter(|&(service, input)| !schedule.reads(service, input));
+        unread.map(move |(service, _)| format!("{topic} -> {service}"))
+    });
+    let edges: Vec<_> = edges.collect();
+    if edges.is_empty() {
+        String::new()
+    } else {
+        format!(
+            "of no use in this flight, and not connected: {}\n",
+            edges.join(", ")
+        )
+    }
 }
 
 /// The wiring table as a Mermaid diagram.

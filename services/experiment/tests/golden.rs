@@ -11,8 +11,8 @@ use std::path::Path;
 
 use experiment::{ExperimentDigest, build_all};
 use runtime::in_process::{InProcess, TickSink};
-use shared_types::Topic;
 use shared_types::scenario::Scenario;
+use shared_types::{Schedule, Topic};
 use toml::{Table, Value};
 
 /// SHA-256 over (topic, time, payload) of what the services publish in the first second of each flight.
@@ -47,19 +47,29 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
 /// What leaves the first second of a scenario as it is.
 const SHORT: &[&str] = &["vehicle.change=[]"];
 
-#[derive(Default)]
-struct Digesting(ExperimentDigest);
+/// Seconds of a flight that show what its services look at: it is in the air by then.
+const WHILE: u64 = 5;
+
+/// Takes the first ticks in.
+struct Digesting {
+    digest: ExperimentDigest,
+    last_tick: u64,
+}
 
 impl TickSink for Digesting {
     type Error = Infallible;
 
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
-        self.0.update(topic, bytes);
+        self.digest.update(topic, bytes);
         Ok(())
     }
 
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
+    fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        Ok(if tick < self.last_tick {
+            ControlFlow::Continue(())
+        } else {
+            ControlFlow::Break(())
+        })
     }
 }
 
@@ -86,18 +96,63 @@ fn scenario(name: &str, changes: &[&str]) -> Scenario {
     scenario
 }
 
+/// Digest of the first ticks of a flight, on a schedule that may differ from the scenario's own.
+fn fly(scenario: &Scenario, schedule: Schedule, last_tick: u64) -> String {
+    let mut sink = Digesting {
+        digest: ExperimentDigest::default(),
+        last_tick,
+    };
+    let mut host = InProcess::new(schedule, build_all(scenario).unwrap());
+    host.fly(&mut sink).unwrap();
+    sink.digest.finish()
+}
+
 #[test]
 fn short_flights_have_their_golden_hashes() {
     let flown = GOLDEN.map(|(name, changes, _)| {
         let scenario = scenario(name, &[&["duration=1.0"], changes].concat());
-        let services = build_all(&scenario).unwrap();
-        let mut digest = Digesting::default();
-        let mut host = InProcess::new(scenario.schedule().unwrap(), services);
-        host.fly(&mut digest).unwrap();
-        (name, digest.0.finish())
+        let schedule = scenario.schedule().unwrap();
+        let last_tick = schedule.last_tick();
+        (name, fly(&scenario, schedule, last_tick))
     });
     assert_eq!(
         flown.each_ref().map(|(name, digest)| (*name, digest.as_str())),
         GOLDEN.map(|(name, _, digest)| (name, digest))
+    );
+}
+
+/// All committed scenarios whose world is simulated, by name.
+fn simulated() -> Vec<String> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+    let files = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|file| file.unwrap().path());
+    let scenarios = files.filter(|file| file.extension().is_some_and(|extension| extension == "toml"));
+    let mut names: Vec<_> = scenarios
+        .map(|file| file.file_stem().unwrap().to_str().unwrap().to_owned())
+        .filter(|name| scenario(name, &[]).schedule().unwrap().simulates_the_world())
+        .collect();
+    names.sort_unstable();
+    names
+}
+
+#[test]
+fn what_no_step_looks_at_changes_nothing() {
+    let mut disconnected = 0;
+    for name in simulated() {
+        let scenario = scenario(&name, &[]);
+        let schedule = scenario.schedule().unwrap();
+        let connected = schedule.clone().with_unread_inputs(Default::default());
+        if connected == schedule {
+            continue;
+        }
+        disconnected += 1;
+        let last_tick = WHILE * 1_000_000_000 / schedule.tick_ns();
+        let flown = fly(&scenario, schedule, last_tick);
+        assert_eq!(flown, fly(&scenario, connected, last_tick), "{name}");
+    }
+    assert!(
+        disconnected > 5,
+        "only {disconnected} scenarios leave anything out"
     );
 }

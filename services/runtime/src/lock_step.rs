@@ -87,7 +87,7 @@ impl ServicePorts {
     ) -> Result<Self, PortError> {
         let page = waiter.page();
         let mut inlets = Vec::new();
-        for (index, spec) in id.inputs().iter().enumerate() {
+        for (index, spec) in schedule.inputs_read(id) {
             let receiver = topics.of(spec.topic).receiver()?;
             let publisher = spec
                 .topic

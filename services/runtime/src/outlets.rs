@@ -38,11 +38,11 @@ impl Outlets {
         };
         Ok(Self {
             outlets: id.outputs().iter().map(open).collect::<Result<_, PortError>>()?,
-            consumers: consumers_of(id),
+            consumers: readers_of(id, schedule),
         })
     }
 
-    /// Who consumes any of what is published, each once.
+    /// Who looks at any of what is published, each once.
     #[must_use]
     #[inline]
     pub fn consumers(&self) -> &[ServiceId] {
@@ -97,11 +97,11 @@ impl Outlets {
     }
 }
 
-fn consumers_of(id: ServiceId) -> Vec<ServiceId> {
+fn readers_of(id: ServiceId, schedule: &Schedule) -> Vec<ServiceId> {
     let outputs = id.outputs().iter();
-    let consumers = outputs.flat_map(|output| output.topic.consumers());
-    let mut consumers: Vec<_> = consumers.map(|(service, _)| service).collect();
-    consumers.sort_unstable();
-    consumers.dedup();
-    consumers
+    let readers = outputs.flat_map(|output| schedule.readers(output.topic));
+    let mut readers: Vec<_> = readers.map(|(service, _)| service).collect();
+    readers.sort_unstable();
+    readers.dedup();
+    readers
 }

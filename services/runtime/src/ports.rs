@@ -77,12 +77,13 @@ pub enum PortError {
 pub struct Topics([Option<Box<dyn TopicPorts>>; Topic::ALL.len()]);
 
 impl Topics {
-    /// Opens all topics that a service publishes or consumes. The dead that it follows may still have their ports.
+    /// Opens all topics that a service publishes or looks at. The dead that it follows may still have their ports.
     ///
     /// # Errors
     /// [`PortError::Open`].
     pub fn open(member: &Member, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
-        Self::open_each(service, |topic| member.open_topic(topic, schedule))
+        let inputs = schedule.inputs_read(service).map(|(_, input)| input.topic);
+        Self::open_each(service, inputs, |topic| member.open_topic(topic, schedule))
     }
 
     /// Opens the topics of the replay of a service.
@@ -94,16 +95,17 @@ impl Topics {
         service: ServiceId,
         schedule: &Schedule,
     ) -> Result<Self, PortError> {
-        Self::open_each(service, |topic| {
+        let inputs = service.inputs().iter().map(|input| input.topic);
+        Self::open_each(service, inputs, |topic| {
             member.open_replayed_topic(topic, service, schedule)
         })
     }
 
     fn open_each(
         service: ServiceId,
+        inputs: impl Iterator<Item = Topic>,
         open: impl Fn(Topic) -> Result<Box<dyn TopicPorts>, PortError>,
     ) -> Result<Self, PortError> {
-        let inputs = service.inputs().iter().map(|input| input.topic);
         let outputs = service.outputs().iter().map(|output| output.topic);
         let mut topics = Self([const { None }; Topic::ALL.len()]);
         for topic in inputs.chain(outputs) {
@@ -112,7 +114,7 @@ impl Topics {
         Ok(topics)
     }
 
-    /// A topic of the service.
+    /// A topic that the service publishes or looks at.
     ///
     /// # Panics
     /// If it is not.

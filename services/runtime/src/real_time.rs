@@ -51,7 +51,7 @@ impl RealTimePorts {
     /// [`PortError`].
     pub fn open(topics: &Topics, id: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
         let mut mailboxes = Vec::new();
-        for (index, spec) in id.inputs().iter().enumerate() {
+        for (index, spec) in schedule.inputs_read(id) {
             let receiver = topics.of(spec.topic).receiver()?;
             let publisher = spec
                 .topic

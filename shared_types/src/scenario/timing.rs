@@ -4,6 +4,7 @@ mod events;
 mod faults;
 pub(super) mod names;
 mod ticks;
+mod unread;
 
 use std::collections::BTreeMap;
 
@@ -68,7 +69,8 @@ impl Scenario {
                 let schedule = schedule
                     .with_outages(self.outages())
                     .with_edge_faults(self.edge_faults())
-                    .with_operator(self.operator_plan());
+                    .with_operator(self.operator_plan())
+                    .with_unread_inputs(self.unread_inputs());
                 if self.pose_source().is_simulated() {
                     schedule
                 } else {

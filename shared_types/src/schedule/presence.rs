@@ -48,6 +48,12 @@ impl Presence {
         }
     }
 
+    /// No tick of any flight.
+    #[must_use]
+    pub fn never() -> Self {
+        Self::new(Rate::NEVER, Arc::default())
+    }
+
     /// Whether there are no outages.
     #[must_use]
     #[inline]

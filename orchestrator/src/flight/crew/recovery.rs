@@ -200,7 +200,7 @@ impl Crew<'_> {
         let tick = first_tick.unwrap_or_default();
         let mut places = [0; MAX_PORTS];
         let mut remembered = Vec::new();
-        for (input, place) in places.iter_mut().enumerate().take(service.inputs().len()) {
+        for (input, _) in self.schedule.inputs_read(service) {
             let edge = self.schedule.edge(service, input);
             let archive = recorder.archive(edge.topic);
             let due = edge.due_sample(tick);
@@ -210,7 +210,7 @@ impl Crew<'_> {
             if let Some(due) = old {
                 remembered.extend(edge.needed_again(due).map(|tick| (input, tick)));
             }
-            *place = archive.place_of(match old {
+            places[input] = archive.place_of(match old {
                 Some(due) => due.max(edge.first_to_come(tick)),
                 None => due.unwrap_or_else(|| edge.first_to_come(tick)),
             });
@@ -260,8 +260,9 @@ impl Crew<'_> {
                 member.remembered.pop();
                 is_told = true;
             }
-            for ((input, spec), place) in inputs.iter().enumerate().zip(places) {
+            for (input, spec) in self.schedule.inputs_read(member.service) {
                 let archive = recorder.archive(spec.topic);
+                let place = &mut places[input];
                 while give(&member.process, member.service, archive, input, *place)? {
                     *place += 1;
                     is_told = true;

@@ -36,7 +36,7 @@ impl Scenario {
         all
     }
 
-    fn faults_of(&self, target: Target) -> impl Iterator<Item = &Fault> {
+    pub(super) fn faults_of(&self, target: Target) -> impl Iterator<Item = &Fault> {
         self.fault
             .iter()
             .filter(move |fault| fault.target() == Some(target))

@@ -1,7 +1,8 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::scenario::tests_support::fig1;
+use crate::scenario::tests_support::{fig1, rig};
+use crate::scenario::{EdgeName, Fault, FaultKind, Programs};
 
 fn only_problem(scenario: &Scenario) -> Problem {
     let problems = scenario.schedule().expect_err("the schedule is wrong");
@@ -23,7 +24,9 @@ fn with_period(name: &str, time: f64) -> Scenario {
 
 #[test]
 fn a_scenario_without_times_has_the_ideal_schedule() {
-    assert_eq!(fig1().schedule(), Ok(Schedule::ideal(1_000_000, 60_000)));
+    let scenario = fig1();
+    let ideal = Schedule::ideal(1_000_000, 60_000).with_unread_inputs(scenario.unread_inputs());
+    assert_eq!(scenario.schedule(), Ok(ideal));
 }
 
 #[test]
@@ -173,6 +176,56 @@ fn a_join_of_unequal_ticks_is_refused_at_the_time_that_makes_it() {
     assert_eq!(
         problem.key.to_string(),
         "schedule.latency.\"path/reference -> controller\""
+    );
+}
+
+/// The edges at which nobody looks, by name.
+fn unread(scenario: &Scenario) -> Vec<String> {
+    let schedule = scenario.schedule().unwrap();
+    let unread: Vec<_> = EdgeName::all()
+        .filter(|edge| !schedule.reads(edge.service, edge.input))
+        .collect();
+    for edge in &unread {
+        assert_eq!(
+            schedule.edge(edge.service, edge.input).due_sample(1000),
+            None,
+            "{edge}"
+        );
+    }
+    unread.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn what_no_step_looks_at_is_not_brought() {
+    let ideal = [
+        "rc/frame -> estimator",
+        "rc/frame -> path_generator",
+        "vehicle/state -> rc_output",
+    ];
+    assert_eq!(unread(&fig1()), ideal);
+    // A filter looks at the frames.
+    assert_eq!(unread(&rig()), ideal[1..]);
+}
+
+#[test]
+fn a_program_of_ones_own_and_a_fault_are_given_all_that_there_is() {
+    let mut scenario = fig1();
+    scenario.programs = Some(Programs {
+        estimator: Some(vec!["estimator".to_owned()]),
+        ..Programs::default()
+    });
+    assert_eq!(
+        unread(&scenario),
+        ["rc/frame -> path_generator", "vehicle/state -> rc_output"]
+    );
+    let mut scenario = fig1();
+    scenario.fault.push(Fault {
+        edge: Some("vehicle/state -> rc_output".to_owned()),
+        ..Fault::new(FaultKind::Stuck, 1.0)
+    });
+    assert_eq!(
+        unread(&scenario),
+        ["rc/frame -> estimator", "rc/frame -> path_generator"]
     );
 }
 

@@ -1,0 +1,119 @@
+use super::*;
+use proptest::prelude::*;
+
+proptest! {
+    #[test]
+    fn a_rate_agrees_with_counting(period in 1..30u64, phase in 0..30u64, tick in 0..500u64) {
+        let rate = Rate { period, phase };
+        let ticks: Vec<u64> = (0..500).map(|n| phase + n * period).collect();
+        prop_assert_eq!(rate.occurs_at(tick), ticks.contains(&tick));
+        prop_assert_eq!(rate.last_at_or_before(tick), ticks.iter().copied().rfind(|&at| at <= tick));
+        prop_assert_eq!(rate.count_before(tick), ticks.iter().filter(|&&at| at < tick).count() as u64);
+    }
+
+    #[test]
+    fn an_order_lets_nobody_wait_for_a_later_one(latencies in proptest::array::uniform5(proptest::array::uniform4(0..2u64))) {
+        if let Ok(order) = topological_order(&latencies) {
+            let place = |service| order.iter().position(|&other| other == service).unwrap();
+            for service in ServiceId::ALL {
+                for (input, latency) in service.inputs().iter().zip(latencies[service.index()]) {
+                    if latency == 0 {
+                        prop_assert!(place(input.topic.publisher().unwrap()) < place(service));
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_ideal_order_is_the_ring() {
+    assert_eq!(Schedule::ideal(1_000_000, 10).order(), &ServiceId::ALL);
+}
+
+#[test]
+fn a_cycle_without_delay_is_named() {
+    let mut latencies = default_latencies();
+    latencies[ServiceId::Plant.index()][0] = 0;
+    let every = Rate::EVERY_TICK;
+    let error = Schedule::new(1, 10, [every; SERVICES], [every; TOPICS], latencies).unwrap_err();
+    let ScheduleError::CycleWithoutDelay(cycle) = &error else {
+        panic!("{error}")
+    };
+    assert_eq!(cycle.first(), cycle.last());
+    assert!(error.to_string().contains("plant → estimator → "), "{error}");
+}
+
+#[test]
+fn in_a_real_world_all_is_as_in_a_simulated_one_but_for_the_truth() {
+    let simulated = Schedule::ideal(1, 100);
+    let real = simulated.clone().with_real_world();
+    assert!(simulated.simulates_the_world() && !real.simulates_the_world());
+    for topic in Topic::ALL {
+        let is_known = topic != Topic::VehicleTruth;
+        let count = if is_known {
+            simulated.sample_count(topic)
+        } else {
+            0
+        };
+        assert_eq!(real.sample_count(topic), count, "{topic}");
+        assert_eq!(real.publication(topic).is_due(50), is_known, "{topic}");
+        assert_eq!(real.buffer_size(topic), simulated.buffer_size(topic));
+    }
+    assert_eq!(
+        real.publications(Topic::VehicleTruth)
+            .last_at_or_before(u64::MAX - 1),
+        None
+    );
+}
+
+#[test]
+fn a_topic_is_due_only_when_its_publisher_steps() {
+    let mut services = [Rate::EVERY_TICK; SERVICES];
+    services[ServiceId::Plant.index()] = Rate { period: 2, phase: 0 };
+    let error = Schedule::new(1, 10, services, [Rate::EVERY_TICK; TOPICS], default_latencies()).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            ScheduleError::TopicWithoutStep {
+                publisher: ServiceId::Plant,
+                ..
+            }
+        ),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_join_of_unequal_ticks_is_refused() {
+    let mut services = [Rate::EVERY_TICK; SERVICES];
+    let mut topics = [Rate::EVERY_TICK; TOPICS];
+    services[ServiceId::PathGenerator.index()].period = 2;
+    topics[Topic::PathReference.index()].period = 2;
+    let error = Schedule::new(1, 100, services, topics, default_latencies()).unwrap_err();
+    assert_eq!(error, ScheduleError::UnequalJoin { tick: 1 });
+}
+
+#[test]
+fn a_due_sample_is_the_newest_one_delivered() {
+    let mut topics = [Rate::EVERY_TICK; TOPICS];
+    topics[Topic::MocapPose.index()] = Rate { period: 10, phase: 0 };
+    let mut latencies = default_latencies();
+    latencies[ServiceId::Estimator.index()][0] = 5;
+    let schedule = Schedule::new(1, 100, [Rate::EVERY_TICK; SERVICES], topics, latencies).unwrap();
+    let due = |tick| schedule.edge(ServiceId::Estimator, 0).due_sample(tick);
+    assert_eq!(
+        [due(4), due(5), due(14), due(15), due(25)],
+        [None, Some(0), Some(0), Some(10), Some(20)]
+    );
+    assert_eq!(schedule.sample_count(Topic::MocapPose), 11);
+    let fresh = |tick| {
+        schedule
+            .edge(ServiceId::Estimator, 0)
+            .is_fresh(tick, due(tick).unwrap())
+    };
+    assert_eq!(
+        [fresh(5), fresh(6), fresh(14), fresh(15), fresh(16)],
+        [true, false, false, true, false]
+    );
+}
