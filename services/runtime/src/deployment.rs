@@ -6,6 +6,7 @@
 
 mod memory;
 mod settings;
+mod switches;
 
 use rustix::process::{Resource, Rlimit};
 use rustix::thread::CpuSet;
@@ -13,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 pub use memory::LOCKED_MEMORY;
 pub use settings::{Refusal, Setting, apply};
+pub use switches::spare_switches;
 
 /// How a core is shared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

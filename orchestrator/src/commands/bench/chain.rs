@@ -88,6 +88,8 @@ fn spawn(
         .args(fifo.then_some("--fifo"))
         .stdin(Stdio::null())
         .stdout(Stdio::piped());
+    // Like the services.
+    deployment::spare_switches(&mut command);
     hand_on(&mut command, PAGE_FD, [page.file()])?;
     command.spawn()
 }

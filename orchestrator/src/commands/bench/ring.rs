@@ -109,6 +109,8 @@ fn spawn(
     if fifo {
         command.arg("--fifo");
     }
+    // Like the services.
+    deployment::spare_switches(&mut command);
     let files = std::iter::once(page.file()).chain(doorbells.iter().map(AsFd::as_fd));
     hand_on(&mut command, PAGE_FD, files)?;
     command.spawn()

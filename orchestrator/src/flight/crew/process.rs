@@ -7,6 +7,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Instant;
 
 use runtime::control::{CONTROL_FD, Channel};
+use runtime::deployment;
 use runtime::descriptors::hand_on;
 use runtime::doorbell::Doorbell;
 use rustix::event::{PollFd, PollFlags, poll};
@@ -50,6 +51,7 @@ impl Process {
             .stdout(Stdio::null())
             // Ctrl-C in a terminal is for the orchestrator alone.
             .process_group(0);
+        deployment::spare_switches(&mut command);
         let doorbells = doorbells.iter().map(AsFd::as_fd);
         let files = [theirs.as_fd()].into_iter().chain(shared).chain(doorbells);
         hand_on(&mut command, CONTROL_FD, files)?;
