@@ -201,18 +201,7 @@ fn settings(port: u16, device: &str) -> [String; 4] {
 
 /// `gerono run` of it in real time, to the folder `out`.
 fn run(place: &Place, settings: &[String], more: &[&str]) -> Begun {
-    let laboratory = scenario("laboratory");
-    let mut arguments = vec![
-        "run",
-        laboratory.to_str().unwrap(),
-        "--host",
-        "realtime",
-        "--out",
-        "out",
-    ];
-    arguments.extend(settings.iter().flat_map(|setting| ["--set", setting.as_str()]));
-    arguments.extend(more);
-    begin(&mut place.gerono(&arguments))
+    begin(place.live_flight("laboratory", "out", settings).args(more))
 }
 
 /// Asks for arming; why it is refused, if it is.

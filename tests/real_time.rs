@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use common::pilot::comes_to_the_path;
+use common::pilot::{comes_to_the_path, may_arm};
 use common::processes::{await_successor, pid_of, processes_of, services_of, signal};
 use common::{Begun, Place, begin, finish, output, scenario, succeed, until};
 use orchestrator::live::Snapshot;
@@ -307,23 +307,13 @@ fn who_computes_a_number_that_is_not_finite_is_replaced_until_that_is_in_vain() 
 /// A flight in real time from the ground to the ground, which only the operator arms and lands, to the folder `out`: of
 /// the laboratory's vehicle, which nobody's absence turns over on a machine in use.
 fn wait_on_the_ground(place: &Place) -> Begun {
-    let laboratory = scenario("takeoff_and_land");
-    let mut arguments = vec![
-        "run",
-        laboratory.to_str().unwrap(),
-        "--host",
-        "realtime",
-        "--out",
-        "out",
-    ];
     let settings = [
         "duration=100.0",
         "flight={spool_up = 0.1, takeoff_height = 0.3, takeoff_speed = 0.5, transition_time = 0.5, landing_speed = 0.5}",
         // Nobody but the operator ends it.
         "envelope={}",
     ];
-    arguments.extend(settings.iter().flat_map(|setting| ["--set", setting]));
-    begin(&mut place.gerono(&arguments))
+    begin(&mut place.live_flight("takeoff_and_land", "out", &settings))
 }
 
 /// Arms, and waits until the vehicle is on its path.
@@ -347,11 +337,7 @@ fn await_phase(place: &Place, phase: &str) {
 
 /// Asks until it is granted: arming is refused until the estimator has converged.
 fn arm(place: &Place) {
-    until("arming", || {
-        let output = place.gerono(&["arm"]).output().unwrap();
-        assert!(matches!(output.status.code(), Some(0 | 1 | 7)), "{output:?}");
-        output.status.success().then_some(())
-    });
+    until("arming", || may_arm(place).then_some(()));
 }
 
 #[test]

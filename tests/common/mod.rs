@@ -79,13 +79,26 @@ impl Place {
         self.gerono(&arguments)
     }
 
+    /// `gerono run` of a committed scenario in real time with these settings, to the folder `out`.
+    pub(crate) fn live_flight(&self, name: &str, out: &str, settings: &[impl AsRef<str>]) -> Command {
+        let stated = scenario(name);
+        let mut arguments = vec![
+            "run",
+            stated.to_str().unwrap(),
+            "--host",
+            "realtime",
+            "--out",
+            out,
+        ];
+        arguments.extend(settings.iter().flat_map(|setting| ["--set", setting.as_ref()]));
+        self.gerono(&arguments)
+    }
+
     /// `gerono run` of a hover in real time for longer than any test lasts, to the folder `out`.
     pub(crate) fn live_hover(&self, out: &str, more: &[&str]) -> Command {
-        let hover = scenario("hover");
-        let mut arguments = vec!["run", hover.to_str().unwrap(), "--host", "realtime", "--out", out];
-        arguments.extend(["--set", "duration=100.0"]);
-        arguments.extend(more);
-        self.gerono(&arguments)
+        let mut command = self.live_flight("hover", out, &["duration=100.0"]);
+        command.args(more);
+        command
     }
 
     /// `gerono run` in real time of such a flight, to the folder `out`, in which every service dies at every place of a step;

@@ -15,6 +15,13 @@ pub(crate) fn ask<T>(what: &str, mut question: impl FnMut() -> Option<T>) -> T {
     })
 }
 
+/// Asks for arming; whether it is granted.
+pub(crate) fn may_arm(place: &Place) -> bool {
+    let output = place.gerono(&["arm"]).output().unwrap();
+    assert!(matches!(output.status.code(), Some(0 | 1 | 7)), "{output:?}");
+    output.status.success()
+}
+
 /// Arms until the vehicle comes to the path; whether it does. One that loses sight of itself on the ground disarms, as it
 /// should, and its operator arms again.
 pub(crate) fn comes_to_the_path(place: &Place) -> bool {
@@ -27,7 +34,7 @@ pub(crate) fn comes_to_the_path(place: &Place) -> bool {
             "disarmed" if was_in_the_air => Some(false),
             "disarmed" => {
                 // Refused while there is nothing to see: asked again.
-                place.gerono(&["arm"]).output().unwrap();
+                may_arm(place);
                 None
             }
             "take-off" => {

@@ -4,7 +4,7 @@ use super::Findings;
 use crate::scenario::timing::names::unknown_edge;
 use crate::scenario::{EdgeName, InputSafety, Key, Scenario};
 use crate::service::seconds;
-use crate::wiring::{ServiceId, Topic};
+use crate::wiring::Topic;
 
 impl Scenario {
     /// Policies of inputs that there are and that their services can follow.
@@ -33,12 +33,7 @@ impl Scenario {
                 format!("leave `{at}` out and state `estimator.kalman.coast`"),
             );
         }
-        let section = match (edge.service, edge.topic) {
-            (ServiceId::RcOutput, Topic::VehicleState) => Some(("envelope", self.envelope.is_some())),
-            (ServiceId::PathGenerator, Topic::RcFrame) => Some(("flight", self.flight.is_some())),
-            _ => None,
-        };
-        if let Some((section, false)) = section {
+        if let Some((section, false)) = self.section_for(edge) {
             return found.add(
                 at.clone(),
                 format!(

@@ -18,22 +18,22 @@ impl Scenario {
     fn reads(&self, edge: EdgeName) -> bool {
         // A program of one's own may look at all that its service is given, and a fault is to be seen to happen.
         let is_theirs = self.guests()[edge.service.index()];
-        is_theirs || self.faults_of(Target::Edge(edge)).next().is_some() || self.step_reads(edge)
+        is_theirs
+            || self.faults_of(Target::Edge(edge)).next().is_some()
+            || self.section_for(edge).is_none_or(|(_, is_stated)| is_stated)
     }
 
-    /// Whether the service's own step logic looks at an input.
-    fn step_reads(&self, edge: EdgeName) -> bool {
+    /// The section without which a service's own step logic does not look at an input, and whether it is stated; `None`
+    /// where it looks in any case.
+    pub(in crate::scenario) fn section_for(&self, edge: EdgeName) -> Option<(&'static str, bool)> {
         match (edge.service, edge.topic) {
-            // Its filter predicts by the frames already sent; ideal cameras need no filter.
-            (ServiceId::Estimator, Topic::RcFrame) => self.estimator.is_some(),
-            // The phases of a flight do: armed, taken off, landed.
-            (ServiceId::PathGenerator, Topic::RcFrame) => self.flight.is_some(),
-            // The envelope's limits on the state do.
-            (ServiceId::RcOutput, Topic::VehicleState) => self
-                .envelope
-                .as_ref()
-                .is_some_and(|envelope| envelope.estimate.is_some()),
-            _ => true,
+            // A filter predicts by the frames already sent; ideal cameras need none.
+            (ServiceId::Estimator, Topic::RcFrame) => Some(("estimator", self.estimator.is_some())),
+            // Phases are made of them: armed, taken off, landed.
+            (ServiceId::PathGenerator, Topic::RcFrame) => Some(("flight", self.flight.is_some())),
+            // Some limits are limits on the state.
+            (ServiceId::RcOutput, Topic::VehicleState) => Some(("envelope", self.envelope.is_some())),
+            _ => None,
         }
     }
 }
