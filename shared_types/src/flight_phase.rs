@@ -10,6 +10,11 @@
 
 use crate::samples::PathReference;
 
+/// For how long the motors must rest without a break until the vehicle is on the ground, wherever it was, s.
+///
+/// A vehicle falls 20 m in this time, more than the height of any laboratory.
+pub const GROUNDED_AFTER: f64 = 2.0;
+
 /// A phase of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FlightPhase {

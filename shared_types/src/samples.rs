@@ -1,5 +1,7 @@
 //! The samples of the flight. Frames: {I} ("world", z down) and {B} ("body"). SI units, radians.
 
+use std::borrow::Cow;
+
 use crate::sample::{Field, Flag, Header};
 
 crate::sample! {
@@ -241,7 +243,7 @@ crate::sample! {
         #[values(
             KIND_FLIGHT_STARTS = 1, KIND_VEHICLE_CHANGES = 2, KIND_FLIGHT_ENDS = 3, KIND_OUTAGE_BEGINS = 4,
             KIND_OUTAGE_ENDS = 5, KIND_EDGE_FAULT_BEGINS = 6, KIND_EDGE_FAULT_ENDS = 7, KIND_OPERATOR_ARMS = 8,
-            KIND_OPERATOR_LANDS = 9, KIND_OPERATOR_KILLS = 10
+            KIND_OPERATOR_LANDS = 9, KIND_OPERATOR_KILLS = 10, KIND_OPERATOR_DISARMS = 11
         )]
         /// What happens.
         pub kind: u32,
@@ -249,6 +251,15 @@ crate::sample! {
         pub text_length: u32,
         /// What happens, in words, UTF-8, filled up with zeros.
         pub text: [u8; 120],
+    }
+}
+
+impl RunEvent {
+    /// What happens, in words; of a text that is no UTF-8, what can be read.
+    #[must_use]
+    pub fn words(&self) -> Cow<'_, str> {
+        let length = (self.text_length as usize).min(self.text.len());
+        String::from_utf8_lossy(&self.text[..length])
     }
 }
 

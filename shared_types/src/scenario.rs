@@ -12,6 +12,8 @@ mod envelope;
 mod estimator;
 mod fault;
 mod flight;
+mod gains;
+mod judge;
 mod machine;
 mod model;
 mod motion_capture;
@@ -39,6 +41,7 @@ pub use envelope::{Action, Envelope, EstimateLimit, Fence, Limit, VectorLimit};
 pub use estimator::{Estimator, Kalman};
 pub use fault::{Fault, FaultKind, FaultState, Target};
 pub use flight::Flight;
+pub use judge::Judge;
 pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
 pub use model::Model;
 pub use motion_capture::{CaptureSystem, FrameTransform, MotionCapture, PoseSource};
@@ -104,6 +107,9 @@ pub struct Scenario {
     /// What the transmitter does not let the vehicle and the controller do; nothing is refused unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub envelope: Option<Envelope>,
+    /// When the vehicle counts as lost; as by default unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub judge: Option<Judge>,
     /// Planned faults of services and of their inputs, exact in simulated time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fault: Vec<Fault>,
@@ -144,6 +150,7 @@ impl Scenario {
             model: None,
             flight: None,
             envelope: None,
+            judge: None,
             fault: Vec::new(),
             safety: BTreeMap::new(),
             programs: None,

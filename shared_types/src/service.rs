@@ -207,11 +207,15 @@ pub trait ErasedService: Send {
     fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]);
     /// Size of a saved state, bytes.
     fn state_size(&self) -> usize;
+    /// Hands the bytes of [`Service::save`], `state_size` of them, to `keep`.
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8]));
     /// [`Service::save`] into `state_size` bytes.
     ///
     /// # Panics
     /// If `bytes` has another size.
-    fn save(&self, bytes: &mut [u8]);
+    fn save(&self, bytes: &mut [u8]) {
+        self.save_with(&mut |state| bytes.copy_from_slice(state));
+    }
     /// [`Service::restore`] from `state_size` bytes.
     ///
     /// # Panics
@@ -235,8 +239,8 @@ impl<S: Service> ErasedService for S {
         size_of::<S::State>()
     }
 
-    fn save(&self, bytes: &mut [u8]) {
-        bytes.copy_from_slice(Service::save(self).as_bytes());
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+        keep(Service::save(self).as_bytes());
     }
 
     fn restore(&mut self, bytes: &[u8]) {

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use controller::{ControllerService, Estimates, Measured, Parameters, Reference, evaluate};
 use divan::Bencher;
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
-use shared_types::scenario::{Controller, Scenario};
+use shared_types::scenario::Scenario;
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, rotation};
 use zerocopy::{FromZeros, IntoBytes};
@@ -40,9 +40,9 @@ fn reference() -> PathReference {
 
 #[divan::bench]
 fn law(bencher: Bencher<'_, '_>) {
-    let controller = Controller::default();
-    let parameters = Parameters::from(&controller);
-    let estimates = Estimates::from(&controller.initial);
+    let scenario = scenario();
+    let parameters = Parameters::from(&scenario);
+    let estimates = Estimates::from(&scenario.controller.initial);
     let (measured, reference) = (Measured::from(&state()), Reference::from(&reference()));
     bencher.bench_local(|| {
         evaluate(

@@ -1,9 +1,7 @@
 //! Commands of thrust and body rates, from hold to hold: the roll-out, the yaw law and what they remember.
 
 use nalgebra::Vector3;
-use shared_types::Topic;
 use shared_types::scenario::{GRAVITY, RateCommand, Scenario, Vector};
-use shared_types::service::seconds;
 
 use crate::law::Evaluation;
 use crate::parameters::Parameters;
@@ -63,7 +61,7 @@ impl Commander {
         let model = scenario.model.clone().unwrap_or_default();
         let (thrust_limits, rate_limits) = link_limits(scenario);
         Self {
-            roll_out: RollOut::new(rates, &model, hold(scenario)),
+            roll_out: RollOut::new(rates, &model, scenario.command_hold()),
             yaw: YawLaw::new(rates, rate_limits[2]),
             thrust_limits,
             airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
@@ -118,13 +116,5 @@ pub(crate) fn link_limits(scenario: &Scenario) -> ([f64; 2], Vector) {
     let link = scenario.rc_output.as_ref();
     link.map_or(([0.0, f64::INFINITY], [f64::INFINITY; 3]), |link| {
         (link.thrust_limits(), link.rate_limits())
-    })
-}
-
-/// For how long a command is held, s.
-pub(crate) fn hold(scenario: &Scenario) -> f64 {
-    scenario.schedule().map_or(scenario.schedule.tick, |schedule| {
-        let rate = schedule.topic_rate(Topic::ControlCommand);
-        seconds(schedule.time_ns(rate.period))
     })
 }

@@ -1,7 +1,7 @@
 //! Gains and bounds of the law, as the law computes with them.
 
 use nalgebra::Vector3;
-use shared_types::scenario;
+use shared_types::scenario::Scenario;
 
 use crate::projection::Projection;
 use crate::saturation::Saturation;
@@ -35,21 +35,22 @@ pub struct Parameters {
     pub removes_offset: bool,
 }
 
-impl From<&scenario::Controller> for Parameters {
-    fn from(controller: &scenario::Controller) -> Self {
+impl From<&Scenario> for Parameters {
+    fn from(scenario: &Scenario) -> Self {
+        let controller = &scenario.controller;
         let bounds = &controller.bounds;
         Self {
             k1: controller.k1,
             k2: controller.k2,
             k3: controller.k3,
-            beta: controller.beta,
+            beta: scenario.beta(),
             delta: controller.delta,
             saturation: Saturation {
                 level: controller.sigma_max,
             },
             lambda_mass: controller.lambda_mass,
             lambda_disturbance: Vector3::from(controller.lambda_disturbance),
-            lambda_inertia: controller.lambda_inertia,
+            lambda_inertia: scenario.lambda_inertia(),
             eta_projection: Projection {
                 minimum: 1.0 / bounds.mass_max,
                 maximum: 1.0 / bounds.mass_min,

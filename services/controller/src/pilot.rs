@@ -95,7 +95,7 @@ impl Pilot {
         let controller = &scenario.controller;
         let safety = scenario.safety_of(Topic::VehicleState, ServiceId::Controller);
         Self {
-            parameters: Parameters::from(controller),
+            parameters: Parameters::from(scenario),
             estimates: Estimates::from(&controller.initial),
             commander: controller
                 .rates

@@ -89,7 +89,7 @@ impl RollOut {
         Self {
             inertia: model.inertia().into(),
             hold,
-            steps: libm::round(hold / rates.roll_out_step).max(1.0) as u32,
+            steps: rates.steps(hold) as u32,
             moves: rates.roll_out,
             is_pushed: rates.unexplained,
             inverts_lags: rates.lag_inversion,

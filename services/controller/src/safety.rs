@@ -10,7 +10,6 @@ use shared_types::scenario::{EdgeName, GRAVITY, InputSafety, Scenario};
 use shared_types::service::seconds;
 use shared_types::{Now, ServiceId, Topic};
 
-use crate::commander::hold;
 use crate::fallback::{DESCENT, Leveller, Stage, Stages};
 use crate::reckoning::{Believed, Commanded, Reckoned, Reckoner};
 use crate::transfer::Transfer;
@@ -41,7 +40,7 @@ impl Safety {
             recover_ns: stated.recover_ns(),
             ordinary_age_ns: edge.map_or(0, |edge| scenario.ordinary_age_ns(edge)),
             reckoner,
-            leveller: Leveller::new(reckoner.inertia, hold(scenario)),
+            leveller: Leveller::new(reckoner.inertia, scenario.command_hold()),
             reckoned: Reckoned::NOTHING,
             transfer: Transfer::NONE,
         }

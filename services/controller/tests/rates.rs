@@ -19,7 +19,6 @@ fn scenario(delta: f64, remove_offset: bool, rates: RateCommand) -> Scenario {
         .into();
     scenario.controller.delta = delta;
     scenario.controller.remove_offset = remove_offset;
-    scenario.controller.lambda_inertia = 1e-9;
     scenario.controller.rates = Some(rates);
     scenario
 }
@@ -93,7 +92,7 @@ fn resting_reference() -> Reference {
 /// Flies towards a point and tells how far from it the vehicle was in the last seconds, and what it believed.
 fn flown(scenario: &Scenario, rig: &mut Rig, seconds: f64, last: f64, yaw: f64) -> (f64, Estimates) {
     let mut commander = Commander::new(scenario, scenario.controller.rates.as_ref().unwrap());
-    let parameters = Parameters::from(&scenario.controller);
+    let parameters = Parameters::from(scenario);
     let mut estimates = Estimates::from(&scenario.controller.initial);
     let (mut time, mut farthest) = (0.0, 0.0_f64);
     while time < seconds {
@@ -121,10 +120,7 @@ fn the_paper_s_delta_flies_at_the_radio_s_rate_and_hangs_by_the_known_offset() {
     let scenario = scenario(0.1, false, RateCommand::default());
     let mut rig = Rig::new([0.3, -0.2, 0.1], [0.0, 0.0, 0.3]);
     let (_, estimates) = flown(&scenario, &mut rig, 60.0, 5.0, 0.0);
-    let offset = hanging_offset(
-        &Parameters::from(&scenario.controller),
-        &rig.motion.world_from_body,
-    );
+    let offset = hanging_offset(&Parameters::from(&scenario), &rig.motion.world_from_body);
     assert!(
         (rig.motion.position_world - offset).norm() < 5e-4,
         "{}",
@@ -153,7 +149,7 @@ fn the_roll_out_asks_for_less_of_the_body_rates() {
     let [rolled_out, latched] = [RateCommand::default(), latched].map(|rates| {
         let scenario = scenario(0.1, true, rates);
         let mut commander = Commander::new(&scenario, scenario.controller.rates.as_ref().unwrap());
-        let parameters = Parameters::from(&scenario.controller);
+        let parameters = Parameters::from(&scenario);
         let estimates = Estimates::from(&scenario.controller.initial);
         let mut rig = Rig::new([0.3, 0.0, 0.0], [0.0; 3]);
         let mut squares = 0.0;
@@ -207,7 +203,7 @@ fn the_first_step_of_the_roll_out_is_the_law_itself() {
     let scenario = scenario(0.25, false, RateCommand::default());
     let mut commander = Commander::new(&scenario, &RateCommand::default());
     let rig = Rig::new([0.1, 0.2, 0.3], [0.1, -0.2, 0.0]);
-    let parameters = Parameters::from(&scenario.controller);
+    let parameters = Parameters::from(&scenario);
     let estimates = Estimates::from(&scenario.controller.initial);
     let command = commander.command(
         &parameters,
@@ -227,7 +223,7 @@ fn the_first_step_of_the_roll_out_is_the_law_itself() {
 fn there_is_nothing_to_learn_on_the_ground_or_beyond_the_link_s_thrust() {
     let mut scenario = scenario(0.25, false, RateCommand::default());
     scenario.rc_output = Some(Default::default());
-    let parameters = Parameters::from(&scenario.controller);
+    let parameters = Parameters::from(&scenario);
     scenario.controller.initial.mass = 0.5;
     let estimates = Estimates::from(&scenario.controller.initial);
     let telling = |depth: f64, thrust: f64| {

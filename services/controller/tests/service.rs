@@ -81,7 +81,7 @@ fn step_with_both(service: &mut ControllerService, tick: u64) -> Published {
 
 fn law(tick: u64, estimates: &Estimates) -> Evaluation {
     evaluate(
-        &Parameters::from(&Controller::default()),
+        &Parameters::from(&scenario()),
         &Measured::from(&state(tick)),
         &Reference::from(&reference()),
         estimates,

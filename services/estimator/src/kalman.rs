@@ -20,6 +20,7 @@
 //! * [`motion`]: the nominal state and its step;
 //! * [`error_state`]: the transition of its error, and the noise that enters;
 //! * [`belief`]: nominal state and covariance together: propagation and the use of a pose;
+//! * [`scatter`]: the noise of the cameras, if it is more than stated;
 //! * [`filter`]: which captures are used, when the filter starts anew, prediction.
 
 pub mod attitude;
@@ -29,6 +30,7 @@ pub mod error_state;
 pub mod filter;
 pub mod lag;
 pub mod motion;
+pub mod scatter;
 mod state;
 
 pub use filter::{KalmanFilter, Outcome};

@@ -20,27 +20,27 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
     (
         "fig1",
         SHORT,
-        "9668aa11952f6b071088fc26f09d6cd1e3d7f24a3603bfdfee414635329aba59",
+        "e55b3d4beebddb18d67c0695acb5df8377b5965bc8898d866bfa26836681f2a6",
     ),
     (
         "fig2_near",
         SHORT,
-        "6a1cbbbd30a7569004cb824ab071b1b7e7d2f27a1d6b7b8728d6f3fb9a55504d",
+        "6695ab761c0b7f28a34f6e6bf8e22324ba7f5e95b64f74ea8094e04a2092def6",
     ),
     (
         "circle",
         SHORT,
-        "5dd4c960dd18c243fa3a0042d450328e108e45c14c7590bb22e04e4ad60cd4ff",
+        "82fe30a411e7a79fb7be4b019c23d678cddcf457d8be42c463e9e0f8f7c2851a",
     ),
     (
         "waypoints",
         SHORT,
-        "27f56b711b14b1f101642dcf4d598995eee5ffaed978cfbb524175f537358469",
+        "35c9f1da87fb678f45b1a4d7f594ee2b5d9659567dc02d6899ecd308db4082a0",
     ),
     (
         "fig3_6",
         &rig::ALL_OF_THE_RIG,
-        "d7a096a68408e846a96ad1b8c9863152eb6723badceeea793f36343de74fd377",
+        "6c23db904540ea3d8fc756d8ec0f6a263fb3961330796c52a959f024670ccda5",
     ),
 ];
 

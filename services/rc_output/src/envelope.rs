@@ -17,8 +17,8 @@ pub struct Situation<'a> {
     pub state: Option<&'a VehicleState>,
     /// Whether it is recent.
     pub state_is_fresh: bool,
-    /// What is to be sent.
-    pub command: &'a ControlCommand,
+    /// What is to be sent; `None` if the motors are to rest.
+    pub command: Option<&'a ControlCommand>,
 }
 
 /// The limits of a flight.
@@ -44,6 +44,7 @@ impl Envelope {
     pub fn exceeded(&self, situation: &Situation<'_>) -> [Option<(u8, Action, bool)>; LIMITS] {
         let (stated, state, command) = (&self.stated, situation.state, situation.command);
         let of_state = |exceeds: &dyn Fn(&VehicleState) -> bool| state.is_some_and(exceeds);
+        let of_command = |exceeds: &dyn Fn(&ControlCommand) -> bool| command.is_some_and(exceeds);
         let estimate_is_bad = |limit: f64| {
             let is_good = |state: &VehicleState| state.tracked.is_set() && state.position_sigma <= limit;
             !situation.state_is_fresh || !state.is_some_and(is_good)
@@ -70,15 +71,15 @@ impl Envelope {
                 (RcFrame::LIMIT_ESTIMATE, limit.action, is_bad)
             }),
             stated.thrust.as_ref().map(|limit| {
-                let is_strong = command.thrust > limit.max;
+                let is_strong = of_command(&|command| command.thrust > limit.max);
                 (RcFrame::LIMIT_THRUST, limit.action, is_strong)
             }),
             stated.torque.as_ref().map(|limit| {
-                let is_strong = exceeds(&command.torque_body, &limit.max);
+                let is_strong = of_command(&|command| exceeds(&command.torque_body, &limit.max));
                 (RcFrame::LIMIT_TORQUE, limit.action, is_strong)
             }),
             stated.rates.as_ref().map(|limit| {
-                let is_fast = exceeds(&command.rates_body, &limit.max);
+                let is_fast = of_command(&|command| exceeds(&command.rates_body, &limit.max));
                 (RcFrame::LIMIT_RATES, limit.action, is_fast)
             }),
         ]

@@ -6,18 +6,22 @@
 //! | in a flight with phases the inputs have not been recent since the arming, or since the transmitter began anew | failsafe frames |
 //! | the operator killed | failsafe frames for ever |
 //! | a limit is exceeded for [`after`](shared_types::scenario::Envelope::after), action *warn* | frames say so as long as that lasts |
-//! | … action *land* | frames demand it until the vehicle rests disarmed, whatever becomes of the limit |
+//! | … action *land* | frames demand it until the motors have rested for [`GROUNDED_AFTER`], whatever becomes of the limit |
 //! | … action *kill* | failsafe frames for ever |
 //! | the vehicle is to land and takes too long, or goes on leaving the box | failsafe frames for ever |
 //!
-//! Limits are checked while something is sent that moves the vehicle. Of several that are exceeded the gravest action
-//! counts, and of those the first. What is for ever is in the checkpoint; a transmitter that begins anew without one
+//! Limits are checked from the first command that moves the vehicle until the motors have rested for [`GROUNDED_AFTER`] without a
+//! break. A command that rests the motors for a shorter time resets nothing: the vehicle may still be in the air, and a
+//! controller that intersperses such commands must not escape its limits. Of several limits that are exceeded the
+//! gravest action counts, and of those the first. A kill is in the checkpoint; a transmitter that restarts without one
 //! knows of the operator's kill, which is kept outside of it, and judges the envelope afresh.
 
 use shared_types::Now;
+use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::sample::Flag;
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
 use shared_types::scenario::{Action, Scenario};
+use shared_types::service::nanoseconds;
 
 use crate::envelope::{Envelope, LIMITS, Situation};
 
@@ -28,14 +32,18 @@ shared_types::sample! {
         pub since_ns: [u64; 7],
         /// Since when the vehicle has been to land, ns.
         pub landing_since_ns: u64,
+        /// Since when the motors have rested without a break, ns, plus 1; 0 while they do not.
+        pub resting_since_ns: u64,
         /// The limit for which the vehicle is to land or was killed.
         pub limit: u8,
         /// What is done until the vehicle rests or for ever: nothing, land or kill.
         pub action: u8,
         /// Whether the inputs have been recent since the arming.
         pub passes: Flag,
+        /// Whether a command has moved the vehicle, and the motors have not rested for [`GROUNDED_AFTER`] since.
+        pub moves: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 5],
+        pub pad0: [u8; 4],
     }
 }
 
@@ -76,11 +84,34 @@ impl GuardMemory {
     const NOTHING: Self = Self {
         since_ns: [0; LIMITS],
         landing_since_ns: 0,
+        resting_since_ns: 0,
         limit: RcFrame::LIMIT_NONE,
         action: RcFrame::ACTION_NONE,
         passes: Flag::CLEAR,
-        pad0: [0; 5],
+        moves: Flag::CLEAR,
+        pad0: [0; 4],
     };
+}
+
+impl GuardMemory {
+    /// Notes whether the motors are moved now. What is remembered of the limits is forgotten once they have rested for
+    /// [`GROUNDED_AFTER`] without a break: a matter of time, which no command can shorten.
+    fn note_motion(&mut self, now: &Now, moves: bool) {
+        if moves {
+            (self.moves, self.resting_since_ns) = (true.into(), 0);
+        } else if self.moves.is_set() {
+            if self.resting_since_ns == 0 {
+                self.resting_since_ns = now.time_ns + 1;
+            }
+            if now.time_ns + 1 - self.resting_since_ns >= nanoseconds(GROUNDED_AFTER) {
+                let passes = self.passes;
+                *self = Self {
+                    passes,
+                    ..Self::NOTHING
+                };
+            }
+        }
+    }
 }
 
 impl Guard {
@@ -133,23 +164,18 @@ impl Guard {
         let moving = case
             .command
             .filter(|command| command.mode != ControlCommand::MODE_FAILSAFE);
-        let Some(command) = moving else {
-            // It rests: a landing is over.
-            let passes = self.memory.passes;
-            self.memory = GuardMemory {
-                passes,
-                ..GuardMemory::NOTHING
-            };
+        self.memory.note_motion(now, moving.is_some());
+        if !self.memory.moves.is_set() {
             return None;
-        };
+        }
         let situation = Situation {
             state: case.state,
             state_is_fresh: case.state_is_fresh,
-            command,
+            command: moving,
         };
+        let exceeded = envelope.exceeded(&situation);
         let (after_ns, land_within_ns) = (envelope.after_ns(), envelope.land_within_ns());
         let is_leaving = envelope.is_leaving(case.state);
-        let exceeded = envelope.exceeded(&situation);
         let gravest = gravest(now, &mut self.memory.since_ns, &exceeded, after_ns);
         match gravest {
             Some((limit, Action::Kill)) => self.kill(limit),
@@ -159,7 +185,8 @@ impl Guard {
             }
             _ => {}
         }
-        if self.memory.action == RcFrame::ACTION_LAND {
+        // Motors at rest need no kill, and a vehicle that has landed may be armed again.
+        if self.memory.action == RcFrame::ACTION_LAND && moving.is_some() {
             if is_leaving {
                 self.kill(RcFrame::LIMIT_BOX);
             } else if now.time_ns.saturating_sub(self.memory.landing_since_ns) > land_within_ns {

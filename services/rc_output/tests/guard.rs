@@ -5,6 +5,8 @@ mod rebirth;
 
 use proptest::prelude::*;
 use rc_output::RcOutputService;
+use shared_types::Header;
+use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
 use shared_types::scenario::Scenario;
@@ -88,12 +90,19 @@ impl Transmitter {
         }
     }
 
+    /// Header of a sample that is published at this tick.
+    fn header(&self) -> Header {
+        Header {
+            tick: self.tick,
+            seq: self.tick,
+            stamp_ns: self.tick * TICK_NS,
+        }
+    }
+
     /// One step on samples that are published at this tick.
     fn step(&mut self, operator: Operator, command: &ControlCommand, state: &VehicleState) -> RcFrame {
         let (mut command, mut state) = (*command, *state);
-        for header in [&mut command.header, &mut state.header] {
-            (header.tick, header.seq, header.stamp_ns) = (self.tick, self.tick, self.tick * TICK_NS);
-        }
+        (command.header, state.header) = (self.header(), self.header());
         self.step_on(operator, Some(&command), Some(&state))
     }
 
@@ -329,12 +338,128 @@ fn a_demand_to_land_lasts_until_the_vehicle_rests() {
         transmitter.steps(500, &command(2.0), &state()).action,
         RcFrame::ACTION_LAND
     );
+    let rest = (GROUNDED_AFTER * 1e3) as u64;
+    let landing = transmitter.steps(rest, &failsafe_command(), &state());
+    assert_eq!(
+        (landing.limit, landing.action, rests(&landing)),
+        (RcFrame::LIMIT_BOX, RcFrame::ACTION_LAND, true)
+    );
     let landed = transmitter.steps(1, &failsafe_command(), &state());
     assert_eq!(
-        (landed.limit, landed.action),
-        (RcFrame::LIMIT_NONE, RcFrame::ACTION_NONE)
+        (landed.limit, landed.action, rests(&landed)),
+        (RcFrame::LIMIT_NONE, RcFrame::ACTION_NONE, true)
     );
-    assert!(rests(&landed));
+}
+
+#[test]
+fn a_vehicle_that_has_landed_as_demanded_is_not_killed_for_the_time_it_rests() {
+    let mut transmitter = Transmitter::new(&envelope("land"));
+    let outside = VehicleState {
+        position_world: [1.1, 0.0, 0.0],
+        ..state()
+    };
+    transmitter.steps(900, &command(2.0), &outside);
+    let landed = transmitter.steps(1000, &failsafe_command(), &outside);
+    assert_eq!(landed.action, RcFrame::ACTION_LAND, "past its time to land");
+    let moved_again = transmitter.steps(1, &command(2.0), &outside);
+    assert_eq!(
+        (moved_again.limit, moved_again.action),
+        (RcFrame::LIMIT_LANDING_TIME, RcFrame::ACTION_KILL)
+    );
+}
+
+/// Everything that a controller may publish: silence, rest, motion in every mode, nonsense.
+fn hostile_commands() -> impl Strategy<Value = Option<ControlCommand>> {
+    let mode = prop_oneof![
+        Just(ControlCommand::MODE_FAILSAFE),
+        Just(ControlCommand::MODE_TORQUE),
+        Just(ControlCommand::MODE_RATES),
+        any::<u32>(),
+    ];
+    let thrust = prop_oneof![Just(0.0), Just(4.0), 0.0..10.0f64, Just(f64::NAN)];
+    prop::option::weighted(
+        0.9,
+        (mode, thrust).prop_map(|(mode, thrust)| ControlCommand {
+            mode,
+            ..command(thrust)
+        }),
+    )
+}
+
+/// Patterns of up to 12 steps that a controller repeats, with a first command that moves the vehicle.
+fn hostile_patterns() -> impl Strategy<Value = Vec<Option<ControlCommand>>> {
+    prop::collection::vec(hostile_commands(), 1..12)
+}
+
+/// What is wrong with the vehicle as long as it lasts.
+fn excess_of_state(kind: usize) -> (u8, VehicleState) {
+    let (limit, _, state) = excesses()[kind];
+    (limit, state)
+}
+
+proptest! {
+    #[test]
+    fn whatever_the_controller_publishes_limits_of_the_state_act_in_their_time(
+        pattern in hostile_patterns(), kind in 0..3usize, land in any::<bool>(),
+    ) {
+        let action = if land { "land" } else { "kill" };
+        let mut transmitter = Transmitter::new(&envelope(action));
+        transmitter.steps(5, &command(2.0), &state());
+        let (limit, bad) = excess_of_state(kind);
+        let mut commands = pattern.iter().cycle();
+        for step in 0..200 {
+            let frame = match commands.next().unwrap() {
+                Some(command) => transmitter.step(ARMED, command, &bad),
+                None => {
+                    let state = VehicleState { header: transmitter.header(), ..bad };
+                    transmitter.step_on(ARMED, None, Some(&state))
+                }
+            };
+            if step < 20 {
+                prop_assert!(frame.action <= RcFrame::ACTION_WARN);
+            } else if land {
+                prop_assert!(frame.action >= RcFrame::ACTION_LAND, "step {}", step);
+            } else {
+                prop_assert_eq!((frame.limit, frame.action), (limit, RcFrame::ACTION_KILL), "step {}", step);
+                prop_assert!(rests(&frame));
+            }
+        }
+    }
+
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn whatever_the_controller_publishes_the_vehicle_does_not_leave_the_box_upwards(pattern in hostile_patterns()) {
+        // A point mass below its rotor, which follows the frames at once.
+        let (mass, gravity, dt) = (0.2, 9.81, TICK_NS as f64 * 1e-9);
+        let [mut z, mut velocity] = [0.0f64, 0.0];
+        let mut transmitter = Transmitter::new(&envelope("kill"));
+        let mut fastest_climb = 0.0f64;
+        let commands = pattern.iter().cycle();
+        for command in commands.take(6000) {
+            let seen = VehicleState {
+                header: transmitter.header(),
+                position_world: [0.0, 0.0, z],
+                velocity_body: [0.0, 0.0, velocity],
+                ..state()
+            };
+            let command = command.map(|command| ControlCommand { header: seen.header, ..command });
+            let frame = transmitter.step_on(ARMED, command.as_ref(), Some(&seen));
+            velocity += (gravity - frame.thrust / mass) * dt;
+            z += velocity * dt;
+            if z >= 0.0 {
+                (z, velocity) = (0.0, velocity.min(0.0));
+            }
+            fastest_climb = fastest_climb.max(-velocity);
+        }
+        // The speed is limited to 2 m/s, and the box ends at 2 m; both act after 0.02 s at the largest acceleration.
+        let acceleration = 4.0 / mass - gravity;
+        let fastest = 2.0 + acceleration * 0.022;
+        prop_assert!(fastest_climb <= fastest, "{} m/s", fastest_climb);
+    }
 }
 
 #[test]
@@ -371,7 +496,7 @@ fn a_vehicle_that_does_not_come_down_in_time_or_goes_on_leaving_is_killed() {
 }
 
 #[test]
-fn limits_are_not_asked_while_the_motors_rest() {
+fn limits_are_not_checked_before_the_vehicle_moves_and_after_it_has_rested() {
     let mut transmitter = Transmitter::new(&envelope("kill"));
     let outside = VehicleState {
         position_world: [9.0, 0.0, 0.0],
@@ -380,6 +505,18 @@ fn limits_are_not_asked_while_the_motors_rest() {
     assert_eq!(
         transmitter.steps(500, &failsafe_command(), &outside).action,
         RcFrame::ACTION_NONE
+    );
+    let rest = (GROUNDED_AFTER * 1e3) as u64;
+    transmitter.steps(5, &command(2.0), &state());
+    transmitter.steps(1 + rest, &failsafe_command(), &state());
+    assert_eq!(
+        transmitter.steps(500, &failsafe_command(), &outside).action,
+        RcFrame::ACTION_NONE
+    );
+    transmitter.steps(21, &command(2.0), &outside);
+    assert_eq!(
+        transmitter.steps(1, &failsafe_command(), &state()).action,
+        RcFrame::ACTION_KILL
     );
 }
 

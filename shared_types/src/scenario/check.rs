@@ -10,6 +10,7 @@ mod estimator;
 mod events;
 mod faults;
 mod flight;
+mod judge;
 mod machine;
 mod motion_capture;
 mod path;
@@ -19,6 +20,9 @@ mod radio_link;
 mod safety;
 mod sections;
 mod vehicle;
+mod warnings;
+
+use std::f64::consts::TAU;
 
 use super::{Key, Problem, Scenario, Vector};
 
@@ -41,6 +45,7 @@ impl Scenario {
         self.check_safety(&mut found);
         self.check_flight(&mut found);
         self.check_envelope(&mut found);
+        self.check_judge(&mut found);
         self.check_machine(&mut found);
         self.check_programs(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
@@ -103,6 +108,25 @@ impl Findings {
             self.add(key.clone(), reason, fix);
         }
         good
+    }
+
+    /// An angle of at most a turn, rad: a larger one was probably meant in degrees.
+    fn angle(&mut self, key: &Key, value: f64) {
+        if self.number(key, value) && value.abs() > TAU {
+            let reason = format!("{value:?} rad is more than a turn");
+            let fix = format!(
+                "angles are in rad: give {} if {value:?}° is meant, else an angle within ±2π",
+                six_digits(value.to_radians())
+            );
+            self.add(key.clone(), reason, fix);
+        }
+    }
+
+    /// Three angles of at most a turn each, rad.
+    fn angles(&mut self, key: &Key, value: &Vector) {
+        for (index, &component) in value.iter().enumerate() {
+            self.angle(&key.then(index), component);
+        }
     }
 
     /// Three numbers that can be computed with.

@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Vector;
+use super::{Scenario, Vector};
+use crate::wiring::ServiceId;
 
 /// Gains, bounds and initial estimates of the adaptive law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -15,8 +16,9 @@ pub struct Controller {
     pub k2: f64,
     /// k3, gain on the angular velocity error.
     pub k3: f64,
-    /// β, weight of the angular velocity error in the Lyapunov function.
-    pub beta: f64,
+    /// β, weight of the angular velocity error in the Lyapunov function; follows from `initial.inertia` unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beta: Option<f64>,
     /// δ, the constant that the velocity error is driven to along the thrust axis, m/s; not 0.
     pub delta: f64,
     /// σmax, level of the saturation; above δ/k1.
@@ -25,8 +27,9 @@ pub struct Controller {
     pub lambda_mass: f64,
     /// Diagonal of Λb, adaptation gains of b̂; with 0 the estimate stays where it begins.
     pub lambda_disturbance: Vector,
-    /// Λw is this times the identity: adaptation gain of ŵ; with 0 the estimate stays where it begins.
-    pub lambda_inertia: f64,
+    /// Λw is this times the identity, adaptation gain of ŵ; 0 holds the estimate; follows from the other gains unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lambda_inertia: Option<f64>,
     /// Where the unknown parameters are known to lie.
     pub bounds: Bounds,
     /// What the estimators begin with.
@@ -47,12 +50,12 @@ impl Default for Controller {
             k1: 4.0,
             k2: 4.0,
             k3: 13.0,
-            beta: 100.0,
+            beta: None,
             delta: 0.1,
             sigma_max: 1.5,
             lambda_mass: 0.3,
             lambda_disturbance: [1.0; 3],
-            lambda_inertia: 1e-8,
+            lambda_inertia: None,
             bounds: Bounds::default(),
             initial: InitialEstimates::default(),
             remove_offset: false,
@@ -67,6 +70,18 @@ impl Controller {
     #[must_use]
     pub fn ultimate_bound(&self) -> f64 {
         libm::atanh(self.delta.abs() / (self.k1 * self.sigma_max))
+    }
+}
+
+impl Scenario {
+    /// What the theorem bounds the distance from the path by ultimately, m. It speaks of the paper's law alone: not of a
+    /// program in its place, of estimators that are switched off, or of a law that aims elsewhere (`remove_offset`).
+    #[must_use]
+    pub fn theorem_bound(&self) -> Option<f64> {
+        let law = &self.controller;
+        let learns = law.lambda_mass > 0.0 && law.lambda_disturbance.iter().all(|&gain| gain > 0.0);
+        let is_ours = self.program_of(ServiceId::Controller).is_none();
+        (is_ours && learns && !law.remove_offset).then(|| law.ultimate_bound())
     }
 }
 
@@ -106,6 +121,14 @@ impl Default for RateCommand {
     }
 }
 
+impl RateCommand {
+    /// In how many steps the law is rolled out over a hold of so many seconds; a whole number.
+    #[must_use]
+    pub fn steps(&self, hold: f64) -> f64 {
+        libm::round(hold / self.roll_out_step).max(1.0)
+    }
+}
+
 /// Bounds of the unknown parameters (Assumption 1) and how far the smooth projection (5) may pass them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -140,7 +163,7 @@ impl Default for Bounds {
 pub struct InitialEstimates {
     /// 1/η̂, kg.
     pub mass: f64,
-    /// Diagonal of J of which ŵ begins, kg m².
+    /// Diagonal of J of which ŵ begins, and by which β and Λw go unless they are stated, kg m².
     pub inertia: Vector,
     /// b̂, m/s².
     pub disturbance: Vector,

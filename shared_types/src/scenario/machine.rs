@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Programs, RadioProtocol, RcLink, Scenario};
+use super::{Controller, Programs, RadioProtocol, RcLink, Scenario};
 use crate::wiring::ServiceId;
 
 /// How the services use the machine: for all of them, unless a service's own table says otherwise.
@@ -164,6 +164,12 @@ impl Scenario {
         Self {
             deployment: None,
             real_time: None,
+            // As they were flown, also for a program to which the rules are others.
+            controller: Controller {
+                beta: Some(self.beta()),
+                lambda_inertia: Some(self.lambda_inertia()),
+                ..self.controller.clone()
+            },
             programs: self.programs.as_ref().map(Programs::without_folder),
             rc_output: self.rc_output.as_ref().map(|link| RcLink {
                 link: RadioProtocol::Simulated,
@@ -249,7 +255,7 @@ mod tests {
             real_time: Some(RealTime::default()),
             ..fig1()
         };
-        assert_eq!(deployed.experiment(), fig1());
+        assert_eq!(deployed.experiment(), fig1().experiment());
     }
 
     #[test]
@@ -262,6 +268,6 @@ mod tests {
             }),
             ..rig()
         };
-        assert_eq!(plugged_in.experiment(), rig());
+        assert_eq!(plugged_in.experiment(), rig().experiment());
     }
 }

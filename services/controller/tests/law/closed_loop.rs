@@ -8,7 +8,7 @@ use controller::{Estimates, Evaluation, Measured, Parameters, Reference, evaluat
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use shared_types::rotation::{self, skew};
-use shared_types::scenario::{self, GRAVITY};
+use shared_types::scenario::{Curve, GRAVITY, Path, Scenario, TiltedEight, Vehicle};
 
 use crate::dual::Dual;
 use crate::path::tilted_eight;
@@ -46,8 +46,10 @@ pub(crate) struct Rates {
 impl ClosedLoop {
     /// The paper's simulation: its gains, its vehicle and its path.
     pub(crate) fn paper() -> Self {
+        let curve = Curve::TiltedEight(TiltedEight::default());
+        let vehicle = Vehicle::new(0.2, [6.5e-4, 6.5e-4, 13.0e-4]);
         Self {
-            parameters: Parameters::from(&scenario::Controller::default()),
+            parameters: Parameters::from(&Scenario::new(60.0, vehicle, Path::new(curve))),
             timing_law: TimingLaw::PAPER,
             actual: TrueParameters {
                 inertia: Vector3::new(6.5e-4, 6.5e-4, 13e-4),

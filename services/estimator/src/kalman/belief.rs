@@ -40,9 +40,9 @@ pub struct Pose {
 #[derive(Clone, Copy, Debug)]
 pub struct PoseNoise {
     /// Variance of each component of the position, m².
-    position: f64,
+    pub(super) position: f64,
     /// Variance of the attitude about each axis, rad².
-    attitude: f64,
+    pub(super) attitude: f64,
 }
 
 impl PoseNoise {
@@ -233,16 +233,29 @@ impl Belief {
         belief
     }
 
-    /// How a pose differs from the one believed in; `None` if the covariance of that is not positive definite,
-    /// which happens only when the filter is told that poses are free of noise.
+    /// The same belief, less sure of everything: its covariance so many times as large.
     #[must_use]
-    pub fn innovation(&self, pose: &Pose, noise: PoseNoise) -> Option<Innovation> {
+    pub fn less_sure(&self, times: f64) -> Self {
+        let mut belief = *self;
+        belief.covariance *= times;
+        belief
+    }
+
+    /// The residual of a pose: (p_measured − p, log RᵀR_measured). It depends on the nominal state alone.
+    #[must_use]
+    pub fn residual(&self, pose: &Pose) -> SVector<f64, MEASURED> {
         let attitude_residual = log(&(self.nominal.world_from_body.transpose() * pose.world_from_body));
         let position_residual = pose.position_world - self.nominal.position_world;
         let mut residual = SVector::<f64, MEASURED>::zeros();
         residual.fixed_rows_mut::<3>(0).copy_from(&position_residual);
         residual.fixed_rows_mut::<3>(3).copy_from(&attitude_residual);
+        residual
+    }
 
+    /// How a pose of this residual differs from the one believed in; `None` if the covariance of that is not positive
+    /// definite, which happens only when the filter is told that poses are free of noise.
+    #[must_use]
+    pub fn innovation(&self, residual: SVector<f64, MEASURED>, noise: PoseNoise) -> Option<Innovation> {
         let cross_covariance = measured_columns(&self.covariance);
         let z = measured_columns(&cross_covariance.transpose()) + noise.covariance();
         Some(Innovation {

@@ -1,10 +1,13 @@
 //! Which captures are used, when the filter starts anew, and what it tells of now.
 //!
 //! Failure policy, by what happens to the captures:
+//! * those that scatter more than stated are believed less: [`scatter`](super::scatter);
 //! * one that is older than the belief, or a repetition, changes nothing;
 //! * one too far from what is believed ([`gate`](Kalman::gate)) is looked at again as if the vehicle had missed a
 //!   frame, by which it may have turned otherwise than believed;
-//! * one too far also then is refused and counted; when all have been refused
+//! * one too far also then is looked at as if the belief were less sure of everything, for the first tenth of a second: a
+//!   wrong model shows as innovations that are too large, and to refuse them would leave the belief to that model;
+//! * one too far also then, as after a jump, is refused and counted; when all have been refused
 //!   for [`restart_after`](Kalman::restart_after), the newest one is believed instead and the filter starts anew;
 //! * one that is no pose at all, or from the future, is refused and counted, and never started from;
 //! * when numbers of no flight (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next capture
@@ -29,6 +32,7 @@ use super::belief::{Belief, Innovation, MEASURED, Pose, PoseNoise, ProcessModel}
 use super::commands::{CAPACITY, CommandHistory};
 use super::error_state::ProcessNoise;
 use super::motion::{Actuation, VehicleModel};
+use super::scatter::Scatter;
 use crate::source::{Estimate, is_pose};
 
 /// By how much more than its limits a channel may mean, as a share.
@@ -38,6 +42,13 @@ const ROUNDING: f64 = 1e-9;
 const LANDED_AFTER_NS: u64 = 300_000_000;
 /// Speed below which it hardly moves, m/s.
 const HARDLY: f64 = 0.1;
+
+/// How many times as large the covariance of the belief may be taken to be before a capture is refused.
+const LESS_SURE: [f64; 2] = [4.0, 16.0];
+
+/// For how long after a capture was used it may be, ns. Later the belief is unsure enough that a jump of centimetres
+/// could be taken for a speed.
+const LESS_SURE_FOR_NS: u64 = 100_000_000;
 
 /// What has become of a capture.
 #[derive(Clone, Debug)]
@@ -83,6 +94,8 @@ pub(super) struct Memory {
     pub track: Option<Track>,
     /// Captures refused since the start of the flight.
     pub captures_refused: u32,
+    /// How much captures scatter.
+    pub scatter: Scatter,
 }
 
 /// A belief and what it rests on.
@@ -131,6 +144,7 @@ impl KalmanFilter {
                 rests_since_ns: None,
                 track: None,
                 captures_refused: 0,
+                scatter: Scatter::new(PoseNoise::new(kalman)),
             },
         })
     }
@@ -199,13 +213,22 @@ impl KalmanFilter {
         if track.belief.stands {
             return self.stand(now_ns, exposure_ns, &pose, &track.belief);
         }
+        let (residual, stated) = (track.belief.residual(&pose), self.pose_noise);
+        let scatter = &mut self.memory.scatter;
+        scatter.observe(&residual, &track.belief.covariance, stated);
         let doubtful = track.belief.less_sure_of_attitude(turn_if_missed);
+        let is_recent = now_ns.saturating_sub(track.used_at_ns) <= LESS_SURE_FOR_NS;
+        let less_sure = LESS_SURE.into_iter().filter(|_| is_recent);
         let likely = [track.belief, doubtful]
             .into_iter()
-            .find_map(|belief| self.likely(&belief, &pose).map(|innovation| (belief, innovation)));
+            .chain(less_sure.map(|times| doubtful.less_sure(times)))
+            .find_map(|belief| {
+                self.likely(&belief, residual)
+                    .map(|innovation| (belief, innovation))
+            });
         if let Some((believed, innovation)) = likely {
             track.belief = believed;
-            track.belief.correct(&innovation, self.pose_noise);
+            track.belief.correct(&innovation, self.noise());
             if !track.belief.is_sound() {
                 return self.start_from(now_ns, exposure_ns, &pose);
             }
@@ -225,9 +248,14 @@ impl KalmanFilter {
         self.refuse()
     }
 
+    /// How well poses are measured, as far as they have shown.
+    fn noise(&self) -> PoseNoise {
+        self.memory.scatter.noise(self.pose_noise)
+    }
+
     /// How a pose differs from what is believed, unless it is too far from it.
-    fn likely(&self, belief: &Belief, pose: &Pose) -> Option<Innovation> {
-        let innovation = belief.innovation(pose, self.pose_noise);
+    fn likely(&self, belief: &Belief, residual: SVector<f64, MEASURED>) -> Option<Innovation> {
+        let innovation = belief.innovation(residual, self.noise());
         innovation.filter(|innovation| innovation.squared_distance() <= self.gate)
     }
 
@@ -285,16 +313,16 @@ impl KalmanFilter {
     fn start_from(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose) -> Outcome {
         let actuation = Actuation::settled(self.memory.history.acting(exposure_ns));
         let belief = if self.has_ground && self.process.vehicle.is_held(&actuation) {
-            Belief::standing(exposure_ns, pose, self.pose_noise, actuation)
+            Belief::standing(exposure_ns, pose, self.noise(), actuation)
         } else {
-            Belief::from_pose(exposure_ns, pose, self.pose_noise, actuation)
+            Belief::from_pose(exposure_ns, pose, self.noise(), actuation)
         };
         self.start(now_ns, belief)
     }
 
     /// Starts from a capture of a vehicle that stands on the ground.
     fn stand(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &Belief) -> Outcome {
-        let belief = Belief::standing(exposure_ns, pose, self.pose_noise, last.nominal.actuation);
+        let belief = Belief::standing(exposure_ns, pose, self.noise(), last.nominal.actuation);
         self.start(now_ns, belief)
     }
 
@@ -307,12 +335,13 @@ impl KalmanFilter {
 
     fn restart(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &Belief) -> Outcome {
         let history = &self.memory.history;
-        let belief = last.restarted(exposure_ns, pose, self.pose_noise, &self.process, history);
+        let belief = last.restarted(exposure_ns, pose, self.noise(), &self.process, history);
         self.start(now_ns, belief)
     }
 
     fn start(&mut self, now_ns: u64, belief: Belief) -> Outcome {
         self.memory.history.forget_before(belief.time_ns);
+        self.memory.scatter.innovation = SVector::zeros();
         self.memory.track = Some(Track {
             belief,
             used_at_ns: now_ns,

@@ -5,11 +5,12 @@ use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::sample::Flag;
 use zerocopy::FromZeros;
 
-use super::belief::Belief;
+use super::belief::{Belief, PoseNoise};
 use super::commands::{CAPACITY, Command, CommandHistory};
 use super::error_state::{Covariance, ERRORS};
 use super::filter::{KalmanFilter, Memory, Track};
 use super::motion::{Actuation, Nominal};
+use super::scatter::Scatter;
 
 shared_types::sample! {
     /// What the filter remembers from step to step.
@@ -38,6 +39,10 @@ shared_types::sample! {
         pub rates_body: [f64; 3],
         /// P, covariance of (δp, δv, θ, δω_bias, δd), column by column.
         pub covariance: [f64; 225],
+        /// Mean of the variances that captures have shown of the position (m²) and the attitude (rad²).
+        pub scatter: [f64; 2],
+        /// Innovation of the capture before: position, m, and attitude, rad.
+        pub innovation: [f64; 6],
         /// The commands that act or are under way, oldest first.
         pub commands: [Command; 64],
         /// How many of them there are.
@@ -67,6 +72,9 @@ impl KalmanFilter {
         state.commands = commands;
         state.command_count = count as u64;
         state.captures_refused = self.memory.captures_refused;
+        let Scatter { seen, innovation } = self.memory.scatter;
+        state.scatter = [seen.position, seen.attitude];
+        state.innovation = innovation.into();
         state.rests = self.memory.rests_since_ns.is_some().into();
         state.rests_since_ns = self.memory.rests_since_ns.unwrap_or(0);
         if let Some(track) = &self.memory.track {
@@ -83,6 +91,13 @@ impl KalmanFilter {
             track: state.started.is_set().then(|| restored_track(state)),
             rests_since_ns: state.rests.is_set().then_some(state.rests_since_ns),
             captures_refused: state.captures_refused,
+            scatter: Scatter {
+                seen: PoseNoise {
+                    position: state.scatter[0],
+                    attitude: state.scatter[1],
+                },
+                innovation: state.innovation.into(),
+            },
         };
     }
 }

@@ -70,15 +70,44 @@ fn datagrams_of_the_server_are_taken_and_those_of_strangers_counted() {
     server.send_to(&datagram, ("127.0.0.1", port)).unwrap();
     let frame = until(&mut source, || (), |frame| named(frame, "quad"));
     assert_eq!(frame.bodies().len(), 1);
+    await_foreign(&mut source, 1);
     let counts = source.counts();
-    assert_eq!(
-        (counts.packets, counts.frames, counts.malformed, counts.foreign),
-        (2, 1, 1, 1)
-    );
+    assert_eq!((counts.packets, counts.frames, counts.malformed), (2, 1, 1));
 
     address.interface = Ipv4Addr::new(192, 0, 2, 1);
     let error = Source::open(&address).unwrap_err();
     assert!(error.to_string().contains("`interface`"), "{error}");
+}
+
+/// Polls until so many packets of strangers are counted, and no more are.
+fn await_foreign(source: &mut Source, count: u64) {
+    let began = Instant::now();
+    while source.counts().foreign < count {
+        assert!(began.elapsed() < WATCHDOG, "{:?}", source.counts());
+        source.poll(0, &mut |_| ());
+    }
+    assert_eq!(source.counts().foreign, count);
+}
+
+#[test]
+fn a_flood_of_strangers_takes_neither_the_room_nor_the_turn_of_the_server() {
+    const FLOOD: u64 = 3000;
+    let vicon = super::vicon_udp::ViconUdp::open(&address(CaptureSystem::ViconUdp, 0)).unwrap();
+    let port = vicon.port();
+    let mut source = Source::ViconUdp(vicon);
+    let stranger = UdpSocket::bind("127.0.0.2:0").unwrap();
+    let server = UdpSocket::bind("127.0.0.1:0").unwrap();
+    // More than the buffer of a socket holds.
+    for _ in 0..FLOOD {
+        stranger.send_to(&[0; 1000], ("127.0.0.1", port)).unwrap();
+    }
+    let mut datagram = Vec::new();
+    sender::vicon_udp::frame(1, &[object(b"quad")], &mut datagram);
+    server.send_to(&datagram, ("127.0.0.1", port)).unwrap();
+    let mut frames = 0;
+    source.poll(0, &mut |_| frames += 1);
+    assert_eq!(frames, 1, "in the first poll: {:?}", source.counts());
+    await_foreign(&mut source, FLOOD);
 }
 
 /// Takes the next connection and greets.

@@ -1,28 +1,44 @@
-//! A UDP socket of one interface, which drops what strangers send.
+//! A UDP socket of one interface, which hears one machine only.
+//!
+//! The kernel drops what others send, so that it neither takes room in the buffer nor one of the packets of a poll.
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 use rustix::net::{AddressFamily, SocketFlags, SocketType, bind, socket_with, sockopt};
 
-use super::{MOST_PACKETS, TransportError, WireCounts};
+use super::{MOST_PACKETS, TransportError, WireCounts, source_filter};
 
 /// Longest datagram, bytes.
 const LONGEST: usize = 65_536;
+
+/// Polls from one look at what the kernel has dropped to the next: some of them a second.
+const POLLS_BETWEEN_LOOKS: u32 = 256;
 
 #[derive(Debug)]
 pub(super) struct Udp {
     socket: UdpSocket,
     server: Ipv4Addr,
     buffer: Box<[u8]>,
+    polls: u32,
+    /// What the kernel had dropped by the last look.
+    dropped: u64,
 }
 
 impl Udp {
     /// Listens at an address of this machine to what a server sends there.
     pub(super) fn open(at: SocketAddrV4, server: Ipv4Addr) -> Result<Self, TransportError> {
-        let socket = UdpSocket::bind(at).map_err(|error| TransportError::new(at, error))?;
-        Self::new(socket, at, server)
+        let socket = || -> std::io::Result<UdpSocket> {
+            let socket = Self::socket(server)?;
+            bind(&socket, &at)?;
+            Ok(socket.into())
+        };
+        Self::new(
+            socket().map_err(|error| TransportError::new(at, error))?,
+            at,
+            server,
+        )
     }
 
     /// Listens to what a server sends to a group, as heard on one interface. Other programs may listen too.
@@ -32,7 +48,7 @@ impl Udp {
         server: Ipv4Addr,
     ) -> Result<Self, TransportError> {
         let socket = || -> std::io::Result<UdpSocket> {
-            let socket = socket_with(AddressFamily::INET, SocketType::DGRAM, SocketFlags::CLOEXEC, None)?;
+            let socket = Self::socket(server)?;
             sockopt::set_socket_reuseaddr(&socket, true)?;
             // Bound to the group, not to all that comes to this port.
             bind(&socket, &group)?;
@@ -44,6 +60,14 @@ impl Udp {
         Self::new(socket, group, server)
     }
 
+    /// A socket that hears a server only, not bound yet: so nothing of others is in its buffer.
+    fn socket(server: Ipv4Addr) -> std::io::Result<OwnedFd> {
+        let socket = socket_with(AddressFamily::INET, SocketType::DGRAM, SocketFlags::CLOEXEC, None)?;
+        // Where that is not permitted, what others send is dropped here.
+        let _ = source_filter::hear_only(&socket, server);
+        Ok(socket)
+    }
+
     fn new(socket: UdpSocket, at: SocketAddrV4, server: Ipv4Addr) -> Result<Self, TransportError> {
         socket
             .set_nonblocking(true)
@@ -52,6 +76,8 @@ impl Udp {
             socket,
             server,
             buffer: vec![0; LONGEST].into_boxed_slice(),
+            polls: 0,
+            dropped: 0,
         })
     }
 
@@ -71,6 +97,12 @@ impl Udp {
 
     /// Hands out the datagrams of the server that have arrived.
     pub(super) fn receive(&mut self, counts: &mut WireCounts, mut sink: impl FnMut(&[u8], &mut WireCounts)) {
+        if self.polls.is_multiple_of(POLLS_BETWEEN_LOOKS) {
+            let dropped = source_filter::dropped(&self.socket).unwrap_or(self.dropped);
+            counts.foreign += dropped.saturating_sub(self.dropped);
+            self.dropped = dropped;
+        }
+        self.polls = self.polls.wrapping_add(1);
         for _ in 0..MOST_PACKETS {
             match self.socket.recv_from(&mut self.buffer) {
                 Ok((length, from)) if self.is_server(from) => {

@@ -31,12 +31,20 @@ impl Scenario {
     }
 }
 
+/// Grams of a kilogram.
+const GRAMS: f64 = 1000.0;
+
 impl Bounds {
     /// A mass inside the bounds, provided that mass and bounds make sense by themselves.
     fn check_mass(&self, mass: f64, what: &str, at: &Key, found: &mut Findings) {
         let asked = mass > 0.0 && mass.is_finite() && self.mass_min < self.mass_max;
         if asked && !(self.mass_min..=self.mass_max).contains(&mass) {
-            let bound = if mass < self.mass_min {
+            let in_kilograms = mass / GRAMS;
+            let bound = if (self.mass_min..=self.mass_max).contains(&in_kilograms) {
+                format!(
+                    "masses are in kg: give {in_kilograms:?} if {mass:?} g are meant, else raise `controller.bounds.mass_max`"
+                )
+            } else if mass < self.mass_min {
                 format!("lower `controller.bounds.mass_min` to {mass:?} or less")
             } else {
                 format!("raise `controller.bounds.mass_max` to {mass:?} or more")

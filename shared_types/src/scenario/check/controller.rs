@@ -9,7 +9,9 @@ impl Controller {
         let k1_is_good = found.positive(&at.then("k1"), "k1", self.k1);
         found.positive(&at.then("k2"), "k2", self.k2);
         found.positive(&at.then("k3"), "k3", self.k3);
-        found.positive(&at.then("beta"), "β", self.beta);
+        if let Some(beta) = self.beta {
+            found.positive(&at.then("beta"), "β", beta);
+        }
         let sigma_max_is_good = found.positive(&at.then("sigma_max"), "σmax", self.sigma_max);
         let delta_is_good = self.check_delta(&at.then("delta"), found);
         if k1_is_good && sigma_max_is_good && delta_is_good {
@@ -20,7 +22,9 @@ impl Controller {
         for (axis, &gain) in self.lambda_disturbance.iter().enumerate() {
             found.not_negative(&at.then("lambda_disturbance").then(axis), "Λb", gain);
         }
-        found.not_negative(&at.then("lambda_inertia"), "Λw", self.lambda_inertia);
+        if let Some(gain) = self.lambda_inertia {
+            found.not_negative(&at.then("lambda_inertia"), "Λw", gain);
+        }
         self.bounds.check(&at.then("bounds"), found);
         self.initial.check(&at.then("initial"), found);
         if let Some(rates) = &self.rates {

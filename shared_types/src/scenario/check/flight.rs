@@ -1,6 +1,6 @@
 //! A flight from the ground to the ground: requests in an order that can be meant, and a vehicle that stands at its start.
 
-use super::Findings;
+use super::{Findings, six_digits};
 use crate::scenario::{Flight, Key, Problem, Scenario};
 
 impl Scenario {
@@ -51,6 +51,15 @@ impl Scenario {
         let at = Key::root().then("flight");
         flight.check(self.duration, &at, found);
         let initial = &self.vehicle.initial;
+        let ground = initial.position[2];
+        let (key, depth) = self.path.curve.stated_depth();
+        if depth > ground {
+            found.add(
+                key,
+                format!("the path lies {} m below the ground, which is where the vehicle starts", six_digits(depth - ground)),
+                "z points down: what is above the ground has a smaller z, a negative one if the vehicle starts at z = 0",
+            );
+        }
         let motions = [
             ("velocity_body", initial.velocity_body),
             ("angular_velocity_body", initial.angular_velocity_body),

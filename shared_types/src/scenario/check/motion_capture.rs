@@ -101,7 +101,7 @@ impl MotionCapture {
 impl FrameTransform {
     fn check(&self, at: &Key, found: &mut Findings) {
         found.vector(&at.then("position"), &self.position);
-        found.vector(&at.then("roll_pitch_yaw"), &self.roll_pitch_yaw);
+        found.angles(&at.then("roll_pitch_yaw"), &self.roll_pitch_yaw);
     }
 }
 

@@ -25,14 +25,14 @@ impl Path {
         }
         found.number(&at.then("initial_gamma"), self.initial_gamma);
         found.number(&at.then("initial_gamma_dot"), self.initial_gamma_dot);
-        found.number(&at.then("yaw"), self.yaw);
+        found.angle(&at.then("yaw"), self.yaw);
         self.check_yaw_steps(duration, &at.then("yaw_step"), found);
         self.curve.check(&at.then("curve"), found);
     }
 
     fn check_yaw_steps(&self, duration: f64, at: &Key, found: &mut Findings) {
         for (index, step) in self.yaw_step.iter().enumerate() {
-            found.number(&at.then(index).then("yaw"), step.yaw);
+            found.angle(&at.then(index).then("yaw"), step.yaw);
         }
         let steps = Events {
             one: "yaw step",
@@ -57,12 +57,34 @@ impl Curve {
     }
 }
 
+impl Curve {
+    /// Where the scenario states how high the curve lies, and the z that it states there, m; the lowest of several.
+    pub(super) fn stated_depth(&self) -> (Key, f64) {
+        let at = Key::root().then("path").then("curve");
+        let z = |table: &str, name: &str, position: &Vector| (at.then(table).then(name), position[2]);
+        match self {
+            Self::TiltedEight(eight) => (at.then("tilted_eight").then("height"), -eight.height),
+            Self::Hover(hover) => z("hover", "position", &hover.position),
+            Self::Circle(circle) => z("circle", "center", &circle.center),
+            Self::Line(line) => z("line", "start", &line.start),
+            Self::Lissajous(figure) => z("lissajous", "center", &figure.center),
+            Self::Waypoints(waypoints) => {
+                let depths = waypoints.points.iter().map(|point| point[2]);
+                (
+                    at.then("waypoints").then("points"),
+                    depths.fold(f64::NEG_INFINITY, f64::max),
+                )
+            }
+        }
+    }
+}
+
 impl TiltedEight {
     fn check(&self, at: &Key, found: &mut Findings) {
         found.positive(&at.then("size"), "ℓ", self.size);
         found.positive(&at.then("frequency"), "w", self.frequency);
         found.number(&at.then("height"), self.height);
-        found.number(&at.then("tilt"), self.tilt);
+        found.angle(&at.then("tilt"), self.tilt);
     }
 }
 
@@ -77,7 +99,7 @@ impl Circle {
         found.vector(&at.then("center"), &self.center);
         found.positive(&at.then("radius"), "r", self.radius);
         found.positive(&at.then("frequency"), "w", self.frequency);
-        found.number(&at.then("tilt"), self.tilt);
+        found.angle(&at.then("tilt"), self.tilt);
     }
 }
 

@@ -1,4 +1,5 @@
 mod flight;
+mod judge;
 mod machine;
 mod programs;
 mod radio_link;
@@ -25,7 +26,7 @@ fn refused(spoil: impl FnOnce(&mut Scenario), key: &str, reason: &str, fix: &str
 
 /// The only one of some problems is at this key, gives this reason and this fix (each in part).
 #[track_caller]
-fn assert_only(problems: &[Problem], key: &str, reason: &str, fix: &str) {
+pub(super) fn assert_only(problems: &[Problem], key: &str, reason: &str, fix: &str) {
     let [problem] = problems else {
         panic!("not one problem: {problems:?}")
     };
@@ -123,7 +124,9 @@ fn gains_that_are_not_positive_are_refused() {
         ("controller.k1", |scenario| &mut scenario.controller.k1),
         ("controller.k2", |scenario| &mut scenario.controller.k2),
         ("controller.k3", |scenario| &mut scenario.controller.k3),
-        ("controller.beta", |scenario| &mut scenario.controller.beta),
+        ("controller.beta", |scenario| {
+            scenario.controller.beta.get_or_insert_default()
+        }),
         ("controller.sigma_max", |scenario| {
             &mut scenario.controller.sigma_max
         }),
@@ -155,7 +158,7 @@ fn an_adaptation_gain_may_be_zero_but_not_negative() {
     accepted(|scenario| {
         scenario.controller.lambda_mass = 0.0;
         scenario.controller.lambda_disturbance = [0.0; 3];
-        scenario.controller.lambda_inertia = 0.0;
+        scenario.controller.lambda_inertia = Some(0.0);
     });
     refused(
         |scenario| scenario.controller.lambda_mass = -0.3,
@@ -170,7 +173,7 @@ fn an_adaptation_gain_may_be_zero_but_not_negative() {
         "give 0 or",
     );
     refused(
-        |scenario| scenario.controller.lambda_inertia = -1e-8,
+        |scenario| scenario.controller.lambda_inertia = Some(-1e-8),
         "controller.lambda_inertia",
         "Λw = -1e-8 is below 0",
         "give 0 or",
@@ -237,6 +240,32 @@ fn an_inertia_that_no_body_has_is_refused() {
         "vehicle.change.0.inertia.2",
         "no body is like that",
         "at most the sum",
+    );
+}
+
+#[test]
+fn a_mass_in_grams_is_refused_with_its_kilograms() {
+    refused(
+        |scenario| scenario.vehicle.mass = 200.0,
+        "vehicle.mass",
+        "200.0 kg lies outside",
+        "masses are in kg: give 0.2 if 200.0 g are meant",
+    );
+}
+
+#[test]
+fn an_angle_of_more_than_a_turn_is_refused_as_degrees() {
+    refused(
+        |scenario| scenario.vehicle.initial.roll_pitch_yaw[1] = 20.0,
+        "vehicle.initial.roll_pitch_yaw.1",
+        "20.0 rad is more than a turn",
+        "give 0.349066 if 20.0° is meant",
+    );
+    refused(
+        |scenario| scenario.path.yaw = -90.0,
+        "path.yaw",
+        "-90.0 rad is more than a turn",
+        "angles are in rad",
     );
 }
 

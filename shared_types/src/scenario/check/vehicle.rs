@@ -51,7 +51,7 @@ impl Vehicle {
 impl InitialState {
     fn check(&self, at: &Key, found: &mut Findings) {
         found.vector(&at.then("position"), &self.position);
-        found.vector(&at.then("roll_pitch_yaw"), &self.roll_pitch_yaw);
+        found.angles(&at.then("roll_pitch_yaw"), &self.roll_pitch_yaw);
         found.vector(&at.then("velocity_body"), &self.velocity_body);
         found.vector(&at.then("angular_velocity_body"), &self.angular_velocity_body);
     }

@@ -5,8 +5,8 @@ use std::net::Ipv4Addr;
 use super::assert_only;
 use crate::scenario::tests_support::{fig1, rig};
 use crate::scenario::{
-    Action, Envelope, EstimateLimit, Fence, Flight, InputSafety, Limit, MotionCapture, PoseSource, Problem,
-    RadioProtocol, Scenario, VectorLimit,
+    Action, Curve, Envelope, EstimateLimit, Fence, Flight, Hover, InputSafety, Limit, MotionCapture,
+    PoseSource, Problem, RadioProtocol, Scenario, VectorLimit, Waypoints,
 };
 use crate::schedule::OperatorPlan;
 use crate::service::Operator;
@@ -280,4 +280,36 @@ fn policies_of_inputs_that_only_phases_or_an_envelope_use_want_them() {
         scenario.safety.insert(edge.to_owned(), InputSafety::new(0.1));
         assert_eq!(scenario.problems(), []);
     }
+}
+
+#[test]
+fn a_path_below_the_ground_is_refused_with_the_direction_of_z() {
+    let curves: [(&str, Curve); 2] = [
+        ("path.curve.hover.position", hover([0.0, 0.0, 3.0])),
+        (
+            "path.curve.waypoints.points",
+            Curve::Waypoints(Waypoints {
+                points: vec![[0.0; 3], [0.0, 0.0, 3.0]],
+                closed: false,
+                interval: 1.0,
+            }),
+        ),
+    ];
+    for (key, curve) in curves {
+        refused(
+            |scenario, _, _| {
+                scenario.vehicle.initial.position = [0.0; 3];
+                scenario.path.curve = curve;
+            },
+            key,
+            "the path lies 3.0 m below the ground",
+            "z points down",
+        );
+    }
+    let above = problems(|scenario, _, _| scenario.path.curve = hover([0.0, 0.0, -3.0]));
+    assert_eq!(above, []);
+}
+
+fn hover(position: [f64; 3]) -> Curve {
+    Curve::Hover(Hover { position })
 }

@@ -1,0 +1,74 @@
+//! The noise of the cameras as the captures themselves show it.
+//!
+//! The stated deviations are a guess. If the cameras scatter more, a filter that believes the statement follows the
+//! noise and refuses good captures, and the vehicle turns over. If ν is the innovation of a capture, then for white noise
+//!
+//! ```text
+//!     ½ E‖νₖ − νₖ₋₁‖²/3 ≈ V + P          for position and attitude each
+//! ```
+//!
+//! A running mean of that less P tells V. A difference shows noise from capture to capture alone: a jump counts where it
+//! begins and where it ends, a model that is slightly wrong hardly at all. Neither is noise, and V must not grow by it.
+//!
+//! The noise that the filter believes in is the larger of what is stated and a quarter (`TRUSTED`) of that mean. With cameras as
+//! stated it is therefore what is stated, to the bit.
+
+use nalgebra::SVector;
+
+use super::belief::{MEASURED, PoseNoise};
+use super::error_state::{ATTITUDE, Covariance, POSITION};
+
+/// Captures over which the mean runs.
+const CAPTURES: f64 = 20.0;
+
+/// Share of the scatter that is believed: cameras may be noisier than stated by half their deviation before it counts.
+const TRUSTED: f64 = 0.25;
+
+/// How many times the mean one capture may count: a jump adds 40 % to it, and noise of ten times the deviation is known
+/// after a dozen captures.
+const LARGEST_SHARE: f64 = 9.0;
+
+/// How much the captures scatter.
+#[derive(Clone, Copy, Debug)]
+pub struct Scatter {
+    /// Mean of the variances seen.
+    pub(super) seen: PoseNoise,
+    /// Innovation of the capture before; 0 for one that the filter started from.
+    pub(super) innovation: SVector<f64, MEASURED>,
+}
+
+impl Scatter {
+    /// That of cameras as stated.
+    #[must_use]
+    pub fn new(stated: PoseNoise) -> Self {
+        Self {
+            seen: stated,
+            innovation: SVector::zeros(),
+        }
+    }
+
+    /// Takes the innovation of a capture in, whether it is used or not; P is the covariance of what was believed.
+    pub fn observe(&mut self, innovation: &SVector<f64, MEASURED>, p: &Covariance, stated: PoseNoise) {
+        let difference = innovation - self.innovation;
+        self.innovation = *innovation;
+        let parts = [
+            (0, POSITION, &mut self.seen.position, stated.position),
+            (3, ATTITUDE, &mut self.seen.attitude, stated.attitude),
+        ];
+        for (measured, row, mean, stated) in parts {
+            let unsure = p.fixed_view::<3, 3>(row, row).trace();
+            let variance = (0.5 * difference.fixed_rows::<3>(measured).norm_squared() - unsure) / 3.0;
+            let counted = variance.clamp(0.0, LARGEST_SHARE * mean.max(stated));
+            *mean += (counted - *mean) / CAPTURES;
+        }
+    }
+
+    /// The noise to believe in.
+    #[must_use]
+    pub fn noise(&self, stated: PoseNoise) -> PoseNoise {
+        PoseNoise {
+            position: stated.position.max(TRUSTED * self.seen.position),
+            attitude: stated.attitude.max(TRUSTED * self.seen.attitude),
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! When a vehicle counts as lost.
+
+use std::f64::consts::FRAC_PI_2;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Flight, Scenario};
+
+/// How much faster than it descends a vehicle may touch the ground unless stated, m/s: it has fallen a hand's breadth.
+const HARDER: f64 = 1.0;
+
+/// When a flight counts as lost: by where the vehicle truly is, whatever its controller says.
+///
+/// Nothing of it changes what is flown, but for `end_when_lost`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Judge {
+    /// Distance from the path above which the vehicle is lost, m; until the vehicle has come within half of it, at least twice its distance at the start.
+    pub distance_max: f64,
+    /// Angle between thrust and vertical above which the vehicle is lost, rad, once it has been upright within a tenth of `distance_max` of its path; π for never.
+    pub tilt_max: f64,
+    /// Speed above which the vehicle is lost when it touches the ground, m/s; 1 m/s above `flight.landing_speed` unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub impact_speed_max: Option<f64>,
+    /// Whether a flight in simulated time ends when the vehicle is lost; if not it is flown to its planned end.
+    pub end_when_lost: bool,
+}
+
+impl Default for Judge {
+    fn default() -> Self {
+        Self {
+            distance_max: 5.0,
+            tilt_max: FRAC_PI_2,
+            impact_speed_max: None,
+            end_when_lost: false,
+        }
+    }
+}
+
+impl Judge {
+    /// Speed above which a vehicle is lost that touches the ground in such a flight, m/s.
+    #[must_use]
+    pub fn impact_speed_max(&self, flight: &Flight) -> f64 {
+        self.impact_speed_max.unwrap_or(flight.landing_speed + HARDER)
+    }
+}
+
+impl Scenario {
+    /// When a flight of the scenario counts as lost: as stated, or by default.
+    #[must_use]
+    pub fn limits_of_loss(&self) -> Judge {
+        self.judge.unwrap_or_default()
+    }
+}
