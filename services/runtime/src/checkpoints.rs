@@ -4,40 +4,25 @@
 //! Two read them: who is born after a death goes on from the newest, and now and then the orchestrator takes a snapshot
 //! for its record of the machine, from which replays begin. Nobody holds a service up by that.
 //!
-//! Each service has two slots and writes the older one; a slot that is being written says so. So a service that dies
-//! while it writes leaves the other: a process that is killed has done all the stores that come before the one it was
-//! killed at. And who copies a slot beside a living writer looks at its tick before and after: no tick comes back to
-//! a slot, so that one which is still there says that nothing was written meanwhile.
-#![expect(
-    unsafe_code,
-    reason = "memory shared by several processes can only be reached by mapping it"
-)]
+//! Each service has two slots and writes the older one ([`Pair`]). So a service that dies while it writes leaves the other:
+//! a process that is killed has done all the stores that come before the one it was killed at. And a reader that copies a slot
+//! beside a living writer looks at its tick before and after: no tick comes back to a slot, so that one which is still
+//! there says that nothing was written meanwhile.
 
 use std::os::fd::{BorrowedFd, OwnedFd};
-use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 use shared_types::ServiceId;
 use shared_types::service::ErasedService;
 
+use crate::seqlock::{Pair, WORD};
 use crate::shared_file::SharedFile;
 use crate::step::Timetable;
 
 /// Largest state of a service, bytes.
 pub const CAPACITY: usize = 16 * 1024;
 
-const SLOTS: usize = 2;
-
-/// One checkpoint of a service.
-#[repr(C, align(64))]
-struct Slot {
-    /// 1 + the tick of the first step that the state does not know of; 0 while there is none.
-    next_tick: AtomicU64,
-    /// Bytes of the state.
-    length: AtomicU64,
-    state: [u8; CAPACITY],
-}
-
-type Table = [[Slot; SLOTS]; ServiceId::ALL.len()];
+/// Of each service, 1 + the tick of the first step that its state does not know of is what the seqlock calls a tick.
+type Table = [Pair<{ CAPACITY / WORD }>; ServiceId::ALL.len()];
 
 /// A mapping of all services' checkpoints.
 #[derive(Debug)]
@@ -87,30 +72,15 @@ impl Checkpoints {
         self.0.file()
     }
 
-    /// Keeps the state of `service`, `length` bytes that `save` writes, as that before its step at `next_tick`.
+    /// Keeps the state of `service` that `save` hands over, as that before its step at `next_tick`.
     ///
     /// To be called by one process at a time for a service: by its own.
     ///
     /// # Panics
     /// If the state is larger than [`CAPACITY`].
     #[inline]
-    pub fn write(&self, service: ServiceId, next_tick: u64, length: usize, save: impl FnOnce(&mut [u8])) {
-        assert!(length <= CAPACITY, "a state of {length} bytes has no room");
-        let [first, second] = self.slots(service);
-        let ticks = [first, second].map(|slot| self.next_tick(slot));
-        let slot = if ticks[0] <= ticks[1] { first } else { second };
-        // SAFETY: `slot` points into the mapping, which lives as long as `self`, and the state has room (see above). No
-        // other process writes a slot of this service, and whoever copies one meanwhile does not look at the copy.
-        let (tick, size, state) = unsafe {
-            let state = std::slice::from_raw_parts_mut((&raw mut (*slot).state).cast::<u8>(), length);
-            (&(*slot).next_tick, &(*slot).length, state)
-        };
-        tick.store(0, Ordering::Relaxed);
-        // The tick is taken back before anything of the state is written: pairs with the fence in `snapshot`.
-        fence(Ordering::Release);
-        save(state);
-        size.store(length as u64, Ordering::Relaxed);
-        tick.store(next_tick + 1, Ordering::Release);
+    pub fn write(&self, service: ServiceId, next_tick: u64, save: impl FnOnce(&mut dyn FnMut(&[u8]))) {
+        self.slots(service).write(next_tick, save);
     }
 
     /// The newest whole checkpoint of a service, if there is one. To be called when its process is dead, or by
@@ -124,61 +94,32 @@ impl Checkpoints {
     /// if the service has written two more while this one was copied; then there is another one to ask for.
     #[must_use]
     pub fn snapshot(&self, service: ServiceId) -> Option<Checkpoint> {
-        let slots = self.slots(service);
-        let slot = slots.into_iter().max_by_key(|&slot| self.next_tick(slot))?;
-        let tick = self.next_tick(slot);
-        let next_tick = tick.checked_sub(1)?;
-        // SAFETY: `slot` points into the mapping, which lives as long as `self`.
-        let length = unsafe { (*slot).length.load(Ordering::Relaxed) };
-        let length = usize::try_from(length)
-            .ok()
-            .filter(|&length| length <= CAPACITY)?;
-        let mut state = vec![0; length];
-        copy_state(slot, &mut state);
-        // The copy before, the tick after: what was overwritten meanwhile is not taken.
-        fence(Ordering::Acquire);
-        (self.next_tick(slot) == tick).then_some(Checkpoint { next_tick, state })
+        let (next_tick, state) = self.slots(service).snapshot()?;
+        Some(Checkpoint { next_tick, state })
     }
 
-    fn next_tick(&self, slot: *mut Slot) -> u64 {
-        // SAFETY: `slot` points into the mapping, which lives as long as `self`.
-        unsafe { (*slot).next_tick.load(Ordering::Acquire) }
-    }
-
-    fn slots(&self, service: ServiceId) -> [*mut Slot; SLOTS] {
-        let table = self.0.as_mut_ptr().cast::<Slot>();
-        // SAFETY: the mapping is page-aligned and holds a whole table (`SharedFile` sees to it).
-        [0, 1].map(|slot| unsafe { table.add(service.index() * SLOTS + slot) })
+    fn slots(&self, service: ServiceId) -> &Pair<{ CAPACITY / WORD }> {
+        #[expect(
+            unsafe_code,
+            reason = "memory shared by several processes can only be reached by mapping it"
+        )]
+        // SAFETY: the mapping lives as long as `self`, is page-aligned and holds a whole table (`SharedFile` sees to it),
+        // which consists of atomics and padding: valid for every bit pattern, and others may write them meanwhile.
+        let table = unsafe { &*self.0.as_mut_ptr().cast::<Table>() };
+        &table[service.index()]
     }
 }
-
-/// Copies the beginning of a slot's state, which its service may be writing.
-fn copy_state(slot: *const Slot, copy: &mut [u8]) {
-    for (at, bytes) in copy.chunks_mut(size_of::<u64>()).enumerate() {
-        // SAFETY: whoever asks has seen to it that `slot` is one and that the copy is not longer than its state, which
-        // consists of whole words and begins at one. Reads are volatile: others may write meanwhile, and what they
-        // did not leave in peace nobody looks at.
-        let word = unsafe { (&raw const (*slot).state).cast::<u64>().add(at).read_volatile() };
-        bytes.copy_from_slice(&word.to_ne_bytes()[..bytes.len()]);
-    }
-}
-
-const _: () = assert!(
-    std::mem::offset_of!(Slot, state).is_multiple_of(size_of::<u64>())
-        && CAPACITY.is_multiple_of(size_of::<u64>()),
-    "a state is copied word by word"
-);
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::AtomicBool;
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     use super::*;
 
     const ME: ServiceId = ServiceId::Controller;
 
     fn kept(checkpoints: &Checkpoints, next_tick: u64) {
-        checkpoints.write(ME, next_tick, 3, |bytes| bytes.fill(next_tick as u8));
+        checkpoints.write(ME, next_tick, |keep| keep(&[next_tick as u8; 3]));
     }
 
     #[test]
@@ -200,8 +141,8 @@ mod tests {
         kept(&checkpoints, 7);
         kept(&checkpoints, 8);
         let death = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            checkpoints.write(ME, 9, 3, |bytes| {
-                bytes[0] = 9;
+            checkpoints.write(ME, 9, |keep| {
+                keep(&[9; 2]);
                 panic!("killed");
             });
         }));
@@ -216,10 +157,10 @@ mod tests {
         let checkpoints = Checkpoints::create().unwrap();
         let mut seen = Vec::new();
         for next_tick in 0..4 {
-            checkpoints.write(ME, next_tick, 3, |bytes| {
-                bytes[0] = 0xFF;
+            checkpoints.write(ME, next_tick, |keep| {
+                keep(&[0xFF; 3]);
                 seen.push(checkpoints.snapshot(ME));
-                bytes.fill(next_tick as u8);
+                keep(&[next_tick as u8; 3]);
             });
         }
         let whole = |next_tick: u64| Checkpoint {
@@ -233,20 +174,16 @@ mod tests {
     fn a_snapshot_beside_a_service_that_never_rests_is_never_torn() {
         // No multiple of a word.
         const LENGTH: usize = 1021;
-        // Takes a few times as long as a copy, so that some copies are overwritten and others are not.
-        fn fill_slowly(bytes: &mut [u8], value: u8) {
-            for part in bytes.chunks_mut(16) {
-                part.fill(value);
-                std::hint::spin_loop();
-            }
-        }
         let checkpoints = Checkpoints::create().unwrap();
         let is_enough = AtomicBool::new(false);
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 let mut next_tick = 0;
                 while !is_enough.load(Ordering::Relaxed) {
-                    checkpoints.write(ME, next_tick, LENGTH, |bytes| fill_slowly(bytes, next_tick as u8));
+                    // Takes a few times as long as a copy, so that some copies are overwritten and others are not.
+                    checkpoints.write(ME, next_tick, |keep| {
+                        (0..4).for_each(|_| keep(&[next_tick as u8; LENGTH]));
+                    });
                     next_tick += 1;
                 }
             });

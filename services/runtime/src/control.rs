@@ -6,6 +6,7 @@
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
+use rustix::event::{PollFd, PollFlags, poll};
 use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -16,6 +17,7 @@ use crate::crash::Crash;
 use crate::deployment::Scheduler;
 use crate::replaying::StepOrder;
 use crate::step::NonFinite;
+use crate::watchdog;
 
 /// File descriptor of the control channel in a service.
 pub const CONTROL_FD: i32 = 3;
@@ -249,12 +251,20 @@ impl Channel {
         matches!(looked, Ok((0, 0)) | Err(rustix::io::Errno::CONNRESET))
     }
 
+    /// Whether the other side is gone, also if something that it has said was not read yet.
+    #[must_use]
+    pub fn is_hung_up(&self) -> bool {
+        let mut file = [PollFd::new(&self.0, PollFlags::empty())];
+        let at_once = rustix::event::Timespec::default();
+        poll(&mut file, Some(&at_once)).is_ok() && file[0].revents().contains(PollFlags::HUP)
+    }
+
     /// Waits for a message.
     ///
     /// # Errors
     /// [`ControlError`].
     pub fn receive<M: DeserializeOwned>(&self) -> Result<M, ControlError> {
-        self.receive_with(RecvFlags::empty())
+        watchdog::while_resting(|| self.receive_with(RecvFlags::empty()))
     }
 
     /// Takes a message if there is one.
@@ -304,6 +314,17 @@ mod tests {
             Err(ControlError::Closed)
         ));
         assert!(matches!(mine.send(&ToService::Stop), Err(ControlError::Closed)));
+    }
+
+    #[test]
+    fn one_that_is_gone_is_noticed_beside_what_it_has_said() {
+        let (mine, theirs) = Channel::pair().unwrap();
+        let theirs = Channel::inherited(theirs);
+        mine.send(&ToService::Stop).unwrap();
+        assert!(!theirs.is_hung_up());
+        drop(mine);
+        assert!(theirs.is_hung_up());
+        assert_eq!(theirs.receive::<ToService>().unwrap(), ToService::Stop);
     }
 
     #[test]

@@ -48,6 +48,9 @@ pub fn allowed_cores() -> Vec<usize> {
 pub fn pin_to(cores: &[usize]) -> std::io::Result<()> {
     let mut set = CpuSet::new();
     for &core in cores {
+        if core >= CpuSet::MAX_CPU {
+            return Err(std::io::ErrorKind::InvalidInput.into());
+        }
         set.set(core);
     }
     Ok(rustix::thread::sched_setaffinity(None, &set)?)
@@ -167,6 +170,18 @@ pub fn die_with_parent() -> std::io::Result<()> {
 /// If the system does not permit it.
 pub fn outlive_parent() -> std::io::Result<()> {
     Ok(rustix::process::set_parent_process_death_signal(None)?)
+}
+
+/// Lets every signal that ends a process end this one, at once.
+///
+/// Rust's runtime handles SIGSEGV and SIGBUS to tell of a stack that has overflowed. When another process sends one of
+/// them, its handler returns, once, and what it has interrupted goes on: iceoryx2 takes a sleep of a blocked send that
+/// was cut short for a failure, and the sample reaches only a part of its receivers.
+pub fn die_by_signals() {
+    for signal in [libc::SIGSEGV, libc::SIGBUS] {
+        // SAFETY: the default action is no handler, and nothing else in this process changes it.
+        unsafe { libc::signal(signal, libc::SIG_DFL) };
+    }
 }
 
 /// Of the allowed cores the one that has been idlest over a few hundredths of a second.

@@ -39,6 +39,23 @@ pub fn inherited(number: RawFd) -> std::io::Result<OwnedFd> {
     Ok(unsafe { OwnedFd::from_raw_fd(number) })
 }
 
+/// Closes all descriptors from `first` on: those that were inherited though nobody handed them over.
+///
+/// To be called before this process has opened any of its own.
+///
+/// # Errors
+/// If the system is older than Linux 5.9.
+pub fn close_from(first: RawFd) -> std::io::Result<()> {
+    let first = libc::c_uint::try_from(first).map_err(std::io::Error::other)?;
+    // SAFETY: nothing in this process owns any of these numbers yet, by the contract with the caller.
+    let answer = unsafe { libc::syscall(libc::SYS_close_range, first, libc::c_uint::MAX, 0) };
+    if answer == 0 {
+        Ok(())
+    } else {
+        Err(std::io::Error::last_os_error())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::io::Read;

@@ -1,4 +1,7 @@
 //! Doorbells: eventfds that the orchestrator makes and all services inherit, so that they survive a restart.
+//!
+//! They never block: an external program has them too, and one that fills the counter of a bell must not stop the
+//! process that rings it.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
@@ -16,7 +19,7 @@ impl Doorbell {
     /// # Errors
     /// If no file descriptor is left.
     pub fn create() -> std::io::Result<Self> {
-        Ok(Self(eventfd(0, EventfdFlags::CLOEXEC)?))
+        Ok(Self(eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?))
     }
 
     /// Takes over an inherited doorbell.
@@ -28,7 +31,7 @@ impl Doorbell {
     /// Wakes whoever sleeps on the doorbell.
     #[inline]
     pub fn ring(&self) {
-        // The only failure is a full counter, and then it has been ringing 2^64 times already.
+        // The only failure is a full counter, and that wakes the sleeper as well.
         let _ = rustix::io::write(&self.0, &1u64.to_ne_bytes());
     }
 
@@ -36,7 +39,8 @@ impl Doorbell {
     #[inline]
     pub fn sleep(&self) {
         // An interrupted sleep is a ring like any other: everything is looked at again.
-        let _ = rustix::io::read(&self.0, &mut [0u8; 8]);
+        let _ = poll(&mut [PollFd::new(&self.0, PollFlags::IN)], None);
+        self.take_back();
     }
 
     /// Sleeps as [`Self::sleep`] does, but no longer than this, ns.
@@ -46,8 +50,14 @@ impl Doorbell {
         let mut file = [PollFd::new(&self.0, PollFlags::IN)];
         // As above, an interruption is a ring.
         if poll(&mut file, Some(&limit)).is_ok_and(|rung| rung > 0) {
-            self.sleep();
+            self.take_back();
         }
+    }
+
+    /// Takes all rings back. Without one, nothing happens.
+    #[inline]
+    fn take_back(&self) {
+        let _ = rustix::io::read(&self.0, &mut [0u8; 8]);
     }
 }
 
@@ -60,6 +70,22 @@ impl AsFd for Doorbell {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_full_counter_stops_nobody_and_counts_as_rung() {
+        let doorbell = Doorbell::create().unwrap();
+        rustix::io::write(&doorbell, &(u64::MAX - 1).to_ne_bytes()).unwrap();
+        doorbell.ring();
+        doorbell.sleep();
+        doorbell.ring();
+        doorbell.sleep();
+        let nothing = rustix::io::read(&doorbell, &mut [0u8; 8]);
+        assert_eq!(
+            nothing,
+            Err(rustix::io::Errno::AGAIN),
+            "both sleeps took all rings back"
+        );
+    }
 
     #[test]
     fn a_sleep_with_a_limit_ends_with_a_ring_or_without() {

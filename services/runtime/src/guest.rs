@@ -12,6 +12,7 @@ use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::Command;
 
+use rustix::fs::{MemfdFlags, SealFlags};
 use serde::Serialize;
 use shared_types::scenario::Scenario;
 use shared_types::schedule::Rate;
@@ -25,6 +26,10 @@ use crate::ports::{LAYOUT_ATTRIBUTE, consumer_buffer};
 
 /// Version of the contract with guests; raised when programs that keep the one before would go wrong.
 pub const CONTRACT: u32 = 1;
+
+/// Names, in the environment of a guest, the service in whose place it flies: so that people and the orchestrator know it
+/// again among processes.
+pub const SERVICE_VARIABLE: &str = "GERONO_SERVICE";
 
 /// File descriptor of the invitation in a guest.
 const INVITATION_FD: i32 = CONTROL_FD + 1;
@@ -84,7 +89,7 @@ struct OutputStream {
 pub struct Belongings<'a> {
     /// The line to the orchestrator.
     pub channel: &'a Channel,
-    /// The lock of the run's place, held until the process ends.
+    /// The file of the lock of the run's place, without the lock.
     pub lock: BorrowedFd<'a>,
     /// The doorbells of all services, in the order of the wiring table.
     pub doorbells: &'a [Doorbell],
@@ -145,9 +150,11 @@ impl Invitation {
 
     /// As a file that is read from its beginning.
     fn file(&self) -> std::io::Result<OwnedFd> {
-        let flags = rustix::fs::MemfdFlags::CLOEXEC;
+        let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
         let mut file = std::fs::File::from(rustix::fs::memfd_create("gerono-invitation", flags)?);
         file.write_all(&serde_json::to_vec(self)?)?;
+        let whole = SealFlags::WRITE | SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL;
+        rustix::fs::fcntl_add_seals(&file, whole)?;
         file.rewind()?;
         Ok(file.into())
     }
@@ -185,7 +192,7 @@ pub fn become_program(
         return "no program is named".to_owned();
     };
     let mut command = Command::new(program);
-    command.args(arguments);
+    command.args(arguments).env(SERVICE_VARIABLE, invitation.service);
     if let Some(folder) = folder {
         command.current_dir(folder);
     }

@@ -27,6 +27,10 @@ pub trait TickSink {
     /// # Errors
     /// If the tick cannot be kept.
     fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, Self::Error>;
+
+    /// Notes that something happened at a tick that no service publishes: its kind and text are those of a
+    /// [`RunEvent`](shared_types::samples::RunEvent). Sinks that keep no events ignore it.
+    fn event(&mut self, _tick: u64, _kind: u32, _text: &str) {}
 }
 
 /// Why a flight in one process ended early.

@@ -13,7 +13,7 @@ use shared_types::service::{InputView, header_of};
 
 use crate::edge_store::EdgeStore;
 use crate::lock_step::FlightError;
-use crate::ports::{PortError, Receiver};
+use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
 
 /// An input.
 pub struct Inlet {
@@ -105,7 +105,8 @@ impl Inlet {
                 self.advance_reborn(tick, due)
             };
         }
-        loop {
+        // A publisher that repeats old samples without a pause does not keep the service from seeing that the run ends.
+        for _ in 0..=RECORDER_BUFFER {
             if let Some(got) = self.held_tick() {
                 if got == due {
                     return Ok(true);
@@ -115,9 +116,10 @@ impl Inlet {
                 }
             }
             if !self.receiver.receive()? {
-                return Ok(false);
+                break;
             }
         }
+        Ok(false)
     }
 
     /// The sample of tick `due` once it is here, for the step at `tick`.

@@ -21,6 +21,7 @@ use crate::step::Timetable;
 use crate::step_log::StepLog;
 use crate::succession::{Bequest, Hello};
 use crate::wait::Waiter;
+use crate::watchdog::{self, Work};
 
 /// What a service has that knows its role and may make its ports.
 pub struct Launch<'a> {
@@ -49,13 +50,16 @@ impl Launch<'_> {
         waiter: &mut Waiter,
     ) -> Result<(), ProcessError> {
         self.crash.pass(CrashPlace::BeforePorts, 0);
-        let mut ports = ServicePorts::open(self.topics, service.id(), self.schedule, waiter)?;
-        ports.connect()?;
+        let mut ports = watchdog::during(Work::Ports, || {
+            let mut ports = ServicePorts::open(self.topics, service.id(), self.schedule, waiter)?;
+            ports.connect()?;
+            Ok::<_, ProcessError>(ports)
+        })?;
         self.crash.pass(CrashPlace::AfterPorts, 0);
         let Some(reborn) = await_go(waiter.channel(), self.warnings)? else {
             return Ok(());
         };
-        ports.connect()?;
+        watchdog::during(Work::Ports, || ports.connect())?;
         ports.make_known();
         let mut cockpit = Cockpit {
             ports: &mut ports,
@@ -69,6 +73,7 @@ impl Launch<'_> {
             0
         };
         lock_step::fly(service, self.schedule, first_tick, &mut cockpit)?;
+        watchdog::rest();
         stay_until_the_end(cockpit.waiter.channel())
     }
 
@@ -98,12 +103,15 @@ impl Launch<'_> {
         waiter: &Waiter,
     ) -> Result<(), ProcessError> {
         self.crash.pass(CrashPlace::BeforePorts, 0);
-        let mut ports = RealTimePorts::open(self.topics, service.id(), self.schedule)?;
+        let guests = start.scenario.guests();
+        let mut ports = watchdog::during(Work::Ports, || {
+            RealTimePorts::open(self.topics, service.id(), self.schedule, guests, waiter.page())
+        })?;
         self.crash.pass(CrashPlace::AfterPorts, 0);
         let Some(reborn) = await_go(waiter.channel(), self.warnings)? else {
             return Ok(());
         };
-        ports.connect()?;
+        watchdog::during(Work::Ports, || ports.connect())?;
         let checkpoint = self.checkpoints.newest(service.id()).filter(|_| reborn);
         if let Some(checkpoint) = &checkpoint {
             self.crash.pass(CrashPlace::Recovering, checkpoint.next_tick);
@@ -125,12 +133,13 @@ impl Launch<'_> {
             },
             page,
             doorbells: waiter.doorbells(),
-            guests: start.scenario.guests(),
+            guests,
             grace_ns: nanoseconds(start.scenario.real_time.unwrap_or_default().grace),
             lone_flight: LoneFlight::new(&start.scenario, waiter.channel().try_clone()?, bequest),
             crash: self.crash,
         };
         real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut cockpit)?;
+        watchdog::rest();
         // What it has connected in a laboratory comes to rest with its last step.
         drop(service);
         stay_until_the_end(cockpit.lone_flight.channel())

@@ -14,8 +14,8 @@
 //! in memory of its own), [`sample_ring`] (the latest samples of a topic), [`inlet`] (an input, also after a rebirth),
 //! [`edge_store`] (its samples, where faults are planned), [`mailbox`] (an input in real time), [`outlets`] (a service's
 //! outputs), [`lone_flight`] (when the orchestrator is gone), [`succession`] (how another one takes its place), [`flight_clock`] (ticks on the system's clock),
-//! [`step_log`] (what every step in real time was made of), [`notice`] (how what is connected to a service fares), [`control`] (the orchestrator's line to each service),
-//! [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler, parent's death), [`descriptors`] (what a started
+//! [`seqlock`] (records that are copied beside their writer), [`step_log`] (what every step in real time was made of), [`notice`] (how what is connected to a service fares), [`control`] (the orchestrator's line to each service),
+//! [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler, parent's death), [`watchdog`] (work that takes too long), [`untrusted`] (samples of external programs), [`descriptors`] (what a started
 //! process inherits), [`guest`] (a program of one's own in place of a service) and [`process`] and [`launch`] (what
 //! `gerono service NAME` runs).
 //!
@@ -23,6 +23,7 @@
 //! control channel closes, or when its parent dies; a number that is not finite is stopped at the service
 //! that made it and never published.
 
+mod atomics;
 pub mod checkpoints;
 pub mod control;
 pub mod crash;
@@ -47,11 +48,14 @@ pub mod real_time;
 pub mod replaying;
 pub mod ring_order;
 pub mod sample_ring;
+pub mod seqlock;
 pub mod shared_file;
 pub mod shared_memory;
 pub mod shared_page;
 pub mod step;
 pub mod step_log;
 pub mod succession;
+pub mod untrusted;
 pub mod verdict;
 pub mod wait;
+pub mod watchdog;

@@ -22,7 +22,9 @@ use crate::outlets::Outlets;
 use crate::ports::{PortError, Topics};
 use crate::shared_page::{Cell, SharedPage};
 use crate::step::{self, NonFinite, Timetable, Views};
+use crate::untrusted::UntrustedReceiver;
 use crate::wait::{Interrupted, Waiter};
+use crate::watchdog::{self, Work};
 
 /// Why a flight ended before its last tick.
 #[derive(Debug, thiserror::Error)]
@@ -34,7 +36,10 @@ pub enum FlightError {
     #[error(transparent)]
     Port(#[from] PortError),
     /// A sample other than the one that was due came: the publisher and this service disagree.
-    #[error("at tick {tick} the sample {got} of `{topic}` came where {due} was due: a sample was lost")]
+    #[error(
+        "at tick {tick} the sample {got} of `{topic}` came where {due} was due: a sample was lost, or `{}` published \
+         what was not due", .topic.publisher().map_or("nobody", ServiceId::name)
+    )]
     Lost {
         /// Tick of the step.
         tick: u64,
@@ -88,11 +93,17 @@ impl ServicePorts {
         let page = waiter.page();
         let mut inlets = Vec::new();
         for (index, spec) in schedule.inputs_read(id) {
-            let receiver = topics.of(spec.topic).receiver()?;
+            let mut receiver = topics.of(spec.topic).receiver()?;
             let publisher = spec
                 .topic
                 .publisher()
                 .expect("services consume what services publish");
+            if waiter.guests()[publisher.index()] {
+                receiver = Box::new(UntrustedReceiver::new(
+                    receiver,
+                    &schedule.publication(spec.topic),
+                ));
+            }
             inlets.push(Inlet::new(index, schedule.edge(id, index), publisher, receiver));
         }
         inlets.sort_by_key(|inlet| step::waiting_order(schedule, &inlet.edge, inlet.publisher));
@@ -234,6 +245,7 @@ pub fn fly(
         if cockpit.waiter.is_stopping() {
             return Err(FlightError::Stopping);
         }
+        watchdog::work(Work::Step);
         cockpit.await_inputs(tick)?;
         cockpit.crash.pass(CrashPlace::BeforeStep, tick);
         cockpit.step_and_publish(service, &timetable, tick)?;
@@ -299,11 +311,9 @@ impl Cockpit<'_> {
     /// Keeps what the service knows before its step at `next_tick`.
     #[inline]
     fn keep(&self, service: &dyn ErasedService, next_tick: u64) {
-        let write = |bytes: &mut [u8]| {
-            service.save(bytes);
+        self.checkpoints.write(service.id(), next_tick, |keep| {
+            service.save_with(keep);
             self.crash.pass(CrashPlace::Checkpointing, next_tick);
-        };
-        self.checkpoints
-            .write(service.id(), next_tick, service.state_size(), write);
+        });
     }
 }

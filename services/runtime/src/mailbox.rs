@@ -11,7 +11,7 @@ use shared_types::{Schedule, ServiceId};
 
 use crate::edge_store::EdgeStore;
 use crate::owned_sample::OwnedSample;
-use crate::ports::{PortError, Receiver};
+use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
 
 /// Samples that are kept beside those that are under way.
 const SPARE: u64 = 4;
@@ -118,7 +118,11 @@ impl Mailbox {
     /// That of the port.
     #[inline]
     pub fn collect(&mut self) -> Result<(), PortError> {
-        while self.receiver.receive()? {
+        // A publisher that is faster than this does not keep the step from beginning.
+        for _ in 0..RECORDER_BUFFER {
+            if !self.receiver.receive()? {
+                break;
+            }
             let bytes = self.receiver.held().expect("just received");
             let tick = header_of(bytes).tick;
             // One that was born again may repeat its last words.

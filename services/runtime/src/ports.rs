@@ -17,12 +17,25 @@ use crate::doorbell::Doorbell;
 use crate::shared_page::SharedPage;
 
 pub use member::Member;
+pub use typed::Wire;
 
 /// Places of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
 pub const RECORDER_BUFFER: usize = 1024;
 
 /// Subscribers of a topic beside the run's own: for people who look at a flight with other tools.
 const OBSERVERS: usize = 2;
+
+/// Samples that a subscriber may hold.
+pub const MAX_BORROWED: usize = 2;
+
+/// Samples that a publisher may be writing.
+pub const MAX_LOANED: usize = 2;
+
+/// Most subscribers of a topic: its consumers, the recorder, and people who look on.
+#[must_use]
+pub fn max_subscribers(topic: Topic) -> usize {
+    topic.consumers().count() + 1 + OBSERVERS
+}
 
 /// Name of the service attribute that carries the layout hash.
 pub(crate) const LAYOUT_ATTRIBUTE: &str = "layout";
@@ -39,13 +52,10 @@ pub enum PortError {
         reason: String,
     },
     /// The process cannot take part in the run.
-    #[error("cannot join the run's shared memory: {0}; is /dev/shm full or not writable?")]
+    #[error("cannot join the run's shared memory: {0}")]
     Node(String),
     /// The topic cannot be made or opened.
-    #[error(
-        "cannot open the topic `{topic}`: {reason}; \
-         if the types differ, all processes of a run must come from one build"
-    )]
+    #[error("cannot open the topic `{topic}`: {reason}")]
     Open {
         /// The topic.
         topic: Topic,
@@ -161,11 +171,11 @@ pub trait TopicPorts {
     /// [`PortError::Create`].
     fn receiver(&self) -> Result<Box<dyn Receiver>, PortError>;
 
-    /// Makes the recorder's subscriber, with the largest buffer.
+    /// Makes the recorder's subscriber, with a buffer of so many places, at most [`RECORDER_BUFFER`].
     ///
     /// # Errors
     /// [`PortError::Create`].
-    fn recorder(&self) -> Result<Box<dyn Receiver>, PortError>;
+    fn recorder(&self, places: usize) -> Result<Box<dyn Receiver>, PortError>;
 }
 
 /// A publisher, in bytes.

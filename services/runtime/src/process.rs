@@ -6,6 +6,7 @@
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
 
+use rustix::process::DumpableBehavior;
 use shared_types::scenario::{Scenario, ServiceDeployment};
 use shared_types::service::ErasedService;
 use shared_types::{Schedule, ServiceId};
@@ -17,7 +18,7 @@ use crate::control::{
 };
 use crate::crash::CrashPoint;
 use crate::deployment::{self, Scheduler, Setting};
-use crate::descriptors::inherited;
+use crate::descriptors::{self, inherited};
 use crate::doorbell::Doorbell;
 use crate::guest::{self, Belongings, Invitation};
 use crate::launch::Launch;
@@ -26,6 +27,7 @@ use crate::ports::{Member, PortError, Topics};
 use crate::shared_page::SharedPage;
 use crate::step_log::StepLog;
 use crate::wait::Waiter;
+use crate::watchdog;
 
 /// What a process is called that waits for a service to die.
 pub const SPARE: &str = "spare";
@@ -81,8 +83,17 @@ pub fn run(
     equip: impl FnOnce(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built,
 ) -> Result<(), ProcessError> {
     let inherited = Inherited::take()?;
+    // What iceoryx2 and the shell left open in the orchestrator is nothing to its services, and less to programs in their
+    // place. An older system leaves it open.
+    let _ = descriptors::close_from(
+        FIRST_DOORBELL_FD + i32::try_from(ServiceId::ALL.len()).expect("few services"),
+    );
     deployment::die_with_parent()?;
+    deployment::die_by_signals();
     deployment::call_process(name)?;
+    // A program that was given capabilities is closed to its own user, whose `gerono kill` must come to the shared page. It
+    // has the same capabilities, without which the kernel lets nobody in.
+    rustix::process::set_dumpable_behavior(DumpableBehavior::Dumpable).map_err(std::io::Error::from)?;
     // Anything else has ended it before it began.
     let ToService::Start(start) = inherited.channel.receive()? else {
         return Ok(());
@@ -116,9 +127,11 @@ fn invite(
     inherited.channel.send(&ToOrchestrator::Deployed { warnings })?;
     let folder = start.scenario.programs.as_ref();
     let folder = folder.and_then(|programs| programs.folder.as_deref());
+    // The file of the lock, opened anew: to unlock the one that the others hold gives the run's place away.
+    let lock = std::fs::File::open(format!("/proc/self/fd/{LOCK_FD}"))?;
     let belongings = Belongings {
         channel: &inherited.channel,
-        lock: inherited.lock.as_fd(),
+        lock: lock.as_fd(),
         doorbells: &inherited.doorbells,
     };
     let reason = guest::become_program(program, folder, &invitation, &belongings);
@@ -146,6 +159,7 @@ fn live(
         lock,
         doorbells,
     } = inherited;
+    watchdog::watch_service(channel.try_clone()?)?;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
     // A spare process stays off the services' core until it is one of them.
     let deployed = start.role.map(|role| deploy(role.service, start));

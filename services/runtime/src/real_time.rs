@@ -29,11 +29,13 @@ use crate::lock_step::FlightError;
 use crate::lone_flight::LoneFlight;
 use crate::mailbox::Mailbox;
 use crate::outlets::Outlets;
-use crate::ports::{PortError, Topics};
+use crate::ports::{PortError, Receiver, Topics};
 use crate::shared_page::{Cell, SharedPage};
 use crate::step::{self, Slots, Timetable, Views};
 use crate::step_log::{StepLog, StepRecord};
+use crate::untrusted::UntrustedReceiver;
 use crate::wait::announcement;
+use crate::watchdog::{self, Work};
 
 /// Longest sleep before somebody looks whether the run is to end, ns.
 const LONGEST_SLEEP_NS: u64 = 100_000_000;
@@ -45,18 +47,28 @@ pub struct RealTimePorts {
 }
 
 impl RealTimePorts {
-    /// Makes the ports that the wiring table gives a service.
+    /// Makes the ports that the wiring table gives a service. What `guests` publish is refused unless it may be there by
+    /// the clock of `page`.
     ///
     /// # Errors
     /// [`PortError`].
-    pub fn open(topics: &Topics, id: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
+    pub fn open(
+        topics: &Topics,
+        id: ServiceId,
+        schedule: &Schedule,
+        guests: Guests,
+        page: &Arc<SharedPage>,
+    ) -> Result<Self, PortError> {
         let mut mailboxes = Vec::new();
         for (index, spec) in schedule.inputs_read(id) {
-            let receiver = topics.of(spec.topic).receiver()?;
+            let mut receiver = topics.of(spec.topic).receiver()?;
             let publisher = spec
                 .topic
                 .publisher()
                 .expect("services consume what services publish");
+            if guests[publisher.index()] {
+                receiver = Box::new(within_clock(receiver, schedule, spec.topic, page));
+            }
             mailboxes.push(Mailbox::new(schedule, id, index, publisher, receiver));
         }
         mailboxes.sort_by_key(|mailbox| step::waiting_order(schedule, &mailbox.edge, mailbox.publisher));
@@ -72,6 +84,23 @@ impl RealTimePorts {
         self.mailboxes.iter_mut().try_for_each(Mailbox::connect)?;
         self.outlets.connect()
     }
+}
+
+/// What comes of an external program, as far as it may be there by the flight's clock.
+fn within_clock(
+    receiver: Box<dyn Receiver>,
+    schedule: &Schedule,
+    topic: Topic,
+    page: &Arc<SharedPage>,
+) -> UntrustedReceiver {
+    let publication = schedule.publication(topic);
+    let (page, tick_ns) = (Arc::clone(page), schedule.tick_ns());
+    // When the flight begins is known only later than which ports there are.
+    let clock_tick = move || {
+        let start_ns = page.words().start_ns.load(Ordering::Acquire);
+        FlightClock { start_ns, tick_ns }.tick()
+    };
+    UntrustedReceiver::new(receiver, &publication).within_clock(publication, schedule.last_tick(), clock_tick)
 }
 
 /// What a service flies with in real time beside its step logic.
@@ -126,6 +155,7 @@ pub fn fly(
 ) -> Result<(), FlightError> {
     // Whoever it follows may have died in the middle of publishing.
     cockpit.step_log.finish_for_the_dead(service.id());
+    watchdog::take_off();
     let timetable = Timetable::new(schedule, service.id());
     let mut previous = None;
     let mut first_tick = 0;
@@ -140,6 +170,7 @@ pub fn fly(
         let (tick, missed) = cockpit.step_to_do(&timetable, due, schedule.last_tick());
         // Also who is woken by an input wakes with the tick: with its memory in the caches again it is a fifth faster then.
         cockpit.sleep_until(service.id(), cockpit.clock.begins_at(tick))?;
+        watchdog::work(Work::Step);
         let late_inputs = cockpit.await_inputs(&timetable, tick)?;
         cockpit.crash.pass(CrashPlace::BeforeStep, tick);
         let began = monotonic_ns();
@@ -200,6 +231,7 @@ impl Cockpit<'_> {
 
     /// Sleeps until a time has come.
     fn sleep_until(&self, service: ServiceId, at_ns: u64) -> Result<(), FlightError> {
+        watchdog::rest();
         loop {
             if self.is_stopping() {
                 return Err(FlightError::Stopping);
@@ -374,12 +406,10 @@ impl Cockpit<'_> {
     /// and untold.
     #[inline]
     fn keep(&self, service: &dyn ErasedService, next_tick: u64) {
-        let write = |bytes: &mut [u8]| {
-            service.save(bytes);
+        self.checkpoints.write(service.id(), next_tick, |keep| {
+            service.save_with(keep);
             self.crash.pass(CrashPlace::Checkpointing, next_tick);
-        };
-        self.checkpoints
-            .write(service.id(), next_tick, service.state_size(), write);
+        });
         let cell = self.cell(service.id());
         cell.steps_until.store(next_tick, Ordering::Relaxed);
         Cell::count(&cell.steps);

@@ -63,7 +63,7 @@ impl ReplayPorts {
     pub fn open(topics: &Topics, id: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
         let inputs = id.inputs().iter();
         // As much room as the recorder's: a whole batch waits in it.
-        let receivers = inputs.map(|input| topics.of(input.topic).recorder());
+        let receivers = inputs.map(|input| topics.of(input.topic).recorder(RECORDER_BUFFER));
         Ok(Self {
             receivers: receivers.collect::<Result<_, _>>()?,
             outlets: Outlets::open(topics, id, schedule, |topic| topic.newest_sender())?,

@@ -4,6 +4,7 @@
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 use memmap2::MmapRaw;
+use rustix::fs::{MemfdFlags, SealFlags};
 
 /// A mapping of such a file, all zeros at first.
 #[derive(Debug)]
@@ -18,8 +19,10 @@ impl SharedFile {
     /// # Errors
     /// If the system has no memory or no file descriptor left.
     pub fn create(name: &str, size: usize) -> std::io::Result<Self> {
-        let file = rustix::fs::memfd_create(name, rustix::fs::MemfdFlags::CLOEXEC)?;
+        let file = rustix::fs::memfd_create(name, MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING)?;
         rustix::fs::ftruncate(&file, size as u64)?;
+        // To shrink it would take pages away from under every process that has mapped it.
+        rustix::fs::fcntl_add_seals(&file, SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL)?;
         Self::open(file, size)
     }
 
@@ -49,5 +52,27 @@ impl SharedFile {
     #[inline]
     pub fn as_mut_ptr(&self) -> *mut u8 {
         self.mapping.as_mut_ptr()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nobody_who_has_the_file_can_change_its_size() {
+        let shared = SharedFile::create("gerono-test", 5000).unwrap();
+        for size in [0, 4096, 9000] {
+            assert_eq!(
+                rustix::fs::ftruncate(shared.file(), size),
+                Err(rustix::io::Errno::PERM)
+            );
+        }
+        let more = rustix::fs::fcntl_add_seals(shared.file(), SealFlags::WRITE);
+        assert_eq!(
+            more,
+            Err(rustix::io::Errno::PERM),
+            "nobody can make it read-only either"
+        );
     }
 }

@@ -4,7 +4,8 @@
 //! waits for that without an end. Whoever is at work on it has it open until it has a size; so nobody is if nobody has it open.
 
 use std::fs;
-use std::os::unix::fs::MetadataExt;
+use std::io::{self, ErrorKind, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
@@ -26,6 +27,80 @@ pub fn of(prefix: &str) -> Vec<PathBuf> {
     };
     let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();
     entries.filter(mine).map(|entry| entry.path()).collect()
+}
+
+/// Bytes that are free where shared memory is, if the system tells.
+#[must_use]
+pub fn free_bytes() -> Option<u64> {
+    let found = rustix::fs::statvfs(FOLDER).ok()?;
+    Some(found.f_bavail * found.f_frsize)
+}
+
+/// Least room with which segments and descriptors can be made: what fails with more has failed for another reason.
+const LEAST_BYTES: u64 = 1 << 20;
+const LEAST_DESCRIPTORS: usize = 16;
+
+/// What iceoryx2 says of something that failed, which does not tell why, with what the machine lacks and the fix.
+#[must_use]
+pub fn explained(reason: &str) -> String {
+    let lack = lack_of_descriptors().or_else(lack_of_memory);
+    let lack = lack.unwrap_or_else(|| {
+        format!(
+            "{FOLDER} and descriptors are there; another program may have damaged the run's shared memory"
+        )
+    });
+    format!("{reason}: {lack}")
+}
+
+fn lack_of_descriptors() -> Option<String> {
+    let open = || fs::File::open("/dev/null");
+    let tried: std::io::Result<Vec<_>> = std::iter::repeat_with(open).take(LEAST_DESCRIPTORS).collect();
+    let error = tried.err()?;
+    Some(format!(
+        "there are not enough file descriptors ({error}); a run needs 100 in every process, raise the limit with `ulimit -n`"
+    ))
+}
+
+fn lack_of_memory() -> Option<String> {
+    let free = free_bytes()?;
+    (free < LEAST_BYTES).then(|| {
+        format!(
+            "{FOLDER} is full ({:.2} MB are free); remove what is not needed there, `gerono clean` removes what dead runs \
+             have left",
+            free as f64 / 1e6
+        )
+    })
+}
+
+/// Takes the shared memory of a run from other users, where it is open to them: iceoryx2 (0.10) makes the counter of its nodes
+/// for all users of a machine. To be called by each process that has joined the run; the first does it.
+///
+/// # Errors
+/// If the system refuses.
+pub fn close_to_others(prefix: &str) -> io::Result<()> {
+    const OTHERS: u32 = 0o077;
+    let is_open = |path: &PathBuf| fs::symlink_metadata(path).is_ok_and(|found| found.mode() & OTHERS != 0);
+    for open in of(prefix).into_iter().filter(is_open) {
+        match close(&open) {
+            // Another process of the run is doing it, or has removed it.
+            Err(error) if matches!(error.kind(), ErrorKind::AlreadyExists | ErrorKind::NotFound) => {}
+            result => result?,
+        }
+    }
+    Ok(())
+}
+
+/// Lets a copy take the place of shared memory: another user who has opened that meanwhile keeps what nobody uses.
+fn close(open: &Path) -> io::Result<()> {
+    let mut copy = open.to_owned().into_os_string();
+    copy.push(".closed");
+    let mut file = fs::OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .mode(0o600)
+        .open(&copy)?;
+    file.write_all(&fs::read(open)?)?;
+    fs::rename(copy, open)
 }
 
 /// Removes what nobody will finish of a run's shared memory; whoever waits for it finds then that it is not there.
@@ -67,8 +142,38 @@ fn somebody_has_open(file: &Path) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::fs::File;
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    #[test]
+    fn what_is_open_to_others_is_copied_to_where_they_cannot_reach_it() {
+        let prefix = format!("gerono_open_{}_", std::process::id());
+        let [open, closed] = ["open", "closed"].map(|name| Path::new(FOLDER).join(format!("{prefix}{name}")));
+        for (path, mode) in [(&open, 0o666), (&closed, 0o600)] {
+            fs::write(path, b"count").unwrap();
+            fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+        }
+        let mut opened_before = fs::OpenOptions::new().write(true).open(&open).unwrap();
+        let inode = |path: &Path| fs::metadata(path).unwrap().ino();
+        let before = inode(&closed);
+        close_to_others(&prefix).unwrap();
+        opened_before.write_all(b"wrong").unwrap();
+        let found = [&open, &closed].map(|path| {
+            (
+                fs::read(path).unwrap(),
+                fs::metadata(path).unwrap().mode() & 0o777,
+            )
+        });
+        let left = of(&prefix).len();
+        let is_untouched = inode(&closed) == before;
+        for path in [&open, &closed] {
+            fs::remove_file(path).unwrap();
+        }
+        assert_eq!(found, [(b"count".to_vec(), 0o600), (b"count".to_vec(), 0o600)]);
+        assert!(left == 2 && is_untouched);
+    }
 
     #[test]
     fn only_what_has_no_size_and_nobody_at_work_is_removed() {

@@ -23,6 +23,9 @@ use crate::shared_file::SharedFile;
 #[repr(C)]
 #[derive(Debug, Default)]
 pub struct Words {
+    /// In real time, what people ask for: the bits of [`Request`]. First, and the bits stay as they are: `gerono kill` of
+    /// another build finds it here ([`ask_in`]).
+    requests: AtomicU32,
     /// Not 0 when the run is to end: nobody shall wait any longer.
     pub stopping: AtomicU32,
     /// Not 0 while yielding does not pay and everyone shall block at once; see [`crate::verdict::BLOCK_ALWAYS`].
@@ -33,8 +36,6 @@ pub struct Words {
     pub births: AtomicU32,
     /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; set before anybody flies.
     pub start_ns: AtomicU64,
-    /// In real time, what people ask for: the bits of [`Request`].
-    requests: AtomicU32,
     /// In real time, when the orchestrator was last seen to live, ns of `CLOCK_MONOTONIC`.
     pub orchestrator_alive_ns: AtomicU64,
     /// One cell a service.
@@ -133,17 +134,7 @@ impl Words {
 
     /// Takes a request. The newest of [`Request::Arm`] and [`Request::Disarm`] counts; the others are for ever.
     pub fn ask(&self, request: Request) {
-        let change = |bits: u32| match request {
-            Request::Arm => bits & !DISARMED | ARMED,
-            Request::Disarm => bits & !ARMED | DISARMED,
-            Request::Land => bits | LAND,
-            Request::Kill => bits | KILLED,
-        };
-        let update = |bits| Some(change(bits));
-        // It always succeeds: `update` never declines.
-        let _ = self
-            .requests
-            .fetch_update(Ordering::AcqRel, Ordering::Acquire, update);
+        add(&self.requests, request);
     }
 
     /// What the operator asks for, by plan and by request.
@@ -167,6 +158,38 @@ impl Words {
     }
 }
 
+/// Adds a request to those that were made before.
+fn add(requests: &AtomicU32, request: Request) {
+    let change = |bits: u32| match request {
+        Request::Arm => bits & !DISARMED | ARMED,
+        Request::Disarm => bits & !ARMED | DISARMED,
+        Request::Land => bits | LAND,
+        Request::Kill => bits | KILLED,
+    };
+    let update = |bits| Some(change(bits));
+    // It always succeeds: `update` never declines.
+    let _ = requests.fetch_update(Ordering::AcqRel, Ordering::Acquire, update);
+}
+
+/// Takes a request in the page of another process's run, whatever build that is of.
+///
+/// # Errors
+/// If the file cannot be mapped.
+pub fn ask_in(page: BorrowedFd<'_>, request: Request) -> std::io::Result<()> {
+    const _: () = assert!(std::mem::offset_of!(Words, requests) == 0);
+    let size = u64::try_from(rustix::fs::fstat(page)?.st_size).unwrap_or_default();
+    if size < size_of::<AtomicU32>() as u64 {
+        return Err(std::io::Error::other("the page is empty"));
+    }
+    let mapping = memmap2::MmapOptions::new()
+        .len(size_of::<AtomicU32>())
+        .map_raw(&page)?;
+    // SAFETY: the mapping is page-aligned, holds the word, and outlives the borrow; an atomic is valid for every bit pattern
+    // and safe to be written by other processes meanwhile.
+    add(unsafe { &*mapping.as_mut_ptr().cast::<AtomicU32>() }, request);
+    Ok(())
+}
+
 impl Cell {
     /// Wakes the service from its sleep in real time.
     #[inline]
@@ -188,12 +211,15 @@ impl Cell {
 pub struct SharedPage(SharedFile);
 
 impl SharedPage {
+    /// What the system calls the file: `/memfd:` and this.
+    pub const NAME: &str = "gerono-page";
+
     /// Makes a page for a run.
     ///
     /// # Errors
     /// If the system has no memory or no file descriptor left.
     pub fn create() -> std::io::Result<Self> {
-        SharedFile::create("gerono", size_of::<Words>()).map(Self)
+        SharedFile::create(Self::NAME, size_of::<Words>()).map(Self)
     }
 
     /// Maps a page that was inherited.
@@ -223,6 +249,8 @@ impl SharedPage {
 
 #[cfg(test)]
 mod tests {
+    use std::os::fd::AsFd;
+
     use super::*;
 
     #[test]
@@ -235,6 +263,15 @@ mod tests {
         words.ask(Request::Disarm);
         words.ask(Request::Arm);
         assert!(words.operator(Operator::default()).killed && words.operator(Operator::FLYING).killed);
+    }
+
+    #[test]
+    fn a_request_is_taken_by_the_file_alone() {
+        let page = SharedPage::create().unwrap();
+        ask_in(page.file(), Request::Kill).unwrap();
+        assert!(page.words().operator(Operator::FLYING).killed);
+        let empty = rustix::fs::memfd_create("empty", rustix::fs::MemfdFlags::CLOEXEC).unwrap();
+        assert!(ask_in(empty.as_fd(), Request::Kill).is_err());
     }
 
     #[test]

@@ -5,12 +5,12 @@
 //! have been overwritten and counts them. The count of records survives the death of their writer.
 
 use std::os::fd::{BorrowedFd, OwnedFd};
-use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
+use crate::seqlock::{Found, Ring};
 use crate::shared_file::SharedFile;
 
 /// Records of a service that a reader may lag behind.
@@ -60,16 +60,9 @@ impl StepRecord {
     }
 }
 
-#[repr(C, align(64))]
-struct Ring {
-    /// Records that are whole, each at its number modulo [`DEPTH`].
-    written: AtomicU64,
-    /// 1 + the number of the last record that was begun.
-    begun: AtomicU64,
-    slots: [[AtomicU64; WORDS]; DEPTH as usize],
-}
+type Records = Ring<WORDS, { DEPTH as usize }>;
 
-type Rings = [Ring; ServiceId::ALL.len()];
+type Rings = [Records; ServiceId::ALL.len()];
 
 /// A mapping of all services' step records.
 #[derive(Debug)]
@@ -102,35 +95,22 @@ impl StepLog {
     /// which nobody knows what it was made of. To be called by one process at a time for a service: by its own.
     #[inline]
     pub fn begin(&self, service: ServiceId, record: StepRecord) {
-        let ring = self.ring(service);
-        let number = ring.written.load(Ordering::Relaxed);
-        let words: [u64; WORDS] = zerocopy::transmute!(record);
-        for (place, word) in ring.slots[slot_of(number)].iter().zip(words) {
-            place.store(word, Ordering::Relaxed);
-        }
-        ring.begun.store(number + 1, Ordering::Release);
+        self.ring(service).begin(zerocopy::transmute!(record));
     }
 
     /// Says when all of the step that was begun was published, and lets readers have its record.
     #[inline]
     pub fn finish(&self, service: ServiceId, published_ns: u64) {
-        let ring = self.ring(service);
-        let number = ring.written.load(Ordering::Relaxed);
-        ring.slots[slot_of(number)][PUBLISHED].store(published_ns, Ordering::Relaxed);
-        ring.written.store(number + 1, Ordering::Release);
+        self.ring(service).finish(PUBLISHED, published_ns);
     }
 
     /// Lets readers have the record of a step in the middle of whose publication the process died. To be called when
     /// it is dead.
     pub fn finish_for_the_dead(&self, service: ServiceId) {
-        let ring = self.ring(service);
-        let number = ring.written.load(Ordering::Relaxed);
-        if ring.begun.load(Ordering::Acquire) == number + 1 {
-            ring.written.store(number + 1, Ordering::Release);
-        }
+        self.ring(service).finish_for_the_dead();
     }
 
-    fn ring(&self, service: ServiceId) -> &Ring {
+    fn ring(&self, service: ServiceId) -> &Records {
         #[expect(
             unsafe_code,
             reason = "memory shared by several processes can only be reached by mapping it"
@@ -140,10 +120,6 @@ impl StepLog {
         let rings = unsafe { &*self.0.as_mut_ptr().cast::<Rings>() };
         &rings[service.index()]
     }
-}
-
-fn slot_of(number: u64) -> usize {
-    usize::try_from(number % DEPTH).expect("below the depth")
 }
 
 /// Reads the records of a service in their order.
@@ -170,7 +146,7 @@ impl StepReader {
     pub fn from_now(service: ServiceId, log: &StepLog) -> Self {
         Self {
             service,
-            next: log.ring(service).written.load(Ordering::Acquire),
+            next: log.ring(service).written(),
             overwritten: 0,
         }
     }
@@ -179,20 +155,16 @@ impl StepReader {
     pub fn next(&mut self, log: &StepLog) -> Option<StepRecord> {
         let ring = log.ring(self.service);
         loop {
-            let written = ring.written.load(Ordering::Acquire);
-            if self.next >= written {
-                return None;
-            }
-            // The oldest is just being overwritten when the ring is full.
-            let oldest = (written + 1).saturating_sub(DEPTH);
-            self.skip_to(oldest);
-            let slot = &ring.slots[slot_of(self.next)];
-            let words: [u64; WORDS] = std::array::from_fn(|word| slot[word].load(Ordering::Relaxed));
-            // The words before, the count after: what was overwritten meanwhile is not taken.
-            fence(Ordering::Acquire);
-            if ring.written.load(Ordering::Relaxed) < self.next + DEPTH {
-                self.next += 1;
-                return Some(zerocopy::transmute!(words));
+            match ring.found(self.next) {
+                Found::Nothing => return None,
+                Found::Overwritten(oldest) => {
+                    self.overwritten += oldest - self.next;
+                    self.next = oldest;
+                }
+                Found::Record(words) => {
+                    self.next += 1;
+                    return Some(zerocopy::transmute!(words));
+                }
             }
         }
     }
@@ -201,11 +173,6 @@ impl StepReader {
     #[must_use]
     pub fn overwritten(&self) -> u64 {
         self.overwritten
-    }
-
-    fn skip_to(&mut self, oldest: u64) {
-        self.overwritten += oldest.saturating_sub(self.next);
-        self.next = self.next.max(oldest);
     }
 }
 

@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::Mode;
+use rustix::net::sockopt::socket_peercred;
 use rustix::net::{
     AddressFamily, RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, SendAncillaryBuffer,
     SendAncillaryMessage, SendFlags, SocketAddrUnix, SocketFlags, SocketType,
@@ -65,6 +67,9 @@ impl Bequest {
         let socket =
             rustix::net::socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None).ok()?;
         rustix::net::connect(&socket, &SocketAddrUnix::new(&self.socket).ok()?).ok()?;
+        if !is_own(&socket) {
+            return None;
+        }
         let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(FILES))];
         let mut ancillary = SendAncillaryBuffer::new(&mut space);
         let files = self.files.each_ref().map(AsFd::as_fd);
@@ -110,6 +115,8 @@ impl Heir {
         let _ = std::fs::remove_file(&socket);
         let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
         let listener = rustix::net::socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
+        // A socket gets the mode that it has when it is bound, whatever the umask permits.
+        rustix::fs::fchmod(&listener, Mode::RUSR | Mode::WUSR)?;
         rustix::net::bind(&listener, &SocketAddrUnix::new(&socket)?)?;
         rustix::net::listen(&listener, 8)?;
         Ok(Self { socket, listener })
@@ -129,6 +136,11 @@ impl Heir {
             return Ok(None);
         }
         let line = rustix::net::accept_with(&self.listener, SocketFlags::CLOEXEC)?;
+        if !is_own(&line) {
+            return Err(std::io::Error::other(
+                "another user's process came in a service's place",
+            ));
+        }
         let mut text = vec![0; MESSAGE_LIMIT];
         let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(FILES))];
         let mut ancillary = RecvAncillaryBuffer::new(&mut space);
@@ -150,11 +162,16 @@ impl Heir {
             .map_err(|_| std::io::Error::other("a service did not hand over its files"))?;
         Ok(Some(Inheritance {
             hello: serde_json::from_slice(&text[..received.bytes])?,
-            pid: rustix::net::sockopt::socket_peercred(&line)?.pid,
+            pid: socket_peercred(&line)?.pid,
             channel: Channel::inherited(line),
             files,
         }))
     }
+}
+
+/// Whether the other end of a line is a process of this user: the folder of the socket lets no other in.
+fn is_own(line: &OwnedFd) -> bool {
+    socket_peercred(line).is_ok_and(|peer| peer.uid == rustix::process::geteuid())
 }
 
 impl Drop for Heir {

@@ -22,6 +22,7 @@ use crate::doorbell::Doorbell;
 use crate::ring_order::RingOrder;
 use crate::shared_page::{Cell, SharedPage};
 use crate::verdict::{self, Leader};
+use crate::watchdog;
 
 /// In whatever order the ring's five are, the turn comes round to all within fewer.
 const YIELDS: u32 = 16;
@@ -77,6 +78,12 @@ impl Waiter {
     #[must_use]
     pub fn doorbells(&self) -> Arc<[Doorbell]> {
         Arc::clone(&self.doorbells)
+    }
+
+    /// Which services are external programs.
+    #[must_use]
+    pub fn guests(&self) -> Guests {
+        self.guests
     }
 
     /// The line to the orchestrator.
@@ -190,7 +197,7 @@ impl Waiter {
             if self.is_stopping() {
                 return Err(Interrupted.into());
             }
-            self.doorbells[self.me.index()].sleep();
+            watchdog::while_resting(|| self.doorbells[self.me.index()].sleep());
         }
     }
 }

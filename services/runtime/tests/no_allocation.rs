@@ -40,8 +40,8 @@ impl ErasedService for Still {
         8
     }
 
-    fn save(&self, bytes: &mut [u8]) {
-        bytes.fill(1);
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+        keep(&[1; 8]);
     }
 
     fn restore(&mut self, _bytes: &[u8]) {}
@@ -68,8 +68,8 @@ fn bequest(scenario: &Scenario) -> Bequest {
 fn allocations_of(member: &Member, ticks: u64) -> (u64, usize) {
     let schedule = Schedule::ideal(1_000_000, ticks - 1);
     let topics = Topics::open(member, ServiceId::Plant, &schedule).unwrap();
-    let ports = RealTimePorts::open(&topics, ServiceId::Plant, &schedule).unwrap();
     let page = Arc::new(SharedPage::create().unwrap());
+    let ports = RealTimePorts::open(&topics, ServiceId::Plant, &schedule, Default::default(), &page).unwrap();
     page.words()
         .orchestrator_alive_ns
         .store(monotonic_ns(), Ordering::Relaxed);

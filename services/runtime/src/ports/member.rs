@@ -9,6 +9,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 use super::topic::{Access, Enter};
 use super::{Delivery, PortError, TopicPorts, consumer_buffer};
 use crate::shared_memory;
+use crate::watchdog::{self, Work};
 
 /// The configuration file of the run that this process belongs to: iceoryx2 keeps one for the whole process.
 static RUN: OnceLock<PathBuf> = OnceLock::new();
@@ -51,13 +52,12 @@ impl Member {
         let node = NodeBuilder::new()
             .name(&name)
             .config(&config)
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<ipc::Service>()
-            .map_err(|error| PortError::Node(error.to_string()))?;
-        Ok(Self {
-            node,
-            prefix: config.global.prefix.to_string(),
-        })
+            .signal_handling_mode(SignalHandlingMode::Disabled);
+        let node = watchdog::during(Work::Join, || node.create::<ipc::Service>())
+            .map_err(|error| PortError::Node(shared_memory::explained(&error.to_string())))?;
+        let prefix = config.global.prefix.to_string();
+        shared_memory::close_to_others(&prefix).map_err(|error| PortError::Node(error.to_string()))?;
+        Ok(Self { node, prefix })
     }
 
     /// For ports that carry no topic of the wiring table.
@@ -70,7 +70,7 @@ impl Member {
     pub fn clean_up_after_the_dead(&self) {
         shared_memory::without_waiting_for_the_unfinished(&self.prefix, || {
             // What cannot be freed now is tried again after the next death, and goes with the run at the latest.
-            self.node.try_cleanup_dead_nodes();
+            watchdog::during(Work::CleanUp, || self.node.try_cleanup_dead_nodes());
         });
         self.remove_unfinished();
     }
@@ -133,12 +133,13 @@ impl Member {
         schedule: &Schedule,
         access: Access,
     ) -> Result<Box<dyn TopicPorts>, PortError> {
-        topic.dispatch(Enter {
+        let enter = Enter {
             member: self,
             topic,
             replayed,
             consumer_buffer: consumer_buffer(schedule, topic),
             access,
-        })
+        };
+        watchdog::during(Work::Topics, || topic.dispatch(enter))
     }
 }

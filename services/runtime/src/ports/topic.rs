@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 
 use iceoryx2::port::{BackpressureAction, BackpressureInfo};
 use iceoryx2::prelude::*;
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
 use shared_types::wiring::TopicVisitor;
 use shared_types::{Sample, ServiceId, Topic};
@@ -12,10 +13,13 @@ use shared_types::{Sample, ServiceId, Topic};
 use super::member::Member;
 use super::typed::{TypedReceiver, TypedSender, Wire};
 use super::{
-    Delivery, LAYOUT_ATTRIBUTE, OBSERVERS, PortError, RECORDER_BUFFER, Receiver, Sender, TopicPorts,
+    Delivery, LAYOUT_ATTRIBUTE, MAX_BORROWED, MAX_LOANED, OBSERVERS, PortError, RECORDER_BUFFER, Receiver,
+    Sender, TopicPorts, max_subscribers,
 };
 use crate::doorbell::Doorbell;
+use crate::shared_memory;
 use crate::shared_page::{Owner, SharedPage};
+use crate::watchdog::{self, Work};
 
 /// How a process comes to a topic.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -45,7 +49,7 @@ struct Ports<T: Sample> {
 fn open_error(topic: Topic) -> impl Fn(&dyn std::fmt::Debug) -> PortError {
     move |reason| PortError::Open {
         topic,
-        reason: format!("{reason:?}"),
+        reason: shared_memory::explained(&format!("{reason:?}")),
     }
 }
 
@@ -82,19 +86,28 @@ impl TopicVisitor for Enter<'_> {
                     .enable_safe_overflow(delivery == Delivery::NewestWins)
                     .history_size(0)
                     .max_publishers(1)
-                    .max_subscribers(consumers + 1 + OBSERVERS)
+                    .max_subscribers(max_subscribers(topic))
                     .max_nodes(members + OBSERVERS)
                     .subscriber_max_buffer_size(RECORDER_BUFFER)
-                    .subscriber_max_borrowed_samples(2)
+                    .subscriber_max_borrowed_samples(MAX_BORROWED)
                     .create_with_attributes(&attributes)
                     .map_err(|reason| error(&reason))?
             }
             Access::Open => {
                 let verifier = AttributeVerifier::new();
                 let attributes = verifier.require(&key, &hash).map_err(|reason| error(&reason))?;
-                builder
-                    .open_with_attributes(&attributes)
-                    .map_err(|reason| error(&reason))?
+                builder.open_with_attributes(&attributes).map_err(|reason| {
+                    use PublishSubscribeOpenError::{IncompatibleAttributes, IncompatibleTypes};
+                    match reason {
+                        IncompatibleTypes | IncompatibleAttributes => PortError::Open {
+                            topic,
+                            reason: format!(
+                                "{reason:?}: it carries another type; all processes of a run must come from one build"
+                            ),
+                        },
+                        reason => error(&reason),
+                    }
+                })?
             }
         };
         Ok(Box::new(Ports::<T> {
@@ -124,7 +137,7 @@ impl<T: Sample> Ports<T> {
     fn not_created(&self, reason: &dyn std::fmt::Display) -> PortError {
         PortError::Create {
             topic: self.topic,
-            reason: reason.to_string(),
+            reason: shared_memory::explained(&reason.to_string()),
         }
     }
 
@@ -148,9 +161,11 @@ impl<T: Sample> TopicPorts for Ports<T> {
         let publisher = self
             .service
             .publisher_builder()
-            .max_loaned_samples(2)
+            .max_loaned_samples(MAX_LOANED)
             .backpressure_strategy(BackpressureStrategy::RetryUntilDelivered)
             .set_backpressure_handler(move |full: &BackpressureInfo| {
+                // It is not in iceoryx2's hands how long a receiver that was stopped is waited for.
+                watchdog::work(Work::Step);
                 let words = page.words();
                 let Some(owner) = words.owner(full.receiver_port_id) else {
                     return BackpressureAction::DiscardData;
@@ -173,7 +188,7 @@ impl<T: Sample> TopicPorts for Ports<T> {
         let publisher = self
             .service
             .publisher_builder()
-            .max_loaned_samples(2)
+            .max_loaned_samples(MAX_LOANED)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
             .map_err(|reason| self.not_created(&reason))?;
@@ -184,7 +199,7 @@ impl<T: Sample> TopicPorts for Ports<T> {
         self.receiver_of_size(self.consumer_buffer)
     }
 
-    fn recorder(&self) -> Result<Box<dyn Receiver>, PortError> {
-        self.receiver_of_size(RECORDER_BUFFER)
+    fn recorder(&self, places: usize) -> Result<Box<dyn Receiver>, PortError> {
+        self.receiver_of_size(places)
     }
 }

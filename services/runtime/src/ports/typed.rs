@@ -16,7 +16,7 @@ use super::{PortError, Receiver, Sender};
 
 /// A sample type as iceoryx2 sees it: with its name in the log instead of its path in Rust.
 #[repr(transparent)]
-pub(super) struct Wire<T>(T);
+pub struct Wire<T>(pub T);
 
 impl<T: Sample> std::fmt::Debug for Wire<T> {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

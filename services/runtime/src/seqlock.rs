@@ -1,0 +1,211 @@
+//! Records that one process writes and others copy beside it, without ever holding it up, nor being taken in by a half
+//! written one.
+//!
+//! Sequence locks of words, as in Boehm, "Can Seqlocks Get Along With Programming Language Memory Models?" (2012): every word
+//! is atomic, so that a copy beside a writer is no data race, and fences order the words between the accesses to the words
+//! that say which record it is. `services/runtime/loom` looks at every interleaving of these functions: it includes this
+//! file, with loom's atomics in `crate::atomics`.
+
+use crate::atomics::{AtomicU64, Ordering, fence};
+
+/// Bytes of a word.
+pub const WORD: usize = 8;
+
+const SLOTS: usize = 2;
+
+/// A record of some bytes with a tick, of which the one before stays until the next is whole: a writer that dies
+/// leaves the other.
+#[repr(C)]
+#[derive(Debug)]
+pub struct Pair<const WORDS: usize>([Slot<WORDS>; SLOTS]);
+
+/// One of the two.
+#[repr(C, align(64))]
+#[derive(Debug)]
+struct Slot<const WORDS: usize> {
+    /// 1 + the tick of the record; 0 while there is none.
+    tick: AtomicU64,
+    /// Bytes of the record.
+    length: AtomicU64,
+    words: [AtomicU64; WORDS],
+}
+
+impl<const WORDS: usize> Pair<WORDS> {
+    /// Writes the record of a tick in place of the older one. `save` hands its bytes over, once. No tick comes back.
+    ///
+    /// To be called by one process at a time.
+    ///
+    /// # Panics
+    /// If there are more bytes than words for them.
+    #[inline]
+    pub fn write(&self, tick: u64, save: impl FnOnce(&mut dyn FnMut(&[u8]))) {
+        // Only this process writes them.
+        let [first, second] = self.0.each_ref().map(|slot| slot.tick.load(Ordering::Relaxed));
+        let slot = &self.0[usize::from(first > second)];
+        slot.tick.store(0, Ordering::Relaxed);
+        // The tick is taken back before anything of the record is written. Pairs with the fence in `snapshot`: a reader that has
+        // read a word of what follows sees there that the tick is not the one of before.
+        fence(Ordering::Release);
+        save(&mut |bytes| slot.store(bytes));
+        // The record before, the tick after: a reader of this tick reads this record, or a later one.
+        slot.tick.store(tick + 1, Ordering::Release);
+    }
+
+    /// Copies the newer record and tells its tick. `None` if there is none, or if two more were written meanwhile.
+    pub fn snapshot(&self) -> Option<(u64, Vec<u8>)> {
+        // What is read of the record comes after its tick: pairs with the last store of `write`.
+        let ticks = self.0.each_ref().map(|slot| slot.tick.load(Ordering::Acquire));
+        let newer = usize::from(ticks[1] > ticks[0]);
+        let (slot, tick) = (&self.0[newer], ticks[newer]);
+        let record = (tick.checked_sub(1)?, slot.load()?);
+        // The copy before, the tick after: what was overwritten meanwhile is not taken. Pairs with the fence in `write`.
+        fence(Ordering::Acquire);
+        (slot.tick.load(Ordering::Relaxed) == tick).then_some(record)
+    }
+}
+
+/// Empty ones, for tests: where memory is shared it is mapped, all zeros.
+impl<const WORDS: usize> Default for Pair<WORDS> {
+    fn default() -> Self {
+        Self(std::array::from_fn(|_| Slot {
+            tick: AtomicU64::new(0),
+            length: AtomicU64::new(0),
+            words: std::array::from_fn(|_| AtomicU64::new(0)),
+        }))
+    }
+}
+
+impl<const WORDS: usize> Slot<WORDS> {
+    #[inline]
+    fn store(&self, bytes: &[u8]) {
+        assert!(
+            bytes.len() <= WORDS * WORD,
+            "a record of {} bytes has no room",
+            bytes.len()
+        );
+        // Compilers do not unroll loops of atomic stores by themselves: eight at a time take half as long.
+        let (blocks, rest) = bytes.as_chunks::<{ 8 * WORD }>();
+        let (places, _) = self.words.as_chunks::<8>();
+        for (place, block) in places.iter().zip(blocks) {
+            let (words, _) = block.as_chunks::<WORD>();
+            for (word, bytes) in place.iter().zip(words) {
+                word.store(u64::from_ne_bytes(*bytes), Ordering::Relaxed);
+            }
+        }
+        for (word, bytes) in self.words[8 * blocks.len()..].iter().zip(rest.chunks(WORD)) {
+            let mut whole = [0; WORD];
+            whole[..bytes.len()].copy_from_slice(bytes);
+            word.store(u64::from_ne_bytes(whole), Ordering::Relaxed);
+        }
+        self.length.store(bytes.len() as u64, Ordering::Relaxed);
+    }
+
+    /// A copy, which means nothing unless the tick is the same before and after; `None` if its length cannot be.
+    fn load(&self) -> Option<Vec<u8>> {
+        let length = usize::try_from(self.length.load(Ordering::Relaxed)).ok();
+        let length = length.filter(|&length| length <= WORDS * WORD)?;
+        let mut record = vec![0; length];
+        for (bytes, word) in record.chunks_mut(WORD).zip(&self.words) {
+            let read = word.load(Ordering::Relaxed).to_ne_bytes();
+            bytes.copy_from_slice(&read[..bytes.len()]);
+        }
+        Some(record)
+    }
+}
+
+/// The latest of a sequence of records, of which a reader that is too slow misses some.
+#[repr(C, align(64))]
+#[derive(Debug)]
+pub struct Ring<const WORDS: usize, const DEPTH: usize> {
+    /// Records that are whole, each at its number modulo the depth.
+    written: AtomicU64,
+    /// 1 + the number of the last record that was begun.
+    begun: AtomicU64,
+    slots: [[AtomicU64; WORDS]; DEPTH],
+}
+
+impl<const WORDS: usize, const DEPTH: usize> Default for Ring<WORDS, DEPTH> {
+    fn default() -> Self {
+        Self {
+            written: AtomicU64::new(0),
+            begun: AtomicU64::new(0),
+            slots: std::array::from_fn(|_| std::array::from_fn(|_| AtomicU64::new(0))),
+        }
+    }
+}
+
+/// What a reader finds in a [`Ring`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Found<const WORDS: usize> {
+    /// The record of the number that it asked for.
+    Record([u64; WORDS]),
+    /// That record is not whole yet.
+    Nothing,
+    /// That record was overwritten; the oldest that may still be there has this number.
+    Overwritten(u64),
+}
+
+impl<const WORDS: usize, const DEPTH: usize> Ring<WORDS, DEPTH> {
+    /// Writes the next record. Readers have it only once it is [finished](Self::finish).
+    ///
+    /// To be called by one process at a time, as [`Self::finish`].
+    #[inline]
+    pub fn begin(&self, record: [u64; WORDS]) {
+        let number = self.written.load(Ordering::Relaxed);
+        // A reader of a word of what follows sees in `found` that the records before are whole, of which this one
+        // takes the place of the oldest: pairs with the fence there.
+        fence(Ordering::Release);
+        for (place, word) in self.slot(number).iter().zip(record) {
+            place.store(word, Ordering::Relaxed);
+        }
+        self.begun.store(number + 1, Ordering::Release);
+    }
+
+    /// Changes one word of the record that was begun, and lets readers have it.
+    #[inline]
+    pub fn finish(&self, word: usize, value: u64) {
+        let number = self.written.load(Ordering::Relaxed);
+        self.slot(number)[word].store(value, Ordering::Relaxed);
+        self.written.store(number + 1, Ordering::Release);
+    }
+
+    /// Lets readers have a record that was begun by a process that has died since.
+    pub fn finish_for_the_dead(&self) {
+        let number = self.written.load(Ordering::Relaxed);
+        if self.begun.load(Ordering::Acquire) == number + 1 {
+            self.written.store(number + 1, Ordering::Release);
+        }
+    }
+
+    /// How many records are whole.
+    pub fn written(&self) -> u64 {
+        self.written.load(Ordering::Acquire)
+    }
+
+    /// Looks for the record of a number.
+    pub fn found(&self, number: u64) -> Found<WORDS> {
+        let written = self.written.load(Ordering::Acquire);
+        if number >= written {
+            return Found::Nothing;
+        }
+        // The oldest is just being overwritten when the ring is full.
+        let oldest = (written + 1).saturating_sub(DEPTH as u64);
+        if number < oldest {
+            return Found::Overwritten(oldest);
+        }
+        let slot = self.slot(number);
+        let words = std::array::from_fn(|word| slot[word].load(Ordering::Relaxed));
+        // The words before, the count after: what was overwritten meanwhile is not taken. Pairs with the fence in `begin`.
+        fence(Ordering::Acquire);
+        let oldest = (self.written.load(Ordering::Relaxed) + 1).saturating_sub(DEPTH as u64);
+        if number < oldest {
+            Found::Overwritten(oldest)
+        } else {
+            Found::Record(words)
+        }
+    }
+
+    fn slot(&self, number: u64) -> &[AtomicU64; WORDS] {
+        &self.slots[usize::try_from(number % DEPTH as u64).expect("below the depth")]
+    }
+}

@@ -1,0 +1,271 @@
+//! Samples of external programs: copied once before anything looks at them, and in real time refused unless they may
+//! be there.
+//!
+//! A program may write into a sample after it has sent it. What was validated must be what is used, so that every
+//! sample is copied, once, and only the copy is looked at. The run's own services write nothing that they have sent;
+//! their samples are read in place.
+//!
+//! In real time a sample whose tick lies ahead of the clock would make all later ones look old. Such a sample, and one
+//! whose header is not that of its tick, is refused and counted; good ones after it pass.
+
+use std::cell::Cell;
+use std::rc::Rc;
+
+use shared_types::Header;
+use shared_types::schedule::Publication;
+use shared_types::service::header_of;
+
+use crate::owned_sample::OwnedSample;
+use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
+
+/// Ticks by which a program may be early: its clock and this one are read at different moments.
+const EARLY_TICKS: u64 = 1;
+
+/// Samples that were refused.
+#[derive(Debug, Default)]
+pub struct Refusals {
+    count: Cell<u64>,
+    last: Cell<Option<Header>>,
+}
+
+impl Refusals {
+    /// How many there were.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.count.get()
+    }
+
+    /// Header of the last of them.
+    #[must_use]
+    pub fn last(&self) -> Option<Header> {
+        self.last.get()
+    }
+}
+
+/// Which samples may be there by now.
+struct Admission {
+    publication: Publication,
+    last_tick: u64,
+    /// The tick that has begun last, by the flight's clock.
+    clock_tick: Box<dyn Fn() -> u64>,
+    refusals: Rc<Refusals>,
+}
+
+impl Admission {
+    fn admits(&self, header: Header) -> bool {
+        // The limit first: the header of a tick that is out of reach cannot be computed.
+        let latest = (self.clock_tick)()
+            .saturating_add(EARLY_TICKS)
+            .min(self.last_tick);
+        let is_possible = header.tick <= latest
+            && self.publication.is_due(header.tick)
+            && self.publication.header(header.tick) == header;
+        if !is_possible {
+            self.refusals.count.set(self.refusals.count() + 1);
+            self.refusals.last.set(Some(header));
+        }
+        is_possible
+    }
+}
+
+/// The receiver of a topic that an external program publishes.
+pub struct UntrustedReceiver {
+    inner: Box<dyn Receiver>,
+    /// The copy of the sample that is held, once there is one.
+    held: OwnedSample,
+    is_held: bool,
+    /// The copy of the next one, until it is admitted.
+    next: OwnedSample,
+    admission: Option<Admission>,
+}
+
+impl UntrustedReceiver {
+    /// Copies what comes by `inner`, which is of the topic of `publication`.
+    #[must_use]
+    pub fn new(inner: Box<dyn Receiver>, publication: &Publication) -> Self {
+        Self {
+            inner,
+            held: OwnedSample::of(publication.topic),
+            is_held: false,
+            next: OwnedSample::of(publication.topic),
+            admission: None,
+        }
+    }
+
+    /// Refuses samples that cannot be there by now: `clock_tick` says which tick has begun last.
+    #[must_use]
+    pub fn within_clock(
+        mut self,
+        publication: Publication,
+        last_tick: u64,
+        clock_tick: impl Fn() -> u64 + 'static,
+    ) -> Self {
+        self.admission = Some(Admission {
+            publication,
+            last_tick,
+            clock_tick: Box::new(clock_tick),
+            refusals: Rc::default(),
+        });
+        self
+    }
+
+    /// The samples that are refused from now on, as far as any are.
+    #[must_use]
+    pub fn refusals(&self) -> Rc<Refusals> {
+        let admission = self.admission.as_ref();
+        admission.map_or_else(Rc::default, |admission| Rc::clone(&admission.refusals))
+    }
+}
+
+impl Receiver for UntrustedReceiver {
+    fn receive(&mut self) -> Result<bool, PortError> {
+        // A program that publishes nonsense without a pause must not keep its consumer in this loop.
+        for _ in 0..RECORDER_BUFFER {
+            if !self.inner.receive()? {
+                return Ok(false);
+            }
+            // The copy before, the look after: the program may write meanwhile.
+            let received = self.inner.held().expect("just received");
+            self.next.bytes_mut().copy_from_slice(received);
+            let header = header_of(self.next.bytes());
+            if self
+                .admission
+                .as_ref()
+                .is_none_or(|admission| admission.admits(header))
+            {
+                std::mem::swap(&mut self.held, &mut self.next);
+                self.is_held = true;
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn held(&self) -> Option<&[u8]> {
+        self.is_held.then(|| self.held.bytes())
+    }
+
+    fn id(&self) -> u128 {
+        self.inner.id()
+    }
+
+    fn connect(&mut self) -> Result<(), PortError> {
+        self.inner.connect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::VecDeque;
+
+    use shared_types::samples::ControlCommand;
+    use shared_types::{Schedule, Topic};
+    use zerocopy::{FromZeros, IntoBytes};
+
+    use super::*;
+
+    const LAST_TICK: u64 = 1000;
+
+    /// A port at which these headers come, and whose program writes into what it has sent.
+    struct Port {
+        coming: VecDeque<Header>,
+        held: Option<ControlCommand>,
+    }
+
+    impl Receiver for Port {
+        fn receive(&mut self) -> Result<bool, PortError> {
+            let next = self.coming.pop_front();
+            let sample = |header| ControlCommand {
+                header,
+                ..ControlCommand::new_zeroed()
+            };
+            self.held = next.map(sample).or(self.held);
+            Ok(next.is_some())
+        }
+
+        fn held(&self) -> Option<&[u8]> {
+            self.held.as_ref().map(IntoBytes::as_bytes)
+        }
+
+        fn id(&self) -> u128 {
+            0
+        }
+
+        fn connect(&mut self) -> Result<(), PortError> {
+            Ok(())
+        }
+    }
+
+    fn receiver(headers: impl IntoIterator<Item = Header>, now: u64) -> UntrustedReceiver {
+        let publication = Schedule::ideal(1_000_000, LAST_TICK).publication(Topic::ControlCommand);
+        let port = Port {
+            coming: headers.into_iter().collect(),
+            held: None,
+        };
+        UntrustedReceiver::new(Box::new(port), &publication).within_clock(publication, LAST_TICK, move || now)
+    }
+
+    fn good(tick: u64) -> Header {
+        Schedule::ideal(1_000_000, LAST_TICK).header(Topic::ControlCommand, tick)
+    }
+
+    fn ticks(receiver: &mut UntrustedReceiver) -> Vec<u64> {
+        let mut ticks = Vec::new();
+        while receiver.receive().unwrap() {
+            ticks.push(header_of(receiver.held().unwrap()).tick);
+        }
+        ticks
+    }
+
+    #[test]
+    fn what_cannot_be_there_is_refused_and_good_samples_after_it_pass() {
+        let wrong = [
+            Header {
+                tick: u64::MAX,
+                ..good(5)
+            },
+            Header {
+                tick: 1 << 40,
+                ..good(5)
+            },
+            Header {
+                stamp_ns: 1,
+                ..good(5)
+            },
+            Header { seq: 6, ..good(5) },
+            good(12),
+        ];
+        for refused in wrong {
+            let mut receiver = receiver([good(5), refused, good(6), good(11)], 10);
+            assert_eq!(ticks(&mut receiver), [5, 6, 11], "{refused:?}");
+            let refusals = receiver.refusals();
+            assert_eq!((refusals.count(), refusals.last()), (1, Some(refused)));
+        }
+        let beyond_the_flight = Header {
+            tick: LAST_TICK + 1,
+            ..good(5)
+        };
+        assert!(ticks(&mut receiver([beyond_the_flight], u64::MAX)).is_empty());
+    }
+
+    #[test]
+    fn a_flood_of_nonsense_does_not_keep_the_consumer_for_ever() {
+        let nonsense = Header {
+            tick: u64::MAX,
+            ..good(5)
+        };
+        let mut receiver = receiver(vec![nonsense; 3 * RECORDER_BUFFER], 10);
+        assert!(!receiver.receive().unwrap());
+        assert_eq!(receiver.refusals().count(), RECORDER_BUFFER as u64);
+        assert!(receiver.held().is_none());
+    }
+
+    #[test]
+    fn what_is_held_does_not_change_when_the_program_writes_into_it() {
+        let mut receiver = receiver([good(5), good(6)], 10);
+        assert!(receiver.receive().unwrap());
+        // The port goes on to the next sample in the same memory; nobody has asked for it.
+        assert!(receiver.inner.receive().unwrap());
+        assert_eq!(header_of(receiver.held().unwrap()), good(5));
+    }
+}

@@ -1,0 +1,59 @@
+//! Records copied beside their writer, over memory of this process: for interpreters and sanitizers, which see no other.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use runtime::seqlock::{Found, Pair, Ring};
+
+/// Few where every access is interpreted.
+const RECORDS: u64 = if cfg!(miri) { 200 } else { 200_000 };
+
+const WORDS: usize = 4;
+
+#[test]
+fn snapshots_beside_a_writer_are_whole() {
+    let pair = Pair::<WORDS>::default();
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // No multiple of a word.
+            (0..RECORDS).for_each(|tick| pair.write(tick, |keep| keep(&[tick as u8; 8 * WORDS - 3])));
+            is_over.store(true, Ordering::Release);
+        });
+        let mut newest = 0;
+        while !is_over.load(Ordering::Acquire) {
+            if let Some((tick, record)) = pair.snapshot() {
+                assert_eq!(record, [tick as u8; 8 * WORDS - 3]);
+                assert!(tick >= newest);
+                newest = tick;
+            }
+        }
+    });
+    assert_eq!(pair.snapshot().unwrap().0, RECORDS - 1);
+}
+
+#[test]
+fn records_of_a_ring_beside_its_writer_are_whole_or_gone() {
+    let ring = Ring::<WORDS, 8>::default();
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            for number in 0..RECORDS {
+                ring.begin([number; WORDS]);
+                ring.finish(1, !number);
+            }
+        });
+        let mut next = 0;
+        while next < RECORDS {
+            match ring.found(next) {
+                Found::Nothing => std::hint::spin_loop(),
+                Found::Overwritten(oldest) => {
+                    assert!(oldest > next);
+                    next = oldest;
+                }
+                Found::Record(words) => {
+                    assert_eq!(words, [next, !next, next, next]);
+                    next += 1;
+                }
+            }
+        }
+    });
+}
