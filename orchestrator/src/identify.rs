@@ -23,7 +23,7 @@ use shared_types::{Topic, service::seconds};
 pub use fit::Fit;
 
 use crate::log::{LogReadError, LogReader};
-use crate::summary::read;
+use crate::metrics::read;
 use history::{Frame, History};
 use measured::{Pose, Truth};
 

@@ -4,6 +4,7 @@
 //! * [`moments`]: when they begin, unless told;
 //! * [`plan`]: the flights: a scenario for every cell;
 //! * [`flight`]: flying them, each a function of its scenario alone;
+//! * [`undisturbed`]: the flight without a fault, by which the others are judged;
 //! * [`verdict`]: judging them;
 //! * [`report`], [`table`]: showing it.
 
@@ -13,6 +14,7 @@ pub mod plan;
 pub mod report;
 pub mod table;
 pub mod trouble;
+pub mod undisturbed;
 pub mod verdict;
 
 /// How long a fault lasts unless told, s: after so long the last frame is still good enough, and a little later it is
@@ -37,5 +39,6 @@ pub const RANGE: f64 = 10.0;
 /// How many times the bound that the vehicle must come back to it may stray and still count as having survived.
 pub const SURVIVES: f64 = 1.5;
 
-/// Distance from its point on the path at which the vehicle counts as lost, m: the walls of a laboratory are nearer.
-pub const LOST: f64 = 5.0;
+/// How far from a moment the undisturbed flight is looked at, s: a vehicle that a fault holds up meets what the scenario
+/// plans a little later.
+pub const BESIDE: f64 = 0.5;

@@ -2,17 +2,19 @@
 
 mod curve;
 pub(crate) mod downsample;
+pub(crate) mod legend;
 mod marks;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use kuva::prelude::{Layout, LegendPosition, LinePlot, Plot, TickFormat};
+use kuva::prelude::{Layout, LinePlot, Plot, TickFormat};
 
 use crate::log::LogReadError;
+use crate::metrics::tracker::Source;
+use curve::Curve;
 pub use curve::Span;
 pub(crate) use curve::label;
-use curve::{Curve, Source};
 
 /// Size of a figure, pixels: as wide as a README is shown.
 pub(crate) const WIDTH: f64 = 860.0;
@@ -21,7 +23,7 @@ const HEIGHT: f64 = 400.0;
 /// Columns that a curve is drawn in: about one a pixel.
 pub(crate) const COLUMNS: usize = 800;
 
-/// Least ‖z1‖ that is drawn, m: the axis is logarithmic and knows no zero.
+/// Least distance that is drawn, m: the axis is logarithmic and knows no zero.
 pub(crate) const FLOOR: f64 = 1e-4;
 
 /// Colours of the curves, told apart by eyes of all kinds (Okabe and Ito), also from that of the bound.
@@ -35,8 +37,19 @@ pub enum PlotError {
     #[error(transparent)]
     Read(#[from] LogReadError),
     /// A log holds nothing to draw.
-    #[error("the log {} holds no sample of `control/errors`: nothing to draw", .0.display())]
+    #[error(
+        "the log {} does not tell how far the vehicle was from its path in that time: nothing to draw; choose another part with \
+         --from and --to", .0.display()
+    )]
     Empty(PathBuf),
+    /// A log cannot be understood.
+    #[error("the scenario of the log {} makes no schedule: {reason}; use the program that wrote it", .path.display())]
+    Scenario {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
     /// The figure cannot be written.
     #[error("cannot write the figure {}: {source}; choose a place that you may write to", .path.display())]
     Write {
@@ -47,14 +60,14 @@ pub enum PlotError {
     },
 }
 
-/// Draws ‖z1‖ over time of the logs into the SVG file `out`, with the theorem's bound, the changes of the vehicle and the
-/// planned faults; while a controller is out, the true distance takes the place of ‖z1‖, dotted.
+/// Draws the distance from the path over time of the logs into the SVG file `out`, with the theorem's bound where it applies,
+/// the changes of the vehicle and the planned faults.
 ///
 /// Of many samples in one column of pixels, the smallest and the largest are drawn: no peak is lost.
 ///
 /// # Errors
 /// [`PlotError`].
-pub fn z1(logs: &[PathBuf], span: Span, out: &Path) -> Result<(), PlotError> {
+pub fn distance(logs: &[PathBuf], span: Span, out: &Path) -> Result<(), PlotError> {
     let curves = curve::read_all(logs, span)?;
     std::fs::write(out, draw(&curves, span)).map_err(|source| PlotError::Write {
         path: out.to_owned(),
@@ -77,12 +90,22 @@ fn draw(curves: &[Curve], span: Span) -> String {
         .with_width(WIDTH)
         .with_height(HEIGHT)
         .with_x_label("time, s")
-        .with_y_label("‖z1‖, distance from the path, m")
+        .with_y_label(if curves.iter().all(|curve| curve.source == Source::Truth) {
+            "distance from the path, m"
+        } else {
+            "distance from the path, as estimated, m"
+        })
         .with_x_axis_min(from)
         .with_x_axis_max(to)
         .with_log_y()
         .with_y_tick_format(TickFormat::Custom(Arc::new(|value| value.to_string())))
-        .with_legend_position(LegendPosition::InsideTopRight);
+        .with_legend_position(legend::free_position(
+            curves
+                .iter()
+                .flat_map(|curve| &curve.stretches)
+                .map(Vec::as_slice),
+            true,
+        ));
     if let Some(title) = title(curves) {
         layout = layout.with_title(title);
     }
@@ -106,13 +129,9 @@ fn lines(curve: &Curve, color: &str, is_one_of_many: bool) -> Vec<Plot> {
     stretches
         .map(|(place, stretch)| {
             let line = LinePlot::new()
-                .with_data(stretch.points.iter().copied())
+                .with_data(stretch.iter().copied())
                 .with_color(color)
                 .with_stroke_width(1.3);
-            let line = match stretch.source {
-                Source::Controller => line,
-                Source::Truth => line.with_dotted(),
-            };
             Plot::Line(if is_one_of_many && place == 0 {
                 line.with_legend(&curve.label)
             } else {

@@ -11,6 +11,7 @@ mod error;
 mod keys;
 mod read;
 mod setting;
+mod snippet;
 mod sources;
 mod structure;
 

@@ -3,6 +3,7 @@
 //! [`FlightSummary`] sees every sample once, in the order of the log, and keeps a fixed amount of memory however
 //! long the flight is. [`Summary`] is what comes of it: `summary.json` for programs, a table for people.
 
+mod at_bound;
 pub mod faults;
 mod flight;
 pub mod laboratory;
@@ -11,12 +12,17 @@ mod table;
 pub mod timing;
 
 use serde::Serialize;
-use shared_types::samples::{ControlAdaptation, ControlErrors, PathReference, VehicleTruth};
-use shared_types::scenario::{Controller, Scenario, Vector};
+use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, RunEvent, VehicleTruth};
+use shared_types::scenario::{Bounds, Scenario, Vector};
 use shared_types::service::{header_of, seconds};
-use shared_types::{Header, Sample, Schedule, Topic};
+use shared_types::{Header, Schedule, ServiceId, Topic};
 
 use crate::flight::crew::Rebirth;
+use crate::metrics::loss::{Loss, LossWatch};
+use crate::metrics::stretch::{Metrics, Stretch};
+use crate::metrics::tracker::{Moment, Source, Tracker};
+use crate::metrics::{self, read};
+pub use at_bound::AtBound;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 pub use flight::FlightPhaseBegin;
 use flight::FlightWatch;
@@ -24,32 +30,26 @@ use laboratory::LaboratoryReport;
 use phase::PhaseRecord;
 use timing::TimingReport;
 
-/// How much of the end of a phase counts as its ultimate behaviour, s: what the paper's figures show.
-pub const ULTIMATE_WINDOW: f64 = 5.0;
-
-/// ‖z1‖ below which the vehicle counts as settled on the path, m: the theorem's bound for the paper's gains and a fifth.
-pub const SETTLED: f64 = 0.02;
-
 /// How far above the theorem's bound still counts as near it.
 ///
 /// The theorem speaks of a controller in continuous time and of the limit t → ∞; a 1 kHz hold and half a minute
 /// leave some percent.
 pub const NEAR_THE_BOUND: f64 = 1.1;
 
-/// How a phase ended, compared with what the theorem promises.
+/// How a phase ended, compared with what the theorem promises of Gerono's own law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// ‖z1‖ was within the bound.
+pub enum AgainstBound {
+    /// The distance from the path was within the bound.
     Within,
-    /// ‖z1‖ was above the bound, but not by more than [`NEAR_THE_BOUND`].
+    /// It was above the bound, but not by more than [`NEAR_THE_BOUND`].
     Near,
-    /// ‖z1‖ was above that.
+    /// It was above that.
     Exceeded,
 }
 
-impl Verdict {
-    /// The verdict on an ultimate ‖z1‖ (m) under a bound (m).
+impl AgainstBound {
+    /// An ultimate distance (m) compared with a bound (m).
     #[must_use]
     pub fn of(ultimate: f64, bound: f64) -> Self {
         if ultimate <= bound {
@@ -85,6 +85,12 @@ pub struct RunFacts {
     pub outcome: Outcome,
     /// Why it ended, in words; empty when it was completed.
     pub reason: String,
+    /// Tick at which a service computed a number that is not finite, if that ended it.
+    #[serde(skip)]
+    pub not_finite_at: Option<u64>,
+    /// Samples that are in the log, if it could not be written to the end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_log: Option<u64>,
     /// Wall time from the first tick to the last, s.
     pub wall_seconds: f64,
     /// Deaths of services in flight that were mended; nothing of them is in the log.
@@ -96,6 +102,25 @@ pub struct RunFacts {
     /// How cameras and radio link fared, if it was flown in a laboratory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub laboratory: Option<LaboratoryReport>,
+}
+
+impl RunFacts {
+    /// Those of a log alone, which does not tell of its run.
+    #[must_use]
+    pub fn unknown() -> Self {
+        Self {
+            scenario: String::new(),
+            host: String::new(),
+            outcome: Outcome::Completed,
+            reason: String::new(),
+            not_finite_at: None,
+            in_log: None,
+            wall_seconds: 0.0,
+            rebirths: Vec::new(),
+            timing: None,
+            laboratory: None,
+        }
+    }
 }
 
 /// What a flight came to.
@@ -110,10 +135,20 @@ pub struct Summary {
     pub simulated_seconds: f64,
     /// Simulated seconds per wall second.
     pub real_time_factor: f64,
-    /// atanh(δ/(k1 σmax)): what the theorem bounds ‖z1‖ by ultimately, m.
-    pub ultimate_bound: f64,
+    /// How the vehicle was lost; none if it was not.
+    pub lost: Option<Loss>,
+    /// Who told where the vehicle was: the truth, or in a laboratory the estimator.
+    pub source: Source,
+    /// How far the vehicle was from its path in all of the flight; none if it never flew along it.
+    pub metrics: Option<Metrics>,
+    /// atanh(δ/(k1 σmax)): what the theorem bounds the distance from the path by ultimately, m; none of another controller
+    /// than Gerono's own.
+    pub ultimate_bound: Option<f64>,
     /// The phases between the changes of the vehicle, as far as they were flown.
     pub phases: Vec<Phase>,
+    /// Estimates that rested at their bounds at the end of a phase.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub at_bound: Vec<AtBound>,
     /// The phases from disarmed to disarmed, in their order; none in a flight that is in the air from the start.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub flight: Vec<FlightPhaseBegin>,
@@ -133,15 +168,13 @@ pub struct Phase {
     pub ends: f64,
     /// Whether it was flown to its end.
     pub is_complete: bool,
-    /// Largest ‖z1‖, m: after a change, the transient's peak.
-    pub peak: f64,
-    /// Largest ‖z1‖ in the last [`ULTIMATE_WINDOW`] of the phase, m; of all of it, if it is shorter. Only of a
-    /// complete phase, and only if the law was asked there: not of a vehicle that stands on the ground by then.
+    /// How far the vehicle was from its path; none if it did not fly along it.
+    pub metrics: Option<Metrics>,
+    /// Largest distance from the path in the last [`ULTIMATE_WINDOW`](metrics::ULTIMATE_WINDOW) of the phase, m; in all of it, if it is shorter. Only
+    /// of a complete phase, and only if the vehicle flew along the path there: not of one that stands on the ground by then.
     pub ultimate: Option<f64>,
-    /// `ultimate` against the bound.
-    pub verdict: Option<Verdict>,
-    /// Time after which ‖z1‖ stayed below [`SETTLED`], s from the begin of the phase; none if it did not.
-    pub settling_time: Option<f64>,
+    /// `ultimate` against the theorem's bound, where there is one.
+    pub against_bound: Option<AgainstBound>,
     /// The parameters at the phase's end and what the controller took them for.
     pub parameters: Parameters,
     /// γ at the phase's end.
@@ -168,16 +201,26 @@ pub struct TopicCount {
     pub topic: &'static str,
     /// Samples recorded.
     pub recorded: u64,
-    /// Samples that the schedule had due up to the last recorded tick and that were not recorded.
-    pub lost: u64,
+    /// Samples that the schedule had due up to the last recorded tick and that nobody published: in a flight in real time,
+    /// those of steps that were left out.
+    pub not_flown: u64,
+    /// Samples that were published and not recorded.
+    pub not_recorded: u64,
 }
 
 /// Gathers a [`Summary`] while a flight goes on, in constant memory.
 #[derive(Clone, Debug)]
 pub struct FlightSummary {
     seed: u64,
-    bound: f64,
+    bound: Option<f64>,
+    /// Of the estimates, if the controller is Gerono's own.
+    bounds: Option<Bounds>,
     schedule: Schedule,
+    tracker: Tracker,
+    loss: LossWatch,
+    whole: Stretch,
+    /// Whether the vehicle flies along its path, as far as it is known.
+    is_on_path: bool,
     phases: Vec<PhaseRecord>,
     /// Only where faults are planned: who plans none does not pay for them.
     faults: Option<Box<FaultWatch>>,
@@ -202,11 +245,23 @@ impl FlightSummary {
     #[must_use]
     pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
         let faults = PlannedFault::all(scenario);
+        let changes: Vec<u64> = metrics::changes(scenario)
+            .map(|time| scenario.tick_of(time))
+            .collect();
+        let tracker = Tracker::new(schedule, scenario.flight.is_some());
         Self {
             seed: scenario.seed,
-            bound: Controller::ultimate_bound(&scenario.controller),
+            bound: scenario.theorem_bound(),
+            bounds: scenario
+                .program_of(ServiceId::Controller)
+                .is_none()
+                .then(|| scenario.controller.bounds.clone()),
+            loss: LossWatch::new(scenario, tracker.source()),
+            tracker,
+            whole: Stretch::default(),
+            is_on_path: false,
             phases: phase::phases(scenario, schedule),
-            faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, schedule))),
+            faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, &changes, schedule))),
             flight: scenario.flight.as_ref().map(|_| FlightWatch::default()),
             current: 0,
             counts: [SequenceCount::default(); Topic::ALL.len()],
@@ -230,6 +285,12 @@ impl FlightSummary {
         let header = header_of(bytes);
         self.counts[topic.index()].count(&header);
         self.last_tick = self.last_tick.max(Some(header.tick));
+        if let Some(moment) = self.tracker.observe(topic, bytes) {
+            self.observe_moment(&moment);
+        }
+        if topic == self.tracker.source().topic() {
+            self.phase_at(header.tick).last_tick = Some(header.tick);
+        }
         if let Some(faults) = &mut self.faults {
             faults.observe(topic, bytes);
         }
@@ -253,26 +314,61 @@ impl FlightSummary {
                     flight.observe(&reference);
                 }
             }
-            Topic::ControlErrors => {
-                let z1_norm = z1_norm(&read::<ControlErrors>(bytes));
-                self.phase_at(header.tick).observe_error(header.tick, z1_norm);
+            Topic::RcFrame => {
+                let frame = read::<RcFrame>(bytes);
+                if let Some(flight) = &mut self.flight {
+                    flight.observe_frame(&frame);
+                }
+                if self.is_on_path {
+                    self.whole.observe_frame(&frame);
+                    self.phase_at(header.tick).stretch.observe_frame(&frame);
+                }
             }
-            Topic::MocapPose
-            | Topic::VehicleState
-            | Topic::ControlCommand
-            | Topic::RcFrame
-            | Topic::RunEvent => {}
+            Topic::RunEvent => {
+                if let Some(flight) = &mut self.flight {
+                    flight.observe_event(&read::<RunEvent>(bytes));
+                }
+            }
+            Topic::MocapPose | Topic::VehicleState | Topic::ControlCommand | Topic::ControlErrors => {}
+        }
+    }
+
+    /// How the vehicle was lost so far, if it was.
+    #[must_use]
+    pub fn loss(&self) -> Option<&Loss> {
+        self.loss.loss()
+    }
+
+    #[inline]
+    fn observe_moment(&mut self, moment: &Moment) {
+        self.is_on_path = moment.distance_on_path().is_some();
+        self.loss.observe(moment);
+        self.whole.observe(moment);
+        self.phase_at(moment.vehicle.tick).observe(moment);
+        if let Some(faults) = &mut self.faults {
+            faults.observe_moment(moment, None);
         }
     }
 
     /// The summary of all that was observed.
     #[must_use]
-    pub fn finish(self, run: RunFacts) -> Summary {
+    pub fn finish(mut self, run: RunFacts) -> Summary {
+        if let Some(moment) = self.tracker.last() {
+            self.observe_moment(&moment);
+        }
+        let source = self.tracker.source();
         let simulated_ticks = self
             .last_tick
             .map_or(0, |tick| tick.saturating_sub(self.first_tick));
         let simulated_seconds = seconds(self.schedule.time_ns(simulated_ticks));
         let flown = self.phases.iter().filter(|phase| phase.last_tick.is_some());
+        let phases: Vec<Phase> = flown
+            .map(|phase| phase.finish(&self.schedule, source.topic(), self.bound))
+            .collect();
+        let at_bound = self.bounds.iter().flat_map(|bounds| {
+            let ends = phases.iter();
+            ends.flat_map(|phase| at_bound::at_bound(bounds, phase.ends, &phase.parameters))
+        });
         Summary {
             seed: self.seed,
             simulated_seconds,
@@ -281,17 +377,27 @@ impl FlightSummary {
             } else {
                 0.0
             },
+            lost: self.loss.loss().cloned().or_else(|| {
+                let tick = run.not_finite_at?;
+                Some(Loss::not_finite(
+                    seconds(self.schedule.time_ns(tick)),
+                    self.tracker.source(),
+                ))
+            }),
+            source,
+            metrics: self.whole.finish(),
             ultimate_bound: self.bound,
-            phases: flown
-                .map(|phase| phase.finish(&self.schedule, self.bound))
-                .collect(),
+            at_bound: at_bound.collect(),
+            phases,
             flight: self.flight.as_ref().map(FlightWatch::finish).unwrap_or_default(),
             faults: self
                 .faults
                 .as_ref()
                 .map(|faults| faults.finish(&self.schedule))
                 .unwrap_or_default(),
-            topics: Topic::ALL.map(|topic| self.topic_count(topic)).into(),
+            topics: Topic::ALL
+                .map(|topic| self.topic_count(topic, run.timing.as_ref()))
+                .into(),
             run,
         }
     }
@@ -306,7 +412,10 @@ impl FlightSummary {
     }
 
     /// What was recorded of a topic; of the orchestrator's own topics only gaps can be told.
-    fn topic_count(&self, topic: Topic) -> TopicCount {
+    ///
+    /// In simulated time everything due is published. In real time `timing` tells what was; of a topic that is not published
+    /// at every step nobody knows it, and what is missing counts as not flown.
+    fn topic_count(&self, topic: Topic, timing: Option<&TimingReport>) -> TopicCount {
         let SequenceCount {
             recorded,
             next_seq,
@@ -316,10 +425,13 @@ impl FlightSummary {
             (Some(_), Some(tick)) => self.schedule.publications(topic).count_before(tick + 1),
             _ => 0,
         };
+        let missing = gaps + due.saturating_sub(next_seq);
+        let not_recorded = timing.map_or(missing, |timing| timing.unrecorded_of(topic.name()).min(missing));
         TopicCount {
             topic: topic.name(),
             recorded,
-            lost: gaps + due.saturating_sub(next_seq),
+            not_flown: missing - not_recorded,
+            not_recorded,
         }
     }
 }
@@ -331,21 +443,6 @@ impl SequenceCount {
         self.gaps += header.seq.saturating_sub(self.next_seq);
         self.next_seq = self.next_seq.max(header.seq + 1);
     }
-}
-
-/// ‖z1‖, the distance of the vehicle from its point on the path, m; `None` where the law was not asked: its ζ is
-/// never zero, being what holds the vehicle against gravity.
-#[must_use]
-#[inline]
-pub fn z1_norm(errors: &ControlErrors) -> Option<f64> {
-    let [x, y, z] = errors.z1;
-    let was_asked = (errors.z1, errors.zeta) != ([0.0; 3], [0.0; 3]);
-    was_asked.then(|| (x * x + y * y + z * z).sqrt())
-}
-
-#[inline]
-pub(crate) fn read<T: Sample>(bytes: &[u8]) -> T {
-    T::read_from_bytes(bytes).expect("hosts hand out samples of their topic")
 }
 
 #[cfg(test)]

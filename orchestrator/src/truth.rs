@@ -1,15 +1,12 @@
 //! How far a vehicle truly was from its path, also where the truth stands in another log than the flight.
 //!
-//! The error is ‖p − pd(γ(t))‖ at every tick of the truth: the true position, and the scenario's own curve at the γ that
-//! the path had at that time. A flight in a laboratory does not know the truth. If its world was simulated
+//! The error is the distance from the path of [`metrics`] at every tick of the truth. A flight in a laboratory does not know the truth. If its world was simulated
 //! ([`world`](crate::world)), that has kept it, by a clock of its own; both logs say when their clocks began.
 //!
 //! The vehicle is judged while it flies along the path: from the first reference of that phase to its last.
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::Vector3;
-use path_generator::{Curve, CurveError};
 use serde::Serialize;
 use shared_types::Topic;
 use shared_types::samples::{ControlAdaptation, PathReference, VehicleTruth};
@@ -17,10 +14,10 @@ use shared_types::scenario::Scenario;
 use shared_types::service::{nanoseconds, seconds};
 
 use crate::log::{LogReadError, LogReader, flight_start, host_log_beside};
-use crate::reproduce::path_clock::PathClock;
-use crate::reproduce::statistics::Statistics;
-use crate::reproduce::windows::{AVERAGED, ULTIMATE};
-use crate::summary::read;
+use crate::metrics::path_clock::PathClock;
+use crate::metrics::statistics::Statistics;
+use crate::metrics::{self, ULTIMATE_WINDOW, read};
+use crate::reproduce::windows::AVERAGED;
 
 /// Why there is nothing to compare.
 #[derive(Debug, thiserror::Error)]
@@ -28,9 +25,6 @@ pub enum TruthError {
     /// A log cannot be read.
     #[error(transparent)]
     Log(#[from] LogReadError),
-    /// The path of the scenario is none.
-    #[error("the scenario's path cannot be flown: {0}")]
-    Path(#[from] CurveError),
     /// Nothing says when a clock began.
     #[error(
         "nothing beside {} says when the flight's clock began; keep host.mcap beside run.mcap, of flights in real time", .0.display()
@@ -159,7 +153,6 @@ impl Flown {
         averaged: &Span,
         parts: &mut [(&'static str, Span, Statistics)],
     ) -> Result<[f64; 3], TruthError> {
-        let curve = Curve::new(&truth.manifest().scenario.path.curve)?;
         let mut clock = PathClock::default();
         self.references
             .iter()
@@ -171,8 +164,9 @@ impl Flown {
             let Some(demand) = shift.of_truth(at).and_then(|time| clock.at(time)) else {
                 continue;
             };
-            let p = Vector3::from(truth.position_world);
-            let error = (p - curve.at(demand.gamma).position).norm();
+            let Some(error) = demand.distance(&truth.position_world) else {
+                continue;
+            };
             for (_, _, statistics) in parts.iter_mut().filter(|(_, span, _)| is_within(span, at)) {
                 statistics.add(error);
             }
@@ -203,15 +197,13 @@ fn start_of(log: &Path) -> Result<u64, TruthError> {
 
 /// The parts of a flight along the path: before the first event of the scenario, from there to the last part, the last part.
 fn parts(scenario: &Scenario, [begin, end]: Span, last: f64) -> Vec<(&'static str, Span, Statistics)> {
-    let changes = scenario.vehicle.change.iter().map(|change| change.at);
-    let fan = scenario.vehicle.fan.iter().map(|fan| fan.on_at);
-    let event = changes.chain(fan).min_by(f64::total_cmp).map(nanoseconds);
+    let event = metrics::changes(scenario).min_by(f64::total_cmp).map(nanoseconds);
     let event = event.filter(|event| (begin..end).contains(event));
     let last = end.saturating_sub(nanoseconds(last)).max(begin);
     let before = event.map(|at| {
         (
             "before",
-            [at.saturating_sub(nanoseconds(ULTIMATE)).max(begin), at],
+            [at.saturating_sub(nanoseconds(ULTIMATE_WINDOW)).max(begin), at],
         )
     });
     let after = event.filter(|at| *at < last).map(|at| ("after", [at, last]));

@@ -6,27 +6,27 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use experiment::ExperimentDigest;
 use runtime::in_process::TickSink;
-use shared_types::samples::VehicleTruth;
 use shared_types::scenario::Scenario;
-use shared_types::service::header_of;
 use shared_types::{Schedule, Topic};
 
 use super::plan::Cell;
+use super::undisturbed::Undisturbed;
 use crate::flight::crew::Crew;
 use crate::flight::crew::CrewObserver;
 use crate::flight::deployment::Deployment;
 use crate::flight::{FlightFailure, Outcome, in_process, lock_step};
 use crate::interrupt::Interrupt;
+use crate::metrics::loss::{Loss, LossWatch};
+use crate::metrics::tracker::{Moment, Tracker};
 use crate::summary::faults::{FaultReport, FaultWatch};
-use crate::summary::read;
 
 /// What a flight came to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flown {
     /// What the fault did; nothing if it was not reached.
     pub report: Option<FaultReport>,
-    /// Whether the vehicle's thrust pointed below the horizon after the fault had begun.
-    pub has_tipped: bool,
+    /// How the vehicle was lost, if it was.
+    pub loss: Option<Loss>,
     /// Why the flight ended early, if the fault ended it.
     pub ended: Option<Ended>,
     /// Digest of all samples, if it was asked for.
@@ -54,18 +54,20 @@ pub enum Way {
     Processes,
 }
 
-/// Flies a cell.
+/// Flies a cell and compares it with the undisturbed flight.
 ///
 /// # Errors
 /// Why it could not be flown. What a fault does to the vehicle is no error, but an interrupt is one.
-pub fn fly(cell: &Cell, way: Way, interrupt: &Interrupt) -> Result<Flown, String> {
+pub fn fly(cell: &Cell, way: Way, undisturbed: &Undisturbed, interrupt: &Interrupt) -> Result<Flown, String> {
     let scenario = &cell.scenario;
     let schedule = scenario.schedule().map_err(|problems| format!("{problems:?}"))?;
     let with_digest = matches!(way, Way::Processes | Way::InProcess { with_digest: true });
+    let tracker = Tracker::new(&schedule, scenario.flight.is_some());
     let mut onlooker = Onlooker {
-        watch: FaultWatch::new(vec![cell.watched.clone()], &schedule),
-        from: cell.watched.from,
-        has_tipped: false,
+        loss: LossWatch::new(scenario, tracker.source()),
+        tracker,
+        watch: FaultWatch::new(vec![cell.watched.clone()], &[], &schedule),
+        undisturbed: undisturbed.clone(),
         digest: with_digest.then(ExperimentDigest::default),
     };
     let outcome = match way {
@@ -108,18 +110,27 @@ fn as_processes(
 
 /// Looks at the samples of a flight; none is kept.
 struct Onlooker {
+    tracker: Tracker,
+    loss: LossWatch,
     watch: FaultWatch,
-    /// First tick of the fault.
-    from: u64,
-    has_tipped: bool,
+    undisturbed: Undisturbed,
     digest: Option<ExperimentDigest>,
 }
 
 impl Onlooker {
-    fn finish(self, schedule: &Schedule, ended: Option<Ended>) -> Flown {
+    fn observe(&mut self, moment: &Moment) {
+        self.loss.observe(moment);
+        let undisturbed = self.undisturbed.near(moment.vehicle.tick);
+        self.watch.observe_moment(moment, undisturbed);
+    }
+
+    fn finish(mut self, schedule: &Schedule, ended: Option<Ended>) -> Flown {
+        if let Some(moment) = self.tracker.last() {
+            self.observe(&moment);
+        }
         Flown {
             report: self.watch.finish(schedule).pop(),
-            has_tipped: self.has_tipped,
+            loss: self.loss.loss().cloned(),
             ended,
             digest: self.digest.map(ExperimentDigest::finish),
         }
@@ -131,11 +142,10 @@ impl TickSink for Onlooker {
 
     #[inline]
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
-        self.watch.observe(topic, bytes);
-        if topic == Topic::VehicleTruth && header_of(bytes).tick >= self.from {
-            // The last of R: cosine of the angle between the body's axis and the vertical.
-            self.has_tipped |= read::<VehicleTruth>(bytes).world_from_body[8] < 0.0;
+        if let Some(moment) = self.tracker.observe(topic, bytes) {
+            self.observe(&moment);
         }
+        self.watch.observe(topic, bytes);
         if let Some(digest) = &mut self.digest {
             digest.update(topic, bytes);
         }

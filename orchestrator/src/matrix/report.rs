@@ -7,8 +7,8 @@ use serde::Serialize;
 use super::flight::Flown;
 use super::plan::{Cell, Times};
 use super::verdict::{Loss, Verdict, judge};
-use super::{DELAY, FRACTION, LOST, RANGE, SURVIVES};
-use crate::summary::SETTLED;
+use super::{BESIDE, DELAY, FRACTION, RANGE, SURVIVES};
+use crate::metrics::SETTLED;
 use crate::summary::faults::FaultReport;
 
 /// The whole of it.
@@ -46,8 +46,8 @@ pub struct Values {
     pub settled: f64,
     /// How many times the bound is survived.
     pub survives: f64,
-    /// Distance from the path at which the vehicle is lost, m.
-    pub lost: f64,
+    /// How far from a moment the undisturbed flight is looked at, s.
+    pub beside: f64,
 }
 
 impl Values {
@@ -57,7 +57,7 @@ impl Values {
         range: RANGE,
         settled: SETTLED,
         survives: SURVIVES,
-        lost: LOST,
+        beside: BESIDE,
     };
 }
 

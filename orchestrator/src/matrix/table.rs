@@ -3,9 +3,9 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::report::{CellReport, Report, Row};
-use super::{LOST, SURVIVES};
+use super::{BESIDE, SURVIVES};
+use crate::metrics::SETTLED;
 use crate::reproduce::table::Sheet;
-use crate::summary::SETTLED;
 use crate::summary::faults::{BEFORE, Detection};
 
 /// The table: a line for every target and kind.
@@ -24,8 +24,9 @@ pub fn sheet(report: &Report) -> Sheet {
 #[must_use]
 pub fn key() -> String {
     format!(
-        "Bound: the largest distance of the {BEFORE} s before, at least {SETTLED} m. Survived: within {SURVIVES} times the bound; \
-         degraded: came back inside the bound; LOST: did not, came {LOST} m away, tipped over, a number was not finite, or a service died of it.\n\
+        "Bound: the largest distance of the {BEFORE} s before, at least {SETTLED} m, and what the flight without a fault has within \
+         {BESIDE} s of the same time. Survived: within {SURVIVES} times the bound; degraded: came back inside the bound; LOST: did \
+         not, was lost by the limits of `[judge]`, a number was not finite, or a service died of it.\n\
          Peak, way back and notice are those of the worst moment."
     )
 }

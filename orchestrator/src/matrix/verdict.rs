@@ -2,18 +2,19 @@
 
 use serde::Serialize;
 
+use super::SURVIVES;
 use super::flight::{Ended, Flown};
-use super::{LOST, SURVIVES};
+use crate::metrics::loss::Reason;
 
 /// What became of the vehicle. The worst comes last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// It strayed no further than [`SURVIVES`] times the bound.
+    /// It strayed no farther than [`SURVIVES`] times the bound.
     Survived,
     /// It did, and came back inside the bound for good.
     Degraded,
-    /// It did not come back, came [`LOST`] away from the path, tipped over, a number was not finite, or a service died of it.
+    /// It did not come back, was lost by the limits of the scenario, a number was not finite, or a service died of it.
     Lost,
 }
 
@@ -57,11 +58,8 @@ pub fn judge(flown: &Flown) -> (Verdict, Option<Loss>) {
     if let Some(loss) = loss(flown) {
         return (Verdict::Lost, Some(loss));
     }
-    let survives = flown.report.as_ref().is_some_and(|report| {
-        let peak = report.peak_error;
-        peak.is_some_and(|peak| peak <= SURVIVES * report.bound)
-    });
-    let verdict = if survives {
+    let share = flown.report.as_ref().and_then(|report| report.largest_share);
+    let verdict = if share.is_some_and(|share| share <= SURVIVES) {
         Verdict::Survived
     } else {
         Verdict::Degraded
@@ -80,19 +78,23 @@ fn loss(flown: &Flown) -> Option<Loss> {
         Some(Ended::Died) => return Some(Loss::new("a service died")),
         None => {}
     }
+    if let Some(loss) = &flown.loss {
+        return Some(Loss {
+            reason: match loss.reason {
+                Reason::LeftPath => "left the path",
+                Reason::TippedOver => "tipped over",
+                Reason::HitGround => "hit the ground",
+                Reason::NotFinite => "not finite",
+            },
+            details: Some(format!("lost at {} s: {loss}", loss.time)),
+        });
+    }
     let report = flown.report.as_ref();
-    let Some((report, peak)) = report.and_then(|report| Some((report, report.peak_error?))) else {
+    let Some((report, share)) = report.and_then(|report| Some((report, report.largest_share?))) else {
         return Some(Loss::new("it is not known where the vehicle was"));
     };
-    if flown.has_tipped {
-        Some(Loss::new("tipped over"))
-    } else if peak > LOST {
-        Some(Loss::new("left the path"))
-    } else if peak > SURVIVES * report.bound && report.back_after.is_none() {
-        Some(Loss::new("did not come back"))
-    } else {
-        None
-    }
+    let is_back = share <= SURVIVES || report.back_after.is_some();
+    (!is_back).then(|| Loss::new("did not come back"))
 }
 
 #[cfg(test)]
@@ -112,11 +114,12 @@ mod tests {
                 detection: None,
                 bound: 0.04,
                 peak_error: Some(peak),
+                largest_share: Some(peak / 0.04),
                 back_after,
                 reactions: Reactions::default(),
                 others: String::new(),
             }),
-            has_tipped: false,
+            loss: None,
             ended: None,
             digest: None,
         }
@@ -130,7 +133,6 @@ mod tests {
             (0.061, Some(3.0), Verdict::Degraded),
             (0.061, None, Verdict::Lost),
             (4.9, Some(3.0), Verdict::Degraded),
-            (5.1, Some(3.0), Verdict::Lost),
         ] {
             let (judged, why) = judge(&flown(peak, back_after));
             assert_eq!(judged, verdict, "{peak} {back_after:?}");
@@ -139,10 +141,16 @@ mod tests {
     }
 
     #[test]
-    fn a_vehicle_that_tips_over_or_whose_flight_the_fault_ended_is_lost_however_near_it_was() {
+    fn a_vehicle_that_is_lost_or_whose_flight_the_fault_ended_is_lost_however_near_it_was() {
         let near = flown(0.01, Some(0.0));
         let tipped = Flown {
-            has_tipped: true,
+            loss: Some(crate::metrics::loss::Loss {
+                reason: Reason::TippedOver,
+                time: 1.05,
+                value: Some(1.6),
+                limit: Some(1.5),
+                source: crate::metrics::tracker::Source::Truth,
+            }),
             ..near.clone()
         };
         let [not_finite, died] = [

@@ -1,17 +1,14 @@
-//! ‖z1‖ over time of one flight, as its log has it.
+//! The distance from the path over time of one flight, as its log has it.
 
 use std::path::{Path, PathBuf};
 
-use shared_types::samples::ControlErrors;
 use shared_types::scenario::Scenario;
 use shared_types::service::seconds;
-use shared_types::{Schedule, Topic};
 
 use super::downsample::Extremes;
 use super::{COLUMNS, FLOOR, PlotError};
 use crate::log::LogReader;
-use crate::summary::faults::TrueError;
-use crate::summary::{read, z1_norm};
+use crate::metrics::tracker::{Moment, Source, Tracker};
 
 /// Which part of a flight is drawn, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,26 +27,13 @@ impl Span {
     }
 }
 
-/// ‖z1‖ over time of one flight.
+/// The distance from the path over time of one flight.
 pub(super) struct Curve {
     pub(super) label: String,
     pub(super) scenario: Scenario,
-    pub(super) stretches: Vec<Stretch>,
-}
-
-/// A part of a curve that is drawn in one go.
-pub(super) struct Stretch {
     pub(super) source: Source,
-    pub(super) points: Vec<(f64, f64)>,
-}
-
-/// Where a distance is from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Source {
-    /// The controller told it.
-    Controller,
-    /// The controller was out, or its law was not asked: the true distance from the newest reference.
-    Truth,
+    /// Parts that are drawn in one go: between them nothing was to be followed.
+    pub(super) stretches: Vec<Vec<(f64, f64)>>,
 }
 
 impl Curve {
@@ -60,26 +44,13 @@ impl Curve {
     pub(super) fn read(log: &Path, span: Span) -> Result<Self, PlotError> {
         let mut reader = LogReader::open(log)?;
         let scenario = reader.manifest().scenario.clone();
-        let schedule = scenario.schedule().ok();
-        let mut gaps = schedule
-            .filter(|_| !scenario.fault.is_empty())
-            .map(|schedule| Gaps::new(&schedule));
+        let schedule = scenario.schedule().map_err(|problems| PlotError::Scenario {
+            path: log.to_owned(),
+            reason: format!("{problems:?}"),
+        })?;
+        let mut tracker = Tracker::new(&schedule, scenario.flight.is_some());
         let mut pen = Pen::new(span.within(scenario.duration));
-        while let Some(logged) = reader.next_sample()? {
-            let errors = (logged.topic == Topic::ControlErrors).then(|| read::<ControlErrors>(logged.bytes));
-            if let Some((errors, z1_norm)) = errors.and_then(|errors| Some((errors, z1_norm(&errors)?))) {
-                let is_first_after_gap = gaps.as_mut().is_some_and(|gaps| gaps.close(errors.header.tick));
-                if is_first_after_gap {
-                    pen.lift();
-                }
-                pen.draw(Source::Controller, seconds(errors.header.stamp_ns), z1_norm);
-            } else if let Some((time, error)) = gaps
-                .as_mut()
-                .and_then(|gaps| gaps.observe(logged.topic, logged.bytes))
-            {
-                pen.draw(Source::Truth, time, error);
-            }
-        }
+        tracker.follow(&mut reader, |moment| pen.draw(moment))?;
         let stretches = pen.finish();
         if stretches.is_empty() {
             return Err(PlotError::Empty(log.to_owned()));
@@ -87,50 +58,17 @@ impl Curve {
         Ok(Self {
             label: label(log),
             scenario,
+            source: tracker.source(),
             stretches,
         })
-    }
-}
-
-/// Tells the error where the controller does not.
-struct Gaps {
-    truth: TrueError,
-    tick_ns: u64,
-    /// Ticks from one sample of the errors to the next.
-    period: u64,
-    /// Tick of the last sample of the errors.
-    told: Option<u64>,
-}
-
-impl Gaps {
-    fn new(schedule: &Schedule) -> Self {
-        Self {
-            truth: TrueError::default(),
-            tick_ns: schedule.tick_ns(),
-            period: schedule.topic_rate(Topic::ControlErrors).period,
-            told: None,
-        }
-    }
-
-    /// The controller tells of a tick; whether that is the first after a gap.
-    fn close(&mut self, tick: u64) -> bool {
-        let before = self.told.replace(tick);
-        before.is_some_and(|before| tick > before + self.period)
-    }
-
-    /// Time (s) and true error (m) of a tick of which the controller should have told and did not.
-    fn observe(&mut self, topic: Topic, bytes: &[u8]) -> Option<(f64, f64)> {
-        let (tick, error) = self.truth.observe(topic, bytes)?;
-        let is_missing = tick >= self.told? + self.period;
-        is_missing.then(|| (seconds(tick * self.tick_ns), error))
     }
 }
 
 /// Draws stretch after stretch.
 struct Pen {
     span: [f64; 2],
-    current: Option<(Source, Extremes)>,
-    stretches: Vec<Stretch>,
+    current: Option<Extremes>,
+    stretches: Vec<Vec<(f64, f64)>>,
 }
 
 impl Pen {
@@ -142,33 +80,23 @@ impl Pen {
         }
     }
 
-    fn draw(&mut self, source: Source, time: f64, error: f64) {
+    fn draw(&mut self, moment: &Moment) {
         let [from, to] = self.span;
-        if !(from..=to).contains(&time) {
-            return;
-        }
-        if self
-            .current
-            .as_ref()
-            .is_none_or(|(current, _)| *current != source)
-        {
-            self.lift();
-            self.current = Some((source, Extremes::new(to - from, COLUMNS)));
-        }
-        if let Some((_, extremes)) = &mut self.current {
-            extremes.add(time, error.max(FLOOR));
+        let time = seconds(moment.vehicle.time_ns);
+        match moment.distance.filter(|_| (from..=to).contains(&time)) {
+            Some(distance) => self
+                .current
+                .get_or_insert_with(|| Extremes::new(to - from, COLUMNS))
+                .add(time, distance.max(FLOOR)),
+            None => self.lift(),
         }
     }
 
     fn lift(&mut self) {
-        let finished = self.current.take().map(|(source, extremes)| Stretch {
-            source,
-            points: extremes.finish(),
-        });
-        self.stretches.extend(finished);
+        self.stretches.extend(self.current.take().map(Extremes::finish));
     }
 
-    fn finish(mut self) -> Vec<Stretch> {
+    fn finish(mut self) -> Vec<Vec<(f64, f64)>> {
         self.lift();
         self.stretches
     }

@@ -9,11 +9,11 @@ use super::curve::Curve;
 const BOUND_COLOR: &str = "#d55e00";
 const FAULT_COLOR: &str = "#e69f00";
 
-/// The theorem's bound of every controller that flew.
+/// The theorem's bound of every controller that it speaks of.
 pub(super) fn bound_lines(curves: &[Curve]) -> Vec<ReferenceLine> {
     let mut bounds: Vec<f64> = curves
         .iter()
-        .map(|curve| curve.scenario.controller.ultimate_bound())
+        .filter_map(|curve| curve.scenario.theorem_bound())
         .collect();
     bounds.sort_by(f64::total_cmp);
     bounds.dedup();

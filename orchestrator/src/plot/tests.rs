@@ -1,23 +1,19 @@
 //! What a figure shows of logs whose content is known.
 
 use super::*;
-use crate::log::test_flight::{errors, record_samples, scenario};
+use crate::log::test_flight::{away, record_samples, scenario};
 use crate::log::{Compression, Manifest, RunLogWriter};
-use shared_types::Topic;
-use shared_types::samples::{PathReference, VehicleTruth};
 use shared_types::scenario::{Fault, FaultKind};
 use shared_types::service::seconds;
-use zerocopy::{FromZeros, IntoBytes};
 
 /// A log of 20 s whose error decays from `start` (m), with one peak of a single sample.
 fn decaying(path: &Path, start: f64) {
     let scenario = scenario(0.001, 20.0);
     let schedule = scenario.schedule().unwrap();
-    let samples = (0..=schedule.last_tick()).map(|tick| {
-        let header = schedule.header(Topic::ControlErrors, tick);
+    let samples = (0..=schedule.last_tick()).flat_map(|tick| {
         let peak = if tick == 12_345 { 3.0 } else { 0.0 };
-        let norm = 0.016 + start * libm::exp(-seconds(header.stamp_ns)) + peak;
-        (Topic::ControlErrors, errors(header, [0.0, norm, 0.0]))
+        let distance = 0.016 + start * libm::exp(-seconds(schedule.time_ns(tick))) + peak;
+        away(&schedule, tick, distance)
     });
     record_samples(path, &scenario, Compression::None, samples);
 }
@@ -31,13 +27,8 @@ fn a_peak_of_one_sample_among_thousands_is_drawn() {
     let [stretch] = &curve.stretches[..] else {
         panic!("nothing interrupts the curve");
     };
-    assert!(stretch.points.len() <= 2 * COLUMNS + 1);
-    assert!(
-        stretch
-            .points
-            .iter()
-            .any(|&(time, value)| time == 12.345 && value > 3.0)
-    );
+    assert!(stretch.len() <= 2 * COLUMNS + 1);
+    assert!(stretch.iter().any(|&(time, value)| time == 12.345 && value > 3.0));
 }
 
 #[test]
@@ -51,11 +42,11 @@ fn a_figure_names_axes_bound_change_and_flights() {
     decaying(&logs[0], 1.0);
     decaying(&logs[1], 50.0);
     let out = folder.path().join("figure.svg");
-    z1(&logs, Span::default(), &out).unwrap();
+    distance(&logs, Span::default(), &out).unwrap();
     let figure = std::fs::read_to_string(&out).unwrap();
     for text in [
         "time, s",
-        "‖z1‖, distance from the path, m",
+        "distance from the path, m",
         "0.0167 m",
         "mass becomes 0.3 kg",
         "near-1",
@@ -67,7 +58,7 @@ fn a_figure_names_axes_bound_change_and_flights() {
 }
 
 #[test]
-fn a_log_without_errors_is_named() {
+fn a_log_that_tells_nothing_of_the_distance_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("run.mcap");
     let manifest = Manifest::new(&scenario(0.01, 1.0));
@@ -75,7 +66,7 @@ fn a_log_without_errors_is_named() {
         .unwrap()
         .finish()
         .unwrap();
-    let error = z1(
+    let error = distance(
         std::slice::from_ref(&log),
         Span::default(),
         &folder.path().join("figure.svg"),
@@ -84,7 +75,7 @@ fn a_log_without_errors_is_named() {
     assert!(error.to_string().contains("run.mcap"), "{error}");
 }
 
-/// A log of 20 s whose controller is out from 5 s to 5.5 s; the truth is twice what the controller tells.
+/// A log of 20 s whose controller is out from 5 s to 5.5 s; the vehicle stays 0.2 m from its path.
 fn interrupted(path: &Path) {
     let mut scenario = scenario(0.01, 20.0);
     let mut off = Fault::new(FaultKind::Off, 5.0);
@@ -92,49 +83,30 @@ fn interrupted(path: &Path) {
     off.lasts = Some(0.5);
     scenario.fault.push(off);
     let schedule = scenario.schedule().unwrap();
-    let samples = (0..=schedule.last_tick()).flat_map(|tick| {
-        let header = schedule.header(Topic::VehicleTruth, tick);
-        let mut truth = VehicleTruth::new_zeroed();
-        truth.header = header;
-        truth.position_world = [0.0, 0.2, 0.0];
-        let mut reference = PathReference::new_zeroed();
-        reference.header = header;
-        reference.reference_time_ns = header.stamp_ns;
-        let mut samples = vec![
-            (Topic::VehicleTruth, truth.as_bytes().to_vec()),
-            (Topic::PathReference, reference.as_bytes().to_vec()),
-        ];
-        if schedule.publications(Topic::ControlErrors).occurs_at(tick) {
-            samples.push((Topic::ControlErrors, errors(header, [0.0, 0.1, 0.0])));
-        }
-        samples
-    });
+    let samples = (0..=schedule.last_tick()).flat_map(|tick| away(&schedule, tick, 0.2));
     record_samples(path, &scenario, Compression::None, samples);
 }
 
 #[test]
-fn while_the_controller_is_out_the_true_distance_is_drawn() {
+fn the_true_distance_is_drawn_also_while_the_controller_is_out() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("run.mcap");
     interrupted(&log);
     let curve = Curve::read(&log, Span::default()).unwrap();
-    let told: Vec<_> = curve
-        .stretches
-        .iter()
-        .map(|stretch| (stretch.source, stretch.points[0]))
-        .collect();
-    assert_eq!(
-        told,
-        [
-            (Source::Controller, (0.0, 0.1)),
-            (Source::Truth, (5.0, 0.2)),
-            (Source::Controller, (5.5, 0.1)),
-        ]
+    let [stretch] = &curve.stretches[..] else {
+        panic!("nothing interrupts the curve");
+    };
+    assert!(
+        stretch
+            .iter()
+            .all(|&(_, distance)| (distance - 0.2).abs() < 1e-12)
     );
-    let gap = &curve.stretches[1].points;
-    assert!(gap.iter().all(|&(_, error)| error == 0.2));
     let column = 20.0 / COLUMNS as f64;
-    assert!(gap.last().unwrap().0 > 5.5 - column, "to the end of the outage");
+    assert!(
+        stretch
+            .windows(2)
+            .all(|pair| pair[1].0 - pair[0].0 < 2.0 * column)
+    );
 }
 
 #[test]
@@ -145,7 +117,7 @@ fn a_planned_fault_is_shaded_and_named_where_it_is_in_view() {
     let out = folder.path().join("figure.svg");
     for (from, is_in_view) in [(None, true), (Some(4.0), true), (Some(6.0), false)] {
         let span = Span { from, to: Some(12.0) };
-        z1(std::slice::from_ref(&log), span, &out).unwrap();
+        distance(std::slice::from_ref(&log), span, &out).unwrap();
         let figure = std::fs::read_to_string(&out).unwrap();
         assert_eq!(
             figure.contains("controller off for 0.5 s"),

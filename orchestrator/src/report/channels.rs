@@ -7,8 +7,6 @@ use nalgebra::Vector3;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleTruth};
 
-use crate::summary::z1_norm;
-
 /// Channels of `vehicle/truth`.
 pub(super) const TRUTH: [&str; 13] = [
     "error",
@@ -53,14 +51,24 @@ pub(super) fn truth(
     ]
 }
 
+/// Channels of `vehicle/state`, of a flight that does not know the truth.
+pub(super) const STATE: [&str; 1] = ["error"];
+
+/// The estimated distance from the path's point (m), where it is known.
+pub(super) fn state(error: Option<f64>) -> [f64; STATE.len()] {
+    [error.unwrap_or(f64::NAN)]
+}
+
 /// Channels of `control/errors`.
 pub(super) const ERRORS: [&str; 4] = ["z1", "z2", "z3", "z4"];
 
-/// ‖z1‖, ‖z2‖, ‖z3‖ and z4; none where the law was not asked.
-pub(super) fn errors(errors: &ControlErrors) -> [f64; ERRORS.len()] {
-    z1_norm(errors).map_or([f64::NAN; ERRORS.len()], |z1| {
-        [z1, norm(errors.z2), norm(errors.z3), errors.z4]
-    })
+/// ‖z1‖, ‖z2‖, ‖z3‖ and z4, as the controller tells them; none while it does not go by its law.
+pub(super) fn errors(errors: &ControlErrors, goes_by_law: bool) -> [f64; ERRORS.len()] {
+    if goes_by_law {
+        [norm(errors.z1), norm(errors.z2), norm(errors.z3), errors.z4]
+    } else {
+        [f64::NAN; ERRORS.len()]
+    }
 }
 
 /// Channels of `control/command`.
@@ -96,13 +104,16 @@ pub(super) const ADAPTATION: [&str; 5] = [
     "disturbance_z",
 ];
 
-/// m̂, that of the observer if one flies along, and π(b̂).
-pub(super) fn adaptation(adaptation: &ControlAdaptation) -> [f64; ADAPTATION.len()] {
-    let observer = adaptation.observer_mass_estimate;
+/// m̂, that of the observer if one runs in parallel, and π(b̂).
+pub(super) fn adaptation(adaptation: &ControlAdaptation, has_observer: bool) -> [f64; ADAPTATION.len()] {
     let [x, y, z] = adaptation.disturbance_projected_world;
     [
         adaptation.mass_estimate,
-        if observer == 0.0 { f64::NAN } else { observer },
+        if has_observer {
+            adaptation.observer_mass_estimate
+        } else {
+            f64::NAN
+        },
         x,
         y,
         z,

@@ -1,10 +1,9 @@
 //! What is shown of a log, gathered in one pass over it.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use runtime::in_process::TickSink;
-use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
+use shared_types::samples::{ControlAdaptation, VehicleTruth};
 use shared_types::scenario::Scenario;
 use shared_types::{Schedule, Topic};
 
@@ -12,13 +11,14 @@ use super::latency::Histogram;
 use super::marks::{Mark, Marks};
 use super::run_facts::RunFacts;
 use super::table::{PageTable, Table};
-use super::track::{PageTrack, Place, Track};
+use super::track::{PageTrack, Track};
 use super::{ReportError, channels, figures, latency, run_facts};
 use crate::log::{LogReadError, LogReader};
+use crate::metrics::read;
+use crate::metrics::tracker::{Moment, Source, Tracker};
 use crate::plot::label;
 use crate::reproduce::traces::{Tracer, Traces};
-use crate::summary::faults::TrueError;
-use crate::summary::{FlightSummary, Outcome, Summary, read};
+use crate::summary::{self, FlightSummary, Summary};
 
 /// What is shown of a flight.
 pub(super) struct Flight {
@@ -47,7 +47,7 @@ impl Flight {
             reason: format!("{problems:?}"),
         })?;
         let paper = figures::name_in_the_paper(&scenario);
-        let tracer = paper.as_ref().and_then(|_| Tracer::new(&scenario).ok());
+        let tracer = paper.as_ref().map(|_| Tracer::new(&scenario, &schedule));
         let mut gatherer = Gatherer::new(&scenario, &schedule, tracer, buckets);
         let broken = gather(&mut reader, &mut gatherer)?;
         let Some(_) = gatherer.tick else {
@@ -93,13 +93,16 @@ struct Gatherer {
     last_tick: u64,
     /// The tick that is being read.
     tick: Option<u64>,
-    /// Whether the truth is known: not of a flight in a laboratory, whose way is the estimator's.
-    knows_the_truth: bool,
+    tracker: Tracker,
+    /// The truth of the moment that is not whole yet; none of a flight in a laboratory, whose way is the estimator's.
     truth: Option<VehicleTruth>,
-    state: Option<VehicleState>,
-    reference: Option<PathReference>,
-    true_error: TrueError,
+    /// Whether something is to be followed, as far as it is known.
+    is_led: bool,
+    /// Whether the controller goes by its law.
+    goes_by_law: bool,
+    has_observer: bool,
     truths: Table,
+    states: Table,
     errors: Table,
     commands: Table,
     adaptations: Table,
@@ -118,12 +121,13 @@ impl Gatherer {
         Self {
             last_tick: schedule.last_tick(),
             tick: None,
-            knows_the_truth: schedule.simulates_the_world(),
+            tracker: Tracker::new(schedule, scenario.flight.is_some()),
             truth: None,
-            state: None,
-            reference: None,
-            true_error: TrueError::default(),
+            is_led: true,
+            goes_by_law: true,
+            has_observer: scenario.controller.observer_gain.is_some(),
             truths: table(Topic::VehicleTruth, &channels::TRUTH),
+            states: table(Topic::VehicleState, &channels::STATE),
             errors: table(Topic::ControlErrors, &channels::ERRORS),
             commands: table(Topic::ControlCommand, &channels::COMMAND),
             adaptations: table(Topic::ControlAdaptation, &channels::ADAPTATION),
@@ -140,25 +144,27 @@ impl Gatherer {
         if tick > self.last_tick {
             return;
         }
-        if let Some(before) = self.tick.replace(tick)
-            && before != tick
-        {
-            self.end_tick(before);
+        self.tick = Some(tick);
+        if let Some(moment) = self.tracker.observe(topic, bytes) {
+            self.keep(&moment);
         }
         match topic {
             Topic::VehicleTruth => self.truth = Some(read(bytes)),
-            Topic::PathReference => {
-                let reference = read(bytes);
-                self.references.add(tick, &channels::reference(&reference));
-                self.reference = Some(reference);
+            Topic::PathReference => self.references.add(tick, &channels::reference(&read(bytes))),
+            Topic::ControlErrors => {
+                let goes_by_law = self.is_led && self.goes_by_law;
+                self.errors
+                    .add(tick, &channels::errors(&read(bytes), goes_by_law));
             }
-            Topic::ControlErrors => self.errors.add(tick, &channels::errors(&read(bytes))),
             Topic::ControlCommand => self.commands.add(tick, &channels::command(&read(bytes))),
-            Topic::ControlAdaptation => self.adaptations.add(tick, &channels::adaptation(&read(bytes))),
-            Topic::VehicleState if !self.knows_the_truth => self.state = Some(read(bytes)),
+            Topic::ControlAdaptation => {
+                let adaptation: ControlAdaptation = read(bytes);
+                self.goes_by_law = adaptation.stage == ControlAdaptation::STAGE_LAW;
+                let values = channels::adaptation(&adaptation, self.has_observer);
+                self.adaptations.add(tick, &values);
+            }
             Topic::MocapPose | Topic::VehicleState | Topic::RcFrame | Topic::RunEvent => {}
         }
-        self.true_error.observe(topic, bytes);
         self.marks.observe(topic, bytes);
         self.summary.observe(topic, bytes);
         if let Some(tracer) = &mut self.tracer {
@@ -166,57 +172,43 @@ impl Gatherer {
         }
     }
 
-    /// The truth comes first in a tick, and is compared with what comes after it.
-    fn end_tick(&mut self, tick: u64) {
-        if let Some(truth) = self.truth.take() {
-            let error = self.true_error.last().map(|(_, error)| error);
-            let yaw_desired = self.reference.as_ref().map(|reference| reference.yaw);
-            let values = channels::truth(&truth, error, yaw_desired);
-            self.truths.add(truth.header.tick, &values);
-            self.track.add(&Place::from(&truth), self.true_error.point());
+    fn keep(&mut self, moment: &Moment) {
+        let tick = moment.vehicle.tick;
+        self.is_led = moment.path.is_none() || moment.distance.is_some();
+        if let Some(truth) = &self.truth {
+            let yaw_desired = moment.path.map(|path| path.yaw);
+            let values = channels::truth(truth, moment.distance, yaw_desired);
+            self.truths.add(tick, &values);
+        } else {
+            self.states.add(tick, &channels::state(moment.distance));
         }
-        if let Some(state) = self.state.take().filter(|state| state.tracked.is_set()) {
-            let point = self.true_error.point_at(state.state_time_ns);
-            self.track.add(&Place::from(&state), point);
-        }
-        if let Some(tracer) = &mut self.tracer {
-            let Ok(ControlFlow::Continue(()) | ControlFlow::Break(())) = tracer.end_tick(tick);
-        }
+        self.track.add(moment);
     }
 
     fn finish(mut self) -> Gathered {
-        if let Some(tick) = self.tick {
-            self.end_tick(tick);
+        if let Some(moment) = self.tracker.last() {
+            self.keep(&moment);
         }
         let tables = [
             (Topic::VehicleTruth, self.truths),
+            (Topic::VehicleState, self.states),
             (Topic::ControlErrors, self.errors),
             (Topic::ControlCommand, self.commands),
             (Topic::ControlAdaptation, self.adaptations),
             (Topic::PathReference, self.references),
         ];
-        let is_known = |topic: &Topic| *topic != Topic::VehicleTruth || self.knows_the_truth;
-        let tables = tables.into_iter().filter(|(topic, _)| is_known(topic));
+        // Of a laboratory the truth is not known, of all others the estimate is not shown beside it.
+        let untold = match self.tracker.source() {
+            Source::Truth => Topic::VehicleState,
+            Source::Estimate => Topic::VehicleTruth,
+        };
+        let tables = tables.into_iter().filter(|(topic, _)| *topic != untold);
         (
             tables.map(|(topic, table)| (topic, table.finish())).collect(),
             self.track.finish(),
             self.marks,
-            self.summary.finish(unknown_run()),
+            self.summary.finish(summary::RunFacts::unknown()),
             self.tracer.map(Tracer::finish),
         )
-    }
-}
-
-/// A log alone does not tell of its run.
-fn unknown_run() -> crate::summary::RunFacts {
-    crate::summary::RunFacts {
-        scenario: String::new(),
-        host: String::new(),
-        outcome: Outcome::Completed,
-        reason: String::new(),
-        wall_seconds: 0.0,
-        rebirths: Vec::new(),
-        timing: None,
-        laboratory: None,
     }
 }

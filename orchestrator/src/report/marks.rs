@@ -6,7 +6,7 @@ use shared_types::scenario::Scenario;
 use shared_types::service::{header_of, seconds};
 use shared_types::{FlightPhase, Topic};
 
-use crate::summary::read;
+use crate::metrics::read;
 
 /// Most marks of a flight: more cannot be told apart.
 const MOST_MARKS: usize = 300;
@@ -189,8 +189,7 @@ fn planned(event: &RunEvent) -> Option<(MarkKind, String)> {
         | RunEvent::KIND_EDGE_FAULT_ENDS => MarkKind::Fault,
         _ => MarkKind::Event,
     };
-    let length = (event.text_length as usize).min(event.text.len());
-    Some((kind, String::from_utf8_lossy(&event.text[..length]).into_owned()))
+    Some((kind, event.words().into_owned()))
 }
 
 #[cfg(test)]

@@ -12,6 +12,9 @@ use super::panels::{PANELS, Panel};
 use super::run_facts::RunFacts;
 use super::table::PageTable;
 use super::track::PageTrack;
+use crate::metrics::loss::Loss;
+use crate::metrics::stretch::Metrics;
+use crate::metrics::tracker::Source;
 use crate::summary::faults::FaultReport;
 use crate::summary::{Phase, TopicCount};
 
@@ -45,7 +48,10 @@ struct PageFlight<'a> {
     duration: f64,
     /// Time of the last recorded tick, s.
     flown: f64,
-    bound: f64,
+    bound: Option<f64>,
+    lost: Option<LostInWords<'a>>,
+    source: Source,
+    metrics: Option<&'a Metrics>,
     broken: Option<&'a str>,
     scenario: String,
     facts: Option<&'a RunFacts>,
@@ -57,6 +63,23 @@ struct PageFlight<'a> {
     tables: Vec<NamedTable<'a>>,
     track: &'a PageTrack,
     histograms: &'a [Histogram],
+}
+
+/// How a vehicle was lost, with the words for it.
+#[derive(Serialize)]
+struct LostInWords<'a> {
+    words: String,
+    #[serde(flatten)]
+    loss: &'a Loss,
+}
+
+impl<'a> LostInWords<'a> {
+    fn of(loss: &'a Loss) -> Self {
+        Self {
+            words: loss.to_string(),
+            loss,
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -111,6 +134,9 @@ fn page_flight(flight: &Flight) -> PageFlight<'_> {
         duration: scenario.duration,
         flown: flight.summary.simulated_seconds,
         bound: flight.summary.ultimate_bound,
+        lost: flight.summary.lost.as_ref().map(LostInWords::of),
+        source: flight.summary.source,
+        metrics: flight.summary.metrics.as_ref(),
         broken: flight.broken.as_deref(),
         scenario: toml::to_string(scenario).unwrap_or_else(|error| format!("# {error}")),
         facts: flight.facts.as_ref(),

@@ -33,6 +33,7 @@ struct Curve {
 
 const ERRORS: &str = "control/errors";
 const TRUTH: &str = "vehicle/truth";
+const STATE: &str = "vehicle/state";
 const COMMAND: &str = "control/command";
 const ADAPTATION: &str = "control/adaptation";
 const REFERENCE: &str = "path/reference";
@@ -78,7 +79,7 @@ macro_rules! for_each_axis {
 }
 
 /// All panels, in the order of the page. One whose channels a log does not have is left out there.
-pub(super) const PANELS: [Panel; 12] = [
+pub(super) const PANELS: [Panel; 13] = [
     Panel {
         is_logarithmic: true,
         has_bound: true,
@@ -88,10 +89,18 @@ pub(super) const PANELS: [Panel; 12] = [
             &[group(
                 "",
                 &[
-                    curve(ERRORS, "z1", "‖z1‖", 0),
-                    curve(TRUTH, "error", "‖p − pd‖ true", 2),
+                    curve(TRUTH, "error", "true", 0),
+                    curve(STATE, "error", "as estimated", 0),
                 ],
             )],
+        )
+    },
+    Panel {
+        is_logarithmic: true,
+        ..panel(
+            "Position error as the controller tells it ‖z1‖",
+            "m",
+            &[group("", &[curve(ERRORS, "z1", "‖z1‖", 0)])],
         )
     },
     panel(
@@ -197,8 +206,9 @@ mod tests {
             .flat_map(|group| group.curves)
             .map(|curve| (curve.topic, curve.channel))
             .collect();
-        let tables: [(&str, &[&str]); 5] = [
+        let tables: [(&str, &[&str]); 6] = [
             (TRUTH, &channels::TRUTH),
+            (STATE, &channels::STATE),
             (ERRORS, &channels::ERRORS),
             (COMMAND, &channels::COMMAND),
             (ADAPTATION, &channels::ADAPTATION),

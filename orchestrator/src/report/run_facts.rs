@@ -5,6 +5,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::run_folder::summary_text_beside;
+
 /// What the page shows of it.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(default)]
@@ -25,8 +27,7 @@ pub(super) struct RunFacts {
 
 /// Reads them; none if the log lies alone, or beside something else.
 pub(super) fn beside(log: &Path) -> Option<RunFacts> {
-    let text = std::fs::read_to_string(log.with_file_name("summary.json")).ok()?;
-    serde_json::from_str(&text).ok()
+    serde_json::from_str(&summary_text_beside(log)?).ok()
 }
 
 #[cfg(test)]

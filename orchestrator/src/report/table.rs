@@ -136,9 +136,12 @@ impl Table {
     }
 }
 
-/// A value as the page has it; one that is beyond its numbers, as in a flight gone wrong, is the largest of them.
+/// The largest number that is shown: the page's axes have no ticks for much larger ones.
+const LARGEST: f64 = 1e30;
+
+/// A value as the page has it; one that is beyond what it can show, as in a flight gone wrong, is the largest of that.
 fn as_shown(value: f64) -> f32 {
-    (value as f32).clamp(f32::MIN, f32::MAX)
+    value.clamp(-LARGEST, LARGEST) as f32
 }
 
 #[cfg(test)]
@@ -215,7 +218,7 @@ mod tests {
 
     #[test]
     fn a_value_gone_wrong_is_still_a_number() {
-        assert_eq!([1e300, -1e300, 0.5].map(as_shown), [f32::MAX, f32::MIN, 0.5]);
+        assert_eq!([1e300, -1e300, 0.5].map(as_shown), [1e30, -1e30, 0.5]);
     }
 
     #[test]

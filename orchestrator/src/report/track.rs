@@ -2,46 +2,18 @@
 
 use nalgebra::Vector3;
 use serde::Serialize;
+use shared_types::Schedule;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
-use shared_types::samples::{VehicleState, VehicleTruth};
-use shared_types::scenario::Vector;
 use shared_types::service::seconds;
-use shared_types::{Schedule, Topic};
 
 use super::encoding::base64;
+use crate::metrics::tracker::{Moment, Source};
 
 /// How many points of the way are kept.
 const MOST_PLACES: u64 = 2_000;
 
 /// Numbers of a place: time (s), p (m), pd (m; NaN where it is not known), roll, pitch and yaw (rad).
 const NUMBERS: usize = 10;
-
-/// Where the vehicle was.
-pub(super) struct Place {
-    time_ns: u64,
-    position_world: Vector,
-    world_from_body: [f64; 9],
-}
-
-impl From<&VehicleTruth> for Place {
-    fn from(truth: &VehicleTruth) -> Self {
-        Self {
-            time_ns: truth.header.stamp_ns,
-            position_world: truth.position_world,
-            world_from_body: truth.world_from_body,
-        }
-    }
-}
-
-impl From<&VehicleState> for Place {
-    fn from(state: &VehicleState) -> Self {
-        Self {
-            time_ns: state.state_time_ns,
-            position_world: state.position_world,
-            world_from_body: state.world_from_body,
-        }
-    }
-}
 
 /// Gathers every so manieth place.
 pub(super) struct Track {
@@ -64,28 +36,25 @@ pub(super) struct PageTrack {
 impl Track {
     /// For a flight of this schedule.
     pub(super) fn new(schedule: &Schedule) -> Self {
-        let is_estimated = !schedule.simulates_the_world();
-        let topic = if is_estimated {
-            Topic::VehicleState
-        } else {
-            Topic::VehicleTruth
-        };
-        let samples = schedule.sample_count(topic);
+        let source = Source::of(schedule);
+        let samples = schedule.sample_count(source.topic());
         Self {
-            is_estimated,
+            is_estimated: source == Source::Estimate,
             stride: samples.div_ceil(MOST_PLACES).max(1),
             seen: 0,
             numbers: Vec::new(),
         }
     }
 
-    /// Takes a place into account, with pd at its time if that is known.
-    pub(super) fn add(&mut self, place: &Place, desired: Option<Vector>) {
+    /// Takes a moment into account.
+    pub(super) fn add(&mut self, Moment { vehicle, path, .. }: &Moment) {
         if self.seen.is_multiple_of(self.stride) {
-            let position = Vector3::from(place.position_world);
-            let desired = desired.map_or(Vector3::repeat(f64::NAN), Vector3::from);
-            let attitude = roll_pitch_yaw(&from_row_major(&place.world_from_body));
-            let time = seconds(place.time_ns);
+            let position = Vector3::from(vehicle.position_world);
+            let desired = path.map_or(Vector3::repeat(f64::NAN), |path| {
+                Vector3::from(path.position_world)
+            });
+            let attitude = roll_pitch_yaw(&from_row_major(&vehicle.world_from_body));
+            let time = seconds(vehicle.time_ns);
             let place = std::iter::once(time)
                 .chain(position.iter().copied())
                 .chain(desired.iter().copied())
@@ -109,19 +78,36 @@ impl Track {
 mod tests {
     use super::*;
     use crate::log::test_flight::scenario;
+    use crate::metrics::path_clock::Demand;
+    use crate::metrics::tracker::Vehicle;
     use crate::report::encoding::decoded;
-    use zerocopy::FromZeros;
+    use shared_types::FlightPhase;
 
     #[test]
     fn a_place_is_where_the_vehicle_was_and_should_have_been() {
         let schedule = scenario(0.001, 10.0).schedule().unwrap();
         let mut track = Track::new(&schedule);
         for tick in 0..=10_000 {
-            let mut truth = VehicleTruth::new_zeroed();
-            truth.header = schedule.header(Topic::VehicleTruth, tick);
-            truth.position_world = [tick as f64, 1.0, -2.0];
-            truth.world_from_body = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-            track.add(&Place::from(&truth), (tick > 0).then_some([0.5, 0.0, -1.0]));
+            let vehicle = Vehicle {
+                tick,
+                time_ns: schedule.time_ns(tick),
+                position_world: [tick as f64, 1.0, -2.0],
+                world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+                velocity_body: [0.0; 3],
+                angular_velocity_body: [0.0; 3],
+                thrust: 0.0,
+            };
+            let path = Demand {
+                position_world: [0.5, 0.0, -1.0],
+                gamma: 0.0,
+                yaw: 0.0,
+                phase: FlightPhase::Fly,
+            };
+            track.add(&Moment {
+                vehicle,
+                path: (tick > 0).then_some(path),
+                distance: None,
+            });
         }
         let page = track.finish();
         let numbers = decoded(&page.places);

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use kuva::backend::svg::SvgBackend;
-use kuva::prelude::{Figure, Layout, LegendPosition, LinePlot, Plot, ReferenceLine, TickFormat};
+use kuva::prelude::{Figure, Layout, LinePlot, Plot, ReferenceLine, TickFormat};
 
+use crate::plot::legend;
 use crate::plot::{CHANGE_COLOR, CURVE_COLORS, FLOOR, WIDTH};
 
 const PANEL_HEIGHT: f64 = 250.0;
@@ -85,7 +86,10 @@ impl Panel {
         let mut layout = Layout::auto_from_plots(plots)
             .with_x_label(self.x_label)
             .with_y_label(self.y_label)
-            .with_legend_position(LegendPosition::InsideTopRight);
+            .with_legend_position(legend::free_position(
+                self.curves.iter().map(|curve| curve.points.as_slice()),
+                self.scale == Scale::Logarithmic,
+            ));
         layout = match self.scale {
             Scale::Map => layout.with_equal_aspect(),
             Scale::Linear => layout.with_x_axis_min(0.0),

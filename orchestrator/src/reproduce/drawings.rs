@@ -229,7 +229,7 @@ fn over_time(
     }
 }
 
-/// The way through space from above: y to the right, x upwards.
+/// The trajectory from above: y to the right, x upwards.
 fn map(traces: &Traces) -> Panel {
     let from_above = |places: &[[f64; 3]]| places.iter().map(|[x, y, _]| (*y, *x)).collect();
     Panel {

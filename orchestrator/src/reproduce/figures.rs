@@ -14,7 +14,7 @@ use std::str::FromStr;
 
 use super::column::Column;
 use super::flight::{Flown, Recipe};
-use super::row::Row;
+use super::row::{LEAST_SEEDS, Row};
 
 /// A figure of the paper, or a comparison that it makes in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -105,6 +105,15 @@ impl Figure {
         match self {
             Self::Fig1 | Self::Fig2 => &asked[..asked.len().min(1)],
             _ => asked,
+        }
+    }
+
+    /// How many seeds the bar of a median needs: one where all are the same flight.
+    #[must_use]
+    pub fn least_seeds(self) -> usize {
+        match self {
+            Self::Fig1 | Self::Fig2 => 1,
+            _ => LEAST_SEEDS,
         }
     }
 

@@ -8,7 +8,7 @@ use shared_types::scenario::Scenario;
 use super::column::Column;
 use super::measure::{Measured, Meter};
 use super::parallel;
-use crate::flight::{Outcome, in_process};
+use crate::flight::{self, Outcome, in_process};
 use crate::interrupt::Interrupt;
 use crate::scenario_file::{self, ScenarioError};
 
@@ -171,14 +171,17 @@ impl Flown<'_> {
 
 /// Flies and measures a scenario.
 fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, String> {
-    let mut meter = Meter::new(scenario).map_err(|error| error.to_string())?;
+    let schedule = flight::schedule_of(scenario).map_err(|failure| failure.to_string())?;
+    let mut meter = Meter::new(scenario, &schedule);
     let ending = in_process::fly(scenario, &mut meter, interrupt).map_err(|failure| failure.to_string())?;
     match ending.outcome {
         Outcome::Completed => {}
         Outcome::Interrupted { signal } => return Err(format!("ended by signal {signal}")),
         Outcome::Failed(failure) => return Err(failure.to_string()),
     }
-    let measured = meter.finish();
+    let measured = meter
+        .finish()
+        .map_err(|loss| format!("the vehicle was lost at {} s: {loss}", loss.time))?;
     if measured.progress >= LEAST_PROGRESS {
         Ok(measured)
     } else {

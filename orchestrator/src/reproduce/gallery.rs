@@ -40,7 +40,7 @@ pub fn page(report: &Report, drawings: &[Drawing], pages: &[FlightPage]) -> Stri
         }
         for page in pages.iter().filter(|page| page.figure.name() == figure.figure) {
             html += &format!(
-                "<p><a href=\"{}\">The flight <i>{}</i>, seed {}, from all sides</a>: the way through space, every quantity over time, \
+                "<p><a href=\"{}\">The flight <i>{}</i>, seed {}, from all sides</a>: the 3D view, every quantity over time, \
                  what happened when</p>\n",
                 page.link(),
                 escaped(page.flight),
@@ -96,7 +96,7 @@ fn row(row: &RowReport) -> String {
             Some(Verdict::Reached) => "reached",
             Some(Verdict::KnownGap) => "known-gap",
             Some(Verdict::Regressed) => "regressed",
-            None => "shown",
+            Some(Verdict::NotJudged) | None => "shown",
         };
         format!("<td class=\"{class}\">{}</td>", escaped(&cell_text(cell)))
     });

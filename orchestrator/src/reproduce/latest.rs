@@ -1,31 +1,65 @@
-//! The latest of what a flight published that is compared with something else.
+//! What a flight published about one moment: the vehicle beside its path, the truth about it, and what the controller believes.
 
-use shared_types::Topic;
-use shared_types::samples::{ControlAdaptation, PathReference, VehicleTruth};
+use shared_types::samples::{ControlAdaptation, VehicleTruth};
+use shared_types::{Schedule, Topic};
 
-use super::path_clock::PathClock;
-use crate::summary::read;
+use crate::metrics::read;
+use crate::metrics::tracker::{Moment, Tracker};
 
-/// The latest samples of a flight under way.
-#[derive(Clone, Debug, Default)]
-pub struct Latest {
-    /// The truth of this tick, until it is taken.
-    pub truth: Option<VehicleTruth>,
-    /// What the controller believes.
+/// What is known of a moment.
+#[derive(Clone, Debug)]
+pub struct Known {
+    /// The vehicle and its path.
+    pub moment: Moment,
+    /// The truth.
+    pub truth: VehicleTruth,
+    /// What the controller believed last.
     pub adaptation: Option<ControlAdaptation>,
-    /// Where the path is.
-    pub clock: PathClock,
+}
+
+/// The latest samples of a simulated flight under way.
+#[derive(Clone, Debug)]
+pub struct Latest {
+    tracker: Tracker,
+    truth: Option<VehicleTruth>,
+    adaptation: Option<ControlAdaptation>,
 }
 
 impl Latest {
-    /// Takes a sample into account, if it is one of these.
+    /// For a flight of `schedule`, with `[flight]` or without.
+    #[must_use]
+    pub fn new(schedule: &Schedule, has_phases: bool) -> Self {
+        Self {
+            tracker: Tracker::new(schedule, has_phases),
+            truth: None,
+            adaptation: None,
+        }
+    }
+
+    /// Takes a sample into account; what is known of the moment before, if that is now whole.
     #[inline]
-    pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
+    pub fn observe(&mut self, topic: Topic, bytes: &[u8]) -> Option<Known> {
+        let moment = self.tracker.observe(topic, bytes);
+        let known = self.known(moment);
         match topic {
             Topic::VehicleTruth => self.truth = Some(read(bytes)),
-            Topic::PathReference => self.clock.observe(&read::<PathReference>(bytes)),
             Topic::ControlAdaptation => self.adaptation = Some(read(bytes)),
             _ => {}
         }
+        known
+    }
+
+    /// What is known of the last moment, once nothing more of it comes.
+    pub fn last(&mut self) -> Option<Known> {
+        let moment = self.tracker.last();
+        self.known(moment)
+    }
+
+    fn known(&self, moment: Option<Moment>) -> Option<Known> {
+        Some(Known {
+            moment: moment?,
+            truth: self.truth?,
+            adaptation: self.adaptation,
+        })
     }
 }

@@ -1,25 +1,26 @@
 //! What a flight came to, measured while it flies, in fixed memory and against the truth.
 //!
-//! The error is ‖p − pd(γ(t))‖ at every tick: the true position, and the scenario's own curve, never shifted, at
-//! the γ that the path had then. The controller's own z1 is not used: it rests on an estimated position.
+//! The error is the distance from the path of [`metrics`](crate::metrics) at every tick. The controller's own z1 is not used:
+//! it rests on an estimated position.
 
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
 use controller::yaw::shorter_way;
 use nalgebra::Vector3;
-use path_generator::{Curve, CurveError};
 use runtime::in_process::TickSink;
-use shared_types::Topic;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::samples::{ControlAdaptation, RcFrame, VehicleTruth};
 use shared_types::scenario::Scenario;
+use shared_types::{Schedule, Topic};
 
-use super::latest::Latest;
-use super::path_clock::Demand;
-use super::statistics::Statistics;
+use super::latest::{Known, Latest};
 use super::windows::{JUDGED, Windows};
-use crate::summary::read;
+use crate::metrics::loss::{Loss, LossWatch};
+use crate::metrics::path_clock::Demand;
+use crate::metrics::read;
+use crate::metrics::statistics::Statistics;
+use crate::metrics::tracker::Source;
 
 /// What a flight came to; SI units.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,45 +67,69 @@ pub struct Measured {
 #[derive(Clone, Debug)]
 pub struct Meter {
     windows: Windows,
-    curve: Curve,
     /// Way of γ in the judged part if the path never waits.
     nominal_way: f64,
     latest: Latest,
+    loss: LossWatch,
+    has_observer: bool,
     /// γ at the first and the last judged tick.
     judged_gamma: Option<(f64, f64)>,
     measured: Measured,
 }
 
 impl Meter {
-    /// For a flight of `scenario`.
-    ///
-    /// # Errors
-    /// [`CurveError`] if its path is none.
-    pub fn new(scenario: &Scenario) -> Result<Self, CurveError> {
-        Ok(Self {
+    /// For a flight of `scenario`, whose schedule is `schedule`.
+    #[must_use]
+    pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
+        Self {
             windows: Windows::new(scenario),
-            curve: Curve::new(&scenario.path.curve)?,
             nominal_way: scenario.path.speed * JUDGED.min(scenario.duration),
-            latest: Latest::default(),
+            latest: Latest::new(schedule, scenario.flight.is_some()),
+            loss: LossWatch::new(scenario, Source::of(schedule)),
+            has_observer: scenario.controller.observer_gain.is_some(),
             judged_gamma: None,
             measured: Measured::default(),
-        })
-    }
-
-    /// What the flight came to.
-    #[must_use]
-    pub fn finish(self) -> Measured {
-        let way = self.judged_gamma.map_or(f64::NAN, |(first, last)| last - first);
-        Measured {
-            progress: way / self.nominal_way,
-            ..self.measured
         }
     }
 
-    /// Compares the truth of a tick with what the path asked for then.
-    fn compare(&mut self, tick: u64, truth: &VehicleTruth, demand: &Demand) {
-        let p = Vector3::from(truth.position_world);
-        let error = (p - self.curve.at(demand.gamma).position).norm();
+    /// What the flight came to.
+    ///
+    /// # Errors
+    /// How the vehicle was lost, if it was.
+    pub fn finish(mut self) -> Result<Measured, Loss> {
+        if let Some(known) = self.latest.last() {
+            self.observe(&known);
+        }
+        if let Some(loss) = self.loss.loss() {
+            return Err(loss.clone());
+        }
+        let way = self.judged_gamma.map_or(f64::NAN, |(first, last)| last - first);
+        Ok(Measured {
+            progress: way / self.nominal_way,
+            ..self.measured
+        })
+    }
+
+    /// Takes into account what is known of a moment.
+    fn observe(&mut self, known: &Known) {
+        let Known {
+            moment,
+            truth,
+            adaptation,
+        } = known;
+        let tick = moment.vehicle.tick;
+        self.loss.observe(moment);
+        self.watch(tick, truth);
+        if let (Some(demand), Some(error)) = (&moment.path, moment.distance) {
+            self.compare(tick, truth, demand, error);
+        }
+        if let Some(adaptation) = adaptation {
+            self.compare_estimates(tick, truth, adaptation);
+        }
+    }
+
+    /// Compares the truth of a tick with what the path asked for then, from which it is `error` (m) away.
+    fn compare(&mut self, tick: u64, truth: &VehicleTruth, demand: &Demand, error: f64) {
         let [_, _, yaw] = roll_pitch_yaw(&from_row_major(&truth.world_from_body));
         let (windows, measured) = (&self.windows, &mut self.measured);
 
@@ -157,8 +182,7 @@ impl Meter {
         if windows.judged.contains(&tick) {
             measured.mass_estimate.add(adaptation.mass_estimate);
             measured.mass_error.add(adaptation.mass_estimate - truth.mass);
-            // 0 stands for "no observer".
-            if adaptation.observer_mass_estimate != 0.0 {
+            if self.has_observer {
                 let error = adaptation.observer_mass_estimate - truth.mass;
                 measured.observer_mass_error.add(error);
             }
@@ -175,7 +199,9 @@ impl TickSink for Meter {
 
     #[inline]
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
-        self.latest.observe(topic, bytes);
+        if let Some(known) = self.latest.observe(topic, bytes) {
+            self.observe(&known);
+        }
         if topic == Topic::RcFrame {
             let is_saturated = read::<RcFrame>(bytes).saturated.is_set();
             self.measured.saturated_frames += u64::from(is_saturated);
@@ -184,16 +210,7 @@ impl TickSink for Meter {
     }
 
     #[inline]
-    fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        if let Some(truth) = self.latest.truth.take() {
-            self.watch(tick, &truth);
-            if let Some(demand) = self.latest.clock.at(truth.header.stamp_ns) {
-                self.compare(tick, &truth, &demand);
-            }
-            if let Some(adaptation) = self.latest.adaptation {
-                self.compare_estimates(tick, &truth, &adaptation);
-            }
-        }
+    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
         Ok(ControlFlow::Continue(()))
     }
 }

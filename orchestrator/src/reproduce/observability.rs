@@ -9,7 +9,7 @@ use super::column::Column;
 use super::figures::fig10::{Cell, CellCurve, PRIOR_ERROR, WINDS};
 use super::flight::{Logbook, Recipe};
 use super::row::median;
-use super::statistics::Statistics;
+use crate::metrics::statistics::Statistics;
 
 /// How many of the seeds are flown for it.
 const SEEDS: usize = 5;

@@ -96,14 +96,14 @@ impl FlightPage {
 
 /// Flies to a log and to what is drawn.
 fn record(scenario: &Scenario, log: &Path, interrupt: &Interrupt) -> Result<Option<Traces>, LogError> {
-    let (Ok(tracer), Ok(schedule)) = (Tracer::new(scenario), flight::schedule_of(scenario)) else {
+    let Ok(schedule) = flight::schedule_of(scenario) else {
         return Ok(None);
     };
     let log = RunLogWriter::create(log, &Manifest::new(scenario), Compression::None)?;
     let mut progress = Progress::hidden();
     let mut sink = Both {
         tape: Tape::new(scenario, &schedule, Some(log), &mut progress),
-        tracer,
+        tracer: Tracer::new(scenario, &schedule),
     };
     let outcome = in_process::fly(scenario, &mut sink, interrupt).map(|ending| ending.outcome);
     let is_completed = match outcome {

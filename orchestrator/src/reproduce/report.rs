@@ -86,6 +86,8 @@ pub enum Verdict {
     Reached,
     /// It is not, which is known, and it is no worse than known.
     KnownGap,
+    /// It is not, by too few seeds to say that it should be.
+    NotJudged,
     /// It is not, and it should be.
     Regressed,
 }
@@ -97,6 +99,7 @@ impl Verdict {
         match self {
             Self::Reached => "reached",
             Self::KnownGap => "known gap",
+            Self::NotJudged => "not judged",
             Self::Regressed => "REGRESSED",
         }
     }
@@ -149,12 +152,11 @@ pub fn judge(figure: Figure, logbook: &Logbook, seeds: &[u64], gaps: &KnownGaps)
                 }
             });
             let limit = gaps.of(figure, row.quantity, column);
-            cell(
-                column,
-                row,
-                &values.collect::<Vec<_>>(),
-                limit.map(|gap| (gap.worst, gap.why.as_str())),
-            )
+            let limits = Limits {
+                gap: limit.map(|gap| (gap.worst, gap.why.as_str())),
+                least_seeds: figure.least_seeds(),
+            };
+            cell(column, row, &values.collect::<Vec<_>>(), limits)
         });
         RowReport {
             quantity: row.quantity,
@@ -171,8 +173,18 @@ pub fn judge(figure: Figure, logbook: &Logbook, seeds: &[u64], gaps: &KnownGaps)
     }
 }
 
-/// Judges a number by its values; `gap` is the limit of a known gap and its reason.
-fn cell(column: Column, row: &Row, values: &[Result<f64, String>], gap: Option<(f64, &str)>) -> Cell {
+/// What a number is judged by besides its bar.
+#[derive(Clone, Copy)]
+struct Limits<'a> {
+    /// The limit of a known gap and its reason.
+    gap: Option<(f64, &'a str)>,
+    /// How many seeds the bar of a median needs.
+    least_seeds: usize,
+}
+
+/// Judges a number by its values.
+fn cell(column: Column, row: &Row, values: &[Result<f64, String>], limits: Limits<'_>) -> Cell {
+    let Limits { gap, least_seeds } = limits;
     let failure = values.iter().find_map(|value| value.as_ref().err());
     let good: Vec<f64> = values
         .iter()
@@ -185,10 +197,17 @@ fn cell(column: Column, row: &Row, values: &[Result<f64, String>], gap: Option<(
         Bar::Shown if is_whole => None,
         bar if is_whole && bar.is_reached(median, worst) => Some(Verdict::Reached),
         _ if is_whole && is_known => Some(Verdict::KnownGap),
+        // The worst of few seeds must keep its limit as the worst of many; their median need not.
+        bar if is_whole && good.len() < least_seeds && bar.is_possible(worst) => Some(Verdict::NotJudged),
         _ => Some(Verdict::Regressed),
     };
     let note = match (verdict, failure, gap) {
         (_, Some(failure), _) => failure.clone(),
+        (Some(Verdict::NotJudged), ..) => {
+            let seeds = good.len();
+            let plural = if seeds == 1 { "" } else { "s" };
+            format!("not judged: {seeds} seed{plural}, the limit of a median needs at least {least_seeds}")
+        }
         (Some(Verdict::KnownGap | Verdict::Regressed), None, Some((limit, why))) => {
             format!("{why} (no worse than {limit})")
         }
@@ -219,10 +238,31 @@ mod tests {
         }
     }
 
-    fn verdict(bar: Bar, values: &[f64], limit: Option<f64>) -> Option<Verdict> {
+    fn judged(bar: Bar, values: &[f64], limit: Option<f64>, least_seeds: usize) -> Cell {
         let values: Vec<_> = values.iter().copied().map(Ok).collect();
         let gap = limit.map(|limit| (limit, "a reason"));
-        cell(Column::Baseline, &row(bar), &values, gap).verdict
+        cell(Column::Baseline, &row(bar), &values, Limits { gap, least_seeds })
+    }
+
+    fn verdict(bar: Bar, values: &[f64], limit: Option<f64>) -> Option<Verdict> {
+        judged(bar, values, limit, 1).verdict
+    }
+
+    #[test]
+    fn a_bar_of_a_median_is_not_applied_to_few_seeds_but_the_limit_of_the_worst_is() {
+        let of_few = |values: &[f64]| judged(Bar::AtMost(1.0), values, None, 5);
+        let cell = of_few(&[1.4]);
+        assert_eq!(cell.verdict, Some(Verdict::NotJudged));
+        assert_eq!(
+            cell.note,
+            "not judged: 1 seed, the limit of a median needs at least 5"
+        );
+        assert_eq!(of_few(&[1.4, 1.2]).verdict, Some(Verdict::NotJudged));
+        assert_eq!(of_few(&[0.9, 0.8]).verdict, Some(Verdict::Reached));
+        assert_eq!(of_few(&[0.9, 1.6]).verdict, Some(Verdict::Regressed));
+        assert_eq!(of_few(&[1.1; 5]).verdict, Some(Verdict::Regressed));
+        let of_two = judged(Bar::AtLeast(6.0), &[5.0, 4.5], None, 5);
+        assert_eq!(of_two.verdict, Some(Verdict::NotJudged));
     }
 
     #[test]
@@ -245,7 +285,11 @@ mod tests {
     fn a_flight_that_came_to_nothing_regresses_whatever_the_others_did() {
         for bar in [Bar::Shown, Bar::AtMost(1.0)] {
             let values = [Ok(0.1), Err("seed 3: lost".to_owned()), Ok(0.1)];
-            let cell = cell(Column::Baseline, &row(bar), &values, Some((2.0, "a reason")));
+            let limits = Limits {
+                gap: Some((2.0, "a reason")),
+                least_seeds: 5,
+            };
+            let cell = cell(Column::Baseline, &row(bar), &values, limits);
             assert_eq!(cell.verdict, Some(Verdict::Regressed));
             assert_eq!(cell.note, "seed 3: lost");
             assert_eq!((cell.median, cell.worst), (None, None));

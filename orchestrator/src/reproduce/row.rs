@@ -7,6 +7,9 @@ use super::flight::Flown;
 /// How much worse than the bar's median the worst seed may be.
 pub const WORST_FACTOR: f64 = 1.5;
 
+/// Of fewer seeds the median says too little to be judged by its bar.
+pub const LEAST_SEEDS: usize = 5;
+
 /// A number of a figure.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
@@ -79,14 +82,25 @@ impl Bar {
         }
     }
 
+    /// Whether a single value is as good as the worst seed's must be.
+    #[must_use]
+    pub fn is_possible(self, value: f64) -> bool {
+        match self {
+            Self::Shown => true,
+            Self::AtMost(bar) => value <= WORST_FACTOR * bar,
+            Self::AtLeast(bar) => value >= bar / WORST_FACTOR,
+        }
+    }
+
     /// Whether a median and a worst value reach the bar.
     #[must_use]
     pub fn is_reached(self, median: f64, worst: f64) -> bool {
-        match self {
+        let reaches = match self {
             Self::Shown => true,
-            Self::AtMost(bar) => median <= bar && worst <= WORST_FACTOR * bar,
-            Self::AtLeast(bar) => median >= bar && worst >= bar / WORST_FACTOR,
-        }
+            Self::AtMost(bar) => median <= bar,
+            Self::AtLeast(bar) => median >= bar,
+        };
+        reaches && self.is_possible(worst)
     }
 
     /// The worst of some values; of those that are only shown, the largest.

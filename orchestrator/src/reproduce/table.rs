@@ -36,7 +36,7 @@ impl Display for Report {
         };
         writeln!(
             formatter,
-            "{seeds}, none of which was used for tuning (that were 1 to 6)"
+            "{seeds}; seeds 1 to 6 were used for tuning and are not flown here"
         )?;
         for laboratory in &self.laboratories {
             writeln!(

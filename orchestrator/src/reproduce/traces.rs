@@ -5,19 +5,17 @@ use std::ops::ControlFlow;
 
 use controller::yaw::shorter_way;
 use nalgebra::Vector3;
-use path_generator::{Curve, CurveError};
 use runtime::in_process::TickSink;
-use shared_types::Topic;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
-use shared_types::samples::VehicleTruth;
 use shared_types::scenario::Scenario;
 use shared_types::service::seconds;
+use shared_types::{Schedule, Topic};
 
-use super::latest::Latest;
+use super::latest::{Known, Latest};
 use crate::plot::COLUMNS;
 use crate::plot::downsample::Extremes;
 
-/// How many points of the way through space are kept.
+/// How many points of the trajectory are kept.
 const PLACES: u64 = 2_000;
 
 /// What is drawn over time.
@@ -77,7 +75,6 @@ impl Traces {
 
 /// Gathers the traces of a flight.
 pub struct Tracer {
-    curve: Curve,
     latest: Latest,
     /// Every how many ticks a place is kept.
     stride: u64,
@@ -87,24 +84,24 @@ pub struct Tracer {
 }
 
 impl Tracer {
-    /// For a flight of `scenario`.
-    ///
-    /// # Errors
-    /// [`CurveError`] if its path is none.
-    pub fn new(scenario: &Scenario) -> Result<Self, CurveError> {
-        Ok(Self {
-            curve: Curve::new(&scenario.path.curve)?,
-            latest: Latest::default(),
+    /// For a flight of `scenario`, whose schedule is `schedule`.
+    #[must_use]
+    pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
+        Self {
+            latest: Latest::new(schedule, scenario.flight.is_some()),
             stride: (scenario.tick_of(scenario.duration) / PLACES).max(1),
             extremes: std::array::from_fn(|_| Extremes::new(scenario.duration, COLUMNS)),
             places: Vec::new(),
             desired_places: Vec::new(),
-        })
+        }
     }
 
     /// What was gathered.
     #[must_use]
-    pub fn finish(self) -> Traces {
+    pub fn finish(mut self) -> Traces {
+        if let Some(known) = self.latest.last() {
+            self.observe(&known);
+        }
         Traces {
             channels: self.extremes.into_iter().map(Extremes::finish).collect(),
             places: self.places,
@@ -112,7 +109,12 @@ impl Tracer {
         }
     }
 
-    fn observe(&mut self, tick: u64, truth: &VehicleTruth) {
+    fn observe(&mut self, known: &Known) {
+        let Known {
+            moment,
+            truth,
+            adaptation,
+        } = known;
         let time = seconds(truth.header.stamp_ns);
         let extremes = &mut self.extremes;
         let mut add = |channel: Channel, value: f64| extremes[channel as usize].add(time, value);
@@ -126,7 +128,7 @@ impl Tracer {
         add(Channel::DisturbanceY, truth.disturbance_world[1]);
         add(Channel::Roll, roll);
         add(Channel::Yaw, yaw);
-        if let Some(adaptation) = &self.latest.adaptation {
+        if let Some(adaptation) = adaptation {
             let estimate = adaptation.disturbance_projected_world[1];
             add(Channel::DisturbanceEstimateY, estimate);
             add(Channel::MassEstimate, adaptation.mass_estimate);
@@ -136,14 +138,13 @@ impl Tracer {
                 (adaptation.observer_mass_estimate - truth.mass).abs(),
             );
         }
-        if let Some(demand) = self.latest.clock.at(truth.header.stamp_ns) {
-            let pd = self.curve.at(demand.gamma).position;
-            add(Channel::Error, (Vector3::from(truth.position_world) - pd).norm());
+        if let (Some(demand), Some(distance)) = (&moment.path, moment.distance) {
+            add(Channel::Error, distance);
             add(Channel::YawDesired, demand.yaw);
             add(Channel::YawError, shorter_way(yaw - demand.yaw));
-            if tick.is_multiple_of(self.stride) {
+            if moment.vehicle.tick.is_multiple_of(self.stride) {
                 self.places.push(truth.position_world);
-                self.desired_places.push(pd.into());
+                self.desired_places.push(demand.position_world);
             }
         }
     }
@@ -154,15 +155,14 @@ impl TickSink for Tracer {
 
     #[inline]
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
-        self.latest.observe(topic, bytes);
+        if let Some(known) = self.latest.observe(topic, bytes) {
+            self.observe(&known);
+        }
         Ok(())
     }
 
     #[inline]
-    fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        if let Some(truth) = self.latest.truth.take() {
-            self.observe(tick, &truth);
-        }
+    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
         Ok(ControlFlow::Continue(()))
     }
 }

@@ -4,12 +4,10 @@ use std::ops::RangeInclusive;
 
 use shared_types::scenario::Scenario;
 
+use crate::metrics::{self, ULTIMATE_WINDOW};
+
 /// How much of a flight's end is judged, s: what the bars speak of.
 pub const JUDGED: f64 = 20.0;
-
-/// How much of a flight's end counts as its ultimate behaviour, and how much before the first event as the
-/// behaviour until then, s.
-pub const ULTIMATE: f64 = 5.0;
 
 /// How much of a flight's end the estimates of the disturbance are averaged over, s.
 pub const AVERAGED: f64 = 10.0;
@@ -22,11 +20,11 @@ pub const YAW_SETTLES: f64 = 10.0;
 pub struct Windows {
     /// The last [`JUDGED`] seconds.
     pub judged: RangeInclusive<u64>,
-    /// The last [`ULTIMATE`] seconds.
+    /// The last [`ULTIMATE_WINDOW`] seconds.
     pub ultimate: RangeInclusive<u64>,
     /// The last [`AVERAGED`] seconds.
     pub averaged: RangeInclusive<u64>,
-    /// The [`ULTIMATE`] seconds before the vehicle first changes or a fan is switched on; none if neither happens.
+    /// The [`ULTIMATE_WINDOW`] seconds before the vehicle first changes or a fan is switched on; none if neither happens.
     pub before: Option<RangeInclusive<u64>>,
     /// From that event to the judged part.
     pub transient: Option<RangeInclusive<u64>>,
@@ -42,15 +40,13 @@ impl Windows {
         let end = scenario.duration;
         let tick = |time: f64| scenario.tick_of(time.max(0.0));
         let last = |seconds: f64| tick(end - seconds)..=tick(end);
-        let changes = scenario.vehicle.change.iter().map(|change| change.at);
-        let fan = scenario.vehicle.fan.iter().map(|fan| fan.on_at);
-        let event = changes.chain(fan).min_by(f64::total_cmp);
+        let event = metrics::changes(scenario).min_by(f64::total_cmp);
         let steps = scenario.path.yaw_step.iter().map(|step| tick(step.at));
         Self {
             judged: last(JUDGED),
-            ultimate: last(ULTIMATE),
+            ultimate: last(ULTIMATE_WINDOW),
             averaged: last(AVERAGED),
-            before: event.map(|at| tick(at - ULTIMATE)..=tick(at)),
+            before: event.map(|at| tick(at - ULTIMATE_WINDOW)..=tick(at)),
             transient: event.map(|at| tick(at)..=tick(end - JUDGED)),
             yaw_steps: std::iter::once(0).chain(steps).collect(),
             yaw_settles: tick(YAW_SETTLES),

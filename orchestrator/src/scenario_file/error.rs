@@ -1,10 +1,12 @@
 //! Why a scenario is not flown, for people with a terminal (a snippet), without one (sentences), and in logs.
 
-use std::fmt::{Display, Formatter};
+use std::fmt::{Display, Formatter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode, SourceSpan};
+use miette::{Diagnostic, LabeledSpan, SourceCode};
+
+use super::snippet::Snippet;
+use crate::terminal::printable;
 
 /// Why a scenario is not flown. Displayed as one line, or as one line a finding with `{:#}`.
 #[derive(Debug, thiserror::Error)]
@@ -34,8 +36,7 @@ pub struct Finding {
     pub(super) title: String,
     pub(super) reason: String,
     pub(super) fix: String,
-    pub(super) source_code: Arc<NamedSource<String>>,
-    pub(super) span: SourceSpan,
+    pub(super) snippet: Snippet,
 }
 
 impl ScenarioError {
@@ -55,22 +56,16 @@ impl ScenarioError {
     }
 }
 
-impl Finding {
-    /// Where it is: name of the file or argument, line, and column in characters.
-    fn place(&self) -> String {
-        let before = &self.source_code.inner()[..self.span.offset()];
-        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
-        let line = before.matches('\n').count() + 1;
-        let column = before[line_start..].chars().count() + 1;
-        format!("{}:{line}:{column}", self.source_code.name())
-    }
-}
-
 impl Display for ScenarioError {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Unreadable { path, reason, fix } => {
-                write!(formatter, "cannot read the scenario {}: {reason}", path.display())?;
+                let path = path.display().to_string();
+                write!(
+                    formatter,
+                    "cannot read the scenario {}: {reason}",
+                    printable(&path)
+                )?;
                 if formatter.alternate() {
                     write!(formatter, "; {fix}")?;
                 }
@@ -85,7 +80,10 @@ impl Display for ScenarioError {
             }
             Self::Refused { path, findings } => match findings.as_slice() {
                 [finding] => Display::fmt(finding, formatter),
-                _ => write!(formatter, "{} problems in {}", findings.len(), path.display()),
+                _ => {
+                    let path = path.display().to_string();
+                    write!(formatter, "{} problems in {}", findings.len(), printable(&path))
+                }
             },
         }
     }
@@ -95,7 +93,7 @@ impl Display for Finding {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
         if formatter.alternate() {
             let (title, reason, fix) = (&self.title, &self.reason, &self.fix);
-            write!(formatter, "{}: {title}: {reason}; {fix}", self.place())
+            write!(formatter, "{}: {title}: {reason}; {fix}", self.snippet.place())
         } else {
             formatter.write_str(&self.title)
         }
@@ -134,11 +132,16 @@ impl Diagnostic for Finding {
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        Some(&*self.source_code)
+        Some(&self.snippet)
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let label = LabeledSpan::new_with_span(Some(self.reason.clone()), self.span);
+        let mut reason = self.reason.clone();
+        if let Some(column) = self.snippet.true_column() {
+            // Writing to a string does not fail.
+            let _ = write!(reason, " (column {column} of a long line)");
+        }
+        let label = LabeledSpan::new_with_span(Some(reason), self.snippet.span());
         Some(Box::new(std::iter::once(label)))
     }
 }

@@ -144,11 +144,12 @@ fn push_property(schema: &Value, property: &Value, key: &Key, required: bool, ke
         let of_names = target["additionalProperties"].is_object();
         keys.push(KeyInfo {
             key: if of_names { key.then(ANY_NAME) } else { key.clone() },
+            // In one line: a table's row ends with it.
             description: property["description"]
                 .as_str()
                 .unwrap_or_default()
                 .trim_end_matches('.')
-                .to_owned(),
+                .replace('\n', " "),
             kind: kind(if of_names {
                 &target["additionalProperties"]
             } else {

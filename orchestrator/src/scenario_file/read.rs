@@ -9,6 +9,7 @@ use shared_types::scenario::suggest;
 
 use super::ScenarioError;
 use super::sources::Sources;
+use crate::terminal::printable;
 
 /// Longest scenario file, bytes: what is longer is some other file.
 const LONGEST_FILE: u64 = 1 << 20;
@@ -21,6 +22,13 @@ pub(super) fn text(path: &Path) -> Result<String, ScenarioError> {
             path: path.to_owned(),
             reason: format!("it is longer than {LONGEST_FILE} bytes"),
             fix: "give a scenario file; they are a few thousand bytes long".to_owned(),
+        });
+    }
+    if let Some(place) = bytes.iter().position(|&byte| byte == 0) {
+        return Err(ScenarioError::Unreadable {
+            path: path.to_owned(),
+            reason: format!("it is not text: byte {place} is 0"),
+            fix: "give a scenario file, which is text in TOML".to_owned(),
         });
     }
     String::from_utf8(bytes).map_err(|error| {
@@ -63,7 +71,8 @@ fn unreadable(path: &Path, error: &io::Error) -> ScenarioError {
     ScenarioError::Unreadable {
         path: path.to_owned(),
         reason,
-        fix,
+        // Files of a folder in which others write are named by them.
+        fix: printable(&fix).into_owned(),
     }
 }
 

@@ -4,16 +4,15 @@
 //! merged document, wherever it came from, knows its place by one span.
 
 use std::ops::Range;
-use std::sync::Arc;
-
-use miette::NamedSource;
 
 use super::Finding;
+use super::snippet::Lines;
+use crate::terminal::{printable, printable_lines};
 
-/// The texts, each with its first offset.
+/// The texts, each with its first offset and its name.
 #[derive(Debug)]
 pub(super) struct Sources {
-    texts: Vec<(usize, Arc<NamedSource<String>>)>,
+    texts: Vec<(usize, String, Lines)>,
 }
 
 impl Sources {
@@ -23,7 +22,7 @@ impl Sources {
         let texts = std::iter::once((file_name, file))
             .chain(argument_names)
             .map(|(name, text)| {
-                let source = (start, Arc::new(NamedSource::new(name, shown(text))));
+                let source = (start, printable(name).into_owned(), Lines::of(text));
                 // One more than the text, so that its end is not the next one's beginning.
                 start += text.len() + 1;
                 source
@@ -36,7 +35,7 @@ impl Sources {
     pub(super) fn arguments(&self) -> impl Iterator<Item = (usize, &str)> {
         self.texts[1..]
             .iter()
-            .map(|(start, source)| (*start, source.inner().as_str()))
+            .map(|(start, _, lines)| (*start, lines.text()))
     }
 
     /// Something that is wrong at a place.
@@ -47,33 +46,14 @@ impl Sources {
         reason: impl Into<String>,
         fix: impl Into<String>,
     ) -> Finding {
-        let text = self.texts.partition_point(|(start, _)| *start <= span.start);
-        let (start, source) = &self.texts[text.saturating_sub(1)];
+        let text = self.texts.partition_point(|(start, ..)| *start <= span.start);
+        let (start, name, lines) = &self.texts[text.saturating_sub(1)];
+        let shown = |text: String| printable_lines(&text).into_owned();
         Finding {
-            title: title.into(),
-            reason: reason.into(),
-            fix: fix.into(),
-            source_code: source.clone(),
-            span: within_line(
-                source.inner(),
-                span.start - start..span.end.saturating_sub(*start),
-            )
-            .into(),
+            title: shown(title.into()),
+            reason: shown(reason.into()),
+            fix: shown(fix.into()),
+            snippet: lines.snippet(name, span.start - start..span.end.saturating_sub(*start)),
         }
     }
-}
-
-/// A text as a snippet can show it: an empty one has no line to point at.
-fn shown(text: &str) -> String {
-    if text.is_empty() { "\n" } else { text }.to_owned()
-}
-
-/// The part of a span that lies in its first line and inside the text.
-fn within_line(text: &str, span: Range<usize>) -> Range<usize> {
-    let start = text.floor_char_boundary(span.start.min(text.len().saturating_sub(1)));
-    let line_end = text[start..]
-        .find(['\r', '\n'])
-        .map_or(text.len(), |length| start + length);
-    let end = text.ceil_char_boundary(span.end).min(line_end);
-    start..end.max(start)
 }

@@ -96,7 +96,7 @@ impl Mistake {
             Kind::UnknownKey { known } => (
                 "is unknown",
                 format!("there is no key `{name}` here"),
-                suggest::known_names(name, known),
+                place_in_enclosing_table(key).unwrap_or_else(|| suggest::known_names(name, known)),
             ),
             Kind::UnknownChoice { found, known } => (
                 "is none of the choices",
@@ -122,6 +122,20 @@ impl Mistake {
         };
         sources.finding(self.span.clone(), format!("`{key}` {verdict}"), reason, fix)
     }
+}
+
+/// Advice for an unknown key that belongs to a table around its own: in TOML a key belongs to the last header above it.
+fn place_in_enclosing_table(key: &Key) -> Option<String> {
+    let (name, table) = key.segments().split_last()?;
+    let enclosing = (0..table.len()).rev().map(|depth| &table[..depth]);
+    let owner: Key = enclosing
+        .map(|segments| segments.iter().cloned().collect::<Key>())
+        .find(|owner| keys::names_at(owner).contains(&format!("`{name}`")))?;
+    Some(if owner.segments().is_empty() {
+        format!("`{name}` belongs to no table: write it above the first `[...]` of the file")
+    } else {
+        format!("`{name}` belongs to `{owner}`: write it directly below `[{owner}]`")
+    })
 }
 
 /// The names that lead to the place of an error, with dots between them; toml tells them in its display only.

@@ -5,18 +5,17 @@
 mod record;
 mod signs;
 mod table;
-mod true_error;
 
 use serde::Serialize;
 use shared_types::scenario::Scenario;
 use shared_types::service::header_of;
 use shared_types::{Schedule, ServiceId, Topic};
 
+use crate::metrics::tracker::Moment;
 use record::FaultRecord;
 use signs::Observers;
 pub use signs::Reactions;
-pub(super) use table::fault_table;
-pub use true_error::TrueError;
+pub(super) use table::faults_in_words;
 
 /// How long before a fault the error is looked at, s: its largest value there is what the vehicle must come back to.
 pub const BEFORE: f64 = 5.0;
@@ -43,15 +42,19 @@ pub struct FaultReport {
     pub ends: Option<f64>,
     /// Its length, s; to the end of what was flown, if it had not ended by then.
     pub outage: f64,
-    /// Until when it was watched: to the begin of the next fault, or the end of what was flown, s.
+    /// Until when it was watched: to the begin of the next fault, the next change of the vehicle or the end of what was
+    /// flown, s.
     pub watched_until: f64,
     /// The first sign that a service had noticed; none if there was none.
     pub detection: Option<Detection>,
     /// What the error must come back to, m: its largest value in the [`BEFORE`] of the fault, or
-    /// [`SETTLED`](super::SETTLED) if that is larger.
+    /// [`SETTLED`](crate::metrics::SETTLED) if that is larger.
     pub bound: f64,
-    /// Largest true distance ‖p − pd‖ from its begin on, m; none if nothing is known of it.
+    /// Largest distance from the path from its begin on, m; none if nothing is known of it.
     pub peak_error: Option<f64>,
+    /// The largest that the distance was as a share of its bound, which is larger where the undisturbed flight is known to
+    /// be farther from the path.
+    pub largest_share: Option<f64>,
     /// Time from its end after which the error stayed within the bound, s; none if it did not, or if the end was
     /// not seen.
     pub back_after: Option<f64>,
@@ -103,16 +106,19 @@ impl PlannedFault {
 pub struct FaultWatch {
     records: Vec<FaultRecord>,
     observers: Observers,
-    error: TrueError,
     last_tick: Option<u64>,
 }
 
 impl FaultWatch {
-    /// For a flight with these faults, in the order of time.
+    /// For a flight with these faults, in the order of time, and these ticks at which something else changes: what comes
+    /// after is not the fault's doing.
     #[must_use]
-    pub fn new(faults: Vec<PlannedFault>, schedule: &Schedule) -> Self {
+    pub fn new(faults: Vec<PlannedFault>, changes: &[u64], schedule: &Schedule) -> Self {
         let begins: Vec<u64> = faults.iter().map(|fault| fault.from).collect();
-        let next = |from: u64| begins.iter().copied().find(|&begin| begin > from);
+        let next = |from: u64| {
+            let happenings = begins.iter().chain(changes).copied();
+            happenings.filter(|&begin| begin > from).min()
+        };
         let records = faults
             .into_iter()
             .map(|fault| {
@@ -123,7 +129,6 @@ impl FaultWatch {
         Self {
             records,
             observers: Observers::default(),
-            error: TrueError::default(),
             last_tick: None,
         }
     }
@@ -133,9 +138,6 @@ impl FaultWatch {
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let tick = header_of(bytes).tick;
         self.last_tick = self.last_tick.max(Some(tick));
-        if let Some((tick, error)) = self.error.observe(topic, bytes) {
-            self.observe_error(tick, error);
-        }
         if let Some(look) = self.observers.look(topic, bytes) {
             for record in &mut self.records {
                 record.observe_look(tick, &look);
@@ -149,22 +151,21 @@ impl FaultWatch {
         let Some(last_tick) = self.last_tick else {
             return Vec::new();
         };
-        let mut flown = self.records.clone();
-        flown.retain(|record| record.begins_by(last_tick));
-        if let Some((tick, error)) = self.error.last() {
-            flown
-                .iter_mut()
-                .for_each(|record| record.observe_error(tick, error));
-        }
+        let flown = self.records.iter();
         flown
-            .iter()
+            .filter(|record| record.begins_by(last_tick))
             .map(|record| record.finish(last_tick, schedule))
             .collect()
     }
 
-    fn observe_error(&mut self, tick: u64, error: f64) {
-        for record in &mut self.records {
-            record.observe_error(tick, error);
+    /// Takes a moment into account: how far the vehicle was from its path, and how far (m) it is near that moment without
+    /// the faults, if that is known.
+    #[inline]
+    pub fn observe_moment(&mut self, moment: &Moment, undisturbed: Option<f64>) {
+        if let Some(distance) = moment.distance {
+            for record in &mut self.records {
+                record.observe_error(moment.vehicle.tick, distance, undisturbed);
+            }
         }
     }
 }

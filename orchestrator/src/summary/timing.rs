@@ -136,6 +136,35 @@ impl Quantiles {
 }
 
 impl TimingReport {
+    /// Steps that services left out because their time had passed.
+    #[must_use]
+    pub fn steps_left_out(&self) -> u64 {
+        self.services.iter().map(|timing| timing.missed_steps).sum()
+    }
+
+    /// Inputs of the tick of a step that had not come when the grace was over.
+    #[must_use]
+    pub fn late_inputs(&self) -> u64 {
+        self.services.iter().map(|timing| timing.late_inputs).sum()
+    }
+
+    /// The longest that a step began after it could have, s.
+    #[must_use]
+    pub fn worst_wake(&self) -> Option<f64> {
+        let wakes = self.services.iter().filter_map(|timing| timing.wake.as_ref());
+        wakes.map(|wake| wake.quantiles.max).max_by(f64::total_cmp)
+    }
+
+    /// Samples of a topic that were published and not recorded.
+    #[must_use]
+    pub fn unrecorded_of(&self, topic: &str) -> u64 {
+        let of_topic = self
+            .unrecorded
+            .iter()
+            .filter(|unrecorded| unrecorded.topic == topic);
+        of_topic.map(|unrecorded| unrecorded.samples).sum()
+    }
+
     /// Steps left out and inputs late or not those due, of all services: none of them in a flight that is that of
     /// lock-step, sample by sample.
     #[must_use]
@@ -147,23 +176,27 @@ impl TimingReport {
 
 impl std::fmt::Display for TimingReport {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let mut rows = Table::new();
-        rows.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        let table = |header: &[&str]| {
+            let mut table = Table::new();
+            table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
+            table
+        };
+        let mut counts = table(&["service", "steps", "left out", "late inputs", "stale inputs"]);
+        let mut times = table(&[
             "service",
-            "steps",
-            "missed",
-            "late inputs",
-            "stale inputs",
             "began late by, µs\np50 / p99 / p99.9 / max",
-            "step, µs\np50 / p99 / max",
+            "step took, µs\np50 / p99 / max",
         ]);
         for timing in &self.services {
-            rows.add_row([
+            counts.add_row([
                 timing.service.to_owned(),
                 timing.steps.to_string(),
                 timing.missed_steps.to_string(),
                 timing.late_inputs.to_string(),
                 timing.stale_inputs.to_string(),
+            ]);
+            times.add_row([
+                timing.service.to_owned(),
                 in_words(
                     timing.wake.as_ref(),
                     &[|q| q.p50, |q| q.p99, |q| q.p999, |q| q.max],
@@ -171,22 +204,15 @@ impl std::fmt::Display for TimingReport {
                 in_words(timing.step.as_ref(), &[|q| q.p50, |q| q.p99, |q| q.max]),
             ]);
         }
-        writeln!(formatter, "{rows}")?;
+        writeln!(formatter, "{counts}\n{times}")?;
         let chain = in_words(
             self.capture_to_frame.as_ref(),
             &[|q| q.p50, |q| q.p90, |q| q.p99, |q| q.p999, |q| q.max],
         );
         write!(
             formatter,
-            "From capture to frame, µs: {chain} (p50 / p90 / p99 / p99.9 / max)."
-        )?;
-        for Unrecorded { topic, samples } in &self.unrecorded {
-            write!(
-                formatter,
-                "\nNot recorded: {samples} samples of {topic}; the log has gaps there."
-            )?;
-        }
-        Ok(())
+            "From capture to frame, µs: {chain}\n(p50 / p90 / p99 / p99.9 / max)."
+        )
     }
 }
 

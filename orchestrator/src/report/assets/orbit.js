@@ -1,7 +1,7 @@
 "use strict";
 
 /**
- * The way through space, drawn with equal axes on a canvas, that turns with the mouse.
+ * The 3D view, drawn with equal axes on a canvas, that turns with the mouse.
  *
  * The world's z points down, so up is −z. A flight is { color, shown, places: [{ time, position, desired, attitude }] },
  * all in m and rad. What is outside the view's stretch of time is drawn faintly.
@@ -118,11 +118,12 @@ class Orbit {
   drawWay({ places, color }) {
     const [from, to] = this.view;
     const colors = this.colors();
-    this.line(places.map(({ desired }) => desired), colors.faint, 1);
-    this.pen.globalAlpha = 0.25;
-    this.line(places.map(({ position }) => position), color, 1.5);
-    this.pen.globalAlpha = 1;
+    this.line(places.map(({ position }) => position), color, 1.5, 0.25);
     this.line(places.filter(({ time }) => time >= from && time <= to).map(({ position }) => position), color, 1.8);
+    // On the way that covers it where the vehicle follows well, and in a colour that no flight has.
+    this.pen.setLineDash([3, 4]);
+    this.line(places.map(({ desired }) => desired), colors.path, 1.2);
+    this.pen.setLineDash([]);
   }
 
   /** The vehicle at the moment: its arms, up, and a line to the point that it should be at. */
@@ -146,7 +147,8 @@ class Orbit {
   }
 
   /** A line through points; it breaks where one is not known. */
-  line(points, color, width) {
+  line(points, color, width, opacity = 1) {
+    this.pen.globalAlpha = opacity;
     this.pen.strokeStyle = color;
     this.pen.lineWidth = width;
     this.pen.beginPath();
@@ -161,6 +163,7 @@ class Orbit {
       }
     }
     this.pen.stroke();
+    this.pen.globalAlpha = 1;
   }
 
   dot(point, radius, color) {

@@ -167,6 +167,21 @@ function inDigits(value) {
   return String(Number(value.toPrecision(4)));
 }
 
+/** Powers of ten that are named on a logarithmic axis: more overlap where a flight has gone wrong. */
+const MOST_POWERS = 8;
+
+/** What a logarithmic axis names: powers of ten, every so manieth of many; where there is hardly one, 1, 2 and 5 of each. */
+function namesOfLogarithmic(values) {
+  const powers = values.filter(isPower).map((value) => Math.round(Math.log10(value)));
+  if (powers.length < 2) {
+    const isNamed = (value) => value !== null && isRound(value) && ["1", "2", "5"].includes(value.toExponential(0)[0]);
+    return values.map((value) => (isNamed(value) ? inDigits(value) : ""));
+  }
+  const every = Math.ceil(powers.length / MOST_POWERS);
+  return values.map((value) => (isPower(value) && Math.round(Math.log10(value)) % every === 0 ? inDigits(value) : ""));
+}
+
+const isRound = (value) => Math.abs(Number(value.toPrecision(1)) / value - 1) < 1e-9;
 const isPower = (value) => Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-9;
 
 function axes(panel) {
@@ -181,14 +196,14 @@ function axes(panel) {
     {
       ...common,
       size: 62,
-      values: (_, values) => values.map((value) => (panel.is_logarithmic && !isPower(value) ? "" : inDigits(value))),
+      values: (_, values) => (panel.is_logarithmic ? namesOfLogarithmic(values) : values.map(inDigits)),
     },
   ];
 }
 
 /** The range upwards: all that is seen, the bound with it, and never so near that rounding fills the panel. */
 function rangeUpwards(panel) {
-  const bounds = panel.has_bound ? flights.map(({ bound }) => bound) : [];
+  const bounds = panel.has_bound ? flights.map(({ bound }) => bound).filter((bound) => bound !== null) : [];
   if (panel.is_logarithmic) {
     return (_, low, high) => uPlot.rangeLog(Math.min(low ?? 1, ...bounds) * 0.7, Math.max(high ?? 1, ...bounds) * 1.3, 10, false);
   }
@@ -282,7 +297,8 @@ function drawMarks(plot, panel) {
   ctx.restore();
 }
 
-const shownBounds = () => new Set(shownFlights().map((flight) => flight.bound));
+/** The theorem's bounds, the largest first; flights of which it says nothing have none. */
+const shownBounds = () => [...new Set(shownFlights().map((flight) => flight.bound))].filter((bound) => bound !== null).sort((left, right) => right - left);
 
 function drawBounds(plot) {
   const { ctx, bbox } = plot;
@@ -294,7 +310,7 @@ function drawBounds(plot) {
   }
 }
 
-/** Names the bounds; what lies behind a name shall not hide it. */
+/** Names the bounds; what lies behind a name shall not hide it, nor may one name lie on another. */
 function nameBounds(plot, panel) {
   if (!panel.has_bound) return;
   const { ctx, bbox } = plot;
@@ -306,9 +322,12 @@ function nameBounds(plot, panel) {
   ctx.lineWidth = 4 * devicePixelRatio;
   ctx.strokeStyle = variable("--card");
   ctx.fillStyle = variable("--bound");
+  const apart = 13 * devicePixelRatio;
+  let lowest = -Infinity;
   for (const bound of shownBounds()) {
     const text = `theorem's bound ${inDigits(bound)} m`;
-    const y = plot.valToPos(bound, "y", true) - 5 * devicePixelRatio;
+    const y = Math.max(plot.valToPos(bound, "y", true) - 5 * devicePixelRatio, lowest + apart);
+    lowest = y;
     ctx.strokeText(text, right, y);
     ctx.fillText(text, right, y);
   }
@@ -495,7 +514,11 @@ function drawHead() {
   byId("description").textContent = [...new Set(flights.map((flight) => flight.description).filter(Boolean))].join(" — ");
   for (const flight of flights.filter(({ track }) => track.is_estimated)) {
     byId("banners").append(element("p", { class: "banner" },
-      `${named(flight)}the way through space is the estimator's: this flight was in a laboratory, where nobody knows the truth.`));
+      `${named(flight)}the trajectory in the 3D view is the estimator's: this flight was in a laboratory, where nobody knows the truth.`));
+  }
+  for (const flight of flights.filter(({ lost }) => lost !== null)) {
+    byId("banners").append(element("p", { class: "banner", role: "alert" },
+      `${named(flight)}the vehicle was LOST at ${label(flight.lost.time)} s: ${flight.lost.words}.`));
   }
   for (const flight of flights.filter(({ broken }) => broken !== null)) {
     byId("banners").append(element("p", { class: "banner", role: "alert" },
@@ -529,33 +552,48 @@ function tableOf(heads, rows) {
     element("tbody", {}, ...rows.map((row) => element("tr", {}, ...cells("td", row))))));
 }
 
-const VERDICTS = { within: "within the bound", near: "near the bound", exceeded: "above the bound" };
+const AGAINST_BOUND = { within: "within the bound", near: "near the bound", exceeded: "above the bound" };
 const vector = (values) => (values ? `[${values.map((value) => value.toFixed(3)).join(", ")}]` : "–");
 const number = (value, digits = 4) => (value === null || value === undefined ? "–" : value.toFixed(digits));
+const centimetres = (value) => (value === null || value === undefined ? "–" : inDigits(100 * value));
+const ofMetrics = (show) => ({ metrics }) => (metrics ? show(metrics) : "–");
 
+/** The numbers of a flight's phases, and of all of it. */
 function drawPhases(flight) {
+  const ofPhase = (show) => (stretch) => (stretch.parameters ? show(stretch) : "");
   const rows = [
-    ["peak ‖z1‖, m", ({ peak }) => number(peak)],
-    ["ultimate ‖z1‖, m", ({ ultimate }) => number(ultimate, 5)],
-    ["against the theorem", ({ verdict }) => (verdict ? element("span", { class: verdict }, VERDICTS[verdict]) : "not flown to its end")],
-    ["settled after, s", ({ settling_time: time }) => (time === null ? "not settled" : number(time, 3))],
-    ["mass, kg", ({ parameters }) => number(parameters.mass)],
-    ["mass estimated", ({ parameters }) => number(parameters.mass_estimate)],
-    ["disturbance, m/s²", ({ parameters }) => vector(parameters.disturbance)],
-    ["disturbance estimated", ({ parameters }) => vector(parameters.disturbance_estimate)],
-    ["γ at the end", ({ gamma }) => number(gamma, 3)],
-  ];
-  const heads = ["", ...flight.phases.map(({ begins, ends }) => `${label(begins)} to ${label(ends)} s`)];
+    ["distance from the path: RMSE, cm", ofMetrics(({ rmse }) => centimetres(rmse))],
+    ["standard deviation, cm", ofMetrics(({ deviation }) => centimetres(deviation))],
+    ["median, cm", ofMetrics(({ p50 }) => centimetres(p50))],
+    ["95 %, cm", ofMetrics(({ p95 }) => centimetres(p95))],
+    ["99 %, cm", ofMetrics(({ p99 }) => centimetres(p99))],
+    ["largest, cm", ofMetrics(({ max, time_of_max: time }) => `${centimetres(max)} at ${label(time)} s`)],
+    ["largest in the last 5 s, cm", ofPhase(({ ultimate, is_complete: isComplete }) => (ultimate === null ? (isComplete ? "not on the path" : "not flown to its end") : centimetres(ultimate)))],
+    ["against the theorem", ofPhase(({ against_bound: verdict }) => (verdict ? element("span", { class: verdict }, AGAINST_BOUND[verdict]) : "–"))],
+    ["below 2 cm after, s", ofMetrics(({ settling_time: time }) => (time === null ? "not settled" : number(time, 3)))],
+    ["mean thrust, N", ofMetrics(({ thrust_mean: thrust }) => number(thrust, 3))],
+    ["body rate, root mean square, rad/s", ofMetrics(({ body_rate_rms: rate }) => number(rate, 3))],
+    ["frames at a limit, %", ofMetrics(({ saturated_share: share }) => (share === null ? "–" : inDigits(100 * share)))],
+    ["mass, kg", ofPhase(({ parameters }) => number(parameters.mass))],
+    ["mass estimated", ofPhase(({ parameters }) => number(parameters.mass_estimate))],
+    ["disturbance, m/s²", ofPhase(({ parameters }) => vector(parameters.disturbance))],
+    ["disturbance estimated", ofPhase(({ parameters }) => vector(parameters.disturbance_estimate))],
+    ["γ at the end", ofPhase(({ gamma }) => number(gamma, 3))],
+  ].filter(([name]) => name !== "against the theorem" || flight.bound !== null);
+  const stretches = flight.phases.length === 1 ? flight.phases : [...flight.phases, { metrics: flight.metrics }];
+  const head = ({ begins, ends }) => (begins === undefined ? "all" : `${label(begins)} to ${label(ends)} s`);
   byId("phases").append(
     ...(isOne ? [] : [element("h3", {}, flight.label)]),
-    tableOf(heads, rows.map(([name, of]) => [name, ...flight.phases.map(of)])));
+    tableOf(["", ...stretches.map(head)], rows.map(([name, of]) => [name, ...stretches.map(of)])));
 }
 
 function drawResults() {
   flights.forEach(drawPhases);
-  const bounds = [...new Set(flights.map(({ bound }) => inDigits(bound)))].join(", ");
+  const bounds = [...new Set(flights.map(({ bound }) => bound))].filter((bound) => bound !== null).map(inDigits).join(", ");
+  const theorem = bounds === "" ? "" : ` The theorem bounds its limit for t → ∞ by ${bounds} m.`;
+  const estimated = flights.some(({ source }) => source === "estimate") ? " In a laboratory it is estimated: nobody knows the truth." : "";
   byId("phases").append(element("p", { class: "hint" },
-    `‖z1‖: distance from the path as the controller sees it. Ultimate: its largest value in the last 5 s of a phase; the theorem bounds it by ${bounds} m.`));
+    `Distance from the path: from the true position to the path's point of the same time, while the vehicle flies along its path.${estimated}${theorem}`));
 }
 
 function drawFaults() {
@@ -575,9 +613,10 @@ function drawFlown() {
     return [flight.label, flight.seed, run?.host || "–", run?.outcome || (flight.broken ? "broken off" : "–"), label(flight.flown),
       run?.wall_seconds ? number(run.wall_seconds, 2) : "–",
       flight.topics.reduce((sum, { recorded }) => sum + recorded, 0).toLocaleString("en"),
-      flight.topics.filter(({ lost }) => lost > 0).map(({ topic, lost }) => `${lost} of ${topic}`).join(", ") || "none"];
+      flight.topics.map(({ topic, not_flown, not_recorded }) => [not_flown + not_recorded, topic]).filter(([missing]) => missing > 0)
+        .map(([missing, topic]) => `${missing} of ${topic}`).join(", ") || "none"];
   });
-  byId("scenarios").append(tableOf(["flight", "seed", "host", "outcome", "flown, s", "wall time, s", "samples", "lost"], facts));
+  byId("scenarios").append(tableOf(["flight", "seed", "host", "outcome", "flown, s", "wall time, s", "samples", "missing"], facts));
   for (const flight of flights) {
     byId("scenarios").append(element("details", {},
       element("summary", {}, isOne ? "The scenario, resolved" : `The scenario of ${flight.label}, resolved`), element("pre", {}, flight.scenario)));
@@ -697,7 +736,7 @@ drawHead();
 drawChips();
 flights.forEach((flight, place) => { flight.color = colorOf(place); });
 const orbit = new Orbit(byId("orbit"), flights, () => ({
-  grid: variable("--line"), faint: variable("--faint"), ink: variable("--ink"), bound: variable("--bound"),
+  grid: variable("--line"), faint: variable("--faint"), ink: variable("--ink"), bound: variable("--bound"), path: variable("--path"),
 }));
 drawResults();
 panelsToDraw().forEach(draw);

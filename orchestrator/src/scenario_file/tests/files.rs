@@ -69,6 +69,16 @@ fn a_file_that_is_not_utf8_is_refused_at_its_first_bad_byte() {
 }
 
 #[test]
+fn a_file_of_another_kind_is_called_so_and_not_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("program.toml");
+    std::fs::write(&path, b"\x7fELF\x02\x01\x01\0\x1b[2J\xff").unwrap();
+    let shown = load_error(&path);
+    assert!(shown.contains("it is not text: byte 7 is 0"), "{shown}");
+    assert!(!shown.contains("ELF"), "{shown}");
+}
+
+#[test]
 fn a_file_longer_than_any_scenario_is_not_read_to_its_end() {
     let shown = load_error(Path::new("/dev/zero"));
     assert!(shown.contains("it is longer than 1048576 bytes"), "{shown}");

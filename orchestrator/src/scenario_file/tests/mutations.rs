@@ -128,6 +128,18 @@ proptest! {
     }
 
     #[test]
+    fn no_length_of_a_line_makes_the_loader_panic(
+        character in prop::sample::select(vec!["1", " ", "é", "\u{202e}", "\t"]),
+        length in 0..70_000_usize,
+        place in any::<prop::sample::Index>(),
+    ) {
+        let line = format!("x{}", character.repeat(length));
+        let (before, after) = line.split_at(line.floor_char_boundary(place.index(line.len())));
+        load_and_show(&format!("# {line}\nseed = '{before}' ={after}\n# {line}"), &[]);
+        load_and_show(&fig1(), &[&format!("seed='{before}' ={after}")]);
+    }
+
+    #[test]
     fn no_argument_makes_the_loader_panic(
         key in prop::sample::select(vec!["controller.k1", "vehicle.change.0.at", "vehicle.inertia", "path.curve", "duration", "seed"]),
         mutations in prop::collection::vec(mutation(), 1..4),

@@ -52,6 +52,24 @@ fn a_misspelt_key_is_refused_with_the_nearest_and_all_known_ones() {
 }
 
 #[test]
+fn a_key_below_the_header_of_another_table_is_refused_with_its_own_place() {
+    let cases = [
+        (
+            "lambda_mass = 0.3",
+            "`lambda_mass` belongs to `controller`: write it directly below `[controller]`",
+        ),
+        (
+            "seed = 7",
+            "`seed` belongs to no table: write it above the first `[...]` of the file",
+        ),
+    ];
+    for (late, fix) in cases {
+        let below = format!("{}\n{late}\n", fig1());
+        refused_on_line(&below, below.lines().count(), &[" is unknown", fix]);
+    }
+}
+
+#[test]
 fn a_misspelt_table_is_refused_with_the_nearest() {
     let text = with(&fig1(), "[controller.bounds]", "[controler.bounds]");
     refused_on_line(
@@ -236,4 +254,54 @@ fn a_text_of_nothing_but_unknown_keys_is_not_read_to_its_end() {
     let text: String = (0..10_000).map(|index| format!("key{index} = 1\n")).collect();
     let shown = refusal(&text, &[]);
     assert!(shown.contains("20 problems in flight.toml"), "{shown}");
+}
+
+/// What a terminal shows of the error of a text.
+fn drawn(text: &str) -> String {
+    let error = load_text(text, &[]).expect_err("the scenario is wrong");
+    let mut shown = String::new();
+    miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
+        .render_report(&mut shown, &error)
+        .expect("the labels lie inside the source");
+    shown
+}
+
+#[test]
+fn of_a_long_line_the_part_around_the_place_is_shown() {
+    let digits = "1".repeat(70_000);
+    let text = format!("# before\nseed = \"{digits}\" nonsense\n# {digits}\n");
+    let shown = drawn(&text);
+    assert!(shown.len() < 4000, "{} bytes", shown.len());
+    assert!(
+        shown.contains("nonsense") && shown.contains("# before"),
+        "{shown}"
+    );
+    assert!(shown.contains("[flight.toml:2:70011]"), "{shown}");
+    let narrated = refusal(&text, &[]);
+    assert!(narrated.contains("column 70011 of a long line"), "{narrated}");
+    let sentence = format!("{:#}", load_text(&text, &[]).unwrap_err());
+    assert!(sentence.starts_with("flight.toml:2:70011: "), "{sentence}");
+}
+
+#[test]
+fn control_characters_of_a_file_do_not_reach_the_terminal() {
+    for hostile in ["\x1b[2J", "\x1b]0;owned\x07", "\u{9b}31m", "\u{202e}", "a\rb"] {
+        let text = format!("# {hostile}\nduration = 1.0 {hostile}\n\"key {hostile}\" = 1\n");
+        for shown in [
+            drawn(&text),
+            refusal(&text, &[]),
+            format!("{:#}", load_text(&text, &[]).unwrap_err()),
+        ] {
+            let kept = |character: &char| matches!(character, '\n');
+            let all = shown.chars().filter(|character| !kept(character));
+            let visible = crate::terminal::printable(&all.collect::<String>()).into_owned();
+            assert!(!visible.contains("\\u"), "{visible}");
+        }
+    }
+}
+
+#[test]
+fn a_key_with_control_characters_is_told_with_their_numbers() {
+    let shown = refusal("\"\\u001b[2J\" = 1\n", &[]);
+    assert!(!shown.contains('\x1b') && shown.contains("u001b[2J"), "{shown}");
 }

@@ -5,7 +5,7 @@ use shared_types::service::{nanoseconds, seconds};
 
 use super::signs::{Look, Tally};
 use super::{BEFORE, Detection, FaultReport, PlannedFault};
-use crate::summary::SETTLED;
+use crate::metrics::SETTLED;
 
 /// What is kept of a fault.
 #[derive(Clone, Debug)]
@@ -19,6 +19,8 @@ pub(super) struct FaultRecord {
     detection: Option<Detection>,
     largest_before: f64,
     peak: Option<f64>,
+    /// Largest distance as a share of what it must come back to.
+    largest_share: f64,
     /// Tick from which the error has been within the bound, the fault being over.
     inside_since: Option<u64>,
     tally: Tally,
@@ -34,6 +36,7 @@ impl FaultRecord {
             detection: None,
             largest_before: 0.0,
             peak: None,
+            largest_share: 0.0,
             inside_since: None,
             tally: Tally::default(),
             fault,
@@ -44,9 +47,10 @@ impl FaultRecord {
         self.fault.from <= tick
     }
 
-    /// Takes ‖p − pd‖ (m) at a tick into account.
+    /// Takes the distance from the path (m) at a tick into account, and what it comes to there without the fault, if that
+    /// is known.
     #[inline]
-    pub(super) fn observe_error(&mut self, tick: u64, error: f64) {
+    pub(super) fn observe_error(&mut self, tick: u64, error: f64, undisturbed: Option<f64>) {
         if tick < self.fault.from {
             if tick >= self.before_tick {
                 self.largest_before = self.largest_before.max(error);
@@ -54,7 +58,9 @@ impl FaultRecord {
         } else if tick < self.watched_until {
             self.peak = Some(self.peak.unwrap_or(0.0).max(error));
             let is_over = self.fault.until.is_some_and(|until| tick >= until);
-            let is_inside = is_over && error <= self.bound();
+            let bound = self.bound().max(undisturbed.unwrap_or(0.0));
+            self.largest_share = self.largest_share.max(error / bound);
+            let is_inside = is_over && error <= bound;
             self.inside_since = is_inside.then(|| self.inside_since.unwrap_or(tick));
         }
     }
@@ -84,6 +90,7 @@ impl FaultRecord {
             detection: self.detection,
             bound: self.bound(),
             peak_error: self.peak,
+            largest_share: self.peak.map(|_| self.largest_share),
             back_after: self
                 .inside_since
                 .zip(*until)

@@ -4,7 +4,7 @@ use serde::Serialize;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState};
 use shared_types::{Schedule, ServiceId, Topic};
 
-use crate::summary::read;
+use crate::metrics::read;
 
 /// What a service may be doing about something that is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,53 +1,39 @@
 //! Planned faults as people read of them.
 
-use comfy_table::{ContentArrangement, Table, presets};
-
 use super::FaultReport;
+use crate::summary::table::{length, wrapped};
 
-/// Width of the column in which the services' doings are told, characters: the table shall fit a wide terminal.
-const TOLD: u16 = 44;
-
-/// What the faults did, one line each.
-pub(in crate::summary) fn fault_table(faults: &[FaultReport]) -> Table {
-    let mut table = Table::new();
-    table.load_style(presets::UTF8_FULL_CONDENSED);
-    table.set_content_arrangement(ContentArrangement::Dynamic);
-    table.set_width(160);
-    table.set_header([
-        "fault",
-        "from, s",
-        "for, s",
-        "noticed after, s",
-        "peak ‖p − pd‖, m",
-        "back after, s",
-        "what the services did",
-    ]);
-    for fault in faults {
-        table.add_row(row(fault));
-    }
-    if let Some(column) = table.column_mut(6) {
-        column.set_constraint(comfy_table::ColumnConstraint::UpperBoundary(
-            comfy_table::Width::Fixed(TOLD),
-        ));
-    }
-    table
+/// What the faults did, some lines each.
+pub(in crate::summary) fn faults_in_words(faults: &[FaultReport]) -> String {
+    faults.iter().map(in_words).collect()
 }
 
-fn row(fault: &FaultReport) -> [String; 7] {
-    let none = || "–".to_owned();
-    [
-        fault.fault.replace('`', ""),
-        format!("{}", fault.begins),
-        format!("{}", fault.outage),
-        fault.detection.map_or_else(none, |detection| {
-            format!("{}\n{} {}", detection.after, detection.by, detection.sign)
-        }),
-        fault.peak_error.map_or_else(none, |peak| format!("{peak:.4}")),
-        match fault.back_after {
-            Some(after) => format!("{after:.3}"),
-            None if fault.is_over() => "not back".to_owned(),
-            None => none(),
-        },
-        fault.others.clone(),
-    ]
+fn in_words(fault: &FaultReport) -> String {
+    let lasts = match fault.ends {
+        Some(_) => format!("for {} s", fault.outage),
+        None => "for good".to_owned(),
+    };
+    let title = format!(
+        "from {} s {lasts}: {}",
+        fault.begins,
+        fault.fault.replace('`', "")
+    );
+    let noticed = fault.detection.map_or_else(
+        || "by nobody".to_owned(),
+        |detection| format!("after {} s: {} {}", detection.after, detection.by, detection.sign),
+    );
+    let distance = fault.peak_error.map_or_else(|| "not known".to_owned(), length);
+    let back = match fault.back_after {
+        Some(after) => format!("after {after:.3} s"),
+        None if fault.is_over() => "not back".to_owned(),
+        None => "–".to_owned(),
+    };
+    let lines = [
+        title,
+        format!("  noticed           {noticed}"),
+        format!("  largest distance  {distance}"),
+        format!("  back              {back}"),
+        format!("  what the services did: {}", fault.others),
+    ];
+    lines.map(|line| wrapped(&line) + "\n").concat()
 }

@@ -5,6 +5,7 @@ use zerocopy::{FromZeros, IntoBytes};
 
 use super::*;
 use crate::log::test_flight::scenario;
+use crate::metrics::tracker::Tracker;
 
 /// 20 s at 10 ms.
 fn schedule() -> Schedule {
@@ -31,8 +32,26 @@ struct Tick {
 
 /// The reports on a flight whose ticks are in order but for what `change` makes of them.
 fn reports(faults: &[PlannedFault], last_tick: u64, change: impl Fn(u64, &mut Tick)) -> Vec<FaultReport> {
+    reports_beside(faults, &[], last_tick, |_| None, change)
+}
+
+/// The same of a flight that something else changes at some ticks, beside an undisturbed one with these distances (m).
+fn reports_beside(
+    faults: &[PlannedFault],
+    changes: &[u64],
+    last_tick: u64,
+    undisturbed: impl Fn(u64) -> Option<f64>,
+    change: impl Fn(u64, &mut Tick),
+) -> Vec<FaultReport> {
     let schedule = schedule();
-    let mut watch = FaultWatch::new(faults.to_vec(), &schedule);
+    let mut watch = FaultWatch::new(faults.to_vec(), changes, &schedule);
+    let mut tracker = Tracker::new(&schedule, false);
+    let observe = |watch: &mut FaultWatch, tracker: &mut Tracker, topic: Topic, bytes: &[u8]| {
+        if let Some(moment) = tracker.observe(topic, bytes) {
+            watch.observe_moment(&moment, undisturbed(moment.vehicle.tick));
+        }
+        watch.observe(topic, bytes);
+    };
     for tick in 0..=last_tick {
         let mut all = Tick {
             error: 0.01,
@@ -53,19 +72,37 @@ fn reports(faults: &[PlannedFault], last_tick: u64, change: impl Fn(u64, &mut Ti
         let mut truth = VehicleTruth::new_zeroed();
         truth.header = header(Topic::VehicleTruth);
         truth.position_world = [1.0, 2.0 + all.error, 3.0];
-        watch.observe(Topic::VehicleTruth, truth.as_bytes());
+        observe(&mut watch, &mut tracker, Topic::VehicleTruth, truth.as_bytes());
         all.state.header = header(Topic::VehicleState);
-        watch.observe(Topic::VehicleState, all.state.as_bytes());
+        observe(
+            &mut watch,
+            &mut tracker,
+            Topic::VehicleState,
+            all.state.as_bytes(),
+        );
         if !all.without_path {
             all.reference.header = header(Topic::PathReference);
             all.reference.reference_time_ns = all.reference.header.stamp_ns;
             all.reference.position_world = [1.0, 2.0, 3.0];
-            watch.observe(Topic::PathReference, all.reference.as_bytes());
+            observe(
+                &mut watch,
+                &mut tracker,
+                Topic::PathReference,
+                all.reference.as_bytes(),
+            );
         }
         all.adaptation.header = header(Topic::ControlAdaptation);
-        watch.observe(Topic::ControlAdaptation, all.adaptation.as_bytes());
+        observe(
+            &mut watch,
+            &mut tracker,
+            Topic::ControlAdaptation,
+            all.adaptation.as_bytes(),
+        );
         all.frame.header = header(Topic::RcFrame);
-        watch.observe(Topic::RcFrame, all.frame.as_bytes());
+        observe(&mut watch, &mut tracker, Topic::RcFrame, all.frame.as_bytes());
+    }
+    if let Some(moment) = tracker.last() {
+        watch.observe_moment(&moment, undisturbed(moment.vehicle.tick));
     }
     watch.finish(&schedule)
 }
@@ -243,6 +280,39 @@ fn a_fault_is_watched_until_the_next_begins() {
         assert_close(report.peak_error, 0.3);
         assert_eq!(report.watched_until, 15.0);
     }
+}
+
+#[test]
+fn what_comes_after_a_change_of_the_vehicle_is_not_the_fault_s_doing() {
+    let error = |tick: u64, all: &mut Tick| all.error = if tick < 1500 { 0.01 } else { 0.4 };
+    let watched = reports_beside(&[fault(1000, Some(1010))], &[500, 1500], 2000, |_| None, error);
+    assert_eq!(watched[0].watched_until, 15.0);
+    assert_close(watched[0].peak_error, 0.01);
+    assert_close(watched[0].back_after, 0.0);
+}
+
+#[test]
+fn a_fault_is_judged_beside_the_undisturbed_flight_where_that_is_known() {
+    let report = |undisturbed: Option<f64>| {
+        let error = |tick: u64, all: &mut Tick| {
+            all.error = if (1200..1300).contains(&tick) { 0.3 } else { 0.01 };
+        };
+        let near = |tick: u64| {
+            if (1150..1350).contains(&tick) {
+                undisturbed
+            } else {
+                None
+            }
+        };
+        reports_beside(&[fault(1000, Some(1010))], &[], 2000, near, error).remove(0)
+    };
+    let alone = report(None);
+    assert_close(alone.largest_share, 15.0);
+    assert_close(alone.back_after, 2.9);
+    let beside = report(Some(0.4));
+    assert_close(beside.largest_share, 0.75);
+    assert_close(beside.back_after, 0.0);
+    assert_close(beside.peak_error, 0.3);
 }
 
 #[test]

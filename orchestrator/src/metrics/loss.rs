@@ -1,0 +1,247 @@
+//! Whether the vehicle was lost: the same rules for every flight, in every host and for every controller.
+//!
+//! A vehicle is lost when it is too far from its path, has tipped over, or touches the ground in flight or too hard. The first
+//! of them counts, and a vehicle that comes back afterwards stays lost. The limits are the scenario's `[judge]`;
+//! docs/metrics.md says when they apply.
+
+use std::fmt::{Display, Formatter, Result};
+
+use serde::Serialize;
+use shared_types::FlightPhase;
+use shared_types::scenario::{Judge, Scenario, Vector};
+use shared_types::service::seconds;
+
+use super::tracker::{Moment, Source, Vehicle};
+
+/// Height above the ground that a vehicle must have had for a touch to count, m: rounding and a bounce at lift-off do not.
+const LIFTED: f64 = 0.05;
+
+/// Share of `judge.distance_max` within which a vehicle that started farther away has arrived. Less than all of it, so that
+/// one which oscillates on its way in is not lost at the border.
+const ARRIVED: f64 = 0.5;
+
+/// The share within which it may not tip over any more.
+const NEAR: f64 = 0.1;
+
+/// Height below which a vehicle touches the ground, m.
+const TOUCHES: f64 = 1e-6;
+
+/// Why a vehicle is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// It was too far from the path.
+    LeftPath,
+    /// Its thrust pointed too far from the vertical.
+    TippedOver,
+    /// It touched the ground while it should have flown, or too hard.
+    HitGround,
+    /// A number was not finite: where it was, or something that a service computed.
+    NotFinite,
+}
+
+/// How a vehicle was lost.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Loss {
+    /// Why.
+    pub reason: Reason,
+    /// When, s since the start of the flight.
+    pub time: f64,
+    /// Distance from the path, m; angle against the vertical, rad; speed at the touch, m/s. None of numbers that are not finite.
+    pub value: Option<f64>,
+    /// What it exceeded, in the same unit; none where any value is too large.
+    pub limit: Option<f64>,
+    /// Who told where the vehicle was.
+    pub source: Source,
+}
+
+/// Watches for the loss of the vehicle.
+#[derive(Clone, Debug)]
+pub struct LossWatch {
+    limits: Judge,
+    /// Cosine of the largest tilt.
+    least_upright: f64,
+    source: Source,
+    ground: Option<Ground>,
+    /// Distance from the path when it first was known, m.
+    distance_at_start: Option<f64>,
+    has_arrived: bool,
+    /// Whether it has been upright and near its path. Sound flights that start far away or upside down tip over on their way.
+    has_settled: bool,
+    loss: Option<Loss>,
+}
+
+/// The ground of a flight with phases.
+#[derive(Clone, Debug)]
+struct Ground {
+    /// z of the standing vehicle in {I}, m.
+    height: f64,
+    /// Speed above which a touch is too hard, m/s.
+    speed_max: f64,
+    has_lifted: bool,
+    /// Speed downwards at the moment before, m/s.
+    sinking: f64,
+}
+
+impl LossWatch {
+    /// For a flight of `scenario` of which `source` tells where the vehicle is.
+    #[must_use]
+    pub fn new(scenario: &Scenario, source: Source) -> Self {
+        let limits = scenario.limits_of_loss();
+        let ground = scenario.flight.as_ref().map(|flight| Ground {
+            height: scenario.vehicle.initial.position[2],
+            speed_max: limits.impact_speed_max(flight),
+            has_lifted: false,
+            sinking: 0.0,
+        });
+        Self {
+            limits,
+            least_upright: libm::cos(limits.tilt_max),
+            source,
+            // In a laboratory nobody knows where the ground is to within the estimate's errors.
+            ground: ground.filter(|_| source == Source::Truth),
+            distance_at_start: None,
+            has_arrived: false,
+            has_settled: false,
+            loss: None,
+        }
+    }
+
+    /// How the vehicle was lost, if it was.
+    #[must_use]
+    pub fn loss(&self) -> Option<&Loss> {
+        self.loss.as_ref()
+    }
+
+    /// Takes a moment into account; they come in the order of time.
+    #[inline]
+    pub fn observe(&mut self, moment: &Moment) {
+        let found = self
+            .not_finite(&moment.vehicle)
+            .or(self.left_path(moment))
+            .or(self.tipped_over(moment))
+            .or(self.hit_ground(moment));
+        if let (None, Some((reason, value, limit))) = (&self.loss, found) {
+            self.loss = Some(Loss {
+                reason,
+                time: seconds(moment.vehicle.time_ns),
+                value,
+                limit,
+                source: self.source,
+            });
+        }
+    }
+
+    #[inline]
+    fn not_finite(&self, vehicle: &Vehicle) -> Option<Found> {
+        let is_finite = vehicle.position_world.iter().all(|number| number.is_finite())
+            && vehicle.world_from_body[8].is_finite();
+        (!is_finite).then_some((Reason::NotFinite, None, None))
+    }
+
+    #[inline]
+    fn left_path(&mut self, moment: &Moment) -> Option<Found> {
+        let distance = moment.distance?;
+        let start = *self.distance_at_start.get_or_insert(distance);
+        let stated = self.limits.distance_max;
+        self.has_arrived |= distance <= ARRIVED * stated;
+        let limit = if self.has_arrived {
+            stated
+        } else {
+            stated.max(2.0 * start)
+        };
+        (distance > limit).then_some((Reason::LeftPath, Some(distance), Some(limit)))
+    }
+
+    #[inline]
+    fn tipped_over(&mut self, moment: &Moment) -> Option<Found> {
+        // The last of R: cosine of the angle between the body's axis and the vertical.
+        let upright = moment.vehicle.world_from_body[8].clamp(-1.0, 1.0);
+        let is_upright = upright >= self.least_upright;
+        let near = NEAR * self.limits.distance_max;
+        self.has_settled |= is_upright && moment.distance.is_some_and(|distance| distance <= near);
+        let has_tipped = self.has_settled && !is_upright;
+        has_tipped.then(|| {
+            let tilt = libm::acos(upright);
+            (Reason::TippedOver, Some(tilt), Some(self.limits.tilt_max))
+        })
+    }
+
+    #[inline]
+    fn hit_ground(&mut self, moment: &Moment) -> Option<Found> {
+        let ground = self.ground.as_mut()?;
+        let height = ground.height - moment.vehicle.position_world[2];
+        let sinking = std::mem::replace(&mut ground.sinking, speed_downwards(&moment.vehicle));
+        ground.has_lifted |= height > LIFTED;
+        if height > TOUCHES || !std::mem::replace(&mut ground.has_lifted, false) {
+            return None;
+        }
+        if moment.path.is_some_and(|path| path.phase == FlightPhase::Fly) {
+            return Some((Reason::HitGround, Some(sinking), None));
+        }
+        let limit = ground.speed_max;
+        (sinking > limit).then_some((Reason::HitGround, Some(sinking), Some(limit)))
+    }
+}
+
+impl Loss {
+    /// A service computed a number that is not finite at this time, s.
+    #[must_use]
+    pub fn not_finite(time: f64, source: Source) -> Self {
+        Self {
+            reason: Reason::NotFinite,
+            time,
+            value: None,
+            limit: None,
+            source,
+        }
+    }
+}
+
+/// What was found: reason, value and limit.
+type Found = (Reason, Option<f64>, Option<f64>);
+
+fn speed_downwards(vehicle: &Vehicle) -> f64 {
+    let r: [f64; 9] = vehicle.world_from_body;
+    let [x, y, z]: Vector = vehicle.velocity_body;
+    r[6] * x + r[7] * y + r[8] * z
+}
+
+impl Display for Loss {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        let value = self.value.unwrap_or(f64::NAN);
+        let estimated = match self.source {
+            Source::Truth => "",
+            Source::Estimate => ", as estimated",
+        };
+        match (self.reason, self.limit) {
+            (Reason::LeftPath, limit) => {
+                let limit = limit.unwrap_or(f64::NAN);
+                write!(
+                    formatter,
+                    "{value:.2} m from the path, more than {limit:.2} m{estimated}"
+                )
+            }
+            (Reason::TippedOver, limit) => {
+                let [tilt, limit] = [value, limit.unwrap_or(f64::NAN)].map(f64::to_degrees);
+                write!(
+                    formatter,
+                    "tipped over by {tilt:.0}°, more than {limit:.0}°{estimated}"
+                )
+            }
+            (Reason::HitGround, Some(limit)) => {
+                write!(
+                    formatter,
+                    "hit the ground at {value:.2} m/s, faster than {limit:.2} m/s"
+                )
+            }
+            (Reason::HitGround, None) => {
+                write!(formatter, "touched the ground in flight, at {value:.2} m/s")
+            }
+            (Reason::NotFinite, _) => write!(formatter, "a number was not finite"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
