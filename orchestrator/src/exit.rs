@@ -23,15 +23,23 @@ pub enum Exit {
     Refused,
     /// What came of a log's steps in a replay is not what was recorded, or not all could be compared; or two logs differ.
     Diverged,
+    /// The flight was flown to its end, and the vehicle was lost.
+    Lost,
     /// A signal ended the run in good order.
     Signal(i32),
 }
 
 impl Exit {
+    /// Whether a flight of another process has come to its planned end, as its exit code tells, with the vehicle or without.
+    #[must_use]
+    pub fn is_flown(code: Option<i32>) -> bool {
+        matches!(code, Some(0 | 9))
+    }
+
     /// What `gerono help` says about exit codes.
     pub const HELP: &str = "Exit codes: 0 done; 1 trouble with the machine, or a log that is not whole (`gerono recover`); 2 wrong command line or scenario, nothing was \
-        started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 6 the machine is not fit for the flight (`gerono doctor`); 7 a live run refused what it was asked for; 8 a replay or two logs are not identical; 130 or 143 ended by \
-        Ctrl-C or SIGTERM, the log complete up to there.";
+        started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 6 the machine is not fit for the flight (`gerono doctor`); 7 a live run refused what it was asked for; 8 a replay or two logs are not identical; 9 the vehicle was lost; 129, 130 or 143 ended by \
+        the end of the terminal, Ctrl-C or SIGTERM, the log complete up to there.";
 }
 
 impl From<Exit> for ExitCode {
@@ -46,6 +54,7 @@ impl From<Exit> for ExitCode {
             Exit::Unfit => 6,
             Exit::Refused => 7,
             Exit::Diverged => 8,
+            Exit::Lost => 9,
             // As shells report it.
             Exit::Signal(number) => u8::try_from(128 + number).unwrap_or(u8::MAX),
         })

@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM end a run in good order: the log is closed, nothing is left behind.
+//! Ctrl-C, SIGTERM and the end of the terminal (SIGHUP) end a run in good order: the log is closed, nothing is left behind.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -10,13 +10,15 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
 pub struct Interrupt(Arc<AtomicUsize>);
 
 impl Interrupt {
-    /// Listens to SIGINT and SIGTERM from now on. A file that grows beyond its limit (SIGXFSZ) no longer ends
-    /// the process: the write fails, as on a full disk, and is dealt with there.
+    /// Listens to SIGINT, SIGTERM and, unless `nohup` or its like ignores it, SIGHUP from now on. A file that grows
+    /// beyond its limit (SIGXFSZ) no longer ends the process: the write fails, as on a full disk, and is handled there.
     ///
     /// # Errors
     /// If the system does not permit it.
     pub fn install() -> std::io::Result<Self> {
-        let interrupt = Self::listen_to(&[SIGINT, SIGTERM])?;
+        let hang_up = (!is_ignored(SIGHUP)).then_some(SIGHUP);
+        let numbers: Vec<i32> = [SIGINT, SIGTERM].into_iter().chain(hang_up).collect();
+        let interrupt = Self::listen_to(&numbers)?;
         signal_hook::flag::register_usize(SIGXFSZ, Arc::default(), 1)?;
         Ok(interrupt)
     }
@@ -59,5 +61,27 @@ impl Interrupt {
             0 => None,
             number => i32::try_from(number).ok(),
         }
+    }
+}
+
+/// Whether this process has been started with a signal ignored.
+fn is_ignored(number: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mut masks = status.lines().filter_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = masks
+        .next()
+        .and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (number - 1) & 1 == 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_system_ignores_for_this_process_is_known() {
+        // Rust's runtime ignores SIGPIPE before `main`.
+        assert!(is_ignored(signal_hook::consts::SIGPIPE));
+        assert!(!is_ignored(SIGTERM));
     }
 }

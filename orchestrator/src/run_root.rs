@@ -3,19 +3,24 @@
 //! Two runs on one host never see each other. Whoever makes a place holds a lock on it for as long as it
 //! lives; a place whose lock is free belongs to a dead run and is swept by the next one that starts.
 
+mod base;
+
 use std::cell::Cell;
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Read};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use runtime::shared_memory;
 use rustix::fs::{FlockOperation, flock};
 
+use self::base::{Base, State};
 use crate::log::partial_path;
 
-/// Names a user's folder for what lives no longer than the machine runs, by the XDG Base Directory Specification.
-const RUNTIME_FOLDER: &str = "XDG_RUNTIME_DIR";
+/// How long is waited for another process that makes or sweeps places; it takes milliseconds.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A live run's place; removed, with all its shared memory, when dropped.
 #[derive(Debug)]
@@ -31,20 +36,17 @@ impl RunRoot {
     /// Makes a place for a run, after sweeping those of dead runs.
     ///
     /// # Errors
-    /// If the folder for what lives no longer than the machine runs cannot be written.
+    /// If the folder for what lives no longer than the machine runs cannot be written or trusted.
     pub fn create() -> io::Result<Self> {
-        let base = base_folder();
-        let _door = close_door(&base)?;
+        let base = Base::open()?;
+        let _door = base.close_door(PATIENCE)?;
         sweep(&base)?;
 
         let id = unused_id(&base);
-        let folder = base.join(&id);
-        fs::create_dir(&folder)?;
-        let lock = File::create(lock_path(&folder))?;
-        flock(&lock, FlockOperation::NonBlockingLockExclusive)?;
+        let lock = base.make_place(&id)?;
         let root = Self {
-            prefix: prefix_of(&id),
-            folder,
+            prefix: unguessable_prefix(&id)?,
+            folder: base.path().join(&id),
             lock,
             is_mine: Cell::new(true),
         };
@@ -58,7 +60,7 @@ impl RunRoot {
     pub fn adopt(folder: &Path, lock: OwnedFd) -> Self {
         let id = folder.file_name().unwrap_or_default();
         Self {
-            prefix: prefix_of(&id.to_string_lossy()),
+            prefix: common_prefix(&id.to_string_lossy()),
             folder: folder.to_owned(),
             lock: lock.into(),
             is_mine: Cell::new(false),
@@ -80,6 +82,13 @@ impl RunRoot {
     #[must_use]
     pub fn lock(&self) -> BorrowedFd<'_> {
         self.lock.as_fd()
+    }
+
+    /// The run's name, by which operators mean it.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let name = self.folder.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
     }
 
     /// The folder of the run's bookkeeping.
@@ -139,10 +148,11 @@ pub struct Swept {
 /// Removes what dead runs have left behind and leaves live ones alone.
 ///
 /// # Errors
-/// If the folder for what lives no longer than the machine runs cannot be written, or something in it cannot be removed.
+/// If the folder for what lives no longer than the machine runs cannot be written or trusted, or something in it cannot
+/// be removed.
 pub fn clean() -> io::Result<Swept> {
-    let base = base_folder();
-    let _door = close_door(&base)?;
+    let base = Base::open()?;
+    let _door = base.close_door(PATIENCE)?;
     sweep(&base)
 }
 
@@ -155,62 +165,58 @@ pub struct Found {
     pub live: Vec<PathBuf>,
 }
 
-/// Looks for the places of this user's runs and leaves all of them as they are.
+/// Looks for the places of this user's runs and leaves all of them as they are. Waits for nobody.
 ///
 /// # Errors
-/// If the folder for what lives no longer than the machine runs cannot be written.
+/// If the folder for what lives no longer than the machine runs cannot be read or trusted.
 pub fn find() -> io::Result<Found> {
-    let base = base_folder();
-    let _door = close_door(&base)?;
-    look(&base)
-}
-
-/// Held while places come and go, so that nobody sweeps one that is just being made.
-fn close_door(base: &Path) -> io::Result<File> {
-    fs::create_dir_all(base)?;
-    let door = File::create(base.join("door"))?;
-    flock(&door, FlockOperation::LockExclusive)?;
-    Ok(door)
-}
-
-/// Where the places of all of this user's runs are: in memory, because the bookkeeping is written to disk before
-/// anybody goes on, which would make every birth of a process wait for the disk.
-fn base_folder() -> PathBuf {
-    let in_memory = || {
-        let shared_memory = PathBuf::from(shared_memory::FOLDER);
-        shared_memory.is_dir().then_some(shared_memory)
+    let Some(base) = Base::open_existing()? else {
+        return Ok(Found::default());
     };
-    let of_this_user = std::env::var_os(RUNTIME_FOLDER).filter(|folder| !folder.is_empty());
-    of_this_user
-        .map(PathBuf::from)
-        .or_else(in_memory)
-        .unwrap_or_else(std::env::temp_dir)
-        .join(format!("gerono-{}", rustix::process::getuid().as_raw()))
+    // Of an unfinished place nobody can say more while places are being made.
+    let is_in_use = base.is_in_use();
+    look(&base, |state| state == State::Unfinished && is_in_use)
 }
 
-fn lock_path(folder: &Path) -> PathBuf {
-    folder.join("lock")
-}
-
-fn prefix_of(id: &str) -> String {
+/// What the names of all shared memory of a run begin with that has this id.
+fn common_prefix(id: &str) -> String {
     format!("gerono_{id}_")
 }
 
+/// What the names of a new run's shared memory begin with. Nobody can make memory of such a name before the run does:
+/// /dev/shm is open to all.
+///
+/// What is random is drawn once: iceoryx2 has one configuration for a whole process, which flies its runs one after another
+/// under the same names.
+fn unguessable_prefix(id: &str) -> io::Result<String> {
+    static DRAWN: Mutex<Option<u32>> = Mutex::new(None);
+    let mut drawn = DRAWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let random = match *drawn {
+        Some(random) => random,
+        None => {
+            let mut bytes = [0; 4];
+            File::open("/dev/urandom")?.read_exact(&mut bytes)?;
+            *drawn.insert(u32::from_ne_bytes(bytes))
+        }
+    };
+    Ok(format!("{}{random:08x}_", common_prefix(id)))
+}
+
 /// An id that no place of this base has, short enough for the names of shared memory.
-fn unused_id(base: &Path) -> String {
+fn unused_id(base: &Base) -> String {
     let process = std::process::id();
     (0u32..)
         .map(|number| format!("{process}-{number}"))
-        .find(|id| !base.join(id).exists() && shared_memory::of(&prefix_of(id)).is_empty())
+        .find(|id| !base.has(id) && shared_memory::of(&common_prefix(id)).is_empty())
         .expect("some number is free")
 }
 
-/// Removes the places of dead runs.
-fn sweep(base: &Path) -> io::Result<Swept> {
-    let found = look(base)?;
+/// Removes the places of dead runs, behind the closed door.
+fn sweep(base: &Base) -> io::Result<Swept> {
+    let found = look(base, |_| false)?;
     for folder in &found.dead {
         let id = folder.file_name().unwrap_or_default();
-        remove(folder, &prefix_of(&id.to_string_lossy()))?;
+        remove(folder, &common_prefix(&id.to_string_lossy()))?;
     }
     Ok(Swept {
         removed: found.dead,
@@ -218,22 +224,16 @@ fn sweep(base: &Path) -> io::Result<Swept> {
     })
 }
 
-/// Tells the places of dead runs from those of live ones, behind the closed door.
-fn look(base: &Path) -> io::Result<Found> {
+/// Tells the places of dead runs from those of live ones. Without `leave_out` an unfinished place is a dead run's.
+fn look(base: &Base, leave_out: impl Fn(State) -> bool) -> io::Result<Found> {
     let mut found = Found::default();
-    for entry in fs::read_dir(base)?.flatten() {
-        let folder = entry.path();
-        if !folder.is_dir() {
-            continue;
+    for (folder, state) in base.places()? {
+        match state {
+            state if leave_out(state) => {}
+            State::Live => found.live.push(folder),
+            State::Dead | State::Unfinished => found.dead.push(folder),
         }
-        // A place without a lock died while it was being made: behind the closed door nobody makes one now.
-        let is_live = File::open(lock_path(&folder))
-            .is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err());
-        let side = if is_live { &mut found.live } else { &mut found.dead };
-        side.push(folder);
     }
-    found.dead.sort();
-    found.live.sort();
     Ok(found)
 }
 
@@ -270,7 +270,7 @@ mod tests {
         let (found, is_over) = (AtomicUsize::new(0), AtomicBool::new(false));
         let look = || {
             while !is_over.load(Ordering::Relaxed) {
-                for run in fs::read_dir(base_folder()).unwrap().flatten() {
+                for run in fs::read_dir(Base::open().unwrap().path()).unwrap().flatten() {
                     let Ok(text) = fs::read_to_string(run.path().join("iceoryx2.toml")) else {
                         continue;
                     };
@@ -294,10 +294,11 @@ mod tests {
     #[test]
     fn a_dead_runs_leavings_are_swept_and_a_live_runs_are_not() {
         let live = RunRoot::create().unwrap();
-        let dead = base_folder().join("dead-test-0");
-        fs::create_dir_all(&dead).unwrap();
-        File::create(lock_path(&dead)).unwrap();
-        let memory = Path::new(shared_memory::FOLDER).join(format!("{}segment", prefix_of("dead-test-0")));
+        let base = Base::open().unwrap();
+        let dead = base.path().join("dead-test-0");
+        drop(base.make_place("dead-test-0").unwrap());
+        let memory =
+            Path::new(shared_memory::FOLDER).join(format!("{}segment", common_prefix("dead-test-0")));
         fs::write(&memory, b"left").unwrap();
         let kept = Path::new(shared_memory::FOLDER).join(format!("{}segment", live.prefix()));
         fs::write(&kept, b"in use").unwrap();

@@ -180,7 +180,9 @@ impl<'a> Watch<'a> {
                     self.snapshot = Some(*snapshot);
                 }
                 Answer::Done(text) => self.controls.tell(text),
-                Answer::Refused(reason) => self.controls.tell(format!("refused: {reason}")),
+                Answer::Refused(reason) | Answer::Closed(reason) => {
+                    self.controls.tell(format!("refused: {reason}"));
+                }
             }
         }
         if Instant::now() >= self.next_look {

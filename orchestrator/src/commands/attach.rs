@@ -1,15 +1,17 @@
 //! `gerono attach`: takes over a flight in real time whose orchestrator has died.
 
+use shared_types::scenario::Guests;
+
 use super::conclusion::Flown;
 use super::{Failure, host_record, run_log};
 use crate::cli::{Attach, Host};
 use crate::exit::Exit;
-use crate::flight::real_time::{self, Succession};
+use crate::flight::real_time::{self, People, Succession};
 use crate::flight::tape::Tape;
-use crate::flight::{Ending, Outcome};
 use crate::interrupt::Interrupt;
 use crate::live;
 use crate::log::Manifest;
+use crate::postmortem::Postmortem;
 use crate::progress::Progress;
 use crate::run_folder::RunFolder;
 
@@ -28,6 +30,8 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     // Before anything is taken over: without a place for the results the services go on alone.
     let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(|error| not_written(&error))?;
     let mut record = host_record(&folder, arguments.recording).map_err(|error| not_written(&error))?;
+    let _postmortem = Postmortem::prepare(Host::Realtime, folder.path(), Guests::default())
+        .map_err(|error| trouble(&error))?;
     let flight = Succession::prepare(&place).map_err(|error| trouble(&error))?;
     let scenario = flight.scenario().clone();
     let manifest = Manifest::new(&scenario);
@@ -35,17 +39,15 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
         .map_err(|error| not_written(&error))?
         .in_real_time(&manifest);
     let mut progress = Progress::new(flight.schedule(), NAME, arguments.quiet);
+    let people = People {
+        interrupt: &interrupt,
+        messages: progress.messages(),
+    };
     let mut tape =
         Tape::new(&scenario, flight.schedule(), Some(log), &mut progress).from_tick(flight.first_tick());
     let ending =
-        real_time::take_over(flight, &mut tape, &interrupt, &mut record).map_err(|error| trouble(&error))?;
-    let ending = match record.finish() {
-        Ok(()) => ending,
-        Err(error) => Ending {
-            outcome: Outcome::Failed(error.into()),
-            ..ending
-        },
-    };
+        real_time::take_over(flight, &mut tape, &people, &mut record).map_err(|error| trouble(&error))?;
+    let ending = ending.with_record(record.finish());
     let flown = Flown {
         name: NAME,
         host: Host::Realtime,

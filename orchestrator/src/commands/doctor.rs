@@ -3,13 +3,13 @@
 use std::io::IsTerminal;
 use std::time::Duration;
 
-use super::{Failure, print, schedule_of};
+use super::{Failure, print, print_as_it_is, schedule_of};
 use crate::cli::Doctor;
 use crate::doctor::report::Report;
 use crate::doctor::{Host, Needs, Verdict, disk, examine, runs, wake_up};
 use crate::exit::Exit;
 use crate::interrupt::Interrupt;
-use crate::{progress, run_root, scenario_file};
+use crate::{live, progress, run_root, scenario_file};
 
 /// `gerono doctor`.
 ///
@@ -30,7 +30,7 @@ pub fn doctor(arguments: &Doctor) -> Result<Exit, Failure> {
         print(text + "\n");
     } else {
         let is_coloured = std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-        print(report.text(is_coloured));
+        print_as_it_is(report.text(is_coloured));
     }
     Ok(match report.verdict {
         Verdict::Green | Verdict::Yellow => Exit::Success,
@@ -55,8 +55,7 @@ fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<Re
     let host = Host::this();
     let stopped = || interrupt.signal().is_some();
     let mut checks = examine(&host, needs);
-    let found = run_root::find();
-    checks.extend([runs::live(&found), runs::leavings(&found)]);
+    checks.extend([runs::live(&live::runs::all()), runs::dead(&run_root::find())]);
 
     let folder = disk::nearest_folder(&arguments.runs);
     checks.push(disk::space(&host, &folder, needs));

@@ -1,23 +1,80 @@
 //! `gerono arm`, `disarm`, `kill`, `stop`: what the operator asks of a flight in real time.
 
+use std::time::Duration;
+
+use runtime::shared_page::Request;
+
 use super::{Failure, print};
 use crate::cli::Operate;
 use crate::exit::Exit;
-use crate::live::{Answer, LiveRun, Question};
+use crate::live::runs::MachineRun;
+use crate::live::{self, Answer, LiveError, LiveRun, PATIENCE, Question};
 
-/// Asks a live run and says what it answered.
+/// How long an orchestrator may take to answer a kill, which has been carried out by then if it can be without it.
+const KILL_PATIENCE: Duration = Duration::from_secs(1);
+
+/// Asks a live run, by the command of this name, and says what it answered.
 ///
 /// # Errors
 /// [`Failure`] if there is no such run, or if it refuses.
-pub fn operate(arguments: &Operate, question: &Question) -> Result<(), Failure> {
-    let trouble = |error| Failure::new(Exit::Trouble, error);
-    let run = LiveRun::find(arguments.run.as_deref()).map_err(trouble)?;
-    match run.ask(question).map_err(trouble)? {
+pub fn operate(arguments: &Operate, command: &'static str, question: &Question) -> Result<(), Failure> {
+    let run = LiveRun::find(arguments.run.as_deref(), command).map_err(trouble)?;
+    show(run.ask(question, PATIENCE).map_err(trouble)?)
+}
+
+/// `gerono kill`: lets the motors rest, whatever has become of the run's orchestrator.
+///
+/// # Errors
+/// [`Failure`] if there is no such run, or if neither its orchestrator nor its services can be reached.
+pub fn kill(arguments: &Operate) -> Result<(), Failure> {
+    let run = live::find(arguments.run.as_deref(), "kill").map_err(trouble)?;
+    // First: the services obey at their next step, even while the orchestrator is stopped or is nowhere.
+    let directly = run.ask_directly(Request::Kill);
+    let told = LiveRun::connect(&run, KILL_PATIENCE)
+        .and_then(|live| live.ask(&Question::Operate(Request::Kill), KILL_PATIENCE));
+    match (told, directly) {
+        (Ok(answer), _) => show(answer),
+        (Err(reason), Ok(())) => {
+            print(killed_alone(&run, &reason));
+            Ok(())
+        }
+        (Err(reason), Err(error)) => Err(Failure::new(Exit::Trouble, not_killed(&run, &reason, &error))),
+    }
+}
+
+fn killed_alone(run: &MachineRun, reason: &LiveError) -> String {
+    let orchestrator = match reason {
+        LiveError::Abandoned(_) => "its orchestrator has died".to_owned(),
+        LiveError::Silent(_) => "its orchestrator does not answer".to_owned(),
+        reason => reason.to_string(),
+    };
+    format!(
+        "killed: the motors of the run `{}` rest until its end; {orchestrator}, so its services were told directly\n",
+        run.name()
+    )
+}
+
+fn not_killed(run: &MachineRun, reason: &LiveError, error: &std::io::Error) -> String {
+    let pids: Vec<_> = run.pids().map(|pid| pid.to_string()).collect();
+    format!(
+        "NOT killed: {reason}; the services cannot be told directly either ({error}); cut the power, or end the run's \
+         processes (`kill -KILL {}`): then no frames leave, and the receiver's failsafe decides",
+        pids.join(" ")
+    )
+}
+
+fn show(answer: Answer) -> Result<(), Failure> {
+    match answer {
         Answer::Done(text) => {
             print(format!("{text}\n"));
             Ok(())
         }
         Answer::Refused(reason) => Err(Failure::new(Exit::Refused, reason)),
+        Answer::Closed(reason) => Err(Failure::new(Exit::Trouble, reason)),
         Answer::Snapshot(_) => Ok(()),
     }
+}
+
+fn trouble(error: LiveError) -> Failure {
+    Failure::new(Exit::Trouble, error)
 }

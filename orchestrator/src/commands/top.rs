@@ -6,7 +6,7 @@ use super::{Failure, print};
 use crate::cli::Top;
 use crate::exit::Exit;
 use crate::interrupt::Interrupt;
-use crate::live::{Answer, LiveRun, Question, Snapshot};
+use crate::live::{Answer, LiveRun, PATIENCE, Question, Snapshot};
 use crate::top::{self, Leaving};
 
 /// Columns of what is printed where there is no terminal.
@@ -23,7 +23,7 @@ pub fn top(arguments: &Top) -> Result<Exit, Failure> {
              now, and `--once --json` does so for other programs";
         return Err(Failure::new(Exit::Trouble, reason));
     }
-    let run = LiveRun::find(arguments.run.run.as_deref()).map_err(trouble)?;
+    let run = LiveRun::find(arguments.run.run.as_deref(), "top").map_err(trouble)?;
     if arguments.once {
         return print_once(arguments, &run);
     }
@@ -39,9 +39,9 @@ pub fn top(arguments: &Top) -> Result<Exit, Failure> {
 }
 
 fn print_once(arguments: &Top, run: &LiveRun) -> Result<Exit, Failure> {
-    let snapshot = match run.ask(&Question::Look).map_err(trouble)? {
+    let snapshot = match run.ask(&Question::Look, PATIENCE).map_err(trouble)? {
         Answer::Snapshot(snapshot) => snapshot,
-        Answer::Done(text) | Answer::Refused(text) => return Err(trouble(text)),
+        Answer::Done(text) | Answer::Refused(text) | Answer::Closed(text) => return Err(trouble(text)),
     };
     if arguments.json {
         let text = serde_json::to_string_pretty(&snapshot).map_err(trouble)?;

@@ -1,13 +1,10 @@
 //! What a flight needs of the machine.
 
-use runtime::ports::RECORDER_BUFFER;
 use shared_types::scenario::{Curve, Hover, Path, Scenario, ServiceDeployment, Vehicle};
-use shared_types::{Schedule, ServiceId, Topic};
+use shared_types::{Schedule, ServiceId};
 
+use crate::flight::reserve;
 use crate::log::predicted_bytes;
-
-/// Shared memory of a run beside its samples, bytes: bookkeeping, doorbells, connections.
-const SHARED_BESIDE_SAMPLES: u64 = 8 << 20;
 
 /// What a flight needs of the machine, and what its scenario asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +49,7 @@ impl Needs {
             foremost: foremost.copied().unwrap_or_default(),
             duration: scenario.duration,
             log_bytes: predicted_bytes(schedule),
-            shared_memory: shared_memory(schedule),
+            shared_memory: reserve::needed(),
             grace: scenario.real_time.unwrap_or_default().grace,
         }
     }
@@ -81,19 +78,6 @@ impl Needs {
     pub fn log_rate(&self) -> f64 {
         self.log_bytes as f64 / self.duration.max(f64::MIN_POSITIVE)
     }
-}
-
-/// Shared memory of a run, bytes: the buffers of every topic's consumers and recorder, and the bookkeeping.
-fn shared_memory(schedule: &Schedule) -> u64 {
-    let samples = |topic: Topic| {
-        let consumers = topic.consumers().count() as u64;
-        RECORDER_BUFFER as u64 + consumers * schedule.buffer_size(topic)
-    };
-    let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
-    let buffers: u64 = published
-        .map(|topic| samples(topic) * topic.kind().size as u64)
-        .sum();
-    buffers + SHARED_BESIDE_SAMPLES
 }
 
 #[cfg(test)]

@@ -56,7 +56,7 @@ impl Report {
         match self.verdict {
             Verdict::Green => "This machine is fit for the flight.",
             Verdict::Yellow => "This machine flies; what is yellow makes it worse than it could be.",
-            Verdict::Red => "This machine is not fit for the flight: mend what is red first.",
+            Verdict::Red => "This machine is not fit for the flight: fix what is red first.",
         }
     }
 }
@@ -153,7 +153,7 @@ mod tests {
             "red     disk speed",
             "→ name a folder",
             "  12345 µs",
-            "mend what is red",
+            "fix what is red",
         ] {
             assert!(text.contains(piece), "no `{piece}` in:\n{text}");
         }

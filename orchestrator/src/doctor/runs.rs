@@ -4,20 +4,25 @@ use std::io;
 use std::path::PathBuf;
 
 use super::check::Check;
+use crate::live::runs::MachineRun;
 use crate::run_root::Found;
 
-/// Whether another run is alive.
+/// Whether another run of this machine is alive, of any user.
 #[must_use]
-pub fn live(found: &io::Result<Found>) -> Check {
+pub fn live(found: &io::Result<Vec<MachineRun>>) -> Check {
     const NAME: &str = "other runs";
     match found {
-        Err(error) => unreadable(NAME, error),
-        Ok(found) if found.live.is_empty() => Check::green(NAME, "none is alive"),
+        Err(error) => Check::red(
+            NAME,
+            format!("cannot look for live runs in /proc: {error}"),
+            "mount /proc; without it no command finds a run",
+        ),
+        Ok(found) if found.is_empty() => Check::green(NAME, "none is alive"),
         Ok(found) => Check::yellow(
             NAME,
             format!(
                 "alive: {}; they take time from this one's services",
-                names(&found.live)
+                described(found)
             ),
             "let them end, or keep them on cores of their own (`deployment.core`)",
         ),
@@ -26,8 +31,8 @@ pub fn live(found: &io::Result<Found>) -> Check {
 
 /// Whether dead runs have left something behind.
 #[must_use]
-pub fn leavings(found: &io::Result<Found>) -> Check {
-    const NAME: &str = "leavings";
+pub fn dead(found: &io::Result<Found>) -> Check {
+    const NAME: &str = "dead runs";
     match found {
         Err(error) => unreadable(NAME, error),
         Ok(found) if found.dead.is_empty() => Check::green(NAME, "dead runs have left nothing"),
@@ -43,8 +48,13 @@ fn unreadable(name: &'static str, error: &io::Error) -> Check {
     Check::red(
         name,
         format!("a run would have no place for its bookkeeping: {error}"),
-        "let this user write to $XDG_RUNTIME_DIR, or leave it unset for /dev/shm",
+        "do as it says; or let this user write to $XDG_RUNTIME_DIR, or leave it unset for /dev/shm",
     )
+}
+
+fn described(runs: &[MachineRun]) -> String {
+    let describe = |run: &MachineRun| format!("{} of {}", run.folder.display(), run.owner);
+    runs.iter().map(describe).collect::<Vec<_>>().join(", ")
 }
 
 fn names(places: &[PathBuf]) -> String {
@@ -58,28 +68,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn runs_are_poor_alive_and_dead() {
+    fn what_dead_runs_have_left_is_yellow_and_no_place_for_runs_is_red() {
         let place = PathBuf::from("/dev/shm/gerono-0/77-0");
-        let with = |dead: &[PathBuf], live: &[PathBuf]| {
+        let with = |dead: &[PathBuf]| {
             Ok(Found {
                 dead: dead.to_vec(),
-                live: live.to_vec(),
+                live: Vec::new(),
             })
         };
         let one = std::slice::from_ref(&place);
-        for (found, verdicts) in [
-            (with(&[], &[]), [Green, Green]),
-            (with(one, &[]), [Green, Yellow]),
-            (with(&[], one), [Yellow, Green]),
-            (Err(io::Error::from(io::ErrorKind::PermissionDenied)), [Red, Red]),
+        for (found, verdict) in [
+            (with(&[]), Green),
+            (with(one), Yellow),
+            (Err(io::Error::from(io::ErrorKind::PermissionDenied)), Red),
         ] {
-            assert_eq!(
-                [live(&found).verdict, leavings(&found).verdict],
-                verdicts,
-                "{found:?}"
-            );
+            assert_eq!(dead(&found).verdict, verdict, "{found:?}");
         }
-        let check = leavings(&with(one, &[]));
+        let check = dead(&with(one));
         assert!(check.figure.contains("77-0") && check.fix.unwrap().contains("gerono clean"));
+    }
+
+    #[test]
+    fn no_other_run_is_green_and_no_view_of_the_processes_is_red() {
+        assert_eq!(live(&Ok(Vec::new())).verdict, Green);
+        let error = io::Error::from(io::ErrorKind::NotFound);
+        assert_eq!(live(&Err(error)).verdict, Red);
     }
 }

@@ -107,8 +107,8 @@ fn sleep_and_look(lasts: Duration, stopped: impl Fn() -> bool) -> Option<Latenes
 #[must_use]
 pub fn judge(lateness: &Lateness, needs: &Needs) -> Check {
     const NAME: &str = "wake-ups";
-    let fix = "state `deployment.priority` and an isolated `deployment.core`, choose the governor `performance`, and \
-               end what else uses the machine (docs/deployment.md)";
+    let fix = "set `deployment.priority` and an isolated `deployment.core`, choose the governor `performance`, and \
+               stop other programs (docs/deployment.md)";
     let figure = format!(
         "99 of 100 at most {} late, 999 of 1000 at most {}; a step waits {} for its inputs",
         microseconds(lateness.p99),

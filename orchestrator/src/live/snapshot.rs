@@ -29,7 +29,7 @@ pub struct Snapshot {
     pub cameras: Option<CamerasSnapshot>,
     /// How the radio link is, if there is a real one.
     pub radio_link: Option<LinkSnapshot>,
-    /// ‖z1‖, distance from the path's point, m; none while the law is not asked.
+    /// Distance from the path, m: the true one, or in a laboratory the estimated one; none while nothing is to be followed.
     pub position_error: Option<f64>,
     /// m̂, kg.
     pub mass_estimate: Option<f64>,
@@ -39,6 +39,25 @@ pub struct Snapshot {
     pub recorded: u64,
     /// The last events, the newest last.
     pub events: Vec<LiveEvent>,
+}
+
+impl Snapshot {
+    /// Changes all text that a scenario, a network or another program may have written.
+    pub(super) fn change_texts(&mut self, mut change: impl FnMut(&mut String)) {
+        change(&mut self.scenario);
+        self.phase.iter_mut().for_each(&mut change);
+        for service in &mut self.services {
+            change(&mut service.name);
+            service
+                .inputs
+                .iter_mut()
+                .for_each(|input| change(&mut input.topic));
+        }
+        let cameras = self.cameras.as_mut().and_then(|cameras| cameras.trouble.as_mut());
+        let radio_link = self.radio_link.as_mut().and_then(|link| link.trouble.as_mut());
+        cameras.into_iter().chain(radio_link).for_each(&mut change);
+        self.events.iter_mut().for_each(|event| change(&mut event.text));
+    }
 }
 
 /// How a service is.

@@ -10,7 +10,7 @@ pub const SPAN: f64 = 60.0;
 /// A quantity that is followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trend {
-    /// ‖z1‖, distance from the path's point, m.
+    /// Distance from the path, m.
     PositionError,
     /// m̂, kg.
     MassEstimate,

@@ -231,7 +231,9 @@ fn status(snapshot: &Snapshot) -> Vec<Span<'static>> {
     match &snapshot.phase {
         Some(phase) => {
             parts.push(Span::raw(format!("phase {phase}")));
-            parts.push(Span::raw(if snapshot.armed { "armed" } else { "disarmed" }));
+            if !snapshot.killed {
+                parts.push(Span::raw(if snapshot.armed { "armed" } else { "disarmed" }));
+            }
         }
         None => parts.push(Span::raw("no phases")),
     }

@@ -22,7 +22,7 @@ const TEXT: [&str; 20] = [
     "",
     "capture → frame   from a capture to the frame that rests on it,",
     "                  in the last second",
-    "‖z1‖      distance from the path's point",
+    "distance  from the path: the true one, in a laboratory the estimated one",
     "m̂         estimate of the mass",
     "‖b̂‖       estimate of the disturbance, its size",
     "Bars are the largest of their time; empty: nothing was known.",

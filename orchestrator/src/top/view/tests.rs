@@ -89,7 +89,7 @@ fn snapshot(time: f64) -> Snapshot {
         events: vec![
             event(12.0, "`controller` was killed by hand"),
             event(12.0, "`controller` (process 41204) died: signal 9 (SIGKILL)"),
-            event(12.1, "`controller` flies again"),
+            event(12.1, "`controller` was restarted"),
             event(45.0, "`controller` was killed by hand"),
         ],
     }

@@ -48,7 +48,7 @@ pub(super) fn draw(history: &History, area: Rect, buffer: &mut Buffer) {
 fn draw_one(history: &History, trend: Trend, area: Rect, buffer: &mut Buffer) {
     let scale_width = if area.width < WITH_SCALE { 0 } else { 20 };
     let [name, value, _, line, scale] = Layout::horizontal([
-        Constraint::Length(6),
+        Constraint::Length(9),
         Constraint::Length(12),
         Constraint::Length(2),
         Constraint::Fill(1),
@@ -79,7 +79,7 @@ fn draw_one(history: &History, trend: Trend, area: Rect, buffer: &mut Buffer) {
 /// Symbol, unit, and whether the scale begins at zero: a distance is judged by its size, an estimate by its change.
 fn about(trend: Trend) -> (&'static str, &'static str, bool) {
     match trend {
-        Trend::PositionError => ("‖z1‖", "m", true),
+        Trend::PositionError => ("distance", "m", true),
         Trend::MassEstimate => ("m̂", "kg", false),
         Trend::DisturbanceEstimate => ("‖b̂‖", "m/s²", false),
     }

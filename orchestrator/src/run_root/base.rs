@@ -1,0 +1,356 @@
+//! The folder that holds the places of all of this user's runs, and why it can be trusted.
+//!
+//! Its name can be guessed and the folder above it may be one in which everybody can write. So another user can make it
+//! first, fill it with symbolic links, or answer in a run's place. It is therefore opened without following links, used only
+//! if it belongs to this user and nobody else may enter it, and everything in it is opened relative to its descriptor.
+
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use runtime::shared_memory;
+use rustix::fs::{
+    AtFlags, Dir, FlockOperation, Mode, OFlags, fchmod, flock, fstat, mkdirat, openat, renameat, statat,
+};
+use rustix::io::Errno;
+
+/// Names a user's folder for what lives no longer than the machine runs, by the XDG Base Directory Specification.
+const RUNTIME_FOLDER: &str = "XDG_RUNTIME_DIR";
+
+/// Name of the lock that is held while places come and go.
+const DOOR: &str = "door";
+/// Name of the lock of a place.
+const LOCK: &str = "lock";
+/// Name of that lock before it is held.
+const LOCK_IN_THE_MAKING: &str = "lock.new";
+
+/// Permissions of users other than the owner, and those among them that let others change a folder's content.
+const OTHERS: u32 = 0o077;
+const OTHERS_WRITE: u32 = 0o022;
+/// In a folder with this bit only the owner of an entry may remove or rename it.
+const STICKY: u32 = 0o1000;
+
+const FOLDER_FLAGS: OFlags = OFlags::RDONLY
+    .union(OFlags::DIRECTORY)
+    .union(OFlags::NOFOLLOW)
+    .union(OFlags::CLOEXEC);
+
+/// The folder, open and verified.
+#[derive(Debug)]
+pub(super) struct Base {
+    path: PathBuf,
+    folder: OwnedFd,
+}
+
+/// What became of the run that a place was made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum State {
+    /// One of its processes holds the lock.
+    Live,
+    /// Nobody holds the lock.
+    Dead,
+    /// There is no lock: it is being made, unless its maker has died.
+    Unfinished,
+}
+
+impl Base {
+    /// Opens the folder of this user, and makes it if it is not there.
+    ///
+    /// # Errors
+    /// If it is not this user's own, or is open to others: with the fix.
+    pub(super) fn open() -> io::Result<Self> {
+        let path = path()?;
+        match rustix::fs::mkdir(&path, Mode::RWXU) {
+            Ok(()) | Err(Errno::EXIST) => Self::at(path),
+            Err(error) => Err(named(&path, error)),
+        }
+    }
+
+    /// Opens the folder of this user if it is there.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub(super) fn open_existing() -> io::Result<Option<Self>> {
+        let path = path()?;
+        match fs::symlink_metadata(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            _ => Self::at(path).map(Some),
+        }
+    }
+
+    fn at(path: PathBuf) -> io::Result<Self> {
+        let folder = rustix::fs::open(&path, FOLDER_FLAGS, Mode::empty()).map_err(|error| match error {
+            Errno::LOOP | Errno::NOTDIR => io::Error::other(format!(
+                "{} is not a folder, and a symbolic link is not followed; remove it",
+                path.display()
+            )),
+            error => named(&path, error),
+        })?;
+        let found = fstat(&folder)?;
+        let me = rustix::process::geteuid().as_raw();
+        if found.st_uid != me {
+            return Err(io::Error::other(format!(
+                "{folder} belongs to the user {owner}, not to the user {me} who runs this: its owner could answer in \
+                 the place of a run, so it is not used; have it removed (`sudo rm -r {folder}`), or let \
+                 {RUNTIME_FOLDER} name a folder of your own with mode 0700",
+                folder = path.display(),
+                owner = found.st_uid,
+            )));
+        }
+        if found.st_mode & OTHERS_WRITE != 0 {
+            return Err(io::Error::other(format!(
+                "other users may write in {folder} (mode {mode:04o}), so what is in it cannot be trusted and is not \
+                 used; end the runs that have begun in it, then remove it (`rm -r {folder}`)",
+                folder = path.display(),
+                mode = found.st_mode & 0o7777,
+            )));
+        }
+        if found.st_mode & OTHERS != 0 {
+            // Nobody else can have changed anything in it, but could hold its locks.
+            fchmod(&folder, Mode::RWXU)?;
+        }
+        Ok(Self { path, folder })
+    }
+
+    /// Where it is.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Waits up to `limit` for the lock that is held while places come and go, so that no place is swept that is just
+    /// being made.
+    ///
+    /// # Errors
+    /// If another process keeps it for longer.
+    pub(super) fn close_door(&self, limit: Duration) -> io::Result<File> {
+        const RETRY: Duration = Duration::from_millis(5);
+        let door = self.door()?;
+        let deadline = Instant::now() + limit;
+        loop {
+            match flock(&door, FlockOperation::NonBlockingLockExclusive) {
+                Ok(()) => return Ok(door),
+                Err(Errno::WOULDBLOCK) if Instant::now() < deadline => std::thread::sleep(RETRY),
+                Err(Errno::WOULDBLOCK) => {
+                    let door = self.path.join(DOOR);
+                    return Err(io::Error::other(format!(
+                        "another process of yours has held the lock {door} for {limit:?}, which takes milliseconds: \
+                         see which (`fuser {door}`), end it, and try again",
+                        door = door.display(),
+                    )));
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
+    fn door(&self) -> io::Result<File> {
+        let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let door = openat(&self.folder, DOOR, flags, Mode::RUSR | Mode::WUSR);
+        Ok(door.map_err(|error| named(&self.path.join(DOOR), error))?.into())
+    }
+
+    /// Whether there is an entry of this name.
+    pub(super) fn has(&self, id: &str) -> bool {
+        statat(&self.folder, id, AtFlags::SYMLINK_NOFOLLOW).is_ok()
+    }
+
+    /// Makes a place, behind the closed door; its lock, held.
+    pub(super) fn make_place(&self, id: &str) -> io::Result<File> {
+        mkdirat(&self.folder, id, Mode::RWXU)?;
+        let place = openat(&self.folder, id, FOLDER_FLAGS, Mode::empty())?;
+        let flags = OFlags::RDWR | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let lock = openat(&place, LOCK_IN_THE_MAKING, flags, Mode::RUSR | Mode::WUSR)?;
+        flock(&lock, FlockOperation::NonBlockingLockExclusive)?;
+        // !MUST! be last: under this name it is held, so a look without the door never takes a new place for a dead one.
+        renameat(&place, LOCK_IN_THE_MAKING, &place, LOCK)?;
+        Ok(lock.into())
+    }
+
+    /// All places, sorted, each with the state of its run.
+    pub(super) fn places(&self) -> io::Result<Vec<(PathBuf, State)>> {
+        let mut places = Vec::new();
+        for entry in Dir::read_from(&self.folder)? {
+            let entry = entry?;
+            let name = entry.file_name().to_bytes();
+            if matches!(name, b"." | b"..") {
+                continue;
+            }
+            let name = OsStr::from_bytes(name);
+            // What is no folder is no place.
+            if let Ok(place) = openat(&self.folder, name, FOLDER_FLAGS, Mode::empty()) {
+                places.push((self.path.join(name), state_of(&place)));
+            }
+        }
+        places.sort();
+        Ok(places)
+    }
+
+    /// Whether places are being made or swept at this moment.
+    pub(super) fn is_in_use(&self) -> bool {
+        let shared = |door: File| flock(&door, FlockOperation::NonBlockingLockShared);
+        self.door()
+            .is_ok_and(|door| shared(door) == Err(Errno::WOULDBLOCK))
+    }
+}
+
+fn state_of(place: &impl AsFd) -> State {
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+    match openat(place, LOCK, flags, Mode::empty()) {
+        Err(_) => State::Unfinished,
+        // A shared lock, so that two looks at once do not take each other for the run.
+        Ok(lock) if flock(&lock, FlockOperation::NonBlockingLockShared).is_err() => State::Live,
+        Ok(_) => State::Dead,
+    }
+}
+
+/// Where the places of all of this user's runs are: in memory, because iceoryx2 writes its bookkeeping to disk before
+/// it goes on, which would make every start of a process wait for the disk.
+fn path() -> io::Result<PathBuf> {
+    let of_this_user = std::env::var_os(RUNTIME_FOLDER).filter(|folder| !folder.is_empty());
+    let candidates = [
+        of_this_user.map(PathBuf::from),
+        Some(PathBuf::from(shared_memory::FOLDER)),
+        Some(std::env::temp_dir()),
+    ];
+    let above = candidates
+        .into_iter()
+        .flatten()
+        .find(|folder| keeps_entries(folder));
+    let above = above.ok_or_else(|| {
+        io::Error::other(format!(
+            "there is no folder for the bookkeeping of runs; let {RUNTIME_FOLDER} name one of your own with mode 0700"
+        ))
+    })?;
+    Ok(above.join(format!("gerono-{}", rustix::process::geteuid().as_raw())))
+}
+
+/// Whether nobody but this user and root can replace an entry of this user's in a folder. `sudo -E` keeps the caller's
+/// runtime folder, which is not root's.
+fn keeps_entries(folder: &Path) -> bool {
+    let me = rustix::process::geteuid().as_raw();
+    folder.is_absolute()
+        && fs::metadata(folder).is_ok_and(|found| {
+            let is_kept = found.mode() & OTHERS_WRITE == 0 || found.mode() & STICKY != 0;
+            found.is_dir() && [me, 0].contains(&found.uid()) && is_kept
+        })
+}
+
+fn named(path: &Path, error: Errno) -> io::Error {
+    let error = io::Error::from(error);
+    io::Error::new(error.kind(), format!("{}: {error}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::{PermissionsExt, chown, symlink};
+
+    use super::*;
+
+    fn folder(above: &tempfile::TempDir, mode: u32) -> PathBuf {
+        let folder = above.path().join("base");
+        fs::create_dir(&folder).unwrap();
+        fs::set_permissions(&folder, fs::Permissions::from_mode(mode)).unwrap();
+        folder
+    }
+
+    #[test]
+    fn a_folder_in_which_others_may_write_is_refused_with_the_fix() {
+        for mode in [0o777, 0o1777, 0o770, 0o702] {
+            let above = tempfile::tempdir().unwrap();
+            let refusal = Base::at(folder(&above, mode)).unwrap_err().to_string();
+            assert!(refusal.contains("rm -r"), "{mode:o}: {refusal}");
+        }
+    }
+
+    #[test]
+    fn a_folder_that_others_may_only_read_is_closed_to_them() {
+        let above = tempfile::tempdir().unwrap();
+        let folder = folder(&above, 0o755);
+        Base::at(folder.clone()).unwrap();
+        assert_eq!(fs::metadata(folder).unwrap().mode() & 0o7777, 0o700);
+    }
+
+    #[test]
+    fn a_folder_of_another_user_is_refused_with_the_fix() {
+        if !rustix::process::geteuid().is_root() {
+            eprintln!("SKIPPED: only root can make a folder of another user");
+            return;
+        }
+        let above = tempfile::tempdir().unwrap();
+        let folder = folder(&above, 0o700);
+        chown(&folder, Some(65534), None).unwrap();
+        let refusal = Base::at(folder).unwrap_err().to_string();
+        assert!(
+            refusal.contains("65534") && refusal.contains("XDG_RUNTIME_DIR"),
+            "{refusal}"
+        );
+    }
+
+    #[test]
+    fn no_symbolic_link_is_followed() {
+        let above = tempfile::tempdir().unwrap();
+        let [link, precious] = ["link", "precious"].map(|name| above.path().join(name));
+        let folder = folder(&above, 0o700);
+        symlink(&folder, &link).unwrap();
+        assert!(Base::at(link).unwrap_err().to_string().contains("remove it"));
+
+        fs::write(&precious, "content").unwrap();
+        symlink(&precious, folder.join(DOOR)).unwrap();
+        let base = Base::at(folder).unwrap();
+        assert!(base.close_door(Duration::ZERO).is_err());
+        assert_eq!(fs::read_to_string(precious).unwrap(), "content");
+    }
+
+    #[test]
+    fn the_door_keeps_its_content_and_is_waited_for_no_longer_than_the_limit() {
+        let above = tempfile::tempdir().unwrap();
+        let base = Base::at(folder(&above, 0o700)).unwrap();
+        let door = above.path().join("base").join(DOOR);
+        fs::write(&door, "content").unwrap();
+        let held = base.close_door(Duration::ZERO).unwrap();
+        let refusal = base
+            .close_door(Duration::from_millis(20))
+            .unwrap_err()
+            .to_string();
+        assert!(refusal.contains("fuser") && base.is_in_use(), "{refusal}");
+        drop(held);
+        assert!(!base.is_in_use() && base.close_door(Duration::ZERO).is_ok());
+        assert_eq!(fs::read_to_string(door).unwrap(), "content");
+    }
+
+    #[test]
+    fn a_place_is_unfinished_then_live_then_dead() {
+        let above = tempfile::tempdir().unwrap();
+        let base = Base::at(folder(&above, 0o700)).unwrap();
+        fs::create_dir(base.path().join("unfinished")).unwrap();
+        let lock = base.make_place("run").unwrap();
+        let states = || {
+            let places = base.places().unwrap();
+            places.into_iter().map(|(_, state)| state).collect::<Vec<_>>()
+        };
+        assert_eq!(states(), [State::Live, State::Unfinished]);
+        drop(lock);
+        assert_eq!(states(), [State::Dead, State::Unfinished]);
+    }
+
+    #[test]
+    fn a_runtime_folder_of_another_user_or_open_to_others_is_not_relied_upon() {
+        let above = tempfile::tempdir().unwrap();
+        let folder = folder(&above, 0o700);
+        assert!(keeps_entries(&folder));
+        for (mode, is_kept) in [(0o777, false), (0o1777, true), (0o755, true), (0o775, false)] {
+            fs::set_permissions(&folder, fs::Permissions::from_mode(mode)).unwrap();
+            assert_eq!(keeps_entries(&folder), is_kept, "{mode:o}");
+        }
+        assert!(!keeps_entries(Path::new("relative")) && !keeps_entries(Path::new("/nowhere")));
+        if rustix::process::geteuid().is_root() {
+            chown(&folder, Some(65534), None).unwrap();
+            assert!(!keeps_entries(&folder));
+        }
+    }
+}

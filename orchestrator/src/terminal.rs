@@ -1,0 +1,167 @@
+//! Text that others have written, made harmless for a terminal.
+//!
+//! A description in a log, a name in a packet or the words of another user's run may hold control sequences: they move the
+//! cursor, rename the window, answer in the place of the keyboard, or let text read in another order than it is stored. All
+//! output of `gerono` to a terminal goes through [`printable_lines`]; text that is one line within other text, through
+//! [`printable`], so that it cannot pass for further lines.
+
+use std::borrow::Cow;
+use std::fmt::Write as _;
+use std::io::{self, Write};
+
+/// One line of text: every control character as `\u001b`, which means the same in JSON.
+#[must_use]
+pub fn printable(text: &str) -> Cow<'_, str> {
+    escaped(text, is_control)
+}
+
+/// Lines of text: as [`printable`], but for line breaks and tabs.
+#[must_use]
+pub fn printable_lines(text: &str) -> Cow<'_, str> {
+    escaped(text, |character| {
+        is_control(character) && !matches!(character, '\n' | '\t')
+    })
+}
+
+/// A line of the same length in which every control character but tabs is replaced, so that places in the one are places in
+/// the other.
+#[must_use]
+pub fn printable_in_place(line: &str) -> String {
+    let mut printable = String::with_capacity(line.len());
+    for character in line.chars() {
+        if is_control(character) && character != '\t' {
+            (0..character.len_utf8()).for_each(|_| printable.push('?'));
+        } else {
+            printable.push(character);
+        }
+    }
+    printable
+}
+
+/// Hands lines on to a terminal, each as [`printable_lines`].
+#[derive(Debug)]
+pub struct Terminal<W: Write> {
+    screen: W,
+    line: Vec<u8>,
+}
+
+impl<W: Write> Terminal<W> {
+    /// Before a terminal.
+    pub fn new(screen: W) -> Self {
+        let line = Vec::new();
+        Self { screen, line }
+    }
+
+    fn show(&mut self) -> io::Result<()> {
+        let line = String::from_utf8_lossy(&self.line);
+        let shown = self.screen.write_all(printable_lines(&line).as_bytes());
+        self.line.clear();
+        shown
+    }
+}
+
+impl<W: Write> Write for Terminal<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        for piece in bytes.split_inclusive(|&byte| byte == b'\n') {
+            self.line.extend_from_slice(piece);
+            if piece.ends_with(b"\n") {
+                self.show()?;
+            }
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.show()?;
+        self.screen.flush()
+    }
+}
+
+fn escaped(text: &str, is_unwanted: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(&is_unwanted) {
+        return Cow::Borrowed(text);
+    }
+    let mut escaped = String::with_capacity(text.len() + 16);
+    for character in text.chars() {
+        if is_unwanted(character) {
+            // All of them are below U+FFFF. Writing to a string does not fail.
+            let _ = write!(escaped, "\\u{:04x}", u32::from(character));
+        } else {
+            escaped.push(character);
+        }
+    }
+    Cow::Owned(escaped)
+}
+
+/// Whether a terminal obeys a character or orders text by it instead of showing it.
+fn is_control(character: char) -> bool {
+    character.is_control()
+        || matches!(
+            character,
+            // Line and paragraph separators, and what sets the direction of writing.
+            '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
+        )
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn sequences_are_shown_instead_of_obeyed() {
+        let hostile = "a\x1b]0;owned\x07\x1b[2Jb\u{9b}31mc\u{202e}d\re\nf";
+        assert_eq!(
+            printable(hostile),
+            r"a\u001b]0;owned\u0007\u001b[2Jb\u009b31mc\u202ed\u000de\u000af"
+        );
+        assert_eq!(printable_lines("one\n\ttwo\x7f"), "one\n\ttwo\\u007f");
+    }
+
+    #[test]
+    fn lines_that_come_in_pieces_are_shown_whole() {
+        let mut terminal = Terminal::new(Vec::new());
+        let text = "é\u{9b}1m\n\x1b[2J";
+        text.as_bytes()
+            .chunks(1)
+            .for_each(|piece| terminal.write_all(piece).unwrap());
+        terminal.flush().unwrap();
+        assert_eq!(
+            String::from_utf8(terminal.screen).unwrap(),
+            "é\\u009b1m\n\\u001b[2J"
+        );
+    }
+
+    #[test]
+    fn ordinary_text_is_not_copied() {
+        let text = "‖z1‖ of the eight, 0.25 cm: “good”";
+        assert!(matches!(printable(text), Cow::Borrowed(_)));
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_that_is_obeyed_is_left(text: String) {
+            prop_assert!(!printable(&text).contains(is_control));
+            let lines = printable_lines(&text);
+            prop_assert!(!lines.contains(|character| is_control(character) && !matches!(character, '\n' | '\t')));
+        }
+
+        #[test]
+        fn json_means_the_same_as_before(text: String) {
+            let json = serde_json::to_string_pretty(&serde_json::json!({"text": text})).unwrap();
+            let read: serde_json::Value = serde_json::from_str(&printable_lines(&json)).unwrap();
+            prop_assert_eq!(read["text"].as_str(), Some(text.as_str()));
+        }
+
+        #[test]
+        fn places_stay_where_they_were(text: String) {
+            let replaced = printable_in_place(&text);
+            prop_assert_eq!(replaced.len(), text.len());
+            let kept = text.char_indices().filter(|(_, character)| !is_control(*character));
+            for (place, character) in kept {
+                prop_assert!(replaced[place..].starts_with(character));
+            }
+        }
+    }
+}
