@@ -7,6 +7,7 @@ pub mod in_process;
 pub mod lock_step;
 pub mod real_time;
 pub mod recorder;
+pub mod reserve;
 mod site;
 pub mod subscription;
 pub mod tape;
@@ -15,7 +16,7 @@ use std::time::Duration;
 
 use runtime::step::NonFinite;
 use shared_types::scenario::Scenario;
-use shared_types::{Schedule, ServiceId};
+use shared_types::{Header, Schedule, ServiceId};
 
 use crate::summary::laboratory::LaboratoryReport;
 use crate::summary::timing::TimingReport;
@@ -37,6 +38,17 @@ pub struct Ending {
     pub timing: Option<TimingReport>,
     /// How cameras and radio link fared, if it was flown in a laboratory.
     pub laboratory: Option<LaboratoryReport>,
+}
+
+impl Ending {
+    /// The ending of a flight whose record of the machine was closed so. What failed before counts.
+    #[must_use]
+    pub fn with_record(mut self, closed: Result<(), crate::log::LogError>) -> Self {
+        if let (Err(error), Outcome::Completed | Outcome::Interrupted { .. }) = (closed, &self.outcome) {
+            self.outcome = Outcome::Failed(error.into());
+        }
+        self
+    }
 }
 
 /// Why a flight ended.
@@ -116,6 +128,22 @@ pub enum FlightFailure {
         /// What it did, in words.
         what: String,
     },
+    /// A program in place of a service published another sample than the one that was due.
+    #[error(
+        "the program in place of `{service}` published a sample of `{topic}` with the tick {}, the number {} and the time \
+         {} ns where that of tick {due} was due; docs/process_contract.md says what it must do",
+        .got.tick, .got.seq, .got.stamp_ns
+    )]
+    NotDue {
+        /// Name of the service.
+        service: &'static str,
+        /// Name of the topic.
+        topic: &'static str,
+        /// Tick of the sample that was due.
+        due: u64,
+        /// Header of the sample that came.
+        got: Header,
+    },
     /// The machine does not permit what the scenario insists on.
     #[error(
         "the scenario insists on its deployment (`deployment.strict`), of which this machine does not permit all: {}; \
@@ -139,6 +167,9 @@ pub enum FlightFailure {
     /// The log cannot be written.
     #[error(transparent)]
     Log(#[from] crate::log::LogError),
+    /// The record of the machine, `host.mcap`, cannot be written.
+    #[error("the record of the machine cannot be kept: {0}")]
+    Record(String),
     /// The machine refused something that every run needs.
     #[error("cannot set the run up: {0}")]
     Setup(String),

@@ -12,7 +12,7 @@ use shared_types::ServiceId;
 use shared_types::schedule::Edge;
 
 use crate::flight::Outcome;
-use crate::flight::crew::{Crew, CrewObserver, Rebirth};
+use crate::flight::crew::{Activity, Crew, CrewObserver, Rebirth};
 use crate::flight::real_time::StepObserver;
 use crate::host_record::snapshots::Snapshots;
 use crate::log::{
@@ -21,13 +21,15 @@ use crate::log::{
 };
 use crate::summary::timing::TimingReport;
 
-/// Keeps `host.mcap`. A write that fails is reported when the record is finished; the flight goes on.
+/// Keeps `host.mcap`. After a write that fails it keeps no more, and the flight goes on.
 pub struct HostRecord {
     log: HostLogWriter,
     started: Instant,
     /// When tick 0 began, in real time, since the start of the run.
     flight_begins_ns: u64,
     failure: Option<LogError>,
+    /// Whether the failure has been told in flight.
+    failure_is_told: bool,
     /// How many of the crew's ends have been written.
     ends_written: usize,
     /// How many of its rebirths have been written.
@@ -44,6 +46,7 @@ impl HostRecord {
             started: Instant::now(),
             flight_begins_ns: 0,
             failure: None,
+            failure_is_told: false,
             ends_written: 0,
             rebirths_written: 0,
             snapshots: Snapshots::new(),
@@ -66,8 +69,10 @@ impl HostRecord {
     }
 
     fn write<T: HostSample>(&mut self, sample: &T) {
-        let result = self.log.write(sample);
-        self.keep_first(result);
+        if self.failure.is_none() {
+            let result = self.log.write(sample);
+            self.keep_first(result);
+        }
     }
 
     fn keep_first(&mut self, result: Result<(), LogError>) {
@@ -133,7 +138,7 @@ impl CrewObserver for HostRecord {
                 steps: cell.steps.load(Ordering::Relaxed),
                 waits_by_yield: cell.yields.load(Ordering::Relaxed),
                 waits_by_blocking: cell.blocks.load(Ordering::Relaxed),
-                cpu_time_ns: cpu_time_ns(pid),
+                cpu_time_ns: Activity::of(pid).map_or(0, |activity| activity.cpu_time_ns),
             };
             self.write(&sample);
         }
@@ -178,6 +183,12 @@ impl StepObserver for HostRecord {
             operator: record.operator as u32,
             pad0: 0,
         });
+    }
+
+    fn failure(&mut self) -> Option<String> {
+        let is_new = !std::mem::replace(&mut self.failure_is_told, self.failure.is_some());
+        let failure = self.failure.as_ref().filter(|_| is_new);
+        failure.map(ToString::to_string)
     }
 
     fn note(&mut self, text: &str) {
@@ -232,13 +243,4 @@ fn host_facts(core: Option<usize>) -> BTreeMap<String, String> {
             core.map_or_else(|| "any".to_owned(), |core| core.to_string()),
         ),
     ])
-}
-
-/// Time that a process has been on a core, ns; 0 if the system does not tell.
-fn cpu_time_ns(pid: u32) -> u64 {
-    let text = std::fs::read_to_string(format!("/proc/{pid}/schedstat")).unwrap_or_default();
-    text.split_whitespace()
-        .next()
-        .and_then(|word| word.parse().ok())
-        .unwrap_or(0)
 }

@@ -11,6 +11,11 @@ use shared_types::scenario::Scenario;
 use shared_types::{Header, Topic};
 
 use crate::log::{FORMAT_VERSION, LogReadError, LogReader, Recovery, host_log_beside, inspect, is_whole};
+use crate::metrics::loss::Loss;
+use crate::metrics::stretch::Metrics;
+use crate::metrics::tracker::Source;
+use crate::run_folder::summary_text_beside;
+use crate::summary::{FlightSummary, RunFacts, Summary};
 
 /// What is in a log.
 #[derive(Debug, Serialize)]
@@ -45,10 +50,33 @@ pub struct Info {
     pub topics: Vec<TopicInfo>,
     /// The planned faults, in words.
     pub faults: Vec<String>,
+    /// What the samples tell of the vehicle; none of a log whose scenario makes no schedule.
+    pub judged: Option<Judged>,
     /// `summary.json` beside the log, if it is there.
     pub summary: Option<Value>,
     /// `host.mcap` beside the log, if it is there.
     pub host: Option<HostInfo>,
+}
+
+/// What a log's samples tell of the vehicle.
+#[derive(Debug, Serialize)]
+pub struct Judged {
+    /// How it was lost, if it was.
+    pub lost: Option<Loss>,
+    /// Who told where it was.
+    pub source: Source,
+    /// How far it was from its path; none if it never flew along it.
+    pub metrics: Option<Metrics>,
+}
+
+impl Judged {
+    fn of(summary: Summary) -> Self {
+        Self {
+            lost: summary.lost,
+            source: summary.source,
+            metrics: summary.metrics,
+        }
+    }
 }
 
 /// Whether all of a log is there.
@@ -105,10 +133,16 @@ impl Info {
         let mut tallies = Topic::ALL.map(|_| None::<Tally>);
         let mut span: Option<[Header; 2]> = None;
         let mut samples = 0;
+        let scenario = reader.manifest().scenario.clone();
+        let schedule = scenario.schedule().ok();
+        let mut judge = schedule.map(|schedule| FlightSummary::new(&scenario, &schedule));
         let end = loop {
             match reader.next_sample() {
                 Ok(Some(sample)) => {
                     samples += 1;
+                    if let Some(judge) = &mut judge {
+                        judge.observe(sample.topic, sample.bytes);
+                    }
                     span = Some([span.map_or(sample.header, |[first, _]| first), sample.header]);
                     tallies[sample.topic.index()]
                         .get_or_insert(Tally::new(sample.header))
@@ -119,7 +153,6 @@ impl Info {
                 Err(error) => break Err(error),
             }
         };
-        let scenario = reader.manifest().scenario.clone();
         let seconds = span.map_or(0.0, |[first, last]| seconds_between(first, last));
         Ok(Self {
             bytes: std::fs::metadata(log).map_or(0, |file| file.len()),
@@ -147,6 +180,7 @@ impl Info {
                 .filter_map(|(topic, tally)| Some(tally?.finish(topic)))
                 .collect(),
             faults: planned_faults(&scenario),
+            judged: judge.map(|judge| Judged::of(judge.finish(RunFacts::unknown()))),
             scenario,
             summary: summary_beside(log),
             host: host_beside(log),
@@ -212,8 +246,7 @@ fn planned_faults(scenario: &Scenario) -> Vec<String> {
 }
 
 fn summary_beside(log: &Path) -> Option<Value> {
-    let text = std::fs::read_to_string(log.with_file_name("summary.json")).ok()?;
-    serde_json::from_str(&text).ok()
+    serde_json::from_str(&summary_text_beside(log)?).ok()
 }
 
 fn host_beside(log: &Path) -> Option<HostInfo> {

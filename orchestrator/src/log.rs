@@ -33,7 +33,7 @@ use std::path::{Path, PathBuf};
 pub use csv::export_csv;
 pub use digest::digest;
 pub use export::{ExportError, decode_sample, export_json};
-pub use framing::{Compression, LogError, Written, partial_path};
+pub use framing::{Compression, LogError, Written, make_anew, partial_path};
 pub use host_reader::{HostEntry, HostReadError, HostReader};
 pub use host_samples::{
     CaptureFigures, HostEvent, HostSample, LinkFigures, LoggedCheckpoint, ServiceCheckpoint, ServiceHealth,

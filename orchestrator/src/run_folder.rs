@@ -1,7 +1,7 @@
 //! Where a run's results go; never over an earlier run's.
 
 use std::fs;
-use std::io;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use crate::log::{partial_path, recovered_path};
@@ -68,6 +68,21 @@ impl RunFolder {
         unreachable!("some number is free")
     }
 
+    /// Removes the folder if nothing was written to it.
+    pub fn remove_if_empty(&self) {
+        // It fails for a folder with something in it, which stays.
+        let _ = fs::remove_dir(&self.0);
+    }
+
+    /// Removes both logs, whole or not.
+    pub fn remove_logs(&self) {
+        let logs = [self.run_log(), self.host_log()];
+        for log in logs.into_iter().flat_map(|log| [partial_path(&log), log]) {
+            // It fails for what is not there.
+            let _ = fs::remove_file(log);
+        }
+    }
+
     /// The folder.
     #[must_use]
     pub fn path(&self) -> &Path {
@@ -93,7 +108,27 @@ impl RunFolder {
     }
 }
 
-/// The log that a path means: itself, or, if it is the folder of a run, the best that is left of its log.
+/// The text of the summary beside a log; none if there is none, or if it is too long for one.
+#[must_use]
+pub fn summary_text_beside(log: &Path) -> Option<String> {
+    const LONGEST: u64 = 16 << 20;
+    let path = log.with_file_name("summary.json");
+    // A pipe of this name would be waited for without an end.
+    let found = fs::metadata(&path).ok()?;
+    if !found.is_file() || found.len() > LONGEST {
+        return None;
+    }
+    let mut text = String::new();
+    fs::File::open(path)
+        .ok()?
+        .take(LONGEST)
+        .read_to_string(&mut text)
+        .ok()?;
+    Some(text)
+}
+
+/// The log that a path means: itself, or, if it is the folder of a run, the best that is left of its log. Of a log that was
+/// recovered that is the recovered one: nothing is recovered of a log that is whole.
 #[must_use]
 pub fn log_meant_by(path: &Path) -> PathBuf {
     if !path.is_dir() {
@@ -101,8 +136,8 @@ pub fn log_meant_by(path: &Path) -> PathBuf {
     }
     let complete = RunFolder(path.to_owned()).run_log();
     let candidates = [
-        complete.clone(),
         recovered_path(&complete),
+        complete.clone(),
         partial_path(&complete),
     ];
     let found = candidates.into_iter().find(|candidate| candidate.exists());
@@ -134,6 +169,17 @@ mod tests {
         fs::write(folder.summary(), "{}").unwrap();
         let error = RunFolder::create(Some(&out), "fig1").unwrap_err();
         assert!(error.to_string().contains("--out"), "{error}");
+    }
+
+    #[test]
+    fn a_folder_means_its_recovered_log_before_the_damaged_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = ["run.mcap.partial", "run.mcap", "run.recovered.mcap"];
+        for name in names {
+            let log = folder.path().join(name);
+            fs::write(&log, "").unwrap();
+            assert_eq!(log_meant_by(folder.path()), log);
+        }
     }
 
     #[test]

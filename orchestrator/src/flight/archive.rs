@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use runtime::sample_ring::SampleRing;
 use shared_types::schedule::{Edge, Publication, Rate};
 use shared_types::service::header_of;
-use shared_types::{Header, Schedule};
+use shared_types::{Header, Schedule, ServiceId};
 
 use super::FlightFailure;
 
@@ -21,6 +21,9 @@ pub struct Archive {
     count: u64,
     /// Samples that are kept for good, by place: consumers need them long after later ones, as planned.
     remembered: BTreeMap<u64, Option<Box<[u8]>>>,
+    /// Whether an external program publishes: no process takes its place that might repeat samples, and nobody else sees
+    /// to its headers.
+    is_external: bool,
 }
 
 impl Archive {
@@ -49,7 +52,13 @@ impl Archive {
                 .collect(),
             publication,
             count: 0,
+            is_external: false,
         }
+    }
+
+    /// Demands of every sample that it is the one which is due: an external program publishes them.
+    pub fn demand_what_is_due(&mut self) {
+        self.is_external = true;
     }
 
     /// Whether there is room for another sample while those from the one of `tick` on are waited for.
@@ -66,7 +75,11 @@ impl Archive {
     /// [`FlightFailure::Lost`] if samples are missing before it, [`FlightFailure::Diverged`] if it is not the same.
     #[inline]
     pub fn keep(&mut self, bytes: &[u8]) -> Result<(), FlightFailure> {
-        let Header { tick, seq: place, .. } = header_of(bytes);
+        let header = header_of(bytes);
+        let Header { tick, seq: place, .. } = header;
+        if self.is_external {
+            self.check(header)?;
+        }
         if place == self.count {
             self.samples.at_mut(place).copy_from_slice(bytes);
             self.count += 1;
@@ -78,12 +91,35 @@ impl Archive {
         self.compare(tick, place, bytes)
     }
 
+    /// Whether a sample is the one that is due.
+    fn check(&self, header: Header) -> Result<(), FlightFailure> {
+        let due = self.next_due();
+        if self.publication.header(due) == header {
+            return Ok(());
+        }
+        Err(FlightFailure::NotDue {
+            service: self
+                .publication
+                .topic
+                .publisher()
+                .map_or("nobody", ServiceId::name),
+            topic: self.publication.topic.name(),
+            due,
+            got: header,
+        })
+    }
+
+    /// Tick of the next sample, if there is no outage.
+    fn next_due(&self) -> u64 {
+        let Rate { period, phase } = self.publication.ticks.rate;
+        phase + self.count * period
+    }
+
     #[cold]
     fn compare(&self, tick: u64, place: u64, bytes: &[u8]) -> Result<(), FlightFailure> {
         let topic = self.publication.topic.to_string();
         if place > self.count {
-            let Rate { period, phase } = self.publication.ticks.rate;
-            let due = phase + self.count * period;
+            let due = self.next_due();
             return Err(FlightFailure::Lost {
                 topic,
                 due,
@@ -171,6 +207,42 @@ mod tests {
         }
         assert!(archive.has_room(3 * depth) && archive.has_room(3 * depth - 1));
         assert!(!archive.has_room(3 * depth - depth / 2));
+    }
+
+    #[test]
+    fn of_an_external_program_nothing_is_kept_but_what_is_due() {
+        let sound = |tick: u64| {
+            let mut sound = sample(tick, 1.0);
+            sound.header.stamp_ns = tick * 1_000_000;
+            sound
+        };
+        let mut archive = archive();
+        archive.demand_what_is_due();
+        for tick in 0..5 {
+            archive.keep(sound(tick).as_bytes()).unwrap();
+        }
+        let past_tick = Header {
+            tick: 3,
+            ..sound(5).header
+        };
+        let future_tick = Header {
+            tick: u64::MAX,
+            ..sound(5).header
+        };
+        let stamp = Header {
+            stamp_ns: 7,
+            ..sound(5).header
+        };
+        for header in [sound(4).header, sound(6).header, past_tick, future_tick, stamp] {
+            let mut wrong = sound(5);
+            wrong.header = header;
+            let failure = archive.keep(wrong.as_bytes()).unwrap_err();
+            assert!(
+                matches!(failure, FlightFailure::NotDue { due: 5, got, .. } if got == header),
+                "{failure}"
+            );
+        }
+        archive.keep(sound(5).as_bytes()).unwrap();
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //!
 //! While all is well a spare process waits to take the place of whoever dies next.
 
+mod activity;
 mod guest;
 mod member;
 pub(crate) mod process;
@@ -30,6 +31,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
 use shared_types::{Schedule, ServiceId};
 
+pub use activity::Activity;
 use member::{CrewMember, Phase};
 pub use process::Exit;
 use process::Process;
@@ -38,12 +40,18 @@ use restart::RestartPolicy;
 use spare::Spare;
 pub use succession::Survivor;
 
+use super::reserve::Reserve;
 use super::{FlightFailure, Outcome};
+use crate::live;
 
 /// How long a service may take to make its ports.
 pub(crate) const READY_LIMIT: Duration = Duration::from_secs(30);
 /// How long a service that was told to stop may take before it is killed.
 pub(crate) const STOP_LIMIT: Duration = Duration::from_secs(2);
+
+/// Messages of one process that are taken at a look: one that speaks without a pause must not keep this process from the
+/// others.
+const MESSAGES_AT_A_LOOK: usize = 64;
 
 /// How often the crew is looked after while a service is being born again.
 pub(super) const BIRTH_PERIOD: Duration = Duration::from_micros(100);
@@ -66,6 +74,8 @@ pub struct Crew<'a> {
     step_log: StepLog,
     doorbells: Vec<Doorbell>,
     spare: Spare,
+    /// Room in shared memory for processes that are started again.
+    reserve: Option<Reserve>,
     exits: Vec<(Option<ServiceId>, u32, Exit)>,
     rebirths: Vec<Rebirth>,
 }
@@ -164,6 +174,7 @@ impl<'a> Crew<'a> {
             step_log: shared.step_log,
             doorbells,
             spare: Spare::default(),
+            reserve: None,
             exits: Vec::new(),
             rebirths: Vec::new(),
         })
@@ -195,7 +206,8 @@ impl<'a> Crew<'a> {
             self.step_log.file(),
             self.lock,
         ];
-        Process::start(name, shared, &self.doorbells).map_err(setup)
+        let label = live::runs::label(self.start.place(), self.start.host);
+        Process::start(name, label, shared, &self.doorbells).map_err(setup)
     }
 
     /// Tells a process that has just been started what to fly, and which service it is, if that is known.
@@ -307,6 +319,12 @@ impl<'a> Crew<'a> {
         self.members[service.index()].phase == Phase::Flying
     }
 
+    /// What the process of a service does now, if the system tells.
+    #[must_use]
+    pub fn activity(&self, service: ServiceId) -> Option<Activity> {
+        Activity::of(self.members[service.index()].process.id())
+    }
+
     /// Kills the process of a service, which is then born again.
     pub fn kill(&mut self, service: ServiceId) {
         self.members[service.index()].process.signal(Signal::KILL);
@@ -359,10 +377,10 @@ impl<'a> Crew<'a> {
         events
     }
 
-    /// Everything that a process has said, and its end if it has ended.
+    /// What a process has said, and its end if it has ended.
     fn listen(&mut self, at: usize) -> Vec<CrewEvent> {
         let mut events = Vec::new();
-        loop {
+        for _ in 0..MESSAGES_AT_A_LOOK {
             match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
                 // What it says until it is dead counts no more.
                 Ok(Some(_)) if self.members[at].blamed.is_some() => {}
@@ -375,8 +393,9 @@ impl<'a> Crew<'a> {
                     }
                     events.extend(self.members[at].understand(message, self.start.host));
                 }
-                Ok(None) => break,
-                Err(ControlError::Closed) => {
+                // A program may have handed its end of the line on to one that outlives it.
+                Ok(None) if !self.members[at].process.has_ended() => break,
+                Ok(None) | Err(ControlError::Closed) => {
                     events.extend(self.bury(at));
                     break;
                 }
@@ -400,6 +419,11 @@ impl<'a> Crew<'a> {
         events
     }
 
+    /// Keeps room for processes that are started again.
+    pub(super) fn keep_reserve(&mut self, reserve: Reserve) {
+        self.reserve = Some(reserve);
+    }
+
     /// Wakes everybody to look again, whatever has become of their wake-ups.
     pub fn rouse(&self) {
         self.doorbells.iter().for_each(Doorbell::ring);
@@ -413,14 +437,17 @@ impl<'a> Crew<'a> {
 
     /// Tells everybody to stop, waits until all are gone, and kills who does not go.
     pub fn stop(&mut self) {
+        self.spare.end();
+        if self.members.is_empty() {
+            return;
+        }
         let words = self.page.words();
         words.stopping.store(1, Ordering::SeqCst);
         for member in &self.members {
-            // Who is gone already need not be told.
-            let _ = member.process.channel.send(&ToService::Stop);
+            // Who is gone already need not be told, and who takes no messages is killed below.
+            let _ = member.process.channel.try_send(&ToService::Stop);
         }
         self.rouse();
-        self.spare.end();
         let deadline = Instant::now() + STOP_LIMIT;
         while self.members.iter().any(|member| !member.process.is_gone) {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -431,7 +458,7 @@ impl<'a> Crew<'a> {
         }
         for member in &mut self.members {
             if !member.process.is_gone {
-                member.process.signal(Signal::KILL);
+                member.process.kill_group();
                 let exit = member.process.wait();
                 self.exits.push((Some(member.service), member.process.id(), exit));
             }
@@ -450,10 +477,15 @@ impl Drop for Crew<'_> {
     }
 }
 
-/// Tells a process something. One that is gone is found so when the crew is watched.
+/// Tells a process something. One that is gone is found so when the crew is watched, and one that has not read anything
+/// for so long that its line is full is killed.
 fn tell(process: &Process, message: &ToService) -> Result<(), FlightFailure> {
-    match process.channel.send(message) {
-        Ok(()) | Err(ControlError::Closed) => Ok(()),
+    match process.channel.try_send(message) {
+        Ok(true) | Err(ControlError::Closed) => Ok(()),
+        Ok(false) => {
+            process.signal(Signal::KILL);
+            Ok(())
+        }
         Err(error) => Err(FlightFailure::Setup(error.to_string())),
     }
 }

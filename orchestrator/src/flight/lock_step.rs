@@ -35,7 +35,8 @@ where
 {
     super::refuse_unsimulated_poses(scenario)?;
     let site = Site::prepare(scenario, deployment)?;
-    let mut recorder = Recorder::new(site.subscribe(Delivery::Lossless)?, &site.schedule);
+    let recorder = Recorder::new(site.subscribe(Delivery::Lossless)?, &site.schedule);
+    let mut recorder = recorder.distrust(site.scenario.guests(), &site.schedule);
     let mut crew = site.start_crew(deployment, Host::LockStep)?;
     let words = crew.page().words();
     recorder.make_known(words);
@@ -162,7 +163,10 @@ where
         Outcome::Completed => Outcome::Completed,
         // The sink itself has failed: it takes no more.
         Outcome::Failed(
-            failure @ (FlightFailure::Log(_) | FlightFailure::Lost { .. } | FlightFailure::Diverged { .. }),
+            failure @ (FlightFailure::Log(_)
+            | FlightFailure::Lost { .. }
+            | FlightFailure::Diverged { .. }
+            | FlightFailure::NotDue { .. }),
         ) => Outcome::Failed(failure),
         outcome => match recorder.drain_all(sink) {
             Ok(()) => outcome,

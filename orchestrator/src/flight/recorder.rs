@@ -5,6 +5,8 @@ use std::ops::ControlFlow;
 use runtime::in_process::TickSink;
 use runtime::ports::PortError;
 use runtime::shared_page::Words;
+use runtime::watchdog::{self, Work};
+use shared_types::scenario::Guests;
 use shared_types::schedule::Presence;
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -59,6 +61,20 @@ impl Recorder {
         }
     }
 
+    /// Copies what external programs publish before it is looked at, and demands that it is what is due.
+    #[must_use]
+    pub fn distrust(mut self, guests: Guests, schedule: &Schedule) -> Self {
+        let distrust = |mut feed: Feed| {
+            if feed.subscription.is_of(guests) {
+                feed.archive.demand_what_is_due();
+                feed.subscription = feed.subscription.distrust(schedule);
+            }
+            feed
+        };
+        self.feeds = self.feeds.into_iter().map(distrust).collect();
+        self
+    }
+
     /// Lets publishers wait for the recorder.
     pub fn make_known(&self, words: &Words) {
         for (known, feed) in words.recorder.iter().zip(&self.feeds) {
@@ -108,7 +124,7 @@ impl Recorder {
     pub fn connect(&mut self) -> Result<(), PortError> {
         self.feeds
             .iter_mut()
-            .try_for_each(|feed| feed.subscription.receiver.connect())
+            .try_for_each(|feed| watchdog::during(Work::Ports, || feed.subscription.receiver.connect()))
     }
 
     /// Hands over every tick that is whole by now, however many.
@@ -165,20 +181,20 @@ impl Recorder {
     /// Has the sample of every topic that is due at the tick; `false` if one is still missing.
     fn collect(&mut self) -> Result<bool, FlightFailure> {
         let tick = self.tick;
+        let mut is_whole = true;
+        // Also those behind one that is missing: what is wrong with them may be why it is.
         for feed in self.feeds.iter_mut().filter(|feed| feed.rate.occurs_at(tick)) {
             feed.receive_while(|archive| archive.sample(tick).is_none())?;
-            if feed.archive.sample(tick).is_none() {
-                return Ok(false);
-            }
+            is_whole &= feed.archive.sample(tick).is_some();
         }
-        Ok(true)
+        Ok(is_whole)
     }
 }
 
 impl Feed {
     fn receive_while(&mut self, wanted: impl Fn(&Archive) -> bool) -> Result<(), FlightFailure> {
         while wanted(&self.archive) {
-            let received = self.subscription.receiver.receive();
+            let received = watchdog::during(Work::Receive, || self.subscription.receiver.receive());
             if !received.map_err(FlightFailure::setup)? {
                 break;
             }

@@ -4,13 +4,14 @@ use std::os::fd::OwnedFd;
 
 use runtime::control::{Host, Start};
 use runtime::deployment::Scheduler;
-use runtime::ports::{Delivery, Member};
+use runtime::ports::{Delivery, Member, RECORDER_BUFFER};
 use shared_types::scenario::Scenario;
-use shared_types::{Schedule, ServiceId};
+use shared_types::{Schedule, ServiceId, Topic};
 
 use super::FlightFailure;
 use super::crew::{Crew, Shared, Survivor};
 use super::deployment::{Cores, Deployment};
+use super::reserve::{self, Reserve};
 use super::subscription::Subscription;
 use crate::run_root::RunRoot;
 
@@ -36,6 +37,8 @@ impl Site {
     pub(super) fn prepare(scenario: &Scenario, deployment: &Deployment) -> Result<Self, FlightFailure> {
         let schedule = super::schedule_of(scenario)?;
         let root = RunRoot::create().map_err(FlightFailure::setup)?;
+        // What dead runs had has just been removed.
+        reserve::check().map_err(FlightFailure::setup)?;
         let scenario = deployment.stated_over(scenario);
         let cores = Cores::choose(deployment.placement, &scenario);
         cores.keep_off();
@@ -78,7 +81,16 @@ impl Site {
     /// [`FlightFailure::Setup`].
     pub(super) fn subscribe(&self, delivery: Delivery) -> Result<Vec<Subscription>, FlightFailure> {
         let make = |topic| self.member.create_topic(topic, &self.schedule, delivery);
-        Subscription::to_all(make).map_err(FlightFailure::setup)
+        let guests = self.scenario.guests();
+        let is_external = |topic: Topic| topic.publisher().is_some_and(|service| guests[service.index()]);
+        // External programs wait for nobody, but for their inputs: if services wait for the recorder before its buffers of
+        // the programs' topics are full, those never are.
+        let is_waited_for = delivery == Delivery::Lossless && guests.contains(&true);
+        let places = |topic| match is_waited_for && !is_external(topic) {
+            true => RECORDER_BUFFER / 2,
+            false => RECORDER_BUFFER,
+        };
+        Subscription::to_all(make, places).map_err(FlightFailure::setup)
     }
 
     /// Subscribes to every topic of a flight in real time that is under way; makes those whose publisher was the last to
@@ -94,7 +106,7 @@ impl Site {
                     .create_topic(topic, &self.schedule, Delivery::NewestWins)
             })
         };
-        Subscription::to_all(enter).map_err(FlightFailure::setup)
+        Subscription::to_all(enter, |_| RECORDER_BUFFER).map_err(FlightFailure::setup)
     }
 
     /// Starts the services' processes.
@@ -127,6 +139,12 @@ impl Site {
         let lock = self.root.lock();
         let crew = Crew::adopt(&self.member, lock, &self.schedule, start, shared, survivors)?;
         self.root.own();
+        let mut crew = crew;
+        if let Ok(mut reserve) = Reserve::new(self.root.prefix()) {
+            // The flight is under way: what there is no room for now is sought again.
+            reserve.refill();
+            crew.keep_reserve(reserve);
+        }
         Ok(crew)
     }
 
@@ -148,6 +166,9 @@ impl Site {
     /// [`FlightFailure::NotPermitted`] if the scenario says that it may not; else that of the crew.
     pub(super) fn await_ready(&self, crew: &mut Crew<'_>) -> Result<Vec<String>, FlightFailure> {
         let refusals = crew.await_ready()?;
+        let mut reserve = Reserve::new(self.root.prefix()).map_err(FlightFailure::setup)?;
+        reserve.settle().map_err(FlightFailure::setup)?;
+        crew.keep_reserve(reserve);
         let is_strict = self
             .scenario
             .deployment

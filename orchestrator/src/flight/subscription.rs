@@ -1,7 +1,12 @@
 //! The recorder's ports: one subscriber a topic.
 
+use std::rc::Rc;
+
+use runtime::flight_clock::FlightClock;
 use runtime::ports::{PortError, Receiver, TopicPorts};
-use shared_types::Topic;
+use runtime::untrusted::{Refusals, UntrustedReceiver};
+use shared_types::scenario::Guests;
+use shared_types::{Schedule, Topic};
 
 /// The recorder's subscriber of a topic.
 pub struct Subscription {
@@ -9,27 +14,65 @@ pub struct Subscription {
     pub topic: Topic,
     /// What comes of it.
     pub receiver: Box<dyn Receiver>,
+    /// What was refused of it, if an external program publishes it in real time.
+    pub refusals: Rc<Refusals>,
     /// Holds the topic: services can open it as long as somebody does.
     _ports: Box<dyn TopicPorts>,
 }
 
 impl Subscription {
-    /// Subscribes to every topic that a service publishes, made or opened by `enter`.
+    /// Subscribes to every topic that a service publishes, made or opened by `enter`, with as many places as `places` says.
     ///
     /// # Errors
     /// [`PortError`].
     pub fn to_all(
         enter: impl Fn(Topic) -> Result<Box<dyn TopicPorts>, PortError>,
+        places: impl Fn(Topic) -> usize,
     ) -> Result<Vec<Self>, PortError> {
         let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
         let subscribe = |topic| {
             let ports = enter(topic)?;
             Ok(Self {
                 topic,
-                receiver: ports.recorder()?,
+                receiver: ports.recorder(places(topic))?,
+                refusals: Rc::default(),
                 _ports: ports,
             })
         };
         published.map(subscribe).collect()
+    }
+
+    /// Whether one of these external programs publishes the topic.
+    #[must_use]
+    pub fn is_of(&self, guests: Guests) -> bool {
+        self.topic
+            .publisher()
+            .is_some_and(|service| guests[service.index()])
+    }
+
+    /// Copies every sample before it is looked at.
+    #[must_use]
+    pub fn distrust(self, schedule: &Schedule) -> Self {
+        let receiver = UntrustedReceiver::new(self.receiver, &schedule.publication(self.topic));
+        Self {
+            receiver: Box::new(receiver),
+            ..self
+        }
+    }
+
+    /// Copies every sample before it is looked at, and refuses it unless it may be there by the flight's clock.
+    #[must_use]
+    pub fn distrust_by_the_clock(self, schedule: &Schedule, clock: FlightClock) -> Self {
+        let publication = schedule.publication(self.topic);
+        let receiver = UntrustedReceiver::new(self.receiver, &publication).within_clock(
+            publication,
+            schedule.last_tick(),
+            move || clock.tick(),
+        );
+        Self {
+            refusals: receiver.refusals(),
+            receiver: Box::new(receiver),
+            ..self
+        }
     }
 }

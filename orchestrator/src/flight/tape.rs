@@ -1,5 +1,6 @@
 //! Where a flight's samples go: into the log, into the summary, and as progress before the user's eyes.
 
+use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
 use runtime::in_process::TickSink;
@@ -16,8 +17,21 @@ use crate::summary::FlightSummary;
 pub struct Tape<'a> {
     log: Option<RunLogWriter>,
     summary: FlightSummary,
-    events: std::iter::Peekable<std::vec::IntoIter<RunEvent>>,
+    schedule: Schedule,
+    /// What is still to happen, or has happened and is not written yet, in the order of time.
+    events: VecDeque<Event>,
+    /// Number of the next event in the log.
+    next_event: u64,
     progress: &'a mut Progress,
+    /// Whether the flight is to end once the vehicle is lost. Flights in real time end by their clock all the same.
+    ends_when_lost: bool,
+}
+
+/// Something that no service publishes.
+struct Event {
+    tick: u64,
+    kind: u32,
+    text: String,
 }
 
 impl<'a> Tape<'a> {
@@ -32,15 +46,18 @@ impl<'a> Tape<'a> {
         Self {
             log,
             summary: FlightSummary::new(scenario, schedule),
-            events: scheduled_events(scenario, schedule).into_iter().peekable(),
+            schedule: schedule.clone(),
+            events: scheduled_events(scenario, schedule).into(),
+            next_event: 0,
             progress,
+            ends_when_lost: scenario.limits_of_loss().end_when_lost,
         }
     }
 
     /// Leaves out what is scheduled before a tick: of a flight that is taken over, the rest is recorded.
     #[must_use]
     pub fn from_tick(mut self, tick: u64) -> Self {
-        while self.events.next_if(|event| event.header.tick < tick).is_some() {}
+        while self.next_event_if(|event| event.tick < tick).is_some() {}
         self.summary.begin_at(tick);
         self
     }
@@ -50,8 +67,9 @@ impl<'a> Tape<'a> {
     /// # Errors
     /// [`LogError`] if the log cannot be closed: it then keeps the name of an incomplete one.
     pub fn finish(self) -> (FlightSummary, Result<Option<Written>, LogError>) {
+        let written = self.log.map(RunLogWriter::finish).transpose();
         self.progress.clear();
-        (self.summary, self.log.map(RunLogWriter::finish).transpose())
+        (self.summary, written)
     }
 
     /// Leaves the log as it is, with the name of an incomplete one.
@@ -63,11 +81,35 @@ impl<'a> Tape<'a> {
 
     #[inline]
     fn keep(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), LogError> {
-        if let Some(log) = &mut self.log {
-            log.write(topic, bytes)?;
-        }
         self.summary.observe(topic, bytes);
-        Ok(())
+        match &mut self.log {
+            Some(log) => {
+                let written = log.write(topic, bytes);
+                self.give_up_log_on_failure(written)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// A log that has failed once is left as it is, with the name of an incomplete one: what came later would hide a gap.
+    /// The summary goes on without it.
+    #[inline]
+    fn give_up_log_on_failure(&mut self, written: Result<(), LogError>) -> Result<(), LogError> {
+        if written.is_err() {
+            self.log = None;
+        }
+        written
+    }
+
+    fn next_event_if(&mut self, wanted: impl Fn(&Event) -> bool) -> Option<RunEvent> {
+        let event = self.events.pop_front_if(|event| wanted(event))?;
+        let header = Header {
+            tick: event.tick,
+            stamp_ns: self.schedule.time_ns(event.tick),
+            seq: self.next_event,
+        };
+        self.next_event += 1;
+        Some(run_event(header, event.kind, &event.text))
     }
 }
 
@@ -82,19 +124,32 @@ impl TickSink for Tape<'_> {
     #[inline]
     fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, LogError> {
         // Events are the last topic of a tick.
-        while let Some(event) = self.events.next_if(|event| event.header.tick == tick) {
+        while let Some(mut event) = self.next_event_if(|event| event.tick <= tick) {
+            (event.header.tick, event.header.stamp_ns) = (tick, self.schedule.time_ns(tick));
             self.keep(Topic::RunEvent, event.as_bytes())?;
         }
         if let Some(log) = &mut self.log {
-            log.end_tick(tick)?;
+            let written = log.end_tick(tick);
+            self.give_up_log_on_failure(written)?;
         }
         self.progress.tick(tick);
-        Ok(ControlFlow::Continue(()))
+        let is_over = self.ends_when_lost && self.summary.loss().is_some();
+        Ok(if is_over {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        })
+    }
+
+    fn event(&mut self, tick: u64, kind: u32, text: &str) {
+        let place = self.events.partition_point(|event| event.tick <= tick);
+        let text = text.to_owned();
+        self.events.insert(place, Event { tick, kind, text });
     }
 }
 
 /// The events that a scenario schedules, in the order of time: a function of the scenario alone.
-fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<RunEvent> {
+fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<Event> {
     let mut events = vec![(0, RunEvent::KIND_FLIGHT_STARTS, scenario.description.clone())];
     for change in &scenario.vehicle.change {
         events.push((
@@ -119,20 +174,8 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<RunEvent> {
     events.push((schedule.last_tick(), RunEvent::KIND_FLIGHT_ENDS, String::new()));
     events.retain(|(tick, ..)| *tick <= schedule.last_tick());
     events.sort_by_key(|(tick, ..)| *tick);
-    let numbered = events.into_iter().zip(0..);
-    numbered
-        .map(|((tick, kind, text), seq)| {
-            event(
-                Header {
-                    tick,
-                    stamp_ns: schedule.time_ns(tick),
-                    seq,
-                },
-                kind,
-                &text,
-            )
-        })
-        .collect()
+    let event = |(tick, kind, text)| Event { tick, kind, text };
+    events.into_iter().map(event).collect()
 }
 
 /// What the operator is planned to ask for.
@@ -148,7 +191,7 @@ fn operator_requests(scenario: &Scenario) -> Vec<(u64, u32, String)> {
         .collect()
 }
 
-fn event(header: Header, kind: u32, text: &str) -> RunEvent {
+fn run_event(header: Header, kind: u32, text: &str) -> RunEvent {
     let mut event = RunEvent {
         header,
         kind,
@@ -194,7 +237,7 @@ mod tests {
             let events = scheduled_events(scenario, &scenario.schedule().unwrap()).into_iter();
             events
                 .filter(|event| event.kind >= RunEvent::KIND_OPERATOR_ARMS)
-                .map(|event| (event.header.tick, event.kind))
+                .map(|event| (event.tick, event.kind))
                 .collect()
         };
         assert_eq!(kinds(&flown), []);

@@ -82,7 +82,7 @@ mod tests {
             }
             // It is late, and away for a while.
             if !(2500..4200).contains(&tick) {
-                checkpoints.write(SERVICE, tick + 1, 8, |bytes| bytes.fill(0));
+                checkpoints.write(SERVICE, tick + 1, |keep| keep(&[0; 8]));
             }
         }
         assert_eq!(

@@ -5,7 +5,9 @@ use std::fmt::{Display, Formatter, Result};
 use comfy_table::{Table, presets};
 use serde_json::Value;
 
-use super::{Info, State, TopicInfo};
+use super::{Info, Judged, State, TopicInfo};
+use crate::metrics::tracker::Source;
+use crate::terminal::printable;
 
 impl Display for State {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
@@ -34,12 +36,16 @@ impl Display for Info {
         }
         match &self.recovery {
             Some(recovery) if *state == State::Recovered => {
-                writeln!(formatter, "recovered from {}: {recovery}", recovery.source)?;
+                let source = printable(&recovery.source);
+                writeln!(formatter, "recovered from {source}: {recovery}")?;
             }
             Some(recovery) => writeln!(formatter, "a recovery would give: {recovery}")?,
             None => {}
         }
         self.write_flight(formatter)?;
+        if let Some(judged) = &self.judged {
+            write_judged(formatter, judged)?;
+        }
         if let Some(summary) = &self.summary {
             write_summary(formatter, summary)?;
         }
@@ -48,7 +54,7 @@ impl Display for Info {
             let counts: Vec<_> = host
                 .samples
                 .iter()
-                .map(|(channel, count)| format!("{count} of {channel}"))
+                .map(|(channel, count)| format!("{count} of {}", printable(channel)))
                 .collect();
             writeln!(formatter, "{}: {state}; {}", host.log, counts.join(", "))?;
         }
@@ -62,7 +68,10 @@ impl Info {
         writeln!(
             formatter,
             "\n{}\nseed {}, tick {} s, planned {} s",
-            scenario.description, scenario.seed, scenario.schedule.tick, scenario.duration
+            printable(&scenario.description),
+            scenario.seed,
+            scenario.schedule.tick,
+            scenario.duration
         )?;
         if let (Some(first), Some(last)) = (self.first_tick, self.last_tick) {
             writeln!(
@@ -105,9 +114,53 @@ fn topic_table(topics: &[TopicInfo]) -> Table {
     table
 }
 
+/// How the vehicle was lost, as the log itself tells it, and how far from its path it was.
+fn write_judged(formatter: &mut Formatter<'_>, judged: &Judged) -> Result {
+    if let Some(loss) = &judged.lost {
+        writeln!(formatter, "\nLOST at {} s: {loss}", loss.time)?;
+    }
+    if let Some(metrics) = &judged.metrics {
+        let estimated = match judged.source {
+            Source::Truth => "",
+            Source::Estimate => ", as estimated",
+        };
+        writeln!(
+            formatter,
+            "distance from the path{estimated}: RMSE {:.3} cm, 95 % {:.3} cm, largest {:.3} cm at {:.3} s",
+            100.0 * metrics.rmse,
+            100.0 * metrics.p95,
+            100.0 * metrics.max,
+            metrics.time_of_max
+        )?;
+    }
+    Ok(())
+}
+
+/// The ends of the phases, compared with the theorem's bound where it applies.
+fn write_phases(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
+    for phase in summary["phases"].as_array().into_iter().flatten() {
+        let Some(ultimate) = phase["ultimate"].as_f64() else {
+            continue;
+        };
+        let bound = match phase["against_bound"].as_str() {
+            Some("within") => ", within the bound",
+            Some("near") => ", near the bound",
+            Some(_) => ", above the bound",
+            None => "",
+        };
+        let [begins, ends] = ["begins", "ends"].map(|key| phase[key].as_f64().unwrap_or(f64::NAN));
+        writeln!(
+            formatter,
+            "{begins} to {ends} s: at most {:.3} cm from the path in the end{bound}",
+            100.0 * ultimate
+        )?;
+    }
+    Ok(())
+}
+
 /// How the run went. An older program may have left a member out, which is then not shown.
 fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
-    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let text = |value: &Value| printable(value.as_str().unwrap_or_default()).into_owned();
     let list = |key: &str| summary[key].as_array().cloned().unwrap_or_default();
     write!(
         formatter,
@@ -119,22 +172,7 @@ fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
         reason if reason.is_empty() => writeln!(formatter)?,
         reason => writeln!(formatter, ": {reason}")?,
     }
-    for phase in list("phases") {
-        let Some(verdict) = phase["verdict"].as_str() else {
-            continue;
-        };
-        let bound = match verdict {
-            "within" => "within the bound",
-            "near" => "near the bound",
-            _ => "above the bound",
-        };
-        let [begins, ends, ultimate] =
-            ["begins", "ends", "ultimate"].map(|key| phase[key].as_f64().unwrap_or(f64::NAN));
-        writeln!(
-            formatter,
-            "{begins} to {ends} s: ‖z1‖ {ultimate:.5} m in the end, {bound}"
-        )?;
-    }
+    write_phases(formatter, summary)?;
     for fault in list("faults") {
         write!(formatter, "{}: ", text(&fault["fault"]))?;
         match (fault["peak_error"].as_f64(), fault["back_after"].as_f64()) {

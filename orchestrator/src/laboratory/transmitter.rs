@@ -89,8 +89,8 @@ impl ErasedService for Transmitter {
         self.service.state_size()
     }
 
-    fn save(&self, bytes: &mut [u8]) {
-        self.service.save(bytes);
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+        self.service.save_with(keep);
     }
 
     fn restore(&mut self, bytes: &[u8]) {
@@ -179,7 +179,9 @@ mod tests {
             0
         }
 
-        fn save(&self, _bytes: &mut [u8]) {}
+        fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+            keep(&[]);
+        }
 
         fn restore(&mut self, _bytes: &[u8]) {}
     }

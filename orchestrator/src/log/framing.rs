@@ -81,6 +81,12 @@ pub enum LogError {
         /// What the system said.
         source: io::Error,
     },
+    /// The file was removed, or renamed, while it was written.
+    #[error("the log {} was removed while it was written: what it held is lost; record into a folder that nobody cleans up", .path.display())]
+    Removed {
+        /// The file, with the name of an incomplete log.
+        path: PathBuf,
+    },
     /// The finished file cannot be given its name.
     #[error("cannot rename the log {} to {}: {source}; it is complete, rename it by hand", .partial.display(), .path.display())]
     Rename {
@@ -140,7 +146,17 @@ impl McapFile {
         compression: Compression,
         chunk_bytes: Option<u64>,
     ) -> Result<Self, LogError> {
-        Self::create_of(ROS2_PROFILE, path, compression, chunk_bytes)
+        Self::begin(ROS2_PROFILE, new_file(path)?, path, compression, chunk_bytes)
+    }
+
+    /// As [`Self::create`], over a file that is open: a device in place of a disk.
+    pub(super) fn over(
+        file: File,
+        path: &Path,
+        compression: Compression,
+        chunk_bytes: Option<u64>,
+    ) -> Result<Self, LogError> {
+        Self::begin(ROS2_PROFILE, file, path, compression, chunk_bytes)
     }
 
     /// Creates a file whose messages are of several encodings, which is of no profile.
@@ -149,21 +165,16 @@ impl McapFile {
         compression: Compression,
         chunk_bytes: u64,
     ) -> Result<Self, LogError> {
-        Self::create_of("", path, compression, Some(chunk_bytes))
+        Self::begin("", new_file(path)?, path, compression, Some(chunk_bytes))
     }
 
-    fn create_of(
+    fn begin(
         profile: &str,
+        file: File,
         path: &Path,
         compression: Compression,
         chunk_bytes: Option<u64>,
     ) -> Result<Self, LogError> {
-        let partial = partial_path(path);
-        let failed = |source| LogError::Create {
-            path: partial.clone(),
-            source,
-        };
-        let file = File::create(&partial).map_err(failed)?;
         let options = WriteOptions::new()
             .profile(profile)
             .library(LIBRARY)
@@ -173,7 +184,10 @@ impl McapFile {
         let writer = compression
             .apply(options)
             .create(NoSeek::new(BufWriter::with_capacity(BUFFER_BYTES, file)))
-            .map_err(|error| failed(io_error(error)))?;
+            .map_err(|error| LogError::Create {
+                path: partial_path(path),
+                source: io_error(error),
+            })?;
         Ok(Self {
             path: path.to_owned(),
             writer: Some(writer),
@@ -281,7 +295,16 @@ impl McapFile {
         if self.durability.as_ref().is_some_and(Durability::has_failed) {
             self.end_durability()?;
         }
-        self.attempt(Writer::flush)
+        self.attempt(Writer::flush)?;
+        let path = partial_path(&self.path);
+        match fs::symlink_metadata(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                self.abandon();
+                Err(LogError::Removed { path })
+            }
+            // Whatever else is wrong with the name, the file is there.
+            _ => Ok(()),
+        }
     }
 
     /// Forces the rest to the disk; a file of which that has failed takes no more.
@@ -361,6 +384,24 @@ impl McapFile {
 impl Drop for McapFile {
     fn drop(&mut self) {
         self.abandon();
+    }
+}
+
+/// Makes the file of an incomplete log.
+fn new_file(path: &Path) -> Result<File, LogError> {
+    let path = partial_path(path);
+    make_anew(&path).map_err(|source| LogError::Create { path, source })
+}
+
+/// Makes a file in the place of whatever has its name. A symbolic link there is removed and not followed: in a folder in
+/// which others may write it leads to where they want it.
+///
+/// # Errors
+/// What the system says.
+pub fn make_anew(path: &Path) -> io::Result<File> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => File::options().write(true).create_new(true).open(path),
     }
 }
 

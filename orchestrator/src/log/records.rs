@@ -2,15 +2,47 @@
 
 use std::io::{self, Read};
 
-use mcap::records::{Record, op};
+use mcap::records::{ChunkHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, McapResult};
 
 /// Length of what precedes every record: its kind and the length of the rest.
 pub(super) const FRAME_BYTES: usize = 1 + 8;
 
-/// Largest record or chunk that is believed, bytes. The writer's chunks are some megabytes at most.
+/// Largest record that is believed, bytes.
 pub(super) const RECORD_BYTES_MAX: usize = 256 << 20;
+
+/// Largest content of a chunk that is unpacked, bytes. The writer's chunks have some megabytes at most.
+pub(super) const CHUNK_BYTES_MAX: u64 = 16 << 20;
+
+/// How many times its size a file may unpack to, beyond what is unpacked of any file. Logs of flights come to five times
+/// theirs; a file that was made to keep its reader busy comes to thousands.
+const UNPACKED_RATIO_MAX: u64 = 100;
+const UNPACKED_BYTES_FREE: u64 = 256 << 20;
+
+/// How much of a file may still be unpacked, bytes.
+pub(super) struct Budget(u64);
+
+impl Budget {
+    /// That of a file of so many bytes.
+    pub(super) fn of(file_bytes: u64) -> Self {
+        Self(
+            file_bytes
+                .saturating_mul(UNPACKED_RATIO_MAX)
+                .saturating_add(UNPACKED_BYTES_FREE),
+        )
+    }
+
+    /// Takes from it what is about to be unpacked.
+    pub(super) fn spend(&mut self, bytes: u64) -> McapResult<()> {
+        self.0 = self.0.checked_sub(bytes).ok_or_else(|| {
+            McapError::DecompressionError(format!(
+                "the file unpacks to more than {UNPACKED_RATIO_MAX} times its size, as no log of a flight does"
+            ))
+        })?;
+        Ok(())
+    }
+}
 
 /// Reads records from `source`, opening chunks.
 ///
@@ -20,6 +52,7 @@ pub(super) struct Records<R> {
     source: R,
     source_bytes: u64,
     file: LinearReader,
+    budget: Budget,
     pub(super) chunk: ChunkRecords,
 }
 
@@ -63,6 +96,7 @@ impl<R: Read> Records<R> {
                     .with_check_finishes_after_end_magic(true)
                     .with_record_length_limit(limit),
             ),
+            budget: Budget::of(source_bytes),
             chunk: ChunkRecords::new(),
         }
     }
@@ -80,7 +114,9 @@ impl<R: Read> Records<R> {
             if record.opcode != op::CHUNK {
                 return Ok(true);
             }
-            self.chunk.open(&record.body)?;
+            // Nothing of it is unpacked before.
+            let unpacked = self.chunk.open(&record.body)?;
+            self.budget.spend(unpacked)?;
         }
     }
 
@@ -123,16 +159,18 @@ impl ChunkRecords {
         }
     }
 
-    /// Goes on with the chunk of this body. After an error this reader is of no more use.
-    pub(super) fn open(&mut self, body: &[u8]) -> McapResult<()> {
-        self.compression = check_chunk(body)?;
+    /// Goes on with the chunk of this body, and says how many bytes it unpacks to. After an error this reader is of no more
+    /// use.
+    pub(super) fn open(&mut self, body: &[u8]) -> McapResult<u64> {
+        let header = check_chunk(body)?;
+        self.compression = header.compression;
         self.is_new = true;
         self.chunk.clear();
         self.chunk.push(op::CHUNK);
         self.chunk.extend_from_slice(&(body.len() as u64).to_le_bytes());
         self.chunk.extend_from_slice(body);
         self.chunk_read = 0;
-        Ok(())
+        Ok(header.uncompressed_size)
     }
 
     /// The next record of the chunk that is being read; `false` if there is none.
@@ -196,11 +234,14 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> McapResult<Record<'_>> {
     }
 }
 
-/// Refuses a chunk whose content would have to be believed blindly; says how it is compressed.
-fn check_chunk(body: &[u8]) -> McapResult<String> {
+/// Refuses a chunk whose content would have to be believed blindly.
+fn check_chunk(body: &[u8]) -> McapResult<ChunkHeader> {
     let Record::Chunk { header, data } = parse(op::CHUNK, body)? else {
         return Err(McapError::UnexpectedEoc);
     };
+    if header.uncompressed_size > CHUNK_BYTES_MAX {
+        return Err(McapError::ChunkTooLarge(header.uncompressed_size));
+    }
     if header.uncompressed_crc == 0 && header.uncompressed_size > 0 {
         return Err(McapError::BadChunkCrc {
             saved: 0,
@@ -211,7 +252,7 @@ fn check_chunk(body: &[u8]) -> McapResult<String> {
     if is_plain && (header.uncompressed_size != header.compressed_size || !holds_whole_records(&data)) {
         return Err(McapError::UnexpectedEoc);
     }
-    Ok(header.compression)
+    Ok(header)
 }
 
 /// Whether the lengths of the records in `data` add up to it.

@@ -13,7 +13,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
@@ -39,9 +39,23 @@ pub enum RecoverError {
         /// What the system said.
         source: io::Error,
     },
+    /// The file was made to keep its reader busy.
+    #[error("the log {} is not read to its end: {reason}; recover it with another tool if you trust where it is from", .path.display())]
+    Implausible {
+        /// The file.
+        path: PathBuf,
+        /// What gives it away.
+        reason: String,
+    },
     /// Something has the name of the recovered log.
     #[error("{} exists already and is not overwritten; name another file with `--out`, or remove it", .0.display())]
     Exists(PathBuf),
+    /// The file is empty.
+    #[error("{} is empty: the run ended before its first chunk was written; there is nothing to recover", .0.display())]
+    Empty(PathBuf),
+    /// The file is none that a run writes.
+    #[error("{} is no log: it does not begin as an MCAP file does, and no part of it is one; give `run.mcap`, `run.mcap.partial` or the folder of a run", .0.display())]
+    Foreign(PathBuf),
     /// Not a single sample is whole.
     #[error("{} holds no sample that is whole: there is nothing to recover; fly its scenario again", .0.display())]
     Nothing(PathBuf),
@@ -123,9 +137,15 @@ pub fn inspect(log: &Path) -> Result<Recovery, RecoverError> {
 }
 
 fn unreadable(path: &Path) -> impl Fn(io::Error) -> RecoverError {
-    move |source| RecoverError::Read {
-        path: path.to_owned(),
-        source,
+    move |source| {
+        let path = path.to_owned();
+        match source.kind() {
+            io::ErrorKind::InvalidData => RecoverError::Implausible {
+                path,
+                reason: source.to_string(),
+            },
+            _ => RecoverError::Read { path, source },
+        }
     }
 }
 
@@ -261,7 +281,7 @@ impl<'a> Survey<'a> {
         }
         let samples = self.recovery.kept();
         if samples == 0 {
-            return Err(RecoverError::Nothing(path));
+            return Err(nothing_in(path));
         }
         let has_flown = Topic::ALL
             .iter()
@@ -285,6 +305,21 @@ impl<'a> Survey<'a> {
             reason,
             samples,
         })
+    }
+}
+
+/// Why there is no sample to recover in a file.
+fn nothing_in(path: PathBuf) -> RecoverError {
+    let begin = File::open(&path).and_then(|file| {
+        let mut begin = Vec::new();
+        file.take(mcap::MAGIC.len() as u64).read_to_end(&mut begin)?;
+        Ok(begin)
+    });
+    match begin {
+        Ok(begin) if begin.is_empty() => RecoverError::Empty(path),
+        Ok(begin) if begin == mcap::MAGIC => RecoverError::Nothing(path),
+        Ok(_) => RecoverError::Foreign(path),
+        Err(source) => RecoverError::Read { path, source },
     }
 }
 

@@ -1,5 +1,6 @@
 //! Writes `run.mcap`: the log of the experiment, a function of scenario and seed alone.
 
+use std::fs::File;
 use std::path::Path;
 use std::time::Duration;
 
@@ -38,7 +39,23 @@ impl RunLogWriter {
     /// # Errors
     /// [`LogError::Create`] or [`LogError::Write`].
     pub fn create(path: &Path, manifest: &Manifest, compression: Compression) -> Result<Self, LogError> {
-        let mut file = McapFile::create(path, compression, None)?;
+        Self::begin(McapFile::create(path, compression, None)?, manifest)
+    }
+
+    /// As [`Self::create`], over a file that is open: a device in place of a disk.
+    ///
+    /// # Errors
+    /// [`LogError::Create`] or [`LogError::Write`].
+    pub fn over(
+        file: File,
+        path: &Path,
+        manifest: &Manifest,
+        compression: Compression,
+    ) -> Result<Self, LogError> {
+        Self::begin(McapFile::over(file, path, compression, None)?, manifest)
+    }
+
+    fn begin(mut file: McapFile, manifest: &Manifest) -> Result<Self, LogError> {
         file.write_metadata(Manifest::RECORD_NAME, manifest.to_metadata())?;
         let chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, CHUNK_SECONDS);
         Ok(Self {
@@ -308,13 +325,33 @@ mod tests {
         assert_eq!(header_of(&message.data[4..]), header);
     }
 
+    /// A log on a device, which has the name of the incomplete log.
+    fn on_device(device: &str, path: &Path, manifest: &Manifest) -> RunLogWriter {
+        let _earlier = fs::remove_file(partial_path(path));
+        symlink(device, partial_path(path)).unwrap();
+        let file = File::options().write(true).open(device).unwrap();
+        RunLogWriter::over(file, path, manifest, Compression::None).unwrap()
+    }
+
+    #[test]
+    fn a_link_in_the_place_of_the_log_is_not_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, precious] = ["run.mcap", "precious"].map(|name| folder.path().join(name));
+        fs::write(&precious, "content").unwrap();
+        symlink(&precious, partial_path(&path)).unwrap();
+        let manifest = Manifest::new(&scenario(0.01, 1.0));
+        let writer = RunLogWriter::create(&path, &manifest, Compression::None).unwrap();
+        writer.finish().unwrap();
+        assert_eq!(fs::read_to_string(precious).unwrap(), "content");
+        assert!(path.symlink_metadata().unwrap().is_file());
+    }
+
     #[test]
     fn a_full_disk_is_reported_once_and_keeps_the_incomplete_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
-        symlink("/dev/full", partial_path(&path)).unwrap();
         let scenario = scenario(0.01, 1.0);
-        let mut writer = RunLogWriter::create(&path, &Manifest::new(&scenario), Compression::None).unwrap();
+        let mut writer = on_device("/dev/full", &path, &Manifest::new(&scenario));
         let mut failures = Vec::new();
         for (topic, bytes) in samples(&scenario.schedule().unwrap()) {
             failures.extend(writer.write(topic, &bytes).err());
@@ -339,11 +376,10 @@ mod tests {
     fn what_cannot_be_forced_to_the_disk_is_reported_and_is_not_called_complete() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
-        // It takes everything, but there is no disk behind it.
-        symlink("/dev/null", partial_path(&path)).unwrap();
         let manifest = Manifest::new(&scenario(0.01, 1.0));
         for period in [Duration::from_millis(1), Duration::from_secs(3600)] {
-            let writer = RunLogWriter::create(&path, &manifest, Compression::None).unwrap();
+            // It takes everything, but there is no disk behind it.
+            let writer = on_device("/dev/null", &path, &manifest);
             let finished = writer.durable(Some(period)).unwrap().finish();
             assert!(matches!(finished, Err(LogError::Write { .. })), "{finished:?}");
             assert!(!path.exists());
@@ -354,9 +390,8 @@ mod tests {
     fn a_disk_that_fails_in_flight_is_reported_with_the_next_chunk() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
-        symlink("/dev/null", partial_path(&path)).unwrap();
         let manifest = Manifest::new(&scenario(0.01, 1.0));
-        let writer = RunLogWriter::create(&path, &manifest, Compression::None).unwrap();
+        let writer = on_device("/dev/null", &path, &manifest);
         let mut writer = writer.durable(Some(Duration::from_millis(1))).unwrap();
         let deadline = std::time::Instant::now() + Duration::from_secs(60);
         let failure = (0..).find_map(|tick| {
@@ -371,9 +406,8 @@ mod tests {
     fn a_disk_that_is_full_at_the_end_leaves_no_complete_log() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
-        symlink("/dev/full", partial_path(&path)).unwrap();
         let manifest = Manifest::new(&scenario(0.01, 1.0));
-        let writer = RunLogWriter::create(&path, &manifest, Compression::Zstd).unwrap();
+        let writer = on_device("/dev/full", &path, &manifest);
         assert!(matches!(writer.finish(), Err(LogError::Write { .. })));
         assert!(!path.exists());
     }

@@ -6,7 +6,7 @@ use runtime::checkpoints::Checkpoints;
 use runtime::control::{Host, Role, Start, ToService};
 use runtime::deployment::Scheduler;
 use runtime::doorbell::Doorbell;
-use runtime::ports::{Member, TopicPorts};
+use runtime::ports::{Member, RECORDER_BUFFER, TopicPorts};
 use runtime::shared_page::SharedPage;
 use runtime::step_log::StepLog;
 use shared_types::scenario::Scenario;
@@ -15,6 +15,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 use super::service_process::{InputPort, OutputPort, ProcessFailure, ServiceProcess};
 use crate::flight::crew::process::Process;
 use crate::interrupt::Interrupt;
+use crate::live;
 use crate::run_root::RunRoot;
 
 /// The place of a replay into service processes. To be dropped after those.
@@ -65,7 +66,7 @@ impl<'a> Workshop<'a> {
         let mut outputs = Vec::new();
         for output in service.outputs() {
             let ports = self.create(output.topic, service)?;
-            let receiver = ports.recorder().map_err(setup)?;
+            let receiver = ports.recorder(RECORDER_BUFFER).map_err(setup)?;
             let publication = self.schedule.publication(output.topic);
             outputs.push(OutputPort::new(publication, receiver, ports));
         }
@@ -88,7 +89,8 @@ impl<'a> Workshop<'a> {
             self.step_log.file(),
             self.root.lock(),
         ];
-        Process::start(service.name(), shared, &self.doorbells).map_err(setup)
+        let label = live::runs::label(self.root.folder(), Host::Replay);
+        Process::start(service.name(), label, shared, &self.doorbells).map_err(setup)
     }
 
     fn start_of(&self, service: ServiceId) -> Start {

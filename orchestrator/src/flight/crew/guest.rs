@@ -13,11 +13,14 @@ use rustix::process::Signal;
 use shared_types::ServiceId;
 
 use super::member::Phase;
-use super::{Crew, CrewEvent, Exit};
+use super::{Crew, CrewEvent, Exit, STOP_LIMIT};
 use crate::flight::FlightFailure;
 
-/// How long a guest may take to make its ports.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// How long a guest may take to make its ports, and to connect to those of a service that was started again.
+pub(super) const PATIENCE: Duration = Duration::from_secs(10);
+
+/// How long a guest may live after it has closed its line: a program that ends closes it a little before.
+const AFTER_CLOSING: Duration = Duration::from_millis(100);
 
 impl Crew<'_> {
     pub(super) fn is_guest(&self, at: usize) -> bool {
@@ -48,7 +51,7 @@ impl Crew<'_> {
             | (ToOrchestrator::Finished, Phase::Flying)
             | (ToOrchestrator::Failed { .. }, _) => Ok(()),
             (message, _) => {
-                let message = serde_json::to_string(message).unwrap_or_default();
+                let message = presentable(&serde_json::to_string(message).unwrap_or_default());
                 Err(format!("says {message}, which it is not its turn to say"))
             }
         }
@@ -66,9 +69,10 @@ impl Crew<'_> {
         if self.start.host == Host::LockStep {
             for (known, receiver) in cell.receivers.iter().zip(receivers) {
                 let id = u128::from_str_radix(receiver, 16);
-                known.store(
-                    id.map_err(|_| format!("calls a receiver `{receiver}`, which is no hexadecimal number"))?,
-                );
+                known.store(id.map_err(|_| {
+                    let receiver = presentable(receiver);
+                    format!("calls a receiver `{receiver}`, which is no hexadecimal number")
+                })?);
             }
         }
         Ok(())
@@ -77,13 +81,25 @@ impl Crew<'_> {
     /// Ends a guest that has said or done what it must not. Before the flight and in simulated time that ends the flight;
     /// in real time another one takes its place, as after any death.
     pub(super) fn blame_guest(&mut self, at: usize, what: String) -> Option<CrewEvent> {
-        self.members[at].process.signal(Signal::KILL);
+        self.members[at].process.kill_group();
         if self.can_be_followed() {
             self.members[at].blamed.get_or_insert(what);
             return None;
         }
         self.members[at].phase = Phase::GivenUp;
         Some(CrewEvent::Lost(self.guest_failure(at, what)))
+    }
+
+    /// Ends what is left of a guest that has died or closed its line; says so if it lived on.
+    pub(super) fn end_guest(&mut self, at: usize) {
+        let is_to_stop = self.page.words().stopping.load(Ordering::Relaxed) != 0;
+        let grace = if is_to_stop { STOP_LIMIT } else { AFTER_CLOSING };
+        let has_ended = self.members[at].process.ends_within(grace);
+        self.members[at].process.kill_group();
+        if !has_ended && !is_to_stop {
+            let what = "has closed its control channel and did not end".to_owned();
+            self.members[at].blamed.get_or_insert(what);
+        }
     }
 
     /// Why the flight cannot go on after the end of a process, if it was that of a guest that none can follow.
@@ -96,7 +112,7 @@ impl Crew<'_> {
             Phase::Starting => format!("ended before it was ready: {how}"),
             Phase::Ready => format!("ended before the flight began: {how}"),
             _ => format!(
-                "ended: {how}; what it knew is kept nowhere, so that in simulated time none can follow it"
+                "ended: {how}; an external service has no checkpoint, so that it cannot be restarted in lock-step"
             ),
         };
         Some(self.guest_failure(at, what))
@@ -109,11 +125,35 @@ impl Crew<'_> {
     }
 
     /// # Errors
+    /// [`FlightFailure::Guest`] if a guest in flight has not connected to the birth of this number for too long.
+    pub(super) fn limit_guests_silence(
+        &self,
+        birth: u32,
+        announced_at: Instant,
+    ) -> Result<(), FlightFailure> {
+        let is_deaf = |&at: &usize| {
+            let member = &self.members[at];
+            let seen = &self.page.words().cells[member.service.index()].births_seen;
+            self.is_guest(at) && member.phase == Phase::Flying && seen.load(Ordering::Acquire) < birth
+        };
+        let deaf = (0..self.members.len()).find(is_deaf);
+        let Some(at) = deaf.filter(|_| announced_at.elapsed() > PATIENCE) else {
+            return Ok(());
+        };
+        let what = format!(
+            "has not answered `Connect` within {} s, and nobody can fly on before",
+            PATIENCE.as_secs()
+        );
+        Err(self.guest_failure(at, what))
+    }
+
+    /// # Errors
     /// [`FlightFailure::Guest`] if a guest has taken too long to make its ports.
     pub(super) fn limit_guests_patience(&self, at: usize, now: Instant) -> Result<(), FlightFailure> {
         if now.saturating_duration_since(self.members[at].process.asked_at) <= PATIENCE {
             return Ok(());
         }
+        self.members[at].process.signal(Signal::KILL);
         let what = format!("has not said that it is ready within {} s", PATIENCE.as_secs());
         Err(self.guest_failure(at, what))
     }
@@ -157,6 +197,27 @@ impl Crew<'_> {
             what,
         }
     }
+}
+
+/// Longest quotation of what a program says, characters.
+const QUOTATION: usize = 500;
+
+/// What a program says, fit for a terminal: not too long, and without characters that control it.
+pub(super) fn presentable(said: &str) -> String {
+    let shown = said.chars().take(QUOTATION);
+    let mut shown: String = shown
+        .map(|character| {
+            if character.is_control() {
+                '\u{FFFD}'
+            } else {
+                character
+            }
+        })
+        .collect();
+    if said.chars().nth(QUOTATION).is_some() {
+        shown.push('…');
+    }
+    shown
 }
 
 /// Why a message is none, without what is said of services of another build.

@@ -8,6 +8,7 @@ use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 
 use super::CrewEvent;
+use super::guest::presentable;
 use super::process::Process;
 use crate::flight::FlightFailure;
 
@@ -24,8 +25,8 @@ pub(super) struct CrewMember {
     pub(super) flown_until: u64,
     /// When the last death was noticed.
     pub(super) died_at: Option<Instant>,
-    /// Number of this birth, once it was announced to the others.
-    pub(super) birth: Option<u32>,
+    /// Number of this birth, and when it was announced to the others.
+    pub(super) birth: Option<(u32, Instant)>,
     /// The number that is not finite at which its process has stopped, to be replaced.
     pub(super) not_finite: Option<NonFinite>,
     /// What its process did wrong, being a guest's, for which it is killed, to be replaced.
@@ -86,6 +87,7 @@ impl CrewMember {
                 self.phase = Phase::Ready;
                 self.birth = None;
                 warnings.append(&mut self.warnings);
+                let warnings = warnings.iter().map(|warning| presentable(warning)).collect();
                 CrewEvent::Ready(self.service, warnings)
             }
             ToOrchestrator::CaughtUp => {
@@ -112,7 +114,7 @@ impl CrewMember {
                 self.phase = Phase::GivenUp;
                 CrewEvent::Lost(FlightFailure::GaveUp {
                     service: self.service.to_string(),
-                    reason,
+                    reason: presentable(&reason),
                 })
             }
         })

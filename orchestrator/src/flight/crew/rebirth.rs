@@ -24,6 +24,6 @@ impl std::fmt::Display for Rebirth {
             None => write!(formatter, "`{service}` died before its first step")?,
         }
         let lost = 1e3 * self.lost_seconds;
-        write!(formatter, " and flew again {lost:.1} ms later")
+        write!(formatter, " and was restarted within {lost:.1} ms")
     }
 }

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use runtime::control::{Role, ToService};
 use runtime::deployment;
 use runtime::step::Timetable;
+use rustix::process::Signal;
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 
@@ -20,6 +21,9 @@ impl Crew<'_> {
     /// Waits for a process that has closed its line, frees what it held, and decides what comes next.
     pub(super) fn bury(&mut self, at: usize) -> Option<CrewEvent> {
         let next_tick = self.next_tick(self.members[at].service);
+        if self.is_guest(at) {
+            self.end_guest(at);
+        }
         let member = &mut self.members[at];
         let (service, pid) = (member.service, member.process.id());
         let mut exit = member.process.wait();
@@ -107,26 +111,62 @@ impl Crew<'_> {
         Ok(())
     }
 
-    /// Starts again what is dead and due.
+    /// Starts again what is dead and due. What fails for one service keeps no other from its restart, and may be tried
+    /// again.
     ///
     /// # Errors
-    /// [`FlightFailure`] if a service cannot be started or does not become ready.
+    /// The first [`FlightFailure`], if a service cannot be started or does not become ready.
     pub fn mend(&mut self) -> Result<(), FlightFailure> {
         let now = Instant::now();
+        let mut outcome = Ok(());
         for at in 0..self.members.len() {
-            match self.members[at].phase {
-                Phase::Dead(again_at) if again_at <= now => self.give_birth(at)?,
-                Phase::Starting if self.is_guest(at) => self.limit_guests_patience(at, now)?,
-                Phase::Starting if now - self.members[at].process.asked_at > READY_LIMIT => {
-                    return Err(FlightFailure::NotReady {
-                        services: vec![self.members[at].service.to_string()],
-                        limit: READY_LIMIT,
-                    });
-                }
-                _ => {}
-            }
+            outcome = outcome.and(self.mend_one(at, now));
         }
-        Ok(())
+        outcome
+    }
+
+    fn mend_one(&mut self, at: usize, now: Instant) -> Result<(), FlightFailure> {
+        match self.members[at].phase {
+            Phase::Dead(again_at) if again_at <= now => self.give_birth(at).inspect_err(|_| {
+                let pause = self.longest_pause(at);
+                let member = &mut self.members[at];
+                if matches!(member.phase, Phase::Dead(_)) {
+                    member.phase = Phase::Dead(now + pause);
+                }
+            }),
+            Phase::Starting if self.is_guest(at) => self.limit_guests_patience(at, now),
+            Phase::Starting if now - self.members[at].process.asked_at > READY_LIMIT => {
+                self.members[at].process.signal(Signal::KILL);
+                Err(FlightFailure::NotReady {
+                    services: vec![self.members[at].service.to_string()],
+                    limit: READY_LIMIT,
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Restarts services that were given up, after their longest pause: a vehicle in the air needs all of them to land.
+    pub fn retry_given_up(&mut self) {
+        for at in 0..self.members.len() {
+            if self.members[at].phase != Phase::GivenUp {
+                continue;
+            }
+            if !self.members[at].process.is_gone {
+                self.members[at].process.signal(Signal::KILL);
+                self.members[at].process.wait();
+            }
+            let words = self.page.words();
+            let service = self.members[at].service;
+            words.cells[service.index()].gone.store(1, Ordering::SeqCst);
+            words.forget_receivers(service);
+            let pause = self.longest_pause(at);
+            self.members[at].phase = Phase::Dead(Instant::now() + pause);
+        }
+    }
+
+    fn longest_pause(&self, at: usize) -> Duration {
+        self.restarts[self.members[at].service.index()].longest_pause
     }
 
     /// Gives a service another process: the spare one, or one that is started now.
@@ -156,6 +196,9 @@ impl Crew<'_> {
         }
         // While the process loads or opens its topics.
         self.member.clean_up_after_the_dead();
+        if let Some(reserve) = &mut self.reserve {
+            reserve.lend();
+        }
         self.say(service, &ToService::MakePorts)?;
         self.rouse();
         Ok(())
@@ -172,9 +215,9 @@ impl Crew<'_> {
                 continue;
             }
             let words = self.page.words();
-            let Some(birth) = self.members[at].birth else {
+            let Some((birth, announced_at)) = self.members[at].birth else {
                 let birth = 1 + words.births.fetch_add(1, Ordering::SeqCst);
-                self.members[at].birth = Some(birth);
+                self.members[at].birth = Some((birth, Instant::now()));
                 self.connect_guests(birth)?;
                 recorder
                     .connect()
@@ -189,6 +232,8 @@ impl Crew<'_> {
             };
             if self.members.iter().all(is_connected) {
                 self.resume_one(self.members[at].service, recorder)?;
+            } else {
+                self.limit_guests_silence(birth, announced_at)?;
             }
         }
         Ok(())

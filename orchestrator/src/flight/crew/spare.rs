@@ -52,6 +52,9 @@ impl Spare {
 impl Crew<'_> {
     /// Starts a spare process if there is none. To be called while nobody needs care: whoever does comes first.
     pub fn keep_spare(&mut self) {
+        if let Some(reserve) = &mut self.reserve {
+            reserve.refill();
+        }
         if !self.spare.is_wanted() {
             return;
         }

@@ -54,15 +54,25 @@ impl<'a> Crew<'a> {
             let survivor = survivors[service.index()].take();
             // One that has died since is as good as one that had died before.
             let process = survivor.and_then(|(pid, channel)| Process::adopt(pid, channel).ok());
-            match process {
+            let adopted = match process {
                 Some(process) => {
                     let mut flying = CrewMember::new(service, process);
                     flying.phase = Phase::Flying;
                     crew.members.push(flying);
+                    Ok(())
                 }
-                None => crew.enlist(service)?,
+                None => crew.enlist(service),
+            };
+            if let Err(failure) = adopted {
+                crew.leave_alone();
+                return Err(failure);
             }
         }
         Ok(crew)
+    }
+
+    /// Lets go of all services without a word: without an orchestrator they land by themselves.
+    pub(super) fn leave_alone(&mut self) {
+        self.members.clear();
     }
 }

@@ -3,13 +3,13 @@
 use runtime::shared_page::Request;
 use shared_types::ServiceId;
 use shared_types::flight_phase::FlightPhase;
-use shared_types::samples::{ControlAdaptation, ControlErrors, PathReference, VehicleState};
+use shared_types::samples::{ControlAdaptation, PathReference, RunEvent, VehicleState, VehicleTruth};
 use shared_types::service::{Operator, seconds};
 
 use super::Flight;
 use crate::live::snapshot::ServiceSnapshot;
 use crate::live::{Answer, Question, Snapshot};
-use crate::summary::z1_norm;
+use crate::metrics::tracker::{Source, Vehicle, newest_distance};
 
 /// Age of the vehicle's state with which nobody arms, s.
 const STALE: f64 = 0.1;
@@ -20,12 +20,8 @@ impl Flight<'_> {
             Question::Look => Answer::Snapshot(Box::new(self.snapshot())),
             Question::Operate(request) => self.operate(request),
             Question::Stop => {
-                self.wish = self.wish.then_end(self.phase(), self.crew.page().words());
-                self.tell("somebody asked for the end of the flight");
-                Answer::Done(match self.phase() {
-                    None | Some(FlightPhase::Disarmed) => "the run ends".to_owned(),
-                    Some(_) => "the vehicle comes down, and then the run ends".to_owned(),
-                })
+                self.tell("`gerono stop` asked for the end of the flight");
+                Answer::Done(self.request_end("gerono stop"))
             }
             Question::KillService(name) => self.break_service(&name, Break::Kill),
             Question::FreezeService(name) => self.break_service(&name, Break::Freeze),
@@ -38,15 +34,31 @@ impl Flight<'_> {
         {
             return Answer::Refused(format!("not armed: {reason}"));
         }
-        self.crew.page().words().ask(request);
-        let text = match request {
-            Request::Arm => "armed",
-            Request::Disarm => "disarmed",
-            Request::Land => "the vehicle is to land",
-            Request::Kill => "killed: the motors rest until the end of the run",
+        let (kind, event, text) = match request {
+            Request::Arm => (RunEvent::KIND_OPERATOR_ARMS, "gerono arm", "armed"),
+            Request::Disarm => (RunEvent::KIND_OPERATOR_DISARMS, "gerono disarm", "disarmed"),
+            Request::Land => (
+                RunEvent::KIND_OPERATOR_LANDS,
+                "gerono land",
+                "the vehicle is to land",
+            ),
+            Request::Kill => (
+                RunEvent::KIND_OPERATOR_KILLS,
+                "gerono kill",
+                "killed: the motors rest until the end of the run",
+            ),
         };
+        self.ask(request, kind, event);
         self.tell(text);
         Answer::Done(text.to_owned())
+    }
+
+    /// Asks all services for something, and keeps it as an event of the log.
+    pub(super) fn ask(&mut self, request: Request, kind: u32, event: &'static str) {
+        // What comes of the request has no earlier tick.
+        let tick = self.clock.tick().min(self.schedule.last_tick());
+        self.crew.page().words().ask(request);
+        self.happened.push((tick, kind, event));
     }
 
     /// Why the vehicle may not be armed now, if it may not.
@@ -129,10 +141,7 @@ impl Flight<'_> {
             capture_to_frame: self.monitor.capture_to_frame(),
             cameras,
             radio_link,
-            position_error: self
-                .recorder
-                .newest::<ControlErrors>()
-                .and_then(|errors| z1_norm(&errors)),
+            position_error: self.position_error(),
             mass_estimate: adaptation.map(|adaptation| adaptation.mass_estimate),
             disturbance_estimate: adaptation.map(|adaptation| {
                 let [x, y, z] = adaptation.disturbance_projected_world;
@@ -141,6 +150,19 @@ impl Flight<'_> {
             recorded: self.recorder.received_in_all(),
             events: self.events.iter().cloned().collect(),
         }
+    }
+
+    /// Distance of the vehicle from the path, m: the true one, or in a laboratory the estimated one.
+    fn position_error(&self) -> Option<f64> {
+        let vehicle = match Source::of(self.schedule) {
+            Source::Truth => Vehicle::from(&self.recorder.newest::<VehicleTruth>()?),
+            Source::Estimate => {
+                let state = self.recorder.newest::<VehicleState>()?;
+                Vehicle::from(&Some(state).filter(|state| state.tracked.is_set())?)
+            }
+        };
+        let reference = self.recorder.newest::<PathReference>()?;
+        newest_distance(&vehicle, &reference, self.scenario.flight.is_some())
     }
 
     fn services(&self) -> Vec<ServiceSnapshot> {

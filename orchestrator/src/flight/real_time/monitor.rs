@@ -35,6 +35,8 @@ pub struct Monitor {
 struct Track {
     service: ServiceId,
     edges: Vec<Edge>,
+    /// Of each input, whether any step looks at it: what is not connected has no age.
+    is_read: Vec<bool>,
     tick_ns: u64,
     reader: StepReader,
     recent: Vec<Option<StepRecord>>,
@@ -194,6 +196,10 @@ impl Track {
         let inputs = 0..service.inputs().len();
         Self {
             service,
+            is_read: inputs
+                .clone()
+                .map(|input| schedule.reads(service, input))
+                .collect(),
             edges: inputs.map(|input| schedule.edge(service, input)).collect(),
             tick_ns: schedule.tick_ns(),
             reader: StepReader::new(service),
@@ -243,9 +249,11 @@ impl Track {
             let ticks = last.tick.saturating_sub(last.consumed_tick(input)?);
             Some(seconds(ticks * self.tick_ns))
         };
-        let input = |(input, edge): (usize, &Edge)| InputSnapshot {
-            topic: edge.topic.name().to_owned(),
-            age: age(input),
+        let input = |(input, edge): (usize, &Edge)| {
+            self.is_read[input].then(|| InputSnapshot {
+                topic: edge.topic.name().to_owned(),
+                age: age(input),
+            })
         };
         ServiceSnapshot {
             name: self.service.name().to_owned(),
@@ -254,7 +262,7 @@ impl Track {
             step: Quantiles::of(&self.last_window.duration),
             missed_steps: self.missed,
             late_inputs: self.late_inputs,
-            inputs: self.edges.iter().enumerate().map(input).collect(),
+            inputs: self.edges.iter().enumerate().filter_map(input).collect(),
             ..ServiceSnapshot::default()
         }
     }
@@ -280,6 +288,7 @@ fn slot_of(tick: u64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shared_types::schedule::MAX_PORTS;
 
     const TICK_NS: u64 = 1_000_000;
 
@@ -335,6 +344,25 @@ mod tests {
         // Four hops and four steps after the capture is published.
         assert_eq!(chain.quantiles.count, 100);
         assert!((chain.quantiles.p50 / 80e-6 - 1.0).abs() < 0.01, "{chain:?}");
+    }
+
+    #[test]
+    fn an_input_that_is_not_connected_has_no_age() {
+        let mut unread = [[false; MAX_PORTS]; ServiceId::ALL.len()];
+        let frames = ServiceId::Estimator
+            .inputs()
+            .iter()
+            .position(|input| input.topic == Topic::RcFrame)
+            .unwrap();
+        unread[ServiceId::Estimator.index()][frames] = true;
+        let schedule = Schedule::ideal(TICK_NS, 1000).with_unread_inputs(unread);
+        let snapshots = Monitor::new(&schedule).services();
+        let topics: Vec<_> = snapshots[ServiceId::Estimator.index()]
+            .inputs
+            .iter()
+            .map(|input| input.topic.as_str())
+            .collect();
+        assert_eq!(topics, [Topic::MocapPose.name()]);
     }
 
     #[test]

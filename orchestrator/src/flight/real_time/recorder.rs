@@ -6,11 +6,14 @@
 
 use std::collections::BTreeMap;
 
+use runtime::flight_clock::FlightClock;
 use runtime::in_process::TickSink;
 use runtime::owned_sample::OwnedSample;
-use runtime::ports::PortError;
+use runtime::ports::{PortError, RECORDER_BUFFER};
+use runtime::watchdog::{self, Work};
+use shared_types::scenario::Guests;
 use shared_types::service::header_of;
-use shared_types::{Sample, ServiceId, Topic};
+use shared_types::{Sample, Schedule, ServiceId, Topic};
 
 use crate::flight::FlightFailure;
 use crate::flight::subscription::Subscription;
@@ -53,6 +56,37 @@ impl Recorder {
         }
     }
 
+    /// Copies what external programs publish before it is looked at, and refuses what cannot be there by the clock.
+    #[must_use]
+    pub fn distrust(mut self, guests: Guests, schedule: &Schedule, clock: FlightClock) -> Self {
+        let distrust = |mut feed: Feed| {
+            if feed.subscription.is_of(guests) {
+                feed.subscription = feed.subscription.distrust_by_the_clock(schedule, clock);
+            }
+            feed
+        };
+        self.feeds = self.feeds.into_iter().map(distrust).collect();
+        self
+    }
+
+    /// What was refused of external programs, in words.
+    pub fn refusals(&self) -> impl Iterator<Item = String> {
+        self.feeds.iter().filter_map(|feed| {
+            let (refusals, topic) = (&feed.subscription.refusals, feed.subscription.topic);
+            let last = refusals.last()?;
+            Some(format!(
+                "{} samples of `{topic}` were refused: the program in place of `{}` published them with a tick beyond the \
+                 clock or another header than that of their tick, at last tick {}, number {}, {} ns \
+                 (docs/process_contract.md)",
+                refusals.count(),
+                topic.publisher().map_or("nobody", ServiceId::name),
+                last.tick,
+                last.seq,
+                last.stamp_ns
+            ))
+        })
+    }
+
     /// Connects to all publishers that exist by now.
     ///
     /// # Errors
@@ -60,7 +94,7 @@ impl Recorder {
     pub fn connect(&mut self) -> Result<(), PortError> {
         self.feeds
             .iter_mut()
-            .try_for_each(|feed| feed.subscription.receiver.connect())
+            .try_for_each(|feed| watchdog::during(Work::Ports, || feed.subscription.receiver.connect()))
     }
 
     /// The newest sample of a topic that has been received.
@@ -106,12 +140,12 @@ impl Recorder {
     /// [`FlightFailure::Setup`] if a port failed.
     pub fn receive(&mut self) -> Result<(), FlightFailure> {
         for feed in &mut self.feeds {
-            while feed
-                .subscription
-                .receiver
-                .receive()
-                .map_err(FlightFailure::setup)?
-            {
+            // A publisher without a pause does not keep this process from everything else.
+            for _ in 0..RECORDER_BUFFER {
+                let received = watchdog::during(Work::Receive, || feed.subscription.receiver.receive());
+                if !received.map_err(FlightFailure::setup)? {
+                    break;
+                }
                 let bytes = feed.subscription.receiver.held().expect("just received");
                 // One that was born again may repeat its last words, as the world does: the first count, for its
                 // consumers too.

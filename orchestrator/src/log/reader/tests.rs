@@ -10,7 +10,7 @@ use zerocopy::FromBytes;
 
 use super::*;
 use crate::log::framing::McapFile;
-use crate::log::test_flight::{record, samples, scenario};
+use crate::log::test_flight::{bomb, record, samples, scenario};
 use crate::log::{Compression, partial_path};
 
 const TOPICS: usize = Topic::ALL.len();
@@ -77,7 +77,7 @@ fn what_was_written_is_read_in_its_order() {
         end.unwrap();
         assert_eq!(found, log.samples());
         let reader = LogReader::open(&log.folder.path().join("run.mcap")).unwrap();
-        assert_eq!(reader.manifest().scenario, log.scenario);
+        assert_eq!(reader.manifest().scenario, log.scenario.experiment());
     }
 }
 
@@ -287,4 +287,42 @@ fn a_log_that_does_not_exist_is_named() {
         .map(|_| ())
         .unwrap_err();
     assert!(error.to_string().contains("no/such/run.mcap"), "{error}");
+}
+
+/// Reads a log to its end; how many samples there were, and why it ended.
+fn read_all(path: &Path) -> (u64, LogReadError) {
+    let mut reader = LogReader::open(path).unwrap();
+    for count in 0.. {
+        match reader.next_sample() {
+            Ok(Some(_)) => {}
+            Ok(None) => unreachable!("it was never closed"),
+            Err(error) => return (count, error),
+        }
+    }
+    unreachable!("a file ends")
+}
+
+#[test]
+fn a_file_that_unpacks_to_far_more_than_its_size_is_given_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bomb.mcap");
+    bomb(&path, 24, 12 << 20);
+    let size = fs::metadata(&path).unwrap().len();
+    assert!(size < 1 << 20, "{size}");
+    let (samples, error) = read_all(&path);
+    let read = samples * Topic::VehicleTruth.kind().size as u64;
+    assert!(read > 200 << 20 && read < 300 << 20, "{read} bytes");
+    assert!(error.to_string().contains("100 times its size"), "{error}");
+}
+
+#[test]
+fn a_chunk_that_unpacks_to_more_than_any_is_not_unpacked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bomb.mcap");
+    bomb(&path, 1, 20 << 20);
+    let (samples, error) = read_all(&path);
+    assert!(
+        samples == 0 && error.to_string().contains("exceeds limit"),
+        "{error}"
+    );
 }

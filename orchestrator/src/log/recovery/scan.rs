@@ -3,6 +3,7 @@
 //! Records are walked one after the other. Where one does not hold, the file is searched byte by byte for the next that
 //! does: a chunk whose checksum holds, or metadata whose lengths add up. So damage costs what it hits and no more.
 
+use std::cell::RefCell;
 use std::fs::File;
 use std::io;
 use std::ops::Range;
@@ -11,7 +12,9 @@ use std::path::Path;
 
 use mcap::records::{ChunkHeader, Metadata, Record, op};
 
-use crate::log::records::{self, ChunkRecords, FRAME_BYTES, RECORD_BYTES_MAX, RawRecord, is_message_index};
+use crate::log::records::{
+    self, Budget, CHUNK_BYTES_MAX, ChunkRecords, FRAME_BYTES, RECORD_BYTES_MAX, RawRecord, is_message_index,
+};
 
 /// Length of the header of a chunk that is not compressed.
 const PLAIN_HEADER_BYTES: u64 = 8 + 8 + 8 + 4 + 4 + 8;
@@ -111,8 +114,12 @@ impl Chunk {
 }
 
 /// Goes through a file once.
+///
+/// Bytes that look like a chunk are unpacked to see whether they are one, so that a file can be made in which that is no end of
+/// work. Beyond what any log takes it is given up, with an error of the kind [`io::ErrorKind::InvalidData`].
 pub(super) struct Scan {
     file: File,
+    budget: RefCell<Budget>,
     /// Where the next piece begins.
     at: u64,
     /// Where the data end: before the record that says so, or with the file.
@@ -128,6 +135,7 @@ impl Scan {
         let size = file.metadata()?.len();
         let mut scan = Self {
             file,
+            budget: RefCell::new(Budget::of(size)),
             at: 0,
             end: size,
             is_closed: false,
@@ -262,14 +270,20 @@ impl Scan {
     }
 
     /// Whether the lengths in the header of a chunk fit into its record: most bytes that look like one do not. Behind them there may
-    /// be what later versions of the format add.
+    /// be what later versions of the format add. If they do, it is about to be unpacked.
     fn may_be_chunk(&self, at: u64, length: u64) -> io::Result<bool> {
         let Some(header) = self.chunk_header_at(at)? else {
             return Ok(false);
         };
         let header_bytes = PLAIN_HEADER_BYTES + header.compression.len() as u64;
         let stated = header.compressed_size.checked_add(header_bytes);
-        Ok(stated.is_some_and(|stated| stated <= length))
+        let may_be =
+            stated.is_some_and(|stated| stated <= length) && header.uncompressed_size <= CHUNK_BYTES_MAX;
+        if may_be {
+            let spent = self.budget.borrow_mut().spend(length + header.uncompressed_size);
+            spent.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.to_string()))?;
+        }
+        Ok(may_be)
     }
 
     fn chunk_header_at(&self, at: u64) -> io::Result<Option<ChunkHeader>> {

@@ -6,7 +6,7 @@ use shared_types::service::header_of;
 use tempfile::TempDir;
 
 use super::*;
-use crate::log::test_flight::{record, record_samples, samples, scenario};
+use crate::log::test_flight::{bomb, record, record_samples, samples, scenario};
 use crate::log::{HostEvent, HostLogWriter, LogReader, ServiceHealth, digest, partial_path};
 use zerocopy::FromZeros;
 
@@ -201,7 +201,7 @@ fn a_damaged_manifest_asks_for_the_scenario_and_takes_no_other_for_it() {
     assert!(recovery.is_scenario_restated);
     assert_eq!(
         LogReader::open(&target).unwrap().manifest().scenario,
-        log.scenario
+        log.scenario.experiment()
     );
 }
 
@@ -222,6 +222,20 @@ fn nothing_is_overwritten_and_nothing_is_made_of_nothing() {
         Err(RecoverError::Nothing(_))
     ));
     assert!(!other.exists() && !partial_path(&other).exists());
+}
+
+#[test]
+fn what_is_empty_or_no_log_is_said_to_be_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let recover_bytes = |bytes: &[u8]| {
+        let source = folder.path().join("run.mcap.partial");
+        fs::write(&source, bytes).unwrap();
+        recover(&source, &folder.path().join("other.mcap"), None).unwrap_err()
+    };
+    assert!(matches!(recover_bytes(b""), RecoverError::Empty(_)));
+    let text = b"a text, and a long one: longer than the magic of any log".repeat(100);
+    assert!(matches!(recover_bytes(&text), RecoverError::Foreign(_)));
+    assert!(matches!(recover_bytes(mcap::MAGIC), RecoverError::Nothing(_)));
 }
 
 /// A channel of the machine's log is declared with its first sample, facts stand anywhere.
@@ -276,4 +290,21 @@ fn a_log_of_the_machine_is_recovered_with_its_facts_even_without_its_declaration
             .count(),
         8
     );
+}
+
+#[test]
+fn a_file_that_was_made_to_keep_its_reader_busy_is_given_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, target] = ["bomb.mcap", "new.mcap"].map(|name| folder.path().join(name));
+    bomb(&source, 24, 12 << 20);
+    for result in [
+        inspect(&source).map(drop),
+        recover(&source, &target, None).map(drop),
+    ] {
+        assert!(
+            matches!(result, Err(RecoverError::Implausible { .. })),
+            "{result:?}"
+        );
+    }
+    assert!(!target.exists() && !partial_path(&target).exists());
 }

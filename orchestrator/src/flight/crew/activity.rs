@@ -1,0 +1,48 @@
+//! What a process does at a moment: whether it could run, and how long it has.
+
+/// What a process does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Activity {
+    /// Whether it runs, waits for a processor, or for a page of its memory: not for an event, and not stopped.
+    pub is_runnable: bool,
+    /// How long it has been on a processor, ns.
+    pub cpu_time_ns: u64,
+}
+
+impl Activity {
+    /// What a process does now, if the system tells.
+    #[must_use]
+    pub fn of(pid: u32) -> Option<Self> {
+        let read = |file: &str| std::fs::read_to_string(format!("/proc/{pid}/{file}")).ok();
+        let stat = read("stat")?;
+        // The name before the state may contain anything, also parentheses.
+        let (_, fields) = stat.rsplit_once(") ")?;
+        Some(Self {
+            is_runnable: fields.starts_with(['R', 'D']),
+            cpu_time_ns: read("schedstat")?.split_whitespace().next()?.parse().ok()?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_runs_is_runnable_and_uses_its_processor() {
+        let before = Activity::of(std::process::id()).unwrap();
+        let mut child = std::process::Command::new("sleep").arg("100").spawn().unwrap();
+        let asleep = loop {
+            let activity = Activity::of(child.id()).unwrap();
+            if !activity.is_runnable {
+                break activity;
+            }
+        };
+        assert!(asleep.cpu_time_ns > 0);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        // The first thread waits for the tests: what it has done does not become less.
+        assert!(Activity::of(std::process::id()).unwrap().cpu_time_ns >= before.cpu_time_ns);
+        assert_eq!(Activity::of(child.id()), None);
+    }
+}

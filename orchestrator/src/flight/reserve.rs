@@ -1,0 +1,238 @@
+//! Room in shared memory for all that a run has there, and for services that are started again.
+//!
+//! iceoryx2 makes its segments without pages: each page comes when it is touched first, and where /dev/shm is full by
+//! then the process that touches it dies of SIGBUS. So a run begins only if there is room for twice its segments. Once
+//! all ports are made every page of them is allocated, and as much again is held in a file: a service that is restarted makes
+//! segments anew. If there is no other room for them, the file's is given back just before.
+
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use runtime::ports::{self, RECORDER_BUFFER};
+use runtime::shared_memory;
+use rustix::fs::{FallocateFlags, OFlags, fallocate, ftruncate};
+use rustix::io::Errno;
+use shared_types::Topic;
+
+/// Bytes that `stat` counts as a block.
+const BLOCK: u64 = 512;
+
+/// Pause before room is sought again that was not to be had.
+const PAUSE: Duration = Duration::from_secs(1);
+
+/// Most bytes that a sample takes beside its own, and that a connection takes beside its places.
+const SAMPLE_OVERHEAD: u64 = 48;
+const CONNECTION: u64 = 24 << 10;
+
+/// What a run needs in shared memory and what there is, bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the run needs {:.1} MB in {}, half of it for services that have to be started again, and {:.1} MB are free; remove \
+     what is not needed there (`gerono clean` removes what dead runs have left), or make it larger: \
+     `mount -o remount,size=64M {1}`, in a container `--shm-size=64m`",
+    *.needed as f64 / 1e6, shared_memory::FOLDER, *.free as f64 / 1e6
+)]
+pub struct Shortage {
+    needed: u64,
+    free: u64,
+}
+
+/// The room of a run.
+#[derive(Debug)]
+pub struct Reserve {
+    prefix: String,
+    path: PathBuf,
+    file: File,
+    /// Bytes that are held.
+    held: u64,
+    /// Whether there may be segments without pages, or less is held than should be.
+    is_unsettled: bool,
+    /// When room is to be sought again.
+    again_at: Instant,
+}
+
+/// Refuses a run for which there is no room, before it makes anything.
+///
+/// # Errors
+/// [`Shortage`].
+pub fn check() -> Result<(), Shortage> {
+    let needed = needed();
+    // Where the system does not tell, the run is let try.
+    let free = shared_memory::free_bytes().unwrap_or(u64::MAX);
+    if free < needed {
+        return Err(Shortage { needed, free });
+    }
+    Ok(())
+}
+
+/// What a run needs, bytes: its segments, and as much again for services that are started again.
+#[must_use]
+pub fn needed() -> u64 {
+    2 * estimate()
+}
+
+/// At least the bytes of all segments of a run.
+fn estimate() -> u64 {
+    let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
+    let of_topic = |topic: Topic| {
+        let receivers = ports::max_subscribers(topic) as u64;
+        let samples =
+            receivers * (RECORDER_BUFFER as u64 + ports::MAX_BORROWED as u64) + ports::MAX_LOANED as u64;
+        samples * (topic.kind().size as u64 + SAMPLE_OVERHEAD) + receivers * CONNECTION
+    };
+    published.map(of_topic).sum()
+}
+
+impl Reserve {
+    /// Holds nothing yet of what the run needs whose segments' names begin with `prefix`.
+    ///
+    /// # Errors
+    /// If the file cannot be made.
+    pub fn new(prefix: &str) -> io::Result<Self> {
+        let path = Path::new(shared_memory::FOLDER).join(format!("{prefix}reserve"));
+        // It may be that of an orchestrator which has died.
+        let _ = std::fs::remove_file(&path);
+        // Anybody may write to the folder: a link of another user's must not be followed.
+        let file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(&path)?;
+        Ok(Self {
+            prefix: prefix.to_owned(),
+            file,
+            path,
+            held: 0,
+            is_unsettled: true,
+            again_at: Instant::now(),
+        })
+    }
+
+    /// Allocates all pages of all segments, and holds as many again.
+    ///
+    /// # Errors
+    /// [`Shortage`] if there is no room for them.
+    pub fn settle(&mut self) -> Result<(), Shortage> {
+        let mut size = 0;
+        for segment in shared_memory::of(&self.prefix) {
+            if segment != self.path {
+                size += allocate(&segment).map_err(|bytes| self.shortage(bytes))?;
+            }
+        }
+        if self.held < size {
+            match fallocate(&self.file, FallocateFlags::empty(), 0, size) {
+                Ok(()) => self.held = size,
+                Err(Errno::NOSPC) => return Err(self.shortage(size - self.held)),
+                // A limit on the size of files, or an older system: the run does without.
+                Err(_) => {}
+            }
+        }
+        self.is_unsettled = false;
+        Ok(())
+    }
+
+    /// Makes room for a process that is about to make ports.
+    pub fn lend(&mut self) {
+        self.is_unsettled = true;
+        let has_room = shared_memory::free_bytes().is_some_and(|free| free > self.held);
+        if !has_room && ftruncate(&self.file, 0).is_ok() {
+            self.held = 0;
+        }
+    }
+
+    /// Settles what processes that were started again have left open, if it is time to.
+    pub fn refill(&mut self) {
+        if self.is_unsettled && Instant::now() >= self.again_at {
+            // Where there is no room now there may be later.
+            let _ = self.settle();
+            self.again_at = Instant::now() + PAUSE;
+        }
+    }
+
+    fn shortage(&self, missing: u64) -> Shortage {
+        let free = shared_memory::free_bytes().unwrap_or_default();
+        Shortage {
+            needed: 2 * estimate().max(missing),
+            free,
+        }
+    }
+}
+
+impl Drop for Reserve {
+    fn drop(&mut self) {
+        // What stays goes with the run's place.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// Allocates all pages of a segment; its size.
+///
+/// # Errors
+/// The bytes for which there was no room.
+fn allocate(segment: &Path) -> Result<u64, u64> {
+    // If it was removed meanwhile, it needs no pages.
+    let flags = OFlags::NOFOLLOW.bits().cast_signed();
+    let opened = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .custom_flags(flags)
+        .open(segment);
+    let Ok(file) = opened else {
+        return Ok(0);
+    };
+    let Ok(found) = file.metadata() else {
+        return Ok(0);
+    };
+    let (size, there) = (found.size(), found.blocks() * BLOCK);
+    if !found.is_file() || there >= size {
+        return Ok(size);
+    }
+    match rustix::io::retry_on_intr(|| fallocate(&file, FallocateFlags::empty(), 0, size)) {
+        Err(Errno::NOSPC) => Err(size - there),
+        // What cannot be allocated beforehand comes when it is touched.
+        _ => Ok(size),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_pages_are_allocated_and_as_many_are_held_and_given_back() {
+        let prefix = format!("gerono_reserve_{}_", std::process::id());
+        let path = Path::new(shared_memory::FOLDER).join(format!("{prefix}segment"));
+        let segment = File::create(&path).unwrap();
+        segment.set_len(1_000_000).unwrap();
+        let allocated = || segment.metadata().unwrap().blocks() * BLOCK;
+        let mut reserve = Reserve::new(&prefix).unwrap();
+        assert_eq!(allocated(), 0);
+        reserve.settle().unwrap();
+        let held = reserve.file.metadata().unwrap();
+        assert!(allocated() >= 1_000_000 && held.blocks() * BLOCK >= 1_000_000);
+        let reserved = reserve.path.clone();
+        drop(reserve);
+        std::fs::remove_file(path).unwrap();
+        assert!(!reserved.exists());
+    }
+
+    #[test]
+    fn a_shortage_says_how_much_is_needed_and_free_and_what_to_do() {
+        let shortage = Shortage {
+            needed: 17_000_000,
+            free: 3_100_000,
+        };
+        let words = shortage.to_string();
+        for piece in [
+            "needs 17.0 MB in /dev/shm",
+            "3.1 MB are free",
+            "size=64M /dev/shm",
+            "--shm-size=64m",
+        ] {
+            assert!(words.contains(piece), "no `{piece}` in {words}");
+        }
+    }
+}
