@@ -11,6 +11,8 @@ mod rc;
 mod values;
 mod world;
 
+use std::path::PathBuf;
+
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
@@ -45,13 +47,14 @@ pub enum Command {
     Run(Run),
     /// Check a scenario and show its schedule and wiring, without flying it.
     Check(Check),
-    /// Draw ‖z1‖ over time of one or several logs as an SVG figure.
+    /// Draw the distance from the path over time of one or several logs as an SVG figure.
     ///
-    /// Planned faults are shaded; while a controller is out, the true distance from the path is drawn dotted.
+    /// It is the true distance, whatever the controller says of itself; of a flight in a laboratory, where nobody knows the
+    /// truth, the estimated one. The theorem's bound is drawn where it applies. Planned faults are shaded.
     Plot(Plot),
     /// Show flights as one page that opens in any browser, without a network, and draw the paper's figures that they have.
     ///
-    /// DIR/report.html holds everything: the way through space, which turns with the mouse and shows the vehicle at the moment
+    /// DIR/report.html holds everything: the 3D view, which turns with the mouse and shows the vehicle at the moment
     /// under the pointer; errors, commands, estimates, attitude and timing law over time, on axes that zoom together; what
     /// happened when; the summary; the scenario; and of flights in real time how the services kept time.
     /// Several logs are laid over each other, a colour each. Of many samples in a column of pixels the smallest and the
@@ -90,7 +93,7 @@ pub enum Command {
     Diff(Diff),
     /// Print the SHA-256 of a log's messages (topic, time, payload): equal logs of equal experiments.
     Digest(Digest),
-    /// Measure this machine: simulated seconds per wall second of every host, beside bare rings as floors.
+    /// Measure this machine: simulated seconds per wall second of every host, beside what iceoryx2 alone needs.
     ///
     /// `gerono bench latency` measures flights in real time instead, `gerono bench recorder` what recording costs.
     Bench(Bench),
@@ -112,7 +115,7 @@ pub enum Command {
     /// Writes faults.json and faults.md.
     #[command(after_help = Faults::EXAMPLES)]
     Faults(Faults),
-    /// Check this machine before a flight: what is good (green), poor (yellow) or would not work (red), and how to mend it.
+    /// Check this machine before a flight: what is good (green), poor (yellow) or would not work (red), and how to fix it.
     ///
     /// Looks at shared memory, limits, cores, clock, governor, other runs and what dead ones have left, and measures for some
     /// seconds how fast the disk is and how late a sleeper wakes. With a scenario, all of it is judged by what that asks for:
@@ -120,18 +123,20 @@ pub enum Command {
     /// docs/deployment.md explains every number.
     #[command(after_help = Doctor::EXAMPLES)]
     Doctor(Doctor),
-    /// Listen to a motion-capture system, or seem to be one.
+    /// Listen to a motion-capture system, or emulate one.
     Mocap(Mocap),
-    /// Let the motors of a flight in real time turn: it takes off as soon as all is ready.
+    /// Arm a flight in real time: its motors turn, and it takes off as soon as all services are ready.
     ///
     /// Only a scenario with `[flight]` has something to arm. Refused while a service does not fly, the vehicle is not
     /// seen, its state is old, or the estimator has not converged.
     Arm(Operate),
-    /// Let the motors of a flight in real time rest at once, in the air too; `gerono arm` takes it back.
+    /// Disarm a flight in real time: its motors stop at once, in the air too. `gerono arm` arms it again.
     Disarm(Operate),
-    /// Let the motors of a flight in real time rest at once and until the end of the run, whatever anybody asks for then.
+    /// Stop the motors of a flight in real time at once, until the end of the run: no command starts them again.
     Kill(Operate),
-    /// End a flight in real time: it lands and disarms first; asked again, it disarms in the air.
+    /// End a flight in real time: the vehicle lands first. Ctrl-C at the run's terminal does the same.
+    ///
+    /// Asked again it changes nothing: `gerono kill` stops motors in the air.
     Stop(Operate),
     /// Take over a flight in real time whose orchestrator has died: record and supervise it to its end.
     ///
@@ -161,10 +166,10 @@ pub enum Command {
     /// host.mcap, which says when it began, and summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.
     #[command(after_help = World::EXAMPLES)]
     World(World),
-    /// Say how far the vehicle truly was from its path, while it flew along it.
+    /// Print the distance of the true position from the path while the vehicle followed it.
     ///
-    /// The error is the distance of the true position from the path at the γ of that time, at every tick: not the
-    /// controller's z1, which rests on an estimate. The truth is that of the flight's own log, or of the log of `gerono world`.
+    /// The error is the distance of the true position from the point at which the path was at that time, at every tick: not
+    /// the controller's z1, which rests on an estimate. The truth is that of the flight's own log, or of the log of `gerono world`.
     /// Parts: 5 s before the scenario's first event (a fan, a change), from there to the last part, the last part, all.
     #[command(after_help = Truth::EXAMPLES)]
     Truth(Truth),
@@ -186,8 +191,20 @@ pub enum Command {
         /// Name of the service, or of a process that waits for one to die.
         #[arg(value_parser = service_process)]
         name: String,
+        /// Folder of the run, by which `gerono kill` and the like find it ([`crate::live::runs`]).
+        #[arg(long)]
+        run: Option<PathBuf>,
+        /// What its steps follow, for the same.
+        #[arg(long)]
+        host: Option<String>,
     },
-    /// Take part in a bare ring; only `gerono bench` can start it.
+    /// End a flight whose orchestrator cannot go on; only that one can become it.
+    #[command(hide = true)]
+    Postmortem(Postmortem),
+    /// Measure processes that exchange samples and nothing else; only `gerono bench` can start it.
+    #[command(hide = true)]
+    Ring(Ring),
+    /// Take part in such a ring; only `gerono ring` can start it.
     #[command(hide = true)]
     RingMember(RingMember),
     /// Take part in a bare chain; only `gerono bench latency` can start it.

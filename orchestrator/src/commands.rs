@@ -9,6 +9,7 @@ pub mod faults;
 pub mod logs;
 pub mod mocap;
 pub mod operate;
+pub mod postmortem;
 pub mod rc;
 pub mod replay;
 pub mod report;
@@ -19,6 +20,7 @@ pub mod top;
 pub mod truth;
 pub mod world;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use miette::Report;
@@ -30,9 +32,10 @@ use crate::cli::{RecordingArguments, ScenarioArguments};
 use crate::exit::Exit;
 use crate::flight;
 use crate::host_record::HostRecord;
-use crate::log::{HostLogWriter, LogError, LogReader, Manifest, RunLogWriter};
+use crate::log::{HostLogWriter, LogError, LogReader, Manifest, RunLogWriter, make_anew, partial_path};
 use crate::run_folder::{RunFolder, log_meant_by};
 use crate::scenario_file;
+use crate::terminal::printable_lines;
 
 /// What ends a command early: what to tell the user and the exit code.
 #[derive(Debug)]
@@ -46,7 +49,7 @@ pub struct Failure {
 impl Failure {
     fn new(exit: Exit, error: impl std::fmt::Display) -> Self {
         Self {
-            report: miette::miette!("{error}"),
+            report: report_of(&error),
             exit,
         }
     }
@@ -89,7 +92,7 @@ fn log_path(path: &Path) -> PathBuf {
     if let Ok(reader) = LogReader::open(&log)
         && let Some(recovery) = reader.recovery()
     {
-        eprintln!("note: {} was recovered: {recovery}", log.display());
+        note(format_args!("{} was recovered: {recovery}", log.display()));
     }
     log
 }
@@ -100,20 +103,51 @@ fn scenario_name(path: &Path) -> String {
         .map_or_else(|| "flight".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
+/// Writes a file of a run's results under its name once it is whole.
+///
+/// The bytes are on the disk before the name is: a process or machine that dies in between leaves no empty file.
+fn write_result(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let partial = partial_path(path);
+    let written = make_anew(&partial).and_then(|mut file| {
+        file.write_all((text + "\n").as_bytes())?;
+        file.sync_all()
+    });
+    written
+        .and_then(|()| std::fs::rename(&partial, path))
+        .map_err(|error| not_written(path, &error))
+}
+
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(|error| Failure::new(Exit::Trouble, error))?;
     write(path, &(text + "\n"))
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    std::fs::write(path, text).map_err(|error| {
-        let reason = format!("cannot write {}: {error}", path.display());
-        Failure::new(Exit::NotWritten, reason)
-    })
+    std::fs::write(path, text).map_err(|error| not_written(path, &error))
 }
 
-/// Prints results. Somebody who reads no more of them (`gerono check … | head`) has what they wanted.
+fn not_written(path: &Path, error: &std::io::Error) -> Failure {
+    let reason = format!("cannot write {}: {error}", path.display());
+    Failure::new(Exit::NotWritten, reason)
+}
+
+/// What a terminal is told of an error.
+fn report_of(error: &impl std::fmt::Display) -> Report {
+    Report::msg(printable_lines(&error.to_string()).into_owned())
+}
+
+/// Tells of something that is not an error, beside the results.
+fn note(text: impl std::fmt::Display) {
+    eprintln!("note: {}", printable_lines(&text.to_string()));
+}
+
+/// Prints results, made harmless for a terminal.
 fn print(text: impl std::fmt::Display) {
-    use std::io::Write;
+    print_as_it_is(printable_lines(&text.to_string()));
+}
+
+/// Prints results that have colours. A reader that takes no more of them (`gerono check … | head`) has what it wants.
+fn print_as_it_is(text: impl std::fmt::Display) {
     let _ = write!(std::io::stdout(), "{text}");
 }

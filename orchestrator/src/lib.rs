@@ -7,6 +7,7 @@
 //! * [`laboratory`]: cameras and radio link around the services of a flight in real time;
 //! * [`world`]: the laboratory that is none: what those are connected to where there is no real one;
 //! * [`truth`]: how far a vehicle truly was from its path;
+//! * [`metrics`]: how far it was from its path and whether it was lost, for all who judge a flight;
 //! * [`log`], [`info`], [`summary`], [`plot`], [`host_record`]: what remains of a flight;
 //! * [`report`]: flights as one page;
 //! * [`reproduce`]: the paper's figures, flown again and judged;
@@ -14,6 +15,8 @@
 //! * [`doctor`]: whether the machine is fit for a flight;
 //! * [`identify`]: what a radio link's channels meant, from a log;
 //! * [`live`], [`top`]: a run in real time as seen from another terminal;
+//! * [`postmortem`]: what is left to do when the orchestrator itself cannot go on;
+//! * [`terminal`]: what others have written, as a terminal may be given it;
 //! * [`run_folder`], [`run_root`]: its places on disk and in shared memory.
 
 pub mod cli;
@@ -30,7 +33,9 @@ pub mod laboratory;
 pub mod live;
 pub mod log;
 pub mod matrix;
+pub mod metrics;
 pub mod plot;
+pub mod postmortem;
 pub mod progress;
 pub mod replay;
 pub mod report;
@@ -39,6 +44,7 @@ pub mod run_folder;
 pub mod run_root;
 pub mod scenario_file;
 pub mod summary;
+pub mod terminal;
 pub mod top;
 pub mod truth;
 pub mod world;

@@ -5,8 +5,8 @@ use std::process::ExitCode;
 use clap::Parser;
 use orchestrator::cli::{Cli, Command, Operate, RcCommand};
 use orchestrator::commands::{
-    Failure, attach, bench, check, doctor, faults, logs, mocap, operate, rc, replay, report, reproduce, run,
-    small, top, truth, world,
+    Failure, attach, bench, check, doctor, faults, logs, mocap, operate, postmortem, rc, replay, report,
+    reproduce, run, small, top, truth, world,
 };
 use orchestrator::exit::Exit;
 use orchestrator::live::Question;
@@ -29,10 +29,10 @@ fn main() -> ExitCode {
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Mocap(arguments) => mocap::mocap(&arguments),
-        Command::Arm(arguments) => operate(&arguments, &Question::Operate(Request::Arm)),
-        Command::Disarm(arguments) => operate(&arguments, &Question::Operate(Request::Disarm)),
-        Command::Kill(arguments) => operate(&arguments, &Question::Operate(Request::Kill)),
-        Command::Stop(arguments) => operate(&arguments, &Question::Stop),
+        Command::Arm(arguments) => operate(&arguments, "arm", &Question::Operate(Request::Arm)),
+        Command::Disarm(arguments) => operate(&arguments, "disarm", &Question::Operate(Request::Disarm)),
+        Command::Kill(arguments) => operate::kill(&arguments).map(|()| Exit::Success),
+        Command::Stop(arguments) => operate(&arguments, "stop", &Question::Stop),
         Command::Rc(RcCommand::Probe(arguments)) => rc::probe(&arguments),
         Command::Rc(RcCommand::Identify(arguments)) => rc::identify(&arguments).map(|()| Exit::Success),
         Command::Attach(arguments) => attach::attach(&arguments),
@@ -48,9 +48,11 @@ fn main() -> ExitCode {
             small::completions(shell);
             Ok(Exit::Success)
         }
-        Command::Service { name } => small::service(&name).map(|()| Exit::Success),
+        Command::Service { name, .. } => small::service(&name).map(|()| Exit::Success),
+        Command::Postmortem(arguments) => postmortem::postmortem(&arguments),
         Command::Load { core } => bench::load(core).map(|()| Exit::Success),
         Command::ChainMember(arguments) => bench::chain_member(&arguments).map(|()| Exit::Success),
+        Command::Ring(arguments) => bench::ring(&arguments).map(|()| Exit::Success),
         Command::RingMember(arguments) => bench::ring_member(&arguments).map(|()| Exit::Success),
     };
     match result {
@@ -62,6 +64,6 @@ fn main() -> ExitCode {
     }
 }
 
-fn operate(arguments: &Operate, question: &Question) -> Result<Exit, Failure> {
-    operate::operate(arguments, question).map(|()| Exit::Success)
+fn operate(arguments: &Operate, command: &'static str, question: &Question) -> Result<Exit, Failure> {
+    operate::operate(arguments, command, question).map(|()| Exit::Success)
 }

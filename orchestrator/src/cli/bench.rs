@@ -141,11 +141,9 @@ impl BenchLatency {
         gerono bench latency --seconds 60 --repetitions 3 --json latency.json";
 }
 
-/// Arguments of a member of a bare ring.
+/// Arguments of a ring of processes that exchange samples and nothing else.
 #[derive(Debug, Args)]
-pub struct RingMember {
-    /// Place in the ring.
-    pub place: usize,
+pub struct Ring {
     /// Rounds to go.
     pub rounds: u64,
     /// How to wait for the neighbour.
@@ -158,13 +156,43 @@ pub struct RingMember {
     pub fifo: bool,
 }
 
-/// How the members of a bare ring wait.
+/// Arguments of a member of such a ring.
+#[derive(Debug, Args)]
+pub struct RingMember {
+    /// Place in the ring.
+    pub place: usize,
+    /// Rounds to go.
+    pub rounds: u64,
+    /// How to wait for the neighbour.
+    #[arg(value_enum)]
+    pub wait: RingWait,
+    /// Core to run on.
+    pub core: usize,
+    /// The iceoryx2 configuration of the ring.
+    pub configuration: PathBuf,
+    /// Whether to run under SCHED_FIFO.
+    #[arg(long)]
+    pub fifo: bool,
+}
+
+/// How the members of such a ring wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum RingWait {
     /// Yield the core until the neighbour has been there.
     Yield,
     /// Block on an eventfd.
     Eventfd,
+}
+
+impl RingWait {
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Yield => "yield",
+            Self::Eventfd => "eventfd",
+        }
+    }
 }
 
 /// Arguments of a member of a bare chain.

@@ -9,7 +9,7 @@ use runtime::crash::{Crash, CrashPlace};
 use shared_types::ServiceId;
 use shared_types::scenario::suggest::known_names;
 
-use super::values::{number_between, value_between};
+use super::values::{core, number_between, value_between};
 use crate::flight::crew::restart::PerService;
 use crate::log::Compression;
 
@@ -19,7 +19,7 @@ pub struct ScenarioArguments {
     /// The scenario file.
     pub scenario: PathBuf,
     /// Seed of every random draw, in place of the scenario's.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     pub seed: Option<u64>,
     /// Change a value of the scenario, for example `--set controller.k1=5`; may be given several times.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
@@ -81,7 +81,7 @@ pub struct DeploymentArguments {
     #[arg(long)]
     pub fifo: bool,
     /// Keep the services together on this core instead of the idlest one.
-    #[arg(long, value_name = "N", conflicts_with = "no_pin")]
+    #[arg(long, value_name = "N", conflicts_with = "no_pin", value_parser = core)]
     pub core: Option<usize>,
     /// Let the system place the services instead of keeping them together on the idlest core.
     #[arg(long)]

@@ -4,12 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::flight::RecordingArguments;
+use super::flight::{Host, RecordingArguments};
 
 /// Arguments of the commands that ask something of a live run.
 #[derive(Debug, Args)]
 pub struct Operate {
-    /// The run, if several are under way: the name of its place, as `gerono doctor` shows it.
+    /// The run, if several are under way: its name, as `gerono doctor` shows it, or the number of one of its services'
+    /// processes.
     #[arg(long, value_name = "ID")]
     pub run: Option<String>,
 }
@@ -29,6 +30,23 @@ pub struct Attach {
     /// Say nothing unless something is wrong.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// Arguments of `gerono postmortem`.
+#[derive(Debug, Args)]
+pub struct Postmortem {
+    /// How the flight was flown.
+    #[arg(long, value_name = "HOST")]
+    pub host: Host,
+    /// Folder of its results.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// A service in whose place a program flew.
+    #[arg(long = "guest", value_name = "SERVICE")]
+    pub guests: Vec<String>,
+    /// What has happened, as a fault tells it.
+    #[arg(long, value_name = "CAUSE")]
+    pub cause: String,
 }
 
 /// Arguments of `gerono top`.

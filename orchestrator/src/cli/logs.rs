@@ -57,6 +57,21 @@ fn flight_time(text: &str) -> Result<f64, String> {
     number_between(text, 0.0, 1e9, "s")
 }
 
+fn svg_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_svg = path
+        .extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("svg"));
+    if is_svg {
+        Ok(path)
+    } else {
+        Err(
+            "give the name of an SVG file, such as `z1.svg`; to convert it, use for example `rsvg-convert`"
+                .to_owned(),
+        )
+    }
+}
+
 /// Arguments of `gerono plot`.
 #[derive(Debug, Args)]
 pub struct Plot {
@@ -64,7 +79,7 @@ pub struct Plot {
     #[arg(required = true)]
     pub logs: Vec<PathBuf>,
     /// The SVG file to write.
-    #[arg(long, short)]
+    #[arg(long, short, value_name = "FILE.svg", value_parser = svg_file)]
     pub output: PathBuf,
     /// Draw from this time on, s [default: the start].
     #[arg(long, value_name = "T")]
@@ -152,7 +167,7 @@ pub struct Recover {
     #[arg(long, value_name = "FILE")]
     pub scenario: Option<PathBuf>,
     /// The seed that was flown with, in place of the scenario's.
-    #[arg(long, requires = "scenario")]
+    #[arg(allow_negative_numbers = true, long, requires = "scenario")]
     pub seed: Option<u64>,
     /// What was changed of the scenario when it was flown; may be given several times.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE", requires = "scenario")]

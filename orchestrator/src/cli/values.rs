@@ -2,6 +2,8 @@
 
 use shared_types::ServiceId;
 
+use crate::doctor::Host;
+
 pub(super) fn service_process(name: &str) -> Result<String, String> {
     if name != runtime::process::SPARE {
         service(name)?;
@@ -14,6 +16,21 @@ pub(super) fn service(name: &str) -> Result<ServiceId, String> {
         let names: Vec<_> = ServiceId::ALL.iter().map(|service| service.name()).collect();
         format!("there is no such service; there are {}", names.join(", "))
     })
+}
+
+/// A core that this machine has.
+pub(super) fn core(text: &str) -> Result<usize, String> {
+    let core: usize = text.parse().map_err(|_| "this is no number".to_owned())?;
+    let cores = Host::this().cores("present");
+    // A system that does not tell refuses by itself.
+    if cores.is_empty() || cores.iter().any(|&known| known as usize == core) {
+        return Ok(core);
+    }
+    let last = cores.iter().max().copied().unwrap_or_default();
+    let count = cores.len();
+    Err(format!(
+        "there is no such core; this machine has {count}, the last of which is {last}"
+    ))
 }
 
 pub(super) fn number_between(text: &str, least: f64, most: f64, unit: &str) -> Result<f64, String> {

@@ -1,10 +1,13 @@
 //! `gerono bench`: what this machine can do, as ratios against floors measured in the same run.
 //!
 //! Machines are shared and wander by tens of percent, so every figure stands beside a floor that was measured
-//! in turn with it: a bare ring of five processes that hand nothing on but the turn itself.
+//! in turn with it: for processes what iceoryx2 alone needs to move the same samples, for one process the five step
+//! functions called in a row.
 
+mod bare_ports;
 mod chain;
 mod deaths;
+mod in_a_row;
 mod laboratory;
 mod latency;
 mod measure;
@@ -21,7 +24,7 @@ use crate::exit::Exit;
 
 pub use chain::chain_member;
 pub use measure::load;
-pub use ring::ring_member;
+pub use ring::{ring, ring_member};
 
 /// The scenario that is measured: the paper's Fig. 1.
 const SCENARIO: &str = include_str!("../../../scenarios/fig1.toml");

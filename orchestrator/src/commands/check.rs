@@ -21,6 +21,7 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
         print(mermaid());
     } else {
         print(describe(&scenario, &schedule));
+        print(warnings(&scenario));
     }
     Ok(())
 }
@@ -30,7 +31,7 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
 pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
     let order: Vec<_> = schedule.order().iter().map(|service| service.name()).collect();
     format!(
-        "{}\nbase tick {} s, {} ticks, {} s; theorem's bound on ‖z1‖ {:.4} m\norder within a tick: {}\n{}\n{}\n\n{}\n\n{}\n{}",
+        "{}\nbase tick {} s, {} ticks, {} s{}\n{}order within a tick: {}\n{}\n{}\n\n{}\n\n{}\n{}",
         if scenario.description.is_empty() {
             "the scenario can be flown"
         } else {
@@ -39,7 +40,10 @@ pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
         seconds(schedule.tick_ns()),
         schedule.last_tick() + 1,
         seconds(schedule.time_ns(schedule.last_tick())),
-        scenario.controller.ultimate_bound(),
+        scenario.theorem_bound().map_or_else(String::new, |bound| format!(
+            "; the theorem bounds the distance from the path by {bound:.4} m"
+        )),
+        gains(scenario),
         order.join(" → "),
         programs(scenario),
         services(schedule),
@@ -53,6 +57,29 @@ fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
     table
+}
+
+/// The gains that a scenario need not state, and where they come from.
+fn gains(scenario: &Scenario) -> String {
+    if scenario.program_of(ServiceId::Controller).is_some() {
+        return String::new();
+    }
+    let origin = |stated: Option<f64>| if stated.is_some() { "stated" } else { "follows" };
+    let controller = &scenario.controller;
+    format!(
+        "β = {:?} ({}), Λw = {:?} ({}; at most {:.2e})\n",
+        scenario.beta(),
+        origin(controller.beta),
+        scenario.lambda_inertia(),
+        origin(controller.lambda_inertia),
+        scenario.lambda_inertia_limit(),
+    )
+}
+
+/// What is dubious about a scenario that can be flown, a line each.
+fn warnings(scenario: &Scenario) -> String {
+    let warnings = scenario.warnings().into_iter();
+    warnings.map(|warning| format!("warning: {warning}\n")).collect()
 }
 
 /// The programs that fly in place of services, a line each.
@@ -127,7 +154,7 @@ fn unread(schedule: &Schedule) -> String {
         String::new()
     } else {
         format!(
-            "of no use in this flight, and not connected: {}\n",
+            "not connected in this flight, which does not use them: {}\n",
             edges.join(", ")
         )
     }

@@ -1,13 +1,12 @@
 //! What comes after a recorded flight: its log is closed, its summary made, kept and shown.
 
-use miette::Report;
-
-use super::{Failure, print, write_json};
+use super::{Failure, note, print, report_of, write_result};
 use crate::cli::Host;
 use crate::exit::Exit;
 use crate::flight::tape::Tape;
 use crate::flight::{Ending, FlightFailure, Outcome};
-use crate::run_folder::RunFolder;
+use crate::log::inspect;
+use crate::run_folder::{RunFolder, log_meant_by};
 use crate::summary::{self, RunFacts, Summary};
 
 /// A flight that is over.
@@ -37,10 +36,13 @@ impl Flown<'_> {
             },
         };
         let summary = flown.finish(self.facts(&ending));
-        let saved = write_json(&self.folder.summary(), &summary);
+        if has_flown_nothing(&ending.outcome, &summary) {
+            self.folder.remove_logs();
+        }
+        let saved = write_result(&self.folder.summary(), &summary);
         self.show(&summary, &ending);
         saved?;
-        Ok(exit(&ending.outcome))
+        Ok(exit(&ending.outcome, &summary))
     }
 
     fn facts(&self, ending: &Ending) -> RunFacts {
@@ -54,6 +56,14 @@ impl Flown<'_> {
             host: self.host.name().to_owned(),
             outcome,
             reason,
+            not_finite_at: match &ending.outcome {
+                Outcome::Failed(FlightFailure::NonFinite(found)) => Some(found.tick),
+                _ => None,
+            },
+            in_log: match &ending.outcome {
+                Outcome::Failed(FlightFailure::Log(_)) => Some(self.samples_in_log()),
+                _ => None,
+            },
             wall_seconds: ending.wall_time.as_secs_f64(),
             rebirths: ending.rebirths.clone(),
             timing: ending.timing.clone(),
@@ -61,24 +71,40 @@ impl Flown<'_> {
         }
     }
 
+    /// Samples in what there is of the log: what could not be written is not in it, whatever was received.
+    fn samples_in_log(&self) -> u64 {
+        let found = inspect(&log_meant_by(self.folder.path()));
+        found.map_or(0, |found| found.samples.values().sum())
+    }
+
     fn show(&self, summary: &Summary, ending: &Ending) {
         if !self.quiet {
             for warning in &ending.warnings {
-                eprintln!("note: {warning}");
+                note(warning);
             }
-            print(format!("{summary}\nresults: {}\n", self.folder.path().display()));
+            if !has_flown_nothing(&ending.outcome, summary) {
+                print(format!("{summary}\nresults: {}\n", self.folder.path().display()));
+            }
         }
         if let Outcome::Failed(failure) = &ending.outcome {
-            eprintln!("{:?}", Report::msg(failure.to_string()));
+            eprintln!("{:?}", report_of(failure));
         }
     }
 }
 
-fn exit(outcome: &Outcome) -> Exit {
+/// Whether the run has failed before it had a sample, so that there is nothing to tell but why, and nothing to keep.
+fn has_flown_nothing(outcome: &Outcome, summary: &Summary) -> bool {
+    let has_failed = matches!(outcome, Outcome::Failed(_));
+    has_failed && summary.topics.iter().all(|topic| topic.recorded == 0)
+}
+
+/// What went wrong with the machine or the log counts first, then that the flight failed, then that the vehicle was lost.
+fn exit(outcome: &Outcome, summary: &Summary) -> Exit {
     match outcome {
+        Outcome::Completed if summary.lost.is_some() => Exit::Lost,
         Outcome::Completed => Exit::Success,
         Outcome::Interrupted { signal } => Exit::Signal(*signal),
-        Outcome::Failed(FlightFailure::Log(_)) => Exit::NotWritten,
+        Outcome::Failed(FlightFailure::Log(_) | FlightFailure::Record(_)) => Exit::NotWritten,
         Outcome::Failed(
             FlightFailure::Setup(_) | FlightFailure::NotReady { .. } | FlightFailure::NotPermitted { .. },
         ) => Exit::Trouble,

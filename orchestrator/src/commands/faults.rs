@@ -10,6 +10,7 @@ use crate::interrupt::Interrupt;
 use crate::matrix::flight::{Flown, Way, fly};
 use crate::matrix::plan::{self, Case, Cell, Times};
 use crate::matrix::trouble::Trouble;
+use crate::matrix::undisturbed::Undisturbed;
 use crate::matrix::{self, moments, report, table};
 use crate::progress;
 use crate::reproduce::parallel;
@@ -37,16 +38,11 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
     let folder = RunFolder::create(arguments.out.as_deref(), &format!("faults-{name}"))
         .map_err(|error| Failure::new(Exit::NotWritten, error))?;
 
-    let flown = fly_in_process(&cells, arguments.processes, &interrupt);
-    let differences = if arguments.processes && flown.is_ok() {
-        compare(&cells, flown.as_deref().unwrap_or_default(), &interrupt)
-    } else {
-        Vec::new()
-    };
+    let flown = fly_all(arguments, &scenario, &cells, &interrupt);
     if let Some(signal) = interrupt.signal() {
         return Ok(Exit::Signal(signal));
     }
-    let flown = flown.map_err(|reason| Failure::new(Exit::FlightFailed, reason))?;
+    let (flown, differences) = flown.map_err(|reason| Failure::new(Exit::FlightFailed, reason))?;
     let mut report = report::report(&name, scenario.seed, times, &cells, &flown);
     report.compared_with_processes = arguments.processes;
     report.differences = differences;
@@ -132,11 +128,34 @@ fn cases(arguments: &Faults) -> Result<Vec<Case>, Failure> {
     Ok(cases)
 }
 
+/// Flies the scenario without a fault and then all cells, with `--processes` twice; where processes differ, in words.
+fn fly_all(
+    arguments: &Faults,
+    scenario: &Scenario,
+    cells: &[Cell],
+    interrupt: &Interrupt,
+) -> Result<(Vec<Flown>, Vec<String>), String> {
+    let ends = cells.iter().map(|cell| cell.scenario.duration);
+    let undisturbed = Undisturbed::fly(scenario, ends.fold(0.0, f64::max), interrupt)?;
+    let flown = fly_in_process(cells, arguments.processes, &undisturbed, interrupt)?;
+    let differences = if arguments.processes {
+        compare(cells, &flown, &undisturbed, interrupt)
+    } else {
+        Vec::new()
+    };
+    Ok((flown, differences))
+}
+
 /// Flies all cells on all cores, with a bar of flights where somebody looks.
-fn fly_in_process(cells: &[Cell], with_digest: bool, interrupt: &Interrupt) -> Result<Vec<Flown>, String> {
+fn fly_in_process(
+    cells: &[Cell],
+    with_digest: bool,
+    undisturbed: &Undisturbed,
+    interrupt: &Interrupt,
+) -> Result<Vec<Flown>, String> {
     let bar = progress::flights(cells.len());
     let flown = parallel::map(cells, parallel::cores(), |cell| {
-        let flown = fly(cell, Way::InProcess { with_digest }, interrupt);
+        let flown = fly(cell, Way::InProcess { with_digest }, undisturbed, interrupt);
         bar.inc(1);
         flown
     });
@@ -145,7 +164,12 @@ fn fly_in_process(cells: &[Cell], with_digest: bool, interrupt: &Interrupt) -> R
 }
 
 /// Flies all cells as processes, one after the other, and says which came to anything else.
-fn compare(cells: &[Cell], expected: &[Flown], interrupt: &Interrupt) -> Vec<String> {
+fn compare(
+    cells: &[Cell],
+    expected: &[Flown],
+    undisturbed: &Undisturbed,
+    interrupt: &Interrupt,
+) -> Vec<String> {
     let bar = progress::flights(cells.len());
     let mut differences = Vec::new();
     for (cell, expected) in cells.iter().zip(expected) {
@@ -157,7 +181,7 @@ fn compare(cells: &[Cell], expected: &[Flown], interrupt: &Interrupt) -> Vec<Str
             cell.watched.words.replace('`', ""),
             cell.moment
         );
-        match fly(cell, Way::Processes, interrupt) {
+        match fly(cell, Way::Processes, undisturbed, interrupt) {
             Ok(flown) if flown == *expected => {}
             Ok(_) => differences.push(format!(
                 "DIFFERENT: {place}: the processes published other bytes than the flight in one process"

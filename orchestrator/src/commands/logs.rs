@@ -1,12 +1,12 @@
 //! What can be done with a log without flying: `gerono info`, `gerono recover`, `gerono export`.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use shared_types::scenario::Scenario;
 
-use super::{Failure, log_path, print};
+use super::{Failure, log_path, note, print};
 use crate::cli::{Export, Info, Recover};
 use crate::exit::Exit;
 use crate::info;
@@ -15,6 +15,7 @@ use crate::log::{
 };
 use crate::run_folder::log_meant_by;
 use crate::scenario_file;
+use crate::terminal::Terminal;
 
 /// `gerono export`.
 ///
@@ -33,6 +34,7 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
                 format!("cannot write {}: {error}", path.display()),
             )
         })?),
+        None if io::stdout().is_terminal() => Box::new(Terminal::new(io::stdout().lock())),
         None => Box::new(io::stdout().lock()),
     };
     let mut buffered = BufWriter::new(&mut output);
@@ -131,7 +133,7 @@ pub fn recover(arguments: &Recover) -> Result<(), Failure> {
     for result in results {
         match result {
             // What the machine did in the first moments of a run may not have been written yet.
-            Err(error @ RecoverError::Nothing(_)) if some_are_whole => eprintln!("note: {error}"),
+            Err(error @ (RecoverError::Nothing(_) | RecoverError::Empty(_))) if some_are_whole => note(error),
             result => result.map_err(refusal)?,
         }
     }

@@ -125,7 +125,7 @@ fn report(replayed: &Replayed, options: &Options) -> String {
     }
     if !replayed.guests.is_empty() {
         text += &format!(
-            "The steps of {} are not done again: programs of one's own flew there.\n",
+            "The steps of {} cannot be computed again: external services flew there.\n",
             names(&replayed.guests)
         );
     }

@@ -1,6 +1,6 @@
 //! `gerono report`: logs as one page, and the paper's figures.
 
-use super::{Failure, log_path, print};
+use super::{Failure, log_path, note, print};
 use crate::cli::Report;
 use crate::exit::Exit;
 use crate::report::{self, ReportError};
@@ -19,7 +19,7 @@ pub fn report(arguments: &Report) -> Result<(), Failure> {
         Failure::new(exit, error)
     })?;
     for reason in &written.broken {
-        eprintln!("warning: {reason}; the report shows that part");
+        note(format_args!("{reason}; the report shows that part"));
     }
     print(format!("{}\n", written.page.display()));
     for figure in &written.figures {

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::{Failure, print, write, write_json};
 use crate::cli::Reproduce;
 use crate::exit::Exit;
-use crate::flight::{Outcome, in_process};
+use crate::flight::{self, Outcome, in_process};
 use crate::interrupt::Interrupt;
 use crate::progress;
 use crate::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
@@ -37,7 +37,11 @@ pub fn reproduce(arguments: &Reproduce) -> Result<Exit, Failure> {
     } else {
         show_figures(arguments, &seeds, &folder, &interrupt)?
     };
-    print(format!("results: {}\n", folder.path().display()));
+    if let Exit::Signal(_) = end {
+        folder.remove_if_empty();
+    } else {
+        print(format!("results: {}\n", folder.path().display()));
+    }
     Ok(end)
 }
 
@@ -184,7 +188,8 @@ fn draw(
 
 /// Flies a job once more for its traces; nothing if it came to nothing, which its numbers have told.
 fn trace(job: &Job, interrupt: &Interrupt) -> Option<Traces> {
-    let mut tracer = Tracer::new(&job.scenario).ok()?;
+    let schedule = flight::schedule_of(&job.scenario).ok()?;
+    let mut tracer = Tracer::new(&job.scenario, &schedule);
     let ending = in_process::fly(&job.scenario, &mut tracer, interrupt).ok()?;
     matches!(ending.outcome, Outcome::Completed).then(|| tracer.finish())
 }

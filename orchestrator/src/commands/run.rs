@@ -12,10 +12,12 @@ use crate::cli::{DeploymentArguments, Host, Run};
 use crate::exit::Exit;
 use crate::flight::crew::restart::{PerService, RestartPolicy};
 use crate::flight::deployment::{Deployment, Placement};
+use crate::flight::real_time::People;
 use crate::flight::tape::Tape;
 use crate::flight::{self, Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
 use crate::interrupt::Interrupt;
 use crate::log::Manifest;
+use crate::postmortem::Postmortem;
 use crate::progress::Progress;
 use crate::run_folder::RunFolder;
 
@@ -62,8 +64,12 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     }
 
     let mut progress = Progress::new(&schedule, &name, arguments.quiet);
+    let people = People {
+        interrupt: &interrupt,
+        messages: progress.messages(),
+    };
     let mut tape = Tape::new(&scenario, &schedule, Some(log), &mut progress);
-    let ending = fly(arguments, &scenario, &folder, &mut tape, &interrupt);
+    let ending = fly(arguments, &scenario, &folder, &mut tape, &people);
     let flown = Flown {
         name: &name,
         host: arguments.host,
@@ -90,11 +96,11 @@ fn fly(
     scenario: &Scenario,
     folder: &RunFolder,
     tape: &mut Tape<'_>,
-    interrupt: &Interrupt,
+    people: &People<'_>,
 ) -> Ending {
     let result = match arguments.host {
-        Host::Inprocess => in_process::fly(scenario, tape, interrupt),
-        Host::Lockstep | Host::Realtime => fly_processes(arguments, scenario, folder, tape, interrupt),
+        Host::Inprocess => in_process::fly(scenario, tape, people.interrupt),
+        Host::Lockstep | Host::Realtime => fly_processes(arguments, scenario, folder, tape, people),
     };
     result.unwrap_or_else(|failure| Ending {
         outcome: Outcome::Failed(failure),
@@ -112,17 +118,18 @@ fn fly_processes(
     scenario: &Scenario,
     folder: &RunFolder,
     tape: &mut Tape<'_>,
-    interrupt: &Interrupt,
+    people: &People<'_>,
 ) -> Result<Ending, FlightFailure> {
     let mut record = host_record(folder, arguments.recording)?;
+    let _postmortem = Postmortem::prepare(arguments.host, folder.path(), scenario.guests())
+        .map_err(FlightFailure::setup)?;
     let deployment = deployment(&arguments.deployment);
     let ending = if arguments.host == Host::Realtime {
-        real_time::fly(scenario, &deployment, tape, interrupt, &mut record)?
+        real_time::fly(scenario, &deployment, tape, people, &mut record)?
     } else {
-        lock_step::fly(scenario, &deployment, tape, interrupt, &mut record)?
+        lock_step::fly(scenario, &deployment, tape, people.interrupt, &mut record)?
     };
-    record.finish()?;
-    Ok(ending)
+    Ok(ending.with_record(record.finish()))
 }
 
 fn deployment(arguments: &DeploymentArguments) -> Deployment {

@@ -20,7 +20,7 @@ pub fn plot(arguments: &Plot) -> Result<(), Failure> {
     if from.unwrap_or(0.0) >= to.unwrap_or(f64::INFINITY) {
         return Err(Failure::new(Exit::BadInput, "--from must be before --to"));
     }
-    plot::z1(&logs, plot::Span { from, to }, &arguments.output)
+    plot::distance(&logs, plot::Span { from, to }, &arguments.output)
         .map_err(|error| Failure::new(Exit::Trouble, error))
 }
 

@@ -9,7 +9,7 @@ use serde::Serialize;
 use shared_types::scenario::{Key, Problem, Scenario};
 use shared_types::service::{nanoseconds, seconds};
 
-use super::{Failure, load, print, scenario_name, schedule_of, write_json};
+use super::{Failure, load, print, scenario_name, schedule_of, write_result};
 use crate::cli::World as Arguments;
 use crate::exit::Exit;
 use crate::interrupt::Interrupt;
@@ -58,7 +58,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         .map_or(u64::MAX, |seconds| nanoseconds(seconds) / clock.tick_ns);
     let report = world.run(ticks, &interrupt).map_err(unwritten)?;
     let summary = Summary::of(&report, clock.tick_ns);
-    write_json(&folder.summary(), &summary)?;
+    write_result(&folder.summary(), &summary)?;
     if !arguments.quiet {
         print(&summary);
         print(format!("results: {}\n", folder.path().display()));
@@ -186,7 +186,7 @@ impl Display for Summary {
         let [half, most, all] = self.late.map(|late| 1e3 * late);
         writeln!(
             formatter,
-            "{:.3} s simulated; {} poses sent, {} frames received, {} bytes of none, {} times none for too long\n\
+            "{:.3} s simulated; {} poses sent, {} frames received, {} bytes outside of frames, {} link losses\n\
              ticks late by {half:.3} ms (half of them), {most:.3} ms (99 of 100), {all:.3} ms at most",
             self.seconds, self.poses, self.frames, self.skipped, self.losses
         )

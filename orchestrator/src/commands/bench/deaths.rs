@@ -7,18 +7,17 @@ use hdrhistogram::Histogram;
 use serde::Serialize;
 use serde_json::Value;
 use shared_types::ServiceId;
-use shared_types::samples::ControlErrors;
 use shared_types::scenario::Scenario;
 
 use super::measure::{FlightCommand, Result, Scratch, fly_by_command};
 use super::{Failure, print, write_json};
 use crate::cli::BenchDeaths;
 use crate::exit::Exit;
-use crate::flight::FlightFailure;
+use crate::flight::{FlightFailure, schedule_of};
 use crate::log::{HostReader, LogReader, ServiceStep};
+use crate::metrics::tracker::Tracker;
 use crate::progress;
 use crate::summary::timing::{Quantiles, histogram};
-use crate::summary::z1_norm;
 
 /// The paper's laboratory in hover: its vehicle holds its body rates by itself while nobody commands it.
 const SCENARIO: &str = include_str!("../../../../scenarios/fig7.toml");
@@ -44,9 +43,9 @@ struct Measured {
     /// From the moment when a death was noticed until another process flew, s.
     back_after: Option<Quantiles>,
     services: Vec<OthersPeriods>,
-    /// Largest ‖z1‖ from the first death on, m; and in the same time of the flight without any.
-    largest_z1: f64,
-    largest_z1_undisturbed: f64,
+    /// Largest distance from the path from the first death on, m; and in the same time of the flight without any.
+    largest_distance: f64,
+    largest_distance_undisturbed: f64,
 }
 
 /// Times from the begin of a step to that of the next, s.
@@ -77,11 +76,11 @@ pub(super) fn deaths(arguments: &BenchDeaths) -> std::result::Result<(), Failure
     });
     print(format!(
         "{} processes killed themselves (SIGKILL), each service in its turn; {} times another one flew in the dead one's \
-         place{back}.\nLargest ‖z1‖ meanwhile {:.1} cm, in the same flight without deaths {:.1} cm.\n",
+         place{back}.\nLargest distance from the path meanwhile {:.1} cm, in the same flight without deaths {:.1} cm.\n",
         measured.deaths,
         measured.rebirths,
-        100.0 * measured.largest_z1,
-        100.0 * measured.largest_z1_undisturbed,
+        100.0 * measured.largest_distance,
+        100.0 * measured.largest_distance_undisturbed,
     ));
     match &arguments.json {
         Some(path) => write_json(path, &measured),
@@ -118,8 +117,8 @@ fn measure(arguments: &BenchDeaths) -> Result<Measured> {
             all
         })),
         services: others_periods(&disturbed.steps, &rebirths),
-        largest_z1: disturbed.largest_z1,
-        largest_z1_undisturbed: undisturbed.largest_z1,
+        largest_distance: disturbed.largest_distance,
+        largest_distance_undisturbed: undisturbed.largest_distance,
     })
 }
 
@@ -127,7 +126,7 @@ fn measure(arguments: &BenchDeaths) -> Result<Measured> {
 struct Flown {
     summary: Value,
     steps: Vec<(ServiceId, ServiceStep)>,
-    largest_z1: f64,
+    largest_distance: f64,
 }
 
 /// A death that was mended.
@@ -140,32 +139,34 @@ struct Rebirth {
 fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> Result<Flown> {
     let options: Vec<_> = ["--host", "realtime"].into_iter().chain(options).collect();
     let mut steps = Vec::new();
-    let mut largest_z1 = 0.0;
+    let mut largest_distance = 0.0;
     let (_, summary) = fly_by_command(command, &options, |results| {
         let recorded = HostReader::open(&results.join("host.mcap")).map_err(|error| setup(&error))?;
         steps = recorded
             .steps()
             .collect::<std::result::Result<_, _>>()
             .map_err(|error| setup(&error))?;
-        largest_z1 = largest_z1_of(&results.join("run.mcap"))?;
+        largest_distance = largest_distance_of(&results.join("run.mcap"))?;
         Ok(())
     })?;
     Ok(Flown {
         summary,
         steps,
-        largest_z1,
+        largest_distance,
     })
 }
 
-/// Largest ‖z1‖ from the first death on, m.
-fn largest_z1_of(log: &Path) -> Result<f64> {
-    let reader = LogReader::open(log).map_err(|error| setup(&error))?;
+/// Largest distance from the path from the first death on, m.
+fn largest_distance_of(log: &Path) -> Result<f64> {
+    let mut reader = LogReader::open(log).map_err(|error| setup(&error))?;
+    let scenario = &reader.manifest().scenario;
+    let mut tracker = Tracker::new(&schedule_of(scenario)?, scenario.flight.is_some());
     let mut largest: f64 = 0.0;
-    for errors in reader.samples::<ControlErrors>() {
-        let errors = errors.map_err(|error| setup(&error))?;
-        let has_settled = shared_types::service::seconds(errors.header.stamp_ns) >= SETTLING;
-        largest = largest.max(z1_norm(&errors).filter(|_| has_settled).unwrap_or_default());
-    }
+    let followed = tracker.follow(&mut reader, |moment| {
+        let has_settled = moment.vehicle.time_ns >= nanoseconds(SETTLING);
+        largest = largest.max(moment.distance.filter(|_| has_settled).unwrap_or(0.0));
+    });
+    followed.map_err(|error| setup(&error))?;
     Ok(largest)
 }
 

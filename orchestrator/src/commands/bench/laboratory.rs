@@ -30,7 +30,7 @@ use super::{Failure, chain, print, write_json};
 use crate::cli::BenchLaboratory;
 use crate::exit::Exit;
 use crate::flight::FlightFailure;
-use crate::live::{LiveRun, Question};
+use crate::live::{LiveRun, PATIENCE, Question};
 use crate::summary::timing::{Quantiles, histogram};
 use crate::world::cameras::Cameras;
 use crate::world::line::Line;
@@ -223,7 +223,8 @@ impl FlightUnderWay {
     /// Asks for something, if somebody is there.
     fn ask(&self, question: &Question) {
         // It says no more than what is seen of it.
-        let _answer = LiveRun::find(Some(&self.name)).and_then(|run| run.ask(question));
+        let run = LiveRun::find(Some(&self.name), "bench laboratory");
+        let _answer = run.and_then(|run| run.ask(question, PATIENCE));
     }
 
     /// Asks for arming, which is granted once all is well.

@@ -11,6 +11,7 @@ use runtime::in_process::TickSink;
 use shared_types::scenario::Scenario;
 use shared_types::{ServiceId, Topic};
 
+use super::in_a_row::InARow;
 use super::ring::Members;
 use super::{Measured, Row, ring};
 use crate::cli::RingWait;
@@ -25,8 +26,8 @@ use crate::run_root::RunRoot;
 
 pub(super) type Result<T> = std::result::Result<T, FlightFailure>;
 
-/// Rounds of a bare ring in one measurement.
-const RING_ROUNDS: u64 = 50_000;
+/// Rounds of a ring in one measurement.
+const RING_ROUNDS: u64 = 20_000;
 
 /// Flights in one process in a row: each takes some hundredths of a second.
 const IN_PROCESS_FLIGHTS: u32 = 5;
@@ -81,6 +82,7 @@ struct Series {
     lock_step_fifo: Vec<f64>,
     lock_step_blocking: Vec<f64>,
     lock_step_loaded: Vec<f64>,
+    in_a_row: Vec<f64>,
     in_process: Vec<f64>,
     in_process_recorded: Vec<f64>,
     restart_milliseconds: Vec<f64>,
@@ -112,7 +114,10 @@ impl Series {
         self.restart_milliseconds.extend(restarts(flight, DEATHS_APART)?);
         self.quick_restart_milliseconds
             .extend(restarts(flight, QUICK_DEATHS_APART)?);
+        let schedule = flight::schedule_of(whole)?;
         for _ in 0..IN_PROCESS_FLIGHTS {
+            let services = experiment::build_all(whole).map_err(FlightFailure::Setup)?;
+            self.in_a_row.push(InARow::new(&schedule, services).fly());
             let ending = in_process::fly(whole, &mut Nowhere, &Interrupt::never())?;
             self.in_process.push(rate(&ending)?);
         }
@@ -133,12 +138,13 @@ impl Series {
             floor: floor.map(|(name, _)| name),
             note,
         };
-        let yield_ring = ("bare yield ring", &*self.yield_ring);
+        let yield_ring = ("iceoryx2 alone", &*self.yield_ring);
+        let in_a_row = ("five steps in a row", &*self.in_a_row);
         vec![
-            row("bare ring of five, yield", &self.yield_ring, None, None),
-            row("bare ring of five, eventfd", &self.eventfd_ring, None, None),
+            row("iceoryx2 alone", &self.yield_ring, None, None),
+            row("the same, always sleeping", &self.eventfd_ring, None, None),
             row(
-                "bare ring of five, yield, SCHED_FIFO",
+                "the same, SCHED_FIFO",
                 &self.fifo_ring,
                 None,
                 self.fifo_refused.clone(),
@@ -152,13 +158,13 @@ impl Series {
             row(
                 "the same, always sleeping",
                 &self.lock_step_blocking,
-                Some(("bare eventfd ring", &self.eventfd_ring)),
+                Some(("iceoryx2 alone, always sleeping", &self.eventfd_ring)),
                 None,
             ),
             row(
                 "the same, SCHED_FIFO",
                 &self.lock_step_fifo,
-                Some(("bare yield ring, SCHED_FIFO", &self.fifo_ring)),
+                Some(("iceoryx2 alone, SCHED_FIFO", &self.fifo_ring)),
                 self.fifo_refused.clone(),
             ),
             row(
@@ -167,11 +173,12 @@ impl Series {
                 Some(yield_ring),
                 None,
             ),
-            row("in-process, not recorded", &self.in_process, None, None),
+            row("five steps in a row", &self.in_a_row, None, None),
+            row("in-process, not recorded", &self.in_process, Some(in_a_row), None),
             row(
                 "in-process, recorded, uncompressed",
                 &self.in_process_recorded,
-                None,
+                Some(in_a_row),
                 None,
             ),
         ]
@@ -222,7 +229,7 @@ fn restarts(flight: &FlightCommand, ticks_apart: u64) -> Result<Vec<f64>> {
 /// Flies in lock-step by a command of its own, since a process can take part in one run only, and returns the summary.
 fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_json::Value> {
     let (output, summary) = fly_by_command(flight, options, |_| Ok(()))?;
-    if output.status.success() {
+    if Exit::is_flown(output.status.code()) {
         Ok(summary)
     } else {
         Err(complaint(&output))

@@ -1,26 +1,39 @@
-//! Bare rings: five processes on one core that hand on nothing but the turn. The floor of lock-step flight.
+//! iceoryx2 alone: the processes, topics, edges and sizes of a lock-step flight through the bare API, and nothing else.
+//! The floor of lock-step flight.
+//!
+//! Five processes on one core take turns. In its turn each receives the sample of each of its inputs, publishes one on
+//! each of its topics, and hands the turn on by a word of the shared page. A sixth process, like the recorder, has
+//! subscribed to every topic, and looks once a millisecond. No step is computed, no sample examined, nothing kept.
 
 use std::os::fd::AsFd;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::Ordering;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use runtime::deployment::{self, Scheduler};
 use runtime::descriptors::{hand_on, inherited};
 use runtime::doorbell::Doorbell;
+use runtime::ports::{Delivery, Member, RECORDER_BUFFER, Receiver, TopicPorts};
 use runtime::ring_order::RingOrder;
 use runtime::shared_page::SharedPage;
-use shared_types::ServiceId;
+use shared_types::scenario::Scenario;
+use shared_types::{Schedule, ServiceId, Topic};
 
-use crate::cli::{RingMember, RingWait};
-use crate::commands::Failure;
+use super::bare_ports::BarePorts;
+use crate::cli::{Ring, RingMember, RingWait};
+use crate::commands::{Failure, print};
 use crate::exit::Exit;
+use crate::run_root::RunRoot;
 
 const MEMBERS: usize = ServiceId::ALL.len();
 const PAGE_FD: i32 = 3;
 const FIRST_DOORBELL_FD: i32 = 4;
 
-/// Thousands of rounds per second of a bare ring on `core`.
+/// How often the sixth process looks, as the recorder does.
+const RECORDER_PERIOD: Duration = Duration::from_millis(1);
+
+/// Thousands of rounds per second of such a ring on `core`: measured by a process of its own, since one can take part in
+/// one run only.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -30,27 +43,126 @@ pub(super) fn thousand_rounds_per_second(
     core: usize,
     rounds: u64,
 ) -> std::io::Result<f64> {
-    let page = SharedPage::create()?;
-    let doorbells = (0..MEMBERS)
+    let mut command = Command::new("/proc/self/exe");
+    command.args(["ring", &rounds.to_string(), wait.name(), &core.to_string()]);
+    if fifo {
+        command.arg("--fifo");
+    }
+    let output = command.stdin(Stdio::null()).output()?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    text.trim().parse().map_err(|_| {
+        let complaint = String::from_utf8_lossy(&output.stderr);
+        std::io::Error::other(complaint.trim().to_owned())
+    })
+}
+
+/// `gerono ring`: measures one ring and prints its thousands of rounds per second.
+///
+/// # Errors
+/// [`Failure`].
+pub fn ring(arguments: &Ring) -> Result<(), Failure> {
+    let trouble = |error: &dyn std::fmt::Display| Failure::new(Exit::Trouble, error);
+    let schedule = schedule();
+    let root = RunRoot::create().map_err(|error| trouble(&error))?;
+    let member = Member::join(&root.configuration(), "ring").map_err(|error| trouble(&error))?;
+    let mut recorder = Recorder::subscribe(&member, &schedule).map_err(|error| trouble(&error))?;
+    let page = SharedPage::create().map_err(|error| trouble(&error))?;
+    let doorbells: Vec<_> = (0..MEMBERS)
         .map(|_| Doorbell::create())
-        .collect::<std::io::Result<Vec<_>>>()?;
+        .collect::<std::io::Result<_>>()
+        .map_err(|error| trouble(&error))?;
     let mut members = Members(Vec::new());
     for place in 0..MEMBERS {
-        members
-            .0
-            .push(spawn(place, wait, fifo, core, rounds, &page, &doorbells)?);
+        let member = spawn(place, arguments, &root, &page, &doorbells);
+        members.0.push(member.map_err(|error| trouble(&error))?);
     }
-    // Everyone has arrived: the first may begin.
-    let words = page.words();
-    while words.misses.load(Ordering::Acquire) < u32::try_from(MEMBERS).expect("few members") {
+    let rate = time(arguments.rounds, &mut members, &mut recorder, &page, &doorbells);
+    print(format!("{}\n", rate.map_err(|error| trouble(&error))?));
+    Ok(())
+}
+
+/// Lets the members go around, once all have arrived and are connected.
+fn time(
+    rounds: u64,
+    members: &mut Members,
+    recorder: &mut Recorder,
+    page: &SharedPage,
+    doorbells: &[Doorbell],
+) -> Result<f64, Box<dyn std::error::Error>> {
+    let arrived = || page.words().misses.load(Ordering::Acquire);
+    while arrived() < u32::try_from(MEMBERS).expect("few members") {
+        members.check()?;
+        std::thread::yield_now();
+    }
+    recorder.connect()?;
+    // They connect once all ports are there, and the first begins once all have.
+    page.words().births.store(1, Ordering::Release);
+    while arrived() < u32::try_from(2 * MEMBERS).expect("few members") {
         members.check()?;
         std::thread::yield_now();
     }
     let started = Instant::now();
     doorbells[0].ring();
+    let last = &page.words().cells[MEMBERS - 1].steps_until;
+    while last.load(Ordering::Acquire) < rounds {
+        recorder.drain()?;
+        members.check_failures()?;
+        std::thread::sleep(RECORDER_PERIOD);
+    }
+    let seconds = started.elapsed().as_secs_f64();
+    recorder.drain()?;
     members.wait()?;
+    assert_eq!(
+        recorder.received,
+        rounds * recorder.receivers.len() as u64,
+        "every sample of every topic was received"
+    );
     #[expect(clippy::cast_precision_loss, reason = "few rounds")]
-    Ok(rounds as f64 / 1000.0 / started.elapsed().as_secs_f64())
+    Ok(rounds as f64 / 1000.0 / seconds)
+}
+
+/// Fig. 1's schedule.
+fn schedule() -> Schedule {
+    let scenario: Scenario = toml::from_str(super::SCENARIO).expect("a committed scenario");
+    scenario.schedule().expect("a committed scenario")
+}
+
+/// A subscriber of every topic.
+struct Recorder {
+    receivers: Vec<Box<dyn Receiver>>,
+    received: u64,
+    _topics: Vec<Box<dyn TopicPorts>>,
+}
+
+impl Recorder {
+    fn subscribe(member: &Member, schedule: &Schedule) -> Result<Self, runtime::ports::PortError> {
+        let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
+        let topics = published
+            .map(|topic| member.create_topic(topic, schedule, Delivery::Lossless))
+            .collect::<Result<Vec<_>, _>>()?;
+        let receivers = topics.iter().map(|topic| topic.recorder(RECORDER_BUFFER));
+        Ok(Self {
+            receivers: receivers.collect::<Result<_, _>>()?,
+            received: 0,
+            _topics: topics,
+        })
+    }
+
+    fn connect(&mut self) -> Result<(), runtime::ports::PortError> {
+        self.receivers
+            .iter_mut()
+            .try_for_each(|receiver| receiver.connect())
+    }
+
+    fn drain(&mut self) -> Result<(), runtime::ports::PortError> {
+        for receiver in &mut self.receivers {
+            while receiver.receive()? {
+                std::hint::black_box(receiver.held());
+                self.received += 1;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Processes of a measurement; killed if that is given up, or when it no longer needs them.
@@ -61,6 +173,18 @@ impl Members {
         for child in &mut self.0 {
             if let Some(status) = child.try_wait()? {
                 return Err(std::io::Error::other(format!("a member ended early: {status}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Says that a member has failed; one that is done has not.
+    fn check_failures(&mut self) -> std::io::Result<()> {
+        for child in &mut self.0 {
+            if let Some(status) = child.try_wait()?
+                && !status.success()
+            {
+                return Err(std::io::Error::other(format!("a member failed: {status}")));
             }
         }
         Ok(())
@@ -89,24 +213,22 @@ impl Drop for Members {
 
 fn spawn(
     place: usize,
-    wait: RingWait,
-    fifo: bool,
-    core: usize,
-    rounds: u64,
+    ring: &Ring,
+    root: &RunRoot,
     page: &SharedPage,
     doorbells: &[Doorbell],
 ) -> std::io::Result<Child> {
     let mut command = Command::new("/proc/self/exe");
-    command.args(["ring-member", &place.to_string(), &rounds.to_string()]);
-    command.arg(match wait {
-        RingWait::Yield => "yield",
-        RingWait::Eventfd => "eventfd",
-    });
+    let numbers = [place.to_string(), ring.rounds.to_string()];
     command
-        .arg(core.to_string())
+        .arg("ring-member")
+        .args(numbers)
+        .arg(ring.wait.name())
+        .arg(ring.core.to_string())
+        .arg(root.configuration())
         .stdin(Stdio::null())
         .stdout(Stdio::null());
-    if fifo {
+    if ring.fifo {
         command.arg("--fifo");
     }
     // Like the services.
@@ -124,7 +246,7 @@ pub fn ring_member(arguments: &RingMember) -> Result<(), Failure> {
     go_around(arguments).map_err(|error| Failure::new(Exit::Trouble, error))
 }
 
-fn go_around(arguments: &RingMember) -> std::io::Result<()> {
+fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error>> {
     deployment::die_with_parent()?;
     deployment::pin_to(&[arguments.core])?;
     let scheduler = match arguments.wait {
@@ -147,7 +269,14 @@ fn go_around(arguments: &RingMember) -> std::io::Result<()> {
         (arguments.place + MEMBERS - 1) % MEMBERS,
         (arguments.place + 1) % MEMBERS,
     );
+    let member = Member::join(&arguments.configuration, ServiceId::ALL[me].name())?;
+    let mut ports = BarePorts::open(&member, ServiceId::ALL[me], &schedule())?;
     let words = page.words();
+    words.misses.fetch_add(1, Ordering::AcqRel);
+    while words.births.load(Ordering::Acquire) == 0 {
+        std::thread::yield_now();
+    }
+    ports.connect()?;
     words.misses.fetch_add(1, Ordering::AcqRel);
     let turns = |place: usize| words.cells[place].steps_until.load(Ordering::Acquire);
     if arguments.wait == RingWait::Yield {
@@ -173,6 +302,8 @@ fn go_around(arguments: &RingMember) -> std::io::Result<()> {
             },
             RingWait::Eventfd => doorbells[me].sleep(),
         }
+        ports.receive(round > 0)?;
+        ports.publish()?;
         words.cells[me].steps_until.store(round + 1, Ordering::Release);
         if arguments.wait == RingWait::Eventfd {
             doorbells[after].ring();

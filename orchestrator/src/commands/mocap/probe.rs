@@ -27,6 +27,10 @@ const SLEEP_NS: u64 = 50_000_000;
 /// Deviation of the position above which a body is taken to move, m.
 const AT_REST: f64 = 2e-3;
 
+/// Most bodies and delays that are kept.
+const BODIES: usize = 1000;
+const DELAYS: usize = 1 << 20;
+
 pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
     let system = CaptureSystem::from(arguments.source);
     let stated = stated(arguments);
@@ -217,11 +221,17 @@ impl Heard {
             let soonest = *self.soonest.get_or_insert(delay);
             self.soonest = Some(soonest.min(delay));
             #[expect(clippy::cast_precision_loss, reason = "ms in ns are exact")]
-            self.delays.push(delay.saturating_sub(soonest) as f64 * 1e-9);
+            let delay = delay.saturating_sub(soonest) as f64 * 1e-9;
+            // A server may send as much as it likes, and call it what it likes.
+            if self.delays.len() < DELAYS {
+                self.delays.push(delay);
+            }
         }
         for body in frame.bodies() {
             let key = (body.name.to_string(), body.number);
-            self.bodies.entry(key).or_default().take(body);
+            if self.bodies.len() < BODIES || self.bodies.contains_key(&key) {
+                self.bodies.entry(key).or_default().take(body);
+            }
         }
     }
 

@@ -1,0 +1,136 @@
+//! `gerono postmortem`: what an orchestrator becomes that cannot go on; see [`crate::postmortem`].
+
+use std::os::unix::fs::MetadataExt;
+
+use rustix::process::{Pid, Signal, WaitOptions, kill_process, kill_process_group};
+use shared_types::ServiceId;
+
+use super::Failure;
+use crate::cli::{Host, Postmortem};
+use crate::exit::Exit;
+use crate::postmortem::{Fault, IN_WORDS};
+use crate::run_root;
+
+/// Says what has happened, sees to the services, and removes what the run had in shared memory.
+///
+/// # Errors
+/// [`Failure`], always: the flight has failed.
+pub fn postmortem(arguments: &Postmortem) -> Result<Exit, Failure> {
+    let mut cause = in_words(&arguments.cause);
+    if !arguments.guests.is_empty() {
+        let guests: Vec<_> = arguments
+            .guests
+            .iter()
+            .map(|guest| format!("`{guest}`"))
+            .collect();
+        cause += &format!("; programs flew in place of {}", guests.join(", "));
+    }
+    let flies_on = arguments.host == Host::Realtime;
+    let then = if flies_on {
+        "Its services go on alone: they end the flight as `real_time.orchestrator_loss` says, or `gerono attach` takes it \
+         over. This command waits until they have ended."
+    } else {
+        "Its services were ended."
+    };
+    eprintln!(
+        "\nthe orchestrator could not go on: {cause}\n{then} What was recorded is in {}; `gerono recover {0}` makes a \
+         proper log of it.",
+        arguments.out.display()
+    );
+    let processes = processes_of_the_run();
+    for &pid in &processes {
+        if !flies_on || program_of(number_of(pid)).is_some() {
+            let _ = kill_process(pid, Signal::KILL);
+            let _ = kill_process_group(pid, Signal::KILL);
+        }
+    }
+    for pid in processes {
+        let _ = rustix::io::retry_on_intr(|| rustix::process::waitpid(Some(pid), WaitOptions::empty()));
+    }
+    let swept = run_root::clean();
+    if let Err(error) = &swept {
+        eprintln!("what it had in shared memory could not be removed: {error}; `gerono clean` does so");
+    }
+    Err(Failure::new(
+        Exit::Trouble,
+        format!("the flight was not completed: {cause}"),
+    ))
+}
+
+/// A cause in words.
+fn in_words(cause: &str) -> String {
+    if let Some(words) = cause.strip_prefix(IN_WORDS) {
+        return words.to_owned();
+    }
+    let Fault {
+        signal,
+        segment,
+        maker,
+    } = Fault::of(cause);
+    let Some(segment) = segment else {
+        return format!(
+            "it met a fault in its memory ({signal}): the run's shared memory was damaged by another program, or this is a \
+             defect of gerono"
+        );
+    };
+    let maker = maker.map_or_else(String::new, |pid| format!(", the memory of {}", process(pid)));
+    if signal == "SIGBUS" {
+        format!(
+            "the run's shared memory was truncated by another program, or /dev/shm is full: {segment}{maker}"
+        )
+    } else {
+        format!("the run's shared memory was damaged by another program: {segment}{maker} ({signal})")
+    }
+}
+
+/// A process as people know it.
+fn process(pid: u32) -> String {
+    if pid == std::process::id() {
+        return "the orchestrator itself".to_owned();
+    }
+    let called = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
+    match (program_of(pid), ServiceId::from_name(called.trim_end())) {
+        (Some(service), _) => format!("process {pid} (the program in place of `{service}`)"),
+        (None, Some(service)) => format!("process {pid} (`{service}`)"),
+        (None, None) => format!("process {pid}"),
+    }
+}
+
+/// The service in whose place a process flies, if it is that of an external program.
+fn program_of(pid: u32) -> Option<String> {
+    let environment = std::fs::read(format!("/proc/{pid}/environ")).ok()?;
+    let mut variables = environment.split(|&byte| byte == 0);
+    let name = format!("{}=", runtime::guest::SERVICE_VARIABLE);
+    let value = variables.find_map(|variable| variable.strip_prefix(name.as_bytes()))?;
+    Some(String::from_utf8_lossy(value).into_owned())
+}
+
+/// The children of this process that are services of its run, or programs in their place. The shell from which it comes
+/// may have left it others.
+fn processes_of_the_run() -> Vec<Pid> {
+    let program = |of: &str| {
+        let found = std::fs::metadata(format!("/proc/{of}/exe")).ok()?;
+        Some((found.dev(), found.ino()))
+    };
+    let own = program("self");
+    let is_of_the_run = |pid: &Pid| {
+        let number = number_of(*pid);
+        program(&number.to_string()) == own || program_of(number).is_some()
+    };
+    let tasks = std::fs::read_dir("/proc/self/task")
+        .into_iter()
+        .flatten()
+        .flatten();
+    let children = tasks.filter_map(|task| std::fs::read_to_string(task.path().join("children")).ok());
+    let children: Vec<Pid> = children
+        .flat_map(|text| {
+            let numbers = text.split_whitespace().filter_map(|word| word.parse().ok());
+            numbers.filter_map(Pid::from_raw).collect::<Vec<_>>()
+        })
+        .collect();
+    children.into_iter().filter(is_of_the_run).collect()
+}
+
+fn number_of(pid: Pid) -> u32 {
+    pid.as_raw_nonzero().get().cast_unsigned()
+}
