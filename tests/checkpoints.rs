@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use common::logs::{
     assert_only_the_controller_differs, published, replayed, replayed_with_another_controller,
 };
-use common::{Place, output, succeed};
+use common::{Place, fly_to_the_end, output, succeed};
 use orchestrator::log::{
     Compression, HostEntry, HostLogWriter, HostReader, LogReader, LoggedCheckpoint, Manifest, RunLogWriter,
     ServiceStep,
@@ -142,7 +142,7 @@ fn a_part_of_a_flight_with_faults_sees_what_was_repeated_and_held_back_since_bef
         {at = 1.4, edge = \"vehicle/state -> controller\", kind = \"delay\", for = 1.0, by = 0.3}, \
         {at = 1.8, edge = \"control/command -> rc_output\", kind = \"intermittent\", for = 1.0, fraction = 0.5}, \
         {at = 2.2, service = \"path_generator\", kind = \"off\", for = 0.1, state = \"cold\"}]";
-    succeed(&mut place.rig_flight("out", 4.0, &["--quiet", "--set", faults]));
+    fly_to_the_end(&mut place.rig_flight("out", 4.0, &["--quiet", "--set", faults]));
     let log = place.log("out");
     for (from, to) in [(1.6, 2.0), (2.1, 2.6), (2.25, 4.0)] {
         let found = part(&log, from, to);
@@ -238,7 +238,7 @@ fn behind_a_gap_in_a_log_of_simulated_time_services_go_on_with_what_they_knew() 
 #[test]
 fn where_the_recorder_in_real_time_has_dropped_samples_services_go_on_with_what_they_knew() {
     let place = Place::new();
-    succeed(&mut place.rig_flight("out", 3.5, &["--host", "realtime", "--quiet"]));
+    fly_to_the_end(&mut place.rig_flight("out", 3.5, &["--host", "realtime", "--quiet"]));
     let log = place.log("out");
     let whole = replayed(&log);
     assert!(

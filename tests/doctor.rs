@@ -53,18 +53,15 @@ fn live_and_dead_runs_are_told_apart_and_left_alone() {
     let left = sorted(shared_memory_of(killed));
 
     let check = found(&place, &[]);
-    let (runs, leavings) = (check("other runs"), check("leavings"));
+    let (runs, dead) = (check("other runs"), check("dead runs"));
     assert_eq!(
-        (&runs["verdict"], &leavings["verdict"]),
+        (&runs["verdict"], &dead["verdict"]),
         (&"yellow".into(), &"yellow".into())
     );
     let names = |check: &Value, pid: u32| check["figure"].as_str().unwrap().contains(&format!("/{pid}-"));
     assert!(names(&runs, live.id()) && !names(&runs, killed), "{runs}");
-    assert!(
-        names(&leavings, killed) && !names(&leavings, live.id()),
-        "{leavings}"
-    );
-    assert!(leavings["fix"].as_str().unwrap().contains("gerono clean"));
+    assert!(names(&dead, killed) && !names(&dead, live.id()), "{dead}");
+    assert!(dead["fix"].as_str().unwrap().contains("gerono clean"));
     assert!(
         !left.is_empty() && sorted(shared_memory_of(killed)) == left,
         "who looks sweeps nothing"
@@ -91,7 +88,7 @@ fn what_a_scenario_insists_on_and_does_not_get_is_red_and_has_its_exit_code() {
     assert_eq!(examined.status.code(), Some(6));
     let said = String::from_utf8(examined.stdout).unwrap();
     assert!(
-        said.contains("red     cores") && said.contains("mend what is red"),
+        said.contains("red     cores") && said.contains("fix what is red"),
         "{said}"
     );
     assert!(

@@ -9,19 +9,19 @@ use std::ops::ControlFlow;
 
 use orchestrator::flight::{Outcome, in_process};
 use orchestrator::interrupt::Interrupt;
+use orchestrator::metrics::tracker::{Moment, Tracker};
 use orchestrator::scenario_file;
-use orchestrator::summary::z1_norm;
 use runtime::in_process::TickSink;
 use shared_types::Topic;
-use shared_types::samples::{ControlErrors, PathReference};
+use shared_types::samples::PathReference;
 use shared_types::scenario::Scenario;
 use zerocopy::FromBytes;
 
-/// What a flight's errors and timing law did, tick by tick.
-#[derive(Default)]
+/// How far the vehicle was from its path and what the timing law did, tick by tick.
 struct Flight {
-    /// ‖z1‖, m.
-    z1: Vec<f64>,
+    tracker: Tracker,
+    /// Distance from the path, m.
+    distance: Vec<f64>,
     /// γ̇, 1/s.
     gamma_dot: Vec<f64>,
 }
@@ -30,15 +30,11 @@ impl TickSink for Flight {
     type Error = Infallible;
 
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
-        match topic {
-            Topic::ControlErrors => self.z1.push(
-                z1_norm(ControlErrors::ref_from_bytes(bytes).unwrap())
-                    .expect("the law is asked at every tick"),
-            ),
-            Topic::PathReference => self
-                .gamma_dot
-                .push(PathReference::ref_from_bytes(bytes).unwrap().gamma_dot),
-            _ => {}
+        let moment = self.tracker.observe(topic, bytes);
+        self.keep(moment);
+        if topic == Topic::PathReference {
+            let reference = PathReference::ref_from_bytes(bytes).unwrap();
+            self.gamma_dot.push(reference.gamma_dot);
         }
         Ok(())
     }
@@ -50,19 +46,30 @@ impl TickSink for Flight {
 
 impl Flight {
     fn of(scenario: &Scenario) -> Self {
-        let mut flight = Self::default();
+        let mut flight = Self {
+            tracker: Tracker::new(&scenario.schedule().unwrap(), false),
+            distance: Vec::new(),
+            gamma_dot: Vec::new(),
+        };
         let ending = in_process::fly(scenario, &mut flight, &Interrupt::never()).unwrap();
         assert!(
             matches!(ending.outcome, Outcome::Completed),
             "{:?}",
             ending.outcome
         );
+        let last = flight.tracker.last();
+        flight.keep(last);
         flight
     }
 
-    /// Largest ‖z1‖ from one time to another, s.
+    fn keep(&mut self, moment: Option<Moment>) {
+        let distance = moment.map(|moment| moment.distance.expect("there is a path at every tick"));
+        self.distance.extend(distance);
+    }
+
+    /// Largest distance from the path from one time to another, s.
     fn peak(&self, from: usize, to: usize) -> f64 {
-        self.z1[from * 1000..=to * 1000]
+        self.distance[from * 1000..=to * 1000]
             .iter()
             .copied()
             .fold(0.0, f64::max)
@@ -99,11 +106,11 @@ fn fig2_converges_from_anywhere_while_the_path_waits() {
         let scenario = load(name, &[]);
         let flight = Flight::of(&scenario);
         assert!(
-            (flight.z1[0] - start).abs() < 0.005,
+            (flight.distance[0] - start).abs() < 0.005,
             "{name} starts at {}",
-            flight.z1[0]
+            flight.distance[0]
         );
-        let last = flight.z1.len() / 1000;
+        let last = flight.distance.len() / 1000;
         assert!(
             flight.peak(last - 5, last) <= 0.0185,
             "{name} ends at {}",
@@ -111,9 +118,9 @@ fn fig2_converges_from_anywhere_while_the_path_waits() {
         );
 
         let arrival = flight
-            .z1
+            .distance
             .iter()
-            .position(|&z1| z1 < scenario.path.alpha2)
+            .position(|&distance| distance < scenario.path.alpha2)
             .unwrap();
         assert!(arrival > 1000, "{name} has a way to go");
         assert!(

@@ -4,8 +4,9 @@
 //! The guests are processes of this very test, which `a_guest` is when it finds itself started as one, and shells.
 
 mod common;
+#[path = "common/guest.rs"]
+mod guest;
 
-use std::fs::File;
 use std::path::Path;
 use std::process::Output;
 use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -14,26 +15,12 @@ use std::time::{Duration, Instant};
 use common::logs::last_tick;
 use common::processes::{await_end, signal};
 use common::{Begun, Place, begin, complaint, finish, output, scenario, succeed, until};
+use guest::{CONDUCT, Guest, guest, program};
 use orchestrator::log::LogReader;
-use runtime::control::{Channel, ToOrchestrator, ToService};
-use runtime::crash::CrashPoint;
-use runtime::descriptors::inherited;
-use runtime::doorbell::Doorbell;
-use runtime::flight_clock::{FlightClock, nap_until};
-use runtime::inlet::Inlet;
-use runtime::mailbox::Mailbox;
-use runtime::outlets::Outlets;
-use runtime::ports::{Member, Receiver, Topics};
-use runtime::step::{Timetable, Views};
-use rustix::event::{PollFd, PollFlags, poll};
+use runtime::control::{ToOrchestrator, ToService};
 use rustix::process::Signal;
 use serde_json::Value;
-use shared_types::scenario::Scenario;
-use shared_types::service::ErasedService;
-use shared_types::{Schedule, ServiceId};
-
-/// Names what a guest of this test is to do.
-const CONDUCT: &str = "GERONO_TEST_GUEST";
+use shared_types::{Header, ServiceId, Topic};
 
 /// Flights in real time have the machine for themselves.
 static MACHINE: RwLock<()> = RwLock::new(());
@@ -46,213 +33,26 @@ fn among_others() -> RwLockReadGuard<'static, ()> {
     MACHINE.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The invitation's descriptor.
-const INVITATION: i32 = 4;
-
-/// A setting by which this test's `a_guest` flies in place of a service.
-fn guest(service: ServiceId, conduct: &str) -> String {
-    let test = std::env::current_exe().unwrap();
-    let words = [
-        "env",
-        &format!("{CONDUCT}={conduct}"),
-        test.to_str().unwrap(),
-        "--exact",
-        "a_guest",
-    ];
-    program(service, &words)
-}
-
-/// A setting by which a program flies in place of a service.
-fn program(service: ServiceId, words: &[&str]) -> String {
-    format!("programs.{service}={}", serde_json::to_string(words).unwrap())
-}
-
 /// A setting by which a script flies in place of the controller.
 fn script(text: &str) -> String {
     program(ServiceId::Controller, &["sh", "-c", text])
 }
 
-/// A guest as docs/process_contract.md describes it, around the service's own step logic.
-struct Guest {
-    about: Value,
-    id: ServiceId,
-    schedule: Schedule,
-    service: Box<dyn ErasedService>,
-    channel: Channel,
-    topics: Topics,
-    outlets: Outlets,
-    bell: Doorbell,
-    others: Vec<Doorbell>,
-    _member: Member,
-}
-
-impl Guest {
-    fn join() -> Self {
-        let about: Value = serde_json::from_reader(File::from(inherited(INVITATION).unwrap())).unwrap();
-        let descriptor =
-            |number: &Value| inherited(i32::try_from(number.as_i64().unwrap()).unwrap()).unwrap();
-        let scenario: Scenario = serde_json::from_value(about["scenario"].clone()).unwrap();
-        let schedule = scenario.schedule().unwrap();
-        let id = ServiceId::from_name(about["service"].as_str().unwrap()).unwrap();
-        let channel = Channel::inherited(descriptor(&about["control"]));
-        assert_eq!(channel.receive::<ToService>().unwrap(), ToService::MakePorts);
-        let configuration = about["iceoryx2_configuration"].as_str().unwrap();
-        let member = Member::join(Path::new(configuration), "guest").unwrap();
-        let topics = Topics::open(&member, id, &schedule).unwrap();
-        let outlets = Outlets::open(&topics, id, &schedule, |topic| topic.newest_sender()).unwrap();
-        let mut bells: Vec<&Value> = about["outputs"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .flat_map(|output| output["bells"].as_array().unwrap())
-            .collect();
-        bells.sort_by_key(|number| number.as_i64());
-        bells.dedup();
-        Self {
-            id,
-            service: experiment::build(id, &scenario).unwrap(),
-            channel,
-            outlets,
-            topics,
-            bell: Doorbell::inherited(descriptor(&about["bell"])),
-            others: bells
-                .into_iter()
-                .map(|bell| Doorbell::inherited(descriptor(bell)))
-                .collect(),
-            schedule,
-            about,
-            _member: member,
-        }
-    }
-
-    fn receivers(&self) -> Vec<Box<dyn Receiver>> {
-        let inputs = self.id.inputs().iter();
-        inputs
-            .map(|input| self.topics.of(input.topic).receiver().unwrap())
-            .collect()
-    }
-
-    /// Says that it is ready and waits for the start: when tick 0 begins.
-    fn await_go(&self, receivers: &[Box<dyn Receiver>]) -> u64 {
-        let ready = ToOrchestrator::Ready {
-            warnings: Vec::new(),
-            receivers: receivers
-                .iter()
-                .map(|receiver| format!("{:x}", receiver.id()))
-                .collect(),
-        };
-        self.channel.send(&ready).unwrap();
-        let ToService::Go { start_ns, .. } = self.channel.receive().unwrap() else {
-            std::process::exit(0);
-        };
-        start_ns
-    }
-
-    /// Sleeps until somebody rings or the orchestrator speaks, connects to who was born again, and ends with the run.
-    fn rest(&mut self, inlets: &mut [Inlet]) {
-        let mut files = [
-            PollFd::new(&self.bell, PollFlags::IN),
-            PollFd::new(&self.channel, PollFlags::IN),
-        ];
-        poll(&mut files, None).unwrap();
-        let [has_rung, has_spoken] = files.map(|file| !file.revents().is_empty());
-        if has_rung {
-            self.bell.sleep();
-        }
-        if has_spoken {
-            let Ok(ToService::Connect { birth }) = self.channel.receive() else {
-                std::process::exit(0);
-            };
-            self.outlets.connect().unwrap();
-            inlets
-                .iter_mut()
-                .for_each(|inlet| inlet.receiver().connect().unwrap());
-            self.channel.send(&ToOrchestrator::Connected { birth }).unwrap();
-        }
-    }
-
-    fn publish(&mut self, timetable: &Timetable, tick: u64, views: &Views<'_>) {
-        let mut slots = self.outlets.loan(tick).unwrap();
-        timetable
-            .step(self.service.as_mut(), tick, views, &mut slots)
-            .unwrap();
-        self.outlets.send(tick, CrashPoint::default()).unwrap();
-        self.others.iter().for_each(Doorbell::ring);
-    }
-
-    fn fly_in_lock_step(&mut self, until: u64) {
-        let receivers = self.receivers();
-        self.await_go(&receivers);
-        let timetable = Timetable::new(&self.schedule, self.id);
-        let mut inlets: Vec<_> = receivers
-            .into_iter()
-            .enumerate()
-            .map(|(index, receiver)| {
-                let edge = self.schedule.edge(self.id, index);
-                let publisher = edge.topic.publisher().unwrap();
-                Inlet::new(index, edge, publisher, receiver)
-            })
-            .collect();
-        let ticks =
-            (0..=self.schedule.last_tick().min(until)).filter(|&tick| timetable.steps.occurs_at(tick));
-        for tick in ticks {
-            for at in 0..inlets.len() {
-                let Some(due) = inlets[at].edge.due_sample(tick) else {
-                    continue;
-                };
-                while !inlets[at].advance(tick, due).unwrap() {
-                    self.rest(&mut inlets);
-                }
+/// Lets a guest in place of the controller publish nothing but zeros of these topics.
+fn erase(guest: &mut Guest, topics: &'static [Topic]) {
+    guest.mischief = Box::new(move |_, samples| {
+        let outputs = ServiceId::Controller.outputs();
+        assert_eq!(
+            samples.len(),
+            outputs.len(),
+            "the controller publishes all of its topics with each step"
+        );
+        for (sample, output) in samples.iter_mut().zip(outputs) {
+            if topics.contains(&output.topic) {
+                sample[size_of::<Header>()..].fill(0);
             }
-            let mut views = Views::default();
-            for inlet in &mut inlets {
-                if let Some(due) = inlet.edge.due_sample(tick) {
-                    let index = inlet.index;
-                    views[index] = inlet.view(tick, due);
-                }
-            }
-            self.publish(&timetable, tick, &views);
         }
-    }
-
-    fn fly_in_real_time(&mut self) {
-        let receivers = self.receivers();
-        let start_ns = self.await_go(&receivers);
-        let tick_ns = self.about["tick_ns"].as_u64().unwrap();
-        let clock = FlightClock { start_ns, tick_ns };
-        let timetable = Timetable::new(&self.schedule, self.id);
-        let mut mailboxes: Vec<_> = receivers
-            .into_iter()
-            .enumerate()
-            .map(|(index, receiver)| {
-                let publisher = self.schedule.edge(self.id, index).topic.publisher().unwrap();
-                Mailbox::new(&self.schedule, self.id, index, publisher, receiver)
-            })
-            .collect();
-        let mut next = Some(0);
-        while let Some(due) = next.filter(|&tick| tick <= self.schedule.last_tick()) {
-            let now = timetable
-                .steps
-                .last_at_or_before(clock.tick().min(self.schedule.last_tick()));
-            let tick = due.max(now.unwrap_or(due));
-            nap_until(clock.begins_at(tick));
-            let give_up = clock.begins_at(tick) + self.about["grace_ns"].as_u64().unwrap();
-            for mailbox in &mut mailboxes {
-                while !mailbox.has_come(tick).unwrap() && clock.start_ns + clock.elapsed_ns() < give_up {
-                    self.bell.sleep_up_to(tick_ns / 10);
-                }
-            }
-            let mut views = Views::default();
-            for mailbox in &mut mailboxes {
-                let index = mailbox.index;
-                if let Some(delivery) = mailbox.deliver(tick) {
-                    views[index] = delivery.view;
-                }
-            }
-            self.publish(&timetable, tick, &views);
-            next = timetable.steps.first_at_or_after(tick + 1);
-        }
-    }
+    });
 }
 
 /// No test unless it was started as a guest.
@@ -264,7 +64,22 @@ fn a_guest() {
     let mut guest = Guest::join();
     match conduct.as_str() {
         "lock_step" => guest.fly_in_lock_step(u64::MAX),
-        "real_time" => guest.fly_in_real_time(),
+        "real_time" => guest.fly_in_real_time(u64::MAX),
+        "tells_nothing" => {
+            erase(&mut guest, &[Topic::ControlErrors, Topic::ControlAdaptation]);
+            guest.fly_in_lock_step(u64::MAX);
+        }
+        "does_nothing" => {
+            erase(
+                &mut guest,
+                &[
+                    Topic::ControlErrors,
+                    Topic::ControlAdaptation,
+                    Topic::ControlCommand,
+                ],
+            );
+            guest.fly_in_lock_step(u64::MAX);
+        }
         "finishes_early" => guest.fly_in_lock_step(100),
         "dies" => {
             guest.fly_in_lock_step(100);
@@ -287,7 +102,7 @@ fn a_guest() {
 }
 
 /// Flies with a setting for a guest, which must come to nothing: with this exit code and these words.
-fn fails(setting: &str, code: i32, pieces: &[&str]) {
+fn fails(setting: &str, code: i32, pieces: &[&str]) -> Place {
     let place = Place::new();
     let child = begin(&mut place.short_flight("out", 0.5, &["--set", setting]));
     let orchestrator = child.id();
@@ -298,6 +113,7 @@ fn fails(setting: &str, code: i32, pieces: &[&str]) {
         assert!(said.contains(piece), "no `{piece}` in:\n{said}");
     }
     place.assert_nothing_is_left_of(orchestrator);
+    place
 }
 
 const BROKEN_CONTRACT: i32 = 3;
@@ -330,6 +146,38 @@ fn guests_among_themselves_fly_with_all_rates_and_latencies_of_the_rig() {
     succeed(&mut place.rig_flight("services", 0.5, &["--host", "inprocess"]));
     succeed(&mut place.rig_flight("guests", 0.5, &settings));
     assert_same_samples(&place, "services", "guests");
+}
+
+#[test]
+fn a_guest_is_judged_by_the_truth_and_not_by_what_it_says_of_itself() {
+    let _machine = among_others();
+    let place = Place::new();
+    succeed(&mut place.short_flight("services", 1.5, &["--host", "inprocess"]));
+    let setting = guest(ServiceId::Controller, "tells_nothing");
+    succeed(&mut place.short_flight("silent", 1.5, &["--set", &setting]));
+    let [own, silent] = ["services", "silent"].map(|out| place.summary(out));
+    assert!(own["metrics"]["max"].as_f64().unwrap() > 1.0);
+    assert_eq!(silent["metrics"], own["metrics"], "the same flight");
+    assert_eq!(silent["phases"][0]["ultimate"], own["phases"][0]["ultimate"]);
+    // The theorem is that of Gerono's own law.
+    assert!(own["ultimate_bound"].as_f64().is_some());
+    assert_eq!(silent["ultimate_bound"], Value::Null);
+    assert_eq!(silent["phases"][0]["against_bound"], Value::Null);
+}
+
+#[test]
+fn a_guest_that_lets_the_vehicle_fall_has_lost_it() {
+    let _machine = among_others();
+    let place = Place::new();
+    let setting = guest(ServiceId::Controller, "does_nothing");
+    let flown = output(&mut place.short_flight("out", 1.5, &["--set", &setting]));
+    assert_eq!(flown.status.code(), Some(9), "{}", complaint(&flown));
+    let lost = &place.summary("out")["lost"];
+    assert_eq!(lost["reason"], "left_path");
+    // 5 m of free fall from 1.2 m away.
+    assert!((0.8..1.1).contains(&lost["time"].as_f64().unwrap()), "{lost}");
+    let text = String::from_utf8(flown.stdout).unwrap();
+    assert!(text.contains("LOST at") && !text.contains("theorem"), "{text}");
 }
 
 #[test]
@@ -372,7 +220,7 @@ fn a_log_says_which_program_flew_and_its_steps_are_not_done_again() {
 
     let said = String::from_utf8(succeed(&mut place.gerono(&["replay", "out"])).stdout).unwrap();
     assert!(
-        said.contains("The steps of controller are not done again"),
+        said.contains("The steps of controller cannot be computed again"),
         "{said}"
     );
     assert!(said.contains("\nidentical: "), "{said}");
@@ -416,11 +264,15 @@ fn who_ends_before_it_is_ready_ends_the_run() {
         "ended before it was ready: it exited with code 7",
         "process_contract.md",
     ];
-    fails(&script("exit 7"), BROKEN_CONTRACT, &pieces);
+    let place = fails(&script("exit 7"), BROKEN_CONTRACT, &pieces);
+    // Nothing was flown: there is no log to keep.
+    let results = std::fs::read_dir(place.path("out")).unwrap();
+    let names: Vec<_> = results.map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(names, ["summary.json"]);
     fails(
         &script("kill -9 $$"),
         BROKEN_CONTRACT,
-        &["ended before it was ready: killed by"],
+        &["ended before it was ready: killed (SIG"],
     );
 }
 
@@ -492,10 +344,7 @@ fn who_dies_in_simulated_time_ends_the_flight_with_the_last_whole_tick() {
     let output = output(&mut place.short_flight("out", 0.5, &["--set", &setting]));
     assert_eq!(output.status.code(), Some(BROKEN_CONTRACT));
     let said = complaint(&output);
-    for piece in [
-        "ended: it exited with code 9",
-        "in simulated time none can follow it",
-    ] {
+    for piece in ["ended: it exited with code 9", "cannot be restarted in lock-step"] {
         assert!(said.contains(piece), "no `{piece}` in:\n{said}");
     }
     assert_eq!(last_tick(&place.log("out")), 100);
@@ -583,8 +432,10 @@ fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
     let _machine = alone();
     let place = Place::new();
     let setting = guest(ServiceId::Controller, "real_time");
-    let run = begin(&mut place.live_hover("out", &["--set", &setting]));
-    place.await_log("out", 100_000);
+    // The laboratory's vehicle holds its rates by itself while nobody commands.
+    let settings = ["--host", "realtime", "--set", &setting];
+    let run = begin(&mut place.rig_flight("out", 100.0, &settings));
+    place.await_log("out", 20_000);
     let first = until("the guest", || guest_of(run.id()));
     signal(first, Signal::KILL);
     until("another guest in flight", || {
@@ -592,7 +443,7 @@ fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
         let shown: Value = serde_json::from_slice(&shown.stdout).ok()?;
         shown["events"]
             .to_string()
-            .contains("`controller` flies again")
+            .contains("`controller` was restarted")
             .then_some(())
     });
     assert_ne!(guest_of(run.id()).unwrap(), first);

@@ -18,9 +18,11 @@ use motion_capture::sender::server::{Plan, Server};
 use nalgebra::{Matrix3, Vector3};
 use orchestrator::log::{CaptureFigures, LinkFigures};
 use orchestrator::{laboratory, scenario_file};
+use proptest::prelude::*;
 use runtime::flight_clock::monotonic_ns;
 use runtime::in_process::{InProcess, TickSink};
 use runtime::shared_page::SharedPage;
+use serde_json::{Value, from_value, to_value};
 use shared_types::scenario::{CaptureSystem, Scenario};
 use shared_types::{ServiceId, Topic};
 
@@ -103,6 +105,114 @@ fn services_have_no_hidden_state() {
             }
         });
         assert_eq!(undisturbed, reborn);
+    }
+}
+
+/// A flight with phases and an envelope.
+fn short_take_off() -> Scenario {
+    let sets = [
+        "duration=5.0",
+        "flight={arm_at = 0.3, land_at = 3.0, spool_up = 0.1, takeoff_height = 0.4, takeoff_speed = 2.0, \
+         transition_time = 0.5, landing_speed = 0.8}",
+        "path.curve={hover = {position = [0.3, 0.2, -0.6]}}",
+    ];
+    let sets = sets.map(str::to_owned);
+    scenario_file::load(&common::scenario("takeoff_and_land"), &sets, None).unwrap()
+}
+
+/// A laboratory's scenario, as it is tried without a laboratory.
+fn short_laboratory() -> Scenario {
+    let sets = [
+        "duration=4.0",
+        "estimator.source=simulated",
+        "flight.arm_at=0.5",
+        "vehicle.fan.on_at=3.0",
+    ];
+    let sets = sets.map(str::to_owned);
+    scenario_file::load(&common::scenario("laboratory"), &sets, None).unwrap()
+}
+
+/// Makes other numbers of all that are in a section, and turns all that is true or false.
+fn falsify(section: &mut Value, draws: &mut impl Iterator<Item = f64>) {
+    match section {
+        Value::Number(_) => *section = draws.next().expect("draws never end").into(),
+        Value::Bool(is_so) => *is_so = !*is_so,
+        Value::Array(elements) => elements.iter_mut().for_each(|element| falsify(element, draws)),
+        Value::Object(members) => members.values_mut().for_each(|member| falsify(member, draws)),
+        Value::Null | Value::String(_) => {}
+    }
+}
+
+/// The scenario with another vehicle, other air, other cameras and another seed: everything that is true of the world.
+fn falsified(truth: &Scenario, numbers: &[f64], seed: u64) -> Scenario {
+    let mut draws = numbers.iter().copied().cycle();
+    let mut lie = truth.clone();
+    lie.seed = seed;
+    // Zeros are not written, and could not be falsified.
+    (lie.vehicle.drag, lie.vehicle.center_of_mass) = ([1.0; 3], [1.0; 3]);
+    lie.vehicle.actuators.get_or_insert_default();
+    lie.cameras.get_or_insert_default();
+    let mut falsify = |section: Value| {
+        let mut section = section;
+        falsify(&mut section, &mut draws);
+        section
+    };
+    lie.vehicle = from_value(falsify(to_value(&lie.vehicle).unwrap())).unwrap();
+    lie.cameras = from_value(falsify(to_value(&lie.cameras).unwrap())).unwrap();
+    lie
+}
+
+/// Digest of a flight of which the plant is that of one scenario and all other services are of another.
+fn digest_of(plant: &Scenario, others: &Scenario) -> String {
+    let services = ServiceId::ALL.map(|service| {
+        let scenario = if service == ServiceId::Plant {
+            plant
+        } else {
+            others
+        };
+        experiment::build(service, scenario).unwrap()
+    });
+    let mut host = InProcess::new(plant.schedule().unwrap(), services.into());
+    let mut sink = Digesting::default();
+    match host.fly(&mut sink) {
+        Ok(()) => sink.0.finish(),
+        Err(_) => "ended early".to_owned(),
+    }
+}
+
+/// Digests what is published.
+#[derive(Default)]
+struct Digesting(ExperimentDigest);
+
+impl TickSink for Digesting {
+    type Error = Infallible;
+
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        self.0.update(topic, bytes);
+        Ok(())
+    }
+
+    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(12) })]
+
+    /// Estimator, path generator, controller and radio link know nothing of the world but what its samples tell them: with
+    /// torque, with body rates, with phases and an envelope, and with the scenario of a laboratory.
+    #[test]
+    fn no_service_but_the_plant_knows_what_is_true_of_vehicle_cameras_and_seed(
+        hundredths in proptest::collection::vec(2..700i32, 12..60), seed in 2u64..1_000_000,
+    ) {
+        // Times among them are whole ticks.
+        let numbers: Vec<_> = hundredths.into_iter().map(|number| f64::from(number) / 100.0).collect();
+        for truth in [short_fig1(), short_rig(), short_losses(), short_take_off(), short_laboratory()] {
+            let lie = falsified(&truth, &numbers, seed);
+            prop_assert_eq!(digest_of(&truth, &truth), digest_of(&truth, &lie), "{}", truth.description);
+            prop_assert_ne!(digest_of(&truth, &truth), digest_of(&lie, &truth), "{}: nothing was falsified", truth.description);
+        }
     }
 }
 

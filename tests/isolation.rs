@@ -200,6 +200,21 @@ fn what_the_machine_does_not_permit_is_said_once_and_flown_without() {
 }
 
 #[test]
+fn a_core_that_the_machine_does_not_have_is_refused_before_anything_starts() {
+    let place = Place::new();
+    for core in ["1024", "99999999999", "1023"] {
+        let refused = output(&mut place.short_flight("out", 1.0, &["--core", core]));
+        assert_eq!(refused.status.code(), Some(2), "{}", complaint(&refused));
+        let said = complaint(&refused);
+        assert!(
+            said.contains("no such core") && said.contains("this machine has"),
+            "{said}"
+        );
+    }
+    assert!(!place.path("out").exists());
+}
+
+#[test]
 fn a_strict_deployment_that_is_not_permitted_is_not_flown() {
     let place = Place::new();
     let sets = [

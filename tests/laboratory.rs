@@ -13,7 +13,9 @@ use std::time::{Duration, Instant};
 
 use common::laboratory::{free_port, serial_line};
 use common::processes::{await_process, await_successor, signal};
-use common::{Begun, Place, begin, complaint, finish, output, said, scenario, succeed, until};
+use common::{
+    Begun, Place, begin, complaint, finish, fly_to_the_end, output, said, scenario, succeed, until,
+};
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
 use motion_capture::sender::server::{Plan, Server};
@@ -485,7 +487,7 @@ fn the_cameras_of_a_recorded_flight_are_seen_through_again_also_after_a_death() 
 fn captures_that_cannot_be_seen_again_end_the_run_before_it_flies_with_the_fix() {
     let place = Place::new();
     let blind = ["--set", "cameras.occlusion=[{at = 0.0, lasts = 2.0}]"];
-    succeed(&mut place.rig_flight("blind", 1.0, &blind));
+    fly_to_the_end(&mut place.rig_flight("blind", 1.0, &blind));
     for (recording, host, more, piece) in [
         ("nowhere", "realtime", &[][..], "nowhere"),
         (

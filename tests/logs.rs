@@ -351,3 +351,33 @@ fn a_topic_is_exported_as_a_table_with_the_numbers_of_the_log() {
     );
     fails(&place, &["export", "out", "--csv"], 2);
 }
+
+#[test]
+fn what_a_log_or_a_scenario_says_does_not_reach_the_terminal_as_it_is() {
+    let place = Place::new();
+    // Sequences that clear the screen and name the window, one that turns text around, and a line that pretends to be another.
+    let hostile = r#"description="\u001b[2J\u001b]0;owned\u0007\u009b31m\u202e\ncomplete""#;
+    let flown = succeed(&mut place.short_flight("out", 0.1, &["--host", "inprocess", "--set", hostile]));
+    let info = succeed(&mut place.gerono(&["info", "out"]));
+    let json = succeed(&mut place.gerono(&["info", "out", "--json"]));
+    let fig1 = common::scenario("fig1");
+    let checked = succeed(&mut place.gerono(&["check", fig1.to_str().unwrap(), "--set", hostile]));
+    let misplaced = r#"controller."\u001b[2J"=1"#;
+    let refused = output(&mut place.gerono(&["check", fig1.to_str().unwrap(), "--set", misplaced]));
+    assert_eq!(refused.status.code(), Some(2));
+    for output in [&flown, &info, &json, &checked, &refused] {
+        let said = common::said(output);
+        let hidden = |character: char| {
+            (character.is_control() && character != '\n') || matches!(character, '\u{202a}'..='\u{202e}')
+        };
+        assert!(!said.contains(hidden), "{said:?}");
+    }
+    let said = String::from_utf8(info.stdout).unwrap();
+    assert!(
+        said.contains(r"\u001b[2J") && said.contains(r"\u000acomplete"),
+        "{said}"
+    );
+    let json: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    let description = json["scenario"]["description"].as_str().unwrap();
+    assert!(description.starts_with("\u{1b}[2J") && description.ends_with("\u{202e}\ncomplete"));
+}

@@ -5,7 +5,7 @@ mod common;
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
-use common::{Place, complaint, output, scenario, succeed};
+use common::{Place, complaint, fly_to_the_end, output, scenario, succeed};
 use orchestrator::flight::{Outcome, in_process};
 use orchestrator::interrupt::Interrupt;
 use orchestrator::scenario_file;
@@ -63,10 +63,10 @@ fn outages_have_the_same_bytes_in_one_process_and_in_processes_that_really_die()
         ("one", &["--host", "inprocess"]),
     ] {
         let more = [&["--set", &setting], more].concat();
-        succeed(&mut place.short_flight(flight, 1.0, &more));
+        fly_to_the_end(&mut place.short_flight(flight, 1.0, &more));
         assert!(log(&place, flight) == log(&place, "processes"), "{flight}");
         let out = format!("rig-{flight}");
-        succeed(&mut place.rig_flight(&out, 1.0, &more));
+        fly_to_the_end(&mut place.rig_flight(&out, 1.0, &more));
         assert!(log(&place, &out) == log(&place, "rig-processes"), "{out}");
     }
     succeed(&mut place.short_flight("undisturbed", 1.0, &["--host", "inprocess"]));
@@ -130,11 +130,11 @@ fn faults_of_edges_have_the_same_bytes_in_one_process_and_in_processes_also_when
         ("killed", &crashes),
     ] {
         let of_ideal = [&["--set", &ideal], more].concat();
-        succeed(&mut place.short_flight(flight, 1.0, &of_ideal));
+        fly_to_the_end(&mut place.short_flight(flight, 1.0, &of_ideal));
         assert!(log(&place, flight) == log(&place, "processes"), "{flight}");
         let out = format!("rig-{flight}");
         let of_rig = [&["--set", &rig], more].concat();
-        succeed(&mut place.rig_flight(&out, 1.0, &of_rig));
+        fly_to_the_end(&mut place.rig_flight(&out, 1.0, &of_rig));
         assert!(log(&place, &out) == log(&place, "rig-processes"), "{out}");
     }
     assert_eq!(place.leavings(), Vec::<String>::new());

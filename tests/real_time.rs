@@ -8,16 +8,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use common::pilot::{comes_to_the_path, may_arm};
+use common::pilot::{await_phase, may_arm, take_off_from_the_ground, wait_on_the_ground};
 use common::processes::{await_successor, pid_of, processes_of, services_of, signal};
-use common::{Begun, Place, begin, finish, output, scenario, succeed, until};
+use common::{Begun, Place, assert_flown_to_the_end, begin, finish, output, scenario, succeed, until};
 use orchestrator::live::Snapshot;
 use orchestrator::log::{HostEvent, LogReader, ServiceStep};
+use orchestrator::metrics::tracker::Tracker;
 use orchestrator::scenario_file;
-use orchestrator::summary::z1_norm;
 use runtime::process::SPARE;
 use rustix::process::Signal;
-use shared_types::samples::{ControlErrors, RcFrame, VehicleTruth};
+use shared_types::samples::{RcFrame, VehicleTruth};
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId};
 use zerocopy::FromBytes;
@@ -170,10 +170,14 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
         ServiceId::ALL.map(|service| service.name().to_owned()).into()
     );
     // It ends where it should be, on the path that waited for it.
-    let log = LogReader::open(&place.log("out")).unwrap();
-    let errors = log.samples::<ControlErrors>().last().unwrap().unwrap();
-    let distance = z1_norm(&errors).unwrap();
-    assert!(distance < 0.2, "‖z1‖ ended at {distance} m");
+    let mut log = LogReader::open(&place.log("out")).unwrap();
+    let schedule = log.manifest().scenario.schedule().unwrap();
+    let mut distance = f64::INFINITY;
+    let followed = Tracker::new(&schedule, false).follow(&mut log, |moment| {
+        distance = moment.distance.unwrap_or(distance);
+    });
+    followed.unwrap();
+    assert!(distance < 0.2, "it ended {distance} m from its path");
     let steps: Vec<ServiceStep> = host_samples(&place, "out", "host/steps");
     for service in ServiceId::ALL {
         let own = of_service(&steps, service);
@@ -250,11 +254,7 @@ fn a_service_that_hangs_is_replaced() {
         await_successor(orchestrator, service, pid);
     }
     let output = finish(child);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert_flown_to_the_end(&output);
     let events: Vec<HostEvent> = host_samples(&place, "out", "host/events");
     let hung: Vec<_> = events
         .iter()
@@ -304,37 +304,6 @@ fn who_computes_a_number_that_is_not_finite_is_replaced_until_that_is_in_vain() 
     place.assert_nothing_is_left_of(orchestrator);
 }
 
-/// A flight in real time from the ground to the ground, which only the operator arms and lands, to the folder `out`: of
-/// the laboratory's vehicle, which nobody's absence turns over on a machine in use.
-fn wait_on_the_ground(place: &Place) -> Begun {
-    let settings = [
-        "duration=100.0",
-        "flight={spool_up = 0.1, takeoff_height = 0.3, takeoff_speed = 0.5, transition_time = 0.5, landing_speed = 0.5}",
-        // Nobody but the operator ends it.
-        "envelope={}",
-    ];
-    begin(&mut place.live_flight("takeoff_and_land", "out", &settings))
-}
-
-/// Arms, and waits until the vehicle is on its path.
-fn take_off_from_the_ground(place: &Place) {
-    assert!(comes_to_the_path(place), "it is down again");
-}
-
-/// Waits for a phase of the only live run.
-fn await_phase(place: &Place, phase: &str) {
-    let mut seen = None;
-    until(phase, || {
-        let snapshot = place.look()?;
-        if snapshot.phase != seen {
-            // For whoever asks why it never came.
-            eprintln!("{} s: {:?}", snapshot.time, snapshot.phase);
-            seen.clone_from(&snapshot.phase);
-        }
-        (snapshot.phase.as_deref() == Some(phase)).then_some(())
-    });
-}
-
 /// Asks until it is granted: arming is refused until the estimator has converged.
 fn arm(place: &Place) {
     until("arming", || may_arm(place).then_some(()));
@@ -354,11 +323,7 @@ fn an_operator_arms_and_stops_and_the_run_ends_on_the_ground() {
     succeed(&mut place.gerono(&["stop"]));
     await_phase(&place, "land");
     let output = finish(child);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert_flown_to_the_end(&output);
     let last = |frames: Vec<RcFrame>| *frames.last().unwrap();
     let log = || LogReader::open(&place.log("out")).unwrap();
     let frame = last(log().samples::<RcFrame>().map(Result::unwrap).collect());
@@ -488,16 +453,12 @@ fn whoever_takes_over_a_flight_records_it_and_replaces_who_dies() {
     let events = || {
         let shown = output(&mut place.gerono(&["top", "--once", "--json"]));
         let shown: serde_json::Value = serde_json::from_slice(&shown.stdout).ok()?;
-        Some(shown["events"].to_string()).filter(|events| events.contains("`estimator` flies again"))
+        Some(shown["events"].to_string()).filter(|events| events.contains("`estimator` was restarted"))
     };
     until("the estimator", events);
     succeed(&mut place.gerono(&["stop"]));
     let ended = finish(second);
-    assert!(
-        ended.status.success(),
-        "{}",
-        String::from_utf8_lossy(&ended.stderr)
-    );
+    assert_flown_to_the_end(&ended);
     assert_eq!(place.leavings(), Vec::<String>::new());
     assert!(services.iter().all(|&(_, pid)| !runs(pid)));
 

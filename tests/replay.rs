@@ -9,7 +9,7 @@ use common::logs::{
     assert_only_the_controller_differs, published, replayed, replayed_with_another_controller,
 };
 use common::processes::{await_process, await_successor, signal};
-use common::{Place, begin, finish, output, scenario, succeed};
+use common::{Place, begin, finish, fly_to_the_end, output, scenario, succeed};
 use orchestrator::log::{Compression, LogReader, Manifest, RunLogWriter};
 use orchestrator::scenario_file;
 use rustix::process::Signal;
@@ -70,7 +70,7 @@ fn a_flight_of_processes_in_which_all_fails_is_replayed_identically() {
         {at = 0.5, edge = \"vehicle/state -> controller\", kind = \"delay\", for = 0.1, by = 0.02}, \
         {at = 0.6, edge = \"mocap/pose -> estimator\", kind = \"stuck\", for = 0.1}, \
         {at = 0.7, edge = \"control/command -> rc_output\", kind = \"intermittent\", for = 0.2, fraction = 0.5}]";
-    succeed(&mut place.rig_flight("out", 1.2, &["--set", faults]));
+    fly_to_the_end(&mut place.rig_flight("out", 1.2, &["--set", faults]));
     let log = place.log("out");
     let replayed = replayed(&log);
     assert!(replayed.is_identical(), "{:?}", replayed.first_difference());
@@ -99,7 +99,7 @@ fn a_flight_in_real_time_is_replayed_identically_although_services_died_in_it() 
 fn a_flight_in_real_time_is_replayed_identically_wherever_in_a_step_its_services_died() {
     let place = Place::new();
     let (mut command, deaths) = place.flight_with_deaths_everywhere("out");
-    succeed(&mut command);
+    fly_to_the_end(&mut command);
     let summary = place.summary("out");
     // On a machine in use one may hang too, and be replaced.
     assert!(summary["rebirths"].as_array().unwrap().len() >= deaths);

@@ -6,7 +6,7 @@ mod common;
 use std::process::Output;
 
 use common::processes::{is_alive, pid_of, services_of, signal};
-use common::{Begun, Place, begin, complaint, finish, output, succeed, until};
+use common::{Begun, Place, begin, complaint, finish, fly_to_the_end, output, succeed, until};
 use rustix::process::Signal;
 use shared_types::ServiceId;
 
@@ -57,7 +57,7 @@ fn a_flight_in_which_everything_fails_as_planned_is_identical_in_processes() {
         {at = 0.6, edge = \"mocap/pose -> estimator\", kind = \"stuck\", for = 0.1}, \
         {at = 0.7, edge = \"control/command -> rc_output\", kind = \"intermittent\", for = 0.2, fraction = 0.5}, \
         {at = 1.0, service = \"path_generator\", kind = \"off\", for = 1.5}]";
-    succeed(&mut place.rig_flight("out", 3.0, &["--set", faults]));
+    fly_to_the_end(&mut place.rig_flight("out", 3.0, &["--set", faults]));
     assert_identical(&replayed(&place, &["out"]));
     // Services begin with what they are recorded to have known, and what they know is compared.
     let part = replayed(&place, &["out", "--from", "2.2", "--to", "2.8"]);
@@ -79,7 +79,7 @@ fn a_long_flight_and_one_service_of_it_are_identical_in_processes() {
 fn of_a_flight_in_real_time_in_which_services_died_anywhere_in_a_step_processes_say_the_same() {
     let place = Place::new();
     let (mut command, _) = place.flight_with_deaths_everywhere("out");
-    succeed(&mut command);
+    fly_to_the_end(&mut command);
     // A machine that has no time for the recorder makes it lose samples; then both say of which steps nothing is known.
     let (said, _) = replayed(&place, &["out"]);
     assert!(!said.contains("identical: 0 samples"), "{said}");

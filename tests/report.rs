@@ -8,9 +8,8 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use common::{Place, output, scenario, succeed};
 use orchestrator::log::LogReader;
-use orchestrator::summary::z1_norm;
+use orchestrator::metrics::tracker::Tracker;
 use serde_json::Value;
-use shared_types::samples::ControlErrors;
 
 /// What a page may weigh that shows a flight of a minute at 1 kHz, bytes.
 const LARGEST_PAGE: usize = 5_000_000;
@@ -46,10 +45,15 @@ fn channel(flight: &Value, topic: &str, name: &str) -> Vec<f32> {
     words.iter().map(|&word| f32::from_le_bytes(word)).collect()
 }
 
-/// ‖z1‖ of every sample of a log.
-fn logged_errors(log: &Path) -> Vec<f64> {
-    let samples = LogReader::open(log).unwrap().samples::<ControlErrors>();
-    samples.map(|errors| z1_norm(&errors.unwrap()).unwrap()).collect()
+/// The true distance from the path at every tick of a log, m.
+fn logged_distances(log: &Path) -> Vec<f64> {
+    let mut reader = LogReader::open(log).unwrap();
+    let schedule = reader.manifest().scenario.schedule().unwrap();
+    let mut distances = Vec::new();
+    let followed =
+        Tracker::new(&schedule, false).follow(&mut reader, |moment| distances.push(moment.distance.unwrap()));
+    followed.unwrap();
+    distances
 }
 
 fn extremes(values: impl Iterator<Item = f64>) -> (f64, f64) {
@@ -109,8 +113,8 @@ fn the_page_stands_alone_and_holds_the_log_s_extremes() {
     assert_eq!(flight["broken"], Value::Null);
     assert!(flight["scenario"].as_str().unwrap().contains("tilted_eight"));
 
-    let logged = logged_errors(&place.path("flight/run.mcap"));
-    let shown = channel(flight, "control/errors", "z1");
+    let logged = logged_distances(&place.path("flight/run.mcap"));
+    let shown = channel(flight, "vehicle/truth", "error");
     assert!(shown.len() < 2 * logged.len(), "{} values", shown.len());
     let (least, greatest) = extremes(logged.into_iter());
     assert_eq!(

@@ -1,16 +1,14 @@
 //! `gerono top` as its user has it: in a terminal, beside a flight that goes on.
 
 mod common;
-#[path = "common/terminal.rs"]
-mod terminal;
 
 use std::process::{Child, Command};
 
 use common::processes::{is_alive, pid_of, signal};
+use common::terminal::{Screen, Terminal};
 use common::{Begun, Place, begin, finish, output, scenario, succeed, until, wait};
 use rustix::process::Signal;
 use shared_types::ServiceId;
-use terminal::{Screen, Terminal};
 
 const UP: &str = "\x1b[A";
 const DOWN: &str = "\x1b[B";
@@ -123,7 +121,10 @@ fn resized(terminal: &mut Terminal) {
     terminal.resize(80, 24);
     await_rates(terminal);
     let text = terminal.screen().text();
-    assert!(text.contains("── events ─") && text.contains("‖z1‖"), "{text}");
+    assert!(
+        text.contains("── events ─") && text.contains(" distance "),
+        "{text}"
+    );
 }
 
 fn killed_only_after_a_yes(terminal: &mut Terminal, orchestrator: u32) {

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use common::laboratory::free_port;
 use common::pilot::{ask, comes_to_the_path};
-use common::processes::signal;
+use common::processes::{await_end, fill_the_disk_of, services_of, signal};
 use common::{Begun, Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
 use orchestrator::log::LogReader;
 use rustix::process::Signal;
@@ -210,6 +210,140 @@ fn assert_it_came_from_the_ground_and_returned(log: &Path) {
     let mut at_rest: Vec<_> = since.map(|frame| frame.failsafe.is_set()).collect();
     at_rest.dedup();
     assert_eq!(at_rest, [false, true], "not lost on the way");
+}
+
+/// Fastest touch-down that is a landing and no fall, m/s: the scenario states 0.3 m/s.
+const TOUCH_DOWN: f64 = 0.6;
+
+/// Flies until its disk is full. Whether the machine let it.
+fn lands_when_its_disk_is_full(place: &Place, flight: &str, world: &str) -> bool {
+    let settings = settings(place, free_port());
+    let simulated = World::begin(place, &settings, &["--out", world]);
+    until("the device", || place.path("radio").exists().then_some(()));
+    let run = ["--host", "realtime", "--out", flight];
+    let run = begin(&mut place.gerono(&arguments("run", &settings, &run)));
+    let came_to_the_path = comes_to_the_path(place);
+    fill_the_disk_of(run.id());
+    let ended = finish(run);
+    simulated.end();
+    let [.., latest] = [0, 1, 2].map(|quantile| place.summary(world)["late"][quantile].as_f64().unwrap());
+    let kept_time = latest < STANDSTILL;
+    if kept_time {
+        assert!(came_to_the_path, "{}", said(&ended));
+        assert_eq!(ended.status.code(), Some(4), "{}", said(&ended));
+        let truths = samples::<VehicleTruth>(&place.log(world));
+        let height = |truth: &VehicleTruth| -truth.position_world[2];
+        assert_eq!(truths.last().map(height), Some(0.0));
+        let touch_down = truths.iter().rposition(|truth| height(truth) > 0.0).unwrap();
+        let [x, y, z] = truths[touch_down].velocity_body;
+        let speed = (x * x + y * y + z * z).sqrt();
+        assert!(speed < TOUCH_DOWN, "it came down at {speed} m/s");
+    }
+    kept_time
+}
+
+#[test]
+fn a_full_disk_lands_a_vehicle_in_the_laboratory() {
+    let place = Place::new();
+    let landed = (0..5).any(|attempt| {
+        let [flight, world] = ["flight", "world"].map(|name| format!("{name}{attempt}"));
+        lands_when_its_disk_is_full(&place, &flight, &world)
+    });
+    assert!(landed, "the machine stands still in every flight");
+}
+
+/// Slowest descent that is a fall and no landing, m/s: from the path it comes to more than twice that.
+const FALL: f64 = 1.5;
+
+/// Kills a vehicle in the air whose orchestrator has been sent a signal. Whether the machine let it come there.
+fn falls_by_a_kill_in_spite_of(signal_sent: Signal, place: &Place, flight: &str, world: &str) -> bool {
+    let settings = settings(place, free_port());
+    let simulated = World::begin(place, &settings, &["--out", world]);
+    until("the device", || place.path("radio").exists().then_some(()));
+    let run = ["--host", "realtime", "--out", flight];
+    let mut run = begin(&mut place.gerono(&arguments("run", &settings, &run)));
+    if !comes_to_the_path(place) {
+        return false;
+    }
+    let services = services_of(run.id());
+    signal(run.id(), signal_sent);
+    if signal_sent == Signal::KILL {
+        // Not for the end of its output, which the services share.
+        wait(&mut run);
+        let stopped = output(&mut place.gerono(&["stop"]));
+        let said = complaint(&stopped);
+        assert!(
+            said.contains("gerono attach") && said.contains("gerono kill"),
+            "{said}"
+        );
+        kill_directly(place, "has died");
+        // They see the vehicle at rest, and end.
+        services.iter().for_each(|&(_, pid)| await_end(pid));
+        succeed(&mut place.gerono(&["clean"]));
+    } else {
+        kill_directly(place, "does not answer");
+        signal(run.id(), Signal::CONT);
+        let killed = ask("the kill in the answer of a run that goes on", || {
+            place
+                .look()
+                .filter(|snapshot| snapshot.phase.as_deref() == Some("disarmed"))
+        });
+        assert!(killed.killed);
+        signal(run.id(), Signal::INT);
+        assert_eq!(finish(run).status.code(), Some(130));
+    }
+    assert_eq!(place.leavings(), Vec::<String>::new());
+    simulated.end();
+    assert_it_fell(&place.log(world));
+    true
+}
+
+/// Kills the only live run, whose orchestrator does nothing.
+fn kill_directly(place: &Place, why: &str) {
+    let killed = said(&succeed(&mut place.gerono(&["kill"])));
+    assert!(
+        killed.contains(why) && killed.contains("told directly"),
+        "{killed}"
+    );
+}
+
+fn assert_it_fell(log: &Path) {
+    let frames = samples::<RcFrame>(log);
+    let last_with_thrust = frames.iter().rfind(|frame| !frame.failsafe.is_set()).unwrap();
+    let truths = samples::<VehicleTruth>(log);
+    let after = || {
+        truths
+            .iter()
+            .filter(|truth| truth.header.tick > last_with_thrust.header.tick)
+    };
+    let height = |truth: &VehicleTruth| -truth.position_world[2];
+    let highest = after().map(height).fold(0.0, f64::max);
+    assert!(highest > 1.0, "it was on the way down before: {highest} m");
+    // A world on a machine in use may end before its vehicle has come to rest.
+    let lowest = after().map(height).fold(highest, f64::min);
+    assert!(lowest < 0.2 * highest, "it stays up: {lowest} m");
+    let speed = |truth: &VehicleTruth| {
+        truth
+            .velocity_body
+            .map(|axis| axis * axis)
+            .iter()
+            .sum::<f64>()
+            .sqrt()
+    };
+    let fastest = after().map(speed).fold(0.0, f64::max);
+    assert!(fastest > FALL, "it was landed: {fastest} m/s");
+}
+
+#[test]
+fn a_kill_reaches_the_motors_while_the_orchestrator_is_stopped_and_after_its_death() {
+    let place = Place::new();
+    for signal in [Signal::STOP, Signal::KILL] {
+        let fell = (0..5).any(|attempt| {
+            let [flight, world] = ["flight", "world"].map(|name| format!("{name}-{signal:?}-{attempt}"));
+            falls_by_a_kill_in_spite_of(signal, &place, &flight, &world)
+        });
+        assert!(fell, "the machine stands still in every flight");
+    }
 }
 
 #[test]

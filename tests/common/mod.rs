@@ -6,13 +6,17 @@ pub(crate) mod logs;
 pub(crate) mod pilot;
 pub(crate) mod processes;
 mod rig;
+pub(crate) mod terminal;
 
 use std::ops::{Deref, DerefMut};
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use orchestrator::exit::Exit;
 use orchestrator::live::Snapshot;
+use orchestrator::live::runs::SCOPE;
 use runtime::crash::CrashPlace;
 use shared_types::ServiceId;
 use tempfile::TempDir;
@@ -40,7 +44,11 @@ pub(crate) struct Place {
 impl Place {
     pub(crate) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir(folder.path().join("tmp")).unwrap();
+        // Closed to other users, as such a folder must be.
+        std::fs::DirBuilder::new()
+            .mode(0o700)
+            .create(folder.path().join("tmp"))
+            .unwrap();
         Self { folder }
     }
 
@@ -55,6 +63,8 @@ impl Place {
             .args(arguments)
             .current_dir(self.folder.path())
             .env("XDG_RUNTIME_DIR", self.folder.path().join("tmp"))
+            // Neither the runs of others nor those of other tests are found.
+            .env(SCOPE, self.folder.path())
             .stdin(Stdio::null());
         command
     }
@@ -208,6 +218,12 @@ pub(crate) fn wait(child: &mut Child) -> ExitStatus {
 /// if some of that was stopped.
 pub(crate) struct Begun(Child);
 
+impl From<Child> for Begun {
+    fn from(child: Child) -> Self {
+        Self(child)
+    }
+}
+
 impl Deref for Begun {
     type Target = Child;
 
@@ -272,6 +288,19 @@ pub(crate) fn succeed(command: &mut Command) -> Output {
         String::from_utf8_lossy(&output.stderr)
     );
     output
+}
+
+/// Runs a flight that must come to its planned end, whatever becomes of the vehicle: a machine in use may lose it.
+pub(crate) fn fly_to_the_end(command: &mut Command) -> Output {
+    let output = output(command);
+    assert_flown_to_the_end(&output);
+    output
+}
+
+/// The flight has come to its planned end, with the vehicle or without.
+#[track_caller]
+pub(crate) fn assert_flown_to_the_end(output: &Output) {
+    assert!(Exit::is_flown(output.status.code()), "{}", said(output));
 }
 
 /// All that a command has said.

@@ -1,8 +1,9 @@
 //! What an operator does by the command line: looks, and arms.
 
+use std::process::Command;
 use std::time::Duration;
 
-use super::{Place, until};
+use super::{Begun, Place, begin, until};
 
 /// Pause between two questions to a flight.
 const BETWEEN_QUESTIONS: Duration = Duration::from_millis(200);
@@ -44,4 +45,40 @@ pub(crate) fn comes_to_the_path(place: &Place) -> bool {
             _ => None,
         }
     })
+}
+
+/// A flight in real time from the ground to the ground, which only the operator arms and lands, to the folder `out`: of
+/// the laboratory's vehicle, which nobody's absence turns over on a machine in use.
+pub(crate) fn wait_on_the_ground(place: &Place) -> Begun {
+    begin(&mut flight_on_the_ground(place))
+}
+
+/// The command of such a flight.
+pub(crate) fn flight_on_the_ground(place: &Place) -> Command {
+    let settings = [
+        "duration=100.0",
+        "flight={spool_up = 0.1, takeoff_height = 0.3, takeoff_speed = 0.5, transition_time = 0.5, landing_speed = 0.5}",
+        // Nobody but the operator ends it.
+        "envelope={}",
+    ];
+    place.live_flight("takeoff_and_land", "out", &settings)
+}
+
+/// Arms, and waits until the vehicle is on its path.
+pub(crate) fn take_off_from_the_ground(place: &Place) {
+    assert!(comes_to_the_path(place), "it is down again");
+}
+
+/// Waits for a phase of the only live run.
+pub(crate) fn await_phase(place: &Place, phase: &str) {
+    let mut seen = None;
+    until(phase, || {
+        let snapshot = place.look()?;
+        if snapshot.phase != seen {
+            // For whoever asks why it never came.
+            eprintln!("{} s: {:?}", snapshot.time, snapshot.phase);
+            seen.clone_from(&snapshot.phase);
+        }
+        (snapshot.phase.as_deref() == Some(phase)).then_some(())
+    });
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use runtime::process::SPARE;
+use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use shared_types::ServiceId;
 
 use super::{entries, until};
@@ -86,4 +87,13 @@ pub(crate) fn is_alive(pid: u32) -> bool {
 /// Waits until a process lives no more.
 pub(crate) fn await_end(pid: u32) {
     until("the end of a killed process", || (!is_alive(pid)).then_some(()));
+}
+
+/// Files of a process can grow no more from now on, as on a full disk.
+pub(crate) fn fill_the_disk_of(pid: u32) {
+    let none = Rlimit {
+        current: Some(0),
+        maximum: Some(0),
+    };
+    prlimit(Pid::from_raw(pid.cast_signed()), Resource::Fsize, none).unwrap();
 }

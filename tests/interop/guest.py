@@ -56,7 +56,7 @@ def check_simulated_time(gerono, folder):
     for other in ("second", "with-deaths"):
         require((folder / other / "run.mcap").read_bytes() == log, f"the flight {other} has other bytes than the first")
     replay = subprocess.run([gerono, "replay", str(first), "--quiet"], capture_output=True, text=True, check=False)
-    require(replay.returncode == 0 and "controller are not done again" in replay.stdout, f"the replay: {replay.stdout}{replay.stderr}")
+    require(replay.returncode == 0 and "controller cannot be computed again" in replay.stdout, f"the replay: {replay.stdout}{replay.stderr}")
     return require_arrival(first, IN_SIMULATED_TIME)
 
 

@@ -43,8 +43,9 @@ finish() {
     rm -rf "$work"
 }
 trap finish EXIT
-mkdir "$work/controller" "$work/run"
-export XDG_RUNTIME_DIR="$work/run"
+mkdir "$work/controller"
+mkdir -m 700 "$work/run"
+export XDG_RUNTIME_DIR="$work/run" GERONO_RUNS="$work/run"
 cd "$work/controller"
 
 # Rates that are linear in the stick, a switch that arms, nothing that makes the commands smoother or later than they are, and

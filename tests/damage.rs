@@ -1,0 +1,301 @@
+//! Shared memory that is truncated, overwritten or full: every flight ends with an error that says so, or goes on; nothing is
+//! left behind and nobody waits for ever.
+
+mod common;
+
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+use common::processes::{
+    await_process, await_successor, is_alive, processes_of, services_of, shared_memory_of, signal,
+};
+use common::{Begun, Place, begin, complaint, finish, output, succeed, until};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use rustix::process::Signal;
+use shared_types::ServiceId;
+
+const HOSTS: [&str; 2] = ["lockstep", "realtime"];
+
+/// Begins a flight that lasts longer than any test, and waits until it is under way.
+fn fly(place: &Place, host: &str) -> Begun {
+    let run = begin(&mut place.rig_flight("out", 10_000.0, &["--host", host, "--quiet"]));
+    place.await_log("out", 20_000);
+    run
+}
+
+/// The flight ended by itself, with an exit code and words of the documentation, and took everything with it.
+#[track_caller]
+fn assert_ended_in_words(place: &Place, orchestrator: u32, pids: &[u32], ended: &Output, pieces: &[&str]) {
+    let said = complaint(ended);
+    assert!(
+        matches!(ended.status.code(), Some(1 | 3)),
+        "{:?}: {said}",
+        ended.status
+    );
+    assert!(
+        pieces.iter().any(|piece| said.contains(piece)),
+        "none of {pieces:?} in: {said}"
+    );
+    until("the end of all processes", || {
+        pids.iter().all(|&pid| !is_alive(pid)).then_some(())
+    });
+    assert_eq!(place.leavings(), Vec::<String>::new(), "{said}");
+    assert_eq!(shared_memory_of(orchestrator), Vec::<PathBuf>::new(), "{said}");
+}
+
+fn pids_of(run: &Begun) -> Vec<u32> {
+    processes_of(run.id()).into_iter().map(|(_, pid)| pid).collect()
+}
+
+fn truncate(path: &Path) {
+    let file = OpenOptions::new().write(true).open(path);
+    // It may have been removed meanwhile.
+    let _ = file.map(|file| file.set_len(0));
+}
+
+#[test]
+fn a_flight_whose_shared_memory_is_truncated_ends_with_an_error_that_says_so() {
+    for host in HOSTS {
+        let place = Place::new();
+        let run = fly(&place, host);
+        let (orchestrator, pids) = (run.id(), pids_of(&run));
+        shared_memory_of(orchestrator)
+            .iter()
+            .for_each(|path| truncate(path));
+        let ended = finish(run);
+        assert_ended_in_words(&place, orchestrator, &pids, &ended, &["truncated"]);
+    }
+}
+
+/// Also memory of one kind, of which only a part of the processes notices anything.
+#[test]
+fn one_kind_of_shared_memory_that_is_truncated_or_overwritten_stops_nobody_from_ending_the_flight() {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    for kind in [".data", ".connection", ".dynamic", ".global_mgmt"] {
+        for (host, truncates) in [
+            (HOSTS[0], true),
+            (HOSTS[1], true),
+            (HOSTS[0], false),
+            (HOSTS[1], false),
+        ] {
+            let place = Place::new();
+            let mut run = fly(&place, host);
+            let (orchestrator, mut pids) = (run.id(), pids_of(&run));
+            let segments = shared_memory_of(orchestrator);
+            for path in segments
+                .iter()
+                .filter(|path| path.to_string_lossy().ends_with(kind))
+            {
+                if truncates {
+                    truncate(path);
+                } else {
+                    overwrite(path, &mut random);
+                }
+            }
+            let deadline = Instant::now() + Duration::from_secs(2);
+            while run.try_wait().unwrap().is_none() && Instant::now() < deadline {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            pids.extend(pids_of(&run));
+            if run.try_wait().unwrap().is_none() {
+                signal(orchestrator, Signal::TERM);
+            }
+            let ended = finish(run);
+            if ended.status.code() == Some(143) {
+                place.assert_nothing_is_left_of(orchestrator);
+            } else {
+                let words = ["shared memory", "a sample of", "gave up", "died after tick"];
+                assert_ended_in_words(&place, orchestrator, &pids, &ended, &words);
+            }
+        }
+    }
+}
+
+fn overwrite(path: &Path, random: &mut ChaCha8Rng) {
+    // It may have been removed meanwhile.
+    let Ok(file) = OpenOptions::new().write(true).open(path) else {
+        return;
+    };
+    let length = file.metadata().unwrap().len();
+    let garbage: Vec<u8> = (0..length).map(|_| random.next_u32() as u8).collect();
+    let _ = file.write_all_at(&garbage, 0);
+}
+
+/// iceoryx2 waits for ever for memory without a size to get one.
+#[test]
+fn whoever_opens_truncated_memory_is_ended_and_the_flight_with_it() {
+    let place = Place::new();
+    let run = fly(&place, "realtime");
+    let orchestrator = run.id();
+    let dynamic = shared_memory_of(orchestrator).into_iter();
+    // Nobody looks into these in flight, and whoever opens a topic does.
+    dynamic
+        .filter(|path| path.to_string_lossy().ends_with(".dynamic"))
+        .for_each(|path| truncate(&path));
+    let controller = await_process(orchestrator, ServiceId::Controller);
+    signal(controller, Signal::KILL);
+    let pids = pids_of(&run);
+    let ended = finish(run);
+    let words = ["damaged or truncated by another program", "truncated", "damaged"];
+    assert_ended_in_words(&place, orchestrator, &pids, &ended, &words);
+}
+
+#[test]
+fn a_service_that_cannot_open_its_topics_ends_with_its_orchestrator() {
+    let place = Place::new();
+    let run = fly(&place, "realtime");
+    let orchestrator = run.id();
+    let controller = await_process(orchestrator, ServiceId::Controller);
+    // Half of the memory that a service opens first: it comes as far as to wait for it.
+    signal(orchestrator, Signal::STOP);
+    for path in shared_memory_of(orchestrator) {
+        if path.to_string_lossy().ends_with(".dynamic") {
+            truncate(&path);
+        }
+    }
+    signal(controller, Signal::KILL);
+    signal(orchestrator, Signal::CONT);
+    std::thread::sleep(Duration::from_millis(200));
+    let pids = pids_of(&run);
+    signal(orchestrator, Signal::KILL);
+    finish(run);
+    until("the end of all services", || {
+        pids.iter().all(|&pid| !is_alive(pid)).then_some(())
+    });
+    succeed(&mut place.gerono(&["clean"]));
+    assert_eq!(shared_memory_of(orchestrator), Vec::<PathBuf>::new());
+}
+
+/// `gerono` with a /dev/shm of its own, of so many bytes; none where that is not permitted.
+fn with_own_memory(size: &str, mut flight: Command) -> Option<Command> {
+    let probe = Command::new("unshare").args(["-m", "true"]).status();
+    if !probe.is_ok_and(|status| status.success()) {
+        eprintln!("SKIPPED: no mount namespace may be made here, a full /dev/shm was not tried");
+        return None;
+    }
+    let mut command = Command::new("unshare");
+    let mount = format!("mount -t tmpfs -o size={size} tmpfs /dev/shm && exec \"$0\" \"$@\"");
+    command
+        .args(["-m", "sh", "-c", &mount])
+        .arg(flight.get_program())
+        .args(flight.get_args())
+        .current_dir(flight.get_current_dir().unwrap());
+    for (name, value) in flight.get_envs() {
+        command.env(name, value.unwrap());
+    }
+    flight.stdin(std::process::Stdio::null());
+    Some(command)
+}
+
+/// Fills the /dev/shm of a process to the last page.
+fn fill_memory_of(pid: u32) -> File {
+    let path = format!("/proc/{pid}/root/dev/shm/filling");
+    let mut file = File::create(path).unwrap();
+    for length in [1 << 20, 1 << 16, 1 << 12] {
+        while file.write_all(&vec![1; length]).is_ok() {}
+    }
+    file
+}
+
+#[test]
+fn a_run_for_which_there_is_no_room_in_shared_memory_is_refused_with_the_numbers() {
+    for host in HOSTS {
+        let place = Place::new();
+        let flight = place.short_flight("out", 1.0, &["--host", host]);
+        let Some(mut flight) = with_own_memory("12m", flight) else {
+            return;
+        };
+        let ended = output(&mut flight);
+        let said = complaint(&ended);
+        assert_eq!(ended.status.code(), Some(1), "{said}");
+        for piece in [
+            "the run needs ",
+            " MB in /dev/shm",
+            "12.6 MB are free",
+            "--shm-size",
+        ] {
+            assert!(said.contains(piece), "no `{piece}` in: {said}");
+        }
+        assert_eq!(place.leavings(), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn services_are_started_again_where_shared_memory_is_full() {
+    for host in HOSTS {
+        let place = Place::new();
+        let seconds = if host == "lockstep" { 40.0 } else { 10_000.0 };
+        let flight = place.rig_flight("out", seconds, &["--host", host, "--quiet"]);
+        let Some(mut flight) = with_own_memory("24m", flight) else {
+            return;
+        };
+        let run = begin(&mut flight);
+        let orchestrator = run.id();
+        place.await_log("out", 20_000);
+        let filling = fill_memory_of(orchestrator);
+        let mut deaths = 0;
+        for _ in 0..2 {
+            for service in ServiceId::ALL {
+                let pid = await_process(orchestrator, service);
+                signal(pid, Signal::KILL);
+                await_successor(orchestrator, service, pid);
+                deaths += 1;
+                // In real time it makes its ports at its own pace.
+                std::thread::sleep(Duration::from_millis(100));
+            }
+        }
+        // And all of them at once.
+        signal(orchestrator, Signal::STOP);
+        let all = services_of(orchestrator);
+        all.iter().for_each(|(_, pid)| signal(*pid, Signal::KILL));
+        signal(orchestrator, Signal::CONT);
+        for (name, pid) in all {
+            await_successor(orchestrator, ServiceId::from_name(&name).unwrap(), pid);
+            deaths += 1;
+        }
+        std::thread::sleep(Duration::from_millis(300));
+        drop(filling);
+        if host == "realtime" {
+            signal(orchestrator, Signal::TERM);
+        }
+        let ended = finish(run);
+        let expected = if host == "realtime" { 143 } else { 0 };
+        assert_eq!(
+            ended.status.code(),
+            Some(expected),
+            "{host}: {}",
+            complaint(&ended)
+        );
+        let rebirths = place.summary("out")["rebirths"].as_array().unwrap().len();
+        assert_eq!(rebirths, deaths, "{host}");
+    }
+}
+
+#[test]
+fn too_few_descriptors_are_called_so() {
+    for limit in ["24", "40", "60"] {
+        let place = Place::new();
+        let flight = place.short_flight("out", 0.1, &["--quiet"]);
+        let mut command = Command::new("sh");
+        command
+            .args(["-c", &format!("ulimit -n {limit}; exec \"$0\" \"$@\"")])
+            .arg(flight.get_program())
+            .args(flight.get_args())
+            .current_dir(flight.get_current_dir().unwrap())
+            .env("XDG_RUNTIME_DIR", place.path("tmp"));
+        let ended = output(&mut command);
+        let said = complaint(&ended);
+        assert!(matches!(ended.status.code(), Some(1 | 3 | 4)), "{limit}: {said}");
+        assert!(!said.contains("one build"), "{limit}: {said}");
+        assert!(
+            said.contains("file descriptors") || said.contains("Too many open files"),
+            "{limit}: {said}"
+        );
+        assert_eq!(place.leavings(), Vec::<String>::new());
+    }
+}

@@ -1,0 +1,182 @@
+//! What an operator asks for reaches the flight, from whatever environment and whatever else is in the way.
+
+mod common;
+
+use std::fs::File;
+use std::process::Command;
+
+use common::processes::signal;
+use common::{Begun, Place, begin, complaint, finish, output, said, succeed, until};
+use orchestrator::live::runs::SCOPE;
+use orchestrator::live::{SOCKET, Snapshot};
+use rustix::fs::{FlockOperation, flock};
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, connect, socket_with};
+use rustix::process::Signal;
+
+/// A flight in real time without phases, under way.
+fn take_off(place: &Place, out: &str) -> Begun {
+    let child = begin(&mut place.live_hover(out, &["--quiet"]));
+    until("a flight that can be looked at", || look(place, &child));
+    child
+}
+
+/// How a run is.
+fn look(place: &Place, run: &Begun) -> Option<Snapshot> {
+    let looked = place
+        .gerono(&["top", "--once", "--json", "--run", &name_of(run)])
+        .output()
+        .unwrap();
+    serde_json::from_slice(&looked.stdout).ok()
+}
+
+fn name_of(run: &Begun) -> String {
+    format!("{}-0", run.id())
+}
+
+fn end(run: Begun) {
+    signal(run.id(), Signal::INT);
+    assert_eq!(finish(run).status.code(), Some(130));
+}
+
+/// `gerono` as cron, a service of the system, or a login as another user starts it: with next to no environment.
+fn bare(place: &Place, arguments: &[&str]) -> Command {
+    let mut command = place.gerono(arguments);
+    command.env_clear().env(SCOPE, place.path(""));
+    command
+}
+
+#[test]
+fn a_run_is_found_from_every_environment() {
+    let (place, elsewhere) = (Place::new(), tempfile::tempdir().unwrap());
+    let run = take_off(&place, "out");
+    let other_folder = |arguments: &[&str]| {
+        let mut command = place.gerono(arguments);
+        command.env("XDG_RUNTIME_DIR", elsewhere.path());
+        command
+    };
+    for environment in [&bare as &dyn Fn(&Place, &[&str]) -> Command, &|_, arguments| {
+        other_folder(arguments)
+    }] {
+        let shown = said(&succeed(&mut environment(&place, &["top", "--once"])));
+        assert!(shown.contains(&name_of(&run)), "{shown}");
+        let found = said(&output(&mut environment(
+            &place,
+            &["doctor", "--seconds", "0.01"],
+        )));
+        assert!(found.contains(&format!("/{}", name_of(&run))), "{found}");
+        let refused = output(&mut environment(&place, &["arm"]));
+        assert_eq!(
+            refused.status.code(),
+            Some(7),
+            "the run itself refuses: {}",
+            said(&refused)
+        );
+        let alive = output(&mut environment(&place, &["attach", "--out", "none"]));
+        assert!(
+            complaint(&alive).contains("nothing to take over"),
+            "{}",
+            said(&alive)
+        );
+    }
+    assert!(!look(&place, &run).unwrap().killed);
+    let killed = said(&succeed(&mut bare(&place, &["kill"])));
+    assert!(
+        killed.contains("killed") && !killed.contains("directly"),
+        "{killed}"
+    );
+    assert!(look(&place, &run).unwrap().killed);
+    end(run);
+}
+
+#[test]
+fn with_several_runs_the_commands_ask_which_and_reach_no_other() {
+    let place = Place::new();
+    let runs = ["one", "other"].map(|out| take_off(&place, out));
+    for command in ["kill", "disarm", "stop", "arm"] {
+        let asked = output(&mut place.gerono(&[command]));
+        assert_eq!(asked.status.code(), Some(1));
+        let said = complaint(&asked);
+        assert!(
+            said.contains("--run") && runs.iter().all(|run| said.contains(&name_of(run))),
+            "{said}"
+        );
+    }
+    let [one, other] = runs;
+    succeed(&mut place.gerono(&["kill", "--run", &name_of(&one)]));
+    assert_eq!(
+        [&one, &other].map(|run| look(&place, run).unwrap().killed),
+        [true, false]
+    );
+    // By the number of a process, which tells runs of one name apart.
+    let process = look(&place, &other).unwrap().services[0].pid.to_string();
+    succeed(&mut place.gerono(&["kill", "--run", &process]));
+    assert!(look(&place, &other).unwrap().killed);
+    [one, other].into_iter().for_each(end);
+}
+
+#[test]
+fn where_there_is_no_run_it_is_said_and_where_was_looked() {
+    let place = Place::new();
+    for arguments in [
+        &["kill"][..],
+        &["top", "--once"],
+        &["stop", "--run", "1-0"],
+        &["attach", "--out", "none"],
+    ] {
+        let refused = output(&mut place.gerono(arguments));
+        assert_eq!(refused.status.code(), Some(1));
+        let said = complaint(&refused);
+        assert!(
+            said.contains("no run in real time") || said.contains("no live run `1-0`"),
+            "{said}"
+        );
+        assert!(said.contains(SCOPE), "{said}");
+    }
+}
+
+#[test]
+fn a_lock_on_the_folder_of_runs_keeps_no_operator_out_and_a_run_waits_for_it_no_longer_than_seconds() {
+    let place = Place::new();
+    let run = take_off(&place, "out");
+    let folder = format!("gerono-{}", rustix::process::geteuid().as_raw());
+    let door = place.path("tmp").join(folder).join("door");
+    let held = File::open(&door).unwrap();
+    flock(&held, FlockOperation::LockExclusive).unwrap();
+    let shown = said(&succeed(&mut place.gerono(&["top", "--once"])));
+    assert!(shown.contains(&name_of(&run)), "{shown}");
+    let killed = said(&succeed(&mut place.gerono(&["kill"])));
+    assert!(killed.contains("killed"), "{killed}");
+    let refused = output(&mut place.live_hover("second", &[]));
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(complaint(&refused).contains("fuser"), "{}", said(&refused));
+    drop(held);
+    end(run);
+}
+
+#[test]
+fn programs_that_connect_and_say_nothing_keep_no_operator_out() {
+    let place = Place::new();
+    let run = take_off(&place, "out");
+    let folder = format!("gerono-{}/{}", rustix::process::geteuid().as_raw(), name_of(&run));
+    let address = SocketAddrUnix::new(place.path("tmp").join(folder).join(SOCKET)).unwrap();
+    let mut silent = Vec::new();
+    for _ in 0..200 {
+        let socket = socket_with(
+            AddressFamily::UNIX,
+            SocketType::SEQPACKET,
+            SocketFlags::CLOEXEC,
+            None,
+        )
+        .unwrap();
+        connect(&socket, &address).unwrap();
+        silent.push(socket);
+    }
+    let killed = said(&succeed(&mut place.gerono(&["kill"])));
+    assert!(
+        killed.contains("killed") && !killed.contains("directly"),
+        "the orchestrator answers: {killed}"
+    );
+    assert!(look(&place, &run).unwrap().killed);
+    drop(silent);
+    end(run);
+}

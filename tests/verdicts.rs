@@ -1,0 +1,192 @@
+//! What becomes of a flight is said truly: on the terminal, in `summary.json`, in the exit code, and of the log alone.
+
+mod common;
+
+use std::process::Output;
+
+use common::{Place, complaint, output, said, scenario, succeed};
+use serde_json::Value;
+
+const LOST: Option<i32> = Some(9);
+
+/// A flight in the laboratory whose radio fails for good, so that the vehicle goes on with its last frame.
+const ADRIFT: [&str; 3] = [
+    "duration=8.0",
+    "vehicle.change=[]",
+    "fault=[{at = 3.0, service = \"rc_output\", kind = \"off\"}]",
+];
+
+/// `gerono run` of a committed scenario with these settings, to the folder `out`.
+fn run(place: &Place, name: &str, out: &str, settings: &[&str], more: &[&str]) -> Output {
+    let stated = scenario(name);
+    let mut arguments = vec!["run", stated.to_str().unwrap(), "--out", out];
+    arguments.extend(settings.iter().flat_map(|setting| ["--set", setting]));
+    arguments.extend(more);
+    output(&mut place.gerono(&arguments))
+}
+
+fn info(place: &Place, out: &str, more: &[&str]) -> String {
+    let log = place.log(out);
+    let mut arguments = vec!["info", log.to_str().unwrap()];
+    arguments.extend(more);
+    String::from_utf8(succeed(&mut place.gerono(&arguments)).stdout).unwrap()
+}
+
+#[test]
+fn a_vehicle_that_leaves_its_path_is_lost_in_every_host_and_in_the_log_alone() {
+    let place = Place::new();
+    for host in ["inprocess", "lockstep"] {
+        let flown = run(&place, "fig3_6", host, &ADRIFT, &["--host", host]);
+        assert_eq!(flown.status.code(), LOST, "{}", complaint(&flown));
+        assert!(said(&flown).contains("completed\nLOST at "), "{}", said(&flown));
+    }
+    let [one, other] = ["inprocess", "lockstep"].map(|out| place.summary(out));
+    assert_eq!(one["outcome"], "completed");
+    assert_eq!(one["simulated_seconds"], 8.0, "it is flown to its end");
+    for key in ["lost", "metrics", "phases"] {
+        assert_eq!(one[key], other[key], "{key}");
+    }
+    let lost = &one["lost"];
+    assert_eq!(
+        (&lost["reason"], &lost["limit"]),
+        (&Value::from("left_path"), &Value::from(5.0))
+    );
+    assert!(
+        lost["time"].as_f64().unwrap() > 3.0 && lost["value"].as_f64().unwrap() < 5.1,
+        "{lost}"
+    );
+    assert!(one["metrics"]["max"].as_f64().unwrap() > 20.0);
+
+    // Without anything beside it the log tells the same.
+    std::fs::remove_file(place.path("inprocess").join("summary.json")).unwrap();
+    assert!(info(&place, "inprocess", &[]).contains("LOST at "));
+    let told: Value = serde_json::from_str(&info(&place, "inprocess", &["--json"])).unwrap();
+    assert_eq!(told["judged"]["lost"], *lost);
+    assert_eq!(told["judged"]["metrics"], one["metrics"]);
+    succeed(&mut place.gerono(&["report", "inprocess", "-o", "page"]));
+    let page = std::fs::read_to_string(place.path("page/report.html")).unwrap();
+    assert!(page.contains("\"words\":\"5.0"), "the page says how it was lost");
+}
+
+#[test]
+fn a_flight_that_is_to_end_when_the_vehicle_is_lost_ends_there_with_the_same_bytes_in_every_host() {
+    let place = Place::new();
+    let settings = [ADRIFT.as_slice(), &["judge={end_when_lost = true}"]].concat();
+    let logs = ["inprocess", "lockstep"].map(|host| {
+        let flown = run(&place, "fig3_6", host, &settings, &["--host", host]);
+        assert_eq!(flown.status.code(), LOST, "{}", complaint(&flown));
+        assert!(
+            said(&flown).contains("ended when the vehicle was lost"),
+            "{}",
+            said(&flown)
+        );
+        std::fs::read(place.log(host)).unwrap()
+    });
+    assert!(logs[0] == logs[1]);
+    let summary = place.summary("inprocess");
+    let [ended, lost] = [&summary["simulated_seconds"], &summary["lost"]["time"]];
+    let late = ended.as_f64().unwrap() - lost.as_f64().unwrap();
+    assert!((0.0..0.01).contains(&late), "it ends {late} s after the loss");
+}
+
+#[test]
+fn the_scenario_says_what_is_lost() {
+    let place = Place::new();
+    let in_process = ["--host", "inprocess"];
+    // 51 m away and still on its way, whatever counts as near.
+    let far = ["duration=3.0", "vehicle.change=[]", "judge={distance_max = 0.05}"];
+    let flown = run(&place, "fig2_far", "far", &far, &in_process);
+    assert_eq!(flown.status.code(), Some(0), "{}", complaint(&flown));
+    // Where it first comes to its path it overshoots by 8.9 cm.
+    for (limit, code) in [("0.1", Some(0)), ("0.05", LOST)] {
+        let judge = format!("judge={{distance_max = {limit}}}");
+        let settings = ["duration=5.0", "vehicle.change=[]", &judge];
+        let flown = run(&place, "fig1", limit, &settings, &in_process);
+        assert_eq!(flown.status.code(), code, "{limit} m: {}", complaint(&flown));
+    }
+    let time = place.summary("0.05")["lost"]["time"].as_f64().unwrap();
+    assert!((1.0..2.0).contains(&time), "{time}");
+    let refused = run(&place, "hover", "refused", &["judge={tilt_max = 4.0}"], &[]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        complaint(&refused).contains("upside down is π"),
+        "{}",
+        complaint(&refused)
+    );
+}
+
+#[test]
+fn a_vehicle_that_is_killed_in_the_air_has_hit_the_ground() {
+    let place = Place::new();
+    let settings = ["flight.kill_at=18.0", "duration=20.0", "flight.land_at=19.0"];
+    let flown = run(
+        &place,
+        "takeoff_and_land",
+        "out",
+        &settings,
+        &["--host", "inprocess"],
+    );
+    assert_eq!(flown.status.code(), LOST, "{}", complaint(&flown));
+    let lost = &place.summary("out")["lost"];
+    assert_eq!(lost["reason"], "hit_ground");
+    assert!(lost["value"].as_f64().unwrap() > 2.0, "{lost}");
+    let landed = run(
+        &place,
+        "takeoff_and_land",
+        "landed",
+        &[],
+        &["--host", "inprocess"],
+    );
+    assert_eq!(landed.status.code(), Some(0), "{}", complaint(&landed));
+}
+
+#[test]
+fn a_run_that_cannot_be_set_up_says_why_once_and_shows_nothing_else() {
+    let place = Place::new();
+    let runtime = place.path("runtime");
+    std::fs::create_dir(&runtime).unwrap();
+    let user = rustix::process::geteuid().as_raw();
+    std::fs::write(runtime.join(format!("gerono-{user}")), "no folder").unwrap();
+    let mut command = place.short_flight("out", 1.0, &[]);
+    command.env("XDG_RUNTIME_DIR", runtime);
+    let failed = output(&mut command);
+    assert_eq!(failed.status.code(), Some(1), "{}", said(&failed));
+    assert_eq!(
+        said(&failed).matches("cannot set the run up").count(),
+        1,
+        "{}",
+        said(&failed)
+    );
+    assert!(failed.stdout.is_empty(), "{}", said(&failed));
+    assert_eq!(place.summary("out")["outcome"], "failed");
+}
+
+#[test]
+fn a_log_that_could_not_be_written_to_its_end_has_as_many_samples_as_are_said_to_be_in_it() {
+    let place = Place::new();
+    let flight = place.short_flight("out", 9.0, &["--host", "inprocess", "--compression", "none"]);
+    // No file may be larger than so many blocks of 512 bytes: as on a full disk, what is written then fails.
+    let mut limited = std::process::Command::new("sh");
+    limited
+        .args(["-c", "trap '' XFSZ; ulimit -f 6000; exec \"$@\"", "sh"])
+        .arg(flight.get_program())
+        .args(flight.get_args())
+        .current_dir(place.path(""));
+    let failed = output(&mut limited);
+    assert_eq!(failed.status.code(), Some(4), "{}", said(&failed));
+    let summary = place.summary("out");
+    let in_log = summary["in_log"].as_u64().unwrap();
+    let text = said(&failed);
+    assert!(
+        text.contains(&format!("of which {in_log} are in the log")),
+        "{text}"
+    );
+    assert!(!text.contains("none lost"), "{text}");
+    let partial = place.path("out").join("run.mcap.partial");
+    let told = output(&mut place.gerono(&["info", partial.to_str().unwrap(), "--json"]));
+    let told: Value = serde_json::from_slice(&told.stdout).unwrap();
+    let kept = told["recovery"]["samples"].as_object().unwrap().values();
+    let kept: u64 = kept.map(|count| count.as_u64().unwrap()).sum();
+    assert_eq!(kept, in_log, "what a recovery keeps");
+    assert!(in_log > 1000, "{in_log}");
+}
