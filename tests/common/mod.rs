@@ -243,6 +243,12 @@ impl Drop for Begun {
         // Both fail for a command that has ended only.
         let _ = self.0.kill();
         let _ = self.0.wait();
+        // A test that fails shows what the command complained of.
+        if let Some(mut pipe) = self.0.stderr.take().filter(|_| std::thread::panicking()) {
+            let mut complaint = Vec::new();
+            let _ = std::io::Read::read_to_end(&mut pipe, &mut complaint);
+            eprintln!("the command said:\n{}", String::from_utf8_lossy(&complaint));
+        }
     }
 }
 

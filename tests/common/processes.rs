@@ -59,13 +59,25 @@ pub(crate) fn pid_of(orchestrator: u32, service: ServiceId) -> Option<u32> {
 
 /// Waits until a service has a process.
 pub(crate) fn await_process(orchestrator: u32, service: ServiceId) -> u32 {
-    until("the service", || pid_of(orchestrator, service))
+    until_in_flight(orchestrator, "the service", || pid_of(orchestrator, service))
 }
 
 /// Waits until another process than `before` is the service.
 pub(crate) fn await_successor(orchestrator: u32, service: ServiceId, before: u32) -> u32 {
-    until("the next process of the service", || {
+    until_in_flight(orchestrator, "the next process of the service", || {
         pid_of(orchestrator, service).filter(|&now| now != before)
+    })
+}
+
+/// Polls until something is so, as long as the flight goes on.
+fn until_in_flight<T>(orchestrator: u32, what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    until(what, || {
+        let found = look();
+        assert!(
+            found.is_some() || is_alive(orchestrator),
+            "the flight has ended: {what}"
+        );
+        found
     })
 }
 
