@@ -21,7 +21,7 @@ use crate::inlet::Inlet;
 use crate::outlets::Outlets;
 use crate::ports::{PortError, Topics};
 use crate::shared_page::{Cell, SharedPage};
-use crate::step::{self, NonFinite, Timetable, Views};
+use crate::step::{self, NonFinite, Slots, Timetable, Views};
 use crate::untrusted::UntrustedReceiver;
 use crate::wait::{Interrupted, Waiter};
 use crate::watchdog::{self, Work};
@@ -297,7 +297,8 @@ impl Cockpit<'_> {
                 views[index] = inlet.view(tick, due);
             }
         }
-        let mut slots = outlets.loan(tick)?;
+        let mut slots = Slots::default();
+        outlets.loan(tick, &mut slots)?;
         timetable.step(service, tick, &views, &mut slots)?;
         self.crash.pass(CrashPlace::AfterStep, tick);
         match outlets.send(tick, self.crash) {

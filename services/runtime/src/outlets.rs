@@ -59,20 +59,20 @@ impl Outlets {
             .try_for_each(|outlet| outlet.sender.connect())
     }
 
-    /// Places for the samples that are due at `tick`.
+    /// Places for the samples that are due at `tick`, written where they are used: a copy of what was just written would
+    /// wait until the samples' memory has come from the recorder's core.
     ///
     /// # Errors
     /// [`PortError`].
     #[inline]
-    pub fn loan(&mut self, tick: u64) -> Result<Slots<'_>, PortError> {
-        let mut slots = Slots::default();
+    pub fn loan<'a>(&'a mut self, tick: u64, slots: &mut Slots<'a>) -> Result<(), PortError> {
         for (slot, outlet) in slots.iter_mut().zip(&mut self.outlets) {
             if outlet.publication.is_due(tick) {
                 let header = outlet.publication.header(tick);
                 *slot = step::prepared(outlet.publication.topic, header, outlet.sender.loan()?);
             }
         }
-        Ok(slots)
+        Ok(())
     }
 
     /// Publishes nothing of what has been loaned.

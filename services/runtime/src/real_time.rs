@@ -358,7 +358,8 @@ impl Cockpit<'_> {
                 views[index] = delivery.view;
             }
         }
-        let mut slots = outlets.loan(tick)?;
+        let mut slots = Slots::default();
+        outlets.loan(tick, &mut slots)?;
         timetable.step_at(service, &now, &views, &mut slots)?;
         if self.lone_flight.is_to_land() && tells_of_rest(timetable, &slots) {
             // The vehicle is down, and nobody is there to end the run.

@@ -15,7 +15,7 @@ use crate::crash::CrashPoint;
 use crate::lock_step::FlightError;
 use crate::outlets::Outlets;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver, Topics};
-use crate::step::{Timetable, Views};
+use crate::step::{Slots, Timetable, Views};
 
 /// Most steps of a batch. The samples of two have room: those that the service is at, and those that are published meanwhile.
 pub const BATCH: usize = 256;
@@ -181,7 +181,8 @@ impl Replaying<'_> {
         let tick = order.now.tick;
         let ReplayPorts { receivers, outlets } = &mut *self.ports;
         let views = views(receivers, self.timetable.service, order)?;
-        let mut slots = outlets.loan(tick)?;
+        let mut slots = Slots::default();
+        outlets.loan(tick, &mut slots)?;
         let is_finite = self
             .timetable
             .step_at(self.service, &order.now, &views, &mut slots)

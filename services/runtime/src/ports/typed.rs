@@ -53,15 +53,17 @@ impl<T: Sample> TypedSender<T> {
 impl<T: Sample> Sender for TypedSender<T> {
     #[inline]
     fn loan(&mut self) -> Result<&mut [u8], PortError> {
-        let sample = self
-            .publisher
-            .loan_uninit()
-            .map_err(|reason| PortError::Transport {
-                topic: self.topic,
-                reason: reason.to_string(),
-            })?;
-        // SAFETY: mapped shared memory always holds some bytes, and a `Sample` is valid for any (`FromBytes`).
-        let sample = unsafe { sample.assume_init() };
+        // A match: `map_err` would copy all that iceoryx2 keeps beside the few words which a sample is.
+        let sample = match self.publisher.loan_uninit() {
+            // SAFETY: mapped shared memory always holds some bytes, and a `Sample` is valid for any (`FromBytes`).
+            Ok(sample) => unsafe { sample.assume_init() },
+            Err(reason) => {
+                return Err(PortError::Transport {
+                    topic: self.topic,
+                    reason: reason.to_string(),
+                });
+            }
+        };
         Ok(self.loaned.insert(sample).payload_mut().0.as_mut_bytes())
     }
 
