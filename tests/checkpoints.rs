@@ -11,11 +11,11 @@ use common::logs::{
     assert_only_the_controller_differs, published, replayed, replayed_with_another_controller,
 };
 use common::{Place, fly_to_the_end, output, succeed};
-use orchestrator::log::{
+use replay::{Options, Replayed, replay};
+use run_log::{
     Compression, HostEntry, HostLogWriter, HostReader, LogReader, LoggedCheckpoint, Manifest, RunLogWriter,
     ServiceStep,
 };
-use orchestrator::replay::{Options, Replayed, replay};
 use shared_types::{ServiceId, Topic};
 
 const SERVICES: usize = ServiceId::ALL.len();

@@ -8,13 +8,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
+use command_line::exit::Exit;
 use common::{Place, scenario, succeed};
 use orchestrator::cli::Cli;
-use orchestrator::exit::Exit;
-use orchestrator::log::{
+use run_log::{
     CaptureFigures, HostEvent, HostSample, LinkFigures, ServiceCheckpoint, ServiceHealth, ServiceStep,
 };
-use orchestrator::scenario_file;
 use shared_types::sample::{Record, msg_definition};
 use shared_types::{Header, Topic};
 

@@ -7,14 +7,13 @@ mod common;
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
-use orchestrator::flight::{Outcome, in_process};
-use orchestrator::interrupt::Interrupt;
-use orchestrator::metrics::tracker::{Moment, Tracker};
-use orchestrator::scenario_file;
+use command_line::interrupt::Interrupt;
+use metrics::tracker::{Moment, Tracker};
 use runtime::in_process::TickSink;
 use shared_types::Topic;
 use shared_types::samples::PathReference;
 use shared_types::scenario::Scenario;
+use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 
 /// How far the vehicle was from its path and what the timing law did, tick by tick.

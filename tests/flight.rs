@@ -5,13 +5,12 @@ mod common;
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
+use command_line::interrupt::Interrupt;
 use common::{Place, output, scenario, succeed};
-use orchestrator::flight::{Outcome, in_process};
-use orchestrator::interrupt::Interrupt;
-use orchestrator::scenario_file;
 use runtime::in_process::TickSink;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState, VehicleTruth};
 use shared_types::{FlightPhase, Topic};
+use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 
 /// Thrust and rates that the envelope of `takeoff_and_land.toml` lets through, and a step of each channel.

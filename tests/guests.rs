@@ -16,7 +16,7 @@ use common::logs::last_tick;
 use common::processes::{await_end, signal};
 use common::{Begun, Place, begin, complaint, finish, output, scenario, succeed, until};
 use guest::{CONDUCT, Guest, guest, program};
-use orchestrator::log::LogReader;
+use run_log::LogReader;
 use runtime::control::{ToOrchestrator, ToService};
 use rustix::process::Signal;
 use serde_json::Value;

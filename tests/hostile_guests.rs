@@ -497,7 +497,11 @@ fn flood(guest: &mut Guest, goes_on: bool) -> ! {
 }
 
 fn publish_again(guest: &mut Guest, tick: u64) {
-    if guest.outlets.loan(tick).is_ok() {
+    if guest
+        .outlets
+        .loan(tick, &mut runtime::step::Slots::default())
+        .is_ok()
+    {
         let _ = guest.outlets.send(tick, runtime::crash::CrashPoint::default());
     }
 }

@@ -11,13 +11,13 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use common::laboratory::{free_port, serial_line};
-use experiment::ExperimentDigest;
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
 use motion_capture::sender::server::{Plan, Server};
 use nalgebra::{Matrix3, Vector3};
-use orchestrator::log::{CaptureFigures, LinkFigures};
-use orchestrator::{laboratory, scenario_file};
+use run_log::{CaptureFigures, LinkFigures};
+use shared_types::digest::ExperimentDigest;
+
 use proptest::prelude::*;
 use runtime::flight_clock::monotonic_ns;
 use runtime::in_process::{InProcess, TickSink};

@@ -8,7 +8,7 @@ use std::process::{Child, Command};
 
 use common::processes::signal;
 use common::{Place, begin, finish, output, succeed, until};
-use orchestrator::log::LogReader;
+use run_log::LogReader;
 use rustix::process::Signal;
 
 const SECONDS: f64 = 2.0;

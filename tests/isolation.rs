@@ -8,7 +8,7 @@ use common::logs::last_tick;
 use common::processes::{await_end, processes_of, services_of, shared_memory_of, signal};
 use common::{Begun, Place, begin, complaint, finish, output, scenario, succeed, until};
 use iceoryx2::prelude::*;
-use orchestrator::log::LogReader;
+use run_log::LogReader;
 use rustix::process::Signal;
 use shared_types::ServiceId;
 

@@ -9,7 +9,7 @@ use common::pilot::{await_phase, flight_on_the_ground, take_off_from_the_ground,
 use common::processes::{fill_the_disk_of, pid_of, services_of, signal};
 use common::terminal::Terminal;
 use common::{Begun, Place, begin, complaint, finish, said, succeed, until, wait};
-use orchestrator::log::LogReader;
+use run_log::LogReader;
 use rustix::process::Signal;
 use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::samples::{RcFrame, RunEvent, VehicleTruth};

@@ -9,10 +9,10 @@ use std::process::Output;
 
 use common::processes::signal;
 use common::{Begun, Place, begin, complaint, finish, output, succeed};
-use orchestrator::log::{LogReadError, LogReader, RecoverError, Recovery, is_whole, recover};
-use orchestrator::replay::{Options, replay};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use replay::{Options, replay};
+use run_log::{LogReadError, LogReader, RecoverError, Recovery, is_whole, recover};
 use rustix::process::Signal;
 use shared_types::scenario::Scenario;
 

@@ -7,8 +7,8 @@ use std::process::Command;
 
 use common::processes::signal;
 use common::{Begun, Place, begin, complaint, finish, output, said, succeed, until};
-use orchestrator::live::runs::SCOPE;
-use orchestrator::live::{SOCKET, Snapshot};
+use live::runs::SCOPE;
+use live::{SOCKET, Snapshot};
 use rustix::fs::{FlockOperation, flock};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, connect, socket_with};
 use rustix::process::Signal;

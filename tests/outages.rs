@@ -5,15 +5,14 @@ mod common;
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
+use command_line::interrupt::Interrupt;
 use common::{Place, complaint, fly_to_the_end, output, scenario, succeed};
-use orchestrator::flight::{Outcome, in_process};
-use orchestrator::interrupt::Interrupt;
-use orchestrator::scenario_file;
 use runtime::in_process::TickSink;
 use shared_types::samples::{ControlAdaptation, ControlCommand, VehicleTruth};
 use shared_types::scenario::EdgeName;
 use shared_types::service::header_of;
 use shared_types::{ServiceId, Topic};
+use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 
 fn log(place: &Place, out: &str) -> Vec<u8> {

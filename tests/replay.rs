@@ -10,8 +10,7 @@ use common::logs::{
 };
 use common::processes::{await_process, await_successor, signal};
 use common::{Place, begin, finish, fly_to_the_end, output, scenario, succeed};
-use orchestrator::log::{Compression, LogReader, Manifest, RunLogWriter};
-use orchestrator::scenario_file;
+use run_log::{Compression, LogReader, Manifest, RunLogWriter};
 use rustix::process::Signal;
 use shared_types::samples::ControlCommand;
 use shared_types::{ServiceId, Topic};

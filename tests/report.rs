@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use common::{Place, output, scenario, succeed};
-use orchestrator::log::LogReader;
-use orchestrator::metrics::tracker::Tracker;
+use metrics::tracker::Tracker;
+use run_log::LogReader;
 use serde_json::Value;
 
 /// What a page may weigh that shows a flight of a minute at 1 kHz, bytes.

@@ -5,13 +5,12 @@ mod common;
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
-use experiment::ExperimentDigest;
-use orchestrator::flight::{Outcome, in_process};
-use orchestrator::interrupt::Interrupt;
-use orchestrator::scenario_file;
+use command_line::interrupt::Interrupt;
 use runtime::in_process::TickSink;
 use shared_types::Topic;
+use shared_types::digest::ExperimentDigest;
 use shared_types::samples::{ControlAdaptation, ControlCommand, PathReference, RcFrame, VehicleTruth};
+use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 
 /// The policy for the vehicle's state, with all of it switched off but one value.

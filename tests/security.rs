@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 use common::processes::{await_process, await_successor, services_of, shared_memory_of, signal};
 use common::{Begun, begin, complaint, finish, output, said, scenario, succeed, until};
-use orchestrator::live::runs::SCOPE;
-use orchestrator::live::{Answer, Question, SOCKET, Snapshot};
+use live::runs::SCOPE;
+use live::{Answer, Question, SOCKET, Snapshot};
 use runtime::control::{Channel, SHARED_PAGE_FD};
 use runtime::shared_page::Request;
 use rustix::fs::{Gid, Mode, Uid};

@@ -10,7 +10,7 @@ use common::laboratory::free_port;
 use common::pilot::{ask, comes_to_the_path};
 use common::processes::{await_end, fill_the_disk_of, services_of, signal};
 use common::{Begun, Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
-use orchestrator::log::LogReader;
+use run_log::LogReader;
 use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::samples::{RcFrame, VehicleTruth};

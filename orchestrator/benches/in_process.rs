@@ -6,7 +6,6 @@ use std::path::Path;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use orchestrator::scenario_file;
 use runtime::in_process::{InProcess, TickSink};
 use shared_types::Topic;
 

@@ -1,12 +1,10 @@
 //! The command line of `gerono`.
 
-mod bench;
 mod campaigns;
 mod doctor;
 mod flight;
 mod live;
 mod logs;
-mod mocap;
 mod rc;
 mod values;
 mod world;
@@ -16,17 +14,17 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
-pub use self::bench::*;
 pub use self::campaigns::*;
 pub use self::doctor::*;
 pub use self::flight::*;
 pub use self::live::*;
 pub use self::logs::*;
-pub use self::mocap::*;
 pub use self::rc::*;
 use self::values::service_process;
 pub use self::world::*;
-use crate::exit::Exit;
+pub use bench::arguments::*;
+use command_line::exit::Exit;
+pub use mocap_tools::arguments::*;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
 #[derive(Debug, Parser)]
@@ -191,7 +189,7 @@ pub enum Command {
         /// Name of the service, or of a process that waits for one to die.
         #[arg(value_parser = service_process)]
         name: String,
-        /// Folder of the run, by which `gerono kill` and the like find it ([`crate::live::runs`]).
+        /// Folder of the run, by which `gerono kill` and the like find it ([`live::runs`]).
         #[arg(long)]
         run: Option<PathBuf>,
         /// What its steps follow, for the same.

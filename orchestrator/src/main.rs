@@ -3,13 +3,13 @@
 use std::process::ExitCode;
 
 use clap::Parser;
+use command_line::exit::Exit;
+use live::Question;
 use orchestrator::cli::{Cli, Command, Operate, RcCommand};
 use orchestrator::commands::{
-    Failure, attach, bench, check, doctor, faults, logs, mocap, operate, postmortem, rc, replay, report,
-    reproduce, run, small, top, truth, world,
+    Failure, attach, check, doctor, faults, logs, operate, postmortem, rc, replay, report, reproduce, run,
+    small, top, truth, world,
 };
-use orchestrator::exit::Exit;
-use orchestrator::live::Question;
 use runtime::shared_page::Request;
 
 fn main() -> ExitCode {
@@ -28,7 +28,7 @@ fn main() -> ExitCode {
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
-        Command::Mocap(arguments) => mocap::mocap(&arguments),
+        Command::Mocap(arguments) => mocap_tools::mocap(&arguments),
         Command::Arm(arguments) => operate(&arguments, "arm", &Question::Operate(Request::Arm)),
         Command::Disarm(arguments) => operate(&arguments, "disarm", &Question::Operate(Request::Disarm)),
         Command::Kill(arguments) => operate::kill(&arguments).map(|()| Exit::Success),

@@ -6,6 +6,7 @@
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
 //! * [`schedule`]: who steps when, and which sample is due where, computable by everyone;
 //! * [`scenario`]: the parameters of a flight, with their validation;
+//! * [`digest`]: the digest of an experiment, by which two flights are the same;
 //! * [`flight_phase`]: from disarmed to disarmed, one table;
 //! * [`gate`]: which sample of an input a service uses: the last one that can be true;
 //! * [`noise`]: random numbers as functions of seed, stream and tick;
@@ -13,6 +14,7 @@
 //!
 //! Nothing in this crate does input or output.
 
+pub mod digest;
 pub mod flight_phase;
 pub mod gate;
 pub mod glance;

@@ -12,7 +12,7 @@ use runtime::inlet::Inlet;
 use runtime::mailbox::Mailbox;
 use runtime::outlets::Outlets;
 use runtime::ports::{Member, Receiver, Topics};
-use runtime::step::{Timetable, Views};
+use runtime::step::{Slots, Timetable, Views};
 use rustix::event::{PollFd, PollFlags, poll};
 use serde_json::Value;
 use shared_types::scenario::Scenario;
@@ -149,7 +149,8 @@ impl Guest {
     }
 
     pub(crate) fn publish(&mut self, timetable: &Timetable, tick: u64, views: &Views<'_>) {
-        let mut slots = self.outlets.loan(tick).unwrap();
+        let mut slots = Slots::default();
+        self.outlets.loan(tick, &mut slots).unwrap();
         timetable
             .step(self.service.as_mut(), tick, views, &mut slots)
             .unwrap();

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use orchestrator::log::LogReader;
-use orchestrator::replay::{Options, Replayed, replay};
+use replay::{Options, Replayed, replay};
+use run_log::LogReader;
 use shared_types::ServiceId;
 
 /// A whole log, replayed.

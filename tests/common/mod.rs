@@ -14,9 +14,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use orchestrator::exit::Exit;
-use orchestrator::live::Snapshot;
-use orchestrator::live::runs::SCOPE;
+use command_line::exit::Exit;
+use live::Snapshot;
+use live::runs::SCOPE;
 use runtime::crash::CrashPlace;
 use shared_types::ServiceId;
 use tempfile::TempDir;

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use orchestrator::log::{
+use run_log::{
     Compression, LogReader, Manifest, RecoverError, Recovery, RunLogWriter, inspect, is_whole, recover,
 };
 use shared_types::Topic;

@@ -9,8 +9,8 @@ use shared_types::scenario::suggest::known_names;
 
 use super::flight::ScenarioArguments;
 use super::values::service;
-use crate::matrix::{self, plan, trouble::Troubles};
-use crate::reproduce::figures::Figure;
+use evaluation::reproduce::figures::Figure;
+use fault_matrix::{plan, trouble::Troubles};
 
 /// Arguments of `gerono reproduce`.
 #[derive(Debug, Args)]
@@ -42,10 +42,10 @@ pub struct Faults {
     #[arg(long, value_delimiter = ',', value_name = "T,T,…")]
     pub moments: Vec<f64>,
     /// How long faults last, s.
-    #[arg(long = "for", value_name = "T", default_value_t = matrix::LASTS)]
+    #[arg(long = "for", value_name = "T", default_value_t = fault_matrix::LASTS)]
     pub lasts: f64,
     /// How long to fly after a fault, s.
-    #[arg(long, value_name = "T", default_value_t = matrix::AFTER)]
+    #[arg(long, value_name = "T", default_value_t = fault_matrix::AFTER)]
     pub after: f64,
     /// Which faults: off (off-warm, off-cold), freeze, delay, intermittent, stuck, wrong, garbage (garbage-in-range,
     /// garbage-any-bits) [default: all].

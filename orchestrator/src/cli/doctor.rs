@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::values::number_between;
+use command_line::values::number_between;
 
 /// Arguments of `gerono doctor`.
 #[derive(Debug, Args)]

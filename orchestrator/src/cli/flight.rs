@@ -4,14 +4,16 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use runtime::crash::{Crash, CrashPlace};
 use shared_types::ServiceId;
 use shared_types::scenario::suggest::known_names;
+pub use supervisor::host::Host;
 
-use super::values::{core, number_between, value_between};
-use crate::flight::crew::restart::PerService;
-use crate::log::Compression;
+use super::values::core;
+use command_line::values::{number_between, value_between};
+use run_log::Compression;
+use supervisor::crew::restart::PerService;
 
 /// What a scenario is made of: a file and what is changed of it.
 #[derive(Debug, Args)]
@@ -143,30 +145,6 @@ impl FromStr for ServiceCrash {
                 place: CrashPlace::ALL[position(&places, place)?],
             },
         })
-    }
-}
-
-/// Where the services of a flight run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Host {
-    /// One process a service, simulated time, no sample ever lost.
-    #[default]
-    Lockstep,
-    /// All services in one thread of this process.
-    Inprocess,
-    /// One process a service, the system's clock, the newest sample wins.
-    Realtime,
-}
-
-impl Host {
-    /// Name on the command line.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Lockstep => "lockstep",
-            Self::Inprocess => "inprocess",
-            Self::Realtime => "realtime",
-        }
     }
 }
 

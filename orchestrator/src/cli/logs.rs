@@ -7,8 +7,8 @@ use shared_types::ServiceId;
 use shared_types::Topic;
 use shared_types::scenario::suggest::known_names;
 
-use super::values::number_between;
 use super::values::service;
+use command_line::values::number_between;
 
 /// Arguments of `gerono diff`.
 #[derive(Debug, Args)]

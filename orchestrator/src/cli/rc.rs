@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::flight::ScenarioArguments;
-use super::values::number_between;
-use crate::identify;
+use command_line::values::number_between;
 
 /// What `gerono rc` can do.
 #[derive(Debug, Subcommand)]
@@ -48,7 +47,7 @@ pub struct RcIdentify {
     pub log: PathBuf,
     /// What thrust and rates are measured by.
     #[arg(long, value_enum, default_value_t)]
-    pub from: identify::Source,
+    pub from: link_identification::Source,
     /// Mass of the vehicle, kg [default: the scenario's].
     #[arg(long, value_name = "KG", value_parser = mass)]
     pub mass: Option<f64>,

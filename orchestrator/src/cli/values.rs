@@ -2,7 +2,7 @@
 
 use shared_types::ServiceId;
 
-use crate::doctor::Host;
+use doctor::Host;
 
 pub(super) fn service_process(name: &str) -> Result<String, String> {
     if name != runtime::process::SPARE {
@@ -31,17 +31,4 @@ pub(super) fn core(text: &str) -> Result<usize, String> {
     Err(format!(
         "there is no such core; this machine has {count}, the last of which is {last}"
     ))
-}
-
-pub(super) fn number_between(text: &str, least: f64, most: f64, unit: &str) -> Result<f64, String> {
-    let value = text.parse().map_err(|_| "this is no number".to_owned())?;
-    value_between(value, least, most, unit)
-}
-
-pub(super) fn value_between(value: f64, least: f64, most: f64, unit: &str) -> Result<f64, String> {
-    if (least..=most).contains(&value) {
-        Ok(value)
-    } else {
-        Err(format!("give {least} to {most} {unit}"))
-    }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::flight::ScenarioArguments;
-use super::values::number_between;
+use command_line::values::number_between;
 
 /// Arguments of `gerono world`.
 #[derive(Debug, Args)]

@@ -5,15 +5,14 @@ use shared_types::scenario::Guests;
 use super::conclusion::Flown;
 use super::{Failure, host_record, run_log};
 use crate::cli::{Attach, Host};
-use crate::exit::Exit;
-use crate::flight::real_time::{self, People, Succession};
-use crate::flight::tape::Tape;
-use crate::interrupt::Interrupt;
-use crate::live;
-use crate::log::Manifest;
-use crate::postmortem::Postmortem;
-use crate::progress::Progress;
-use crate::run_folder::RunFolder;
+use command_line::exit::Exit;
+use command_line::interrupt::Interrupt;
+use command_line::progress::Progress;
+use run_log::Manifest;
+use run_log::run_folder::RunFolder;
+use supervisor::postmortem::Postmortem;
+use supervisor::real_time::{self, People, Succession};
+use supervisor::tape::Tape;
 
 /// What the results are called: what the scenario's file was called died with the orchestrator.
 const NAME: &str = "attached";

@@ -7,7 +7,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use super::{Failure, load, print, schedule_of};
 use crate::cli::Check;
-use crate::exit::Exit;
+use command_line::exit::Exit;
 
 /// `gerono check`.
 ///

@@ -2,12 +2,12 @@
 
 use super::{Failure, note, print, report_of, write_result};
 use crate::cli::Host;
-use crate::exit::Exit;
-use crate::flight::tape::Tape;
-use crate::flight::{Ending, FlightFailure, Outcome};
-use crate::log::inspect;
-use crate::run_folder::{RunFolder, log_meant_by};
-use crate::summary::{self, RunFacts, Summary};
+use command_line::exit::Exit;
+use metrics::summary::{self, RunFacts, Summary};
+use run_log::inspect;
+use run_log::run_folder::{RunFolder, log_meant_by};
+use supervisor::tape::Tape;
+use supervisor::{Ending, FlightFailure, Outcome};
 
 /// A flight that is over.
 pub(super) struct Flown<'a> {

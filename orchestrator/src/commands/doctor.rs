@@ -5,11 +5,12 @@ use std::time::Duration;
 
 use super::{Failure, print, print_as_it_is, schedule_of};
 use crate::cli::Doctor;
-use crate::doctor::report::Report;
-use crate::doctor::{Host, Needs, Verdict, disk, examine, runs, wake_up};
-use crate::exit::Exit;
-use crate::interrupt::Interrupt;
-use crate::{live, progress, run_root, scenario_file};
+use command_line::exit::Exit;
+use command_line::interrupt::Interrupt;
+use command_line::progress;
+use doctor::report::Report;
+use doctor::{Host, Needs, Verdict, disk, examine, runs, wake_up};
+use live::run_root;
 
 /// `gerono doctor`.
 ///

@@ -5,16 +5,16 @@ use shared_types::scenario::{EdgeName, Scenario};
 
 use super::{Failure, load, print, scenario_name, write, write_json};
 use crate::cli::Faults;
-use crate::exit::Exit;
-use crate::interrupt::Interrupt;
-use crate::matrix::flight::{Flown, Way, fly};
-use crate::matrix::plan::{self, Case, Cell, Times};
-use crate::matrix::trouble::Trouble;
-use crate::matrix::undisturbed::Undisturbed;
-use crate::matrix::{self, moments, report, table};
-use crate::progress;
-use crate::reproduce::parallel;
-use crate::run_folder::RunFolder;
+use command_line::exit::Exit;
+use command_line::interrupt::Interrupt;
+use command_line::progress;
+use evaluation::reproduce::parallel;
+use fault_matrix::flight::{Flown, Way, fly};
+use fault_matrix::plan::{self, Case, Cell, Times};
+use fault_matrix::trouble::Trouble;
+use fault_matrix::undisturbed::Undisturbed;
+use fault_matrix::{moments, report, table};
+use run_log::run_folder::RunFolder;
 
 /// `gerono faults`.
 ///
@@ -64,7 +64,7 @@ fn bad(reason: impl std::fmt::Display) -> Failure {
 /// When faults begin and how long they last, as asked for.
 fn times(arguments: &Faults, scenario: &Scenario) -> Result<Times, Failure> {
     let Faults { lasts, after, .. } = *arguments;
-    let count = if arguments.quick { 1 } else { matrix::MOMENTS };
+    let count = if arguments.quick { 1 } else { fault_matrix::MOMENTS };
     let mut moments = arguments.moments.clone();
     if moments.is_empty() {
         moments = moments::spread(scenario, count, lasts + after);

@@ -8,14 +8,13 @@ use shared_types::scenario::Scenario;
 
 use super::{Failure, log_path, note, print};
 use crate::cli::{Export, Info, Recover};
-use crate::exit::Exit;
-use crate::info;
-use crate::log::{
+use command_line::exit::Exit;
+use command_line::terminal::Terminal;
+use evaluation::info;
+use run_log::run_folder::log_meant_by;
+use run_log::{
     self, ExportError, RecoverError, ViewError, host_log_beside, is_whole, partial_path, recovered_path,
 };
-use crate::run_folder::log_meant_by;
-use crate::scenario_file;
-use crate::terminal::Terminal;
 
 /// `gerono export`.
 ///
@@ -39,8 +38,8 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
     };
     let mut buffered = BufWriter::new(&mut output);
     let exported = match arguments.topic {
-        Some(topic) if arguments.csv => log::export_csv(&log, topic, arguments.every, &mut buffered),
-        topic => log::export_json(&log, topic, arguments.every, &mut buffered),
+        Some(topic) if arguments.csv => run_log::export_csv(&log, topic, arguments.every, &mut buffered),
+        topic => run_log::export_json(&log, topic, arguments.every, &mut buffered),
     };
     match exported.and_then(|()| Ok(buffered.flush()?)) {
         // Somebody who reads no more of it has what they wanted.
@@ -51,12 +50,12 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
 
 /// `gerono export --view`.
 fn export_view(log: &Path, output: Option<&Path>) -> Result<(), Failure> {
-    let target = output.map_or_else(|| log::view_path(log), Path::to_owned);
+    let target = output.map_or_else(|| run_log::view_path(log), Path::to_owned);
     if target == Path::new("-") {
         let reason = "a copy for viewers is a file, not lines; name one with `--out`";
         return Err(Failure::new(Exit::BadInput, reason));
     }
-    log::export_view(log, &target).map_err(|error| {
+    run_log::export_view(log, &target).map_err(|error| {
         let exit = match error {
             ViewError::Itself(_) | ViewError::Write(_) => Exit::NotWritten,
             ViewError::Read(_) | ViewError::Nowhere(_) => Exit::Trouble,
@@ -163,7 +162,7 @@ fn recover_one(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result
         print(format!("{} is whole: nothing to recover\n", log.display()));
         return Ok(());
     }
-    let recovery = log::recover(log, target, scenario)?;
+    let recovery = run_log::recover(log, target, scenario)?;
     print(format!(
         "{} from {}: {recovery}\n",
         target.display(),

@@ -6,9 +6,9 @@ use runtime::shared_page::Request;
 
 use super::{Failure, print};
 use crate::cli::Operate;
-use crate::exit::Exit;
-use crate::live::runs::MachineRun;
-use crate::live::{self, Answer, LiveError, LiveRun, PATIENCE, Question};
+use command_line::exit::Exit;
+use live::runs::MachineRun;
+use live::{Answer, LiveError, LiveRun, PATIENCE, Question};
 
 /// How long an orchestrator may take to answer a kill, which has been carried out by then if it can be without it.
 const KILL_PATIENCE: Duration = Duration::from_secs(1);

@@ -1,4 +1,4 @@
-//! `gerono postmortem`: what an orchestrator becomes that cannot go on; see [`crate::postmortem`].
+//! `gerono postmortem`: what an orchestrator becomes that cannot go on; see [`supervisor::postmortem`].
 
 use std::os::unix::fs::MetadataExt;
 
@@ -7,9 +7,9 @@ use shared_types::ServiceId;
 
 use super::Failure;
 use crate::cli::{Host, Postmortem};
-use crate::exit::Exit;
-use crate::postmortem::{Fault, IN_WORDS};
-use crate::run_root;
+use command_line::exit::Exit;
+use live::run_root;
+use supervisor::postmortem::{Fault, IN_WORDS};
 
 /// Says what has happened, sees to the services, and removes what the run had in shared memory.
 ///

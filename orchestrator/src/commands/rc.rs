@@ -13,9 +13,9 @@ use shared_types::service::nanoseconds;
 
 use super::{Failure, load, log_path, print};
 use crate::cli::{RcIdentify, RcProbe};
-use crate::exit::Exit;
-use crate::identify::{self, EXPLAINS, Identification, STICKS};
-use crate::interrupt::Interrupt;
+use command_line::exit::Exit;
+use command_line::interrupt::Interrupt;
+use link_identification::{EXPLAINS, Identification, STICKS};
 
 /// How often the sticks are moved on and given to the sender, s.
 const STEP: f64 = 0.01;
@@ -154,7 +154,7 @@ fn summary(report: &Report) -> String {
 /// # Errors
 /// [`Failure`] if the log has nothing to fit.
 pub fn identify(arguments: &RcIdentify) -> Result<(), Failure> {
-    let found = identify::identify(&log_path(&arguments.log), arguments.from, arguments.mass)
+    let found = link_identification::identify(&log_path(&arguments.log), arguments.from, arguments.mass)
         .map_err(|error| Failure::new(Exit::Trouble, error))?;
     if arguments.json {
         let text =

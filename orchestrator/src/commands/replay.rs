@@ -5,15 +5,14 @@ use shared_types::ServiceId;
 
 use super::{Failure, log_path, print, schedule_of};
 use crate::cli::{Diff, Replay};
-use crate::diff::{self, TopicDiff};
-use crate::exit::Exit;
-use crate::interrupt::Interrupt;
-use crate::log::LogReader;
-use crate::progress::Progress;
-use crate::replay::{
+use command_line::exit::Exit;
+use command_line::interrupt::Interrupt;
+use command_line::progress::Progress;
+use replay::diff::{self, TopicDiff};
+use replay::{
     self, CheckpointDifference, Comparison, Difference, Options, ProcessFailure, ReplayError, Replayed,
 };
-use crate::scenario_file;
+use run_log::LogReader;
 
 /// `gerono replay`.
 ///

@@ -2,8 +2,8 @@
 
 use super::{Failure, log_path, note, print};
 use crate::cli::Report;
-use crate::exit::Exit;
-use crate::report::{self, ReportError};
+use command_line::exit::Exit;
+use evaluation::report::{self, ReportError};
 
 /// `gerono report`.
 ///

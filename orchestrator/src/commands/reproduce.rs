@@ -4,21 +4,21 @@ use std::path::Path;
 
 use super::{Failure, print, write, write_json};
 use crate::cli::Reproduce;
-use crate::exit::Exit;
-use crate::flight::{self, Outcome, in_process};
-use crate::interrupt::Interrupt;
-use crate::progress;
-use crate::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
-use crate::reproduce::figures::Figure;
-use crate::reproduce::flight::{Job, Logbook};
-use crate::reproduce::known_gaps::KnownGaps;
-use crate::reproduce::pages::{FlightPage, PageError};
-use crate::reproduce::plan::Plan;
-use crate::reproduce::report::{self, Report};
-use crate::reproduce::traces::{Tracer, Traces};
-use crate::reproduce::{QUICK_SEEDS, SEEDS, ablation, gallery, observability, parallel, seeds, table};
-use crate::run_folder::RunFolder;
-use crate::scenario_file::ScenarioError;
+use command_line::exit::Exit;
+use command_line::interrupt::Interrupt;
+use command_line::progress;
+use evaluation::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
+use evaluation::reproduce::figures::Figure;
+use evaluation::reproduce::flight::{Job, Logbook};
+use evaluation::reproduce::known_gaps::KnownGaps;
+use evaluation::reproduce::pages::{FlightPage, PageError};
+use evaluation::reproduce::plan::Plan;
+use evaluation::reproduce::report::{self, Report};
+use evaluation::reproduce::traces::{Tracer, Traces};
+use evaluation::reproduce::{QUICK_SEEDS, SEEDS, ablation, gallery, observability, parallel, seeds, table};
+use run_log::run_folder::RunFolder;
+use scenario_file::ScenarioError;
+use supervisor::{Outcome, in_process};
 
 /// `gerono reproduce`.
 ///
@@ -188,7 +188,7 @@ fn draw(
 
 /// Flies a job once more for its traces; nothing if it came to nothing, which its numbers have told.
 fn trace(job: &Job, interrupt: &Interrupt) -> Option<Traces> {
-    let schedule = flight::schedule_of(&job.scenario).ok()?;
+    let schedule = supervisor::schedule_of(&job.scenario).ok()?;
     let mut tracer = Tracer::new(&job.scenario, &schedule);
     let ending = in_process::fly(&job.scenario, &mut tracer, interrupt).ok()?;
     matches!(ending.outcome, Outcome::Completed).then(|| tracer.finish())

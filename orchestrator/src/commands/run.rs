@@ -9,17 +9,17 @@ use shared_types::scenario::Scenario;
 use super::conclusion::Flown;
 use super::{Failure, host_record, load, run_log, scenario_name, schedule_of};
 use crate::cli::{DeploymentArguments, Host, Run};
-use crate::exit::Exit;
-use crate::flight::crew::restart::{PerService, RestartPolicy};
-use crate::flight::deployment::{Deployment, Placement};
-use crate::flight::real_time::People;
-use crate::flight::tape::Tape;
-use crate::flight::{self, Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
-use crate::interrupt::Interrupt;
-use crate::log::Manifest;
-use crate::postmortem::Postmortem;
-use crate::progress::Progress;
-use crate::run_folder::RunFolder;
+use command_line::exit::Exit;
+use command_line::interrupt::Interrupt;
+use command_line::progress::Progress;
+use run_log::Manifest;
+use run_log::run_folder::RunFolder;
+use supervisor::crew::restart::{PerService, RestartPolicy};
+use supervisor::deployment::{Deployment, Placement};
+use supervisor::postmortem::Postmortem;
+use supervisor::real_time::People;
+use supervisor::tape::Tape;
+use supervisor::{Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
 
 /// `gerono run`.
 ///
@@ -83,9 +83,9 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
 fn refuse_host(scenario: &Scenario, host: Host) -> Result<(), Failure> {
     let reason = match host {
         Host::Realtime => scenario.unattended().map(|problem| problem.to_string()),
-        Host::Lockstep => flight::unsimulated_poses(scenario),
+        Host::Lockstep => supervisor::unsimulated_poses(scenario),
         Host::Inprocess => {
-            flight::unsimulated_poses(scenario).or_else(|| flight::programs_of_its_own(scenario))
+            supervisor::unsimulated_poses(scenario).or_else(|| supervisor::programs_of_its_own(scenario))
         }
     };
     reason.map_or(Ok(()), |reason| Err(Failure::new(Exit::BadInput, reason)))

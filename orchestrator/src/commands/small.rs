@@ -7,8 +7,9 @@ use clap_complete::Shell;
 
 use super::{Failure, log_path, print};
 use crate::cli::{Cli, Digest, Plot};
-use crate::exit::Exit;
-use crate::{laboratory, log, plot, run_root, scenario_file};
+use command_line::exit::Exit;
+use evaluation::plot;
+use live::run_root;
 
 /// `gerono plot`.
 ///
@@ -30,7 +31,7 @@ pub fn plot(arguments: &Plot) -> Result<(), Failure> {
 /// [`Failure`].
 pub fn digest(arguments: &Digest) -> Result<(), Failure> {
     let digest =
-        log::digest(&log_path(&arguments.log)).map_err(|error| Failure::new(Exit::Trouble, error))?;
+        run_log::digest(&log_path(&arguments.log)).map_err(|error| Failure::new(Exit::Trouble, error))?;
     print(format!("{digest}\n"));
     Ok(())
 }

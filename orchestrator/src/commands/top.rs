@@ -4,10 +4,10 @@ use std::io::IsTerminal;
 
 use super::{Failure, print};
 use crate::cli::Top;
-use crate::exit::Exit;
-use crate::interrupt::Interrupt;
-use crate::live::{Answer, LiveRun, PATIENCE, Question, Snapshot};
-use crate::top::{self, Leaving};
+use command_line::exit::Exit;
+use command_line::interrupt::Interrupt;
+use live::{Answer, LiveRun, PATIENCE, Question, Snapshot};
+use top::Leaving;
 
 /// Columns of what is printed where there is no terminal.
 const COLUMNS: u16 = 80;

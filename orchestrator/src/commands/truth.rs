@@ -4,8 +4,8 @@ use comfy_table::{Table, presets};
 
 use super::{Failure, log_path, print};
 use crate::cli::Truth as Arguments;
-use crate::exit::Exit;
-use crate::truth::{self, Truth};
+use command_line::exit::Exit;
+use fault_matrix::truth::{self, Truth};
 
 /// `gerono truth`.
 ///

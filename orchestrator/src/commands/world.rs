@@ -11,16 +11,16 @@ use shared_types::service::{nanoseconds, seconds};
 
 use super::{Failure, load, print, scenario_name, schedule_of, write_result};
 use crate::cli::World as Arguments;
-use crate::exit::Exit;
-use crate::interrupt::Interrupt;
-use crate::run_folder::RunFolder;
-use crate::world::betaflight::{Betaflight, Rotors};
-use crate::world::cameras::Cameras;
-use crate::world::line::{Line, LineError};
-use crate::world::onboard::Onboard;
-use crate::world::radio::Radio;
-use crate::world::record::Record;
-use crate::world::{Report, Timing, World};
+use command_line::exit::Exit;
+use command_line::interrupt::Interrupt;
+use hil_simulator::betaflight::{Betaflight, Rotors};
+use hil_simulator::cameras::Cameras;
+use hil_simulator::line::{Line, LineError};
+use hil_simulator::onboard::Onboard;
+use hil_simulator::radio::Radio;
+use hil_simulator::record::Record;
+use hil_simulator::{Report, Timing, World};
+use run_log::run_folder::RunFolder;
 
 /// From the making of the world to its first tick.
 const COUNTDOWN: Duration = Duration::from_millis(20);

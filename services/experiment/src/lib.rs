@@ -1,14 +1,9 @@
-//! All services of the wiring table, built from a scenario, and the digest of what they publish: the experiment alone, without
-//! anything of the machine that it runs on.
-
-mod digest;
+//! All services of the wiring table, built from a scenario: the experiment alone, without anything of the machine that it runs on.
 
 use shared_types::sample::layout_hash;
 use shared_types::scenario::Scenario;
 use shared_types::service::ErasedService;
 use shared_types::{Service, ServiceId};
-
-pub use digest::ExperimentDigest;
 
 use controller::ControllerService;
 use estimator::EstimatorService;

@@ -9,8 +9,9 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use experiment::{ExperimentDigest, build_all};
+use experiment::build_all;
 use runtime::in_process::{InProcess, TickSink};
+use shared_types::digest::ExperimentDigest;
 use shared_types::scenario::Scenario;
 use shared_types::{Schedule, Topic};
 use toml::{Table, Value};

@@ -1,0 +1,208 @@
+//! A bare chain: five processes on one core that hand on an iceoryx2 event, four hops from the first to the last. The
+//! floor of flight in real time.
+//!
+//! The first sleeps to absolute deadlines and sends; nobody else ever looks at the clock but the last, which measures. When
+//! the first sent is handed on beside the event, in a word of the shared page: if two events become one, it is the newer
+//! that is measured, as the newest sample wins in flight.
+
+use std::error::Error;
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use hdrhistogram::Histogram;
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::event::PortFactory;
+use runtime::deployment::{self, FIFO_PRIORITY};
+use runtime::descriptors::{hand_on, inherited};
+use runtime::flight_clock::{FlightClock, monotonic_ns, nap_until};
+use runtime::ports::Member;
+use runtime::shared_page::{SharedPage, Words};
+use shared_types::ServiceId;
+use shared_types::scenario::ServiceDeployment;
+
+use super::ring::Members;
+use crate::arguments::ChainMember;
+use command_line::exit::Exit;
+use command_line::failure::Failure;
+use command_line::output::print;
+use live::run_root::RunRoot;
+use metrics::summary::timing::{self, Quantiles};
+
+const MEMBERS: usize = ServiceId::ALL.len();
+const PAGE_FD: i32 = 3;
+
+/// Time between two rounds, ns: that of the flight beside which the chain stands.
+const PERIOD_NS: u64 = 1_000_000;
+
+/// From the arrival of all until the first round.
+const COUNTDOWN: Duration = Duration::from_millis(5);
+
+/// Longest wait for an event before somebody looks again.
+const LONGEST_WAIT: Duration = Duration::from_millis(100);
+
+/// What is handed on in place of a time once there is nothing more to come.
+const THE_END: u64 = u64::MAX;
+
+/// How long it is from the first to the last of a bare chain on `core`, of so many rounds.
+///
+/// # Errors
+/// If the system does not permit it.
+pub(super) fn four_hops(core: usize, fifo: bool, rounds: u64) -> std::io::Result<Quantiles> {
+    let root = RunRoot::create()?;
+    let page = SharedPage::create()?;
+    let mut members = Members(Vec::new());
+    for place in 0..MEMBERS {
+        let member = spawn(place, core, fifo, rounds, &root.configuration(), &page)?;
+        members.0.push(member);
+    }
+    let words = page.words();
+    while words.misses.load(Ordering::Acquire) < u32::try_from(MEMBERS).expect("few members") {
+        members.check()?;
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let clock = FlightClock::starting_in(COUNTDOWN, PERIOD_NS);
+    words.start_ns.store(clock.start_ns, Ordering::Release);
+    let told = members.0.last_mut().and_then(|last| last.stdout.take());
+    members.wait()?;
+    let mut text = String::new();
+    told.expect("the last one's output is piped")
+        .read_to_string(&mut text)?;
+    Ok(serde_json::from_str(&text)?)
+}
+
+fn spawn(
+    place: usize,
+    core: usize,
+    fifo: bool,
+    rounds: u64,
+    configuration: &Path,
+    page: &SharedPage,
+) -> std::io::Result<Child> {
+    let mut command = Command::new("/proc/self/exe");
+    command
+        .arg("chain-member")
+        .args([place.to_string(), rounds.to_string(), core.to_string()])
+        .arg(configuration)
+        .args(fifo.then_some("--fifo"))
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped());
+    // Like the services.
+    deployment::spare_switches(&mut command);
+    hand_on(&mut command, PAGE_FD, [page.file()])?;
+    command.spawn()
+}
+
+/// `gerono chain-member`: sends, hands on, or measures, by its place.
+///
+/// # Errors
+/// [`Failure`].
+pub fn chain_member(arguments: &ChainMember) -> Result<(), Failure> {
+    take_part(arguments).map_err(|error| Failure::new(Exit::Trouble, error))
+}
+
+fn take_part(arguments: &ChainMember) -> Result<(), Box<dyn Error>> {
+    deployment::die_with_parent()?;
+    let settings = ServiceDeployment {
+        core: Some(arguments.core),
+        priority: arguments.fifo.then_some(FIFO_PRIORITY),
+        timer_slack: Some(1e-9),
+        ..ServiceDeployment::default()
+    };
+    if let Some(refusal) = deployment::apply(&settings).first() {
+        return Err(refusal.to_string().into());
+    }
+    let page = SharedPage::open(inherited(PAGE_FD)?)?;
+    let member = Member::join(&arguments.configuration, "chain-member")?;
+    let words = page.words();
+    let me = arguments.place;
+    match (me, me + 1) {
+        (0, _) => send(&hop(&member, 0)?, words, arguments.rounds)?,
+        (_, MEMBERS) => {
+            let times = measure(&hop(&member, me - 1)?, words)?;
+            let quantiles = Quantiles::of(&times).ok_or("no event has come to the end of the chain")?;
+            print(serde_json::to_string(&quantiles)?);
+        }
+        _ => pass_on(&hop(&member, me - 1)?, &hop(&member, me)?, words, me)?,
+    }
+    Ok(())
+}
+
+type Event = PortFactory<ipc::Service>;
+
+/// The events from the member at a place to the next.
+fn hop(member: &Member, place: usize) -> Result<Event, Box<dyn Error>> {
+    let name = ServiceName::new(&format!("hop/{place}"))?;
+    Ok(member.node().service_builder(&name).event().open_or_create()?)
+}
+
+/// When the round began that has come as far as a member, or that there is none any more.
+fn newest(words: &Words, place: usize) -> &AtomicU64 {
+    &words.cells[place].steps_until
+}
+
+/// The first: sends an event every period.
+fn send(to: &Event, words: &Words, rounds: u64) -> Result<(), Box<dyn Error>> {
+    let notifier = to.notifier_builder().create()?;
+    words.misses.fetch_add(1, Ordering::AcqRel);
+    while words.start_ns.load(Ordering::Acquire) == 0 {
+        sleep_until(monotonic_ns() + PERIOD_NS);
+    }
+    let clock = FlightClock {
+        start_ns: words.start_ns.load(Ordering::Acquire),
+        tick_ns: PERIOD_NS,
+    };
+    for round in 0..=rounds {
+        sleep_until(clock.begins_at(round));
+        let is_over = round == rounds;
+        let sent = if is_over { THE_END } else { monotonic_ns() };
+        newest(words, 0).store(sent, Ordering::Release);
+        notifier.notify()?;
+    }
+    Ok(())
+}
+
+fn sleep_until(at_ns: u64) {
+    while monotonic_ns() < at_ns {
+        nap_until(at_ns);
+    }
+}
+
+/// One between the first and the last: hands on what comes.
+fn pass_on(from: &Event, to: &Event, words: &Words, me: usize) -> Result<(), Box<dyn Error>> {
+    let listener = from.listener_builder().create()?;
+    let notifier = to.notifier_builder().create()?;
+    words.misses.fetch_add(1, Ordering::AcqRel);
+    let mut seen = 0;
+    while seen != THE_END {
+        listener.timed_wait(|_| (), LONGEST_WAIT)?;
+        let sent = newest(words, me - 1).load(Ordering::Acquire);
+        if sent != seen {
+            seen = sent;
+            newest(words, me).store(sent, Ordering::Release);
+            notifier.notify()?;
+        }
+    }
+    Ok(())
+}
+
+/// The last: how long it is from the first to here.
+fn measure(from: &Event, words: &Words) -> Result<Histogram<u64>, Box<dyn Error>> {
+    let listener = from.listener_builder().create()?;
+    let mut times = timing::histogram();
+    words.misses.fetch_add(1, Ordering::AcqRel);
+    let mut seen = 0;
+    loop {
+        listener.timed_wait(|_| (), LONGEST_WAIT)?;
+        let sent = newest(words, MEMBERS - 2).load(Ordering::Acquire);
+        if sent == THE_END {
+            return Ok(times);
+        }
+        if sent != seen {
+            times.saturating_record(monotonic_ns().saturating_sub(sent));
+            seen = sent;
+        }
+    }
+}

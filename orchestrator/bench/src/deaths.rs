@@ -1,0 +1,296 @@
+//! `gerono bench deaths`: what the deaths of services cost a flight in real time, and the others in it.
+
+use std::path::Path;
+
+use comfy_table::{Table, presets};
+use hdrhistogram::Histogram;
+use serde::Serialize;
+use serde_json::Value;
+use shared_types::ServiceId;
+use shared_types::scenario::Scenario;
+
+use super::measure::{FlightCommand, Result, Scratch, fly_by_command};
+use crate::arguments::BenchDeaths;
+use command_line::exit::Exit;
+use command_line::failure::Failure;
+use command_line::output::{print, write_json};
+use command_line::progress;
+use metrics::summary::timing::{Quantiles, histogram};
+use metrics::tracker::Tracker;
+use run_log::{HostReader, LogReader, ServiceStep};
+use supervisor::{FlightFailure, schedule_of};
+
+/// The paper's laboratory in hover: its vehicle holds its body rates by itself while nobody commands it.
+const SCENARIO: &str = include_str!("../../../scenarios/fig7.toml");
+
+/// Where the scenario hovers, m.
+const HOVER: [f64; 3] = [0.0, 0.0, -1.2];
+
+/// From the start until the first death, s: the estimators have found the mass by then.
+const SETTLING: f64 = 4.0;
+
+/// Time between two deaths, s.
+const APART: f64 = 0.3;
+
+/// How long after a death the others are looked at, ns: two births.
+const NEAR_NS: u64 = 100_000_000;
+
+/// All that was measured.
+#[derive(Clone, Debug, Serialize)]
+struct Measured {
+    deaths: usize,
+    /// Services that flew again.
+    rebirths: usize,
+    /// From the moment when a death was noticed until another process flew, s.
+    back_after: Option<Quantiles>,
+    services: Vec<OthersPeriods>,
+    /// Largest distance from the path from the first death on, m; and in the same time of the flight without any.
+    largest_distance: f64,
+    largest_distance_undisturbed: f64,
+}
+
+/// Times from the begin of a step to that of the next, s.
+#[derive(Clone, Debug, Serialize)]
+struct OthersPeriods {
+    service: &'static str,
+    /// In the 0.1 s after the death of another service.
+    near: Option<Quantiles>,
+    /// Otherwise.
+    elsewhere: Option<Quantiles>,
+    /// Ratio of the times that 99 of 100 do not exceed.
+    ratio_p99: Option<f64>,
+}
+
+/// `gerono bench deaths`.
+///
+/// # Errors
+/// [`Failure`].
+pub(super) fn deaths(arguments: &BenchDeaths) -> std::result::Result<(), Failure> {
+    let measured = measure(arguments).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    print(format!("{}\n", table(&measured.services)));
+    let back = measured.back_after.map_or_else(String::new, |back| {
+        format!(
+            ", {:.1} ms after its death was noticed in the median, {:.1} ms at most",
+            1e3 * back.p50,
+            1e3 * back.max
+        )
+    });
+    print(format!(
+        "{} processes killed themselves (SIGKILL), each service in its turn; {} times another one flew in the dead one's \
+         place{back}.\nLargest distance from the path meanwhile {:.1} cm, in the same flight without deaths {:.1} cm.\n",
+        measured.deaths,
+        measured.rebirths,
+        100.0 * measured.largest_distance,
+        100.0 * measured.largest_distance_undisturbed,
+    ));
+    match &arguments.json {
+        Some(path) => write_json(path, &measured),
+        None => Ok(()),
+    }
+}
+
+fn measure(arguments: &BenchDeaths) -> Result<Measured> {
+    let count = arguments.deaths;
+    let mut flight: Scenario = toml::from_str(SCENARIO).map_err(|error| setup(&error))?;
+    flight.vehicle.fan = None;
+    flight.vehicle.initial.position = HOVER;
+    flight.duration = SETTLING + APART * f64::from(count + 1);
+    let folder = Scratch::create()?;
+    let command = FlightCommand::write(&folder, &flight)?;
+    let spinner = progress::waiting("two flights in real time");
+    let fifo = arguments.fifo.then_some("--fifo");
+    let undisturbed = fly(&command, fifo.into_iter())?;
+    let turns = ServiceId::ALL.iter().cycle().zip(0..count);
+    let crashes: Vec<_> = turns
+        .flat_map(|(service, turn)| {
+            let tick = flight.tick_of(SETTLING + APART * f64::from(turn));
+            ["--crash".to_owned(), format!("{service}@{tick}:after-step")]
+        })
+        .collect();
+    let disturbed = fly(&command, crashes.iter().map(String::as_str).chain(fifo))?;
+    spinner.finish_and_clear();
+    let rebirths = disturbed.rebirths(flight.schedule.tick)?;
+    Ok(Measured {
+        deaths: count as usize,
+        rebirths: rebirths.len(),
+        back_after: Quantiles::of(&rebirths.iter().fold(histogram(), |mut all, rebirth| {
+            all.saturating_record(rebirth.lost_ns);
+            all
+        })),
+        services: others_periods(&disturbed.steps, &rebirths),
+        largest_distance: disturbed.largest_distance,
+        largest_distance_undisturbed: undisturbed.largest_distance,
+    })
+}
+
+/// A flight that was measured.
+struct Flown {
+    summary: Value,
+    steps: Vec<(ServiceId, ServiceStep)>,
+    largest_distance: f64,
+}
+
+/// A death that was mended.
+struct Rebirth {
+    service: ServiceId,
+    died_ns: u64,
+    lost_ns: u64,
+}
+
+fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> Result<Flown> {
+    let options: Vec<_> = ["--host", "realtime"].into_iter().chain(options).collect();
+    let mut steps = Vec::new();
+    let mut largest_distance = 0.0;
+    let (_, summary) = fly_by_command(command, &options, |results| {
+        let recorded = HostReader::open(&results.join("host.mcap")).map_err(|error| setup(&error))?;
+        steps = recorded
+            .steps()
+            .collect::<std::result::Result<_, _>>()
+            .map_err(|error| setup(&error))?;
+        largest_distance = largest_distance_of(&results.join("run.mcap"))?;
+        Ok(())
+    })?;
+    Ok(Flown {
+        summary,
+        steps,
+        largest_distance,
+    })
+}
+
+/// Largest distance from the path from the first death on, m.
+fn largest_distance_of(log: &Path) -> Result<f64> {
+    let mut reader = LogReader::open(log).map_err(|error| setup(&error))?;
+    let scenario = &reader.manifest().scenario;
+    let mut tracker = Tracker::new(&schedule_of(scenario)?, scenario.flight.is_some());
+    let mut largest: f64 = 0.0;
+    let followed = tracker.follow(&mut reader, |moment| {
+        let has_settled = moment.vehicle.time_ns >= nanoseconds(SETTLING);
+        largest = largest.max(moment.distance.filter(|_| has_settled).unwrap_or(0.0));
+    });
+    followed.map_err(|error| setup(&error))?;
+    Ok(largest)
+}
+
+impl Flown {
+    /// The deaths that were mended; `tick` in s.
+    fn rebirths(&self, tick: f64) -> Result<Vec<Rebirth>> {
+        let stated = self.summary["rebirths"].as_array();
+        let stated = stated.ok_or_else(|| setup(&"the flight's summary tells of no rebirths"))?;
+        let rebirth = |stated: &Value| {
+            Some(Rebirth {
+                service: ServiceId::from_name(stated["service"].as_str()?)?,
+                died_ns: nanoseconds(stated["tick"].as_f64()? * tick),
+                lost_ns: nanoseconds(stated["lost_seconds"].as_f64()?),
+            })
+        };
+        Ok(stated.iter().filter_map(rebirth).collect())
+    }
+}
+
+fn nanoseconds(time: f64) -> u64 {
+    shared_types::service::nanoseconds(time)
+}
+
+/// Of each service the periods near the deaths of others, and elsewhere. Those of its own deaths count nowhere.
+fn others_periods(steps: &[(ServiceId, ServiceStep)], rebirths: &[Rebirth]) -> Vec<OthersPeriods> {
+    let of_service = |service: ServiceId| {
+        let [mut near, mut elsewhere] = [histogram(), histogram()];
+        let own = steps.iter().filter(|(whose, _)| *whose == service);
+        let begins: Vec<_> = own.map(|(_, step)| step.began_ns).collect();
+        for pair in begins.windows(2) {
+            // A death within the period, or so shortly before that it may still be felt.
+            let is_of =
+                |rebirth: &&Rebirth| (pair[0].saturating_sub(NEAR_NS)..pair[1]).contains(&rebirth.died_ns);
+            let mut deaths = rebirths.iter().filter(is_of).peekable();
+            let counts_as: Option<&mut Histogram<u64>> = match deaths.peek() {
+                None => Some(&mut elsewhere),
+                Some(_) => deaths.all(|death| death.service != service).then_some(&mut near),
+            };
+            if let Some(periods) = counts_as {
+                periods.saturating_record(pair[1].saturating_sub(pair[0]));
+            }
+        }
+        let [near, elsewhere] = [Quantiles::of(&near), Quantiles::of(&elsewhere)];
+        OthersPeriods {
+            service: service.name(),
+            ratio_p99: near
+                .zip(elsewhere)
+                .map(|(near, elsewhere)| near.p99 / elsewhere.p99),
+            near,
+            elsewhere,
+        }
+    };
+    ServiceId::ALL.into_iter().map(of_service).collect()
+}
+
+fn table(services: &[OthersPeriods]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        "period between steps",
+        "within 0.1 s of another's death, ms\np50 / p99 / max",
+        "otherwise, ms\np50 / p99 / max",
+        "ratio\np99",
+    ]);
+    for periods in services {
+        table.add_row([
+            periods.service.to_owned(),
+            milliseconds(periods.near.as_ref()),
+            milliseconds(periods.elsewhere.as_ref()),
+            periods
+                .ratio_p99
+                .map_or_else(String::new, |ratio| format!("{ratio:.3}")),
+        ]);
+    }
+    table
+}
+
+fn milliseconds(quantiles: Option<&Quantiles>) -> String {
+    let shown = |quantiles: &Quantiles| {
+        let times = [quantiles.p50, quantiles.p99, quantiles.max];
+        times.map(|time| format!("{:.3}", 1e3 * time)).join(" / ")
+    };
+    quantiles.map_or_else(String::new, shown)
+}
+
+fn setup(error: &dyn std::fmt::Display) -> FlightFailure {
+    FlightFailure::Setup(error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zerocopy::FromZeros;
+
+    fn steps(service: ServiceId, begins_ms: &[u64]) -> Vec<(ServiceId, ServiceStep)> {
+        let step = |&begin_ms: &u64| ServiceStep {
+            began_ns: begin_ms * 1_000_000,
+            ..ServiceStep::new_zeroed()
+        };
+        begins_ms.iter().map(|begin| (service, step(begin))).collect()
+    }
+
+    fn death(service: ServiceId, at_ms: u64) -> Rebirth {
+        Rebirth {
+            service,
+            died_ns: at_ms * 1_000_000,
+            lost_ns: 0,
+        }
+    }
+
+    #[test]
+    fn a_period_is_near_a_death_of_another_and_one_s_own_deaths_count_nowhere() {
+        let steps = steps(ServiceId::Plant, &[0, 10, 30, 500, 510, 1000, 1010]);
+        let deaths = [death(ServiceId::Controller, 20), death(ServiceId::Plant, 505)];
+        let periods = others_periods(&steps, &deaths);
+        let plant = periods.iter().find(|periods| periods.service == "plant").unwrap();
+        // 10 → 30 and 30 → 500 follow the controller's death; 500 → 510 and 510 → 1000 the plant's own.
+        assert_eq!(plant.near.unwrap().count, 2);
+        assert_eq!(plant.elsewhere.unwrap().count, 2);
+        assert!((plant.elsewhere.unwrap().max - 0.01).abs() < 2e-4);
+        assert!(
+            periods
+                .iter()
+                .all(|periods| periods.service == "plant" || periods.near.is_none())
+        );
+    }
+}

@@ -1,0 +1,398 @@
+//! The measurements of `gerono bench`.
+
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use runtime::deployment;
+use runtime::in_process::TickSink;
+use shared_types::scenario::Scenario;
+use shared_types::{ServiceId, Topic};
+
+use super::in_a_row::InARow;
+use super::ring::Members;
+use super::{Measured, Row, ring};
+use crate::arguments::RingWait;
+use command_line::exit::Exit;
+use command_line::failure::Failure;
+use command_line::interrupt::Interrupt;
+use command_line::progress::Progress;
+use live::run_root::RunRoot;
+use run_log::{Compression, Manifest, RunLogWriter};
+use supervisor::tape::Tape;
+use supervisor::{Ending, FlightFailure, Outcome, in_process};
+
+pub(super) type Result<T> = std::result::Result<T, FlightFailure>;
+
+/// Rounds of a ring in one measurement.
+const RING_ROUNDS: u64 = 20_000;
+
+/// Flights in one process in a row: each takes some hundredths of a second.
+const IN_PROCESS_FLIGHTS: u32 = 5;
+
+/// Ticks of a simulated second in the scenario that is measured.
+const TICKS_PER_SECOND: u64 = 1000;
+
+/// Ticks between two deaths, some hundredths of a second of wall time: the spare process is ready by then, as it is for
+/// whoever kills services by hand.
+const DEATHS_APART: u64 = 1000;
+
+/// Ticks between two deaths, some milliseconds: the spare process has only just been started.
+const QUICK_DEATHS_APART: u64 = 100;
+
+/// All measurements, in turns, `repetitions` times.
+pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Result<Measured> {
+    let folder = Scratch::create()?;
+    let command = FlightCommand::write(&folder, flight)?;
+    let mut series = Series::default();
+    let bar = progress_of("repetition", u64::from(repetitions));
+    let core = deployment::idlest(&deployment::allowed_cores()).unwrap_or(0);
+    for _ in 0..repetitions {
+        series.repeat(whole, &command, core)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(Measured {
+        restart_milliseconds: median(series.restart_milliseconds.clone()),
+        quick_restart_milliseconds: median(series.quick_restart_milliseconds.clone()),
+        rates: series.rows(),
+    })
+}
+
+/// A bar that counts up to `number` of something.
+pub(super) fn progress_of(what: &str, number: u64) -> ProgressBar {
+    let bar = ProgressBar::new(number);
+    bar.set_style(
+        ProgressStyle::with_template(&format!("{what} {{pos}} of {{len}} {{wide_bar}} {{elapsed}}"))
+            .expect("the template is well-formed"),
+    );
+    bar.tick();
+    bar
+}
+
+/// What was measured, one list a row, pairs at equal places.
+#[derive(Default)]
+struct Series {
+    yield_ring: Vec<f64>,
+    fifo_ring: Vec<f64>,
+    eventfd_ring: Vec<f64>,
+    lock_step: Vec<f64>,
+    lock_step_fifo: Vec<f64>,
+    lock_step_blocking: Vec<f64>,
+    lock_step_loaded: Vec<f64>,
+    in_a_row: Vec<f64>,
+    in_process: Vec<f64>,
+    in_process_recorded: Vec<f64>,
+    restart_milliseconds: Vec<f64>,
+    quick_restart_milliseconds: Vec<f64>,
+    fifo_refused: Option<String>,
+}
+
+impl Series {
+    fn repeat(&mut self, whole: &Scenario, flight: &FlightCommand, core: usize) -> Result<()> {
+        self.yield_ring.push(bare(RingWait::Yield, false, core)?);
+        self.lock_step.push(fly_processes(flight, &[])?);
+        self.eventfd_ring.push(bare(RingWait::Eventfd, false, core)?);
+        self.lock_step_blocking
+            .push(fly_processes(flight, &["--no-yield"])?);
+        if self.fifo_refused.is_none() {
+            match ring::thousand_rounds_per_second(RingWait::Yield, true, core, RING_ROUNDS) {
+                Ok(rate) => {
+                    self.fifo_ring.push(rate);
+                    self.lock_step_fifo.push(fly_processes(flight, &["--fifo"])?);
+                }
+                Err(error) => self.fifo_refused = Some(format!("SCHED_FIFO is not permitted here: {error}")),
+            }
+        }
+        {
+            let _load = Load::on(core)?;
+            self.lock_step_loaded
+                .push(fly_processes(flight, &["--core", &core.to_string()])?);
+        }
+        self.restart_milliseconds.extend(restarts(flight, DEATHS_APART)?);
+        self.quick_restart_milliseconds
+            .extend(restarts(flight, QUICK_DEATHS_APART)?);
+        let schedule = supervisor::schedule_of(whole)?;
+        for _ in 0..IN_PROCESS_FLIGHTS {
+            let services = experiment::build_all(whole).map_err(FlightFailure::Setup)?;
+            self.in_a_row.push(InARow::new(&schedule, services).fly());
+            let ending = in_process::fly(whole, &mut Nowhere, &Interrupt::never())?;
+            self.in_process.push(rate(&ending)?);
+        }
+        self.in_process_recorded
+            .push(recorded(whole, &flight.folder, |tape| {
+                in_process::fly(whole, tape, &Interrupt::never())
+            })?);
+        Ok(())
+    }
+
+    fn rows(self) -> Vec<Row> {
+        let row = |what, values: &[f64], floor: Option<(&'static str, &[f64])>, note| Row {
+            what,
+            median: median(values.to_vec()),
+            best: values.iter().copied().max_by(f64::total_cmp),
+            ratio: floor
+                .and_then(|(_, floor)| median(values.iter().zip(floor).map(|(a, b)| a / b).collect())),
+            floor: floor.map(|(name, _)| name),
+            note,
+        };
+        let yield_ring = ("iceoryx2 alone", &*self.yield_ring);
+        let in_a_row = ("five steps in a row", &*self.in_a_row);
+        vec![
+            row("iceoryx2 alone", &self.yield_ring, None, None),
+            row("the same, always sleeping", &self.eventfd_ring, None, None),
+            row(
+                "the same, SCHED_FIFO",
+                &self.fifo_ring,
+                None,
+                self.fifo_refused.clone(),
+            ),
+            row(
+                "lock-step, six processes, recorded",
+                &self.lock_step,
+                Some(yield_ring),
+                None,
+            ),
+            row(
+                "the same, always sleeping",
+                &self.lock_step_blocking,
+                Some(("iceoryx2 alone, always sleeping", &self.eventfd_ring)),
+                None,
+            ),
+            row(
+                "the same, SCHED_FIFO",
+                &self.lock_step_fifo,
+                Some(("iceoryx2 alone, SCHED_FIFO", &self.fifo_ring)),
+                self.fifo_refused.clone(),
+            ),
+            row(
+                "the same, a foreign load on the services' core",
+                &self.lock_step_loaded,
+                Some(yield_ring),
+                None,
+            ),
+            row("five steps in a row", &self.in_a_row, None, None),
+            row("in-process, not recorded", &self.in_process, Some(in_a_row), None),
+            row(
+                "in-process, recorded, uncompressed",
+                &self.in_process_recorded,
+                Some(in_a_row),
+                None,
+            ),
+        ]
+    }
+}
+
+fn bare(wait: RingWait, fifo: bool, core: usize) -> Result<f64> {
+    ring::thousand_rounds_per_second(wait, fifo, core, RING_ROUNDS)
+        .map_err(|error| FlightFailure::Setup(error.to_string()))
+}
+
+/// Flies in lock-step and says how fast.
+fn fly_processes(flight: &FlightCommand, options: &[&str]) -> Result<f64> {
+    summary_of_flight(flight, options)?["real_time_factor"]
+        .as_f64()
+        .ok_or_else(|| FlightFailure::Setup("the summary states no real-time factor".to_owned()))
+}
+
+/// Lets each service in turn die some times, so many ticks apart, and says how long each time nobody flew in its
+/// place, ms.
+fn restarts(flight: &FlightCommand, ticks_apart: u64) -> Result<Vec<f64>> {
+    let count = 4 * ServiceId::ALL.len() as u64;
+    let deaths = ServiceId::ALL.iter().cycle().zip(1..=count);
+    let ticks = (count + 1) * ticks_apart;
+    let duration = format!(
+        "duration={}.{:03}",
+        ticks / TICKS_PER_SECOND,
+        ticks % TICKS_PER_SECOND
+    );
+    let mut options = ["--set", "vehicle.change=[]", "--set", &duration]
+        .map(str::to_owned)
+        .to_vec();
+    options.extend(deaths.flat_map(|(service, number)| {
+        [
+            "--crash".to_owned(),
+            format!("{service}@{}:after-step", number * ticks_apart),
+        ]
+    }));
+    let options: Vec<_> = options.iter().map(String::as_str).collect();
+    let summary = summary_of_flight(flight, &options)?;
+    let rebirths = summary["rebirths"].as_array().into_iter().flatten();
+    Ok(rebirths
+        .filter_map(|rebirth| rebirth["lost_seconds"].as_f64())
+        .map(|seconds| 1e3 * seconds)
+        .collect())
+}
+
+/// Flies in lock-step by a command of its own, since a process can take part in one run only, and returns the summary.
+fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_json::Value> {
+    let (output, summary) = fly_by_command(flight, options, |_| Ok(()))?;
+    if Exit::is_flown(output.status.code()) {
+        Ok(summary)
+    } else {
+        Err(complaint(&output))
+    }
+}
+
+/// Flies by a command of its own, lets `look` at the folder of the results, and returns the summary of a flight that took
+/// off, whatever became of it.
+pub(super) fn fly_by_command(
+    flight: &FlightCommand,
+    options: &[&str],
+    look: impl FnOnce(&Path) -> Result<()>,
+) -> Result<(Output, serde_json::Value)> {
+    let out = flight.folder.join("flight");
+    let setup = |error: &dyn std::fmt::Display| FlightFailure::Setup(error.to_string());
+    let output = Command::new("/proc/self/exe")
+        .args(["run", "--quiet", "--out"])
+        .arg(&out)
+        .args(options)
+        .arg(&flight.scenario)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|error| setup(&error))?;
+    let Ok(text) = std::fs::read_to_string(out.join("summary.json")) else {
+        return Err(complaint(&output));
+    };
+    let looked = look(&out);
+    std::fs::remove_dir_all(&out).map_err(|error| setup(&error))?;
+    looked?;
+    Ok((
+        output,
+        serde_json::from_str(&text).map_err(|error| setup(&error))?,
+    ))
+}
+
+/// What a command said of why it failed.
+pub(super) fn complaint(output: &Output) -> FlightFailure {
+    FlightFailure::Setup(String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// The flight that is measured.
+pub(super) struct FlightCommand {
+    folder: PathBuf,
+    scenario: PathBuf,
+}
+
+impl FlightCommand {
+    /// The file of the scenario.
+    pub(super) fn scenario(&self) -> &Path {
+        &self.scenario
+    }
+
+    /// Writes the scenario of a flight to a folder.
+    pub(super) fn write(folder: &Scratch, flight: &Scenario) -> Result<Self> {
+        let command = Self {
+            folder: folder.path(),
+            scenario: folder.path().join("fig1.toml"),
+        };
+        let text = toml::to_string(flight).map_err(|error| FlightFailure::Setup(error.to_string()))?;
+        std::fs::write(&command.scenario, text).map_err(|error| FlightFailure::Setup(error.to_string()))?;
+        Ok(command)
+    }
+}
+
+fn recorded(
+    scenario: &Scenario,
+    folder: &Path,
+    fly: impl FnOnce(&mut Tape<'_>) -> Result<Ending>,
+) -> Result<f64> {
+    let schedule = supervisor::schedule_of(scenario)?;
+    let path = folder.join("run.mcap");
+    let log = RunLogWriter::create(&path, &Manifest::new(scenario), Compression::None)?;
+    let mut progress = Progress::hidden();
+    let mut tape = Tape::new(scenario, &schedule, Some(log), &mut progress);
+    let ending = fly(&mut tape)?;
+    tape.finish().1?;
+    // Overwritten by the next measurement at the latest.
+    let _ = std::fs::remove_file(path);
+    rate(&ending)
+}
+
+/// Simulated seconds per wall second.
+fn rate(ending: &Ending) -> Result<f64> {
+    match &ending.outcome {
+        Outcome::Completed =>
+        {
+            #[expect(clippy::cast_precision_loss, reason = "few ticks")]
+            Ok(ending.ticks as f64 / 1000.0 / ending.wall_time.as_secs_f64())
+        }
+        outcome => Err(FlightFailure::Setup(format!(
+            "a measurement ended early: {outcome:?}"
+        ))),
+    }
+}
+
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// A sink that keeps nothing.
+struct Nowhere;
+
+impl TickSink for Nowhere {
+    type Error = Infallible;
+
+    fn sample(&mut self, _topic: Topic, bytes: &[u8]) -> std::result::Result<(), Infallible> {
+        std::hint::black_box(bytes);
+        Ok(())
+    }
+
+    fn end_tick(&mut self, _tick: u64) -> std::result::Result<ControlFlow<()>, Infallible> {
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// A folder for the logs of measurements: in memory where there is such a place, since a disk's write-back
+/// would be measured otherwise. Swept like a run's shared memory, should this process be killed.
+pub(super) struct Scratch {
+    root: RunRoot,
+}
+
+impl Scratch {
+    pub(super) fn create() -> Result<Self> {
+        let setup = |error: std::io::Error| FlightFailure::Setup(error.to_string());
+        let root = RunRoot::create().map_err(setup)?;
+        let scratch = Self { root };
+        std::fs::create_dir_all(scratch.path()).map_err(setup)?;
+        Ok(scratch)
+    }
+
+    pub(super) fn path(&self) -> PathBuf {
+        self.root.shared_memory("bench")
+    }
+}
+
+/// A busy process on a core, until dropped.
+pub(super) struct Load {
+    _process: Members,
+}
+
+impl Load {
+    pub(super) fn on(core: usize) -> Result<Self> {
+        let child = Command::new("/proc/self/exe")
+            .args(["load", &core.to_string()])
+            .spawn();
+        child
+            .map(|child| Self {
+                _process: Members(vec![child]),
+            })
+            .map_err(|error| FlightFailure::Setup(error.to_string()))
+    }
+}
+
+/// `gerono load`: keeps a core busy until its parent ends.
+///
+/// # Errors
+/// [`Failure`] if the system does not permit it.
+pub fn load(core: usize) -> std::result::Result<(), Failure> {
+    let trouble = |error: std::io::Error| Failure::new(Exit::Trouble, error);
+    deployment::die_with_parent().map_err(trouble)?;
+    deployment::pin_to(&[core]).map_err(trouble)?;
+    loop {
+        std::hint::spin_loop();
+    }
+}

@@ -1,0 +1,380 @@
+//! `gerono bench recorder`: what it costs to record a sample, beside the MCAP library alone, and whether memory grows.
+//!
+//! Both write the same messages of a flight of Fig. 1 to files in memory, in turn, uncompressed, on one thread. The library gets each
+//! message ready-made, header and all, and is used as its documentation shows. What is compared is CPU time, which a
+//! busy machine disturbs less than wall time.
+
+use std::convert::Infallible;
+use std::fs::File;
+use std::io::BufWriter;
+use std::ops::{ControlFlow, Range};
+use std::os::unix::fs::symlink;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use comfy_table::{Table, presets};
+use mcap::records::MessageHeader;
+use mcap::{McapResult, WriteOptions, Writer};
+use runtime::in_process::TickSink;
+use rustix::time::{ClockId, clock_gettime};
+use serde::Serialize;
+use shared_types::Topic;
+use shared_types::sample::CDR_HEADER;
+use shared_types::scenario::Scenario;
+use shared_types::service::header_of;
+
+use super::clipped;
+use super::measure::{Result, Scratch, median, progress_of};
+use crate::arguments::BenchRecorder;
+use command_line::exit::Exit;
+use command_line::failure::Failure;
+use command_line::interrupt::Interrupt;
+use command_line::output::{print, write_json};
+use run_log::{Compression, LogError, Manifest, RunLogWriter, partial_path};
+use supervisor::{FlightFailure, Outcome, in_process};
+
+/// Simulated time of the flight whose samples are written over and over, s.
+const FLIGHT_SECONDS: f64 = 2.0;
+
+/// How often they are written in one measurement.
+const ROUNDS: u64 = 15;
+
+/// All that was measured; medians of the repetitions.
+#[derive(Clone, Debug, Serialize)]
+struct Measured {
+    /// Samples in a measurement.
+    samples: u64,
+    /// CPU time of the recorder over that of the library, pair by pair.
+    ratio: Option<f64>,
+    /// CPU time of a sample, s.
+    recorder_cpu_seconds_per_sample: Option<f64>,
+    library_cpu_seconds_per_sample: Option<f64>,
+    /// By the wall clock.
+    recorder_samples_per_second: Option<f64>,
+    library_samples_per_second: Option<f64>,
+    memory: Memory,
+}
+
+/// How much memory this process had while it recorded a long flight, bytes.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Memory {
+    samples: u64,
+    /// The most until a tenth of the flight was recorded.
+    peak_of_first_tenth: u64,
+    /// The most of all.
+    peak: u64,
+}
+
+/// `gerono bench recorder`.
+///
+/// # Errors
+/// [`Failure`].
+pub(super) fn recorder(scenario: &Scenario, arguments: &BenchRecorder) -> std::result::Result<(), Failure> {
+    let measured = measure(scenario, arguments).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    print(format!("{}\n", table(&measured)));
+    if let Some(path) = &arguments.json {
+        write_json(path, &measured)?;
+    }
+    Ok(())
+}
+
+fn measure(scenario: &Scenario, arguments: &BenchRecorder) -> Result<Measured> {
+    let flight = Scenario {
+        duration: FLIGHT_SECONDS,
+        ..scenario.clone()
+    };
+    let flight = Scenario {
+        vehicle: clipped(&flight),
+        ..flight
+    };
+    let messages = Messages::of(&flight)?;
+    let folder = Scratch::create()?;
+    let path = folder.path().join("run.mcap");
+    let manifest = Manifest::new(&flight);
+    // First of all, so that nothing that was measured before has left memory to be used again.
+    let memory = memory(&path, &manifest, &messages, arguments.minutes)?;
+
+    let [mut ours, mut library] = [Series::default(), Series::default()];
+    let samples = ROUNDS * messages.all.len() as u64;
+    let bar = progress_of("repetition", u64::from(arguments.repetitions));
+    for repetition in 0..arguments.repetitions {
+        let record = || messages.record(RunLogWriter::create(&path, &manifest, Compression::None)?, ROUNDS);
+        let write = || {
+            messages
+                .write_plainly(&path, ROUNDS)
+                .map_err(|error| setup(&error))
+        };
+        // Whoever comes second finds the memory of the file warm.
+        if repetition.is_multiple_of(2) {
+            ours.measure(|| Ok(record()?))?;
+            library.measure(write)?;
+        } else {
+            library.measure(write)?;
+            ours.measure(|| Ok(record()?))?;
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let ratios = ours.cpu_seconds.iter().zip(&library.cpu_seconds);
+    Ok(Measured {
+        samples,
+        ratio: median(ratios.map(|(ours, library)| ours / library).collect()),
+        recorder_cpu_seconds_per_sample: ours.cpu_seconds_per(samples),
+        library_cpu_seconds_per_sample: library.cpu_seconds_per(samples),
+        recorder_samples_per_second: ours.per_wall_second(samples),
+        library_samples_per_second: library.per_wall_second(samples),
+        memory,
+    })
+}
+
+/// Times of equal pieces of work, s.
+#[derive(Default)]
+struct Series {
+    cpu_seconds: Vec<f64>,
+    wall_seconds: Vec<f64>,
+}
+
+impl Series {
+    fn measure(&mut self, work: impl FnOnce() -> Result<()>) -> Result<()> {
+        let (wall, cpu) = (Instant::now(), cpu_time());
+        work()?;
+        self.cpu_seconds.push((cpu_time() - cpu).as_secs_f64());
+        self.wall_seconds.push(wall.elapsed().as_secs_f64());
+        Ok(())
+    }
+
+    fn cpu_seconds_per(&self, samples: u64) -> Option<f64> {
+        median(self.cpu_seconds.clone()).map(|seconds| seconds / samples as f64)
+    }
+
+    fn per_wall_second(&self, samples: u64) -> Option<f64> {
+        median(self.wall_seconds.clone()).map(|seconds| samples as f64 / seconds)
+    }
+}
+
+/// CPU time that this thread has used.
+fn cpu_time() -> Duration {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    Duration::new(time.tv_sec.cast_unsigned(), time.tv_nsec as u32)
+}
+
+fn setup(error: &dyn std::fmt::Display) -> FlightFailure {
+    FlightFailure::Setup(error.to_string())
+}
+
+/// A sample as it was flown, and what the library wants to know of it.
+struct Message {
+    topic: Topic,
+    sequence: u32,
+    time_ns: u64,
+    /// Its place among the bytes, what precedes it in a message included.
+    range: Range<usize>,
+}
+
+/// The samples of a flight, tick by tick.
+#[derive(Default)]
+struct Messages {
+    bytes: Vec<u8>,
+    all: Vec<Message>,
+    /// Of each tick, how many samples there are up to its end.
+    ticks: Vec<usize>,
+}
+
+impl Messages {
+    fn of(flight: &Scenario) -> Result<Self> {
+        let mut messages = Self::default();
+        let ending = in_process::fly(flight, &mut messages, &Interrupt::never())?;
+        match ending.outcome {
+            Outcome::Completed => Ok(messages),
+            outcome => Err(setup(&format!(
+                "the flight to be recorded ended early: {outcome:?}"
+            ))),
+        }
+    }
+
+    fn bytes_of(&self, message: &Message) -> &[u8] {
+        &self.bytes[message.range.clone()]
+    }
+
+    /// Writes them so many times with the writer of a run's log.
+    fn record(&self, mut log: RunLogWriter, rounds: u64) -> std::result::Result<(), LogError> {
+        let ticks_of_round = self.ticks.len() as u64;
+        for round in 0..rounds {
+            self.record_once(&mut log, round * ticks_of_round)?;
+        }
+        log.finish().map(drop)
+    }
+
+    /// Writes them as if they were flown from a tick on.
+    fn record_once(&self, log: &mut RunLogWriter, first_tick: u64) -> std::result::Result<(), LogError> {
+        let mut begin = 0;
+        for (tick, &end) in (first_tick..).zip(&self.ticks) {
+            for message in &self.all[begin..end] {
+                log.write(message.topic, &self.bytes_of(message)[CDR_HEADER.len()..])?;
+            }
+            log.end_tick(tick)?;
+            begin = end;
+        }
+        Ok(())
+    }
+
+    /// Writes them so many times with the library alone.
+    fn write_plainly(&self, path: &Path, rounds: u64) -> McapResult<()> {
+        let file = BufWriter::new(File::create(path)?);
+        let mut writer: Writer<_> = WriteOptions::new().compression(None).create(file)?;
+        let mut channels = [0; Topic::ALL.len()];
+        for topic in Topic::ALL {
+            let definition = topic.msg_definition();
+            let schema = writer.add_schema(topic.msg_name(), "ros2msg", definition.as_bytes())?;
+            channels[topic.index()] =
+                writer.add_channel(schema, topic.name(), "cdr", &std::collections::BTreeMap::new())?;
+        }
+        for _ in 0..rounds {
+            for message in &self.all {
+                let header = MessageHeader {
+                    channel_id: channels[message.topic.index()],
+                    sequence: message.sequence,
+                    log_time: message.time_ns,
+                    publish_time: message.time_ns,
+                };
+                writer.write_to_known_channel(&header, self.bytes_of(message))?;
+            }
+        }
+        writer.finish().map(drop)
+    }
+}
+
+impl TickSink for Messages {
+    type Error = Infallible;
+
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> std::result::Result<(), Infallible> {
+        let header = header_of(bytes);
+        let begin = self.bytes.len();
+        self.bytes.extend_from_slice(&CDR_HEADER);
+        self.bytes.extend_from_slice(bytes);
+        self.all.push(Message {
+            topic,
+            sequence: header.seq as u32,
+            time_ns: header.stamp_ns,
+            range: begin..self.bytes.len(),
+        });
+        Ok(())
+    }
+
+    fn end_tick(&mut self, _tick: u64) -> std::result::Result<ControlFlow<()>, Infallible> {
+        self.ticks.push(self.all.len());
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// Records so many minutes of flight to nowhere and watches how much memory this process has.
+fn memory(path: &Path, manifest: &Manifest, messages: &Messages, minutes: f64) -> Result<Memory> {
+    symlink("/dev/null", partial_path(path)).map_err(|error| setup(&error))?;
+    let nowhere = File::options().write(true).open("/dev/null");
+    let nowhere = nowhere.map_err(|error| setup(&error))?;
+    let mut log = RunLogWriter::over(nowhere, path, manifest, Compression::None)?;
+    let ticks_of_round = messages.ticks.len() as u64;
+    let rounds = ((60.0 * minutes / FLIGHT_SECONDS) as u64).max(10);
+    let [mut peak_of_first_tenth, mut peak] = [0; 2];
+    let bar = progress_of("round", rounds);
+    for round in 0..rounds {
+        messages.record_once(&mut log, round * ticks_of_round)?;
+        peak = resident_bytes()?.max(peak);
+        if round < rounds / 10 {
+            peak_of_first_tenth = peak;
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    log.finish()?;
+    std::fs::remove_file(path).map_err(|error| setup(&error))?;
+    Ok(Memory {
+        samples: rounds * messages.all.len() as u64,
+        peak_of_first_tenth,
+        peak,
+    })
+}
+
+/// Memory of this process that is in use at the moment, bytes.
+fn resident_bytes() -> Result<u64> {
+    const KIB: u64 = 1024;
+    let status = std::fs::read_to_string("/proc/self/status").map_err(|error| setup(&error))?;
+    let stated = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let kib = stated.and_then(|stated| stated.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+    kib.map(|kib| KIB * kib)
+        .ok_or_else(|| setup(&"/proc/self/status does not state VmRSS"))
+}
+
+fn table(measured: &Measured) -> Table {
+    let shown = |value: Option<f64>, scale: f64, digits: usize| {
+        value.map_or_else(|| "–".to_owned(), |value| format!("{:.digits$}", scale * value))
+    };
+    let mib = |bytes: u64| format!("{:.1}", bytes as f64 / f64::from(1 << 20));
+    let memory = &measured.memory;
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        "recording Fig. 1, uncompressed".to_owned(),
+        "recorder".to_owned(),
+        "library alone".to_owned(),
+        "ratio".to_owned(),
+    ]);
+    table.add_row([
+        "CPU time of a sample, ns".to_owned(),
+        shown(measured.recorder_cpu_seconds_per_sample, 1e9, 0),
+        shown(measured.library_cpu_seconds_per_sample, 1e9, 0),
+        shown(measured.ratio, 1.0, 2),
+    ]);
+    table.add_row([
+        "thousand samples a second".to_owned(),
+        shown(measured.recorder_samples_per_second, 1e-3, 0),
+        shown(measured.library_samples_per_second, 1e-3, 0),
+        String::new(),
+    ]);
+    table.add_row([
+        format!("memory until a tenth of {} samples, MiB", memory.samples),
+        mib(memory.peak_of_first_tenth),
+        String::new(),
+        String::new(),
+    ]);
+    table.add_row([
+        "memory until their end, MiB".to_owned(),
+        mib(memory.peak),
+        String::new(),
+        format!("{:.2}", memory.peak as f64 / memory.peak_of_first_tenth as f64),
+    ]);
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use run_log::test_flight::scenario;
+
+    #[test]
+    fn the_library_writes_the_same_messages_as_the_recorder() {
+        let folder = tempfile::tempdir().unwrap();
+        let [ours, plain] = ["ours", "plain"].map(|name| folder.path().join(name));
+        let flight = scenario(0.01, 0.5);
+        let messages = Messages::of(&flight).unwrap();
+        let manifest = Manifest::new(&flight);
+        let log = RunLogWriter::create(&ours, &manifest, Compression::None).unwrap();
+        messages.record(log, 3).unwrap();
+        messages.write_plainly(&plain, 3).unwrap();
+        let [ours, plain] = [ours, plain].map(|path| {
+            let file = std::fs::read(path).unwrap();
+            let messages = mcap::MessageStream::new(&file).unwrap().map(|message| {
+                let message = message.unwrap();
+                let data = message.data.into_owned();
+                (
+                    message.channel.topic.clone(),
+                    message.sequence,
+                    message.log_time,
+                    data,
+                )
+            });
+            messages.collect::<Vec<_>>()
+        });
+        assert_eq!(ours.len(), 3 * messages.all.len());
+        assert!(ours == plain);
+    }
+}

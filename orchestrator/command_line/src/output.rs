@@ -1,0 +1,81 @@
+//! What commands print and write, and the logs that they are given.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use run_log::run_folder::log_meant_by;
+use run_log::{LogReader, make_anew, partial_path};
+use serde::Serialize;
+
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::terminal::printable_lines;
+
+/// The log that a path means: the file itself, or the run's log in the folder, be it complete, recovered or never closed.
+///
+/// Says so if it was recovered, for no command may take such a log for the one that was recorded.
+#[must_use]
+pub fn log_path(path: &Path) -> PathBuf {
+    let log = log_meant_by(path);
+    if let Ok(reader) = LogReader::open(&log)
+        && let Some(recovery) = reader.recovery()
+    {
+        note(format_args!("{} was recovered: {recovery}", log.display()));
+    }
+    log
+}
+
+/// Writes a file of a run's results under its name once it is whole.
+///
+/// The bytes are on the disk before the name is: a process or machine that dies in between leaves no empty file.
+///
+/// # Errors
+/// [`Failure`] if it cannot be written.
+pub fn write_result(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let partial = partial_path(path);
+    let written = make_anew(&partial).and_then(|mut file| {
+        file.write_all((text + "\n").as_bytes())?;
+        file.sync_all()
+    });
+    written
+        .and_then(|()| std::fs::rename(&partial, path))
+        .map_err(|error| not_written(path, &error))
+}
+
+/// Writes a file of results as JSON.
+///
+/// # Errors
+/// [`Failure`] if it cannot be written.
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    write(path, &(text + "\n"))
+}
+
+/// Writes a file of results.
+///
+/// # Errors
+/// [`Failure`] if it cannot be written.
+pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|error| not_written(path, &error))
+}
+
+fn not_written(path: &Path, error: &std::io::Error) -> Failure {
+    let reason = format!("cannot write {}: {error}", path.display());
+    Failure::new(Exit::NotWritten, reason)
+}
+
+/// Tells of something that is not an error, beside the results.
+pub fn note(text: impl std::fmt::Display) {
+    eprintln!("note: {}", printable_lines(&text.to_string()));
+}
+
+/// Prints results, made harmless for a terminal.
+pub fn print(text: impl std::fmt::Display) {
+    print_as_it_is(printable_lines(&text.to_string()));
+}
+
+/// Prints results that have colours. A reader that takes no more of them (`gerono check … | head`) has what it wants.
+pub fn print_as_it_is(text: impl std::fmt::Display) {
+    let _ = write!(std::io::stdout(), "{text}");
+}

@@ -1,0 +1,125 @@
+//! What a flight needs of the machine.
+
+use shared_types::scenario::{Curve, Hover, Path, Scenario, ServiceDeployment, Vehicle};
+use shared_types::{Schedule, ServiceId};
+
+use run_log::predicted_bytes;
+use supervisor::reserve;
+
+/// What a flight needs of the machine, and what its scenario asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Needs {
+    /// Whether a scenario was given; if not, the needs are those of an ordinary flight.
+    pub is_stated: bool,
+    /// Whether the scenario insists on its deployment.
+    pub is_strict: bool,
+    /// The cores that it states.
+    pub cores: Vec<u32>,
+    /// The highest priority that it states.
+    pub priority: Option<u32>,
+    /// Whether memory is to be locked.
+    pub lock_memory: bool,
+    /// How the service of highest priority uses the machine.
+    pub foremost: ServiceDeployment,
+    /// Length of the flight, s.
+    pub duration: f64,
+    /// Size of the log, bytes.
+    pub log_bytes: u64,
+    /// Shared memory, bytes.
+    pub shared_memory: u64,
+    /// How long a step waits for inputs that are due, s.
+    pub grace: f64,
+}
+
+impl Needs {
+    /// Those of a scenario.
+    #[must_use]
+    pub fn of(scenario: &Scenario, schedule: &Schedule) -> Self {
+        let uses = ServiceId::ALL.map(|service| scenario.deployment_of(service));
+        let mut cores: Vec<u32> = uses.iter().filter_map(|settings| settings.core).collect();
+        cores.sort_unstable();
+        cores.dedup();
+        let foremost = uses.iter().max_by_key(|settings| settings.priority);
+        Self {
+            is_stated: true,
+            is_strict: scenario.deployment.as_ref().is_some_and(|stated| stated.strict),
+            cores,
+            priority: uses.iter().filter_map(|settings| settings.priority).max(),
+            lock_memory: uses.iter().any(|settings| settings.lock_memory == Some(true)),
+            foremost: foremost.copied().unwrap_or_default(),
+            duration: scenario.duration,
+            log_bytes: predicted_bytes(schedule),
+            shared_memory: reserve::needed(),
+            grace: scenario.real_time.unwrap_or_default().grace,
+        }
+    }
+
+    /// Those of an ordinary flight: a minute in which every service steps every millisecond.
+    #[must_use]
+    pub fn ordinary() -> Self {
+        let hover = Curve::Hover(Hover {
+            position: [0.0, 0.0, -1.0],
+        });
+        let vehicle = Vehicle::new(0.2, [6.5e-4, 6.5e-4, 13.0e-4]);
+        let scenario = Scenario::new(60.0, vehicle, Path::new(hover));
+        let last_tick = (scenario.duration / scenario.schedule.tick).round() as u64;
+        let schedule = Schedule::ideal(
+            shared_types::service::nanoseconds(scenario.schedule.tick),
+            last_tick,
+        );
+        Self {
+            is_stated: false,
+            ..Self::of(&scenario, &schedule)
+        }
+    }
+
+    /// How fast the log of a flight in real time grows, bytes/s.
+    #[must_use]
+    pub fn log_rate(&self) -> f64 {
+        self.log_bytes as f64 / self.duration.max(f64::MIN_POSITIVE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn needs(sets: &[&str]) -> Needs {
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        let hover = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/hover.toml");
+        let scenario = scenario_file::load(&hover, &sets, None).unwrap();
+        Needs::of(&scenario, &scenario.schedule().unwrap())
+    }
+
+    #[test]
+    fn the_highest_priority_and_all_cores_count() {
+        let needs = needs(&[
+            "deployment={core=1, priority=10, strict=true, rc_output={core=0, priority=30}, plant={lock_memory=true}}",
+            "real_time.grace=0.001",
+        ]);
+        assert_eq!((needs.cores, needs.priority), (vec![0, 1], Some(30)));
+        assert!(needs.is_strict && needs.lock_memory && needs.is_stated);
+        assert_eq!(
+            (needs.foremost.core, needs.foremost.priority),
+            (Some(0), Some(30))
+        );
+        assert_eq!(needs.grace, 0.001);
+    }
+
+    #[test]
+    fn a_longer_flight_writes_more_at_the_same_rate() {
+        let [short, long] = ["duration=10.0", "duration=40.0"].map(|set| needs(&[set]));
+        let ratio = long.log_bytes as f64 / short.log_bytes as f64;
+        assert!((3.9..=4.1).contains(&ratio), "{ratio}");
+        assert!((long.log_rate() / short.log_rate() - 1.0).abs() < 0.01);
+        assert_eq!(long.shared_memory, short.shared_memory);
+        assert_eq!(long.priority, None);
+    }
+
+    #[test]
+    fn an_ordinary_flight_asks_for_nothing() {
+        let ordinary = Needs::ordinary();
+        assert!(!ordinary.is_stated && !ordinary.is_strict && !ordinary.lock_memory);
+        assert_eq!((ordinary.priority, ordinary.cores), (None, vec![]));
+    }
+}

@@ -1,0 +1,203 @@
+//! What is in a log, as people read it.
+
+use std::fmt::{Display, Formatter, Result};
+
+use comfy_table::{Table, presets};
+use serde_json::Value;
+
+use super::{Info, Judged, State, TopicInfo};
+use command_line::terminal::printable;
+use metrics::tracker::Source;
+
+impl Display for State {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        formatter.pad(match self {
+            Self::Complete => "complete",
+            Self::Recovered => "recovered",
+            Self::Unclosed => "never closed, or still being written",
+            Self::Damaged => "damaged",
+        })
+    }
+}
+
+impl Display for Info {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        let Self { log, state, .. } = self;
+        writeln!(
+            formatter,
+            "{log}: {state}; {:.1} MB in {} chunks, compression {}, format {}",
+            self.bytes as f64 * 1e-6,
+            self.chunks,
+            self.compression,
+            self.format_version
+        )?;
+        if let Some(reason) = &self.reason {
+            writeln!(formatter, "{reason}")?;
+        }
+        match &self.recovery {
+            Some(recovery) if *state == State::Recovered => {
+                let source = printable(&recovery.source);
+                writeln!(formatter, "recovered from {source}: {recovery}")?;
+            }
+            Some(recovery) => writeln!(formatter, "a recovery would give: {recovery}")?,
+            None => {}
+        }
+        self.write_flight(formatter)?;
+        if let Some(judged) = &self.judged {
+            write_judged(formatter, judged)?;
+        }
+        if let Some(summary) = &self.summary {
+            write_summary(formatter, summary)?;
+        }
+        if let Some(host) = &self.host {
+            let state = if host.is_whole { "complete" } else { "not whole" };
+            let counts: Vec<_> = host
+                .samples
+                .iter()
+                .map(|(channel, count)| format!("{count} of {}", printable(channel)))
+                .collect();
+            writeln!(formatter, "{}: {state}; {}", host.log, counts.join(", "))?;
+        }
+        Ok(())
+    }
+}
+
+impl Info {
+    fn write_flight(&self, formatter: &mut Formatter<'_>) -> Result {
+        let scenario = &self.scenario;
+        writeln!(
+            formatter,
+            "\n{}\nseed {}, tick {} s, planned {} s",
+            printable(&scenario.description),
+            scenario.seed,
+            scenario.schedule.tick,
+            scenario.duration
+        )?;
+        if let (Some(first), Some(last)) = (self.first_tick, self.last_tick) {
+            writeln!(
+                formatter,
+                "{} samples of ticks {first} to {last} ({:.3} s)",
+                self.samples, self.seconds
+            )?;
+        }
+        writeln!(formatter, "\n{}", topic_table(&self.topics))?;
+        for fault in &self.faults {
+            writeln!(formatter, "planned fault {fault}")?;
+        }
+        Ok(())
+    }
+}
+
+fn topic_table(topics: &[TopicInfo]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        "topic",
+        "samples",
+        "rate, Hz",
+        "first tick",
+        "last tick",
+        "gaps",
+        "missing",
+    ]);
+    for topic in topics {
+        let rate = topic.rate.filter(|_| topic.samples > 2);
+        table.add_row([
+            topic.topic.to_owned(),
+            topic.samples.to_string(),
+            rate.map_or_else(String::new, |rate| format!("{rate:.3}")),
+            topic.first_tick.to_string(),
+            topic.last_tick.to_string(),
+            topic.gaps.to_string(),
+            topic.missing.to_string(),
+        ]);
+    }
+    table
+}
+
+/// How the vehicle was lost, as the log itself tells it, and how far from its path it was.
+fn write_judged(formatter: &mut Formatter<'_>, judged: &Judged) -> Result {
+    if let Some(loss) = &judged.lost {
+        writeln!(formatter, "\nLOST at {} s: {loss}", loss.time)?;
+    }
+    if let Some(metrics) = &judged.metrics {
+        let estimated = match judged.source {
+            Source::Truth => "",
+            Source::Estimate => ", as estimated",
+        };
+        writeln!(
+            formatter,
+            "distance from the path{estimated}: RMSE {:.3} cm, 95 % {:.3} cm, largest {:.3} cm at {:.3} s",
+            100.0 * metrics.rmse,
+            100.0 * metrics.p95,
+            100.0 * metrics.max,
+            metrics.time_of_max
+        )?;
+    }
+    Ok(())
+}
+
+/// The ends of the phases, compared with the theorem's bound where it applies.
+fn write_phases(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
+    for phase in summary["phases"].as_array().into_iter().flatten() {
+        let Some(ultimate) = phase["ultimate"].as_f64() else {
+            continue;
+        };
+        let bound = match phase["against_bound"].as_str() {
+            Some("within") => ", within the bound",
+            Some("near") => ", near the bound",
+            Some(_) => ", above the bound",
+            None => "",
+        };
+        let [begins, ends] = ["begins", "ends"].map(|key| phase[key].as_f64().unwrap_or(f64::NAN));
+        writeln!(
+            formatter,
+            "{begins} to {ends} s: at most {:.3} cm from the path in the end{bound}",
+            100.0 * ultimate
+        )?;
+    }
+    Ok(())
+}
+
+/// How the run went. An older program may have left a member out, which is then not shown.
+fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
+    let text = |value: &Value| printable(value.as_str().unwrap_or_default()).into_owned();
+    let list = |key: &str| summary[key].as_array().cloned().unwrap_or_default();
+    write!(
+        formatter,
+        "\nthe run: {} by {}",
+        text(&summary["outcome"]),
+        text(&summary["host"])
+    )?;
+    match text(&summary["reason"]) {
+        reason if reason.is_empty() => writeln!(formatter)?,
+        reason => writeln!(formatter, ": {reason}")?,
+    }
+    write_phases(formatter, summary)?;
+    for fault in list("faults") {
+        write!(formatter, "{}: ", text(&fault["fault"]))?;
+        match (fault["peak_error"].as_f64(), fault["back_after"].as_f64()) {
+            (Some(peak), Some(back)) => writeln!(
+                formatter,
+                "{peak:.4} m from the path at most, back after {back} s"
+            )?,
+            (Some(peak), None) => writeln!(
+                formatter,
+                "{peak:.4} m from the path at most, not seen to come back"
+            )?,
+            (None, _) => writeln!(formatter, "nothing is known of the distance from the path")?,
+        }
+    }
+    for rebirth in list("rebirths") {
+        let place = rebirth["tick"].as_u64().map_or_else(
+            || "before its first step".to_owned(),
+            |tick| format!("after tick {tick}"),
+        );
+        let lost = rebirth["lost_seconds"].as_f64().unwrap_or(f64::NAN);
+        writeln!(
+            formatter,
+            "{} was born again {place}, within {lost:.3} s",
+            text(&rebirth["service"])
+        )?;
+    }
+    Ok(())
+}

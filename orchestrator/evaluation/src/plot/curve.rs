@@ -1,0 +1,122 @@
+//! The distance from the path over time of one flight, as its log has it.
+
+use std::path::{Path, PathBuf};
+
+use shared_types::scenario::Scenario;
+use shared_types::service::seconds;
+
+use super::downsample::Extremes;
+use super::{COLUMNS, FLOOR, PlotError};
+use metrics::tracker::{Moment, Source, Tracker};
+use run_log::LogReader;
+
+/// Which part of a flight is drawn, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Span {
+    /// From when; from the start unless stated.
+    pub from: Option<f64>,
+    /// Until when; to the end unless stated.
+    pub to: Option<f64>,
+}
+
+impl Span {
+    /// Begin and end of what is drawn of a flight of this length, s.
+    pub(super) fn within(self, duration: f64) -> [f64; 2] {
+        let to = self.to.unwrap_or(duration).min(duration);
+        [self.from.unwrap_or(0.0).min(to), to]
+    }
+}
+
+/// The distance from the path over time of one flight.
+pub(super) struct Curve {
+    pub(super) label: String,
+    pub(super) scenario: Scenario,
+    pub(super) source: Source,
+    /// Parts that are drawn in one go: between them nothing was to be followed.
+    pub(super) stretches: Vec<Vec<(f64, f64)>>,
+}
+
+impl Curve {
+    /// Reads the curve from a log.
+    ///
+    /// # Errors
+    /// [`PlotError`] if the log cannot be read or holds nothing to draw.
+    pub(super) fn read(log: &Path, span: Span) -> Result<Self, PlotError> {
+        let mut reader = LogReader::open(log)?;
+        let scenario = reader.manifest().scenario.clone();
+        let schedule = scenario.schedule().map_err(|problems| PlotError::Scenario {
+            path: log.to_owned(),
+            reason: format!("{problems:?}"),
+        })?;
+        let mut tracker = Tracker::new(&schedule, scenario.flight.is_some());
+        let mut pen = Pen::new(span.within(scenario.duration));
+        tracker.follow(&mut reader, |moment| pen.draw(moment))?;
+        let stretches = pen.finish();
+        if stretches.is_empty() {
+            return Err(PlotError::Empty(log.to_owned()));
+        }
+        Ok(Self {
+            label: label(log),
+            scenario,
+            source: tracker.source(),
+            stretches,
+        })
+    }
+}
+
+/// Draws stretch after stretch.
+struct Pen {
+    span: [f64; 2],
+    current: Option<Extremes>,
+    stretches: Vec<Vec<(f64, f64)>>,
+}
+
+impl Pen {
+    fn new(span: [f64; 2]) -> Self {
+        Self {
+            span,
+            current: None,
+            stretches: Vec::new(),
+        }
+    }
+
+    fn draw(&mut self, moment: &Moment) {
+        let [from, to] = self.span;
+        let time = seconds(moment.vehicle.time_ns);
+        match moment.distance.filter(|_| (from..=to).contains(&time)) {
+            Some(distance) => self
+                .current
+                .get_or_insert_with(|| Extremes::new(to - from, COLUMNS))
+                .add(time, distance.max(FLOOR)),
+            None => self.lift(),
+        }
+    }
+
+    fn lift(&mut self) {
+        self.stretches.extend(self.current.take().map(Extremes::finish));
+    }
+
+    fn finish(mut self) -> Vec<Vec<(f64, f64)>> {
+        self.lift();
+        self.stretches
+    }
+}
+
+/// What a log is called in a legend: its folder, which tells runs apart, or its own name.
+pub(crate) fn label(log: &Path) -> String {
+    let folder = log.parent().and_then(Path::file_name);
+    let name = if log.file_name().is_some_and(|name| name == "run.mcap") {
+        folder
+    } else {
+        None
+    };
+    name.or(log.file_stem())
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
+}
+
+/// Reads the curves of several logs.
+pub(super) fn read_all(logs: &[PathBuf], span: Span) -> Result<Vec<Curve>, PlotError> {
+    logs.iter().map(|log| Curve::read(log, span)).collect()
+}

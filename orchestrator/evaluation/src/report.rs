@@ -1,0 +1,110 @@
+//! Flights as one page that needs nothing but a browser, and as the paper's figures.
+//!
+//! * `flight`: what is shown of a log, gathered in one pass: `channels` over time in `table`s, the way
+//!   through space, `marks`;
+//! * `latency`: how the services kept time, of a flight in real time;
+//! * `panels`: what is drawn beside what;
+//! * `figures`: the paper's figures that a log has;
+//! * `page`, `encoding`: all of it in one HTML file, which draws it (`report/assets`).
+//!
+//! Failure policy: of a log that breaks off, what is whole is shown, and the page says so. A log of which nothing can be
+//! read is an error.
+
+mod channels;
+mod encoding;
+mod figures;
+mod flight;
+mod latency;
+mod marks;
+mod page;
+mod panels;
+mod run_facts;
+mod table;
+mod track;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use flight::Flight;
+use run_log::LogReadError;
+
+/// Name of the page.
+pub const PAGE: &str = "report.html";
+
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// A log cannot be read.
+    #[error(transparent)]
+    Read(#[from] LogReadError),
+    /// A log cannot be understood.
+    #[error("the scenario of the log {} makes no schedule: {reason}; use the program that wrote it", .path.display())]
+    Scenario {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// A log has nothing to show.
+    #[error("the log {} holds no sample: nothing to show", .0.display())]
+    Empty(PathBuf),
+    /// A file cannot be written.
+    #[error("cannot write {}: {source}; choose a folder that you may write to with `-o`", .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Written {
+    /// The page.
+    pub page: PathBuf,
+    /// The figures beside it.
+    pub figures: Vec<PathBuf>,
+    /// Logs of which only a part is whole, with why.
+    pub broken: Vec<String>,
+}
+
+/// Reads the logs and writes page and figures into the folder `out`, which is made if there is none.
+///
+/// # Errors
+/// [`ReportError`].
+pub fn write(logs: &[PathBuf], out: &Path) -> Result<Written, ReportError> {
+    let flights: Vec<Flight> = logs
+        .iter()
+        .map(|log| Flight::read(log, table::buckets(logs.len())))
+        .collect::<Result<_, _>>()?;
+    let figures = figures::drawn(&flights);
+    let page = write_file(out, PAGE, &page::html(&flights, &figures))?;
+    let figures = figures
+        .iter()
+        .map(|figure| write_file(out, figure.file, &figure.svg))
+        .collect::<Result<_, _>>()?;
+    Ok(Written {
+        page,
+        figures,
+        broken: flights.into_iter().filter_map(|flight| flight.broken).collect(),
+    })
+}
+
+/// Reads a log and writes its page alone into the folder `out`, for whoever has drawn the figures already.
+///
+/// # Errors
+/// [`ReportError`].
+pub fn write_page(log: &Path, out: &Path) -> Result<PathBuf, ReportError> {
+    let flight = Flight::read(log, table::buckets(1))?;
+    write_file(out, PAGE, &page::html(&[flight], &[]))
+}
+
+fn write_file(folder: &Path, name: &str, text: &str) -> Result<PathBuf, ReportError> {
+    let path = folder.join(name);
+    let written = fs::create_dir_all(folder).and_then(|()| fs::write(&path, text));
+    match written {
+        Ok(()) => Ok(path),
+        Err(source) => Err(ReportError::Write { path, source }),
+    }
+}

@@ -1,0 +1,104 @@
+//! How the services kept time, of a flight in real time: histograms of what `host.mcap` tells of every step.
+
+use std::path::Path;
+
+use serde::Serialize;
+use shared_types::{Schedule, ServiceId};
+
+use run_log::{HostReader, host_log_beside};
+
+/// Edges of the bins in a decade.
+const EDGES: [u64; 10] = [100, 126, 158, 200, 251, 316, 398, 501, 631, 794];
+
+/// Decades from 100 ns on.
+const DECADES: u32 = 7;
+
+/// A histogram of times.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Histogram {
+    /// Name of the service.
+    service: &'static str,
+    /// What was measured.
+    what: &'static str,
+    /// Lower edges of the bins, s; the last one has no upper edge, and the first no lower one.
+    edges: Vec<f64>,
+    /// Times in each bin.
+    counts: Vec<u64>,
+}
+
+impl Histogram {
+    fn new(service: ServiceId, what: &'static str) -> Self {
+        let edges: Vec<f64> = edges().map(|edge| edge as f64 / 1e9).collect();
+        Self {
+            service: service.name(),
+            what,
+            counts: vec![0; edges.len()],
+            edges,
+        }
+    }
+
+    fn count(&mut self, time_ns: u64) {
+        let above = edges().take_while(|&edge| edge <= time_ns).count();
+        self.counts[above.saturating_sub(1)] += 1;
+    }
+
+    fn is_empty(&self) -> bool {
+        self.counts.iter().all(|&count| count == 0)
+    }
+}
+
+/// Edges of all bins, ns.
+fn edges() -> impl Iterator<Item = u64> {
+    (0..DECADES).flat_map(|decade| EDGES.map(|edge| edge * 10_u64.pow(decade)))
+}
+
+/// How late steps began and how long they took, of each service; none of a flight in simulated time, or if what is
+/// beside the log cannot be read.
+pub(super) fn histograms(log: &Path, schedule: &Schedule) -> Vec<Histogram> {
+    let steps = host_log_beside(log).and_then(|path| HostReader::open(&path).ok());
+    let mut late = ServiceId::ALL.map(|service| Histogram::new(service, "step began after its tick"));
+    let mut long = ServiceId::ALL.map(|service| Histogram::new(service, "step took"));
+    for (service, step) in steps
+        .into_iter()
+        .flat_map(HostReader::steps)
+        .map_while(Result::ok)
+    {
+        late[service.index()].count(step.began_ns.saturating_sub(schedule.time_ns(step.tick)));
+        // Of a step in which a process died nobody knows how long it took.
+        if step.published_ns != 0 {
+            long[service.index()].count(step.published_ns.saturating_sub(step.began_ns));
+        }
+    }
+    let pairs = late.into_iter().zip(long);
+    let mut histograms: Vec<_> = pairs.flat_map(|(late, long)| [late, long]).collect();
+    histograms.retain(|histogram| !histogram.is_empty());
+    histograms
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_time_is_counted_in_the_bin_that_holds_it() {
+        let mut histogram = Histogram::new(ServiceId::ALL[0], "step took");
+        assert!(histogram.is_empty() && histogram.edges.is_sorted());
+        for time_ns in [0, 100, 125, 126, 999_999, 1_000_000, u64::MAX] {
+            histogram.count(time_ns);
+        }
+        assert_eq!(histogram.counts[..2], [3, 1]);
+        let millisecond = histogram.edges.iter().position(|&edge| edge >= 1e-3).unwrap();
+        assert_eq!(histogram.counts[millisecond - 1..=millisecond], [1, 1]);
+        assert_eq!(histogram.counts.last(), Some(&1));
+    }
+
+    #[test]
+    fn a_flight_without_a_record_of_the_machine_has_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let schedule = Schedule::ideal(1_000_000, 10);
+        let log = folder.path().join("run.mcap");
+        assert_eq!(histograms(&log, &schedule), []);
+        std::fs::write(folder.path().join("host.mcap"), "no log").unwrap();
+        assert_eq!(histograms(&log, &schedule), []);
+    }
+}

@@ -1,0 +1,272 @@
+//! What happened when: what the scenario plans, and what the samples tell of the services.
+
+use serde::Serialize;
+use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, RunEvent};
+use shared_types::scenario::Scenario;
+use shared_types::service::{header_of, seconds};
+use shared_types::{FlightPhase, Topic};
+
+use metrics::read;
+
+/// Most marks of a flight: more cannot be told apart.
+const MOST_MARKS: usize = 300;
+
+/// Something that happened at a moment.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Mark {
+    /// When, s.
+    pub(super) time: f64,
+    pub(super) kind: MarkKind,
+    /// What, in words.
+    pub(super) text: String,
+}
+
+/// Who tells of a mark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum MarkKind {
+    /// The scenario planned it.
+    Event,
+    /// A planned fault begins or ends.
+    Fault,
+    /// A phase of the flight begins.
+    Phase,
+    /// A service turned to something safer, or back.
+    Safety,
+}
+
+/// Something planned that lasts: a fault, or a while in which the cameras do not see what is there.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Span {
+    /// From when, s.
+    from: f64,
+    /// Until when, s; to the end of the flight unless stated.
+    to: Option<f64>,
+    /// What, in words.
+    text: String,
+}
+
+/// What a scenario plans that lasts.
+pub(super) fn spans(scenario: &Scenario) -> Vec<Span> {
+    let span = |from: f64, lasts: Option<f64>, text: String| Span {
+        from,
+        to: lasts.map(|lasts| from + lasts),
+        text,
+    };
+    let faults = scenario.fault.iter();
+    let faults = faults.map(|fault| span(fault.at, fault.lasts, fault.to_string()));
+    let cameras = scenario.cameras.iter();
+    let unseen = cameras.flat_map(|cameras| {
+        let hidden = cameras
+            .occlusion
+            .iter()
+            .map(|hidden| (hidden.at, hidden.lasts, "the vehicle is hidden from the cameras"));
+        let swapped = cameras
+            .marker_swap
+            .iter()
+            .map(|swap| (swap.at, swap.lasts, "the cameras take markers for others"));
+        hidden.chain(swapped)
+    });
+    faults
+        .chain(unseen.map(|(from, lasts, text)| span(from, Some(lasts), text.to_owned())))
+        .collect()
+}
+
+/// What a scenario plans at a moment without an event that tells of it.
+fn untold(scenario: &Scenario) -> impl Iterator<Item = Mark> {
+    let fan = scenario.vehicle.fan.iter().flat_map(|fan| {
+        let on = std::iter::once((fan.on_at, "the fan is switched on".to_owned()));
+        let off = fan.off_at.map(|at| (at, "the fan is switched off".to_owned()));
+        let moves = fan.moves.iter().map(|to| {
+            let [x, y, z] = to.position;
+            (to.at, format!("the fan is at [{x}, {y}, {z}] m"))
+        });
+        on.chain(off).chain(moves)
+    });
+    let steps = scenario.path.yaw_step.iter();
+    let steps = steps.map(|step| (step.at, format!("ψd steps to {} rad", step.yaw)));
+    fan.chain(steps).map(|(time, text)| Mark {
+        time,
+        kind: MarkKind::Event,
+        text,
+    })
+}
+
+/// Gathers the marks of a flight.
+#[derive(Default)]
+pub(super) struct Marks {
+    marks: Vec<Mark>,
+    phase: Option<FlightPhase>,
+    stage: Option<u8>,
+    link: Option<Link>,
+}
+
+/// How the transmitter is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Link {
+    failsafe: bool,
+    action: u8,
+}
+
+impl Marks {
+    /// Takes a sample into account.
+    pub(super) fn observe(&mut self, topic: Topic, bytes: &[u8]) {
+        let found = match topic {
+            Topic::RunEvent => planned(&read(bytes)),
+            Topic::PathReference => self.phase_begins(&read(bytes)),
+            Topic::ControlAdaptation => self.stage_changes(&read(bytes)),
+            Topic::RcFrame => self.link_changes(&read(bytes)),
+            _ => None,
+        };
+        if let Some((kind, text)) = found
+            && self.marks.len() < MOST_MARKS
+        {
+            let time = seconds(header_of(bytes).stamp_ns);
+            self.marks.push(Mark { time, kind, text });
+        }
+    }
+
+    /// All of them up to a time, with those that only the scenario tells of, in the order of time.
+    pub(super) fn finish(self, scenario: &Scenario, flown: f64) -> Vec<Mark> {
+        let mut marks = self.marks;
+        marks.extend(untold(scenario).filter(|mark| mark.time <= flown));
+        marks.sort_by(|left, right| left.time.total_cmp(&right.time));
+        marks
+    }
+
+    /// A flight without phases is in one all the time.
+    fn phase_begins(&mut self, reference: &PathReference) -> Option<(MarkKind, String)> {
+        let phase = FlightPhase::from_code(reference.phase);
+        let before = self.phase.replace(phase)?;
+        (before != phase).then(|| (MarkKind::Phase, format!("phase: {}", phase.name())))
+    }
+
+    fn stage_changes(&mut self, adaptation: &ControlAdaptation) -> Option<(MarkKind, String)> {
+        let before = self.stage.replace(adaptation.stage)?;
+        let what = match adaptation.stage {
+            ControlAdaptation::STAGE_LAW => "follows its law again",
+            ControlAdaptation::STAGE_HOLD => "holds its last command",
+            ControlAdaptation::STAGE_LEVEL => "levels the vehicle",
+            ControlAdaptation::STAGE_DESCEND => "lets the vehicle descend",
+            _ => "asks for the failsafe",
+        };
+        (before != adaptation.stage).then(|| (MarkKind::Safety, format!("the controller {what}")))
+    }
+
+    fn link_changes(&mut self, frame: &RcFrame) -> Option<(MarkKind, String)> {
+        let link = Link {
+            failsafe: frame.failsafe.is_set(),
+            action: frame.action,
+        };
+        let before = self.link.replace(link)?;
+        let what = if link.failsafe != before.failsafe {
+            if link.failsafe {
+                "lets the motors rest"
+            } else {
+                "sends commands again"
+            }
+        } else if link.action != before.action {
+            match link.action {
+                RcFrame::ACTION_NONE => "finds the vehicle inside its envelope again",
+                RcFrame::ACTION_WARN => "warns of a limit of the envelope",
+                RcFrame::ACTION_LAND => "demands that the vehicle lands",
+                _ => "lets the motors rest for ever",
+            }
+        } else {
+            return None;
+        };
+        Some((MarkKind::Safety, format!("the transmitter {what}")))
+    }
+}
+
+/// What the scenario plans; begin and end of a flight are seen anyway.
+fn planned(event: &RunEvent) -> Option<(MarkKind, String)> {
+    let kind = match event.kind {
+        RunEvent::KIND_FLIGHT_STARTS | RunEvent::KIND_FLIGHT_ENDS => return None,
+        RunEvent::KIND_OUTAGE_BEGINS
+        | RunEvent::KIND_OUTAGE_ENDS
+        | RunEvent::KIND_EDGE_FAULT_BEGINS
+        | RunEvent::KIND_EDGE_FAULT_ENDS => MarkKind::Fault,
+        _ => MarkKind::Event,
+    };
+    Some((kind, event.words().into_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use run_log::test_flight::scenario;
+    use shared_types::scenario::{Occlusion, YawStep};
+    use zerocopy::{FromZeros, IntoBytes};
+
+    fn event(kind: u32, text: &str) -> RunEvent {
+        let mut event = RunEvent::new_zeroed();
+        event.kind = kind;
+        event.header.stamp_ns = 2_500_000_000;
+        event.text[..text.len()].copy_from_slice(text.as_bytes());
+        event.text_length = text.len() as u32;
+        event
+    }
+
+    #[test]
+    fn what_is_planned_is_told_in_its_own_words() {
+        let mut marks = Marks::default();
+        marks.observe(
+            Topic::RunEvent,
+            event(RunEvent::KIND_FLIGHT_STARTS, "starts").as_bytes(),
+        );
+        marks.observe(
+            Topic::RunEvent,
+            event(RunEvent::KIND_VEHICLE_CHANGES, "heavier").as_bytes(),
+        );
+        let expected = Mark {
+            time: 2.5,
+            kind: MarkKind::Event,
+            text: "heavier".to_owned(),
+        };
+        assert_eq!(marks.finish(&scenario(0.01, 5.0), 5.0), [expected]);
+    }
+
+    #[test]
+    fn what_no_sample_tells_is_marked_as_far_as_it_was_flown() {
+        let mut scenario = scenario(0.01, 5.0);
+        scenario.path.yaw_step = [1.0, 4.0].map(|at| YawStep { at, yaw: 0.5 }).into();
+        scenario.cameras.get_or_insert_default().occlusion = vec![Occlusion { at: 2.0, lasts: 0.5 }];
+        let marks = Marks::default().finish(&scenario, 3.0);
+        assert_eq!(marks.len(), 1);
+        assert_eq!(
+            (marks[0].time, marks[0].text.as_str()),
+            (1.0, "ψd steps to 0.5 rad")
+        );
+        let [span] = &spans(&scenario)[..] else {
+            panic!("only the cameras do not see");
+        };
+        assert_eq!((span.from, span.to), (2.0, Some(2.5)));
+    }
+
+    #[test]
+    fn a_text_that_lies_about_its_length_is_read_all_the_same() {
+        let mut event = event(RunEvent::KIND_OUTAGE_BEGINS, "off");
+        event.text_length = u32::MAX;
+        let (kind, text) = planned(&event).unwrap();
+        assert_eq!(kind, MarkKind::Fault);
+        assert!(text.starts_with("off"));
+    }
+
+    #[test]
+    fn only_what_changes_is_marked_and_not_without_end() {
+        let mut marks = Marks::default();
+        for step in 0..10_000u32 {
+            let mut adaptation = ControlAdaptation::new_zeroed();
+            adaptation.stage = if step < 10 {
+                ControlAdaptation::STAGE_LAW
+            } else {
+                (step % 2) as u8
+            };
+            marks.observe(Topic::ControlAdaptation, adaptation.as_bytes());
+        }
+        let marks = marks.finish(&scenario(0.01, 5.0), 5.0);
+        assert_eq!(marks.len(), MOST_MARKS);
+        assert_eq!(marks[0].text, "the controller holds its last command");
+    }
+}

@@ -1,0 +1,233 @@
+//! The flights to be flown: a scenario, what is changed of it, the laboratory and the seed.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use shared_types::scenario::Scenario;
+
+use super::column::Column;
+use super::measure::{Measured, Meter};
+use super::parallel;
+use command_line::interrupt::Interrupt;
+use scenario_file::ScenarioError;
+use supervisor::{Outcome, in_process};
+
+/// Least way of γ in the judged part of a flight, as a share of vd times its length: a path that waits would
+/// make every error small.
+pub const LEAST_PROGRESS: f64 = 0.95;
+
+/// A committed scenario, as it was when the program was built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Source {
+    /// Its file's name, without the extension.
+    pub name: &'static str,
+    text: &'static str,
+}
+
+macro_rules! sources {
+    ($($constant:ident = $name:literal),+ $(,)?) => {
+        impl Source {
+            $(
+                #[doc = concat!("`scenarios/", $name, ".toml`.")]
+                pub const $constant: Self = Self {
+                    name: $name,
+                    text: include_str!(concat!("../../../../scenarios/", $name, ".toml")),
+                };
+            )+
+        }
+    };
+}
+
+sources! {
+    FIG1 = "fig1",
+    FIG2_NEAR = "fig2_near",
+    FIG2_MIDDLE = "fig2_middle",
+    FIG2_FAR = "fig2_far",
+    FIG3_6 = "fig3_6",
+    FIG7 = "fig7",
+    FIG8 = "fig8",
+    FIG9 = "fig9",
+    FIG10 = "fig10",
+    FIG11 = "fig11",
+    TRAJECTORY_TRACKING = "trajectory_tracking",
+}
+
+impl Source {
+    /// The scenario with these settings and this seed.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] if a setting does not fit.
+    pub fn load(&self, settings: &[String], seed: u64) -> Result<Scenario, ScenarioError> {
+        let path = Path::new("scenarios").join(self.name).with_extension("toml");
+        scenario_file::load_text(&path, self.text, settings, Some(seed))
+    }
+}
+
+/// A flight but for laboratory and seed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recipe {
+    /// What the flight is called; equal names are equal flights.
+    pub name: String,
+    /// The scenario.
+    pub source: Source,
+    /// What is changed of it.
+    pub settings: Vec<String>,
+}
+
+impl Recipe {
+    /// A scenario as it stands.
+    #[must_use]
+    pub fn plain(source: Source) -> Self {
+        Self::changed(source.name, source, &[])
+    }
+
+    /// A scenario with changes, under another name.
+    #[must_use]
+    pub fn changed(name: impl Into<String>, source: Source, settings: &[&str]) -> Self {
+        Self {
+            name: name.into(),
+            source,
+            settings: settings.iter().map(|&setting| setting.to_owned()).collect(),
+        }
+    }
+
+    /// The scenario of this flight in a laboratory.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] if a setting does not fit.
+    pub fn load(&self, column: Column, seed: u64) -> Result<Scenario, ScenarioError> {
+        let stated = self.source.load(&self.settings, seed)?;
+        let mut settings = self.settings.clone();
+        settings.extend(column.settings(&stated));
+        self.source.load(&settings, seed)
+    }
+}
+
+/// A flight to be flown.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// What it is called among the flights of its laboratory and seed.
+    pub name: String,
+    /// The laboratory.
+    pub column: Column,
+    /// What to fly, the seed with it.
+    pub scenario: Scenario,
+}
+
+/// What all flights came to, or why one came to nothing.
+#[derive(Debug, Default)]
+pub struct Logbook(BTreeMap<(Column, u64, String), Result<Measured, String>>);
+
+impl Logbook {
+    /// Flies all jobs on so many threads, and calls `flown` after each.
+    ///
+    /// Every flight is a function of its scenario alone; neither the number of threads nor the order matters.
+    pub fn fly(jobs: &[Job], threads: usize, interrupt: &Interrupt, flown: impl Fn() + Sync) -> Self {
+        let results = parallel::map(jobs, threads, |job| {
+            let result = measure(&job.scenario, interrupt);
+            flown();
+            result
+        });
+        let entries = jobs
+            .iter()
+            .zip(results)
+            .map(|(job, result)| ((job.column, job.scenario.seed, job.name.clone()), result));
+        Self(entries.collect())
+    }
+
+    /// The flights of a laboratory and a seed.
+    #[must_use]
+    pub fn flown(&self, column: Column, seed: u64) -> Flown<'_> {
+        Flown {
+            logbook: self,
+            column,
+            seed,
+        }
+    }
+}
+
+/// The flights of one laboratory and one seed.
+#[derive(Clone, Copy, Debug)]
+pub struct Flown<'a> {
+    logbook: &'a Logbook,
+    column: Column,
+    seed: u64,
+}
+
+impl Flown<'_> {
+    /// What the flight of a name came to.
+    ///
+    /// # Errors
+    /// Why it came to nothing, in words.
+    pub fn of(&self, name: &str) -> Result<&Measured, String> {
+        let key = (self.column, self.seed, name.to_owned());
+        match self.logbook.0.get(&key) {
+            Some(Ok(measured)) => Ok(measured),
+            Some(Err(reason)) => Err(format!("seed {}, {name}: {reason}", self.seed)),
+            None => Err(format!("seed {}, {name}: not flown", self.seed)),
+        }
+    }
+}
+
+/// Flies and measures a scenario.
+fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, String> {
+    let schedule = supervisor::schedule_of(scenario).map_err(|failure| failure.to_string())?;
+    let mut meter = Meter::new(scenario, &schedule);
+    let ending = in_process::fly(scenario, &mut meter, interrupt).map_err(|failure| failure.to_string())?;
+    match ending.outcome {
+        Outcome::Completed => {}
+        Outcome::Interrupted { signal } => return Err(format!("ended by signal {signal}")),
+        Outcome::Failed(failure) => return Err(failure.to_string()),
+    }
+    let measured = meter
+        .finish()
+        .map_err(|loss| format!("the vehicle was lost at {} s: {loss}", loss.time))?;
+    if measured.progress >= LEAST_PROGRESS {
+        Ok(measured)
+    } else {
+        let percent = 100.0 * measured.progress;
+        Err(format!("the path came only {percent:.0} % of its way"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn jobs() -> Vec<Job> {
+        let short = ["duration=3.0", "vehicle.change=[]", "path.initial_gamma_dot=1.0"];
+        let recipe = Recipe::changed("short", Source::FIG3_6, &short);
+        [1, 2, 3]
+            .map(|seed| Job {
+                name: recipe.name.clone(),
+                column: Column::Baseline,
+                scenario: recipe.load(Column::Baseline, seed).unwrap(),
+            })
+            .into()
+    }
+
+    #[test]
+    fn what_flights_come_to_does_not_depend_on_the_number_of_threads() {
+        let jobs = jobs();
+        let one = Logbook::fly(&jobs, 1, &Interrupt::never(), || ());
+        let three = Logbook::fly(&jobs, 3, &Interrupt::never(), || ());
+        assert_eq!(one.0, three.0);
+        assert_eq!(one.0.len(), jobs.len());
+    }
+
+    #[test]
+    fn a_flight_that_was_not_flown_says_so() {
+        let logbook = Logbook::default();
+        let reason = logbook.flown(Column::Baseline, 7).of("fig9").unwrap_err();
+        assert_eq!(reason, "seed 7, fig9: not flown");
+    }
+
+    #[test]
+    fn a_path_that_waits_is_not_a_good_flight() {
+        // The vehicle is 50 m away at first and needs most of the flight to come near.
+        let recipe = Recipe::changed("far", Source::FIG2_FAR, &["duration=21.0", "vehicle.change=[]"]);
+        let scenario = recipe.load(Column::Baseline, 1).unwrap();
+        let reason = measure(&scenario, &Interrupt::never()).unwrap_err();
+        assert!(reason.contains("% of its way"), "{reason}");
+    }
+}

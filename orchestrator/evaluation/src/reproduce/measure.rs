@@ -1,0 +1,225 @@
+//! What a flight came to, measured while it flies, in fixed memory and against the truth.
+//!
+//! The error is the distance from the path of [`metrics`](metrics) at every tick. The controller's own z1 is not used:
+//! it rests on an estimated position.
+
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+
+use controller::yaw::shorter_way;
+use nalgebra::Vector3;
+use runtime::in_process::TickSink;
+use shared_types::rotation::{from_row_major, roll_pitch_yaw};
+use shared_types::samples::{ControlAdaptation, RcFrame, VehicleTruth};
+use shared_types::scenario::Scenario;
+use shared_types::{Schedule, Topic};
+
+use super::latest::{Known, Latest};
+use super::windows::{JUDGED, Windows};
+use metrics::loss::{Loss, LossWatch};
+use metrics::path_clock::Demand;
+use metrics::read;
+use metrics::statistics::Statistics;
+use metrics::tracker::Source;
+
+/// What a flight came to; SI units.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// ‖p − pd(γ)‖ in the judged part, m.
+    pub error: Statistics,
+    /// The same before the first event, m.
+    pub error_before: Statistics,
+    /// The same in the last seconds, m.
+    pub error_ultimate: Statistics,
+    /// The same from the first event to the judged part, m.
+    pub error_transient: Statistics,
+    /// The same while the yaw is on its way after a step, m.
+    pub error_while_yawing: Statistics,
+    /// The same in all of the flight, m.
+    pub error_ever: Statistics,
+    /// Way of γ in the judged part, as a share of vd times its length.
+    pub progress: f64,
+    /// ψ − ψd where the yaw has had time to settle, rad.
+    pub yaw_error: Statistics,
+    /// Roll in the averaged part, rad.
+    pub roll: Statistics,
+    /// True b in {I} in the averaged part, by components, m/s².
+    pub disturbance: [Statistics; 3],
+    /// π(b̂) in the averaged part, by components, m/s².
+    pub disturbance_estimate: [Statistics; 3],
+    /// m̂ in the judged part, kg.
+    pub mass_estimate: Statistics,
+    /// m̂ − m in the judged part, kg.
+    pub mass_error: Statistics,
+    /// The same of the observer that flies along, kg; nothing where there is none.
+    pub observer_mass_error: Statistics,
+    /// The vehicle's thrust in all of the flight, N.
+    pub thrust: Statistics,
+    /// ‖ω‖ of the vehicle in all of the flight, rad/s.
+    pub rate_ever: Statistics,
+    /// ‖ω‖ of the vehicle in the judged part, rad/s.
+    pub rate: Statistics,
+    /// Frames in which a limit of the radio link changed what the controller asked for.
+    pub saturated_frames: u64,
+}
+
+/// Measures a flight.
+#[derive(Clone, Debug)]
+pub struct Meter {
+    windows: Windows,
+    /// Way of γ in the judged part if the path never waits.
+    nominal_way: f64,
+    latest: Latest,
+    loss: LossWatch,
+    has_observer: bool,
+    /// γ at the first and the last judged tick.
+    judged_gamma: Option<(f64, f64)>,
+    measured: Measured,
+}
+
+impl Meter {
+    /// For a flight of `scenario`, whose schedule is `schedule`.
+    #[must_use]
+    pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
+        Self {
+            windows: Windows::new(scenario),
+            nominal_way: scenario.path.speed * JUDGED.min(scenario.duration),
+            latest: Latest::new(schedule, scenario.flight.is_some()),
+            loss: LossWatch::new(scenario, Source::of(schedule)),
+            has_observer: scenario.controller.observer_gain.is_some(),
+            judged_gamma: None,
+            measured: Measured::default(),
+        }
+    }
+
+    /// What the flight came to.
+    ///
+    /// # Errors
+    /// How the vehicle was lost, if it was.
+    pub fn finish(mut self) -> Result<Measured, Loss> {
+        if let Some(known) = self.latest.last() {
+            self.observe(&known);
+        }
+        if let Some(loss) = self.loss.loss() {
+            return Err(loss.clone());
+        }
+        let way = self.judged_gamma.map_or(f64::NAN, |(first, last)| last - first);
+        Ok(Measured {
+            progress: way / self.nominal_way,
+            ..self.measured
+        })
+    }
+
+    /// Takes into account what is known of a moment.
+    fn observe(&mut self, known: &Known) {
+        let Known {
+            moment,
+            truth,
+            adaptation,
+        } = known;
+        let tick = moment.vehicle.tick;
+        self.loss.observe(moment);
+        self.watch(tick, truth);
+        if let (Some(demand), Some(error)) = (&moment.path, moment.distance) {
+            self.compare(tick, truth, demand, error);
+        }
+        if let Some(adaptation) = adaptation {
+            self.compare_estimates(tick, truth, adaptation);
+        }
+    }
+
+    /// Compares the truth of a tick with what the path asked for then, from which it is `error` (m) away.
+    fn compare(&mut self, tick: u64, truth: &VehicleTruth, demand: &Demand, error: f64) {
+        let [_, _, yaw] = roll_pitch_yaw(&from_row_major(&truth.world_from_body));
+        let (windows, measured) = (&self.windows, &mut self.measured);
+
+        measured.error_ever.add(error);
+        if windows.judged.contains(&tick) {
+            measured.error.add(error);
+            let first = self.judged_gamma.map_or(demand.gamma, |(first, _)| first);
+            self.judged_gamma = Some((first, demand.gamma));
+        }
+        if windows.ultimate.contains(&tick) {
+            measured.error_ultimate.add(error);
+        }
+        if windows.before.as_ref().is_some_and(|part| part.contains(&tick)) {
+            measured.error_before.add(error);
+        }
+        if windows
+            .transient
+            .as_ref()
+            .is_some_and(|part| part.contains(&tick))
+        {
+            measured.error_transient.add(error);
+        }
+        if windows.yaw_is_stepping(tick) {
+            measured.error_while_yawing.add(error);
+        }
+        if windows.yaw_is_steady(tick) {
+            measured.yaw_error.add(shorter_way(yaw - demand.yaw));
+        }
+    }
+
+    /// Looks at what the vehicle does, whatever the path asks for.
+    fn watch(&mut self, tick: u64, truth: &VehicleTruth) {
+        let (windows, measured) = (&self.windows, &mut self.measured);
+        let rate = Vector3::from(truth.angular_velocity_body).norm();
+        measured.thrust.add(truth.thrust);
+        measured.rate_ever.add(rate);
+        if windows.judged.contains(&tick) {
+            measured.rate.add(rate);
+        }
+        if windows.averaged.contains(&tick) {
+            let [roll, ..] = roll_pitch_yaw(&from_row_major(&truth.world_from_body));
+            measured.roll.add(roll);
+            add_each(&mut measured.disturbance, &truth.disturbance_world);
+        }
+    }
+
+    /// Compares what the controller believes with the truth of a tick.
+    fn compare_estimates(&mut self, tick: u64, truth: &VehicleTruth, adaptation: &ControlAdaptation) {
+        let (windows, measured) = (&self.windows, &mut self.measured);
+        if windows.judged.contains(&tick) {
+            measured.mass_estimate.add(adaptation.mass_estimate);
+            measured.mass_error.add(adaptation.mass_estimate - truth.mass);
+            if self.has_observer {
+                let error = adaptation.observer_mass_estimate - truth.mass;
+                measured.observer_mass_error.add(error);
+            }
+        }
+        if windows.averaged.contains(&tick) {
+            let estimate = &adaptation.disturbance_projected_world;
+            add_each(&mut measured.disturbance_estimate, estimate);
+        }
+    }
+}
+
+impl TickSink for Meter {
+    type Error = Infallible;
+
+    #[inline]
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        if let Some(known) = self.latest.observe(topic, bytes) {
+            self.observe(&known);
+        }
+        if topic == Topic::RcFrame {
+            let is_saturated = read::<RcFrame>(bytes).saturated.is_set();
+            self.measured.saturated_frames += u64::from(is_saturated);
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+fn add_each(statistics: &mut [Statistics; 3], values: &[f64; 3]) {
+    for (statistics, value) in statistics.iter_mut().zip(values) {
+        statistics.add(*value);
+    }
+}
+
+#[cfg(test)]
+mod tests;

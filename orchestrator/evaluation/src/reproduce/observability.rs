@@ -1,0 +1,109 @@
+//! What the mass estimate can know: its error over prior, vertical wind and what is flown.
+//!
+//! In hover only −η T + bz can be seen. A wrong prior stays, and a wind is shared between η̂ and b̂z by their
+//! adaptation gains. What makes the thrust change tells the two apart.
+
+use serde::Serialize;
+
+use super::column::Column;
+use super::figures::fig10::{Cell, CellCurve, PRIOR_ERROR, WINDS};
+use super::flight::{Logbook, Recipe};
+use super::row::median;
+use metrics::statistics::Statistics;
+
+/// How many of the seeds are flown for it.
+const SEEDS: usize = 5;
+
+/// The table.
+#[derive(Clone, Debug, Serialize)]
+pub struct Observability {
+    /// The seeds flown, in the baseline laboratory.
+    pub seeds: Vec<u64>,
+    /// Its lines.
+    pub lines: Vec<Line>,
+}
+
+/// The errors of one kind of flight.
+#[derive(Clone, Debug, Serialize)]
+pub struct Line {
+    /// What was flown.
+    pub curve: &'static str,
+    /// Prior less true mass, g.
+    pub prior_error: f64,
+    /// bz, m/s².
+    pub wind: f64,
+    /// Our RMSE after 45 s, g: median over the seeds.
+    pub ours: Option<f64>,
+    /// That of the immersion-and-invariance observer in the same flights, g.
+    pub observer: Option<f64>,
+    /// That of an estimate that stays at the prior, g: no flight is needed to know it.
+    pub frozen: f64,
+}
+
+fn cells() -> impl Iterator<Item = Cell> {
+    CellCurve::ALL.into_iter().flat_map(|curve| {
+        [-PRIOR_ERROR, 0.0, PRIOR_ERROR]
+            .into_iter()
+            .flat_map(move |prior_error| {
+                WINDS.map(|wind| Cell {
+                    curve,
+                    prior_error,
+                    wind,
+                })
+            })
+    })
+}
+
+/// The flights that the table is made of.
+pub fn recipes() -> impl Iterator<Item = Recipe> {
+    cells().map(|cell| cell.recipe())
+}
+
+/// The seeds that are flown for the table, of those that are asked for.
+#[must_use]
+pub fn seeds(asked: &[u64]) -> &[u64] {
+    &asked[..asked.len().min(SEEDS)]
+}
+
+/// The table of the flights flown.
+#[must_use]
+pub fn table(logbook: &Logbook, asked: &[u64]) -> Observability {
+    let seeds = seeds(asked);
+    let lines = cells().map(|cell| {
+        let grams = |error: fn(&super::measure::Measured) -> &Statistics| {
+            let flown = seeds.iter().map(|&seed| {
+                let flown = logbook.flown(Column::Baseline, seed);
+                let measured = flown.of(&cell.name())?;
+                Ok::<_, String>(1e3 * error(measured).rmse())
+            });
+            flown.collect::<Result<Vec<_>, _>>().ok().map(|all| median(&all))
+        };
+        Line {
+            curve: cell.curve.name(),
+            prior_error: 1e3 * cell.prior_error,
+            wind: cell.wind,
+            ours: grams(|measured| &measured.mass_error),
+            observer: grams(|measured| &measured.observer_mass_error),
+            frozen: 1e3 * cell.prior_error.abs(),
+        }
+    });
+    Observability {
+        seeds: seeds.to_vec(),
+        lines: lines.collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_of_flight_has_its_line_and_can_be_flown() {
+        let names: std::collections::BTreeSet<_> = recipes().map(|recipe| recipe.name).collect();
+        assert_eq!(names.len(), 27);
+        for recipe in recipes() {
+            recipe.load(Column::Baseline, 101).unwrap();
+        }
+        assert_eq!(table(&Logbook::default(), &[101]).lines.len(), 27);
+    }
+}

@@ -1,0 +1,170 @@
+//! Flies a cell of the matrix and looks on: in this process, or as processes that really die.
+
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use runtime::in_process::TickSink;
+use shared_types::digest::ExperimentDigest;
+use shared_types::scenario::Scenario;
+use shared_types::{Schedule, Topic};
+
+use super::plan::Cell;
+use super::undisturbed::Undisturbed;
+use command_line::interrupt::Interrupt;
+use metrics::loss::{Loss, LossWatch};
+use metrics::summary::faults::{FaultReport, FaultWatch};
+use metrics::tracker::{Moment, Tracker};
+use supervisor::crew::Crew;
+use supervisor::crew::CrewObserver;
+use supervisor::deployment::Deployment;
+use supervisor::{FlightFailure, Outcome, in_process, lock_step};
+
+/// What a flight came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flown {
+    /// What the fault did; nothing if it was not reached.
+    pub report: Option<FaultReport>,
+    /// How the vehicle was lost, if it was.
+    pub loss: Option<Loss>,
+    /// Why the flight ended early, if the fault ended it.
+    pub ended: Option<Ended>,
+    /// Digest of all samples, if it was asked for.
+    pub digest: Option<String>,
+}
+
+/// What a fault can do to a flight beside losing the vehicle.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// A service computed a number that is not finite; these are the words for it.
+    NotFinite(String),
+    /// A service died of what it was given, again and again as a process, once and for all in this one.
+    Died,
+}
+
+/// How a cell is flown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// In this process.
+    InProcess {
+        /// Whether to take the digest of all samples, which takes its time.
+        with_digest: bool,
+    },
+    /// As one process a service, with the digest.
+    Processes,
+}
+
+/// Flies a cell and compares it with the undisturbed flight.
+///
+/// # Errors
+/// Why it could not be flown. What a fault does to the vehicle is no error, but an interrupt is one.
+pub fn fly(cell: &Cell, way: Way, undisturbed: &Undisturbed, interrupt: &Interrupt) -> Result<Flown, String> {
+    let scenario = &cell.scenario;
+    let schedule = scenario.schedule().map_err(|problems| format!("{problems:?}"))?;
+    let with_digest = matches!(way, Way::Processes | Way::InProcess { with_digest: true });
+    let tracker = Tracker::new(&schedule, scenario.flight.is_some());
+    let mut onlooker = Onlooker {
+        loss: LossWatch::new(scenario, tracker.source()),
+        tracker,
+        watch: FaultWatch::new(vec![cell.watched.clone()], &[], &schedule),
+        undisturbed: undisturbed.clone(),
+        digest: with_digest.then(ExperimentDigest::default),
+    };
+    let outcome = match way {
+        Way::InProcess { .. } => in_this_process(scenario, &mut onlooker, interrupt),
+        Way::Processes => as_processes(scenario, &mut onlooker, interrupt),
+    };
+    let ended = match outcome.map_err(|failure| failure.to_string())? {
+        Some(Outcome::Completed) => None,
+        Some(Outcome::Failed(FlightFailure::NonFinite(found))) => Some(Ended::NotFinite(found.to_string())),
+        None | Some(Outcome::Failed(FlightFailure::Died { .. })) => Some(Ended::Died),
+        Some(Outcome::Failed(failure)) => return Err(failure.to_string()),
+        Some(Outcome::Interrupted { signal }) => return Err(format!("ended by signal {signal}")),
+    };
+    Ok(onlooker.finish(&schedule, ended))
+}
+
+/// How the flight ended; nothing if a service panicked, which is how it would die as a process.
+fn in_this_process(
+    scenario: &Scenario,
+    onlooker: &mut Onlooker,
+    interrupt: &Interrupt,
+) -> Result<Option<Outcome>, FlightFailure> {
+    // What it leaves half done is its own; the onlooker has had whole ticks.
+    let flight = AssertUnwindSafe(|| in_process::fly(scenario, onlooker, interrupt));
+    match catch_unwind(flight) {
+        Ok(ending) => Ok(Some(ending?.outcome)),
+        Err(_) => Ok(None),
+    }
+}
+
+fn as_processes(
+    scenario: &Scenario,
+    onlooker: &mut Onlooker,
+    interrupt: &Interrupt,
+) -> Result<Option<Outcome>, FlightFailure> {
+    let deployment = Deployment::default();
+    let ending = lock_step::fly(scenario, &deployment, onlooker, interrupt, &mut Unrecorded)?;
+    Ok(Some(ending.outcome))
+}
+
+/// Looks at the samples of a flight; none is kept.
+struct Onlooker {
+    tracker: Tracker,
+    loss: LossWatch,
+    watch: FaultWatch,
+    undisturbed: Undisturbed,
+    digest: Option<ExperimentDigest>,
+}
+
+impl Onlooker {
+    fn observe(&mut self, moment: &Moment) {
+        self.loss.observe(moment);
+        let undisturbed = self.undisturbed.near(moment.vehicle.tick);
+        self.watch.observe_moment(moment, undisturbed);
+    }
+
+    fn finish(mut self, schedule: &Schedule, ended: Option<Ended>) -> Flown {
+        if let Some(moment) = self.tracker.last() {
+            self.observe(&moment);
+        }
+        Flown {
+            report: self.watch.finish(schedule).pop(),
+            loss: self.loss.loss().cloned(),
+            ended,
+            digest: self.digest.map(ExperimentDigest::finish),
+        }
+    }
+}
+
+impl TickSink for Onlooker {
+    type Error = Infallible;
+
+    #[inline]
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        if let Some(moment) = self.tracker.observe(topic, bytes) {
+            self.observe(&moment);
+        }
+        self.watch.observe(topic, bytes);
+        if let Some(digest) = &mut self.digest {
+            digest.update(topic, bytes);
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// Keeps no record of the machine.
+struct Unrecorded;
+
+impl CrewObserver for Unrecorded {
+    fn ready(&mut self, _crew: &Crew<'_>, _core: Option<usize>) {}
+    fn changed(&mut self, _crew: &Crew<'_>) {}
+    fn progressed(&mut self, _crew: &Crew<'_>, _tick: u64) {}
+    fn health(&mut self, _crew: &Crew<'_>) {}
+    fn ended(&mut self, _crew: &Crew<'_>, _outcome: &Outcome) {}
+}

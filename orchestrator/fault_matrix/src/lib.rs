@@ -1,0 +1,45 @@
+//! The fault matrix: every service and every edge of the wiring, every kind of fault, at several moments.
+//!
+//! * [`trouble`]: the kinds of faults and what is wrong with which topic;
+//! * [`moments`]: when they begin, unless told;
+//! * [`plan`]: the flights: a scenario for every cell;
+//! * [`flight`]: flying them, each a function of its scenario alone;
+//! * [`undisturbed`]: the flight without a fault, by which the others are judged;
+//! * [`verdict`]: judging them;
+//! * [`report`], [`table`]: showing it.
+
+pub mod flight;
+pub mod moments;
+pub mod plan;
+pub mod report;
+pub mod table;
+pub mod trouble;
+pub mod truth;
+pub mod undisturbed;
+pub mod verdict;
+
+/// How long a fault lasts unless told, s: after so long the last frame is still good enough, and a little later it is
+/// not.
+pub const LASTS: f64 = 0.1;
+
+/// How long a cell is flown after its fault unless told, s: two settling times of the law.
+pub const AFTER: f64 = 8.0;
+
+/// How many moments there are unless told.
+pub const MOMENTS: usize = 3;
+
+/// By how much samples are late with a delay, s: more than twice the longest period of the laboratory.
+pub const DELAY: f64 = 0.05;
+
+/// Share of the samples that are lost intermittently.
+pub const FRACTION: f64 = 0.5;
+
+/// Largest magnitude of garbage in range: each number could be true, in m, m/s, rad/s or N.
+pub const RANGE: f64 = 10.0;
+
+/// How many times the bound that the vehicle must come back to it may stray and still count as having survived.
+pub const SURVIVES: f64 = 1.5;
+
+/// How far from a moment the undisturbed flight is looked at, s: a vehicle that a fault holds up meets what the scenario
+/// plans a little later.
+pub const BESIDE: f64 = 0.5;

@@ -1,0 +1,156 @@
+//! Which flights the matrix is made of.
+
+use serde::Serialize;
+use shared_types::ServiceId;
+use shared_types::scenario::{EdgeName, Problem, Scenario, Target};
+
+use super::moments;
+use super::trouble::Trouble;
+use metrics::summary::faults::PlannedFault;
+
+/// The services that can fail: all but the plant, which is the vehicle itself.
+pub fn services() -> impl Iterator<Item = ServiceId> {
+    let all = ServiceId::ALL.into_iter();
+    all.filter(|&service| service != ServiceId::Plant)
+}
+
+/// What befalls whom.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Case {
+    /// Whom.
+    pub target: Target,
+    /// What.
+    pub trouble: Trouble,
+}
+
+/// When faults begin, how long they last, and how long is flown after them, s.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Times {
+    /// When they begin.
+    pub moments: Vec<f64>,
+    /// How long they last.
+    pub lasts: f64,
+    /// How long is flown after them.
+    pub after: f64,
+}
+
+/// One flight of the matrix.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// What befalls whom; nothing in an undisturbed flight.
+    pub case: Option<Case>,
+    /// When it begins, or would, s.
+    pub moment: f64,
+    /// What is flown: the scenario to its end, or until some time after the fault.
+    pub scenario: Scenario,
+    /// The fault as the flight is watched for it, also where there is none.
+    pub watched: PlannedFault,
+}
+
+/// All cases of these services and edges and kinds, the services first.
+#[must_use]
+pub fn cases(services: &[ServiceId], edges: &[EdgeName], troubles: &[Trouble]) -> Vec<Case> {
+    let services = services.iter().copied().map(Target::Service);
+    let edges = edges.iter().copied().map(Target::Edge);
+    let targets: Vec<Target> = services.chain(edges).collect();
+    targets
+        .into_iter()
+        .flat_map(|target| {
+            let fitting = troubles.iter().filter(move |trouble| trouble.befalls(target));
+            fitting.map(move |&trouble| Case { target, trouble })
+        })
+        .collect()
+}
+
+/// A cell for every moment without a fault, and one for every case and moment.
+///
+/// # Errors
+/// What of it cannot be flown, in the scenario's terms.
+pub fn cells(scenario: &Scenario, cases: &[Case], times: &Times) -> Result<Vec<Cell>, Problem> {
+    let rows = std::iter::once(None).chain(cases.iter().copied().map(Some));
+    rows.flat_map(|case| times.moments.iter().map(move |&moment| (case, moment)))
+        .map(|(case, moment)| cell(scenario, case, moment, times))
+        .collect()
+}
+
+fn cell(plain: &Scenario, case: Option<Case>, moment: f64, times: &Times) -> Result<Cell, Problem> {
+    let mut scenario = plain.clone();
+    if let Some(Case { target, trouble }) = case {
+        scenario.fault = vec![trouble.fault(target, plain, moment, times.lasts)];
+        // Before the flight is cut: what is planned for later than its new end shall not be a problem.
+        if let Some(problem) = scenario.problems().into_iter().next() {
+            return Err(problem);
+        }
+    }
+    let end = moments::on_tick(plain, moment + times.lasts + times.after);
+    scenario.duration = scenario.duration.min(end);
+    Ok(Cell {
+        case,
+        moment,
+        watched: PlannedFault {
+            words: scenario
+                .fault
+                .first()
+                .map_or_else(|| "nothing".to_owned(), ToString::to_string),
+            from: scenario.tick_of(moment),
+            until: Some(scenario.tick_of(moments::on_tick(plain, moment + times.lasts))),
+        },
+        scenario,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use run_log::test_flight::scenario;
+
+    fn times() -> Times {
+        Times {
+            moments: vec![2.0, 15.0],
+            lasts: 0.1,
+            after: 3.0,
+        }
+    }
+
+    #[test]
+    fn the_whole_matrix_has_every_service_but_the_plant_and_every_edge_in_all_ways() {
+        let services: Vec<_> = services().collect();
+        let edges: Vec<_> = EdgeName::all().collect();
+        let cases = cases(&services, &edges, &Trouble::ALL);
+        assert_eq!(cases.len(), 3 * (ServiceId::ALL.len() - 1) + 6 * edges.len());
+        assert!(
+            cases
+                .iter()
+                .all(|case| case.target != Target::Service(ServiceId::Plant))
+        );
+        let cells = cells(&scenario(0.001, 20.0), &cases, &times()).unwrap();
+        assert_eq!(cells.len(), 2 * (cases.len() + 1));
+        assert!(cells[..2].iter().all(|cell| cell.scenario.fault.is_empty()));
+        assert!(cells[2..].iter().all(|cell| cell.scenario.fault.len() == 1));
+    }
+
+    #[test]
+    fn a_cell_ends_some_time_after_its_fault_or_with_the_flight() {
+        let cells = cells(&scenario(0.001, 17.0), &[], &times()).unwrap();
+        let ends: Vec<_> = cells.iter().map(|cell| cell.scenario.duration).collect();
+        assert_eq!(ends, [5.1, 17.0]);
+        assert_eq!(
+            (cells[0].watched.from, cells[0].watched.until),
+            (2000, Some(2100))
+        );
+    }
+
+    #[test]
+    fn a_moment_that_the_flight_does_not_have_is_refused() {
+        let late = Times {
+            moments: vec![20.5],
+            ..times()
+        };
+        let case = Case {
+            target: Target::Service(ServiceId::Controller),
+            trouble: Trouble::Freeze,
+        };
+        let problem = cells(&scenario(0.001, 20.0), &[case], &late).unwrap_err();
+        assert_eq!(problem.key.to_string(), "fault.0.at");
+    }
+}

@@ -1,0 +1,157 @@
+//! What the cells came to: the content of `faults.json` and of the table.
+//!
+//! Nothing of the machine is in it: equal programs and scenarios write equal reports.
+
+use serde::Serialize;
+
+use super::flight::Flown;
+use super::plan::{Cell, Times};
+use super::verdict::{Loss, Verdict, judge};
+use super::{BESIDE, DELAY, FRACTION, RANGE, SURVIVES};
+use metrics::SETTLED;
+use metrics::summary::faults::FaultReport;
+
+/// The whole of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Its seed.
+    pub seed: u64,
+    /// When faults begin and how long they last.
+    #[serde(flatten)]
+    pub times: Times,
+    /// What faults are made of, and what they are judged by.
+    pub values: Values,
+    /// How many faults were survived, and so on.
+    pub counts: Counts,
+    /// Whether the cells were flown as processes too, and had to be equal.
+    pub compared_with_processes: bool,
+    /// Where processes differed from the flight in one process, in words.
+    pub differences: Vec<String>,
+    /// One for every target and kind, the undisturbed flight first.
+    pub rows: Vec<Row>,
+}
+
+/// What faults are made of, and what they are judged by.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Values {
+    /// By how much samples are late, s.
+    pub delay: f64,
+    /// Share of samples lost intermittently.
+    pub fraction: f64,
+    /// Largest magnitude of garbage in range.
+    pub range: f64,
+    /// Least bound, m.
+    pub settled: f64,
+    /// How many times the bound is survived.
+    pub survives: f64,
+    /// How far from a moment the undisturbed flight is looked at, s.
+    pub beside: f64,
+}
+
+impl Values {
+    const ALL: Self = Self {
+        delay: DELAY,
+        fraction: FRACTION,
+        range: RANGE,
+        settled: SETTLED,
+        survives: SURVIVES,
+        beside: BESIDE,
+    };
+}
+
+/// How many faults came to what; the undisturbed flight does not count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Survived.
+    pub survived: usize,
+    /// Left the bound and came back.
+    pub degraded: usize,
+    /// Lost.
+    pub lost: usize,
+    /// Noticed by any service.
+    pub noticed: usize,
+}
+
+/// What one kind of fault did to one target.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Service or edge; none in the undisturbed flight.
+    pub target: Option<String>,
+    /// The kind of fault; none in the undisturbed flight.
+    pub fault: Option<&'static str>,
+    /// The worst of its verdicts.
+    pub worst: Verdict,
+    /// One for every moment.
+    pub cells: Vec<CellReport>,
+}
+
+/// What a flight came to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CellReport {
+    /// When the fault began, s.
+    pub moment: f64,
+    /// What became of the vehicle.
+    pub verdict: Verdict,
+    /// Why it is lost, if it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub why: Option<Loss>,
+    /// What the fault did; none if the flight ended before it began.
+    pub report: Option<FaultReport>,
+}
+
+/// Makes the report of cells and what they came to, in their order.
+#[must_use]
+pub fn report(scenario: &str, seed: u64, times: Times, cells: &[Cell], flown: &[Flown]) -> Report {
+    let judged: Vec<_> = cells.iter().zip(flown).collect();
+    let rows: Vec<Row> = judged.chunks(times.moments.len().max(1)).map(row).collect();
+    Report {
+        scenario: scenario.to_owned(),
+        seed,
+        times,
+        values: Values::ALL,
+        counts: count(&rows),
+        compared_with_processes: false,
+        differences: Vec::new(),
+        rows,
+    }
+}
+
+fn row(cells: &[(&Cell, &Flown)]) -> Row {
+    let case = cells.first().and_then(|(cell, _)| cell.case);
+    let reports: Vec<CellReport> = cells
+        .iter()
+        .map(|(cell, flown)| {
+            let (verdict, why) = judge(flown);
+            CellReport {
+                moment: cell.moment,
+                verdict,
+                why,
+                report: flown.report.clone(),
+            }
+        })
+        .collect();
+    let worst = reports.iter().map(|cell| cell.verdict).max();
+    Row {
+        target: case.map(|case| case.target.to_string()),
+        fault: case.map(|case| case.trouble.name()),
+        worst: worst.unwrap_or(Verdict::Survived),
+        cells: reports,
+    }
+}
+
+fn count(rows: &[Row]) -> Counts {
+    let mut counts = Counts::default();
+    let disturbed = rows.iter().filter(|row| row.fault.is_some());
+    for cell in disturbed.flat_map(|row| &row.cells) {
+        *match cell.verdict {
+            Verdict::Survived => &mut counts.survived,
+            Verdict::Degraded => &mut counts.degraded,
+            Verdict::Lost => &mut counts.lost,
+        } += 1;
+        let detection = cell.report.as_ref().and_then(|report| report.detection);
+        counts.noticed += usize::from(detection.is_some());
+    }
+    counts
+}

@@ -1,0 +1,205 @@
+//! The kinds of faults of the matrix, with the values that they need.
+
+use std::str::FromStr;
+
+use serde::Serialize;
+use shared_types::Topic;
+use shared_types::scenario::suggest::known_names;
+use shared_types::scenario::{Fault, FaultKind, FaultState, Scenario, Target};
+
+use super::{DELAY, FRACTION, RANGE, moments};
+
+/// A kind of fault, as the matrix knows them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(into = "&'static str")]
+pub enum Trouble {
+    /// A service dies and comes back with what it knew.
+    OffWarm,
+    /// A service dies and comes back as at the start of the flight.
+    OffCold,
+    /// A service stands still.
+    Freeze,
+    /// Samples are late.
+    Delay,
+    /// Samples are lost.
+    Intermittent,
+    /// Samples repeat the last one before.
+    Stuck,
+    /// One number is wrong, and could be true.
+    Wrong,
+    /// All numbers are random, and could be true.
+    GarbageInRange,
+    /// All bits are random.
+    Garbage,
+}
+
+impl Trouble {
+    /// All of them, those of services first.
+    pub const ALL: [Self; 9] = [
+        Self::OffWarm,
+        Self::OffCold,
+        Self::Freeze,
+        Self::Delay,
+        Self::Intermittent,
+        Self::Stuck,
+        Self::Wrong,
+        Self::GarbageInRange,
+        Self::Garbage,
+    ];
+
+    /// Name on the command line and in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::OffWarm => "off-warm",
+            Self::OffCold => "off-cold",
+            Self::Freeze => "freeze",
+            Self::Delay => "delay",
+            Self::Intermittent => "intermittent",
+            Self::Stuck => "stuck",
+            Self::Wrong => "wrong",
+            Self::GarbageInRange => "garbage-in-range",
+            Self::Garbage => "garbage-any-bits",
+        }
+    }
+
+    /// What a scenario calls it.
+    #[must_use]
+    pub fn kind(self) -> FaultKind {
+        match self {
+            Self::OffWarm | Self::OffCold => FaultKind::Off,
+            Self::Freeze => FaultKind::Freeze,
+            Self::Delay => FaultKind::Delay,
+            Self::Intermittent => FaultKind::Intermittent,
+            Self::Stuck => FaultKind::Stuck,
+            Self::Wrong => FaultKind::Wrong,
+            Self::GarbageInRange | Self::Garbage => FaultKind::Garbage,
+        }
+    }
+
+    /// Whether it can befall this target: services are off or frozen, samples all else.
+    #[must_use]
+    pub fn befalls(self, target: Target) -> bool {
+        self.kind().is_outage() == matches!(target, Target::Service(_))
+    }
+
+    /// The fault of a target from `at` on, for so long, s.
+    #[must_use]
+    pub fn fault(self, target: Target, scenario: &Scenario, at: f64, lasts: f64) -> Fault {
+        let mut fault = Fault::new(self.kind(), at);
+        fault.lasts = Some(lasts);
+        match target {
+            Target::Service(service) => fault.service = Some(service.to_string()),
+            Target::Edge(edge) => fault.edge = Some(edge.to_string()),
+        }
+        match self {
+            Self::OffCold => fault.state = FaultState::Cold,
+            Self::Delay => fault.by = Some(moments::on_tick(scenario, DELAY).max(scenario.schedule.tick)),
+            Self::Intermittent => fault.fraction = Some(FRACTION),
+            Self::GarbageInRange => fault.range = Some(RANGE),
+            Self::Wrong => {
+                if let Target::Edge(edge) = target {
+                    let Error { field, scale, bias } = Error::of(edge.topic);
+                    fault.field = Some(field.to_owned());
+                    fault.scale = scale;
+                    fault.bias = bias;
+                }
+            }
+            Self::OffWarm | Self::Freeze | Self::Stuck | Self::Garbage => {}
+        }
+        fault
+    }
+}
+
+impl From<Trouble> for &'static str {
+    fn from(trouble: Trouble) -> Self {
+        trouble.name()
+    }
+}
+
+/// One number that is wrong, and by what.
+struct Error {
+    field: &'static str,
+    scale: Option<f64>,
+    bias: Option<f64>,
+}
+
+impl Error {
+    /// What is wrong with a topic: something that nobody can see in one sample alone. A position is off by 0.1 m, a
+    /// thrust is a fifth too small.
+    fn of(topic: Topic) -> Self {
+        match topic {
+            Topic::ControlCommand | Topic::RcFrame => Self {
+                field: "thrust",
+                scale: Some(0.8),
+                bias: None,
+            },
+            _ => Self {
+                field: "position_world.0",
+                scale: None,
+                bias: Some(0.1),
+            },
+        }
+    }
+}
+
+/// One or more kinds of faults, by a name on the command line: `off` and `garbage` mean two each.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Troubles(pub Vec<Trouble>);
+
+impl FromStr for Troubles {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let all = Trouble::ALL.into_iter();
+        let of_name: Vec<_> = all
+            .filter(|trouble| trouble.name() == name || trouble.kind().name() == name)
+            .collect();
+        if of_name.is_empty() {
+            let names = FaultKind::ALL.map(FaultKind::name).into_iter();
+            let mut names: Vec<_> = names.chain(Trouble::ALL.map(Trouble::name)).collect();
+            names.sort_unstable();
+            names.dedup();
+            return Err(format!("there is no such fault; {}", known_names(name, &names)));
+        }
+        Ok(Self(of_name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::services;
+    use run_log::test_flight::scenario;
+    use shared_types::scenario::EdgeName;
+
+    #[test]
+    fn every_fault_of_the_matrix_can_be_flown() {
+        for tick in [0.001, 0.022, 0.1] {
+            let plain = scenario(tick, 22.0);
+            let services = services().map(Target::Service);
+            for target in services.chain(EdgeName::all().map(Target::Edge)) {
+                for trouble in Trouble::ALL.into_iter().filter(|trouble| trouble.befalls(target)) {
+                    let mut scenario = plain.clone();
+                    scenario.fault = vec![trouble.fault(target, &scenario, 11.0, 2.2)];
+                    assert_eq!(scenario.problems(), [], "{target}, {}", trouble.name());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_kind_that_a_scenario_knows_means_all_that_the_matrix_makes_of_it() {
+        assert_eq!(
+            "off".parse(),
+            Ok(Troubles(vec![Trouble::OffWarm, Trouble::OffCold]))
+        );
+        assert_eq!("off-cold".parse(), Ok(Troubles(vec![Trouble::OffCold])));
+        assert_eq!(
+            "garbage".parse(),
+            Ok(Troubles(vec![Trouble::GarbageInRange, Trouble::Garbage]))
+        );
+        let unknown = "dealy".parse::<Troubles>().unwrap_err();
+        assert!(unknown.contains("did you mean `delay`"), "{unknown}");
+    }
+}

@@ -1,0 +1,288 @@
+//! How far a vehicle truly was from its path, also where the truth stands in another log than the flight.
+//!
+//! The error is the distance from the path of [`metrics`] at every tick of the truth. A flight in a laboratory does not know the truth. If its world was simulated
+//! ([`world`](hil_simulator)), that has kept it, by a clock of its own; both logs say when their clocks began.
+//!
+//! The vehicle is judged while it flies along the path: from the first reference of that phase to its last.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use shared_types::Topic;
+use shared_types::samples::{ControlAdaptation, PathReference, VehicleTruth};
+use shared_types::scenario::Scenario;
+use shared_types::service::{nanoseconds, seconds};
+
+use evaluation::reproduce::windows::AVERAGED;
+use metrics::path_clock::PathClock;
+use metrics::statistics::Statistics;
+use metrics::{ULTIMATE_WINDOW, read};
+use run_log::{LogReadError, LogReader, flight_start, host_log_beside};
+
+/// Why there is nothing to compare.
+#[derive(Debug, thiserror::Error)]
+pub enum TruthError {
+    /// A log cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogReadError),
+    /// Nothing says when a clock began.
+    #[error(
+        "nothing beside {} says when the flight's clock began; keep host.mcap beside run.mcap, of flights in real time", .0.display()
+    )]
+    NoStart(PathBuf),
+    /// The vehicle never flew along the path.
+    #[error("in {} the vehicle never flew along its path", .0.display())]
+    NeverFlew(PathBuf),
+    /// Nobody knew the truth while it did.
+    #[error(
+        "{} does not know the truth of the time in which the vehicle flew along its path; in a laboratory, name the log of \
+         `gerono world` with --world", .0.display()
+    )]
+    NoTruth(PathBuf),
+}
+
+/// How far it was in a part of a flight.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Part {
+    /// Which part.
+    pub name: &'static str,
+    /// From when to when, s since the beginning of the truth's clock.
+    pub span: [f64; 2],
+    /// Root mean square of the distance, m.
+    pub rmse: f64,
+    /// Its standard deviation, m.
+    pub deviation: f64,
+    /// The largest, m.
+    pub largest: f64,
+}
+
+/// How far it was.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Truth {
+    /// By parts.
+    pub parts: Vec<Part>,
+    /// Mean of the true disturbance in the last [`AVERAGED`] seconds, in {I}, m/s².
+    pub disturbance: [f64; 3],
+    /// Mean of π(b̂) there, in {I}, m/s².
+    pub disturbance_estimate: [f64; 3],
+}
+
+/// A span of time, ns since the beginning of the truth's clock.
+type Span = [u64; 2];
+
+/// What a flight has published.
+struct Flown {
+    references: Vec<PathReference>,
+    adaptations: Vec<ControlAdaptation>,
+    /// When the vehicle flew along the path, by the flight's clock, ns.
+    on_path: Span,
+}
+
+/// From the flight's clock to the truth's.
+#[derive(Clone, Copy)]
+struct Shift(i64);
+
+impl Shift {
+    /// A time of the flight as one of the truth; what was before its beginning is at its beginning.
+    fn of_flight(self, time_ns: u64) -> u64 {
+        time_ns.saturating_add_signed(self.0)
+    }
+
+    /// A time of the truth as one of the flight.
+    fn of_truth(self, time_ns: u64) -> Option<u64> {
+        time_ns.checked_add_signed(-self.0)
+    }
+}
+
+/// Compares a flight with the truth in its own log, or in that of a world. `last` is how much of the end counts as the last
+/// part, s.
+///
+/// # Errors
+/// [`TruthError`].
+pub fn compare(flight: &Path, world: Option<&Path>, last: f64) -> Result<Truth, TruthError> {
+    let flown = Flown::read(flight)?;
+    let shift = match world {
+        None => Shift(0),
+        Some(world) => Shift(start_of(flight)?.wrapping_sub(start_of(world)?).cast_signed()),
+    };
+    let truth = LogReader::open(world.unwrap_or(flight))?;
+    let [begin, end] = flown.on_path.map(|time| shift.of_flight(time));
+    let mut parts = parts(&truth.manifest().scenario, [begin, end], last);
+    let averaged = [end.saturating_sub(nanoseconds(AVERAGED)).max(begin), end];
+    let disturbance = flown.judge(truth, shift, &averaged, &mut parts)?;
+    parts.retain(|(_, _, error)| error.count() > 0);
+    if parts.is_empty() {
+        return Err(TruthError::NoTruth(world.unwrap_or(flight).to_owned()));
+    }
+    Ok(Truth {
+        parts: parts.iter().map(Part::of).collect(),
+        disturbance,
+        disturbance_estimate: flown.estimate(shift, &averaged),
+    })
+}
+
+impl Flown {
+    fn read(flight: &Path) -> Result<Self, TruthError> {
+        let mut reader = LogReader::open(flight)?;
+        let (mut references, mut adaptations) = (Vec::new(), Vec::new());
+        while let Some(sample) = reader.next_sample()? {
+            match sample.topic {
+                Topic::PathReference => references.push(read::<PathReference>(sample.bytes)),
+                Topic::ControlAdaptation => adaptations.push(read::<ControlAdaptation>(sample.bytes)),
+                _ => {}
+            }
+        }
+        let mut on_path = references
+            .iter()
+            .filter(|reference| reference.phase == PathReference::PHASE_FLY)
+            .map(|reference| reference.reference_time_ns);
+        let first = on_path.next();
+        let on_path = first.map(|first| [first, on_path.next_back().unwrap_or(first)]);
+        Ok(Self {
+            on_path: on_path.ok_or_else(|| TruthError::NeverFlew(flight.to_owned()))?,
+            references,
+            adaptations,
+        })
+    }
+
+    /// Adds the distances from the path to those parts that they belong to; the mean of the true disturbance in a span.
+    fn judge(
+        &self,
+        truth: LogReader,
+        shift: Shift,
+        averaged: &Span,
+        parts: &mut [(&'static str, Span, Statistics)],
+    ) -> Result<[f64; 3], TruthError> {
+        let mut clock = PathClock::default();
+        self.references
+            .iter()
+            .for_each(|reference| clock.observe(reference));
+        let mut disturbance: [Statistics; 3] = Default::default();
+        for sample in truth.samples::<VehicleTruth>() {
+            let truth = sample?;
+            let at = truth.header.stamp_ns;
+            let Some(demand) = shift.of_truth(at).and_then(|time| clock.at(time)) else {
+                continue;
+            };
+            let Some(error) = demand.distance(&truth.position_world) else {
+                continue;
+            };
+            for (_, _, statistics) in parts.iter_mut().filter(|(_, span, _)| is_within(span, at)) {
+                statistics.add(error);
+            }
+            if is_within(averaged, at) {
+                add_each(&mut disturbance, &truth.disturbance_world);
+            }
+        }
+        Ok(disturbance.map(|component| component.mean()))
+    }
+
+    /// Mean of π(b̂) in a span, in {I}, m/s².
+    fn estimate(&self, shift: Shift, averaged: &Span) -> [f64; 3] {
+        let mut estimate: [Statistics; 3] = Default::default();
+        for adaptation in &self.adaptations {
+            if is_within(averaged, shift.of_flight(adaptation.header.stamp_ns)) {
+                add_each(&mut estimate, &adaptation.disturbance_projected_world);
+            }
+        }
+        estimate.map(|component| component.mean())
+    }
+}
+
+fn start_of(log: &Path) -> Result<u64, TruthError> {
+    host_log_beside(log)
+        .and_then(|host| flight_start::read(&host))
+        .ok_or_else(|| TruthError::NoStart(log.to_owned()))
+}
+
+/// The parts of a flight along the path: before the first event of the scenario, from there to the last part, the last part.
+fn parts(scenario: &Scenario, [begin, end]: Span, last: f64) -> Vec<(&'static str, Span, Statistics)> {
+    let event = metrics::changes(scenario).min_by(f64::total_cmp).map(nanoseconds);
+    let event = event.filter(|event| (begin..end).contains(event));
+    let last = end.saturating_sub(nanoseconds(last)).max(begin);
+    let before = event.map(|at| {
+        (
+            "before",
+            [at.saturating_sub(nanoseconds(ULTIMATE_WINDOW)).max(begin), at],
+        )
+    });
+    let after = event.filter(|at| *at < last).map(|at| ("after", [at, last]));
+    before
+        .into_iter()
+        .chain(after)
+        .chain([("last", [last, end]), ("all", [begin, end])])
+        .map(|(name, span)| (name, span, Statistics::default()))
+        .collect()
+}
+
+impl Part {
+    fn of((name, span, error): &(&'static str, Span, Statistics)) -> Self {
+        Self {
+            name,
+            span: span.map(seconds),
+            rmse: error.rmse(),
+            deviation: error.deviation(),
+            largest: error.max(),
+        }
+    }
+}
+
+fn is_within([from, to]: &Span, at: u64) -> bool {
+    (*from..=*to).contains(&at)
+}
+
+fn add_each(statistics: &mut [Statistics; 3], values: &[f64; 3]) {
+    for (statistics, value) in statistics.iter_mut().zip(values) {
+        statistics.add(*value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use evaluation::reproduce::flight::Source;
+
+    fn spans(on_path: [f64; 2], last: f64) -> Vec<(&'static str, [f64; 2])> {
+        let scenario = Source::FIG7.load(&[], 1).unwrap();
+        parts(&scenario, on_path.map(nanoseconds), last)
+            .into_iter()
+            .map(|(name, span, _)| (name, span.map(seconds)))
+            .collect()
+    }
+
+    #[test]
+    fn parts_lie_around_the_fan_and_at_the_end() {
+        assert_eq!(
+            spans([9.0, 81.5], 20.0),
+            [
+                ("before", [25.0, 30.0]),
+                ("after", [30.0, 61.5]),
+                ("last", [61.5, 81.5]),
+                ("all", [9.0, 81.5]),
+            ]
+        );
+    }
+
+    #[test]
+    fn a_flight_that_ends_before_the_fan_or_begins_with_it_has_no_parts_around_it() {
+        assert_eq!(
+            spans([9.0, 29.0], 5.0),
+            [("last", [24.0, 29.0]), ("all", [9.0, 29.0])]
+        );
+        assert_eq!(
+            spans([9.0, 29.0], 50.0),
+            [("last", [9.0, 29.0]), ("all", [9.0, 29.0])]
+        );
+        assert_eq!(spans([28.0, 33.0], 1.0)[0], ("before", [28.0, 30.0]));
+        assert!(spans([28.0, 33.0], 4.0).iter().all(|(name, _)| *name != "after"));
+    }
+
+    #[test]
+    fn a_world_that_began_earlier_is_further_on() {
+        let shift = Shift(nanoseconds(1.5).cast_signed());
+        assert_eq!(shift.of_flight(nanoseconds(2.0)), nanoseconds(3.5));
+        assert_eq!(shift.of_truth(nanoseconds(3.5)), Some(nanoseconds(2.0)));
+        assert_eq!(shift.of_truth(nanoseconds(1.0)), None, "before the flight");
+        assert_eq!(Shift(-1_500_000_000).of_flight(nanoseconds(1.0)), 0);
+    }
+}

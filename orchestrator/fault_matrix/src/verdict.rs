@@ -1,0 +1,169 @@
+//! Judging a flight of the matrix.
+
+use serde::Serialize;
+
+use super::SURVIVES;
+use super::flight::{Ended, Flown};
+use metrics::loss::Reason;
+
+/// What became of the vehicle. The worst comes last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// It strayed no farther than [`SURVIVES`] times the bound.
+    Survived,
+    /// It did, and came back inside the bound for good.
+    Degraded,
+    /// It did not come back, was lost by the limits of the scenario, a number was not finite, or a service died of it.
+    Lost,
+}
+
+impl Verdict {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Survived, Self::Degraded, Self::Lost];
+
+    /// As tables show it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Survived => "survived",
+            Self::Degraded => "degraded",
+            Self::Lost => "LOST",
+        }
+    }
+}
+
+/// Why a vehicle is lost.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Loss {
+    /// In short.
+    pub reason: &'static str,
+    /// What else is known of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub details: Option<String>,
+}
+
+impl Loss {
+    fn new(reason: &'static str) -> Self {
+        Self {
+            reason,
+            details: None,
+        }
+    }
+}
+
+/// The verdict on a flight, and for one that is lost why.
+#[must_use]
+pub fn judge(flown: &Flown) -> (Verdict, Option<Loss>) {
+    if let Some(loss) = loss(flown) {
+        return (Verdict::Lost, Some(loss));
+    }
+    let share = flown.report.as_ref().and_then(|report| report.largest_share);
+    let verdict = if share.is_some_and(|share| share <= SURVIVES) {
+        Verdict::Survived
+    } else {
+        Verdict::Degraded
+    };
+    (verdict, None)
+}
+
+fn loss(flown: &Flown) -> Option<Loss> {
+    match &flown.ended {
+        Some(Ended::NotFinite(words)) => {
+            return Some(Loss {
+                reason: "not finite",
+                details: Some(words.clone()),
+            });
+        }
+        Some(Ended::Died) => return Some(Loss::new("a service died")),
+        None => {}
+    }
+    if let Some(loss) = &flown.loss {
+        return Some(Loss {
+            reason: match loss.reason {
+                Reason::LeftPath => "left the path",
+                Reason::TippedOver => "tipped over",
+                Reason::HitGround => "hit the ground",
+                Reason::NotFinite => "not finite",
+            },
+            details: Some(format!("lost at {} s: {loss}", loss.time)),
+        });
+    }
+    let report = flown.report.as_ref();
+    let Some((report, share)) = report.and_then(|report| Some((report, report.largest_share?))) else {
+        return Some(Loss::new("it is not known where the vehicle was"));
+    };
+    let is_back = share <= SURVIVES || report.back_after.is_some();
+    (!is_back).then(|| Loss::new("did not come back"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use metrics::summary::faults::{FaultReport, Reactions};
+
+    /// A flight whose error was 4 cm at most before the fault.
+    fn flown(peak: f64, back_after: Option<f64>) -> Flown {
+        Flown {
+            report: Some(FaultReport {
+                fault: String::new(),
+                begins: 1.0,
+                ends: Some(1.1),
+                outage: 0.1,
+                watched_until: 9.1,
+                detection: None,
+                bound: 0.04,
+                peak_error: Some(peak),
+                largest_share: Some(peak / 0.04),
+                back_after,
+                reactions: Reactions::default(),
+                others: String::new(),
+            }),
+            loss: None,
+            ended: None,
+            digest: None,
+        }
+    }
+
+    #[test]
+    fn a_vehicle_survives_is_degraded_or_lost_by_how_far_it_strayed_and_whether_it_came_back() {
+        for (peak, back_after, verdict) in [
+            (0.059, Some(0.0), Verdict::Survived),
+            (0.059, None, Verdict::Survived),
+            (0.061, Some(3.0), Verdict::Degraded),
+            (0.061, None, Verdict::Lost),
+            (4.9, Some(3.0), Verdict::Degraded),
+        ] {
+            let (judged, why) = judge(&flown(peak, back_after));
+            assert_eq!(judged, verdict, "{peak} {back_after:?}");
+            assert_eq!(why.is_some(), verdict == Verdict::Lost);
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_is_lost_or_whose_flight_the_fault_ended_is_lost_however_near_it_was() {
+        let near = flown(0.01, Some(0.0));
+        let tipped = Flown {
+            loss: Some(metrics::loss::Loss {
+                reason: Reason::TippedOver,
+                time: 1.05,
+                value: Some(1.6),
+                limit: Some(1.5),
+                source: metrics::tracker::Source::Truth,
+            }),
+            ..near.clone()
+        };
+        let [not_finite, died] = [
+            Ended::NotFinite("`plant` computed a number that is not finite".to_owned()),
+            Ended::Died,
+        ]
+        .map(|ended| Flown {
+            ended: Some(ended),
+            ..near.clone()
+        });
+        let unseen = Flown { report: None, ..near };
+        for lost in [tipped, not_finite, died, unseen] {
+            assert_eq!(judge(&lost).0, Verdict::Lost, "{lost:?}");
+        }
+    }
+}

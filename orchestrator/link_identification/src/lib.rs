@@ -1,0 +1,191 @@
+//! The calibration of a radio link from a log: what the travel of each stick meant, as the paper found it for its vehicle.
+//!
+//! Each stick is fitted by least squares: thrust or body rate = offset + slope · travel, where the travel is taken when it
+//! acted and lags as the model believes (`history`). Thrust and rates are measured (`measured`) from the captured poses,
+//! which every laboratory has, or taken from the simulated truth.
+//!
+//! A stick that hardly moved tells nothing, and one that a controller moved against pushes from outside tells something
+//! wrong: in hover more thrust goes with gusts downwards, not with acceleration upwards. Both show in how much of what was
+//! measured the stick explains; below [`EXPLAINS`] a fit is not to be used. A flight up and down and around both axes is
+//! good.
+
+mod fit;
+mod history;
+mod measured;
+
+use std::path::Path;
+
+use serde::Serialize;
+use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
+use shared_types::scenario::{Model, RcLink, Scenario};
+use shared_types::{Topic, service::seconds};
+
+pub use fit::Fit;
+
+use history::{Frame, History};
+use measured::{Pose, Truth};
+use metrics::read;
+use run_log::{LogReadError, LogReader};
+
+/// Share of what was measured that a stick must explain for its fit to be used.
+pub const EXPLAINS: f64 = 0.8;
+
+/// Names of the sticks in the order of a frame's channels.
+pub const STICKS: [&str; 4] = ["thrust", "roll rate", "pitch rate", "yaw rate"];
+
+/// Why nothing can be fitted.
+#[derive(Debug, thiserror::Error)]
+pub enum IdentifyError {
+    /// The log cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogReadError),
+    /// The link had no channels.
+    #[error("the flight had no radio link with channels; add `[rc_output]` to its scenario")]
+    NoLink,
+    /// Nothing says what thrust and rates were.
+    #[error("the log has nothing of `{0}` to measure by; fit from `{1}` instead")]
+    NothingMeasured(&'static str, &'static str),
+}
+
+/// What thrust and rates are measured by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// The poses that the cameras captured.
+    #[default]
+    Poses,
+    /// The simulated truth.
+    Truth,
+}
+
+/// A stick's calibration: as configured, and as it was.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Calibration {
+    /// Name of the stick.
+    pub stick: &'static str,
+    /// Value at a travel of 0, and value per unit of travel, as the scenario states: N or rad/s.
+    pub stated: [f64; 2],
+    /// As fitted; `None` if the stick had too little to say.
+    pub fitted: Option<Fit>,
+}
+
+impl Calibration {
+    /// The fit, if the stick explains enough of what was measured.
+    #[must_use]
+    pub fn usable(&self) -> Option<Fit> {
+        self.fitted.filter(|fit| fit.explained >= EXPLAINS)
+    }
+}
+
+/// The calibration of all sticks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Identification {
+    /// What was measured by.
+    pub source: Source,
+    /// Mass that accelerations were multiplied with, kg; only with poses.
+    pub mass: Option<f64>,
+    /// Thrust, roll, pitch and yaw.
+    pub sticks: [Calibration; 4],
+}
+
+/// Gathers what a log has to say.
+#[derive(Debug)]
+pub struct Gatherer {
+    link: RcLink,
+    model: Model,
+    mass: f64,
+    source: Source,
+    frames: Vec<Frame>,
+    poses: Vec<Pose>,
+    truths: Vec<Truth>,
+}
+
+impl Gatherer {
+    /// For a flight of a scenario. `mass` is in kg; the scenario's unless given.
+    ///
+    /// # Errors
+    /// [`IdentifyError::NoLink`].
+    pub fn new(scenario: &Scenario, source: Source, mass: Option<f64>) -> Result<Self, IdentifyError> {
+        Ok(Self {
+            link: scenario.rc_output.clone().ok_or(IdentifyError::NoLink)?,
+            model: scenario.model.clone().unwrap_or_default(),
+            mass: mass.unwrap_or(scenario.vehicle.mass),
+            source,
+            frames: Vec::new(),
+            poses: Vec::new(),
+            truths: Vec::new(),
+        })
+    }
+
+    /// Takes a sample.
+    pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
+        match (topic, self.source) {
+            (Topic::RcFrame, _) => {
+                let frame = read::<RcFrame>(bytes);
+                let acts_at = seconds(frame.header.stamp_ns) + self.model.radio_latency;
+                self.frames.push(Frame::new(&frame, &self.link, acts_at));
+            }
+            (Topic::MocapPose, Source::Poses) => {
+                let pose = read::<MocapPose>(bytes);
+                self.poses.extend(pose.tracked.is_set().then(|| Pose::new(&pose)));
+            }
+            (Topic::VehicleTruth, Source::Truth) => {
+                self.truths.push(Truth::new(&read::<VehicleTruth>(bytes)));
+            }
+            _ => {}
+        }
+    }
+
+    /// Fits all sticks.
+    ///
+    /// # Errors
+    /// [`IdentifyError::NothingMeasured`].
+    pub fn finish(self) -> Result<Identification, IdentifyError> {
+        let lags = [
+            self.model.thrust_lag,
+            self.model.rate_lag,
+            self.model.rate_lag,
+            self.model.rate_lag,
+        ];
+        let history = History::new(&self.frames, lags);
+        let points = match self.source {
+            Source::Poses if self.poses.is_empty() => {
+                return Err(IdentifyError::NothingMeasured("mocap/pose", "truth"));
+            }
+            Source::Truth if self.truths.is_empty() => {
+                return Err(IdentifyError::NothingMeasured("vehicle/truth", "poses"));
+            }
+            Source::Poses => measured::by_poses(&self.poses, self.mass, &history),
+            Source::Truth => measured::by_truth(&self.truths, &history),
+        };
+        let stated = |stick: usize| match stick {
+            0 => [self.link.thrust_offset, self.link.thrust_slope],
+            rate => [0.0, self.link.rate_slope[rate - 1]],
+        };
+        Ok(Identification {
+            source: self.source,
+            mass: (self.source == Source::Poses).then_some(self.mass),
+            sticks: [0, 1, 2, 3].map(|stick| Calibration {
+                stick: STICKS[stick],
+                stated: stated(stick),
+                fitted: Fit::of(&points[stick]),
+            }),
+        })
+    }
+}
+
+/// Fits the calibration of the link that a log was flown with.
+///
+/// # Errors
+/// [`IdentifyError`].
+pub fn identify(log: &Path, source: Source, mass: Option<f64>) -> Result<Identification, IdentifyError> {
+    let mut reader = LogReader::open(log)?;
+    let mut gatherer = Gatherer::new(&reader.manifest().scenario, source, mass)?;
+    while let Some(logged) = reader.next_sample()? {
+        gatherer.observe(logged.topic, logged.bytes);
+    }
+    gatherer.finish()
+}
+
+#[cfg(test)]
+mod tests;

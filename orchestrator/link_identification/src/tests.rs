@@ -1,0 +1,118 @@
+//! What is known comes back: the calibration of simulated vehicles that are not as their links believe.
+
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use runtime::in_process::{InProcess, TickSink};
+
+use super::*;
+
+impl TickSink for Gatherer {
+    type Error = Infallible;
+
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        self.observe(topic, bytes);
+        Ok(())
+    }
+
+    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// A vehicle that thrusts a tenth less than asked for, and turns otherwise about every axis.
+const OTHERWISE: [&str; 3] = [
+    "vehicle.actuators.thrust_factor=0.9",
+    "vehicle.actuators.rate_factor=[0.9, 1.1, 0.95]",
+    "vehicle.actuators.rate_bias=[0.05, -0.03, 0.02]",
+];
+/// Its true calibration: offset and slope of each stick.
+const TRUE: [[f64; 2]; 4] = [
+    [0.9 * 2.3071, 0.9 * 3.138],
+    [0.05, -0.9 * 19.0],
+    [-0.03, -1.1 * 19.0],
+    [0.02, -0.95 * 8.0],
+];
+
+/// Flies a scenario with the vehicle that is otherwise.
+fn flown(name: &str, changes: &[&str], source: Source) -> Identification {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../scenarios/{name}.toml"));
+    let sets: Vec<String> = OTHERWISE.iter().chain(changes).map(ToString::to_string).collect();
+    let scenario = scenario_file::load(&path, &sets, None).unwrap();
+    let mut gatherer = Gatherer::new(&scenario, source, None).unwrap();
+    let services = experiment::build_all(&scenario).unwrap();
+    InProcess::new(scenario.schedule().unwrap(), services)
+        .fly(&mut gatherer)
+        .unwrap();
+    gatherer.finish().unwrap()
+}
+
+#[test]
+fn figure_7_gives_its_calibration_back_by_its_truth() {
+    let found = flown("fig7", &["duration=45.0"], Source::Truth);
+    for (calibration, [offset, slope]) in found.sticks.iter().zip(TRUE) {
+        let fit = calibration.usable().unwrap();
+        let name = calibration.stick;
+        assert!(
+            (fit.slope / slope - 1.0).abs() < 0.01,
+            "{name}: {} for {slope}",
+            fit.slope
+        );
+        assert!(
+            (fit.offset - offset).abs() < 0.01,
+            "{name}: {} for {offset}",
+            fit.offset
+        );
+    }
+}
+
+#[test]
+fn the_poses_of_figure_7_give_the_sticks_back_that_moved_and_say_which_did_not() {
+    let found = flown("fig7", &["duration=45.0"], Source::Poses);
+    let [thrust, roll, pitch, yaw] = found.sticks;
+    for (calibration, [offset, slope]) in [roll, pitch].iter().zip([TRUE[1], TRUE[2]]) {
+        let fit = calibration.usable().unwrap();
+        assert!((fit.slope - slope).abs() < 4.0 * fit.errors[1], "{fit:?}");
+        assert!((fit.offset - offset).abs() < 4.0 * fit.errors[0], "{fit:?}");
+        assert!(fit.errors[1] < 0.02 * slope.abs());
+    }
+    // In hover the yaw stick rests, and the thrust stick moves against gusts.
+    assert_eq!([thrust.usable(), yaw.usable()], [None, None]);
+}
+
+#[test]
+fn the_poses_of_a_flight_up_and_down_give_the_thrust_back() {
+    let bob = [
+        "duration=40.0",
+        "path.curve={lissajous={center=[0.0, 0.0, -1.5], amplitude=[0.0, 0.0, 0.25], frequency=[1.0, 1.0, 4.0]}}",
+        "vehicle.fan.force=0.0",
+    ];
+    let found = flown("fig7", &bob, Source::Poses);
+    let fit = found.sticks[0].usable().unwrap_or_else(|| panic!("{found:?}"));
+    let [offset, slope] = TRUE[0];
+    assert!((fit.slope / slope - 1.0).abs() < 0.1, "{fit:?}");
+    // At the travel that it hovers with, thrust is weight, whatever the slope.
+    let hover = (0.2 * 9.81 - offset) / slope;
+    assert!(
+        (fit.offset + fit.slope * hover - 0.2 * 9.81).abs() < 0.01,
+        "{fit:?}"
+    );
+}
+
+#[test]
+fn a_flight_without_channels_and_one_without_poses_are_refused() {
+    let load = |name: &str| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../scenarios/{name}.toml"));
+        scenario_file::load(&path, &[], None).unwrap()
+    };
+    let refused = Gatherer::new(&load("fig1"), Source::Poses, None);
+    assert!(matches!(refused, Err(IdentifyError::NoLink)));
+    let empty = Gatherer::new(&load("fig7"), Source::Poses, None)
+        .unwrap()
+        .finish();
+    assert!(matches!(
+        empty,
+        Err(IdentifyError::NothingMeasured("mocap/pose", _))
+    ));
+}

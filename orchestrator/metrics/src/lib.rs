@@ -1,0 +1,45 @@
+//! How far the vehicle was from its path, how hard it worked for that, and whether it was lost: measured in one place, for
+//! the summary, the fault matrix, the report, the plots and the reproduced figures alike, and for every controller alike.
+//!
+//! * [`path_clock`]: where the path was at any moment;
+//! * [`tracker`]: the vehicle beside it, as the truth has it, or the estimator where nobody knows the truth;
+//! * [`stretch`]: the numbers of a stretch of the flight;
+//! * [`loss`]: whether the vehicle was lost;
+//! * [`statistics`], [`percentiles`]: a stream of numbers in fixed memory.
+//!
+//! Nothing rests on what a controller says of itself. All of it is fed with samples in the order of the log, while a flight
+//! goes on or from its log, and allocates nothing while it is.
+
+pub mod loss;
+pub mod path_clock;
+pub mod percentiles;
+pub mod statistics;
+pub mod stretch;
+pub mod summary;
+pub mod tracker;
+
+use shared_types::Sample;
+use shared_types::scenario::Scenario;
+
+/// How much of the end of a stretch counts as its ultimate behaviour, s: what the paper's figures show.
+pub const ULTIMATE_WINDOW: f64 = 5.0;
+
+/// Distance from the path below which the vehicle counts as settled on it, m: the theorem's bound for the paper's gains and
+/// a fifth.
+pub const SETTLED: f64 = 0.02;
+
+/// The sample in bytes that a host or a log hands out.
+///
+/// # Panics
+/// If the bytes are those of another type.
+#[inline]
+pub fn read<T: Sample>(bytes: &[u8]) -> T {
+    T::read_from_bytes(bytes).expect("hosts hand out samples of their topic")
+}
+
+/// When a scenario changes the vehicle or the air around it, s.
+pub fn changes(scenario: &Scenario) -> impl Iterator<Item = f64> {
+    let vehicle = scenario.vehicle.change.iter().map(|change| change.at);
+    let fan = scenario.vehicle.fan.iter();
+    vehicle.chain(fan.flat_map(|fan| std::iter::once(fan.on_at).chain(fan.off_at)))
+}

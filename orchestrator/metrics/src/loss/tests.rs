@@ -1,0 +1,190 @@
+//! When a vehicle is lost, by what is known of it.
+
+use super::*;
+use crate::path_clock::Demand;
+use proptest::prelude::*;
+use run_log::test_flight::scenario;
+use shared_types::rotation::{from_roll_pitch_yaw, to_row_major};
+use shared_types::scenario::Flight;
+
+const UPRIGHT: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+
+fn moment(step: u64, distance: Option<f64>, phase: FlightPhase) -> Moment {
+    Moment {
+        vehicle: Vehicle {
+            tick: step,
+            time_ns: step * 10_000_000,
+            position_world: [0.0, 0.0, -1.0],
+            world_from_body: UPRIGHT,
+            velocity_body: [0.0; 3],
+            angular_velocity_body: [0.0; 3],
+            thrust: 2.0,
+        },
+        path: Some(Demand {
+            position_world: [0.0; 3],
+            gamma: 0.0,
+            yaw: 0.0,
+            phase,
+        }),
+        distance,
+    }
+}
+
+/// The loss of a vehicle with such distances from its path (m), a step of 10 ms each.
+fn loss_of(limits: Option<Judge>, distances: &[f64]) -> Option<Loss> {
+    let flown = Scenario {
+        judge: limits,
+        ..scenario(0.01, 10.0)
+    };
+    let mut watch = LossWatch::new(&flown, Source::Truth);
+    for (&distance, step) in distances.iter().zip(0..) {
+        watch.observe(&moment(step, Some(distance), FlightPhase::Fly));
+    }
+    watch.loss().cloned()
+}
+
+fn tilted_by(tilt: f64) -> Moment {
+    let mut tilted = moment(0, Some(0.0), FlightPhase::Fly);
+    tilted.vehicle.world_from_body = to_row_major(&from_roll_pitch_yaw([tilt, 0.0, 0.3]));
+    tilted
+}
+
+#[test]
+fn a_vehicle_that_leaves_its_path_is_lost_once_with_time_value_and_limit() {
+    let loss = loss_of(None, &[1.2, 0.5, 4.9, 5.1, 168.0, 0.0]).unwrap();
+    assert_eq!(loss.reason, Reason::LeftPath);
+    assert_eq!((loss.time, loss.value, loss.limit), (0.03, Some(5.1), Some(5.0)));
+    assert_eq!(loss.to_string(), "5.10 m from the path, more than 5.00 m");
+    assert_eq!(loss_of(None, &[1.2, 5.0, 0.0]), None);
+}
+
+#[test]
+fn a_vehicle_that_starts_far_away_has_twice_that_distance_until_it_has_arrived() {
+    assert_eq!(loss_of(None, &[51.4, 60.0, 102.0, 30.0, 4.9, 5.1, 2.5]), None);
+    assert_eq!(loss_of(None, &[3.0, 5.9, 2.5]), None);
+    let loss = loss_of(None, &[51.4, 103.0]).unwrap();
+    assert_eq!(loss.limit, Some(102.8));
+    let after_arrival = loss_of(None, &[51.4, 2.4, 5.1]).unwrap();
+    assert_eq!(after_arrival.limit, Some(5.0));
+}
+
+#[test]
+fn the_scenario_says_what_is_too_far() {
+    let near = Judge {
+        distance_max: 0.5,
+        ..Judge::default()
+    };
+    assert_eq!(loss_of(Some(near), &[0.2, 0.6]).unwrap().limit, Some(0.5));
+}
+
+#[test]
+fn a_vehicle_tips_over_once_it_has_been_upright_near_its_path_and_never_with_a_limit_of_pi() {
+    let watch = |limits: Option<Judge>, tilts: &[f64]| {
+        let flown = Scenario {
+            judge: limits,
+            ..scenario(0.01, 10.0)
+        };
+        let mut watch = LossWatch::new(&flown, Source::Truth);
+        tilts.iter().for_each(|&tilt| watch.observe(&tilted_by(tilt)));
+        watch.loss().cloned()
+    };
+    let loss = watch(None, &[0.1, 1.6, 0.1]).unwrap();
+    assert_eq!(loss.reason, Reason::TippedOver);
+    assert_eq!(loss.to_string(), "tipped over by 92°, more than 90°");
+    assert_eq!(watch(None, &[3.1, 2.0, 1.5]), None, "it starts upside down");
+    assert_eq!(watch(None, &[3.1, 1.5, 2.0]).unwrap().reason, Reason::TippedOver);
+    let mut far = LossWatch::new(&scenario(0.01, 10.0), Source::Truth);
+    for tilt in [0.1, 1.6] {
+        far.observe(&Moment {
+            distance: Some(0.6),
+            ..tilted_by(tilt)
+        });
+    }
+    assert_eq!(far.loss(), None, "it is on its way");
+    let acrobat = Judge {
+        tilt_max: std::f64::consts::PI,
+        ..Judge::default()
+    };
+    assert_eq!(watch(Some(acrobat), &[0.0, 1.6, std::f64::consts::PI]), None);
+}
+
+#[test]
+fn a_vehicle_whose_place_is_no_number_is_lost() {
+    let mut watch = LossWatch::new(&scenario(0.01, 10.0), Source::Truth);
+    let mut nowhere = moment(7, None, FlightPhase::Fly);
+    nowhere.vehicle.position_world[1] = f64::NAN;
+    watch.observe(&nowhere);
+    let loss = watch.loss().unwrap();
+    assert_eq!(
+        (loss.reason, loss.time, loss.value),
+        (Reason::NotFinite, 0.07, None)
+    );
+}
+
+/// A vehicle that rises to 1 m and comes down at such a speed in a phase.
+fn touching(phase: FlightPhase, speed: f64, source: Source) -> Option<Loss> {
+    let mut flown = scenario(0.01, 10.0);
+    flown.flight = Some(Flight::default());
+    let mut watch = LossWatch::new(&flown, source);
+    for (step, height) in [0.0, 1.0, 0.01, 0.0].into_iter().enumerate() {
+        let mut here = moment(step as u64, None, phase);
+        here.vehicle.position_world[2] = -height;
+        here.vehicle.velocity_body[2] = if height > 0.0 { speed } else { 0.0 };
+        watch.observe(&here);
+    }
+    watch.loss().cloned()
+}
+
+#[test]
+fn the_ground_is_touched_softly_in_a_landing_and_not_at_all_in_flight() {
+    assert_eq!(touching(FlightPhase::Land, 0.5, Source::Truth), None);
+    let hard = touching(FlightPhase::Land, 1.4, Source::Truth).unwrap();
+    assert_eq!((hard.reason, hard.limit), (Reason::HitGround, Some(1.3)));
+    assert_eq!(
+        hard.to_string(),
+        "hit the ground at 1.40 m/s, faster than 1.30 m/s"
+    );
+    let killed = touching(FlightPhase::Disarmed, 4.0, Source::Truth).unwrap();
+    assert_eq!(killed.reason, Reason::HitGround);
+    let soft = touching(FlightPhase::Fly, 0.1, Source::Truth).unwrap();
+    assert_eq!(soft.to_string(), "touched the ground in flight, at 0.10 m/s");
+    assert_eq!(
+        touching(FlightPhase::Fly, 4.0, Source::Estimate),
+        None,
+        "nobody knows the ground"
+    );
+}
+
+#[test]
+fn a_vehicle_that_stands_on_the_ground_does_not_touch_it() {
+    let mut flown = scenario(0.01, 10.0);
+    flown.flight = Some(Flight::default());
+    let mut watch = LossWatch::new(&flown, Source::Truth);
+    for step in 0..10 {
+        let mut here = moment(step, None, FlightPhase::Fly);
+        here.vehicle.position_world[2] = 0.0;
+        watch.observe(&here);
+    }
+    assert_eq!(watch.loss(), None);
+}
+
+#[test]
+fn what_is_only_estimated_says_so() {
+    let mut watch = LossWatch::new(&scenario(0.01, 10.0), Source::Estimate);
+    watch.observe(&moment(0, Some(1.0), FlightPhase::Fly));
+    watch.observe(&moment(1, Some(7.0), FlightPhase::Fly));
+    assert!(watch.loss().unwrap().to_string().ends_with("as estimated"));
+}
+
+proptest! {
+    #[test]
+    fn a_vehicle_within_the_limits_is_never_lost_and_one_beyond_always(
+        distances in proptest::collection::vec(0.0..6.0f64, 1..100),
+    ) {
+        let arrived = distances.iter().position(|&distance| distance <= 2.5).unwrap_or(distances.len());
+        let (before, after) = distances.split_at(arrived);
+        let is_lost = before.iter().any(|&distance| distance > f64::max(5.0, 2.0 * distances[0]))
+            || after.iter().any(|&distance| distance > 5.0);
+        prop_assert_eq!(loss_of(None, &distances).is_some(), is_lost);
+    }
+}

@@ -1,0 +1,450 @@
+//! What a flight came to: the numbers of the paper, computed while it flies.
+//!
+//! [`FlightSummary`] sees every sample once, in the order of the log, and keeps a fixed amount of memory however
+//! long the flight is. [`Summary`] is what comes of it: `summary.json` for programs, a table for people.
+
+mod at_bound;
+pub mod faults;
+mod flight;
+pub mod laboratory;
+mod phase;
+pub mod rebirth;
+mod table;
+pub mod timing;
+
+use serde::Serialize;
+use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, RunEvent, VehicleTruth};
+use shared_types::scenario::{Bounds, Scenario, Vector};
+use shared_types::service::{header_of, seconds};
+use shared_types::{Header, Schedule, ServiceId, Topic};
+
+use self::rebirth::Rebirth;
+use crate::loss::{Loss, LossWatch};
+use crate::read;
+use crate::stretch::{Metrics, Stretch};
+use crate::tracker::{Moment, Source, Tracker};
+pub use at_bound::AtBound;
+use faults::{FaultReport, FaultWatch, PlannedFault};
+pub use flight::FlightPhaseBegin;
+use flight::FlightWatch;
+use laboratory::LaboratoryReport;
+use phase::PhaseRecord;
+use timing::TimingReport;
+
+/// How far above the theorem's bound still counts as near it.
+///
+/// The theorem speaks of a controller in continuous time and of the limit t → ∞; a 1 kHz hold and half a minute
+/// leave some percent.
+pub const NEAR_THE_BOUND: f64 = 1.1;
+
+/// How a phase ended, compared with what the theorem promises of Gerono's own law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AgainstBound {
+    /// The distance from the path was within the bound.
+    Within,
+    /// It was above the bound, but not by more than [`NEAR_THE_BOUND`].
+    Near,
+    /// It was above that.
+    Exceeded,
+}
+
+impl AgainstBound {
+    /// An ultimate distance (m) compared with a bound (m).
+    #[must_use]
+    pub fn of(ultimate: f64, bound: f64) -> Self {
+        if ultimate <= bound {
+            Self::Within
+        } else if ultimate <= NEAR_THE_BOUND * bound {
+            Self::Near
+        } else {
+            Self::Exceeded
+        }
+    }
+}
+
+/// How a flight ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// The last tick was flown.
+    Completed,
+    /// Somebody asked for the end.
+    Interrupted,
+    /// It could not go on.
+    Failed,
+}
+
+/// What only the caller knows of a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunFacts {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Which host flew it.
+    pub host: String,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Why it ended, in words; empty when it was completed.
+    pub reason: String,
+    /// Tick at which a service computed a number that is not finite, if that ended it.
+    #[serde(skip)]
+    pub not_finite_at: Option<u64>,
+    /// Samples that are in the log, if it could not be written to the end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_log: Option<u64>,
+    /// Wall time from the first tick to the last, s.
+    pub wall_seconds: f64,
+    /// Deaths of services in flight that were mended; nothing of them is in the log.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rebirths: Vec<Rebirth>,
+    /// How well the flight kept time, if it was flown in real time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingReport>,
+    /// How cameras and radio link fared, if it was flown in a laboratory.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub laboratory: Option<LaboratoryReport>,
+}
+
+impl RunFacts {
+    /// Those of a log alone, which does not tell of its run.
+    #[must_use]
+    pub fn unknown() -> Self {
+        Self {
+            scenario: String::new(),
+            host: String::new(),
+            outcome: Outcome::Completed,
+            reason: String::new(),
+            not_finite_at: None,
+            in_log: None,
+            wall_seconds: 0.0,
+            rebirths: Vec::new(),
+            timing: None,
+            laboratory: None,
+        }
+    }
+}
+
+/// What a flight came to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// What only the caller knew.
+    #[serde(flatten)]
+    pub run: RunFacts,
+    /// Seed of the flight.
+    pub seed: u64,
+    /// Time of the last recorded tick, s.
+    pub simulated_seconds: f64,
+    /// Simulated seconds per wall second.
+    pub real_time_factor: f64,
+    /// How the vehicle was lost; none if it was not.
+    pub lost: Option<Loss>,
+    /// Who told where the vehicle was: the truth, or in a laboratory the estimator.
+    pub source: Source,
+    /// How far the vehicle was from its path in all of the flight; none if it never flew along it.
+    pub metrics: Option<Metrics>,
+    /// atanh(δ/(k1 σmax)): what the theorem bounds the distance from the path by ultimately, m; none of another controller
+    /// than Gerono's own.
+    pub ultimate_bound: Option<f64>,
+    /// The phases between the changes of the vehicle, as far as they were flown.
+    pub phases: Vec<Phase>,
+    /// Estimates that rested at their bounds at the end of a phase.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub at_bound: Vec<AtBound>,
+    /// The phases from disarmed to disarmed, in their order; none in a flight that is in the air from the start.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub flight: Vec<FlightPhaseBegin>,
+    /// The planned faults, as far as they were flown.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultReport>,
+    /// What was recorded of each topic.
+    pub topics: Vec<TopicCount>,
+}
+
+/// A phase of a flight: from one change of the vehicle, or the start, to the next, or the end.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Phase {
+    /// When it begins, s.
+    pub begins: f64,
+    /// When it ends, or for a phase that was not flown to its end when it was left, s.
+    pub ends: f64,
+    /// Whether it was flown to its end.
+    pub is_complete: bool,
+    /// How far the vehicle was from its path; none if it did not fly along it.
+    pub metrics: Option<Metrics>,
+    /// Largest distance from the path in the last [`ULTIMATE_WINDOW`](crate::ULTIMATE_WINDOW) of the phase, m; in all of it, if it is shorter. Only
+    /// of a complete phase, and only if the vehicle flew along the path there: not of one that stands on the ground by then.
+    pub ultimate: Option<f64>,
+    /// `ultimate` against the theorem's bound, where there is one.
+    pub against_bound: Option<AgainstBound>,
+    /// The parameters at the phase's end and what the controller took them for.
+    pub parameters: Parameters,
+    /// γ at the phase's end.
+    pub gamma: Option<f64>,
+}
+
+/// Unknown parameters of the vehicle and their estimates; none where no sample came.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Parameters {
+    /// m, kg.
+    pub mass: Option<f64>,
+    /// m̂ = 1/π(η̂), kg.
+    pub mass_estimate: Option<f64>,
+    /// b in {I}, m/s².
+    pub disturbance: Option<Vector>,
+    /// π(b̂) in {I}, m/s².
+    pub disturbance_estimate: Option<Vector>,
+}
+
+/// How many samples of a topic were recorded.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct TopicCount {
+    /// Name of the topic.
+    pub topic: &'static str,
+    /// Samples recorded.
+    pub recorded: u64,
+    /// Samples that the schedule had due up to the last recorded tick and that nobody published: in a flight in real time,
+    /// those of steps that were left out.
+    pub not_flown: u64,
+    /// Samples that were published and not recorded.
+    pub not_recorded: u64,
+}
+
+/// Gathers a [`Summary`] while a flight goes on, in constant memory.
+#[derive(Clone, Debug)]
+pub struct FlightSummary {
+    seed: u64,
+    bound: Option<f64>,
+    /// Of the estimates, if the controller is Gerono's own.
+    bounds: Option<Bounds>,
+    schedule: Schedule,
+    tracker: Tracker,
+    loss: LossWatch,
+    whole: Stretch,
+    /// Whether the vehicle flies along its path, as far as it is known.
+    is_on_path: bool,
+    phases: Vec<PhaseRecord>,
+    /// Only where faults are planned: who plans none does not pay for them.
+    faults: Option<Box<FaultWatch>>,
+    /// Only of a flight with phases.
+    flight: Option<FlightWatch>,
+    current: usize,
+    counts: [SequenceCount; Topic::ALL.len()],
+    first_tick: u64,
+    last_tick: Option<u64>,
+}
+
+/// Counts the samples of a topic by the sequence numbers in their headers.
+#[derive(Clone, Copy, Debug, Default)]
+struct SequenceCount {
+    recorded: u64,
+    next_seq: u64,
+    gaps: u64,
+}
+
+impl FlightSummary {
+    /// For a flight of `scenario`, whose schedule is `schedule`.
+    #[must_use]
+    pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
+        let faults = PlannedFault::all(scenario);
+        let changes: Vec<u64> = crate::changes(scenario)
+            .map(|time| scenario.tick_of(time))
+            .collect();
+        let tracker = Tracker::new(schedule, scenario.flight.is_some());
+        Self {
+            seed: scenario.seed,
+            bound: scenario.theorem_bound(),
+            bounds: scenario
+                .program_of(ServiceId::Controller)
+                .is_none()
+                .then(|| scenario.controller.bounds.clone()),
+            loss: LossWatch::new(scenario, tracker.source()),
+            tracker,
+            whole: Stretch::default(),
+            is_on_path: false,
+            phases: phase::phases(scenario, schedule),
+            faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, &changes, schedule))),
+            flight: scenario.flight.as_ref().map(|_| FlightWatch::default()),
+            current: 0,
+            counts: [SequenceCount::default(); Topic::ALL.len()],
+            first_tick: 0,
+            last_tick: None,
+            schedule: schedule.clone(),
+        }
+    }
+
+    /// Expects nothing before a tick: the flight was taken over there.
+    pub fn begin_at(&mut self, tick: u64) {
+        self.first_tick = tick;
+        for topic in Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some()) {
+            self.counts[topic.index()].next_seq = self.schedule.publications(topic).count_before(tick);
+        }
+    }
+
+    /// Takes a recorded sample into account; they come in the order of the log.
+    #[inline]
+    pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
+        let header = header_of(bytes);
+        self.counts[topic.index()].count(&header);
+        self.last_tick = self.last_tick.max(Some(header.tick));
+        if let Some(moment) = self.tracker.observe(topic, bytes) {
+            self.observe_moment(&moment);
+        }
+        if topic == self.tracker.source().topic() {
+            self.phase_at(header.tick).last_tick = Some(header.tick);
+        }
+        if let Some(faults) = &mut self.faults {
+            faults.observe(topic, bytes);
+        }
+        match topic {
+            Topic::VehicleTruth => {
+                let truth = read::<VehicleTruth>(bytes);
+                let parameters = &mut self.phase_at(header.tick).parameters;
+                parameters.mass = Some(truth.mass);
+                parameters.disturbance = Some(truth.disturbance_world);
+            }
+            Topic::ControlAdaptation => {
+                let adaptation = read::<ControlAdaptation>(bytes);
+                let parameters = &mut self.phase_at(header.tick).parameters;
+                parameters.mass_estimate = Some(adaptation.mass_estimate);
+                parameters.disturbance_estimate = Some(adaptation.disturbance_projected_world);
+            }
+            Topic::PathReference => {
+                let reference = read::<PathReference>(bytes);
+                self.phase_at(header.tick).gamma = Some(reference.gamma);
+                if let Some(flight) = &mut self.flight {
+                    flight.observe(&reference);
+                }
+            }
+            Topic::RcFrame => {
+                let frame = read::<RcFrame>(bytes);
+                if let Some(flight) = &mut self.flight {
+                    flight.observe_frame(&frame);
+                }
+                if self.is_on_path {
+                    self.whole.observe_frame(&frame);
+                    self.phase_at(header.tick).stretch.observe_frame(&frame);
+                }
+            }
+            Topic::RunEvent => {
+                if let Some(flight) = &mut self.flight {
+                    flight.observe_event(&read::<RunEvent>(bytes));
+                }
+            }
+            Topic::MocapPose | Topic::VehicleState | Topic::ControlCommand | Topic::ControlErrors => {}
+        }
+    }
+
+    /// How the vehicle was lost so far, if it was.
+    #[must_use]
+    pub fn loss(&self) -> Option<&Loss> {
+        self.loss.loss()
+    }
+
+    #[inline]
+    fn observe_moment(&mut self, moment: &Moment) {
+        self.is_on_path = moment.distance_on_path().is_some();
+        self.loss.observe(moment);
+        self.whole.observe(moment);
+        self.phase_at(moment.vehicle.tick).observe(moment);
+        if let Some(faults) = &mut self.faults {
+            faults.observe_moment(moment, None);
+        }
+    }
+
+    /// The summary of all that was observed.
+    #[must_use]
+    pub fn finish(mut self, run: RunFacts) -> Summary {
+        if let Some(moment) = self.tracker.last() {
+            self.observe_moment(&moment);
+        }
+        let source = self.tracker.source();
+        let simulated_ticks = self
+            .last_tick
+            .map_or(0, |tick| tick.saturating_sub(self.first_tick));
+        let simulated_seconds = seconds(self.schedule.time_ns(simulated_ticks));
+        let flown = self.phases.iter().filter(|phase| phase.last_tick.is_some());
+        let phases: Vec<Phase> = flown
+            .map(|phase| phase.finish(&self.schedule, source.topic(), self.bound))
+            .collect();
+        let at_bound = self.bounds.iter().flat_map(|bounds| {
+            let ends = phases.iter();
+            ends.flat_map(|phase| at_bound::at_bound(bounds, phase.ends, &phase.parameters))
+        });
+        Summary {
+            seed: self.seed,
+            simulated_seconds,
+            real_time_factor: if run.wall_seconds > 0.0 {
+                simulated_seconds / run.wall_seconds
+            } else {
+                0.0
+            },
+            lost: self.loss.loss().cloned().or_else(|| {
+                let tick = run.not_finite_at?;
+                Some(Loss::not_finite(
+                    seconds(self.schedule.time_ns(tick)),
+                    self.tracker.source(),
+                ))
+            }),
+            source,
+            metrics: self.whole.finish(),
+            ultimate_bound: self.bound,
+            at_bound: at_bound.collect(),
+            phases,
+            flight: self.flight.as_ref().map(FlightWatch::finish).unwrap_or_default(),
+            faults: self
+                .faults
+                .as_ref()
+                .map(|faults| faults.finish(&self.schedule))
+                .unwrap_or_default(),
+            topics: Topic::ALL
+                .map(|topic| self.topic_count(topic, run.timing.as_ref()))
+                .into(),
+            run,
+        }
+    }
+
+    /// The phase of a tick, entering it if it has not been.
+    #[inline]
+    fn phase_at(&mut self, tick: u64) -> &mut PhaseRecord {
+        while tick >= self.phases[self.current].end_tick && self.current + 1 < self.phases.len() {
+            self.current += 1;
+        }
+        &mut self.phases[self.current]
+    }
+
+    /// What was recorded of a topic; of the orchestrator's own topics only gaps can be told.
+    ///
+    /// In simulated time everything due is published. In real time `timing` tells what was; of a topic that is not published
+    /// at every step nobody knows it, and what is missing counts as not flown.
+    fn topic_count(&self, topic: Topic, timing: Option<&TimingReport>) -> TopicCount {
+        let SequenceCount {
+            recorded,
+            next_seq,
+            gaps,
+        } = self.counts[topic.index()];
+        let due = match (topic.publisher(), self.last_tick) {
+            (Some(_), Some(tick)) => self.schedule.publications(topic).count_before(tick + 1),
+            _ => 0,
+        };
+        let missing = gaps + due.saturating_sub(next_seq);
+        let not_recorded = timing.map_or(missing, |timing| timing.unrecorded_of(topic.name()).min(missing));
+        TopicCount {
+            topic: topic.name(),
+            recorded,
+            not_flown: missing - not_recorded,
+            not_recorded,
+        }
+    }
+}
+
+impl SequenceCount {
+    #[inline]
+    fn count(&mut self, header: &Header) {
+        self.recorded += 1;
+        self.gaps += header.seq.saturating_sub(self.next_seq);
+        self.next_seq = self.next_seq.max(header.seq + 1);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,110 @@
+//! A planned fault while it is flown.
+
+use shared_types::Schedule;
+use shared_types::service::{nanoseconds, seconds};
+
+use super::signs::{Look, Tally};
+use super::{BEFORE, Detection, FaultReport, PlannedFault};
+use crate::SETTLED;
+
+/// What is kept of a fault.
+#[derive(Clone, Debug)]
+pub(super) struct FaultRecord {
+    fault: PlannedFault,
+    /// First tick at which the error counts as that before the fault.
+    before_tick: u64,
+    /// First tick that is another fault's.
+    watched_until: u64,
+    tick_ns: u64,
+    detection: Option<Detection>,
+    largest_before: f64,
+    peak: Option<f64>,
+    /// Largest distance as a share of what it must come back to.
+    largest_share: f64,
+    /// Tick from which the error has been within the bound, the fault being over.
+    inside_since: Option<u64>,
+    tally: Tally,
+}
+
+impl FaultRecord {
+    pub(super) fn new(fault: PlannedFault, watched_until: u64, schedule: &Schedule) -> Self {
+        let before_ticks = nanoseconds(BEFORE) / schedule.tick_ns();
+        Self {
+            before_tick: fault.from.saturating_sub(before_ticks),
+            watched_until,
+            tick_ns: schedule.tick_ns(),
+            detection: None,
+            largest_before: 0.0,
+            peak: None,
+            largest_share: 0.0,
+            inside_since: None,
+            tally: Tally::default(),
+            fault,
+        }
+    }
+
+    pub(super) fn begins_by(&self, tick: u64) -> bool {
+        self.fault.from <= tick
+    }
+
+    /// Takes the distance from the path (m) at a tick into account, and what it comes to there without the fault, if that
+    /// is known.
+    #[inline]
+    pub(super) fn observe_error(&mut self, tick: u64, error: f64, undisturbed: Option<f64>) {
+        if tick < self.fault.from {
+            if tick >= self.before_tick {
+                self.largest_before = self.largest_before.max(error);
+            }
+        } else if tick < self.watched_until {
+            self.peak = Some(self.peak.unwrap_or(0.0).max(error));
+            let is_over = self.fault.until.is_some_and(|until| tick >= until);
+            let bound = self.bound().max(undisturbed.unwrap_or(0.0));
+            self.largest_share = self.largest_share.max(error / bound);
+            let is_inside = is_over && error <= bound;
+            self.inside_since = is_inside.then(|| self.inside_since.unwrap_or(tick));
+        }
+    }
+
+    /// Takes what a sample tells into account.
+    #[inline]
+    pub(super) fn observe_look(&mut self, tick: u64, look: &Look) {
+        if (self.fault.from..self.watched_until).contains(&tick) {
+            self.tally.add(look);
+            if let (None, Some((service, sign))) = (self.detection, look.sign) {
+                self.detection = Some(Detection::new(self.time_since_begin(tick), service, sign));
+            }
+        }
+    }
+
+    /// The fault as reported, of a flight that came to its `last_tick`.
+    pub(super) fn finish(&self, last_tick: u64, schedule: &Schedule) -> FaultReport {
+        let time = |tick| seconds(schedule.time_ns(tick));
+        let PlannedFault { words, from, until } = &self.fault;
+        let reactions = self.tally.finish(schedule);
+        FaultReport {
+            fault: words.clone(),
+            begins: time(*from),
+            ends: until.map(time),
+            outage: self.time_since_begin(until.unwrap_or(last_tick).min(last_tick)),
+            watched_until: time(self.watched_until.min(last_tick)),
+            detection: self.detection,
+            bound: self.bound(),
+            peak_error: self.peak,
+            largest_share: self.peak.map(|_| self.largest_share),
+            back_after: self
+                .inside_since
+                .zip(*until)
+                .map(|(since, until)| seconds((since - until) * self.tick_ns)),
+            others: reactions.to_string(),
+            reactions,
+        }
+    }
+
+    fn bound(&self) -> f64 {
+        self.largest_before.max(SETTLED)
+    }
+
+    fn time_since_begin(&self, tick: u64) -> f64 {
+        seconds((tick - self.fault.from) * self.tick_ns)
+    }
+}

@@ -1,0 +1,299 @@
+//! The signs in the samples of services that they have noticed something, and what they do about it.
+
+use serde::Serialize;
+use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState};
+use shared_types::{Schedule, ServiceId, Topic};
+
+use crate::read;
+
+/// What a service may be doing about something that is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Condition {
+    Untracked,
+    Coasting,
+    Standing,
+    Holding,
+    Level,
+    Descending,
+    CommandsNothing,
+    Resting,
+    LinkHolding,
+    Failsafe,
+}
+
+impl Condition {
+    const ALL: [Self; 10] = [
+        Self::Untracked,
+        Self::Coasting,
+        Self::Standing,
+        Self::Holding,
+        Self::Level,
+        Self::Descending,
+        Self::CommandsNothing,
+        Self::Resting,
+        Self::LinkHolding,
+        Self::Failsafe,
+    ];
+
+    /// As the first sign of a fault, in words; resting alone is none, for estimators rest for good reasons too.
+    fn sign(self) -> Option<&'static str> {
+        match self {
+            Self::Untracked => Some("not tracked"),
+            Self::Coasting => Some("coasts"),
+            Self::Standing => Some("path stands"),
+            Self::Holding | Self::LinkHolding => Some("holds"),
+            Self::Level => Some("levels out"),
+            Self::Descending => Some("descends"),
+            Self::CommandsNothing | Self::Failsafe => Some("failsafe"),
+            Self::Resting => None,
+        }
+    }
+}
+
+/// The conditions that are so, one bit each.
+type Conditions = u16;
+
+fn conditions<const N: usize>(all: [(bool, Condition); N]) -> Conditions {
+    let set = all.into_iter().filter(|(is_so, _)| *is_so);
+    set.fold(0, |bits, (_, condition)| bits | 1 << condition as u16)
+}
+
+/// The topics that are looked at, with what their services refuse.
+const WATCHED: [Topic; 4] = [
+    Topic::VehicleState,
+    Topic::PathReference,
+    Topic::ControlAdaptation,
+    Topic::RcFrame,
+];
+
+/// What a sample tells of the service that published it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Look {
+    /// Position in [`WATCHED`].
+    place: usize,
+    conditions: Conditions,
+    /// How many inputs more the service has refused.
+    refused: u32,
+    /// The sign that just began to show, if one did.
+    pub(super) sign: Option<(ServiceId, &'static str)>,
+}
+
+/// Sees what changes from sample to sample.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Observers([Before; WATCHED.len()]);
+
+/// What a service's last sample said.
+#[derive(Clone, Copy, Debug, Default)]
+struct Before {
+    conditions: Conditions,
+    refused: u32,
+}
+
+impl Observers {
+    /// Looks at a sample; nothing if the topic tells nothing of the kind.
+    ///
+    /// A sign is what was not so in the sample before: what shows all the time says nothing of a fault.
+    #[inline]
+    pub(super) fn look(&mut self, topic: Topic, bytes: &[u8]) -> Option<Look> {
+        let place = WATCHED.iter().position(|&watched| watched == topic)?;
+        let (conditions, refused) = state_of(topic, bytes);
+        let before = std::mem::replace(&mut self.0[place], Before { conditions, refused });
+        let begun = conditions & !before.conditions;
+        let grown = refused.saturating_sub(before.refused);
+        let begun = Condition::ALL
+            .into_iter()
+            .filter(|&condition| begun & 1 << condition as u16 != 0);
+        let sign = begun.filter_map(Condition::sign).next();
+        let sign = sign.or((grown > 0).then_some("refuses"));
+        Some(Look {
+            place,
+            conditions,
+            refused: grown,
+            sign: sign.zip(topic.publisher()).map(|(sign, service)| (service, sign)),
+        })
+    }
+}
+
+/// The conditions in a sample, and how many inputs its service has refused so far.
+#[inline]
+fn state_of(topic: Topic, bytes: &[u8]) -> (Conditions, u32) {
+    match topic {
+        Topic::VehicleState => {
+            let state = read::<VehicleState>(bytes);
+            let set = conditions([
+                (!state.tracked.is_set(), Condition::Untracked),
+                (state.coasting.is_set(), Condition::Coasting),
+            ]);
+            (set, state.captures_refused)
+        }
+        Topic::PathReference => {
+            let reference = read::<PathReference>(bytes);
+            let set = conditions([(!reference.vehicle_known.is_set(), Condition::Standing)]);
+            (set, reference.states_refused)
+        }
+        Topic::ControlAdaptation => {
+            let adaptation = read::<ControlAdaptation>(bytes);
+            let is = |stage| adaptation.stage == stage;
+            let set = conditions([
+                (is(ControlAdaptation::STAGE_HOLD), Condition::Holding),
+                (is(ControlAdaptation::STAGE_LEVEL), Condition::Level),
+                (is(ControlAdaptation::STAGE_DESCEND), Condition::Descending),
+                (is(ControlAdaptation::STAGE_FAILSAFE), Condition::CommandsNothing),
+                (adaptation.resting.is_set(), Condition::Resting),
+            ]);
+            (set, adaptation.inputs_refused)
+        }
+        Topic::RcFrame => {
+            let frame = read::<RcFrame>(bytes);
+            let is_failsafe = frame.failsafe.is_set() || frame.stage == RcFrame::STAGE_FAILSAFE;
+            let set = conditions([
+                (
+                    !is_failsafe && frame.stage != RcFrame::STAGE_COMMAND,
+                    Condition::LinkHolding,
+                ),
+                (is_failsafe, Condition::Failsafe),
+            ]);
+            (set, frame.commands_refused)
+        }
+        _ => (0, 0),
+    }
+}
+
+/// Counts what services did, in samples.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tally {
+    samples: [u64; Condition::ALL.len()],
+    refused: [u64; WATCHED.len()],
+}
+
+impl Tally {
+    #[inline]
+    pub(super) fn add(&mut self, look: &Look) {
+        self.refused[look.place] += u64::from(look.refused);
+        if look.conditions != 0 {
+            for condition in Condition::ALL {
+                self.samples[condition as usize] += u64::from(look.conditions >> condition as u16 & 1);
+            }
+        }
+    }
+
+    /// In seconds: every sample speaks for a period of its topic.
+    pub(super) fn finish(&self, schedule: &Schedule) -> Reactions {
+        let time = |condition: Condition, topic: Topic| {
+            let ticks = self.samples[condition as usize] * schedule.topic_rate(topic).period;
+            shared_types::service::seconds(ticks * schedule.tick_ns())
+        };
+        let law = |condition| time(condition, Topic::ControlAdaptation);
+        let [captures_refused, states_refused, inputs_refused, commands_refused] = self.refused;
+        Reactions {
+            untracked: time(Condition::Untracked, Topic::VehicleState),
+            coasted: time(Condition::Coasting, Topic::VehicleState),
+            captures_refused,
+            path_stood: time(Condition::Standing, Topic::PathReference),
+            states_refused,
+            held: law(Condition::Holding),
+            level: law(Condition::Level),
+            descended: law(Condition::Descending),
+            commanded_nothing: law(Condition::CommandsNothing),
+            inputs_refused,
+            estimates_rested: law(Condition::Resting),
+            link_held: time(Condition::LinkHolding, Topic::RcFrame),
+            failsafe_frames: self.samples[Condition::Failsafe as usize],
+            commands_refused,
+        }
+    }
+}
+
+/// What the services did while a fault was watched. Times in s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Reactions {
+    /// How long the estimator did not track the body.
+    pub untracked: f64,
+    /// How long it coasted.
+    pub coasted: f64,
+    /// How many captures it refused.
+    pub captures_refused: u64,
+    /// How long the path stood, not knowing where the vehicle is.
+    pub path_stood: f64,
+    /// How many states its generator refused.
+    pub states_refused: u64,
+    /// How long the controller held its command.
+    pub held: f64,
+    /// How long it commanded to be level.
+    pub level: f64,
+    /// How long it commanded to descend.
+    pub descended: f64,
+    /// How long it commanded nothing, in failsafe.
+    pub commanded_nothing: f64,
+    /// How many inputs it refused.
+    pub inputs_refused: u64,
+    /// How long its estimators rested.
+    pub estimates_rested: f64,
+    /// How long the radio held a command.
+    pub link_held: f64,
+    /// How many failsafe frames it sent.
+    pub failsafe_frames: u64,
+    /// How many commands it refused.
+    pub commands_refused: u64,
+}
+
+impl std::fmt::Display for Reactions {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let services = [
+            (
+                "estimator",
+                vec![
+                    lasted("lost the body", self.untracked),
+                    lasted("coasted", self.coasted),
+                    counted("refused", self.captures_refused, "captures"),
+                ],
+            ),
+            (
+                "path",
+                vec![
+                    lasted("stood", self.path_stood),
+                    counted("refused", self.states_refused, "states"),
+                ],
+            ),
+            (
+                "controller",
+                vec![
+                    lasted("held", self.held),
+                    lasted("level", self.level),
+                    lasted("descended", self.descended),
+                    lasted("failsafe", self.commanded_nothing),
+                    counted("refused", self.inputs_refused, "inputs"),
+                ],
+            ),
+            (
+                "radio",
+                vec![
+                    lasted("held", self.link_held),
+                    counted("failsafe", self.failsafe_frames, "frames"),
+                    counted("refused", self.commands_refused, "commands"),
+                ],
+            ),
+            ("estimates", vec![lasted("rested", self.estimates_rested)]),
+        ];
+        let parts: Vec<String> = services
+            .into_iter()
+            .filter_map(|(who, did)| {
+                let did: Vec<String> = did.into_iter().flatten().collect();
+                (!did.is_empty()).then(|| format!("{who} {}", did.join(", ")))
+            })
+            .collect();
+        if parts.is_empty() {
+            formatter.pad("went on as ever")
+        } else {
+            formatter.pad(&parts.join("; "))
+        }
+    }
+}
+
+fn lasted(what: &str, time: f64) -> Option<String> {
+    (time > 0.0).then(|| format!("{what} {time} s"))
+}
+
+fn counted(what: &str, count: u64, of: &str) -> Option<String> {
+    (count > 0).then(|| format!("{what} {count} {of}"))
+}

@@ -1,0 +1,385 @@
+//! What is reported of faults whose signs and errors are known.
+
+use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState, VehicleTruth};
+use zerocopy::{FromZeros, IntoBytes};
+
+use super::*;
+use crate::tracker::Tracker;
+use run_log::test_flight::scenario;
+
+/// 20 s at 10 ms.
+fn schedule() -> Schedule {
+    scenario(0.01, 20.0).schedule().unwrap()
+}
+
+fn fault(from: u64, until: Option<u64>) -> PlannedFault {
+    PlannedFault {
+        words: format!("a fault from tick {from} on"),
+        from,
+        until,
+    }
+}
+
+/// What the samples of a tick say; everything is in order at first.
+struct Tick {
+    error: f64,
+    state: VehicleState,
+    reference: PathReference,
+    adaptation: ControlAdaptation,
+    frame: RcFrame,
+    without_path: bool,
+}
+
+/// The reports on a flight whose ticks are in order but for what `change` makes of them.
+fn reports(faults: &[PlannedFault], last_tick: u64, change: impl Fn(u64, &mut Tick)) -> Vec<FaultReport> {
+    reports_beside(faults, &[], last_tick, |_| None, change)
+}
+
+/// The same of a flight that something else changes at some ticks, beside an undisturbed one with these distances (m).
+fn reports_beside(
+    faults: &[PlannedFault],
+    changes: &[u64],
+    last_tick: u64,
+    undisturbed: impl Fn(u64) -> Option<f64>,
+    change: impl Fn(u64, &mut Tick),
+) -> Vec<FaultReport> {
+    let schedule = schedule();
+    let mut watch = FaultWatch::new(faults.to_vec(), changes, &schedule);
+    let mut tracker = Tracker::new(&schedule, false);
+    let observe = |watch: &mut FaultWatch, tracker: &mut Tracker, topic: Topic, bytes: &[u8]| {
+        if let Some(moment) = tracker.observe(topic, bytes) {
+            watch.observe_moment(&moment, undisturbed(moment.vehicle.tick));
+        }
+        watch.observe(topic, bytes);
+    };
+    for tick in 0..=last_tick {
+        let mut all = Tick {
+            error: 0.01,
+            state: VehicleState {
+                tracked: true.into(),
+                ..VehicleState::new_zeroed()
+            },
+            reference: PathReference {
+                vehicle_known: true.into(),
+                ..PathReference::new_zeroed()
+            },
+            adaptation: ControlAdaptation::new_zeroed(),
+            frame: RcFrame::new_zeroed(),
+            without_path: false,
+        };
+        change(tick, &mut all);
+        let header = |topic| schedule.header(topic, tick);
+        let mut truth = VehicleTruth::new_zeroed();
+        truth.header = header(Topic::VehicleTruth);
+        truth.position_world = [1.0, 2.0 + all.error, 3.0];
+        observe(&mut watch, &mut tracker, Topic::VehicleTruth, truth.as_bytes());
+        all.state.header = header(Topic::VehicleState);
+        observe(
+            &mut watch,
+            &mut tracker,
+            Topic::VehicleState,
+            all.state.as_bytes(),
+        );
+        if !all.without_path {
+            all.reference.header = header(Topic::PathReference);
+            all.reference.reference_time_ns = all.reference.header.stamp_ns;
+            all.reference.position_world = [1.0, 2.0, 3.0];
+            observe(
+                &mut watch,
+                &mut tracker,
+                Topic::PathReference,
+                all.reference.as_bytes(),
+            );
+        }
+        all.adaptation.header = header(Topic::ControlAdaptation);
+        observe(
+            &mut watch,
+            &mut tracker,
+            Topic::ControlAdaptation,
+            all.adaptation.as_bytes(),
+        );
+        all.frame.header = header(Topic::RcFrame);
+        observe(&mut watch, &mut tracker, Topic::RcFrame, all.frame.as_bytes());
+    }
+    if let Some(moment) = tracker.last() {
+        watch.observe_moment(&moment, undisturbed(moment.vehicle.tick));
+    }
+    watch.finish(&schedule)
+}
+
+fn report(fault: PlannedFault, change: impl Fn(u64, &mut Tick)) -> FaultReport {
+    let mut reports = reports(&[fault], 2000, change);
+    assert_eq!(reports.len(), 1);
+    reports.remove(0)
+}
+
+fn assert_close(value: Option<f64>, expected: f64) {
+    let value = value.unwrap_or_else(|| panic!("nothing in place of {expected}"));
+    assert!((value - expected).abs() < 1e-12, "{value} is not {expected}");
+}
+
+#[test]
+fn a_fault_that_nobody_notices_is_reported_with_its_times() {
+    let report = report(fault(1000, Some(1010)), |_, _| {});
+    assert_eq!(
+        (report.begins, report.ends, report.outage),
+        (10.0, Some(10.1), 0.1)
+    );
+    assert_eq!(report.watched_until, 20.0);
+    assert_eq!(report.detection, None);
+    assert_close(report.peak_error, 0.01);
+    assert_close(report.back_after, 0.0);
+    assert_eq!(report.reactions, Reactions::default());
+    assert_eq!(report.others, "went on as ever");
+}
+
+#[test]
+fn an_outage_for_good_lasts_to_the_end_of_what_was_flown_and_has_no_way_back() {
+    let [report] = &reports(&[fault(1000, None)], 1500, |_, _| {})[..] else {
+        panic!("one fault, one report");
+    };
+    assert_eq!((report.ends, report.outage, report.back_after), (None, 5.0, None));
+    assert!(!report.is_over());
+}
+
+#[test]
+fn every_sign_of_every_service_is_a_detection_with_its_time_and_its_service() {
+    type Change = fn(&mut Tick);
+    let signs: [(Change, &str, &str); 12] = [
+        (
+            |tick| tick.state.tracked = false.into(),
+            "estimator",
+            "not tracked",
+        ),
+        (|tick| tick.state.coasting = true.into(), "estimator", "coasts"),
+        (|tick| tick.state.captures_refused = 7, "estimator", "refuses"),
+        (
+            |tick| tick.reference.vehicle_known = false.into(),
+            "path_generator",
+            "path stands",
+        ),
+        (
+            |tick| tick.reference.states_refused = 7,
+            "path_generator",
+            "refuses",
+        ),
+        (
+            |tick| tick.adaptation.stage = ControlAdaptation::STAGE_HOLD,
+            "controller",
+            "holds",
+        ),
+        (
+            |tick| tick.adaptation.stage = ControlAdaptation::STAGE_LEVEL,
+            "controller",
+            "levels out",
+        ),
+        (
+            |tick| tick.adaptation.stage = ControlAdaptation::STAGE_FAILSAFE,
+            "controller",
+            "failsafe",
+        ),
+        (|tick| tick.adaptation.inputs_refused = 7, "controller", "refuses"),
+        (
+            |tick| tick.frame.stage = RcFrame::STAGE_HOLD,
+            "rc_output",
+            "holds",
+        ),
+        (|tick| tick.frame.failsafe = true.into(), "rc_output", "failsafe"),
+        (|tick| tick.frame.commands_refused = 7, "rc_output", "refuses"),
+    ];
+    for (sign, by, words) in signs {
+        let report = report(fault(1000, Some(1010)), |tick, all| {
+            if tick >= 1003 {
+                sign(all);
+            }
+        });
+        let detection = report.detection.unwrap();
+        assert_eq!((detection.by, detection.sign), (by, words));
+        assert_close(Some(detection.after), 0.03);
+    }
+}
+
+#[test]
+fn what_has_shown_since_before_the_fault_is_no_sign_of_it() {
+    let report = report(fault(1000, Some(1010)), |tick, all| {
+        all.state.captures_refused = 7;
+        all.reference.vehicle_known = (tick >= 1500).into();
+        all.adaptation.resting = (tick >= 1000).into();
+    });
+    assert_eq!(report.detection, None);
+    assert_close(Some(report.reactions.path_stood), 5.0);
+}
+
+#[test]
+fn the_first_of_two_signs_counts_also_within_a_tick() {
+    let report = report(fault(1000, Some(1010)), |tick, all| {
+        all.frame.failsafe = (tick >= 1004).into();
+        all.state.coasting = (tick >= 1004).into();
+        all.adaptation.inputs_refused = u32::from(tick >= 1005);
+    });
+    assert_eq!(report.detection.unwrap().by, "estimator");
+}
+
+#[test]
+fn the_way_back_counts_from_the_end_until_the_error_stays_within_what_it_was_before() {
+    // 5 cm just outside of the five seconds before, 3 cm within them.
+    let report = report(fault(1000, Some(1010)), |tick, all| {
+        all.error = match tick {
+            499 => 0.05,
+            500 => 0.03,
+            1005 => 0.4,
+            1010..=1050 => 0.3,
+            // A relapse.
+            1100 => 0.031,
+            1101..=1200 => 0.03,
+            _ => 0.01,
+        };
+    });
+    assert_close(Some(report.bound), 0.03);
+    assert_close(report.peak_error, 0.4);
+    assert_close(report.back_after, 0.91);
+}
+
+#[test]
+fn within_two_centimetres_is_inside_however_small_the_error_was_before() {
+    let report = report(fault(1000, Some(1010)), |tick, all| {
+        all.error = if tick < 1000 { 0.001 } else { 0.019 };
+    });
+    assert_close(Some(report.bound), 0.02);
+    assert_close(report.back_after, 0.0);
+}
+
+#[test]
+fn a_vehicle_that_stays_away_is_not_back() {
+    let report = report(fault(1000, Some(1010)), |tick, all| {
+        all.error = if tick < 1990 { 0.01 } else { 0.5 };
+    });
+    assert_eq!((report.back_after, report.is_over()), (None, true));
+    assert_close(report.peak_error, 0.5);
+}
+
+#[test]
+fn a_fault_is_watched_until_the_next_begins() {
+    let faults = [
+        fault(500, Some(510)),
+        fault(1000, Some(1010)),
+        fault(1000, None),
+        fault(1900, Some(1910)),
+    ];
+    let reports = reports(&faults, 1500, |tick, all| {
+        all.error = if tick < 1000 { 0.01 } else { 0.3 };
+        all.state.coasting = (tick >= 1002).into();
+    });
+    // The last was not reached.
+    assert_eq!(reports.len(), 3);
+    assert_eq!(reports[0].detection, None);
+    assert_close(reports[0].peak_error, 0.01);
+    assert_eq!(reports[0].watched_until, 10.0);
+    for report in &reports[1..] {
+        assert_close(report.detection.map(|detection| detection.after), 0.02);
+        assert_close(report.peak_error, 0.3);
+        assert_eq!(report.watched_until, 15.0);
+    }
+}
+
+#[test]
+fn what_comes_after_a_change_of_the_vehicle_is_not_the_fault_s_doing() {
+    let error = |tick: u64, all: &mut Tick| all.error = if tick < 1500 { 0.01 } else { 0.4 };
+    let watched = reports_beside(&[fault(1000, Some(1010))], &[500, 1500], 2000, |_| None, error);
+    assert_eq!(watched[0].watched_until, 15.0);
+    assert_close(watched[0].peak_error, 0.01);
+    assert_close(watched[0].back_after, 0.0);
+}
+
+#[test]
+fn a_fault_is_judged_beside_the_undisturbed_flight_where_that_is_known() {
+    let report = |undisturbed: Option<f64>| {
+        let error = |tick: u64, all: &mut Tick| {
+            all.error = if (1200..1300).contains(&tick) { 0.3 } else { 0.01 };
+        };
+        let near = |tick: u64| {
+            if (1150..1350).contains(&tick) {
+                undisturbed
+            } else {
+                None
+            }
+        };
+        reports_beside(&[fault(1000, Some(1010))], &[], 2000, near, error).remove(0)
+    };
+    let alone = report(None);
+    assert_close(alone.largest_share, 15.0);
+    assert_close(alone.back_after, 2.9);
+    let beside = report(Some(0.4));
+    assert_close(beside.largest_share, 0.75);
+    assert_close(beside.back_after, 0.0);
+    assert_close(beside.peak_error, 0.3);
+}
+
+#[test]
+fn what_the_services_did_is_told_in_seconds_and_counts() {
+    let report = report(fault(1000, Some(1010)), |tick, all| {
+        all.state.coasting = (1000..1012).contains(&tick).into();
+        all.reference.vehicle_known = (!(1000..1030).contains(&tick)).into();
+        all.adaptation.stage = match tick {
+            1000..1005 => ControlAdaptation::STAGE_HOLD,
+            1005..1015 => ControlAdaptation::STAGE_LEVEL,
+            _ => ControlAdaptation::STAGE_LAW,
+        };
+        all.adaptation.resting = (1000..1020).contains(&tick).into();
+        all.frame.failsafe = (1000..1003).contains(&tick).into();
+        all.frame.commands_refused = if tick < 1000 { 0 } else { 3 };
+    });
+    assert_eq!(
+        report.others,
+        "estimator coasted 0.12 s; path stood 0.3 s; controller held 0.05 s, level 0.1 s; \
+         radio failsafe 3 frames, refused 3 commands; estimates rested 0.2 s"
+    );
+}
+
+#[test]
+fn the_error_is_known_while_the_path_generator_is_out_and_its_point_moves_on_for_a_while() {
+    // At 0.5 m/s along x, from where the vehicle stays.
+    let report = report(fault(1000, Some(1300)), |tick, all| {
+        all.reference.gamma_dot = 0.5;
+        all.reference.derivative1_world = [1.0, 0.0, 0.0];
+        all.without_path = tick >= 1000;
+        all.error = 0.0;
+    });
+    // The last reference is of 9.99 s, and after 0.2 s its point stands.
+    assert_close(report.peak_error, 0.1);
+}
+
+#[test]
+fn a_summary_tells_of_faults_only_where_some_were_planned() {
+    use crate::summary::FlightSummary;
+    use crate::summary::tests::facts;
+    for is_planned in [false, true] {
+        let mut scenario = scenario(0.01, 20.0);
+        if is_planned {
+            let mut off = shared_types::scenario::Fault::new(shared_types::scenario::FaultKind::Off, 5.0);
+            off.service = Some("controller".to_owned());
+            off.lasts = Some(0.1);
+            scenario.fault.push(off);
+        }
+        let schedule = scenario.schedule().unwrap();
+        let mut summary = FlightSummary::new(&scenario, &schedule);
+        for tick in 0..=2000 {
+            let mut truth = VehicleTruth::new_zeroed();
+            truth.header = schedule.header(Topic::VehicleTruth, tick);
+            summary.observe(Topic::VehicleTruth, truth.as_bytes());
+            let mut reference = PathReference::new_zeroed();
+            reference.header = schedule.header(Topic::PathReference, tick);
+            summary.observe(Topic::PathReference, reference.as_bytes());
+        }
+        let summary = summary.finish(facts());
+        let text = summary.to_string();
+        let json = serde_json::to_value(&summary).unwrap();
+        assert_eq!(text.contains("what the services did"), is_planned, "{text}");
+        assert_eq!(text.contains("controller is off"), is_planned, "{text}");
+        assert_eq!(json.get("faults").is_some(), is_planned);
+        if is_planned {
+            assert_eq!(json["faults"][0]["outage"], 0.1);
+            assert_eq!(json["faults"][0]["detection"], serde_json::Value::Null);
+        }
+    }
+}

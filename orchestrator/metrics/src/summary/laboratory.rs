@@ -1,0 +1,199 @@
+//! How cameras and radio link of a laboratory fared in a flight.
+
+use std::collections::BTreeMap;
+use std::fmt::{Display, Formatter, Result};
+
+use serde::Serialize;
+
+use run_log::{CaptureFigures, LinkFigures};
+
+/// How what is in a laboratory fared, as far as it is there. All counts are since the start of the last process that was
+/// connected to it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LaboratoryReport {
+    /// The cameras.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion_capture: Option<CaptureReport>,
+    /// The radio link.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radio_link: Option<LinkReport>,
+}
+
+/// How the cameras fared.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CaptureReport {
+    /// Frames a second in the last whole second in which any came, Hz.
+    pub rate: f64,
+    /// Mean time from capture to arrival in that second, s.
+    pub latency: f64,
+    /// Standard deviation of the time between frames in that second, s.
+    pub jitter: f64,
+    /// Frames that told of the vehicle or could have.
+    pub frames: u64,
+    /// Frames whose pose was believed.
+    pub believed: u64,
+    /// What else has happened and how often, by the words of docs/motion_capture.md; only what has.
+    pub happened: BTreeMap<&'static str, u64>,
+}
+
+/// How the radio link fared.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LinkReport {
+    /// Frames on their way.
+    pub sent: u64,
+    /// Frames dropped, because others waited or nothing took them.
+    pub dropped: u64,
+    /// Frames that were not sent, so that the receiver's failsafe acts.
+    pub silent: u64,
+    /// Frames left out because the sender woke up too late.
+    pub left_out: u64,
+    /// How often the device or connection was lost.
+    pub losses: u64,
+    /// How often it was found again.
+    pub recoveries: u64,
+    /// How much later than due frames left: half of them, 99 of 100, and all, s; none if the sender did not come to its end.
+    pub late: Option<[f64; 3]>,
+}
+
+impl LaboratoryReport {
+    /// What the last figures say; none if there are none.
+    #[must_use]
+    pub fn of(capture: Option<&CaptureFigures>, link: Option<&LinkFigures>) -> Option<Self> {
+        let is_there = capture.is_some() || link.is_some();
+        is_there.then(|| Self {
+            motion_capture: capture.map(CaptureReport::of),
+            radio_link: link.map(LinkReport::of),
+        })
+    }
+}
+
+impl CaptureReport {
+    fn of(figures: &CaptureFigures) -> Self {
+        let happened = [
+            ("absent", figures.absent),
+            ("occluded", figures.occluded),
+            ("frozen", figures.frozen),
+            ("repeated", figures.repeated),
+            ("late", figures.late),
+            ("mistimed", figures.mistimed),
+            ("unsettled", figures.unsettled),
+            ("jumped", figures.jumped),
+            ("exchanged", figures.exchanged),
+            ("clock steps", figures.clock_steps),
+            ("lost", figures.lost),
+            ("restarted", figures.restarted),
+            ("rate warnings", figures.rate_warnings),
+            ("malformed", figures.malformed),
+            ("foreign", figures.foreign),
+            ("failures", figures.failures),
+        ];
+        Self {
+            rate: figures.rate,
+            latency: figures.latency,
+            jitter: figures.jitter,
+            frames: figures.frames,
+            believed: figures.believed,
+            happened: happened.into_iter().filter(|(_, count)| *count > 0).collect(),
+        }
+    }
+}
+
+impl LinkReport {
+    fn of(figures: &LinkFigures) -> Self {
+        let late = [figures.late_p50, figures.late_p99, figures.late_max];
+        Self {
+            sent: figures.sent,
+            dropped: figures.dropped,
+            silent: figures.silent,
+            left_out: figures.left_out,
+            losses: figures.losses,
+            recoveries: figures.recoveries,
+            late: (figures.late_max > 0.0).then_some(late),
+        }
+    }
+}
+
+impl Display for LaboratoryReport {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        let lines = [
+            self.motion_capture.as_ref().map(ToString::to_string),
+            self.radio_link.as_ref().map(ToString::to_string),
+        ];
+        let lines: Vec<_> = lines.into_iter().flatten().collect();
+        formatter.write_str(&lines.join("\n"))
+    }
+}
+
+impl Display for CaptureReport {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        write!(
+            formatter,
+            "Motion capture: {} frames, {} believed; at last {:.1} Hz, {:.1} ms old on arrival, jitter {:.2} ms.",
+            self.frames,
+            self.believed,
+            self.rate,
+            1e3 * self.latency,
+            1e3 * self.jitter
+        )?;
+        let happened = self
+            .happened
+            .iter()
+            .map(|(what, count)| format!("{what} {count}"));
+        let happened: Vec<_> = happened.collect();
+        if !happened.is_empty() {
+            write!(formatter, " {}.", happened.join(", "))?;
+        }
+        Ok(())
+    }
+}
+
+impl Display for LinkReport {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        write!(
+            formatter,
+            "Radio link: {} frames sent, {} dropped, {} held back for the receiver's failsafe, {} left out; lost {} times, \
+             found again {}.",
+            self.sent, self.dropped, self.silent, self.left_out, self.losses, self.recoveries
+        )?;
+        if let Some([half, most, all]) = self.late.map(|late| late.map(|time| 1e3 * time)) {
+            write!(
+                formatter,
+                " Late by {half:.3} ms (half of them), {most:.3} ms (99 of 100), {all:.3} ms at most."
+            )?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zerocopy::FromZeros;
+
+    #[test]
+    fn only_what_is_there_and_has_happened_is_told() {
+        assert_eq!(LaboratoryReport::of(None, None), None);
+        let figures = CaptureFigures {
+            frames: 12,
+            believed: 10,
+            occluded: 2,
+            rate: 100.0,
+            ..CaptureFigures::new_zeroed()
+        };
+        let text = LaboratoryReport::of(Some(&figures), None).unwrap().to_string();
+        assert!(
+            text.contains("12 frames, 10 believed") && text.ends_with(" occluded 2."),
+            "{text}"
+        );
+        assert!(!text.contains("Radio link"));
+        let link = LinkFigures {
+            sent: 7,
+            ..LinkFigures::new_zeroed()
+        };
+        let text = LaboratoryReport::of(None, Some(&link)).unwrap().to_string();
+        assert!(
+            text.contains("7 frames sent") && !text.contains("Late by"),
+            "{text}"
+        );
+    }
+}

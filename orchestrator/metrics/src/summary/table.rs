@@ -1,0 +1,370 @@
+//! The summary as people read it: at most [`WIDTH`] columns wide, whatever the terminal.
+
+use std::fmt::{Display, Formatter, Result};
+
+use shared_types::scenario::Vector;
+
+use super::faults::{BEFORE, faults_in_words};
+use super::flight;
+use super::{AgainstBound, Outcome, Phase, Summary, TopicCount};
+use crate::stretch::Metrics;
+use crate::tracker::Source;
+use crate::{SETTLED, ULTIMATE_WINDOW};
+
+/// Columns that nothing exceeds.
+pub(super) const WIDTH: usize = 80;
+
+/// Columns of the names of quantities.
+const NAME: usize = 22;
+
+/// Columns of a value.
+const VALUE: usize = 19;
+
+/// Stretches beside each other.
+const BESIDE: usize = 3;
+
+impl Display for Summary {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        self.write_verdict(formatter)?;
+        if self.metrics.is_some() || !self.phases.is_empty() {
+            writeln!(formatter)?;
+            self.write_metrics(formatter)?;
+        }
+        if !self.flight.is_empty() {
+            writeln!(formatter, "{}", wrapped(&flight::in_words(&self.flight)))?;
+        }
+        if !self.faults.is_empty() {
+            write!(formatter, "{}", faults_in_words(&self.faults))?;
+            let back = format!(
+                "Back: for good within {} or the largest distance of the {BEFORE} s before, counted from the fault's end. A fault is \
+                 watched until the next one begins or the vehicle changes.",
+                length(SETTLED)
+            );
+            writeln!(formatter, "{}\n", wrapped(&back))?;
+        }
+        if let Some(timing) = &self.run.timing {
+            writeln!(formatter, "\n{timing}\n")?;
+        }
+        if let Some(laboratory) = &self.run.laboratory {
+            writeln!(formatter, "{}", wrapped(&laboratory.to_string()))?;
+        }
+        write!(formatter, "{}", wrapped(&samples_in_words(self)))?;
+        self.write_rebirths(formatter)
+    }
+}
+
+impl Summary {
+    /// How it ended and what became of the vehicle. That the machine was late comes first: all else may follow from it.
+    fn write_verdict(&self, formatter: &mut Formatter<'_>) -> Result {
+        let Self { run, seed, .. } = self;
+        if let Some(lateness) = self.lateness() {
+            writeln!(formatter, "{}", wrapped(&lateness))?;
+        }
+        let flown = match &run.timing {
+            Some(_) => format!(
+                "{}, seed {seed}, {}: {:.3} s flown",
+                run.scenario, run.host, self.simulated_seconds
+            ),
+            None => format!(
+                "{}, seed {seed}, {}: {:.3} s simulated in {:.3} s ({:.0} times real time)",
+                run.scenario, run.host, self.simulated_seconds, run.wall_seconds, self.real_time_factor
+            ),
+        };
+        writeln!(formatter, "{}", wrapped(&flown))?;
+        let is_whole = self.phases.last().is_none_or(|phase| phase.is_complete);
+        match run.outcome {
+            Outcome::Completed if self.lost.is_some() && !is_whole => {
+                writeln!(formatter, "ended when the vehicle was lost")?;
+            }
+            Outcome::Interrupted => {
+                let text = format!("interrupted: {}", run.reason);
+                writeln!(formatter, "{}", wrapped(&text))?;
+            }
+            // Why it failed is told by the command, once.
+            outcome => writeln!(formatter, "{outcome}")?,
+        }
+        if let Some(loss) = &self.lost {
+            let text = format!("LOST at {} s: {loss}", loss.time);
+            writeln!(formatter, "{}", wrapped(&text))?;
+        }
+        Ok(())
+    }
+
+    /// That the machine was late in a flight that was lost.
+    fn lateness(&self) -> Option<String> {
+        let timing = self.run.timing.as_ref().filter(|_| self.lost.is_some())?;
+        let worst = timing.worst_wake();
+        let [left_out, late] = [timing.steps_left_out(), timing.late_inputs()];
+        let counts = match (left_out, late) {
+            (0, 0) => return None,
+            (0, late) => format!("{late} inputs came late"),
+            (left_out, 0) => format!("{left_out} steps were left out"),
+            (left_out, late) => format!("{left_out} steps were left out and {late} inputs came late"),
+        };
+        let worst = worst.map_or_else(String::new, |worst| {
+            format!(", the worst step began {:.1} ms after it could have", 1e3 * worst)
+        });
+        Some(format!(
+            "The machine was late: {counts}{worst}. Judge the flight accordingly; `gerono doctor` says what to do about the machine."
+        ))
+    }
+
+    /// The numbers of every phase and of the whole flight, beside each other as far as there is room.
+    fn write_metrics(&self, formatter: &mut Formatter<'_>) -> Result {
+        let mut columns: Vec<Column> = self.phases.iter().map(Column::of_phase).collect();
+        match columns.as_mut_slice() {
+            [only] => only.metrics = self.metrics,
+            _ => columns.push(Column::of_all(self.metrics)),
+        }
+        for columns in columns.chunks(BESIDE) {
+            write_columns(formatter, columns, self.source)?;
+            writeln!(formatter)?;
+        }
+        if let Some(bound) = self.ultimate_bound {
+            let text = format!("The theorem bounds the distance for t → ∞ by {}.", length(bound));
+            writeln!(formatter, "{}", wrapped(&text))?;
+        }
+        for estimate in &self.at_bound {
+            writeln!(formatter, "{}", wrapped(&estimate.to_string()))?;
+        }
+        if self.source == Source::Estimate {
+            let text = "Distances are estimated: in a laboratory nobody knows where the vehicle truly is.";
+            writeln!(formatter, "{}", wrapped(text))?;
+        }
+        Ok(())
+    }
+
+    fn write_rebirths(&self, formatter: &mut Formatter<'_>) -> Result {
+        if let [first, others @ ..] = self.run.rebirths.as_slice() {
+            let mut text = first.to_string();
+            if self.run.timing.is_none() {
+                text += "; the log shows nothing of it";
+            }
+            if !others.is_empty() {
+                text += &format!("; so did others, {} times (see host.mcap)", others.len());
+            }
+            write!(formatter, "\n{}", wrapped(&text))?;
+        }
+        Ok(())
+    }
+}
+
+/// A stretch of the flight, as a column.
+struct Column<'a> {
+    head: String,
+    metrics: Option<Metrics>,
+    phase: Option<&'a Phase>,
+}
+
+impl<'a> Column<'a> {
+    fn of_phase(phase: &'a Phase) -> Self {
+        Self {
+            head: format!("{} to {} s", phase.begins, phase.ends),
+            metrics: phase.metrics,
+            phase: Some(phase),
+        }
+    }
+
+    fn of_all(metrics: Option<Metrics>) -> Self {
+        Self {
+            head: "all".to_owned(),
+            metrics,
+            phase: None,
+        }
+    }
+}
+
+/// A row: its name, and its value in a column, which is nothing where the column has none.
+type Row = (&'static str, fn(&Column<'_>) -> Option<String>);
+
+fn metric(column: &Column<'_>, of: fn(&Metrics) -> f64) -> Option<String> {
+    column.metrics.as_ref().map(|metrics| length(of(metrics)))
+}
+
+const ROWS: [Row; 17] = [
+    ("  root mean square", |column| {
+        metric(column, |metrics| metrics.rmse)
+    }),
+    ("  standard deviation", |column| {
+        metric(column, |metrics| metrics.deviation)
+    }),
+    ("  median", |column| metric(column, |metrics| metrics.p50)),
+    ("  95 %", |column| metric(column, |metrics| metrics.p95)),
+    ("  99 %", |column| metric(column, |metrics| metrics.p99)),
+    ("  largest", |column| metric(column, |metrics| metrics.max)),
+    ("    at", |column| {
+        Some(format!("{:.3} s", column.metrics?.time_of_max))
+    }),
+    ("  largest, last 5 s", |column| {
+        let phase = column.phase?;
+        Some(match phase.ultimate {
+            Some(ultimate) => length(ultimate),
+            None if phase.is_complete => "not on the path".to_owned(),
+            None => "not flown to end".to_owned(),
+        })
+    }),
+    ("  against theorem", |column| {
+        Some(column.phase?.against_bound?.to_string())
+    }),
+    ("  below 2 cm after", |column| {
+        let settled = column.metrics?.settling_time;
+        Some(settled.map_or_else(|| "not settled".to_owned(), |time| format!("{time:.3} s")))
+    }),
+    ("thrust, mean", |column| {
+        Some(format!("{:.3} N", column.metrics?.thrust_mean))
+    }),
+    ("body rate, rms", |column| {
+        Some(format!("{:.3} rad/s", column.metrics?.body_rate_rms))
+    }),
+    ("frames at a limit", |column| {
+        let share = column.metrics?.saturated_share?;
+        Some(if share == 0.0 {
+            "none".to_owned()
+        } else {
+            format!("{} %", significant(100.0 * share))
+        })
+    }),
+    ("mass", |column| grams(column.phase?.parameters.mass)),
+    ("  estimated", |column| {
+        grams(column.phase?.parameters.mass_estimate)
+    }),
+    ("disturbance, m/s²", |column| {
+        vector(column.phase?.parameters.disturbance)
+    }),
+    ("  estimated", |column| {
+        vector(column.phase?.parameters.disturbance_estimate)
+    }),
+];
+
+fn write_columns(formatter: &mut Formatter<'_>, columns: &[Column<'_>], source: Source) -> Result {
+    const { assert!(ULTIMATE_WINDOW == 5.0 && SETTLED == 0.02, "the rows name them") };
+    let name = match source {
+        Source::Truth => "distance from path",
+        Source::Estimate => "estimated distance",
+    };
+    write_row(formatter, name, columns.iter().map(|column| column.head.clone()))?;
+    for (name, of) in ROWS {
+        let values: Vec<_> = columns.iter().map(of).collect();
+        if values.iter().any(Option::is_some) {
+            write_row(formatter, name, values.into_iter().map(Option::unwrap_or_default))?;
+        }
+    }
+    Ok(())
+}
+
+fn write_row(formatter: &mut Formatter<'_>, name: &str, values: impl Iterator<Item = String>) -> Result {
+    let mut line = format!("{name:<NAME$}");
+    for value in values {
+        line += &format!("{value:<VALUE$}");
+    }
+    writeln!(formatter, "{}", line.trim_end())
+}
+
+/// A length with four digits, in the unit that people use for it.
+pub(super) fn length(metres: f64) -> String {
+    let [value, unit] = if metres.abs() < 10.0 {
+        [significant(100.0 * metres), "cm".to_owned()]
+    } else {
+        [significant(metres), "m".to_owned()]
+    };
+    format!("{value} {unit}")
+}
+
+/// Four digits that mean something.
+fn significant(value: f64) -> String {
+    let size = value.abs();
+    if size >= 1e6 {
+        return format!("{value:.3e}");
+    }
+    let decimals = match size {
+        _ if size >= 999.95 => 0,
+        _ if size >= 99.995 => 1,
+        _ if size >= 9.9995 => 2,
+        _ => 3,
+    };
+    format!("{value:.decimals$}")
+}
+
+fn grams(mass: Option<f64>) -> Option<String> {
+    mass.map(|kilograms| format!("{} g", significant(1e3 * kilograms)))
+}
+
+fn vector(value: Option<Vector>) -> Option<String> {
+    value.map(|components| components.map(|component| format!("{component:.2}")).join(", "))
+}
+
+/// A text in lines of at most [`WIDTH`] columns, with the breaks and the indentations that it has.
+pub(super) fn wrapped(text: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for stated in text.lines() {
+        let indentation = &stated[..stated.len() - stated.trim_start().len()];
+        let mut line = indentation.to_owned();
+        for word in stated.trim_start().split(' ') {
+            let has_words = line.len() > indentation.len();
+            if has_words && line.chars().count() + 1 + word.chars().count() > WIDTH {
+                lines.push(std::mem::replace(&mut line, indentation.to_owned()));
+            }
+            if line.len() > indentation.len() {
+                line.push(' ');
+            }
+            line += word;
+        }
+        lines.push(line);
+    }
+    lines.join("\n")
+}
+
+impl Display for Outcome {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        formatter.pad(match self {
+            Self::Completed => "completed",
+            Self::Interrupted => "interrupted",
+            Self::Failed => "failed",
+        })
+    }
+}
+
+impl Display for AgainstBound {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        formatter.pad(match self {
+            Self::Within => "within the bound",
+            Self::Near => "near the bound",
+            Self::Exceeded => "above the bound",
+        })
+    }
+}
+
+/// How many samples there are, and which are missing: those that nobody has published, and those that were and are not in
+/// the log.
+fn samples_in_words(summary: &Summary) -> String {
+    let topics = &summary.topics;
+    let recorded: u64 = topics.iter().map(|topic| topic.recorded).sum();
+    let mut text = match summary.run.in_log {
+        Some(in_log) => {
+            format!(
+                "{recorded} samples received, of which {in_log} are in the log: it could not be written further."
+            )
+        }
+        None => format!("{recorded} samples recorded"),
+    };
+    let missing = |of: fn(&TopicCount) -> u64| {
+        let missing = topics.iter().filter(|topic| of(topic) > 0);
+        let missing: Vec<_> = missing
+            .map(|topic| format!("{} of {}", of(topic), topic.topic))
+            .collect();
+        missing.join(", ")
+    };
+    let not_recorded = missing(|topic| topic.not_recorded);
+    if summary.run.in_log.is_none() {
+        text += &if not_recorded.is_empty() {
+            ", none lost.".to_owned()
+        } else {
+            format!("; published and not recorded: {not_recorded}.")
+        };
+    }
+    let not_flown = missing(|topic| topic.not_flown);
+    if !not_flown.is_empty() {
+        text += &format!(" Not flown, because steps were left out: {not_flown}.");
+    }
+    text
+}

@@ -1,0 +1,223 @@
+//! The vehicle beside its path, tick by tick.
+//!
+//! The distance from the path is ‖p − pd(γ(t))‖: the true position, and the point at which the path was at the same time.
+//! A flight in a laboratory does not know the truth; there it is the estimated position at the time that the state speaks
+//! of, and all output of it says so.
+
+use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
+use shared_types::scenario::Vector;
+use shared_types::{FlightPhase, Schedule, Topic};
+
+use super::path_clock::{Demand, PathClock, carried};
+use super::read;
+use run_log::{LogReadError, LogReader};
+
+/// Who tells where the vehicle was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// `vehicle/truth`.
+    Truth,
+    /// `vehicle/state`, where nobody knows the truth.
+    Estimate,
+}
+
+impl Source {
+    /// That of a flight of this schedule.
+    #[must_use]
+    pub fn of(schedule: &Schedule) -> Self {
+        if schedule.simulates_the_world() {
+            Self::Truth
+        } else {
+            Self::Estimate
+        }
+    }
+
+    /// The topic by which it is told.
+    #[must_use]
+    pub fn topic(self) -> Topic {
+        match self {
+            Self::Truth => Topic::VehicleTruth,
+            Self::Estimate => Topic::VehicleState,
+        }
+    }
+}
+
+/// The vehicle at a moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vehicle {
+    /// Tick of the sample.
+    pub tick: u64,
+    /// The time that the sample speaks of, ns since the start of the flight.
+    pub time_ns: u64,
+    /// p in {I}, m.
+    pub position_world: Vector,
+    /// R, body to inertial, row-major.
+    pub world_from_body: [f64; 9],
+    /// v in {B}, m/s.
+    pub velocity_body: Vector,
+    /// ω in {B}, rad/s.
+    pub angular_velocity_body: Vector,
+    /// T, N.
+    pub thrust: f64,
+}
+
+impl From<&VehicleTruth> for Vehicle {
+    fn from(truth: &VehicleTruth) -> Self {
+        Self {
+            tick: truth.header.tick,
+            time_ns: truth.header.stamp_ns,
+            position_world: truth.position_world,
+            world_from_body: truth.world_from_body,
+            velocity_body: truth.velocity_body,
+            angular_velocity_body: truth.angular_velocity_body,
+            thrust: truth.thrust,
+        }
+    }
+}
+
+impl From<&VehicleState> for Vehicle {
+    fn from(state: &VehicleState) -> Self {
+        Self {
+            tick: state.header.tick,
+            time_ns: state.state_time_ns,
+            position_world: state.position_world,
+            world_from_body: state.world_from_body,
+            velocity_body: state.velocity_body,
+            angular_velocity_body: state.angular_velocity_body,
+            thrust: state.thrust,
+        }
+    }
+}
+
+/// The vehicle and the path at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// The vehicle.
+    pub vehicle: Vehicle,
+    /// The path; none before there was one.
+    pub path: Option<Demand>,
+    /// Distance from the path, m; none while nothing is to be followed: before there is a path, and while the vehicle
+    /// stands on the ground, disarmed or armed.
+    pub distance: Option<f64>,
+}
+
+impl Moment {
+    /// Distance from the path while the vehicle flies along it, m: neither on its way there nor on its way down.
+    #[must_use]
+    #[inline]
+    pub fn distance_on_path(&self) -> Option<f64> {
+        let flies = self.path.is_some_and(|path| path.phase == FlightPhase::Fly);
+        self.distance.filter(|_| flies)
+    }
+}
+
+/// Puts vehicle and path of the same moment beside each other, given all samples in the order of the log.
+///
+/// In a tick of the log the vehicle comes before its path. So they are compared when the vehicle comes next, or at the end.
+#[derive(Clone, Debug)]
+pub struct Tracker {
+    source: Source,
+    /// Whether references tell of phases; a flight without them is flown from its start.
+    has_phases: bool,
+    clock: PathClock,
+    vehicle: Option<Vehicle>,
+}
+
+impl Tracker {
+    /// For a flight of `schedule`, with `[flight]` or without.
+    #[must_use]
+    pub fn new(schedule: &Schedule, has_phases: bool) -> Self {
+        Self {
+            source: Source::of(schedule),
+            has_phases,
+            clock: PathClock::default(),
+            vehicle: None,
+        }
+    }
+
+    /// Who tells where the vehicle is.
+    #[must_use]
+    pub fn source(&self) -> Source {
+        self.source
+    }
+
+    /// Takes a sample into account; the moment before, if it is now whole.
+    #[inline]
+    pub fn observe(&mut self, topic: Topic, bytes: &[u8]) -> Option<Moment> {
+        match (topic, self.source) {
+            (Topic::VehicleTruth, Source::Truth) => {
+                let truth = read::<VehicleTruth>(bytes);
+                self.exchange(Vehicle::from(&truth))
+            }
+            (Topic::VehicleState, Source::Estimate) => {
+                let state = read::<VehicleState>(bytes);
+                // One that is not tracked repeats an old one, or guesses.
+                state
+                    .tracked
+                    .is_set()
+                    .then(|| self.exchange(Vehicle::from(&state)))
+                    .flatten()
+            }
+            (Topic::PathReference, _) => {
+                self.clock.observe(&read::<PathReference>(bytes));
+                None
+            }
+            _ => None,
+        }
+    }
+
+    /// The last moment, once nothing more of it comes.
+    pub fn last(&mut self) -> Option<Moment> {
+        self.vehicle.take().map(|vehicle| self.compare(vehicle))
+    }
+
+    /// Hands every moment of a recorded flight to `sink`.
+    ///
+    /// # Errors
+    /// [`LogReadError`] where the log breaks off; the moments before it have been handed over.
+    pub fn follow(&mut self, log: &mut LogReader, mut sink: impl FnMut(&Moment)) -> Result<(), LogReadError> {
+        while let Some(logged) = log.next_sample()? {
+            if let Some(moment) = self.observe(logged.topic, logged.bytes) {
+                sink(&moment);
+            }
+        }
+        self.last().iter().for_each(sink);
+        Ok(())
+    }
+
+    fn exchange(&mut self, vehicle: Vehicle) -> Option<Moment> {
+        let before = self.vehicle.replace(vehicle)?;
+        Some(self.compare(before))
+    }
+
+    fn compare(&mut self, vehicle: Vehicle) -> Moment {
+        let path = self.clock.at(vehicle.time_ns).map(|path| Demand {
+            phase: if self.has_phases {
+                path.phase
+            } else {
+                FlightPhase::Fly
+            },
+            ..path
+        });
+        let followed = path.filter(|path| is_followed(path.phase));
+        Moment {
+            distance: followed.and_then(|path| path.distance(&vehicle.position_world)),
+            vehicle,
+            path,
+        }
+    }
+}
+
+/// Whether the vehicle is to follow something in a phase.
+fn is_followed(phase: FlightPhase) -> bool {
+    matches!(phase, FlightPhase::TakeOff | FlightPhase::Fly | FlightPhase::Land)
+}
+
+/// Distance of the vehicle from the path of the newest reference, m, while it flies.
+#[must_use]
+pub fn newest_distance(vehicle: &Vehicle, reference: &PathReference, has_phases: bool) -> Option<f64> {
+    let path = carried(reference, vehicle.time_ns);
+    let followed = !has_phases || is_followed(path.phase);
+    path.distance(&vehicle.position_world).filter(|_| followed)
+}

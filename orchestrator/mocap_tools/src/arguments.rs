@@ -1,0 +1,152 @@
+//! Motion capture, without a flight.
+
+use std::net::Ipv4Addr;
+use std::net::SocketAddrV4;
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+use motion_capture::natnet::Version;
+use shared_types::scenario::CaptureSystem;
+
+use command_line::values::number_between;
+
+/// Arguments of `gerono mocap`.
+#[derive(Debug, Args)]
+pub struct Mocap {
+    /// Which of both.
+    #[command(subcommand)]
+    pub command: MocapCommand,
+}
+
+/// What `gerono mocap` can do.
+#[derive(Debug, Subcommand)]
+pub enum MocapCommand {
+    /// Listen to a motion-capture system for some seconds and print what arrives.
+    ///
+    /// Shows every body with its rate, the share of frames in which it is seen, its place and, if it rests, its noise; what
+    /// the network makes of the frames; and, with --object, what the feed makes of them. With --calibrate it writes the
+    /// sections of a scenario, such that the body as it lies is the vehicle at the origin of {I}, level, with yaw 0.
+    #[command(after_help = MocapProbe::EXAMPLES)]
+    Probe(MocapProbe),
+    /// Send poses as a motion-capture system would: of a recorded flight, or of an eight. For tests and try-outs.
+    #[command(after_help = MocapSend::EXAMPLES)]
+    Send(MocapSend),
+}
+
+/// A motion-capture system on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Capture {
+    /// Vicon Tracker's UDP object stream.
+    #[value(alias = "vicon_udp")]
+    Vicon,
+    /// VRPN over TCP.
+    Vrpn,
+    /// Motive's NatNet.
+    Natnet,
+}
+
+impl From<Capture> for CaptureSystem {
+    fn from(capture: Capture) -> Self {
+        match capture {
+            Capture::Vicon => Self::ViconUdp,
+            Capture::Vrpn => Self::Vrpn,
+            Capture::Natnet => Self::Natnet,
+        }
+    }
+}
+
+/// Arguments of `gerono mocap probe`.
+#[derive(Debug, Args)]
+pub struct MocapProbe {
+    /// What the system speaks.
+    #[arg(long, value_enum)]
+    pub source: Capture,
+    /// IPv4 address of the machine that sends.
+    #[arg(long, default_value_t = Ipv4Addr::LOCALHOST)]
+    pub server: Ipv4Addr,
+    /// Its port, with Vicon the port here [default: the system's].
+    #[arg(long)]
+    pub port: Option<u16>,
+    /// IPv4 address of the interface here.
+    #[arg(long, default_value_t = Ipv4Addr::LOCALHOST)]
+    pub interface: Ipv4Addr,
+    /// The vehicle: a body's name, `#NUMBER`, or `NAME#NUMBER`.
+    #[arg(long)]
+    pub object: Option<String>,
+    /// For how long to listen, s.
+    #[arg(long, default_value_t = 5.0, value_parser = listening_time)]
+    pub seconds: f64,
+    /// Write the sections of a scenario to this file; the vehicle must lie level at the origin of {I}, nose along its x.
+    #[arg(long, value_name = "FILE", requires = "object")]
+    pub calibrate: Option<PathBuf>,
+}
+
+impl MocapProbe {
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono mocap probe --source vrpn --server 192.168.10.1 --interface 192.168.10.7\n  \
+        gerono mocap probe --source natnet --server 192.168.10.1 --interface 192.168.10.7 --object quad --calibrate calibration.toml\n\n\
+        Exit codes: 0 something came, and if --object is given it was believed; 1 nothing, or it was not.";
+}
+
+/// Arguments of `gerono mocap send`.
+#[derive(Debug, Args)]
+pub struct MocapSend {
+    /// Which system to seem to be.
+    #[arg(long = "as", value_enum)]
+    pub system: Capture,
+    /// IPv4 address to serve at and send from.
+    #[arg(long, default_value_t = Ipv4Addr::LOCALHOST)]
+    pub at: Ipv4Addr,
+    /// Port to serve at [default: the system's].
+    #[arg(long)]
+    pub port: Option<u16>,
+    /// Where frames go, with Vicon and NatNet [default: the system's port at --at].
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub to: Option<SocketAddrV4>,
+    /// Version of NatNet's bit stream.
+    #[arg(long, default_value = "4.1", value_parser = natnet_version)]
+    pub natnet: Version,
+    /// Name of the body.
+    #[arg(long, default_value = "quad")]
+    pub object: String,
+    /// Frames a second.
+    #[arg(long, default_value_t = 100.0, value_parser = frame_rate)]
+    pub rate: f64,
+    /// Standard deviation of the noise of each coordinate, m.
+    #[arg(long, default_value_t = 1e-4)]
+    pub noise: f64,
+    /// For how long, s [default: until Ctrl-C, or the log's end].
+    #[arg(long)]
+    pub seconds: Option<f64>,
+    /// The true flight of this log, or of the folder of a run, in place of an eight.
+    #[arg(long)]
+    pub log: Option<PathBuf>,
+    /// Stand still where the flight begins.
+    #[arg(long)]
+    pub rest: bool,
+}
+
+impl MocapSend {
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono mocap send --as vrpn\n  \
+        gerono mocap send --as natnet --natnet 3.1 --log runs/fig1-1 --rate 120\n  \
+        gerono mocap send --as vicon --to 127.0.0.1:51001 --rest --seconds 10";
+}
+
+fn listening_time(text: &str) -> Result<f64, String> {
+    number_between(text, 0.1, 3600.0, "s")
+}
+
+fn frame_rate(text: &str) -> Result<f64, String> {
+    number_between(text, 1.0, 1000.0, "Hz")
+}
+
+fn natnet_version(text: &str) -> Result<Version, String> {
+    let parts = text
+        .split_once('.')
+        .and_then(|(major, minor)| Some((major.parse().ok()?, minor.parse().ok()?)));
+    match parts {
+        Some((major @ (3 | 4), minor)) => Ok(Version { major, minor }),
+        _ => Err("give 3.0, 3.1, 4.0 or 4.1".to_owned()),
+    }
+}

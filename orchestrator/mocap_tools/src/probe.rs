@@ -1,0 +1,406 @@
+//! `gerono mocap probe`.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use comfy_table::{Table, presets};
+use motion_capture::conventions::axes;
+use motion_capture::feed::Feed;
+use motion_capture::figures::Moments;
+use motion_capture::transport::{Address, Source};
+use motion_capture::wire::{CapturePose, Frame, WireBody};
+use nalgebra::{Matrix3, Vector3};
+use runtime::flight_clock::monotonic_ns;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use shared_types::rotation::{orthonormalized, roll_pitch_yaw};
+use shared_types::scenario::{CaptureSystem, MotionCapture};
+
+use crate::arguments::MocapProbe;
+use command_line::exit::Exit;
+use command_line::failure::Failure;
+use command_line::interrupt::Interrupt;
+use command_line::output::{print, write};
+
+/// Longest sleep, ns.
+const SLEEP_NS: u64 = 50_000_000;
+
+/// Deviation of the position above which a body is taken to move, m.
+const AT_REST: f64 = 2e-3;
+
+/// Most bodies and delays that are kept.
+const BODIES: usize = 1000;
+const DELAYS: usize = 1 << 20;
+
+pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
+    let system = CaptureSystem::from(arguments.source);
+    let stated = stated(arguments);
+    let bad = |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, error);
+    let address = Address::new(system, &stated).map_err(|error| bad(&error))?;
+    let mut feed = match &arguments.object {
+        Some(_) => Some(Feed::new(system, &stated).map_err(|error| bad(&error))?),
+        None => None,
+    };
+    let mut source = Source::open(&address).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let mut heard = Heard::default();
+    let signal = listen(
+        arguments.seconds,
+        &mut source,
+        &interrupt,
+        &mut |frame, now_ns| {
+            heard.take(frame, now_ns);
+            if let Some(feed) = &mut feed {
+                feed.take(frame, now_ns);
+            }
+        },
+    );
+    if let Some(signal) = signal {
+        return Ok(Exit::Signal(signal));
+    }
+    print(heard.describe(&source));
+    if heard.frames == 0 {
+        let reason = format!(
+            "nothing came from {} in {} s; see docs/motion_capture.md for what to check first",
+            address.server, arguments.seconds
+        );
+        return Err(Failure::new(Exit::Trouble, reason));
+    }
+    let Some(feed) = feed else {
+        return Ok(Exit::Success);
+    };
+    print(describe_feed(&feed));
+    if feed.counts().believed == 0 {
+        let reason = format!(
+            "no pose of `{}` could be believed; the bodies that came stand above",
+            stated.object
+        );
+        return Err(Failure::new(Exit::Trouble, reason));
+    }
+    if let Some(path) = &arguments.calibrate {
+        let name = stated.name_and_number().map_or("", |(name, _)| name);
+        let body = heard.bodies.iter().find(|((known, number), _)| {
+            (name.is_empty() || known == name)
+                && stated
+                    .name_and_number()
+                    .is_none_or(|(_, wanted)| wanted.is_none_or(|wanted| wanted == *number))
+        });
+        let body = body
+            .map(|(_, body)| body)
+            .filter(|body| body.deviation() <= AT_REST);
+        let body = body.ok_or_else(|| {
+            let reason = "the body moves: put the vehicle level at the origin of {I}, its nose along x, and let it rest";
+            Failure::new(Exit::Trouble, reason)
+        })?;
+        write(path, &calibration(system, &stated, body, heard.rate()))?;
+        print(format!("calibration written to {}\n", path.display()));
+    }
+    Ok(Exit::Success)
+}
+
+fn stated(arguments: &MocapProbe) -> MotionCapture {
+    MotionCapture {
+        port: arguments.port.map(u32::from),
+        interface: arguments.interface.to_string(),
+        ..MotionCapture::new(arguments.server, arguments.object.as_deref().unwrap_or_default())
+    }
+}
+
+/// Listens for some seconds; returns the signal that ended it before.
+fn listen(
+    seconds: f64,
+    source: &mut Source,
+    interrupt: &Interrupt,
+    take: &mut dyn FnMut(&Frame, u64),
+) -> Option<i32> {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "an hour at most"
+    )]
+    let end_ns = monotonic_ns() + (seconds * 1e9) as u64;
+    loop {
+        let now_ns = monotonic_ns();
+        if now_ns >= end_ns {
+            return None;
+        }
+        if let Some(signal) = interrupt.take() {
+            return Some(signal);
+        }
+        source.poll(now_ns, &mut |frame| take(frame, now_ns));
+        sleep(source, end_ns);
+    }
+}
+
+/// Until something has arrived or is due.
+fn sleep(source: &Source, end_ns: u64) {
+    let now_ns = monotonic_ns();
+    let due_ns = source.due_ns().unwrap_or(end_ns).min(end_ns);
+    let sleep_ns = due_ns.saturating_sub(now_ns).min(SLEEP_NS);
+    let timeout = Timespec {
+        tv_sec: 0,
+        tv_nsec: i64::try_from(sleep_ns).unwrap_or(0),
+    };
+    let descriptors = source.descriptors();
+    let mut waits: Vec<PollFd<'_>> = descriptors
+        .iter()
+        .flatten()
+        .map(|descriptor| PollFd::from_borrowed_fd(*descriptor, PollFlags::IN))
+        .collect();
+    // Interrupted by a signal it is looked at sooner.
+    let _ = poll(&mut waits, Some(&timeout));
+}
+
+/// What has come of a body.
+#[derive(Default)]
+struct Body {
+    frames: u64,
+    seen: u64,
+    position: [Moments; 3],
+    rotation: Matrix3<f64>,
+    turned: Moments,
+    first: Option<CapturePose>,
+}
+
+impl Body {
+    fn take(&mut self, body: &WireBody) {
+        self.frames += 1;
+        let Some(pose) = &body.pose else {
+            return;
+        };
+        self.seen += 1;
+        for (moments, coordinate) in self.position.iter_mut().zip(pose.position.iter()) {
+            moments.push(*coordinate);
+        }
+        self.rotation += pose.capture_from_markers;
+        let first = self.first.get_or_insert(*pose);
+        // For small angles |R1 − R2|F = √2 times the angle.
+        let turned = (pose.capture_from_markers - first.capture_from_markers).norm() / 2.0_f64.sqrt();
+        self.turned.push(turned);
+    }
+
+    fn place(&self) -> Vector3<f64> {
+        Vector3::from(self.position.map(|moments| moments.mean()))
+    }
+
+    /// Largest standard deviation of a coordinate, m.
+    fn deviation(&self) -> f64 {
+        self.position.iter().map(Moments::deviation).fold(0.0, f64::max)
+    }
+
+    fn mean_rotation(&self) -> Matrix3<f64> {
+        #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
+        let mean = self.rotation / self.seen.max(1) as f64;
+        (0..8).fold(mean, |rotation, _| orthonormalized(&rotation))
+    }
+}
+
+/// What has come at all.
+#[derive(Default)]
+struct Heard {
+    frames: u64,
+    first_ns: u64,
+    last_ns: u64,
+    between: Moments,
+    /// Time from stamp to arrival beyond the soonest, s.
+    delays: Vec<f64>,
+    soonest: Option<i64>,
+    bodies: BTreeMap<(String, i32), Body>,
+}
+
+impl Heard {
+    fn take(&mut self, frame: &Frame, now_ns: u64) {
+        if self.frames == 0 {
+            self.first_ns = now_ns;
+        } else {
+            self.between.push(seconds(now_ns - self.last_ns));
+        }
+        self.frames += 1;
+        self.last_ns = now_ns;
+        if let Some(stamp) = frame.stamp {
+            let delay = now_ns.cast_signed().saturating_sub(stamp.sent_ns);
+            let soonest = *self.soonest.get_or_insert(delay);
+            self.soonest = Some(soonest.min(delay));
+            #[expect(clippy::cast_precision_loss, reason = "ms in ns are exact")]
+            let delay = delay.saturating_sub(soonest) as f64 * 1e-9;
+            // A server may send as much as it likes, and call it what it likes.
+            if self.delays.len() < DELAYS {
+                self.delays.push(delay);
+            }
+        }
+        for body in frame.bodies() {
+            let key = (body.name.to_string(), body.number);
+            if self.bodies.len() < BODIES || self.bodies.contains_key(&key) {
+                self.bodies.entry(key).or_default().take(body);
+            }
+        }
+    }
+
+    /// Frames a second.
+    fn rate(&self) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
+        let frames = self.frames.saturating_sub(1) as f64;
+        frames / seconds(self.last_ns - self.first_ns).max(1e-9)
+    }
+
+    fn describe(&self, source: &Source) -> String {
+        let counts = source.counts();
+        let mut text = format!(
+            "packets {}, frames {}, malformed {}, from strangers {}, connections {}, failures {}\n",
+            counts.packets,
+            counts.frames,
+            counts.malformed,
+            counts.foreign,
+            counts.connections,
+            counts.failures
+        );
+        let announced: Vec<String> = source.announced().iter().map(ToString::to_string).collect();
+        if !announced.is_empty() {
+            writeln!(text, "announced: {}", announced.join(", ")).expect("a String takes all");
+        }
+        if self.frames > 1 {
+            writeln!(
+                text,
+                "{:.2} packets of poses a second, jitter of the arrival {:.3} ms (one standard deviation)",
+                self.rate(),
+                1e3 * self.between.deviation()
+            )
+            .expect("a String takes all");
+        }
+        if let [p50, p99, most] = self.delay_percentiles()[..] {
+            writeln!(
+                text,
+                "later than the soonest by its stamp: p50 {:.3} ms, p99 {:.3} ms, at most {:.3} ms",
+                1e3 * p50,
+                1e3 * p99,
+                1e3 * most
+            )
+            .expect("a String takes all");
+        }
+        if !self.bodies.is_empty() {
+            writeln!(text, "{}", self.table()).expect("a String takes all");
+        }
+        text
+    }
+
+    fn delay_percentiles(&self) -> Vec<f64> {
+        let Some(soonest) = self.delays.iter().copied().reduce(f64::min) else {
+            return Vec::new();
+        };
+        let mut delays: Vec<f64> = self.delays.iter().map(|delay| delay - soonest).collect();
+        delays.sort_by(f64::total_cmp);
+        let last = delays.len() - 1;
+        [last / 2, last - last / 100, last]
+            .map(|index| delays[index])
+            .to_vec()
+    }
+
+    fn table(&self) -> Table {
+        let mut table = Table::new();
+        table.load_style(presets::UTF8_HORIZONTAL_ONLY);
+        table.set_header([
+            "body",
+            "number",
+            "rate [Hz]",
+            "seen [%]",
+            "place, capture frame [m]",
+            "position σ [mm]",
+            "attitude [mrad]",
+        ]);
+        for ((name, number), body) in &self.bodies {
+            #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
+            let (frames, seen) = (body.frames as f64, body.seen as f64);
+            let place = body.place();
+            let rests = body.deviation() <= AT_REST;
+            let noise = if rests {
+                format!("{:.3}", 1e3 * body.deviation())
+            } else {
+                "moves".to_owned()
+            };
+            let turned = if rests {
+                format!("{:.2}", 1e3 * body.turned.mean())
+            } else {
+                String::new()
+            };
+            table.add_row([
+                name.clone(),
+                number.to_string(),
+                format!("{:.1}", frames / seconds(self.last_ns - self.first_ns).max(1e-9)),
+                format!("{:.1}", 100.0 * seen / frames),
+                format!("{:.3} {:.3} {:.3}", place.x, place.y, place.z),
+                noise,
+                turned,
+            ]);
+        }
+        table
+    }
+}
+
+fn describe_feed(feed: &Feed) -> String {
+    let counts: Vec<String> = feed
+        .counts()
+        .named()
+        .iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(name, count)| format!("{name} {count}"))
+        .collect();
+    let mut text = format!("the vehicle's feed: {}\n", counts.join(", "));
+    if let Some(second) = feed.figures().last() {
+        writeln!(
+            text,
+            "the last second: {:.1} Hz, age on arrival {:.3} ms (at most {:.3} ms), jitter {:.3} ms; drift of its clock {:.1} ppm",
+            second.rate,
+            1e3 * second.latency,
+            1e3 * second.latency_max,
+            1e3 * second.jitter,
+            1e6 * feed.drift()
+        )
+        .expect("a String takes all");
+    }
+    text
+}
+
+/// The sections of a scenario with which the body, as it lies, is the vehicle at the origin, level, with yaw 0.
+fn calibration(system: CaptureSystem, stated: &MotionCapture, body: &Body, rate: f64) -> String {
+    let axes = axes(system);
+    let world_position = -(axes * body.place());
+    let markers = roll_pitch_yaw(&(axes * body.mean_rotation()));
+    let vector = |values: [f64; 3], digits: usize| {
+        let values: Vec<String> = values
+            .iter()
+            .map(|value| format!("{value:.digits$}"))
+            // A zero has no sign here.
+            .map(|text| {
+                text.strip_prefix('-')
+                    .filter(|rest| rest.parse() == Ok(0.0))
+                    .map_or(text.clone(), str::to_owned)
+            })
+            .collect();
+        format!("[{}]", values.join(", "))
+    };
+    let port = stated
+        .port
+        .map_or_else(String::new, |port| format!("port = {port}\n"));
+    format!(
+        "[estimator]\nsource = \"{}\"\n\n[estimator.kalman]\nposition_deviation = {:.2e}                  # m\n\n\
+         [motion_capture]\nserver = \"{}\"\n{port}interface = \"{}\"\nobject = {:?}\nrate = [{:.1}, {:.1}]                        # Hz\n\n\
+         [motion_capture.world_from_capture]          # the body lay at the origin of {{I}}\n\
+         position = {}\nroll_pitch_yaw = {}\n\n\
+         [motion_capture.body_from_markers]           # it was level, its nose along x\n\
+         roll_pitch_yaw = {}\n",
+        system.name(),
+        body.deviation().max(1e-5),
+        stated.server,
+        stated.interface,
+        stated.object,
+        0.9 * rate,
+        1.1 * rate,
+        vector(world_position.into(), 5),
+        vector(roll_pitch_yaw(&axes), 9),
+        vector(markers, 5),
+    )
+}
+
+#[expect(clippy::cast_precision_loss, reason = "an hour in ns is exact")]
+fn seconds(ns: u64) -> f64 {
+    ns as f64 * 1e-9
+}

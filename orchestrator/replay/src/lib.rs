@@ -1,0 +1,411 @@
+//! Does the steps of a flight again, on what its log has recorded, and compares what comes of them byte for byte.
+//!
+//! Every service is fed the recorded samples, not what the replayed ones publish: so a difference names the service
+//! that made it, and with a changed scenario the answer is what the service would have published on these inputs.
+//! In a log of simulated time the schedule says what each step saw; in one of real time the records of the steps do.
+//!
+//! What services are recorded to have known before some steps serves three ends: a replay of a part of the flight begins
+//! with it, a service goes on with it behind a gap in the log, and otherwise it must be what the replayed service knows.
+
+mod checkpoints;
+mod compare;
+pub mod diff;
+mod history;
+mod judge;
+mod machine;
+mod scope;
+mod service_process;
+mod station;
+mod stepper;
+mod workshop;
+
+use std::path::Path;
+
+use shared_types::scenario::Scenario;
+use shared_types::service::seconds;
+use shared_types::{Schedule, ServiceId};
+
+pub use compare::{Comparison, Difference};
+use history::History;
+use machine::Machine;
+use scope::Scope;
+pub use service_process::ProcessFailure;
+use station::Station;
+use stepper::{InThisProcess, Stepper};
+use workshop::Workshop;
+
+use command_line::interrupt::Interrupt;
+use command_line::progress::Progress;
+use run_log::{HostReadError, LogReadError, LogReader};
+
+/// How far beyond a tick the log is read before the tick is replayed: in real time a sample may come that much late.
+const READ_AHEAD_TICKS: u64 = 512;
+
+/// Why a log cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The log cannot be read.
+    #[error(transparent)]
+    Read(#[from] LogReadError),
+    /// The records of a flight's steps cannot be read: a log of real time cannot be replayed without them.
+    #[error(transparent)]
+    Machine(#[from] HostReadError),
+    /// The scenario does not make services.
+    #[error("the log's scenario cannot be flown: {0}")]
+    Scenario(String),
+    /// The changed scenario has another schedule.
+    #[error(
+        "the change gives the flight another schedule, and the log has not the samples of that; change nothing that says when services step"
+    )]
+    OtherSchedule,
+    /// The flight has no tick in the part that is asked for.
+    #[error("the flight has no tick between --from {from} s and --to {to} s; let the second be later")]
+    NothingBetween {
+        /// Where the part begins, s.
+        from: f64,
+        /// Where it ends, s.
+        to: f64,
+    },
+    /// What is asked for is not in the log.
+    #[error("the log ends at {ends} s, and {option} {stated} s is beyond it; ask for less")]
+    BeyondTheEnd {
+        /// Which end of the part.
+        option: &'static str,
+        /// Where it is, s.
+        stated: f64,
+        /// Time of the log's last tick, s.
+        ends: f64,
+    },
+    /// A service process did not do its steps to the end.
+    #[error(transparent)]
+    Process(#[from] ProcessFailure),
+}
+
+/// What is to be replayed.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Which services; all of them if none is named.
+    pub services: Vec<ServiceId>,
+    /// The scenario in place of the log's own.
+    pub changed: Option<Scenario>,
+    /// From which time of the flight on is compared, s; from its beginning if none is stated.
+    pub from: Option<f64>,
+    /// Up to which time of the flight, s; to the end of the log if none is stated.
+    pub to: Option<f64>,
+    /// Replay every service in a process of its own, until somebody raises this; else all in this process.
+    pub in_processes: Option<Interrupt>,
+}
+
+/// What came of a replay.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Replayed {
+    /// Whether the log is one of real time.
+    pub in_real_time: bool,
+    /// Where the services began, if not with the flight.
+    pub starts: Vec<Start>,
+    /// Steps that were done again, of the part that was asked for.
+    pub steps: u64,
+    /// Steps that could not be, because samples that they had seen were not recorded; nor could those after them, up to
+    /// the next recorded checkpoint of the service.
+    pub steps_without_inputs: u64,
+    /// How often services went on from a checkpoint, not having been able to do the steps before.
+    pub resumptions: u64,
+    /// Recorded checkpoints that were compared with what the replayed services knew.
+    pub checkpoints: u64,
+    /// Those that differ.
+    pub checkpoints_different: u64,
+    /// The first of them.
+    pub first_checkpoint: Option<CheckpointDifference>,
+    /// Services whose checkpoints another build has written: they were not looked at.
+    pub strange_checkpoints: Vec<ServiceId>,
+    /// Whether samples are missing in the recovered log, of the part that was replayed.
+    pub lacks_samples: bool,
+    /// The service whose steps cannot be done again, if it is to be: in a laboratory the world's are what cameras saw.
+    pub not_again: Option<ServiceId>,
+    /// Services that are to be replayed and in whose place programs of one's own flew, whose steps nobody can do again.
+    pub guests: Vec<ServiceId>,
+    /// Of each topic that was published in the replay.
+    pub comparisons: Vec<Comparison>,
+    /// Why the log ends early, if it does.
+    pub log_ends: Option<String>,
+}
+
+/// Where a service began that did not begin with the flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// The service.
+    pub service: ServiceId,
+    /// Time of the first tick whose step it did, s.
+    pub time: f64,
+}
+
+/// A service that did not know after a step what it is recorded to have known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CheckpointDifference {
+    /// The service.
+    pub service: ServiceId,
+    /// Tick of the step.
+    pub tick: u64,
+    /// Time of the tick, s.
+    pub time: f64,
+}
+
+impl Replayed {
+    /// Samples that were compared.
+    #[must_use]
+    pub fn compared(&self) -> u64 {
+        self.comparisons
+            .iter()
+            .map(|comparison| comparison.compared)
+            .sum()
+    }
+
+    /// Samples that were made and not recorded, so that nothing can be said of them.
+    #[must_use]
+    pub fn unrecorded(&self) -> u64 {
+        self.comparisons
+            .iter()
+            .map(|comparison| comparison.unrecorded)
+            .sum()
+    }
+
+    /// Whether all that could be compared is the same, and all could.
+    #[must_use]
+    pub fn is_identical(&self) -> bool {
+        let is_whole = self.steps_without_inputs == 0 && self.resumptions == 0 && !self.lacks_samples;
+        let is_same = self.first_difference().is_none() && self.checkpoints_different == 0;
+        is_whole && is_same && self.compared() > 0
+    }
+
+    /// The first difference in the order of the log.
+    #[must_use]
+    pub fn first_difference(&self) -> Option<&Difference> {
+        let differences = self
+            .comparisons
+            .iter()
+            .filter_map(|comparison| comparison.first.as_ref());
+        differences.min_by_key(|difference| (difference.tick, difference.topic))
+    }
+}
+
+/// Replays the log of a run.
+///
+/// # Errors
+/// [`ReplayError`].
+pub fn replay(
+    log: &Path,
+    options: &Options,
+    progress: Option<&mut Progress>,
+) -> Result<Replayed, ReplayError> {
+    let reader = LogReader::open(log)?;
+    let recorded = reader.manifest().scenario.clone();
+    let schedule = schedule_of(&recorded)?;
+    let scenario = options.changed.as_ref().unwrap_or(&recorded);
+    if schedule_of(scenario)? != schedule {
+        return Err(ReplayError::OtherSchedule);
+    }
+    let scope = Scope::of(options, &schedule)?;
+    let wanted = |service: &ServiceId| options.services.is_empty() || options.services.contains(service);
+    // Dropped after the stations, whose processes are in it.
+    let workshop = options
+        .in_processes
+        .as_ref()
+        .map(|interrupt| Workshop::open(scenario, &schedule, interrupt))
+        .transpose()?;
+    let station = |service| -> Result<Station, ReplayError> {
+        let stepper: Box<dyn Stepper> = match &workshop {
+            Some(workshop) => Box::new(workshop.start(service)?),
+            None => {
+                let service = experiment::build(service, scenario).map_err(ReplayError::Scenario)?;
+                Box::new(InThisProcess::new(service, &schedule))
+            }
+        };
+        Ok(Station::new(service, &schedule, stepper, scope))
+    };
+    let mut replayed: Vec<_> = schedule.order().iter().copied().filter(wanted).collect();
+    let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
+    let not_again = replayed.iter().copied().find(seen);
+    let is_guest = |service: &ServiceId| recorded.program_of(*service).is_some();
+    let guests = replayed.iter().copied().filter(is_guest).collect();
+    replayed.retain(|service| !seen(service) && !is_guest(service));
+    let stations: Vec<_> = replayed.into_iter().map(station).collect::<Result<_, _>>()?;
+    let is_asked_for = |topic| stations.iter().any(|station| station.is_about(topic));
+    let mut flight = Replay {
+        not_again,
+        guests,
+        source: Source {
+            reader,
+            history: History::of(is_asked_for),
+            read_until: 0,
+            ends: None,
+            breaks_off: false,
+        },
+        stations,
+        machine: Machine::beside(log, scope.first)?,
+        starts: Vec::new(),
+        ends_before: 0,
+        scope,
+        schedule: &schedule,
+    };
+    flight.begin()?;
+    flight.run(progress)?;
+    flight.check_end(options)?;
+    Ok(flight.finish())
+}
+
+fn schedule_of(scenario: &Scenario) -> Result<Schedule, ReplayError> {
+    scenario
+        .schedule()
+        .map_err(|problems| ReplayError::Scenario(format!("{problems:?}")))
+}
+
+struct Replay<'a> {
+    schedule: &'a Schedule,
+    scope: Scope,
+    stations: Vec<Station>,
+    not_again: Option<ServiceId>,
+    guests: Vec<ServiceId>,
+    source: Source,
+    machine: Machine,
+    starts: Vec<Start>,
+    /// The first tick that the log has no more.
+    ends_before: u64,
+}
+
+impl Replay<'_> {
+    /// Lets the services begin with the newest that they are recorded to have known by the first tick that is compared.
+    fn begin(&mut self) -> Result<(), ReplayError> {
+        for station in &mut self.stations {
+            let service = station.service();
+            if let Some((next_tick, state)) = self.machine.start_of(service)? {
+                station.begin_with(next_tick, state, &self.source.history)?;
+                let time = seconds(self.schedule.time_ns(next_tick));
+                self.starts.push(Start { service, time });
+            }
+        }
+        Ok(())
+    }
+
+    fn run(&mut self, mut progress: Option<&mut Progress>) -> Result<(), ReplayError> {
+        for tick in 0..=self.scope.last {
+            self.source.read_to(tick + READ_AHEAD_TICKS)?;
+            if self.source.is_exhausted_before(tick) {
+                break;
+            }
+            for station in &mut self.stations {
+                let service = station.service();
+                let history = &self.source.history;
+                if self.machine.is_of_real_time() {
+                    let steps = self.machine.take_to(service, tick)?;
+                    let checkpoints = self.machine.checkpoints(service, tick);
+                    station.step_as_recorded(tick, &steps, history, checkpoints)?;
+                } else {
+                    let checkpoints = self.machine.checkpoints(service, tick);
+                    station.step_as_scheduled(tick, history, checkpoints)?;
+                }
+            }
+            self.ends_before = tick + 1;
+            self.source.history.forget_old();
+            if let Some(progress) = progress.as_deref_mut() {
+                progress.tick(tick);
+            }
+        }
+        for station in &mut self.stations {
+            station.settle(&self.source.history)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the log has all that was asked for.
+    fn check_end(&self, options: &Options) -> Result<(), ReplayError> {
+        let last_tick = self.ends_before.saturating_sub(1);
+        self.scope.check_end(options, last_tick, self.schedule.tick_ns())
+    }
+
+    /// Whether samples are missing between others that the replayed steps may have seen or published.
+    fn lacks_samples(&self) -> bool {
+        let begins = self.stations.iter().map(Station::begins_at).min();
+        let replayed = begins.unwrap_or_default()..=self.scope.last;
+        let recovery = self.source.reader.recovery();
+        recovery.is_some_and(|recovery| recovery.lacks_samples_in(&replayed))
+    }
+
+    /// The first service and step after which it did not know what is recorded.
+    fn first_checkpoint(&self) -> Option<CheckpointDifference> {
+        let different = self.stations.iter().filter_map(|station| {
+            let tick = station.jury().first_different_after?;
+            Some(CheckpointDifference {
+                service: station.service(),
+                tick,
+                time: seconds(self.schedule.time_ns(tick)),
+            })
+        });
+        different.min_by_key(|difference| difference.tick)
+    }
+
+    fn finish(self) -> Replayed {
+        let sum = |count: fn(&Station) -> u64| self.stations.iter().map(count).sum();
+        Replayed {
+            in_real_time: self.machine.is_of_real_time(),
+            steps: sum(|station| station.steps),
+            steps_without_inputs: sum(|station| station.steps_without_inputs),
+            resumptions: sum(|station| station.resumptions),
+            checkpoints: sum(|station| station.jury().checkpoints),
+            checkpoints_different: sum(|station| station.jury().checkpoints_different),
+            first_checkpoint: self.first_checkpoint(),
+            strange_checkpoints: self.machine.strange_checkpoints(),
+            lacks_samples: self.lacks_samples(),
+            starts: self.starts,
+            not_again: self.not_again,
+            guests: self.guests,
+            comparisons: self.stations.into_iter().flat_map(Station::finish).collect(),
+            log_ends: self.source.ends,
+        }
+    }
+}
+
+/// The recorded samples, read as far as they are needed.
+struct Source {
+    reader: LogReader,
+    history: History,
+    /// All samples of ticks before this one have been read.
+    read_until: u64,
+    /// Why the log ends early.
+    ends: Option<String>,
+    /// Whether it ends anywhere, and not with a whole tick.
+    breaks_off: bool,
+}
+
+impl Source {
+    fn read_to(&mut self, tick: u64) -> Result<(), ReplayError> {
+        while self.read_until <= tick {
+            match self.reader.next_sample() {
+                Ok(Some(sample)) => {
+                    self.read_until = self.read_until.max(sample.header.tick);
+                    self.history.keep(sample.topic, sample.bytes);
+                }
+                Ok(None) => {
+                    self.breaks_off |= self.reader.recovery().is_some();
+                    self.read_until = u64::MAX;
+                }
+                // What was read before it is whole.
+                Err(error @ (LogReadError::Unclosed { .. } | LogReadError::Damaged { .. })) => {
+                    self.ends = Some(error.to_string());
+                    self.breaks_off = true;
+                    self.read_until = u64::MAX;
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the log ends before a tick is whole. Of one that breaks off, the last tick may be broken, too.
+    fn is_exhausted_before(&self, tick: u64) -> bool {
+        let whole_until = self
+            .history
+            .last_tick()
+            .map(|last| last + u64::from(!self.breaks_off));
+        self.read_until == u64::MAX && whole_until <= Some(tick)
+    }
+}

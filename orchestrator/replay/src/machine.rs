@@ -1,0 +1,161 @@
+//! What `host.mcap` tells of a flight: its steps, if it was one of real time, and what the services knew before some.
+
+use std::collections::VecDeque;
+use std::path::Path;
+
+use shared_types::ServiceId;
+use shared_types::service::Operator;
+
+use super::checkpoints::RecordedCheckpoints;
+use super::station::Seen;
+use super::{READ_AHEAD_TICKS, ReplayError};
+use run_log::{HostEntry, HostReader, LoggedCheckpoint, ServiceStep, host_log_beside};
+
+/// One step, and what it saw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct RecordedStep {
+    pub(super) tick: u64,
+    /// Tick of the step before it that the service remembered.
+    pub(super) previous: Option<u64>,
+    pub(super) operator: Operator,
+    /// Whether all that it had to publish was published; else its process died meanwhile.
+    pub(super) is_finished: bool,
+    /// Of each input, the sequence number of the sample that it saw, and whether the step before saw another one.
+    pub(super) seen: Seen,
+}
+
+/// What was recorded beside a flight's log, read as far as it is needed. Of one tick there are several steps where a process
+/// died in its step and the one that took its place did it again.
+pub(super) struct Machine {
+    /// None if there is no record of the machine.
+    source: Option<HostReader>,
+    services: [OfService; ServiceId::ALL.len()],
+    has_steps: bool,
+    /// The tick by which the replay is to have begun: what led to the newest checkpoint before it is not needed.
+    begins_by: u64,
+}
+
+#[derive(Default)]
+struct OfService {
+    waiting: VecDeque<RecordedStep>,
+    checkpoints: RecordedCheckpoints,
+    /// Tick of the last step that was read.
+    read_to: Option<u64>,
+    /// Whether there are checkpoints of another build, which mean nothing here.
+    has_strange_checkpoints: bool,
+}
+
+impl Machine {
+    /// What is beside the flight's log `log`.
+    pub(super) fn beside(log: &Path, begins_by: u64) -> Result<Self, ReplayError> {
+        let source = host_log_beside(log).map(|path| HostReader::open(&path));
+        let mut machine = Self {
+            source: source.transpose()?,
+            services: Default::default(),
+            has_steps: false,
+            begins_by,
+        };
+        // A flight in simulated time has none, and so little else that all of it may be kept.
+        while !machine.has_steps && machine.read_one()? {}
+        Ok(machine)
+    }
+
+    /// Whether the flight was flown in real time.
+    pub(super) fn is_of_real_time(&self) -> bool {
+        self.has_steps
+    }
+
+    /// Services whose checkpoints another build has written.
+    pub(super) fn strange_checkpoints(&self) -> Vec<ServiceId> {
+        let is_strange = |service: &ServiceId| self.services[service.index()].has_strange_checkpoints;
+        ServiceId::ALL.into_iter().filter(is_strange).collect()
+    }
+
+    /// Where a service can begin: the newest checkpoint before the tick by which it is to have begun.
+    pub(super) fn start_of(&mut self, service: ServiceId) -> Result<Option<(u64, &[u8])>, ReplayError> {
+        self.read_to(service, self.begins_by)?;
+        let checkpoints = &self.services[service.index()].checkpoints;
+        Ok(checkpoints.newest_before(self.begins_by))
+    }
+
+    /// The steps of a service up to a tick that were not taken before, in their order.
+    pub(super) fn take_to(
+        &mut self,
+        service: ServiceId,
+        tick: u64,
+    ) -> Result<Vec<RecordedStep>, ReplayError> {
+        self.read_to(service, tick)?;
+        let waiting = &mut self.services[service.index()].waiting;
+        let count = waiting.iter().take_while(|step| step.tick <= tick).count();
+        Ok(waiting.drain(..count).collect())
+    }
+
+    /// What a service knew before steps, as far as the steps at `tick` or later may ask for it.
+    pub(super) fn checkpoints(&mut self, service: ServiceId, tick: u64) -> &RecordedCheckpoints {
+        let checkpoints = &mut self.services[service.index()].checkpoints;
+        checkpoints.forget_old(tick);
+        checkpoints
+    }
+
+    /// Reads on until the steps of a service up to a tick have been read, which each tells of in their order, and its
+    /// checkpoints, which may come later: they are copied beside the service.
+    fn read_to(&mut self, service: ServiceId, tick: u64) -> Result<(), ReplayError> {
+        let until = Some(tick.saturating_add(READ_AHEAD_TICKS));
+        while self.services[service.index()].read_to <= until && self.read_one()? {}
+        Ok(())
+    }
+
+    /// Reads the next thing, of whichever service; `false` if there is none.
+    fn read_one(&mut self) -> Result<bool, ReplayError> {
+        let Some(source) = &mut self.source else {
+            return Ok(false);
+        };
+        match source.next().transpose()? {
+            Some(HostEntry::Step(service, step)) => self.keep_step(service, &step),
+            Some(HostEntry::Checkpoint(checkpoint)) => self.keep_checkpoint(checkpoint),
+            None => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    fn keep_step(&mut self, service: ServiceId, step: &ServiceStep) {
+        self.has_steps = true;
+        let own = &mut self.services[service.index()];
+        own.read_to = own.read_to.max(Some(step.tick));
+        own.waiting.push_back(RecordedStep::from(step));
+    }
+
+    fn keep_checkpoint(&mut self, found: LoggedCheckpoint) {
+        let own = &mut self.services[found.service.index()];
+        if found.layout != experiment::state_layout(found.service) {
+            own.has_strange_checkpoints = true;
+            return;
+        }
+        let next_tick = found.checkpoint.next_tick;
+        own.checkpoints.keep(next_tick, found.checkpoint.state);
+        if next_tick <= self.begins_by {
+            own.checkpoints.forget_old(next_tick);
+            while own.waiting.pop_front_if(|step| step.tick < next_tick).is_some() {}
+        }
+    }
+}
+
+impl From<&ServiceStep> for RecordedStep {
+    fn from(step: &ServiceStep) -> Self {
+        let has = |bit: u32| step.operator & bit != 0;
+        Self {
+            tick: step.tick,
+            is_finished: step.published_ns != 0,
+            previous: step.previous.checked_sub(1),
+            operator: Operator {
+                armed: has(1),
+                land: has(2),
+                killed: has(4),
+            },
+            seen: std::array::from_fn(|input| {
+                let is_fresh = step.fresh_inputs & 1 << input != 0;
+                step.consumed[input].checked_sub(1).map(|seq| (seq, is_fresh))
+            }),
+        }
+    }
+}

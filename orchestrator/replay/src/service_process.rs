@@ -1,0 +1,340 @@
+//! A service that does its steps in a process of its own.
+//!
+//! Steps are told in batches: while the process does one, the next is read from the log and published. So what comes of a
+//! step is heard some hundred ticks later, in the order in which the steps were told.
+
+mod failure;
+mod ports;
+
+use std::time::{Duration, Instant};
+
+use runtime::control::{ControlError, ToOrchestrator, ToService};
+use runtime::ports::PortError;
+use runtime::replaying::{BATCH, Memory, StepOrder};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::Signal;
+use shared_types::ServiceId;
+
+pub use failure::ProcessFailure;
+pub(super) use ports::{InputPort, OutputPort};
+
+use super::ReplayError;
+use super::history::History;
+use super::judge::Jury;
+use super::stepper::{Step, Stepper};
+use command_line::interrupt::Interrupt;
+use supervisor::crew::process::Process;
+use supervisor::crew::{READY_LIMIT, STOP_LIMIT};
+
+/// How long a process may take for a batch of steps: some thousand times as long as it takes.
+const BATCH_LIMIT: Duration = READY_LIMIT;
+
+/// How often somebody looks whether the replay is to end.
+const LOOK_PERIOD: Duration = Duration::from_millis(100);
+
+fn timespec(duration: Duration) -> Timespec {
+    Timespec {
+        tv_sec: i64::try_from(duration.as_secs()).unwrap_or(i64::MAX),
+        tv_nsec: i64::from(duration.subsec_nanos()),
+    }
+}
+
+/// What the jury is to hear of, in its order.
+enum Told {
+    /// A step; whether it was finished in the flight, and whether it is compared.
+    Step {
+        tick: u64,
+        is_finished: bool,
+        is_compared: bool,
+    },
+    /// What the service is recorded to have known after the last step of a batch.
+    State { tick: u64, recorded: Vec<u8> },
+    /// No more steps of a tick follow.
+    EndOfTick,
+}
+
+/// A service in a process of its own. Dropping it ends the process.
+pub(super) struct ServiceProcess {
+    service: ServiceId,
+    process: Process,
+    interrupt: Interrupt,
+    inputs: Vec<InputPort>,
+    outputs: Vec<OutputPort>,
+    /// Whether it has made its ports.
+    is_ready: bool,
+    /// What it is to know before the step that is told next.
+    memory: Memory,
+    /// The steps that are to be handed over next.
+    orders: Vec<StepOrder>,
+    told: Vec<Told>,
+    /// Whether the process is to tell what it knows after them.
+    tells_state: bool,
+    /// What the process is doing.
+    under_way: Vec<Told>,
+    /// The tick from which on the next batch is.
+    batch_begins: u64,
+    /// The last tick of which a step was compared.
+    compared: Option<u64>,
+}
+
+impl ServiceProcess {
+    pub(super) fn new(
+        service: ServiceId,
+        process: Process,
+        inputs: Vec<InputPort>,
+        outputs: Vec<OutputPort>,
+        interrupt: Interrupt,
+    ) -> Self {
+        Self {
+            service,
+            process,
+            interrupt,
+            inputs,
+            outputs,
+            is_ready: false,
+            memory: Memory::default(),
+            orders: Vec::with_capacity(BATCH),
+            told: Vec::new(),
+            tells_state: false,
+            under_way: Vec::new(),
+            batch_begins: 0,
+            compared: None,
+        }
+    }
+
+    /// Tells the process something. One that is gone is found so when its answer is awaited.
+    pub(super) fn say(&self, message: &ToService) -> Result<(), ProcessFailure> {
+        match self.process.channel.send(message) {
+            Ok(()) | Err(ControlError::Closed) => Ok(()),
+            Err(error) => Err(self.gave_up(&error)),
+        }
+    }
+
+    /// Waits until the process has made its ports, and lets it begin. Before, nothing may be published for it.
+    fn make_ready(&mut self) -> Result<(), ProcessFailure> {
+        if self.is_ready {
+            return Ok(());
+        }
+        let ToOrchestrator::Ready { .. } = self.hear()? else {
+            return Err(self.gave_up(&"it did not get ready"));
+        };
+        let senders = self.inputs.iter_mut().map(InputPort::connect);
+        let receivers = self.outputs.iter_mut().map(OutputPort::connect);
+        let connected: Result<(), PortError> = senders.chain(receivers).collect();
+        connected.map_err(|error| self.gave_up(&error))?;
+        self.is_ready = true;
+        self.say(&ToService::Go {
+            reborn: false,
+            start_ns: 0,
+        })
+    }
+
+    /// The next thing that the process says.
+    fn hear(&mut self) -> Result<ToOrchestrator, ProcessFailure> {
+        let deadline = Instant::now() + BATCH_LIMIT;
+        loop {
+            match self.process.channel.try_receive::<ToOrchestrator>() {
+                Ok(Some(ToOrchestrator::Failed { reason })) => return Err(self.gave_up(&reason)),
+                Ok(Some(message)) => return Ok(message),
+                Ok(None) => {}
+                Err(ControlError::Closed) => return Err(self.died()),
+                Err(error) => return Err(self.gave_up(&error)),
+            }
+            if let Some(signal) = self.interrupt.signal() {
+                return Err(ProcessFailure::Interrupted { signal });
+            }
+            if Instant::now() > deadline {
+                return Err(ProcessFailure::Silent {
+                    service: self.service.name(),
+                    pid: self.process.id(),
+                    when: self.how_far(),
+                });
+            }
+            // The end of the process closes its channel. After an interrupted sleep all is looked at again.
+            let mut channel = [PollFd::new(&self.process.channel, PollFlags::IN)];
+            let _ = poll(&mut channel, Some(&timespec(LOOK_PERIOD)));
+        }
+    }
+
+    fn how_far(&self) -> String {
+        let before_any = || "before any of its steps was compared".to_owned();
+        let compared = |tick| format!("after its step at tick {tick} was compared");
+        self.compared.map_or_else(before_any, compared)
+    }
+
+    fn died(&mut self) -> ProcessFailure {
+        ProcessFailure::Died {
+            service: self.service.name(),
+            pid: self.process.id(),
+            when: self.how_far(),
+            how: self.process.wait().description,
+        }
+    }
+
+    fn gave_up(&self, reason: &dyn ToString) -> ProcessFailure {
+        ProcessFailure::GaveUp {
+            service: self.service.name(),
+            pid: self.process.id(),
+            when: self.how_far(),
+            reason: reason.to_string(),
+        }
+    }
+
+    /// Publishes what a step sees; how it is told.
+    fn order(&mut self, step: &Step<'_>) -> Result<StepOrder, PortError> {
+        let mut order = StepOrder {
+            now: step.now,
+            memory: std::mem::take(&mut self.memory),
+            seen: 0,
+            next: 0,
+            fresh: 0,
+        };
+        for (place, input) in self.inputs.iter_mut().enumerate() {
+            let view = step.views[place];
+            if let Some(bytes) = view.bytes {
+                let is_next = input.publish(bytes, step.as_recorded[place])?;
+                order.seen |= 1 << place;
+                order.next |= u32::from(is_next) << place;
+                order.fresh |= u32::from(view.fresh) << place;
+            }
+        }
+        Ok(order)
+    }
+
+    /// Lets the process do the steps that have been told, once it has done those before.
+    fn hand_over(&mut self, jury: &mut Jury, history: &History) -> Result<(), ProcessFailure> {
+        self.collect(jury, history)?;
+        if !self.orders.is_empty() {
+            let orders = std::mem::take(&mut self.orders);
+            let tells_state = std::mem::take(&mut self.tells_state);
+            self.say(&ToService::Steps { orders, tells_state })?;
+        }
+        self.under_way.append(&mut self.told);
+        Ok(())
+    }
+
+    /// Lets the jury hear what has come of the steps that the process was doing.
+    fn collect(&mut self, jury: &mut Jury, history: &History) -> Result<(), ProcessFailure> {
+        if self.under_way.is_empty() {
+            return Ok(());
+        }
+        let ToOrchestrator::Stepped { not_finite, state } = self.hear()? else {
+            return Err(self.gave_up(&"it did not do its steps"));
+        };
+        let mut place = 0;
+        for told in std::mem::take(&mut self.under_way) {
+            match told {
+                Told::Step {
+                    tick,
+                    is_finished,
+                    is_compared,
+                } => {
+                    if !not_finite.contains(&place) {
+                        let hear = |output: usize, bytes: &[u8]| {
+                            if is_compared {
+                                jury.hear(output, bytes, is_finished, history);
+                            }
+                        };
+                        self.listen(tick, hear)?;
+                    }
+                    place += 1;
+                    self.compared = Some(tick);
+                }
+                Told::State { tick, recorded } => {
+                    jury.hear_state(tick, state.as_deref().unwrap_or_default(), &recorded);
+                }
+                Told::EndOfTick => jury.end_tick(history),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes what a step has published, output by output.
+    fn listen(&mut self, tick: u64, mut hear: impl FnMut(usize, &[u8])) -> Result<(), ProcessFailure> {
+        for at in 0..self.outputs.len() {
+            let output = &mut self.outputs[at];
+            if !output.is_due(tick) {
+                continue;
+            }
+            match output.receive(tick) {
+                Ok(Some(bytes)) => hear(at, bytes),
+                Ok(None) => return Err(self.gave_up(&format!("a sample of tick {tick} was lost"))),
+                Err(error) => return Err(self.gave_up(&error)),
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Stepper for ServiceProcess {
+    fn begin_anew(&mut self) {
+        self.memory = Memory::Newborn;
+    }
+
+    fn go_back(&mut self) {
+        self.memory = Memory::BeforeLast;
+    }
+
+    fn resume(&mut self, state: &[u8], jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
+        self.make_ready()?;
+        self.hand_over(jury, history)?;
+        self.memory = Memory::AfterLast;
+        let state = state.to_vec();
+        Ok(self.say(&ToService::Know { state })?)
+    }
+
+    fn step(&mut self, step: &Step<'_>, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
+        if self.orders.len() == BATCH {
+            self.hand_over(jury, history)?;
+        }
+        self.make_ready()?;
+        let order = self.order(step).map_err(|error| self.gave_up(&error))?;
+        self.orders.push(order);
+        self.told.push(Told::Step {
+            tick: step.now.tick,
+            is_finished: step.is_finished,
+            is_compared: step.is_compared,
+        });
+        Ok(())
+    }
+
+    fn compare_state(&mut self, tick: u64, recorded: &[u8], _jury: &mut Jury) {
+        self.tells_state = true;
+        let recorded = recorded.to_vec();
+        self.told.push(Told::State { tick, recorded });
+    }
+
+    fn end_tick(&mut self, tick: u64, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
+        if let Some(Told::Step { .. } | Told::State { .. }) = self.told.last() {
+            self.told.push(Told::EndOfTick);
+        }
+        // What the service knows it tells after the last step of a batch.
+        let next = tick + 1;
+        if self.tells_state || next >= self.batch_begins + BATCH as u64 {
+            self.hand_over(jury, history)?;
+            self.batch_begins = next;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
+        self.hand_over(jury, history)?;
+        Ok(self.collect(jury, history)?)
+    }
+}
+
+impl Drop for ServiceProcess {
+    /// Ends the process, whatever it does.
+    fn drop(&mut self) {
+        if self.process.is_gone {
+            return;
+        }
+        if self.process.channel.send(&ToService::Stop).is_ok() && self.is_ready {
+            let mut death = [PollFd::new(&self.process.death, PollFlags::IN)];
+            let limit = timespec(STOP_LIMIT);
+            let _ = rustix::io::retry_on_intr(|| poll(&mut death, Some(&limit)));
+        }
+        self.process.signal(Signal::KILL);
+        self.process.wait();
+    }
+}

@@ -1,0 +1,113 @@
+//! Where a replay into service processes takes place: a run's place in shared memory and what its processes share.
+//!
+//! Each service has its topics for itself, and there the recorded samples come: none sees what another one's replay publishes.
+
+use runtime::checkpoints::Checkpoints;
+use runtime::control::{Host, Role, Start, ToService};
+use runtime::deployment::Scheduler;
+use runtime::doorbell::Doorbell;
+use runtime::ports::{Member, RECORDER_BUFFER, TopicPorts};
+use runtime::shared_page::SharedPage;
+use runtime::step_log::StepLog;
+use shared_types::scenario::Scenario;
+use shared_types::{Schedule, ServiceId, Topic};
+
+use super::service_process::{InputPort, OutputPort, ProcessFailure, ServiceProcess};
+use command_line::interrupt::Interrupt;
+use live::run_root::RunRoot;
+use supervisor::crew::process::Process;
+
+/// The place of a replay into service processes. To be dropped after those.
+pub(super) struct Workshop<'a> {
+    schedule: &'a Schedule,
+    scenario: Scenario,
+    page: SharedPage,
+    checkpoints: Checkpoints,
+    step_log: StepLog,
+    doorbells: Vec<Doorbell>,
+    interrupt: Interrupt,
+    member: Member,
+    /// Goes last: all that is in shared memory goes with it.
+    root: RunRoot,
+}
+
+impl<'a> Workshop<'a> {
+    /// Makes the place and joins it. Whoever raises `interrupt` ends the replay.
+    pub(super) fn open(
+        scenario: &Scenario,
+        schedule: &'a Schedule,
+        interrupt: &Interrupt,
+    ) -> Result<Self, ProcessFailure> {
+        let root = RunRoot::create().map_err(setup)?;
+        let doorbells = ServiceId::ALL.iter().map(|_| Doorbell::create());
+        Ok(Self {
+            schedule,
+            // A replay is not in a hurry: it asks nothing of the machine.
+            scenario: scenario.experiment(),
+            page: SharedPage::create().map_err(setup)?,
+            checkpoints: Checkpoints::create().map_err(setup)?,
+            step_log: StepLog::create().map_err(setup)?,
+            doorbells: doorbells.collect::<Result<_, _>>().map_err(setup)?,
+            interrupt: interrupt.clone(),
+            member: Member::join(&root.configuration(), "orchestrator").map_err(setup)?,
+            root,
+        })
+    }
+
+    /// Makes the topics of a service and starts its process, which gets ready by itself.
+    pub(super) fn start(&self, service: ServiceId) -> Result<ServiceProcess, ProcessFailure> {
+        let mut inputs = Vec::new();
+        for input in service.inputs() {
+            let ports = self.create(input.topic, service)?;
+            let sender = ports.newest_sender().map_err(setup)?;
+            inputs.push(InputPort::new(sender, ports));
+        }
+        let mut outputs = Vec::new();
+        for output in service.outputs() {
+            let ports = self.create(output.topic, service)?;
+            let receiver = ports.recorder(RECORDER_BUFFER).map_err(setup)?;
+            let publication = self.schedule.publication(output.topic);
+            outputs.push(OutputPort::new(publication, receiver, ports));
+        }
+        let process = self.start_process(service)?;
+        let process = ServiceProcess::new(service, process, inputs, outputs, self.interrupt.clone());
+        process.say(&ToService::Start(Box::new(self.start_of(service))))?;
+        process.say(&ToService::MakePorts)?;
+        Ok(process)
+    }
+
+    fn create(&self, topic: Topic, replayed: ServiceId) -> Result<Box<dyn TopicPorts>, ProcessFailure> {
+        let topic = self.member.create_replayed_topic(topic, replayed, self.schedule);
+        topic.map_err(setup)
+    }
+
+    fn start_process(&self, service: ServiceId) -> Result<Process, ProcessFailure> {
+        let shared = [
+            self.page.file(),
+            self.checkpoints.file(),
+            self.step_log.file(),
+            self.root.lock(),
+        ];
+        let label = live::runs::label(self.root.folder(), Host::Replay);
+        Process::start(service.name(), label, shared, &self.doorbells).map_err(setup)
+    }
+
+    fn start_of(&self, service: ServiceId) -> Start {
+        Start {
+            scenario: self.scenario.clone(),
+            iceoryx2_configuration: self.root.configuration(),
+            core: None,
+            scheduler: Scheduler::Fair,
+            role: Some(Role { service, crash: None }),
+            host: Host::Replay,
+        }
+    }
+}
+
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "used to map errors, which come by value"
+)]
+fn setup(error: impl ToString) -> ProcessFailure {
+    ProcessFailure::Setup(error.to_string())
+}

@@ -1,0 +1,66 @@
+//! The two logs of a run.
+//!
+//! * `run.mcap` ([`RunLogWriter`], [`LogReader`]) is what happened in the experiment: every sample of every topic,
+//!   as a function of scenario and seed alone.
+//! * `host.mcap` ([`HostLogWriter`]) is what the machine did meanwhile.
+//!
+//! Both are MCAP files of the profile `ros2`, so that any tool that knows MCAP and CDR reads them. A sample's
+//! bytes in shared memory are its bytes in the log (see [`mod@shared_types::sample`]).
+//!
+//! Failure policy: a log has the name `<name>.partial` until it is complete. A failed write is reported once,
+//! with what to do; later writes report that the log is closed. A reader hands out nothing of a damaged chunk.
+
+mod csv;
+mod digest;
+mod durability;
+mod export;
+pub mod flight_start;
+mod framing;
+mod host_reader;
+mod host_samples;
+mod host_writer;
+mod manifest;
+mod reader;
+mod records;
+mod recovery;
+pub mod run_folder;
+mod schema;
+mod size;
+mod view;
+mod writer;
+
+use std::path::{Path, PathBuf};
+
+pub use csv::export_csv;
+pub use digest::digest;
+pub use export::{ExportError, decode_sample, export_json};
+pub use framing::{Compression, LogError, Written, make_anew, partial_path};
+pub use host_reader::{HostEntry, HostReadError, HostReader};
+pub use host_samples::{
+    CaptureFigures, HostEvent, HostSample, LinkFigures, LoggedCheckpoint, ServiceCheckpoint, ServiceHealth,
+    ServiceStep,
+};
+pub use host_writer::HostLogWriter;
+pub use manifest::{FORMAT_VERSION, Manifest};
+pub use reader::{LogReadError, LogReader, LoggedSample};
+pub use recovery::{Gap, Moment, RecoverError, Recovery, inspect, is_whole, recover, recovered_path};
+pub use size::predicted_bytes;
+pub use view::{ViewError, export_view, view_path};
+pub use writer::RunLogWriter;
+
+/// The record of the machine that was written beside a run's log, if there is one, complete or not; beside a recovered log
+/// the recovered one.
+#[must_use]
+pub fn host_log_beside(log: &Path) -> Option<PathBuf> {
+    let complete = log.with_file_name("host.mcap");
+    let recovered = recovered_path(&complete);
+    let is_recovered = log
+        .file_name()
+        .is_some_and(|name| name.to_string_lossy().ends_with(".recovered.mcap"));
+    let others = [partial_path(&complete), complete];
+    let candidates = is_recovered.then_some(recovered).into_iter().chain(others);
+    candidates.into_iter().find(|path| path.exists())
+}
+
+#[cfg(any(test, feature = "test_flight"))]
+pub mod test_flight;

@@ -1,0 +1,180 @@
+//! Which samples the messages of a log are.
+
+use std::collections::BTreeMap;
+
+use mcap::records::{MessageHeader, Record, op};
+use shared_types::sample::{CDR_HEADER, Record as SampleRecord, layout_hash, msg_definition};
+use shared_types::service::header_of;
+use shared_types::wiring::TopicVisitor;
+use shared_types::{Sample, Topic};
+
+use super::scan::Chunk;
+use crate::framing::LAYOUT_KEY;
+use crate::records;
+use crate::{
+    CaptureFigures, HostEvent, HostSample, LinkFigures, ServiceCheckpoint, ServiceHealth, ServiceStep,
+};
+
+/// Number of the first channel of a log; the others follow.
+const FIRST_CHANNEL: usize = 1;
+
+/// A kind of samples that this program writes.
+pub(super) struct Kind {
+    /// The channel's name.
+    pub(super) channel: &'static str,
+    pub(super) schema: &'static str,
+    pub(super) definition: String,
+    pub(super) layout: String,
+    size: usize,
+    topic: Option<Topic>,
+}
+
+impl Kind {
+    fn new<R: SampleRecord>(channel: &'static str, topic: Option<Topic>) -> Self {
+        Self {
+            channel,
+            schema: R::MSG_NAME,
+            definition: msg_definition::<R>(),
+            layout: layout_hash::<R>(),
+            size: size_of::<R>(),
+            topic,
+        }
+    }
+
+    fn of_host<T: HostSample>() -> Self {
+        Self::new::<T>(T::CHANNEL, None)
+    }
+
+    /// Whether these bytes can be such a sample of a time.
+    fn fits(&self, sample: &[u8], time_ns: u64) -> bool {
+        sample.len() == self.size && self.time_ns(sample) == Some(time_ns)
+    }
+
+    /// Samples of the flight begin with their header, those of the machine with their time.
+    fn time_ns(&self, sample: &[u8]) -> Option<u64> {
+        match self.topic {
+            Some(_) => Some(header_of(sample).stamp_ns),
+            None => sample.first_chunk().map(|time| u64::from_le_bytes(*time)),
+        }
+    }
+}
+
+struct KindOf;
+
+impl TopicVisitor for KindOf {
+    type Result = Kind;
+
+    fn visit<T: Sample>(self) -> Kind {
+        Kind::new::<T>(T::TOPIC.name(), Some(T::TOPIC))
+    }
+}
+
+/// A sample in a log.
+pub(super) struct Message<'a> {
+    /// Position of its kind.
+    pub(super) kind: usize,
+    pub(super) header: MessageHeader,
+    pub(super) sample: &'a [u8],
+    /// Its tick and number, of the flight's samples as their headers have them.
+    pub(super) tick: Option<u64>,
+    pub(super) sequence: u64,
+}
+
+/// All kinds: the topics in their order, then those of the machine.
+pub(super) fn kinds() -> Vec<Kind> {
+    let mut kinds: Vec<_> = Topic::ALL.map(|topic| topic.dispatch(KindOf)).into();
+    kinds.extend([
+        Kind::of_host::<HostEvent>(),
+        Kind::of_host::<ServiceHealth>(),
+        Kind::of_host::<ServiceStep>(),
+        Kind::of_host::<ServiceCheckpoint>(),
+        Kind::of_host::<CaptureFigures>(),
+        Kind::of_host::<LinkFigures>(),
+    ]);
+    kinds
+}
+
+/// What is known of a log's channels.
+pub(super) struct Channels<'a> {
+    kinds: &'a [Kind],
+    /// Names of schemas and positions of kinds, by the log's numbers.
+    schemas: BTreeMap<u16, String>,
+    declared: BTreeMap<u16, usize>,
+    /// Types that the log has in another layout.
+    pub(super) other_layouts: Vec<&'static str>,
+}
+
+impl<'a> Channels<'a> {
+    pub(super) fn new(kinds: &'a [Kind]) -> Self {
+        Self {
+            kinds,
+            schemas: BTreeMap::new(),
+            declared: BTreeMap::new(),
+            other_layouts: Vec::new(),
+        }
+    }
+
+    /// Hands over the messages of a chunk; tells how many are no sample of a kind that is known.
+    pub(super) fn read<E>(
+        &mut self,
+        chunk: &Chunk,
+        mut take: impl FnMut(&Message<'_>) -> Result<(), E>,
+    ) -> Result<u64, E> {
+        let mut strange = 0;
+        for (opcode, body) in chunk.records() {
+            match records::parse(opcode, body) {
+                Ok(Record::Schema { header, .. }) => {
+                    self.schemas.insert(header.id, header.name);
+                }
+                Ok(Record::Channel(channel)) => self.declare(&channel),
+                Ok(Record::Message { header, data }) if opcode == op::MESSAGE => {
+                    match self.message(header, &data) {
+                        Some(message) => take(&message)?,
+                        None => strange += 1,
+                    }
+                }
+                _ => strange += 1,
+            }
+        }
+        Ok(strange)
+    }
+
+    fn declare(&mut self, channel: &mcap::records::Channel) {
+        let schema = self.schemas.get(&channel.schema_id);
+        let known = self.kinds.iter().position(|kind| kind.channel == channel.topic);
+        let Some(position) = known else { return };
+        let kind = &self.kinds[position];
+        if schema.is_some_and(|name| name == kind.schema)
+            && channel.metadata.get(LAYOUT_KEY) == Some(&kind.layout)
+        {
+            self.declared.insert(channel.id, position);
+        } else if !self.other_layouts.contains(&kind.schema) {
+            self.other_layouts.push(kind.schema);
+        }
+    }
+
+    fn message<'m>(&self, header: MessageHeader, data: &'m [u8]) -> Option<Message<'m>> {
+        let sample = data.strip_prefix(&CDR_HEADER)?;
+        let fits = |&position: &usize| self.kinds[position].fits(sample, header.log_time);
+        let kind = match self.declared.get(&header.channel_id) {
+            Some(declared) => Some(*declared).filter(fits)?,
+            None => self.guesses(header.channel_id).find(fits)?,
+        };
+        let of_the_flight = self.kinds[kind].topic.map(|_| header_of(sample));
+        Some(Message {
+            kind,
+            header,
+            sample,
+            tick: of_the_flight.map(|own| own.tick),
+            sequence: of_the_flight.map_or(u64::from(header.sequence), |own| own.seq),
+        })
+    }
+
+    /// The kinds that a channel may have whose declaration is lost: a flight's are numbered in the order of the topics,
+    /// the machine's in the order of their first samples, but no two of them have one size.
+    fn guesses(&self, channel: u16) -> impl Iterator<Item = usize> + use<> {
+        let numbered = usize::from(channel).checked_sub(FIRST_CHANNEL);
+        let numbered = numbered.filter(|&position| position < Topic::ALL.len());
+        numbered.into_iter().chain(Topic::ALL.len()..self.kinds.len())
+    }
+}

@@ -1,0 +1,254 @@
+//! What a recovered log holds and what it lacks, inside the log.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::ops::RangeInclusive;
+
+use mcap::records::Metadata;
+use serde::{Deserialize, Serialize};
+
+/// What was kept of a log, and what was not. It stands in the recovered log, so that nobody takes that for a whole one.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Recovery {
+    /// Name of the file that it was made of.
+    pub source: String,
+    /// Whether the source had its proper end; if not, nobody knows how much came after the last sample.
+    pub was_closed: bool,
+    /// Chunks that were kept.
+    pub chunks: u64,
+    /// Samples that were kept, by topic.
+    pub samples: BTreeMap<String, u64>,
+    /// The last of them that no checksum vouches for: they are of a chunk with which the source breaks off.
+    pub unverified: u64,
+    /// Messages in whole chunks that are no samples of a known type.
+    pub strange: u64,
+    /// The damaged places, in their order.
+    pub gaps: Vec<Gap>,
+    /// First and last sample, if there are any.
+    pub span: Option<[Moment; 2]>,
+    /// Last tick that the scenario plans; none in a log of the machine.
+    pub planned_last_tick: Option<u64>,
+    /// Whether the manifest was damaged, so that the scenario was stated anew.
+    pub is_scenario_restated: bool,
+    /// If the source itself was a recovered log, what that lacked.
+    pub earlier: Option<Box<Recovery>>,
+}
+
+/// When a sample was published.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Moment {
+    /// Its tick; none in a log of the machine.
+    pub tick: Option<u64>,
+    /// Its time, ns.
+    pub time_ns: u64,
+}
+
+/// A damaged place of a log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// Where it begins in the source, bytes.
+    pub at: u64,
+    /// How many bytes were of no use.
+    pub bytes: u64,
+    /// Samples of the recovered log that come before it.
+    pub samples_before: u64,
+    /// The last of these.
+    pub after: Option<Moment>,
+    /// The first sample behind it; none if nothing follows.
+    pub before: Option<Moment>,
+    /// Samples that are missing here, by topic, as the numbers of those around them tell.
+    pub lost: BTreeMap<String, u64>,
+}
+
+impl Gap {
+    /// Whether samples are missing, or may be.
+    #[must_use]
+    pub fn lacks_samples(&self) -> bool {
+        self.before.is_none() || !self.lost.is_empty()
+    }
+}
+
+impl Recovery {
+    /// Name of the metadata record.
+    pub(crate) const RECORD_NAME: &str = "gerono_recovery";
+
+    const REPORT_KEY: &str = "report";
+    const WORDS_KEY: &str = "in words";
+
+    /// Samples that were kept.
+    #[must_use]
+    pub fn kept(&self) -> u64 {
+        total(self.samples.values())
+    }
+
+    /// Samples that are known to be missing between others.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        total(self.gaps.iter().flat_map(|gap| gap.lost.values()))
+    }
+
+    /// Whether the log reaches to the planned end and lacks nothing before it.
+    #[must_use]
+    pub fn lacks_nothing(&self) -> bool {
+        let ends_as_planned = match self.planned_last_tick {
+            Some(planned) => self.last_tick() == Some(planned),
+            None => self.was_closed && self.gaps.iter().all(|gap| gap.before.is_some()),
+        };
+        let is_whole = self.lost() == 0 && self.strange == 0 && ends_as_planned;
+        is_whole
+            && self
+                .earlier
+                .as_ref()
+                .is_none_or(|earlier| earlier.lacks_nothing())
+    }
+
+    /// Whether samples of these ticks are missing between others, or may be.
+    #[must_use]
+    pub fn lacks_samples_in(&self, ticks: &RangeInclusive<u64>) -> bool {
+        let tick_of = |moment: Option<Moment>| moment.and_then(|moment| moment.tick);
+        let lacks = |gap: &Gap| {
+            let after = tick_of(gap.after).unwrap_or_default();
+            let before = tick_of(gap.before).unwrap_or(u64::MAX);
+            !gap.lost.is_empty() && after <= *ticks.end() && before >= *ticks.start()
+        };
+        let earlier = self.earlier.as_ref();
+        self.gaps.iter().any(lacks) || earlier.is_some_and(|earlier| earlier.lacks_samples_in(ticks))
+    }
+
+    /// Tick of the last sample.
+    #[must_use]
+    pub fn last_tick(&self) -> Option<u64> {
+        self.span.and_then(|[_, last]| last.tick)
+    }
+
+    pub(crate) fn to_metadata(&self) -> Metadata {
+        let report = serde_json::to_string(self).expect("a report has only string keys");
+        Metadata {
+            name: Self::RECORD_NAME.to_owned(),
+            metadata: BTreeMap::from([
+                (Self::REPORT_KEY.to_owned(), report),
+                (Self::WORDS_KEY.to_owned(), self.to_string()),
+            ]),
+        }
+    }
+
+    /// Back from the metadata of its name.
+    pub(crate) fn from_metadata(metadata: &BTreeMap<String, String>) -> Option<Self> {
+        serde_json::from_str(metadata.get(Self::REPORT_KEY)?).ok()
+    }
+}
+
+impl fmt::Display for Recovery {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "kept {} samples in {} chunks",
+            self.kept(),
+            self.chunks
+        )?;
+        if let Some([first, last]) = self.span {
+            write!(formatter, ", from {first} to {last}")?;
+        }
+        writeln!(formatter)?;
+        if self.unverified > 0 {
+            writeln!(
+                formatter,
+                "  the last {} of them are under no checksum: the file breaks off within their chunk",
+                self.unverified
+            )?;
+        }
+        for gap in &self.gaps {
+            writeln!(formatter, "  {gap}")?;
+        }
+        if self.strange > 0 {
+            writeln!(
+                formatter,
+                "  {} messages were none of ours and left out",
+                self.strange
+            )?;
+        }
+        if self.is_scenario_restated {
+            writeln!(
+                formatter,
+                "  the manifest was damaged; the scenario is the one that was given"
+            )?;
+        }
+        if let Some(earlier) = &self.earlier {
+            writeln!(
+                formatter,
+                "  {} was a recovered log itself: {earlier}",
+                self.source
+            )?;
+        }
+        write!(formatter, "  {}", self.ending())
+    }
+}
+
+impl Recovery {
+    /// How far the log reaches, in words.
+    fn ending(&self) -> String {
+        if self.lacks_nothing() {
+            return "nothing is missing".to_owned();
+        }
+        let planned = match (self.planned_last_tick, self.last_tick()) {
+            (Some(planned), Some(last)) if last < planned => {
+                format!(
+                    "it ends {} ticks before the planned end (tick {planned})",
+                    planned - last
+                )
+            }
+            (Some(planned), None) => format!("planned were ticks 0 to {planned}"),
+            _ => "it reaches to its end".to_owned(),
+        };
+        let known = if self.was_closed {
+            ""
+        } else {
+            "; the file was never closed, so how much came after is not known"
+        };
+        planned + known
+    }
+}
+
+/// The sum of counts, some of which a damaged log only claims.
+fn total<'a>(counts: impl IntoIterator<Item = &'a u64>) -> u64 {
+    counts.into_iter().copied().fold(0, u64::saturating_add)
+}
+
+impl fmt::Display for Gap {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { at, bytes, .. } = self;
+        write!(formatter, "damaged from byte {at} on ({bytes} bytes): ")?;
+        let from = self
+            .after
+            .map_or_else(|| "the begin".to_owned(), |after| after.to_string());
+        let Some(before) = self.before else {
+            return write!(formatter, "nothing was kept after {from}");
+        };
+        if self.lost.is_empty() {
+            return formatter.write_str("no samples were lost");
+        }
+        let total = total(self.lost.values());
+        let begins_ns = self.after.map_or(0, |after| after.time_ns);
+        let seconds = before.time_ns.saturating_sub(begins_ns) as f64 * 1e-9;
+        write!(
+            formatter,
+            "lost {total} samples of {seconds:.3} s between {from} and {before}: "
+        )?;
+        let topics: Vec<_> = self
+            .lost
+            .iter()
+            .map(|(topic, count)| format!("{count} of {topic}"))
+            .collect();
+        formatter.write_str(&topics.join(", "))
+    }
+}
+
+impl fmt::Display for Moment {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let seconds = self.time_ns as f64 * 1e-9;
+        match self.tick {
+            Some(tick) => write!(formatter, "tick {tick} ({seconds:.3} s)"),
+            None => write!(formatter, "{seconds:.3} s"),
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! Where a run's results go; never over an earlier run's.
+
+use std::fs;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use crate::{partial_path, recovered_path};
+
+/// Why there is no folder for the results.
+#[derive(Debug, thiserror::Error)]
+pub enum RunFolderError {
+    /// The folder named holds something already.
+    #[error("{} is not empty; name another folder with `--out`, or leave it out for a new one in `runs/`", .0.display())]
+    NotEmpty(PathBuf),
+    /// The folder cannot be made or read.
+    #[error("cannot make the folder {} for the results: {reason}; name a writable one with `--out`", .path.display())]
+    Io {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        reason: io::Error,
+    },
+}
+
+/// The folder of a run's results.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunFolder(PathBuf);
+
+impl RunFolder {
+    /// Makes the folder that was asked for, which must be empty if it exists, or else the next free
+    /// `runs/<name>-<n>`.
+    ///
+    /// # Errors
+    /// [`RunFolderError`].
+    pub fn create(asked: Option<&Path>, name: &str) -> Result<Self, RunFolderError> {
+        match asked {
+            Some(path) => Self::create_named(path),
+            None => Self::create_numbered(Path::new("runs"), name),
+        }
+    }
+
+    fn create_named(path: &Path) -> Result<Self, RunFolderError> {
+        let failed = |reason| RunFolderError::Io {
+            path: path.to_owned(),
+            reason,
+        };
+        fs::create_dir_all(path).map_err(failed)?;
+        if fs::read_dir(path).map_err(failed)?.next().is_some() {
+            return Err(RunFolderError::NotEmpty(path.to_owned()));
+        }
+        Ok(Self(path.to_owned()))
+    }
+
+    fn create_numbered(parent: &Path, name: &str) -> Result<Self, RunFolderError> {
+        let failed = |path: &Path, reason| RunFolderError::Io {
+            path: path.to_owned(),
+            reason,
+        };
+        fs::create_dir_all(parent).map_err(|reason| failed(parent, reason))?;
+        for number in 1.. {
+            let path = parent.join(format!("{name}-{number}"));
+            match fs::create_dir(&path) {
+                Ok(()) => return Ok(Self(path)),
+                Err(reason) if reason.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(reason) => return Err(failed(&path, reason)),
+            }
+        }
+        unreachable!("some number is free")
+    }
+
+    /// Removes the folder if nothing was written to it.
+    pub fn remove_if_empty(&self) {
+        // It fails for a folder with something in it, which stays.
+        let _ = fs::remove_dir(&self.0);
+    }
+
+    /// Removes both logs, whole or not.
+    pub fn remove_logs(&self) {
+        let logs = [self.run_log(), self.host_log()];
+        for log in logs.into_iter().flat_map(|log| [partial_path(&log), log]) {
+            // It fails for what is not there.
+            let _ = fs::remove_file(log);
+        }
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// The log of the experiment.
+    #[must_use]
+    pub fn run_log(&self) -> PathBuf {
+        self.0.join("run.mcap")
+    }
+
+    /// The log of the machine.
+    #[must_use]
+    pub fn host_log(&self) -> PathBuf {
+        self.0.join("host.mcap")
+    }
+
+    /// The summary, for programs.
+    #[must_use]
+    pub fn summary(&self) -> PathBuf {
+        self.0.join("summary.json")
+    }
+}
+
+/// The text of the summary beside a log; none if there is none, or if it is too long for one.
+#[must_use]
+pub fn summary_text_beside(log: &Path) -> Option<String> {
+    const LONGEST: u64 = 16 << 20;
+    let path = log.with_file_name("summary.json");
+    // A pipe of this name would be waited for without an end.
+    let found = fs::metadata(&path).ok()?;
+    if !found.is_file() || found.len() > LONGEST {
+        return None;
+    }
+    let mut text = String::new();
+    fs::File::open(path)
+        .ok()?
+        .take(LONGEST)
+        .read_to_string(&mut text)
+        .ok()?;
+    Some(text)
+}
+
+/// The log that a path means: itself, or, if it is the folder of a run, the best that is left of its log. Of a log that was
+/// recovered that is the recovered one: nothing is recovered of a log that is whole.
+#[must_use]
+pub fn log_meant_by(path: &Path) -> PathBuf {
+    if !path.is_dir() {
+        return path.to_owned();
+    }
+    let complete = RunFolder(path.to_owned()).run_log();
+    let candidates = [
+        recovered_path(&complete),
+        complete.clone(),
+        partial_path(&complete),
+    ];
+    let found = candidates.into_iter().find(|candidate| candidate.exists());
+    found.unwrap_or(complete)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbered_folders_never_meet() {
+        let parent = tempfile::tempdir().unwrap();
+        let first = RunFolder::create_numbered(parent.path(), "fig1").unwrap();
+        let second = RunFolder::create_numbered(parent.path(), "fig1").unwrap();
+        assert_eq!(first.path(), parent.path().join("fig1-1"));
+        assert_eq!(second.path(), parent.path().join("fig1-2"));
+    }
+
+    #[test]
+    fn a_folder_with_something_in_it_is_refused() {
+        let parent = tempfile::tempdir().unwrap();
+        let out = parent.path().join("deep/out");
+        let folder = RunFolder::create(Some(&out), "fig1").unwrap();
+        assert!(
+            RunFolder::create(Some(&out), "fig1").is_ok(),
+            "an empty folder is fine"
+        );
+        fs::write(folder.summary(), "{}").unwrap();
+        let error = RunFolder::create(Some(&out), "fig1").unwrap_err();
+        assert!(error.to_string().contains("--out"), "{error}");
+    }
+
+    #[test]
+    fn a_folder_means_its_recovered_log_before_the_damaged_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = ["run.mcap.partial", "run.mcap", "run.recovered.mcap"];
+        for name in names {
+            let log = folder.path().join(name);
+            fs::write(&log, "").unwrap();
+            assert_eq!(log_meant_by(folder.path()), log);
+        }
+    }
+
+    #[test]
+    fn an_impossible_folder_is_an_error_that_names_it() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let error = RunFolder::create(Some(&file.path().join("out")), "fig1").unwrap_err();
+        assert!(error.to_string().contains("--out"), "{error}");
+    }
+}

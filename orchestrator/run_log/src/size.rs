@@ -1,0 +1,45 @@
+//! How large the log of a flight becomes, known before it is flown.
+
+use shared_types::sample::CDR_HEADER;
+use shared_types::{Schedule, Topic};
+
+/// What a message costs beside its sample, bytes: frame and fields of its record, the mark of CDR, its place in the
+/// index of its chunk.
+const BESIDE_THE_SAMPLE: u64 = (1 + 8) + (2 + 4 + 8 + 8) + CDR_HEADER.len() as u64 + (8 + 8);
+
+/// Size of the `run.mcap` of a whole flight without compression, bytes, but for some 10 kB of manifest and schemas.
+#[must_use]
+pub fn predicted_bytes(schedule: &Schedule) -> u64 {
+    let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
+    published
+        .map(|topic| schedule.sample_count(topic) * (topic.kind().size as u64 + BESIDE_THE_SAMPLE))
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Compression;
+    use crate::test_flight::{record_samples, samples, scenario};
+
+    #[test]
+    fn a_log_has_the_size_that_was_predicted() {
+        let folder = tempfile::tempdir().unwrap();
+        let scenario = scenario(0.001, 2.0);
+        let schedule = scenario.schedule().unwrap();
+        let flown = samples(&schedule).filter(|(topic, _)| topic.publisher().is_some());
+        let written = record_samples(
+            &folder.path().join("run.mcap"),
+            &scenario,
+            Compression::None,
+            flown,
+        );
+        let predicted = predicted_bytes(&schedule);
+        let beside = written.bytes.abs_diff(predicted);
+        assert!(
+            beside < written.bytes / 100,
+            "{predicted} was predicted, {} written",
+            written.bytes
+        );
+    }
+}

@@ -1,0 +1,147 @@
+//! Why a scenario is not flown, for people with a terminal (a snippet), without one (sentences), and in logs.
+
+use std::fmt::{Display, Formatter, Write};
+use std::path::{Path, PathBuf};
+
+use miette::{Diagnostic, LabeledSpan, SourceCode};
+
+use super::snippet::Snippet;
+use command_line::terminal::printable;
+
+/// Why a scenario is not flown. Displayed as one line, or as one line a finding with `{:#}`.
+#[derive(Debug, thiserror::Error)]
+pub enum ScenarioError {
+    /// The file could not be read.
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Why it could not be read.
+        reason: String,
+        /// What to do about it.
+        fix: String,
+    },
+    /// What is in the file, or in the arguments, is wrong.
+    Refused {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong; at least one thing.
+        findings: Vec<Finding>,
+    },
+}
+
+/// One thing that is wrong with a scenario, and where. Displayed as its title; with `{:#}` as one line that
+/// says all: place, title, reason and fix.
+#[derive(Clone, Debug, thiserror::Error)]
+pub struct Finding {
+    pub(super) title: String,
+    pub(super) reason: String,
+    pub(super) fix: String,
+    pub(super) snippet: Snippet,
+}
+
+impl ScenarioError {
+    pub(super) fn refused(path: &Path, findings: Vec<Finding>) -> Self {
+        Self::Refused {
+            path: path.to_owned(),
+            findings,
+        }
+    }
+
+    /// The finding that is the whole error, if there is one.
+    fn only_finding(&self) -> Option<&Finding> {
+        match self {
+            Self::Refused { findings, .. } if findings.len() == 1 => findings.first(),
+            _ => None,
+        }
+    }
+}
+
+impl Display for ScenarioError {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unreadable { path, reason, fix } => {
+                let path = path.display().to_string();
+                write!(
+                    formatter,
+                    "cannot read the scenario {}: {reason}",
+                    printable(&path)
+                )?;
+                if formatter.alternate() {
+                    write!(formatter, "; {fix}")?;
+                }
+                Ok(())
+            }
+            Self::Refused { findings, .. } if formatter.alternate() => {
+                for (index, finding) in findings.iter().enumerate() {
+                    let separator = if index == 0 { "" } else { "\n" };
+                    write!(formatter, "{separator}{finding:#}")?;
+                }
+                Ok(())
+            }
+            Self::Refused { path, findings } => match findings.as_slice() {
+                [finding] => Display::fmt(finding, formatter),
+                _ => {
+                    let path = path.display().to_string();
+                    write!(formatter, "{} problems in {}", findings.len(), printable(&path))
+                }
+            },
+        }
+    }
+}
+
+impl Display for Finding {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        if formatter.alternate() {
+            let (title, reason, fix) = (&self.title, &self.reason, &self.fix);
+            write!(formatter, "{}: {title}: {reason}; {fix}", self.snippet.place())
+        } else {
+            formatter.write_str(&self.title)
+        }
+    }
+}
+
+impl Diagnostic for ScenarioError {
+    fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
+        match self {
+            Self::Unreadable { fix, .. } => Some(Box::new(fix)),
+            Self::Refused { .. } => self.only_finding()?.help(),
+        }
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.only_finding()?.source_code()
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        self.only_finding()?.labels()
+    }
+
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
+        match self {
+            Self::Refused { findings, .. } if findings.len() > 1 => Some(Box::new(
+                findings.iter().map(|finding| finding as &dyn Diagnostic),
+            )),
+            _ => None,
+        }
+    }
+}
+
+impl Diagnostic for Finding {
+    fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
+        Some(Box::new(&self.fix))
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        Some(&self.snippet)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let mut reason = self.reason.clone();
+        if let Some(column) = self.snippet.true_column() {
+            // Writing to a string does not fail.
+            let _ = write!(reason, " (column {column} of a long line)");
+        }
+        let label = LabeledSpan::new_with_span(Some(reason), self.snippet.span());
+        Some(Box::new(std::iter::once(label)))
+    }
+}

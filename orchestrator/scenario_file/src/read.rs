@@ -1,0 +1,116 @@
+//! The text of a scenario file.
+
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use shared_types::scenario::suggest;
+
+use super::ScenarioError;
+use super::sources::Sources;
+use command_line::terminal::printable;
+
+/// Longest scenario file, bytes: what is longer is some other file.
+const LONGEST_FILE: u64 = 1 << 20;
+
+/// The text of a scenario file.
+pub(super) fn text(path: &Path) -> Result<String, ScenarioError> {
+    let bytes = bytes(path).map_err(|error| unreadable(path, &error))?;
+    if bytes.len() as u64 > LONGEST_FILE {
+        return Err(ScenarioError::Unreadable {
+            path: path.to_owned(),
+            reason: format!("it is longer than {LONGEST_FILE} bytes"),
+            fix: "give a scenario file; they are a few thousand bytes long".to_owned(),
+        });
+    }
+    if let Some(place) = bytes.iter().position(|&byte| byte == 0) {
+        return Err(ScenarioError::Unreadable {
+            path: path.to_owned(),
+            reason: format!("it is not text: byte {place} is 0"),
+            fix: "give a scenario file, which is text in TOML".to_owned(),
+        });
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let start = error.utf8_error().valid_up_to();
+        let reason = format!(
+            "byte {:#04x} at offset {start} is no UTF-8 text",
+            error.as_bytes()[start]
+        );
+        // Up to the first bad byte the lossy text equals the file.
+        let lossy = String::from_utf8_lossy(error.as_bytes());
+        let span = start..start + char::REPLACEMENT_CHARACTER.len_utf8();
+        let finding = Sources::new(&path.display().to_string(), &lossy, &[]).finding(
+            span,
+            "this is not a text file",
+            reason,
+            "save the file as UTF-8",
+        );
+        ScenarioError::refused(path, vec![finding])
+    })
+}
+
+fn bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(LONGEST_FILE + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn unreadable(path: &Path, error: &io::Error) -> ScenarioError {
+    let (reason, fix) = match error.kind() {
+        io::ErrorKind::NotFound => ("there is no such file".to_owned(), nearest_scenario(path)),
+        io::ErrorKind::IsADirectory => (
+            "it is a folder".to_owned(),
+            nearest_scenario(&path.join("*.toml")),
+        ),
+        _ => (
+            error.to_string(),
+            "see to it that the file may be read".to_owned(),
+        ),
+    };
+    ScenarioError::Unreadable {
+        path: path.to_owned(),
+        reason,
+        // Files of a folder in which others write are named by them.
+        fix: printable(&fix).into_owned(),
+    }
+}
+
+/// Advice for the name of a file that is not there: the scenario of the nearest name in the folder
+/// `scenarios` beside it or else in its own, or all that there are.
+fn nearest_scenario(path: &Path) -> String {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let known = [folder.join("scenarios"), folder.to_owned()]
+        .iter()
+        .map(|folder| scenarios_in(folder))
+        .find(|scenarios| !scenarios.is_empty())
+        .unwrap_or_default();
+    let stem = |path: &Path| path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    let stems: Vec<String> = known.iter().filter_map(|path| stem(path)).collect();
+    let wanted = stem(path).unwrap_or_default();
+    let nearest = suggest::nearest(&wanted, stems.iter().map(String::as_str));
+    let nearest =
+        nearest.and_then(|nearest| known.iter().find(|path| stem(path).as_deref() == Some(nearest)));
+    match (nearest, known.as_slice()) {
+        (Some(nearest), _) => format!("did you mean {}?", nearest.display()),
+        (None, []) => "give the path of a scenario file, such as scenarios/fig1.toml".to_owned(),
+        (None, known) => {
+            let known: Vec<String> = known.iter().map(|path| path.display().to_string()).collect();
+            format!("there are {}", known.join(", "))
+        }
+    }
+}
+
+/// The TOML files of a folder by name; none if it cannot be read.
+fn scenarios_in(folder: &Path) -> Vec<PathBuf> {
+    let here = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    };
+    let entries = fs::read_dir(here).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| folder.join(entry.file_name())).collect();
+    files.retain(|file| file.extension() == Some(OsStr::new("toml")));
+    files.sort();
+    files
+}

@@ -1,0 +1,59 @@
+//! The texts that a scenario is made of, the file's and those of the `--set` arguments, and the places in them.
+//!
+//! The texts share one range of offsets: the file comes first, each argument after it. So every value of the
+//! merged document, wherever it came from, knows its place by one span.
+
+use std::ops::Range;
+
+use super::Finding;
+use super::snippet::Lines;
+use command_line::terminal::{printable, printable_lines};
+
+/// The texts, each with its first offset and its name.
+#[derive(Debug)]
+pub(super) struct Sources {
+    texts: Vec<(usize, String, Lines)>,
+}
+
+impl Sources {
+    pub(super) fn new(file_name: &str, file: &str, arguments: &[String]) -> Self {
+        let argument_names = arguments.iter().map(|argument| ("--set", argument.as_str()));
+        let mut start = 0;
+        let texts = std::iter::once((file_name, file))
+            .chain(argument_names)
+            .map(|(name, text)| {
+                let source = (start, printable(name).into_owned(), Lines::of(text));
+                // One more than the text, so that its end is not the next one's beginning.
+                start += text.len() + 1;
+                source
+            })
+            .collect();
+        Self { texts }
+    }
+
+    /// The arguments in their order, each with its first offset.
+    pub(super) fn arguments(&self) -> impl Iterator<Item = (usize, &str)> {
+        self.texts[1..]
+            .iter()
+            .map(|(start, _, lines)| (*start, lines.text()))
+    }
+
+    /// Something that is wrong at a place.
+    pub(super) fn finding(
+        &self,
+        span: Range<usize>,
+        title: impl Into<String>,
+        reason: impl Into<String>,
+        fix: impl Into<String>,
+    ) -> Finding {
+        let text = self.texts.partition_point(|(start, ..)| *start <= span.start);
+        let (start, name, lines) = &self.texts[text.saturating_sub(1)];
+        let shown = |text: String| printable_lines(&text).into_owned();
+        Finding {
+            title: shown(title.into()),
+            reason: shown(reason.into()),
+            fix: shown(fix.into()),
+            snippet: lines.snippet(name, span.start - start..span.end.saturating_sub(*start)),
+        }
+    }
+}

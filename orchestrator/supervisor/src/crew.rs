@@ -1,0 +1,497 @@
+//! The service processes of a run: started, watched, started again when they die, stopped, and never left behind.
+//!
+//! A death in flight is mended by a process that goes on from the dead one's last checkpoint and gets from the
+//! recorder what it has missed ([`runtime::inlet`]). A service that dies again and again at the same place is given
+//! up: its crash is a function of its inputs, and so will the next be.
+//!
+//! While all is well a spare process waits to take the place of whoever dies next.
+
+mod activity;
+mod guest;
+mod member;
+pub mod process;
+mod recovery;
+pub mod restart;
+mod spare;
+mod succession;
+
+use std::os::fd::{AsFd, BorrowedFd};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use runtime::checkpoints::Checkpoints;
+use runtime::control::{ControlError, Role, Start, ToOrchestrator, ToService};
+use runtime::crash::Crash;
+use runtime::doorbell::Doorbell;
+use runtime::ports::Member;
+use runtime::shared_page::{Cell, SharedPage};
+use runtime::step_log::StepLog;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::Signal;
+use shared_types::{Schedule, ServiceId};
+
+pub use activity::Activity;
+use member::{CrewMember, Phase};
+pub use metrics::summary::rebirth::Rebirth;
+pub use process::Exit;
+use process::Process;
+use restart::RestartPolicy;
+use spare::Spare;
+pub use succession::Survivor;
+
+use super::reserve::Reserve;
+use super::{FlightFailure, Outcome};
+
+/// How long a service may take to make its ports.
+pub const READY_LIMIT: Duration = Duration::from_secs(30);
+/// How long a service that was told to stop may take before it is killed.
+pub const STOP_LIMIT: Duration = Duration::from_secs(2);
+
+/// Messages of one process that are taken at a look: one that speaks without a pause must not keep this process from the
+/// others.
+const MESSAGES_AT_A_LOOK: usize = 64;
+
+/// How often the crew is looked after while a service is being born again.
+pub(super) const BIRTH_PERIOD: Duration = Duration::from_micros(100);
+
+/// How often and how soon each service is started again.
+pub type Restarts = [RestartPolicy; ServiceId::ALL.len()];
+
+/// All service processes of a run. Dropping it ends them.
+pub struct Crew<'a> {
+    member: &'a Member,
+    lock: BorrowedFd<'a>,
+    schedule: &'a Schedule,
+    start: Start,
+    /// Deaths that processes shall bring upon themselves, the first of a service upon its first process and so on.
+    crashes: Vec<(ServiceId, Crash)>,
+    restarts: Restarts,
+    members: Vec<CrewMember>,
+    page: SharedPage,
+    checkpoints: Checkpoints,
+    step_log: StepLog,
+    doorbells: Vec<Doorbell>,
+    spare: Spare,
+    /// Room in shared memory for processes that are started again.
+    reserve: Option<Reserve>,
+    exits: Vec<(Option<ServiceId>, u32, Exit)>,
+    rebirths: Vec<Rebirth>,
+}
+
+/// What happens to the processes of a run, for whoever keeps a record of the machine.
+pub trait CrewObserver {
+    /// The processes have been started and are ready.
+    fn ready(&mut self, crew: &Crew<'_>, core: Option<usize>);
+    /// Processes may have died, and services may fly again.
+    fn changed(&mut self, crew: &Crew<'_>);
+    /// The flight has come to a tick. Called often.
+    fn progressed(&mut self, crew: &Crew<'_>, tick: u64);
+    /// About a second of the flight has passed, or it has ended.
+    fn health(&mut self, crew: &Crew<'_>);
+    /// The flight has ended, and this is how.
+    fn ended(&mut self, crew: &Crew<'_>, outcome: &Outcome);
+}
+
+/// The memory that all processes of a run share.
+pub struct Shared {
+    page: SharedPage,
+    checkpoints: Checkpoints,
+    step_log: StepLog,
+}
+
+impl Shared {
+    /// The words.
+    pub(super) fn page(&self) -> &SharedPage {
+        &self.page
+    }
+
+    fn create() -> std::io::Result<Self> {
+        Ok(Self {
+            page: SharedPage::create()?,
+            checkpoints: Checkpoints::create()?,
+            step_log: StepLog::create()?,
+        })
+    }
+}
+
+/// What a service process told or did.
+#[derive(Debug)]
+pub enum CrewEvent {
+    /// It made its ports; what it could not have of its deployment.
+    Ready(ServiceId, Vec<String>),
+    /// It has flown its last tick.
+    Finished(ServiceId),
+    /// It died, or the spare process did, and will be started again.
+    Died,
+    /// It cannot go on.
+    Lost(FlightFailure),
+}
+
+impl<'a> Crew<'a> {
+    /// Starts one process a service and tells each what to fly. Each holds `lock`, that of the run's place.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub fn start(
+        member: &'a Member,
+        lock: BorrowedFd<'a>,
+        schedule: &'a Schedule,
+        start: Start,
+        crashes: Vec<(ServiceId, Crash)>,
+        restarts: Restarts,
+    ) -> Result<Self, FlightFailure> {
+        let shared = Shared::create().map_err(setup)?;
+        let mut crew = Self::without_members(member, lock, schedule, start, shared)?;
+        crew.crashes = crashes;
+        crew.restarts = restarts;
+        for service in ServiceId::ALL {
+            crew.enlist(service)?;
+        }
+        Ok(crew)
+    }
+
+    fn without_members(
+        member: &'a Member,
+        lock: BorrowedFd<'a>,
+        schedule: &'a Schedule,
+        start: Start,
+        shared: Shared,
+    ) -> Result<Self, FlightFailure> {
+        let doorbells = ServiceId::ALL.iter().map(|_| Doorbell::create());
+        let doorbells = doorbells.collect::<Result<_, _>>().map_err(setup)?;
+        Ok(Self {
+            member,
+            lock,
+            schedule,
+            start,
+            crashes: Vec::new(),
+            restarts: Restarts::default(),
+            members: Vec::new(),
+            page: shared.page,
+            checkpoints: shared.checkpoints,
+            step_log: shared.step_log,
+            doorbells,
+            spare: Spare::default(),
+            reserve: None,
+            exits: Vec::new(),
+            rebirths: Vec::new(),
+        })
+    }
+
+    /// Starts the first process of the next service and tells it what to fly.
+    fn enlist(&mut self, service: ServiceId) -> Result<(), FlightFailure> {
+        let process = self.spawn(service.name())?;
+        // Kept before it is spoken to, so that it is ended whatever happens next.
+        self.members.push(CrewMember::new(service, process));
+        let role = Role {
+            service,
+            crash: self.crash_of(service, 0),
+        };
+        self.instruct(&self.members[service.index()].process, Some(role))?;
+        self.say(service, &ToService::MakePorts)
+    }
+
+    /// Where the process of a service is to kill itself that follows so many others.
+    fn crash_of(&self, service: ServiceId, lives: u32) -> Option<Crash> {
+        let mut own = self.crashes.iter().filter(|(whose, _)| *whose == service);
+        own.nth(lives as usize).map(|(_, crash)| *crash)
+    }
+
+    fn spawn(&self, name: &str) -> Result<Process, FlightFailure> {
+        let shared = [
+            self.page.file(),
+            self.checkpoints.file(),
+            self.step_log.file(),
+            self.lock,
+        ];
+        let label = live::runs::label(self.start.place(), self.start.host);
+        Process::start(name, label, shared, &self.doorbells).map_err(setup)
+    }
+
+    /// Tells a process that has just been started what to fly, and which service it is, if that is known.
+    fn instruct(&self, process: &Process, role: Option<Role>) -> Result<(), FlightFailure> {
+        let start = Start {
+            role,
+            ..self.start.clone()
+        };
+        tell(process, &ToService::Start(Box::new(start)))
+    }
+
+    /// The words that the crew shares.
+    #[must_use]
+    pub fn page(&self) -> &SharedPage {
+        &self.page
+    }
+
+    /// What the services tell of their steps in real time.
+    #[must_use]
+    pub fn step_log(&self) -> &StepLog {
+        &self.step_log
+    }
+
+    /// What the services knew after their last steps.
+    #[must_use]
+    pub fn checkpoints(&self) -> &Checkpoints {
+        &self.checkpoints
+    }
+
+    /// When everybody steps.
+    #[must_use]
+    pub fn schedule(&self) -> &Schedule {
+        self.schedule
+    }
+
+    /// The processes, by service.
+    pub fn processes(&self) -> impl Iterator<Item = (ServiceId, u32)> {
+        self.members
+            .iter()
+            .map(|member| (member.service, member.process.id()))
+    }
+
+    /// How the processes that have ended did, in the order of their ends; a spare one was of no service.
+    #[must_use]
+    pub fn exits(&self) -> &[(Option<ServiceId>, u32, Exit)] {
+        &self.exits
+    }
+
+    /// Deaths that were mended, in their order.
+    #[must_use]
+    pub fn rebirths(&self) -> &[Rebirth] {
+        &self.rebirths
+    }
+
+    /// Waits until every service has made its ports; their warnings.
+    ///
+    /// # Errors
+    /// [`FlightFailure`] if one of them fails or takes too long.
+    pub fn await_ready(&mut self) -> Result<Vec<String>, FlightFailure> {
+        let mut notes = Vec::new();
+        while self.members.iter().any(|member| member.phase != Phase::Ready) {
+            self.mend()?;
+            for event in self.watch(Duration::from_millis(10)) {
+                match event {
+                    CrewEvent::Ready(service, warnings) => {
+                        notes.extend(warnings);
+                        self.note_rebirth(service, None);
+                    }
+                    CrewEvent::Lost(failure) => return Err(failure),
+                    CrewEvent::Finished(_) | CrewEvent::Died => {}
+                }
+            }
+        }
+        notes.sort();
+        notes.dedup();
+        Ok(notes)
+    }
+
+    /// Lets everybody fly, in the order of the ring.
+    ///
+    /// # Errors
+    /// [`FlightFailure`] if the system refuses.
+    pub fn go(&mut self) -> Result<(), FlightFailure> {
+        for service in ServiceId::ALL {
+            self.members[service.index()].phase = Phase::Flying;
+            self.say_go(service, false)?;
+        }
+        Ok(())
+    }
+
+    fn say_go(&self, service: ServiceId, reborn: bool) -> Result<(), FlightFailure> {
+        let words = self.page.words();
+        words.cells[service.index()].gone.store(0, Ordering::SeqCst);
+        let start_ns = words.start_ns.load(Ordering::Acquire);
+        self.say(service, &ToService::Go { reborn, start_ns })
+    }
+
+    /// Whether somebody is dead, on the way back, or has samples to catch up with.
+    #[must_use]
+    #[inline]
+    pub fn needs_care(&self) -> bool {
+        let is_well = |member: &CrewMember| matches!(member.phase, Phase::Flying | Phase::Finished);
+        !self.members.iter().all(is_well)
+    }
+
+    /// Whether a service is in flight: neither being born nor dead nor at its end.
+    #[must_use]
+    pub fn flies(&self, service: ServiceId) -> bool {
+        self.members[service.index()].phase == Phase::Flying
+    }
+
+    /// What the process of a service does now, if the system tells.
+    #[must_use]
+    pub fn activity(&self, service: ServiceId) -> Option<Activity> {
+        Activity::of(self.members[service.index()].process.id())
+    }
+
+    /// Kills the process of a service, which is then born again.
+    pub fn kill(&mut self, service: ServiceId) {
+        self.members[service.index()].process.signal(Signal::KILL);
+    }
+
+    /// Stops the process of a service (SIGSTOP): it hangs from now on.
+    pub fn freeze(&self, service: ServiceId) {
+        self.members[service.index()].process.signal(Signal::STOP);
+    }
+
+    /// Whether every service has flown its last tick.
+    #[must_use]
+    pub fn has_finished(&self) -> bool {
+        self.members.iter().all(|member| member.phase == Phase::Finished)
+    }
+
+    /// Waits up to `limit` for something to happen and tells what did.
+    pub fn watch(&mut self, limit: Duration) -> Vec<CrewEvent> {
+        let timeout = Timespec {
+            tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
+            tv_nsec: i64::from(limit.subsec_nanos()),
+        };
+        let living: Vec<usize> = (0..self.members.len())
+            .filter(|&at| !self.members[at].process.is_gone)
+            .collect();
+        let services = living.iter().map(|&at| &self.members[at].process);
+        let processes = services.chain(&self.spare.process);
+        let mut files: Vec<PollFd<'_>> = processes
+            .flat_map(|process| [process.channel.as_fd(), process.death.as_fd()])
+            .map(|file| PollFd::from_borrowed_fd(file, PollFlags::IN))
+            .collect();
+        // An interrupted poll is one in which nothing happened.
+        let happened = poll(&mut files, Some(&timeout)).unwrap_or(0) > 0;
+        if !happened {
+            return Vec::new();
+        }
+        let mut pairs = files.chunks_exact(2);
+        let has_called = |pair: &[PollFd<'_>]| pair.iter().any(|file| !file.revents().is_empty());
+        let called: Vec<usize> = living
+            .iter()
+            .zip(&mut pairs)
+            .filter(|(_, pair)| has_called(pair))
+            .map(|(&at, _)| at)
+            .collect();
+        let spare_has_called = pairs.next().is_some_and(has_called);
+        let mut events: Vec<_> = called.into_iter().flat_map(|at| self.listen(at)).collect();
+        if spare_has_called {
+            events.extend(self.listen_to_spare());
+        }
+        events
+    }
+
+    /// What a process has said, and its end if it has ended.
+    fn listen(&mut self, at: usize) -> Vec<CrewEvent> {
+        let mut events = Vec::new();
+        for _ in 0..MESSAGES_AT_A_LOOK {
+            match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
+                // What it says until it is dead counts no more.
+                Ok(Some(_)) if self.members[at].blamed.is_some() => {}
+                Ok(Some(message)) => {
+                    if self.is_guest(at)
+                        && let Err(what) = self.hear_guest(at, &message)
+                    {
+                        events.extend(self.blame_guest(at, what));
+                        break;
+                    }
+                    events.extend(self.members[at].understand(message, self.start.host));
+                }
+                // A program may have handed its end of the line on to one that outlives it.
+                Ok(None) if !self.members[at].process.has_ended() => break,
+                Ok(None) | Err(ControlError::Closed) => {
+                    events.extend(self.bury(at));
+                    break;
+                }
+                Err(error) if self.is_guest(at) => {
+                    let what = format!(
+                        "says what is no message of the contract: {}",
+                        guest::reason(&error)
+                    );
+                    events.extend(self.blame_guest(at, what));
+                    break;
+                }
+                Err(error) => {
+                    events.push(CrewEvent::Lost(FlightFailure::GaveUp {
+                        service: self.members[at].service.to_string(),
+                        reason: error.to_string(),
+                    }));
+                    break;
+                }
+            }
+        }
+        events
+    }
+
+    /// Keeps room for processes that are started again.
+    pub(super) fn keep_reserve(&mut self, reserve: Reserve) {
+        self.reserve = Some(reserve);
+    }
+
+    /// Wakes everybody to look again, whatever has become of their wake-ups.
+    pub fn rouse(&self) {
+        self.doorbells.iter().for_each(Doorbell::ring);
+        self.page.words().cells.iter().for_each(Cell::ring);
+    }
+
+    /// Removes shared memory that a service was making when it died: others may be waiting for it.
+    pub fn remove_unfinished(&self) {
+        self.member.remove_unfinished();
+    }
+
+    /// Tells everybody to stop, waits until all are gone, and kills who does not go.
+    pub fn stop(&mut self) {
+        self.spare.end();
+        if self.members.is_empty() {
+            return;
+        }
+        let words = self.page.words();
+        words.stopping.store(1, Ordering::SeqCst);
+        for member in &self.members {
+            // Who is gone already need not be told, and who takes no messages is killed below.
+            let _ = member.process.channel.try_send(&ToService::Stop);
+        }
+        self.rouse();
+        let deadline = Instant::now() + STOP_LIMIT;
+        while self.members.iter().any(|member| !member.process.is_gone) {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            self.watch(left);
+        }
+        for member in &mut self.members {
+            if !member.process.is_gone {
+                member.process.kill_group();
+                let exit = member.process.wait();
+                self.exits.push((Some(member.service), member.process.id(), exit));
+            }
+        }
+    }
+
+    /// Tells a service something. One that is gone is found so when the crew is watched.
+    fn say(&self, service: ServiceId, message: &ToService) -> Result<(), FlightFailure> {
+        tell(&self.members[service.index()].process, message)
+    }
+}
+
+impl Drop for Crew<'_> {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// Tells a process something. One that is gone is found so when the crew is watched, and one that has not read anything
+/// for so long that its line is full is killed.
+fn tell(process: &Process, message: &ToService) -> Result<(), FlightFailure> {
+    match process.channel.try_send(message) {
+        Ok(true) | Err(ControlError::Closed) => Ok(()),
+        Ok(false) => {
+            process.signal(Signal::KILL);
+            Ok(())
+        }
+        Err(error) => Err(FlightFailure::Setup(error.to_string())),
+    }
+}
+
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "used to map errors, which come by value"
+)]
+fn setup(error: std::io::Error) -> FlightFailure {
+    FlightFailure::Setup(error.to_string())
+}

@@ -1,0 +1,122 @@
+//! What the crew knows of one service: its process, and where it is in its life.
+
+use std::time::Instant;
+
+use runtime::control::{Host, ToOrchestrator};
+use runtime::step::NonFinite;
+use shared_types::ServiceId;
+use shared_types::schedule::MAX_PORTS;
+
+use super::CrewEvent;
+use super::guest::presentable;
+use super::process::Process;
+use crate::FlightFailure;
+
+/// A service of the crew.
+pub(super) struct CrewMember {
+    pub(super) service: ServiceId,
+    pub(super) process: Process,
+    pub(super) phase: Phase,
+    /// How many processes have been started.
+    pub(super) lives: u32,
+    /// How often in a row one has died without flying a tick more.
+    pub(super) fruitless: u32,
+    /// 1 + the last tick that was flown before the last death.
+    pub(super) flown_until: u64,
+    /// When the last death was noticed.
+    pub(super) died_at: Option<Instant>,
+    /// Number of this birth, and when it was announced to the others.
+    pub(super) birth: Option<(u32, Instant)>,
+    /// The number that is not finite at which its process has stopped, to be replaced.
+    pub(super) not_finite: Option<NonFinite>,
+    /// What its process did wrong, being a guest's, for which it is killed, to be replaced.
+    pub(super) blamed: Option<String>,
+    /// What it could not have of its deployment, told before it was ready: as guests do.
+    pub(super) warnings: Vec<String>,
+    /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
+    pub(super) remembered: Vec<(usize, u64)>,
+}
+
+/// Where a service is in its life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// It makes its ports.
+    Starting,
+    /// It has made them and waits for the others.
+    Ready,
+    /// It flies.
+    Flying,
+    /// It flies again and may have missed samples: the next of each input to be handed over, by place.
+    CatchingUp([u64; MAX_PORTS]),
+    /// It has flown its last tick.
+    Finished,
+    /// It is dead and is to be started again at this time.
+    Dead(Instant),
+    /// It is dead and stays so.
+    GivenUp,
+}
+
+impl CrewMember {
+    /// A service whose first process has just been started.
+    pub(super) fn new(service: ServiceId, process: Process) -> Self {
+        Self {
+            service,
+            process,
+            phase: Phase::Starting,
+            lives: 1,
+            fruitless: 0,
+            flown_until: 0,
+            died_at: None,
+            birth: None,
+            not_finite: None,
+            blamed: None,
+            warnings: Vec::new(),
+            remembered: Vec::new(),
+        }
+    }
+
+    /// Takes note of what the process says. In real time a number that is not finite ends its process and no more: a
+    /// vehicle is in the air, and what the next process sees is something else. In lock-step it would see the same.
+    pub(super) fn understand(&mut self, message: ToOrchestrator, host: Host) -> Option<CrewEvent> {
+        Some(match message {
+            ToOrchestrator::Deployed { warnings } => {
+                self.warnings = warnings;
+                return None;
+            }
+            ToOrchestrator::Ready { mut warnings, .. } => {
+                self.phase = Phase::Ready;
+                self.birth = None;
+                warnings.append(&mut self.warnings);
+                let warnings = warnings.iter().map(|warning| presentable(warning)).collect();
+                CrewEvent::Ready(self.service, warnings)
+            }
+            ToOrchestrator::CaughtUp => {
+                if matches!(self.phase, Phase::CatchingUp(_)) {
+                    self.phase = Phase::Flying;
+                }
+                return None;
+            }
+            // What is said in replays only, and what the crew has heard of a guest.
+            ToOrchestrator::Stepped { .. } | ToOrchestrator::Connected { .. } => return None,
+            ToOrchestrator::Finished => {
+                self.phase = Phase::Finished;
+                CrewEvent::Finished(self.service)
+            }
+            ToOrchestrator::NonFinite(found) if host == Host::RealTime => {
+                self.not_finite = Some(found);
+                return None;
+            }
+            ToOrchestrator::NonFinite(found) => {
+                self.phase = Phase::GivenUp;
+                CrewEvent::Lost(FlightFailure::NonFinite(found))
+            }
+            ToOrchestrator::Failed { reason } => {
+                self.phase = Phase::GivenUp;
+                CrewEvent::Lost(FlightFailure::GaveUp {
+                    service: self.service.to_string(),
+                    reason: presentable(&reason),
+                })
+            }
+        })
+    }
+}

@@ -1,0 +1,206 @@
+//! One process of the crew: started with what it inherits, and waited for.
+
+use std::ffi::OsString;
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use runtime::control::{CONTROL_FD, Channel};
+use runtime::deployment;
+use runtime::descriptors::hand_on;
+use runtime::doorbell::Doorbell;
+use runtime::shared_memory;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+
+/// A process that has been started.
+pub struct Process {
+    /// Its id.
+    pub pid: Pid,
+    /// `None` if another orchestrator has started it.
+    child: Option<Child>,
+    /// Becomes readable with its death.
+    pub death: OwnedFd,
+    /// The line to it.
+    pub channel: Channel,
+    /// When it was started, or asked for what it does now.
+    pub asked_at: Instant,
+    /// Whether it has ended, and its end was taken note of.
+    pub is_gone: bool,
+}
+
+/// How a process ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Exit {
+    /// Whether a signal ended it.
+    pub killed: bool,
+    /// How it ended, in words.
+    pub description: String,
+}
+
+impl Process {
+    /// Starts a process of this name with these further arguments, which inherits one end of its control channel, the files that all processes of a run
+    /// share (page, checkpoints, step records, lock of the run's place), and the doorbells of all services.
+    ///
+    /// # Errors
+    /// If the system refuses.
+    pub fn start(
+        name: &str,
+        label: [OsString; 4],
+        shared: [BorrowedFd<'_>; 4],
+        doorbells: &[Doorbell],
+    ) -> io::Result<Self> {
+        let (channel, theirs) = Channel::pair()?;
+        // The running program itself, even if its file has been replaced meanwhile.
+        let mut command = Command::new("/proc/self/exe");
+        command
+            .args(["service", name])
+            .args(label)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            // Ctrl-C in a terminal is for the orchestrator alone.
+            .process_group(0);
+        deployment::spare_switches(&mut command);
+        let doorbells = doorbells.iter().map(AsFd::as_fd);
+        let files = [theirs.as_fd()].into_iter().chain(shared).chain(doorbells);
+        hand_on(&mut command, CONTROL_FD, files)?;
+        let child = command.spawn()?;
+        let pid = Pid::from_child(&child);
+        let death = pidfd_open(pid, PidfdFlags::empty())?;
+        Ok(Self {
+            pid,
+            child: Some(child),
+            death,
+            channel,
+            asked_at: Instant::now(),
+            is_gone: false,
+        })
+    }
+
+    /// Takes over a process that another orchestrator has started.
+    ///
+    /// # Errors
+    /// If it is gone.
+    pub fn adopt(pid: Pid, channel: Channel) -> io::Result<Self> {
+        Ok(Self {
+            pid,
+            child: None,
+            death: pidfd_open(pid, PidfdFlags::empty())?,
+            channel,
+            asked_at: Instant::now(),
+            is_gone: false,
+        })
+    }
+
+    /// Its number, as the system shows it.
+    pub fn id(&self) -> u32 {
+        self.pid.as_raw_nonzero().get().cast_unsigned()
+    }
+
+    /// Sends it a signal.
+    pub fn signal(&self, signal: Signal) {
+        // It fails only for a process that is gone.
+        let _ = pidfd_send_signal(&self.death, signal);
+    }
+
+    /// Kills it and the processes that it has started, unless they have left its group.
+    pub fn kill_group(&self) {
+        self.signal(Signal::KILL);
+        if self.child.is_some() {
+            // It leads a group of its own, whose number is taken for as long as this process has not been waited for.
+            let _ = rustix::process::kill_process_group(self.pid, Signal::KILL);
+        }
+    }
+
+    /// Whether it has ended.
+    pub fn has_ended(&self) -> bool {
+        self.ends_within(Duration::ZERO)
+    }
+
+    /// Waits for its end for no longer than this; whether it has come.
+    pub fn ends_within(&self, limit: Duration) -> bool {
+        let limit = Timespec {
+            tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
+            tv_nsec: i64::from(limit.subsec_nanos()),
+        };
+        let mut death = [PollFd::new(&self.death, PollFlags::IN)];
+        rustix::io::retry_on_intr(|| poll(&mut death, Some(&limit))).is_ok_and(|ended| ended > 0)
+    }
+
+    /// Waits for the end of a process that has closed its line or was killed.
+    pub fn wait(&mut self) -> Exit {
+        self.is_gone = true;
+        let status = match &mut self.child {
+            Some(child) => child.wait().ok(),
+            // How the child of another has ended, nobody tells.
+            None => {
+                let mut death = [PollFd::new(&self.death, PollFlags::IN)];
+                let _ = rustix::io::retry_on_intr(|| poll(&mut death, None));
+                None
+            }
+        };
+        Exit {
+            killed: status.is_some_and(|status| status.signal().is_some()),
+            description: status.map_or_else(|| "it cannot be told how".to_owned(), describe),
+        }
+    }
+}
+
+/// What signals are called, by their numbers.
+const SIGNALS: [&str; 18] = [
+    "NONE", "HUP", "INT", "QUIT", "ILL", "TRAP", "ABRT", "BUS", "FPE", "KILL", "USR1", "SEGV", "USR2",
+    "PIPE", "ALRM", "TERM", "STKFLT", "CHLD",
+];
+
+fn killed_by(signal: i32) -> String {
+    let name = usize::try_from(signal)
+        .ok()
+        .and_then(|number| SIGNALS.get(number));
+    let name = name.map_or_else(|| format!("signal {signal}"), |name| format!("SIG{name}"));
+    if signal != Signal::BUS.as_raw() {
+        return format!("killed ({name})");
+    }
+    let free = shared_memory::free_bytes().map_or_else(String::new, |free| {
+        format!(", of which {:.1} MB are free", free as f64 / 1e6)
+    });
+    format!(
+        "killed ({name}): a page of shared memory was not to be had; {} is full{free}, or another program has truncated \
+         the run's memory",
+        shared_memory::FOLDER
+    )
+}
+
+fn describe(status: ExitStatus) -> String {
+    match (status.signal(), status.code()) {
+        (Some(signal), _) => killed_by(signal),
+        (None, Some(code)) => format!("it exited with code {code}"),
+        (None, None) => "it cannot be told how".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bus_error_is_explained_and_other_signals_are_named() {
+        let signals = [Signal::KILL, Signal::SEGV, Signal::ABORT, Signal::TERM];
+        let names = signals.map(|signal| killed_by(signal.as_raw()));
+        assert_eq!(
+            names,
+            ["KILL", "SEGV", "ABRT", "TERM"].map(|name| format!("killed (SIG{name})"))
+        );
+        assert_eq!(killed_by(34), "killed (signal 34)");
+        let words = killed_by(Signal::BUS.as_raw());
+        for piece in [
+            "killed (SIGBUS): ",
+            "/dev/shm is full, of which ",
+            " MB are free",
+            "truncated",
+        ] {
+            assert!(words.contains(piece), "no `{piece}` in {words}");
+        }
+    }
+}

@@ -1,0 +1,358 @@
+//! From a service's death to the moment when another process flies in its place and has missed nothing.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use runtime::control::{Role, ToService};
+use runtime::deployment;
+use runtime::step::Timetable;
+use rustix::process::Signal;
+use shared_types::ServiceId;
+use shared_types::schedule::MAX_PORTS;
+
+use super::member::{CrewMember, Phase};
+use super::process::Process;
+use super::{Crew, CrewEvent, Exit, READY_LIMIT, Rebirth};
+use crate::FlightFailure;
+use crate::archive::Archive;
+use crate::recorder::Recorder;
+
+impl Crew<'_> {
+    /// Waits for a process that has closed its line, frees what it held, and decides what comes next.
+    pub(super) fn bury(&mut self, at: usize) -> Option<CrewEvent> {
+        let next_tick = self.next_tick(self.members[at].service);
+        if self.is_guest(at) {
+            self.end_guest(at);
+        }
+        let member = &mut self.members[at];
+        let (service, pid) = (member.service, member.process.id());
+        let mut exit = member.process.wait();
+        let not_finite = member.not_finite.take();
+        if let Some(found) = &not_finite {
+            exit.description = found.to_string();
+        }
+        if let Some(what) = member.blamed.take() {
+            exit.description = format!("killed, because it {what}");
+        }
+        self.exits.push((Some(service), pid, exit.clone()));
+
+        let words = self.page.words();
+        let cell = &words.cells[service.index()];
+        let is_over = matches!(member.phase, Phase::Finished | Phase::GivenUp);
+        if is_over || words.stopping.load(Ordering::Relaxed) != 0 {
+            return None;
+        }
+        cell.gone.store(1, Ordering::SeqCst);
+        if let Some(failure) = self.guests_last_end(at, &exit) {
+            self.members[at].phase = Phase::GivenUp;
+            return Some(CrewEvent::Lost(failure));
+        }
+        let member = &mut self.members[at];
+        let flown_until = cell.steps_until.load(Ordering::Relaxed);
+        member.fruitless = if flown_until > member.flown_until {
+            0
+        } else {
+            member.fruitless + 1
+        };
+        member.flown_until = flown_until;
+        let timetable = Timetable::new(self.schedule, service);
+        let next = timetable.steps.first_at_or_after(next_tick);
+        let is_planned = next_tick > 0 && timetable.dies_after(next_tick - 1, next);
+        let pause = if is_planned {
+            Some(Duration::ZERO)
+        } else {
+            self.restarts[service.index()].pause(member.fruitless)
+        };
+        let Some(pause) = pause else {
+            member.phase = Phase::GivenUp;
+            let times = member.fruitless;
+            let died = |exit: Exit| FlightFailure::Died {
+                service: service.to_string(),
+                pid,
+                tick: flown_until.saturating_sub(1),
+                how: exit.description,
+                times,
+            };
+            return Some(CrewEvent::Lost(
+                not_finite.map_or_else(|| died(exit), FlightFailure::NonFinite),
+            ));
+        };
+        let now = Instant::now();
+        member.died_at = (!is_planned).then_some(now);
+        member.phase = if next.is_some_and(|next| next <= self.schedule.last_tick()) {
+            Phase::Dead(now + pause)
+        } else {
+            Phase::Finished
+        };
+        words.forget_receivers(service);
+        cell.waiting_for.store(0, Ordering::Relaxed);
+        // One that is born again at once finds everything cleaned up when it makes its ports.
+        if member.phase != Phase::Dead(now) {
+            self.member.clean_up_after_the_dead();
+        }
+        // Whoever waited for it in vain looks again.
+        self.rouse();
+        Some(CrewEvent::Died)
+    }
+
+    /// Lets services that were born again in real time go on at once, with the newest that comes.
+    ///
+    /// # Errors
+    /// [`FlightFailure`] if the system refuses.
+    pub fn resume_in_real_time(&mut self) -> Result<(), FlightFailure> {
+        for at in 0..self.members.len() {
+            if self.members[at].phase == Phase::Ready {
+                let service = self.members[at].service;
+                self.members[at].phase = Phase::Flying;
+                self.note_rebirth(service, self.next_tick(service).checked_sub(1));
+                self.say_go(service, true)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts again what is dead and due. What fails for one service keeps no other from its restart, and may be tried
+    /// again.
+    ///
+    /// # Errors
+    /// The first [`FlightFailure`], if a service cannot be started or does not become ready.
+    pub fn mend(&mut self) -> Result<(), FlightFailure> {
+        let now = Instant::now();
+        let mut outcome = Ok(());
+        for at in 0..self.members.len() {
+            outcome = outcome.and(self.mend_one(at, now));
+        }
+        outcome
+    }
+
+    fn mend_one(&mut self, at: usize, now: Instant) -> Result<(), FlightFailure> {
+        match self.members[at].phase {
+            Phase::Dead(again_at) if again_at <= now => self.give_birth(at).inspect_err(|_| {
+                let pause = self.longest_pause(at);
+                let member = &mut self.members[at];
+                if matches!(member.phase, Phase::Dead(_)) {
+                    member.phase = Phase::Dead(now + pause);
+                }
+            }),
+            Phase::Starting if self.is_guest(at) => self.limit_guests_patience(at, now),
+            Phase::Starting if now - self.members[at].process.asked_at > READY_LIMIT => {
+                self.members[at].process.signal(Signal::KILL);
+                Err(FlightFailure::NotReady {
+                    services: vec![self.members[at].service.to_string()],
+                    limit: READY_LIMIT,
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Restarts services that were given up, after their longest pause: a vehicle in the air needs all of them to land.
+    pub fn retry_given_up(&mut self) {
+        for at in 0..self.members.len() {
+            if self.members[at].phase != Phase::GivenUp {
+                continue;
+            }
+            if !self.members[at].process.is_gone {
+                self.members[at].process.signal(Signal::KILL);
+                self.members[at].process.wait();
+            }
+            let words = self.page.words();
+            let service = self.members[at].service;
+            words.cells[service.index()].gone.store(1, Ordering::SeqCst);
+            words.forget_receivers(service);
+            let pause = self.longest_pause(at);
+            self.members[at].phase = Phase::Dead(Instant::now() + pause);
+        }
+    }
+
+    fn longest_pause(&self, at: usize) -> Duration {
+        self.restarts[self.members[at].service.index()].longest_pause
+    }
+
+    /// Gives a service another process: the spare one, or one that is started now.
+    fn give_birth(&mut self, at: usize) -> Result<(), FlightFailure> {
+        let service = self.members[at].service;
+        let role = Role {
+            service,
+            crash: self.crash_of(service, self.members[at].lives),
+        };
+        // One that is ready to be a service is not ready to be a guest.
+        let spare = if self.is_guest(at) {
+            None
+        } else {
+            self.take_spare(role)
+        };
+        let is_new = spare.is_none();
+        let process = match spare {
+            Some(process) => process,
+            None => self.spawn_on_its_core(service)?,
+        };
+        let member = &mut self.members[at];
+        member.process = process;
+        member.lives += 1;
+        member.phase = Phase::Starting;
+        if is_new {
+            self.instruct(&self.members[at].process, Some(role))?;
+        }
+        // While the process loads or opens its topics.
+        self.member.clean_up_after_the_dead();
+        if let Some(reserve) = &mut self.reserve {
+            reserve.lend();
+        }
+        self.say(service, &ToService::MakePorts)?;
+        self.rouse();
+        Ok(())
+    }
+
+    /// Lets services that were born again in flight go on, once all others are connected to their ports: what is
+    /// published before might be lost to a consumer that is not.
+    ///
+    /// # Errors
+    /// [`FlightFailure`] if the system refuses.
+    pub fn resume(&mut self, recorder: &mut Recorder) -> Result<(), FlightFailure> {
+        for at in 0..self.members.len() {
+            if self.members[at].phase != Phase::Ready {
+                continue;
+            }
+            let words = self.page.words();
+            let Some((birth, announced_at)) = self.members[at].birth else {
+                let birth = 1 + words.births.fetch_add(1, Ordering::SeqCst);
+                self.members[at].birth = Some((birth, Instant::now()));
+                self.connect_guests(birth)?;
+                recorder
+                    .connect()
+                    .map_err(|error| FlightFailure::Setup(error.to_string()))?;
+                self.rouse();
+                continue;
+            };
+            let is_connected = |member: &CrewMember| {
+                let seen = &words.cells[member.service.index()].births_seen;
+                let flies = matches!(member.phase, Phase::Flying | Phase::CatchingUp(_));
+                !flies || seen.load(Ordering::Acquire) >= birth
+            };
+            if self.members.iter().all(is_connected) {
+                self.resume_one(self.members[at].service, recorder)?;
+            } else {
+                self.limit_guests_silence(birth, announced_at)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn resume_one(&mut self, service: ServiceId, recorder: &Recorder) -> Result<(), FlightFailure> {
+        let next_tick = self.next_tick(service);
+        let first_tick = self.schedule.steps(service).first_at_or_after(next_tick);
+        let tick = first_tick.unwrap_or_default();
+        let mut places = [0; MAX_PORTS];
+        let mut remembered = Vec::new();
+        for (input, _) in self.schedule.inputs_read(service) {
+            let edge = self.schedule.edge(service, input);
+            let archive = recorder.archive(edge.topic);
+            let due = edge.due_sample(tick);
+            // With planned faults these may lie far before all others that are needed.
+            let old = due.filter(|_| edge.has_faults());
+            remembered.extend(old.map(|due| (input, due)));
+            if let Some(due) = old {
+                remembered.extend(edge.needed_again(due).map(|tick| (input, tick)));
+            }
+            places[input] = archive.place_of(match old {
+                Some(due) => due.max(edge.first_to_come(tick)),
+                None => due.unwrap_or_else(|| edge.first_to_come(tick)),
+            });
+        }
+        self.members[service.index()].remembered = remembered;
+        self.members[service.index()].phase = Phase::CatchingUp(places);
+        self.note_rebirth(service, next_tick.checked_sub(1));
+        self.say_go(service, true)
+    }
+
+    /// Tick of the first step that is not known to the service's last checkpoint.
+    fn next_tick(&self, service: ServiceId) -> u64 {
+        self.checkpoints
+            .newest(service)
+            .map_or(0, |checkpoint| checkpoint.next_tick)
+    }
+
+    pub(super) fn note_rebirth(&mut self, service: ServiceId, tick: Option<u64>) {
+        let member = &self.members[service.index()];
+        if let Some(died_at) = member.died_at {
+            self.rebirths.push(Rebirth {
+                service,
+                pid: member.process.id(),
+                tick,
+                lost_seconds: died_at.elapsed().as_secs_f64(),
+            });
+        }
+    }
+
+    /// Hands over what reborn services have missed, as far as it is recorded by now.
+    ///
+    /// # Errors
+    /// [`FlightFailure`] if it is not recorded any more.
+    pub fn hand_over(&mut self, recorder: &Recorder) -> Result<(), FlightFailure> {
+        for member in &mut self.members {
+            let Phase::CatchingUp(places) = &mut member.phase else {
+                continue;
+            };
+            let mut is_told = false;
+            let inputs = member.service.inputs();
+            while let Some(&(input, tick)) = member.remembered.last() {
+                let archive = recorder.archive(inputs[input].topic);
+                let place = archive.place_of(tick);
+                if !give(&member.process, member.service, archive, input, place)? {
+                    break;
+                }
+                member.remembered.pop();
+                is_told = true;
+            }
+            for (input, spec) in self.schedule.inputs_read(member.service) {
+                let archive = recorder.archive(spec.topic);
+                let place = &mut places[input];
+                while give(&member.process, member.service, archive, input, *place)? {
+                    *place += 1;
+                    is_told = true;
+                }
+            }
+            if is_told {
+                self.doorbells[member.service.index()].ring();
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts a process on the core on which it will fly: the others of the run wait for it there, while this process
+    /// is busy on another one.
+    fn spawn_on_its_core(&self, service: ServiceId) -> Result<Process, FlightFailure> {
+        let own = deployment::allowed_cores();
+        let moved = self.start.core.map(|core| deployment::pin_to(&[core]));
+        let process = self.spawn(service.name());
+        if moved.is_some_and(|moved| moved.is_ok()) {
+            // Only slower if it is refused.
+            let _ = deployment::pin_to(&own);
+        }
+        process
+    }
+}
+
+/// Gives a service the sample of a place in the sequence of an input. `false` if it has not been recorded yet, or
+/// if the service takes no more now: who is full gets the rest later, and who is gone gets it in the next life.
+fn give(
+    process: &Process,
+    service: ServiceId,
+    archive: &Archive,
+    input: usize,
+    place: u64,
+) -> Result<bool, FlightFailure> {
+    if place >= archive.count() {
+        return Ok(false);
+    }
+    let bytes = archive.at(place).ok_or_else(|| FlightFailure::GaveUp {
+        service: service.to_string(),
+        reason: format!("what it has missed of its input {input} is not kept any more"),
+    })?;
+    let message = ToService::Missed {
+        input,
+        bytes: bytes.to_vec(),
+    };
+    Ok(process.channel.try_send(&message).unwrap_or(false))
+}

@@ -1,0 +1,74 @@
+//! A crew that another orchestrator has started, and that flies.
+
+use std::os::fd::{BorrowedFd, OwnedFd};
+
+use runtime::checkpoints::Checkpoints;
+use runtime::control::{Channel, Start};
+use runtime::ports::Member;
+use runtime::shared_page::SharedPage;
+use runtime::step_log::StepLog;
+use rustix::process::Pid;
+use shared_types::{Schedule, ServiceId};
+
+use super::member::{CrewMember, Phase};
+use super::process::Process;
+use super::{Crew, Shared};
+use crate::FlightFailure;
+
+/// A service process that was found in flight, and the line to it.
+pub type Survivor = (Pid, Channel);
+
+impl Shared {
+    /// Maps what the processes of a run that is under way share.
+    ///
+    /// # Errors
+    /// If the files are not those of a run of this build.
+    pub(crate) fn inherit(page: OwnedFd, checkpoints: OwnedFd, step_log: OwnedFd) -> std::io::Result<Self> {
+        Ok(Self {
+            page: SharedPage::open(page)?,
+            checkpoints: Checkpoints::open(checkpoints)?,
+            step_log: StepLog::open(step_log)?,
+        })
+    }
+}
+
+impl<'a> Crew<'a> {
+    /// Takes over the services that fly, and starts those that have died meanwhile.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub(crate) fn adopt(
+        member: &'a Member,
+        lock: BorrowedFd<'a>,
+        schedule: &'a Schedule,
+        start: Start,
+        shared: Shared,
+        mut survivors: [Option<Survivor>; ServiceId::ALL.len()],
+    ) -> Result<Self, FlightFailure> {
+        let mut crew = Self::without_members(member, lock, schedule, start, shared)?;
+        for service in ServiceId::ALL {
+            let survivor = survivors[service.index()].take();
+            // One that has died since is as good as one that had died before.
+            let process = survivor.and_then(|(pid, channel)| Process::adopt(pid, channel).ok());
+            let adopted = match process {
+                Some(process) => {
+                    let mut flying = CrewMember::new(service, process);
+                    flying.phase = Phase::Flying;
+                    crew.members.push(flying);
+                    Ok(())
+                }
+                None => crew.enlist(service),
+            };
+            if let Err(failure) = adopted {
+                crew.leave_alone();
+                return Err(failure);
+            }
+        }
+        Ok(crew)
+    }
+
+    /// Lets go of all services without a word: without an orchestrator they land by themselves.
+    pub(super) fn leave_alone(&mut self) {
+        self.members.clear();
+    }
+}

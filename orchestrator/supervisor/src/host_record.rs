@@ -1,0 +1,246 @@
+//! What the machine did during a run, written to `host.mcap`: which processes, on which core, how they fared.
+
+mod snapshots;
+
+use std::collections::BTreeMap;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+use runtime::flight_clock::monotonic_ns;
+use runtime::step_log::StepRecord;
+use shared_types::ServiceId;
+use shared_types::schedule::Edge;
+
+use crate::Outcome;
+use crate::crew::{Activity, Crew, CrewObserver, Rebirth};
+use crate::host_record::snapshots::Snapshots;
+use crate::real_time::StepObserver;
+use metrics::summary::timing::TimingReport;
+use run_log::{
+    CaptureFigures, HostEvent, HostLogWriter, HostSample, LinkFigures, LogError, ServiceHealth, ServiceStep,
+    flight_start,
+};
+
+/// Keeps `host.mcap`. After a write that fails it keeps no more, and the flight goes on.
+pub struct HostRecord {
+    log: HostLogWriter,
+    started: Instant,
+    /// When tick 0 began, in real time, since the start of the run.
+    flight_begins_ns: u64,
+    failure: Option<LogError>,
+    /// Whether the failure has been told in flight.
+    failure_is_told: bool,
+    /// How many of the crew's ends have been written.
+    ends_written: usize,
+    /// How many of its rebirths have been written.
+    rebirths_written: usize,
+    snapshots: Snapshots,
+}
+
+impl HostRecord {
+    /// Begins a record in a log.
+    #[must_use]
+    pub fn new(log: HostLogWriter) -> Self {
+        Self {
+            log,
+            started: Instant::now(),
+            flight_begins_ns: 0,
+            failure: None,
+            failure_is_told: false,
+            ends_written: 0,
+            rebirths_written: 0,
+            snapshots: Snapshots::new(),
+        }
+    }
+
+    /// Closes the record.
+    ///
+    /// # Errors
+    /// The first [`LogError`] that came up.
+    pub fn finish(self) -> Result<(), LogError> {
+        match self.failure {
+            Some(failure) => Err(failure),
+            None => self.log.finish().map(drop),
+        }
+    }
+
+    fn time_ns(&self) -> u64 {
+        u64::try_from(self.started.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    }
+
+    fn write<T: HostSample>(&mut self, sample: &T) {
+        if self.failure.is_none() {
+            let result = self.log.write(sample);
+            self.keep_first(result);
+        }
+    }
+
+    fn keep_first(&mut self, result: Result<(), LogError>) {
+        if let (Err(failure), None) = (result, &self.failure) {
+            self.failure = Some(failure);
+        }
+    }
+
+    fn event(&mut self, service: Option<ServiceId>, kind: u32, pid: u32, text: &str) {
+        let event = HostEvent::new(self.time_ns(), service, kind, pid, text);
+        self.write(&event);
+    }
+
+    /// Writes how processes ended, as far as that is not written yet.
+    fn write_ends(&mut self, crew: &Crew<'_>) {
+        for (service, pid, exit) in &crew.exits()[self.ends_written..] {
+            let kind = if exit.killed {
+                HostEvent::KIND_KILLED
+            } else {
+                HostEvent::KIND_EXITED
+            };
+            self.event(*service, kind, *pid, &exit.description);
+        }
+        self.ends_written = crew.exits().len();
+    }
+}
+
+impl CrewObserver for HostRecord {
+    fn ready(&mut self, crew: &Crew<'_>, core: Option<usize>) {
+        let result = self.log.write_facts("host", host_facts(core));
+        self.keep_first(result);
+        for (service, pid) in crew.processes() {
+            self.event(Some(service), HostEvent::KIND_READY, pid, "has made its ports");
+        }
+    }
+
+    fn changed(&mut self, crew: &Crew<'_>) {
+        self.write_ends(crew);
+        for rebirth in &crew.rebirths()[self.rebirths_written..] {
+            let Rebirth { service, pid, .. } = *rebirth;
+            self.event(Some(service), HostEvent::KIND_REBORN, pid, &rebirth.to_string());
+        }
+        self.rebirths_written = crew.rebirths().len();
+    }
+
+    fn progressed(&mut self, crew: &Crew<'_>, tick: u64) {
+        for checkpoint in self.snapshots.take(crew.checkpoints(), crew.schedule(), tick) {
+            for piece in checkpoint.pieces(self.time_ns()) {
+                self.write(&piece);
+            }
+        }
+    }
+
+    fn health(&mut self, crew: &Crew<'_>) {
+        for (service, pid) in crew.processes() {
+            let cell = &crew.page().words().cells[service.index()];
+            let ticks = cell.steps_until.load(Ordering::Relaxed);
+            let sample = ServiceHealth {
+                time_ns: self.time_ns(),
+                service: u32::try_from(service.index()).expect("few services"),
+                pid,
+                tick: ticks.saturating_sub(1),
+                steps: cell.steps.load(Ordering::Relaxed),
+                waits_by_yield: cell.yields.load(Ordering::Relaxed),
+                waits_by_blocking: cell.blocks.load(Ordering::Relaxed),
+                cpu_time_ns: Activity::of(pid).map_or(0, |activity| activity.cpu_time_ns),
+            };
+            self.write(&sample);
+        }
+    }
+
+    fn ended(&mut self, crew: &Crew<'_>, outcome: &Outcome) {
+        self.write_ends(crew);
+        let text = match outcome {
+            Outcome::Completed => "completed".to_owned(),
+            Outcome::Interrupted { signal } => format!("interrupted by signal {signal}"),
+            Outcome::Failed(failure) => failure.to_string(),
+        };
+        self.event(None, HostEvent::KIND_FINISHED, 0, &text);
+    }
+}
+
+impl StepObserver for HostRecord {
+    fn flight_begins_at(&mut self, start_ns: u64) {
+        // What was before this record began stands at its beginning.
+        let in_ns = start_ns.wrapping_sub(monotonic_ns());
+        self.flight_begins_ns = self.time_ns().wrapping_add(in_ns);
+        let result = flight_start::write(&mut self.log, start_ns);
+        self.keep_first(result);
+    }
+
+    fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]) {
+        let consumed = std::array::from_fn(|input| {
+            let tick = record.consumed_tick(input);
+            tick.map_or(0, |tick| 1 + inputs[input].sequence_number(tick))
+        });
+        self.write(&ServiceStep {
+            time_ns: self.flight_begins_ns.wrapping_add(record.began_ns),
+            began_ns: record.began_ns,
+            published_ns: record.published_ns,
+            tick: record.tick,
+            previous: record.previous,
+            consumed,
+            service: u32::try_from(service.index()).expect("few services"),
+            missed: u32::try_from(record.missed).unwrap_or(u32::MAX),
+            late_inputs: record.late_inputs as u32,
+            fresh_inputs: record.fresh_inputs as u32,
+            operator: record.operator as u32,
+            pad0: 0,
+        });
+    }
+
+    fn failure(&mut self) -> Option<String> {
+        let is_new = !std::mem::replace(&mut self.failure_is_told, self.failure.is_some());
+        let failure = self.failure.as_ref().filter(|_| is_new);
+        failure.map(ToString::to_string)
+    }
+
+    fn note(&mut self, text: &str) {
+        self.event(None, HostEvent::KIND_NOTE, 0, text);
+    }
+
+    fn hung(&mut self, service: ServiceId) {
+        let text = "has not stepped for too long and is replaced";
+        self.event(Some(service), HostEvent::KIND_HUNG, 0, text);
+    }
+
+    fn capture(&mut self, figures: &CaptureFigures) {
+        self.write(&CaptureFigures {
+            time_ns: self.time_ns(),
+            ..*figures
+        });
+    }
+
+    fn link(&mut self, figures: &LinkFigures) {
+        self.write(&LinkFigures {
+            time_ns: self.time_ns(),
+            ..*figures
+        });
+    }
+
+    fn timing(&mut self, report: &TimingReport) {
+        let rows = report.services.iter();
+        let facts = rows.map(|timing| {
+            let text = serde_json::to_string(timing).unwrap_or_default();
+            (timing.service.to_owned(), text)
+        });
+        let chain = serde_json::to_string(&report.capture_to_frame).unwrap_or_default();
+        let facts = facts.chain([("capture to frame".to_owned(), chain)]).collect();
+        let result = self.log.write_facts("timing", facts);
+        self.keep_first(result);
+    }
+}
+
+/// The machine and how the run uses it.
+fn host_facts(core: Option<usize>) -> BTreeMap<String, String> {
+    let system = rustix::system::uname();
+    let text = |part: &std::ffi::CStr| part.to_string_lossy().into_owned();
+    BTreeMap::from([
+        (
+            "kernel".to_owned(),
+            format!("{} {}", text(system.sysname()), text(system.release())),
+        ),
+        ("machine".to_owned(), text(system.machine())),
+        ("gerono".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+        (
+            "services' core".to_owned(),
+            core.map_or_else(|| "any".to_owned(), |core| core.to_string()),
+        ),
+    ])
+}

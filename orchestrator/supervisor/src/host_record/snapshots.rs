@@ -1,0 +1,93 @@
+//! When what the services know is copied to the record of the machine: about once a second of the flight, whether that
+//! is a second by the clock or much less.
+
+use runtime::checkpoints::Checkpoints;
+use shared_types::{Schedule, ServiceId};
+
+use run_log::LoggedCheckpoint;
+
+/// From one checkpoint of a service in the record to the next, ns of the flight.
+const PERIOD_NS: u64 = 1_000_000_000;
+
+/// Which checkpoints have been taken.
+#[derive(Debug)]
+pub(super) struct Snapshots {
+    services: [Taken; ServiceId::ALL.len()],
+}
+
+#[derive(Debug)]
+struct Taken {
+    service: ServiceId,
+    layout: u64,
+    /// Tick from which on the next one is due.
+    next_at: u64,
+    /// 1 + the tick before which the last one was.
+    last: u64,
+}
+
+impl Snapshots {
+    /// None so far.
+    pub(super) fn new() -> Self {
+        Self {
+            services: ServiceId::ALL.map(|service| Taken {
+                service,
+                layout: experiment::state_layout(service),
+                next_at: 0,
+                last: 0,
+            }),
+        }
+    }
+
+    /// The checkpoints that are due now that the flight has come to `tick`. One that cannot be taken, because its service
+    /// has none or is faster, stays due.
+    pub(super) fn take(
+        &mut self,
+        checkpoints: &Checkpoints,
+        schedule: &Schedule,
+        tick: u64,
+    ) -> Vec<LoggedCheckpoint> {
+        let due = self.services.iter_mut().filter(|taken| tick >= taken.next_at);
+        let new = due.filter_map(|taken| {
+            let checkpoint = checkpoints.snapshot(taken.service)?;
+            taken.next_at = tick + PERIOD_NS.div_ceil(schedule.tick_ns());
+            // Who is away or rests knows nothing new.
+            let last = std::mem::replace(&mut taken.last, checkpoint.next_tick + 1);
+            (taken.last != last).then_some(LoggedCheckpoint {
+                service: taken.service,
+                layout: taken.layout,
+                checkpoint,
+            })
+        });
+        new.collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SERVICE: ServiceId = ServiceId::Controller;
+
+    #[test]
+    fn a_checkpoint_is_taken_once_a_second_of_the_flight_and_only_if_it_is_a_new_one() {
+        let schedule = Schedule::ideal(1_000_000, 10_000);
+        let checkpoints = Checkpoints::create().unwrap();
+        let mut snapshots = Snapshots::new();
+        let mut taken = Vec::new();
+        for tick in 0..5500 {
+            for found in snapshots.take(&checkpoints, &schedule, tick) {
+                assert_eq!(found.service, SERVICE);
+                assert_eq!(found.layout, experiment::state_layout(SERVICE));
+                taken.push((tick, found.checkpoint.next_tick));
+            }
+            // It is late, and away for a while.
+            if !(2500..4200).contains(&tick) {
+                checkpoints.write(SERVICE, tick + 1, |keep| keep(&[0; 8]));
+            }
+        }
+        assert_eq!(
+            taken,
+            [(1, 1), (1001, 1001), (2001, 2001), (3001, 2500), (5001, 5001)]
+        );
+    }
+}

@@ -1,0 +1,243 @@
+//! Flying a scenario: the hosts, what they have in common, and how a flight ends.
+
+pub mod archive;
+pub mod crew;
+pub mod deployment;
+pub mod host;
+pub mod host_record;
+pub mod in_process;
+pub mod lock_step;
+pub mod postmortem;
+pub mod real_time;
+pub mod recorder;
+pub mod reserve;
+mod site;
+pub mod subscription;
+pub mod tape;
+
+use std::time::Duration;
+
+use runtime::step::NonFinite;
+use shared_types::scenario::Scenario;
+use shared_types::{Header, Schedule, ServiceId};
+
+use metrics::summary::laboratory::LaboratoryReport;
+use metrics::summary::timing::TimingReport;
+
+/// How a flight ended.
+#[derive(Debug)]
+pub struct Ending {
+    /// Why.
+    pub outcome: Outcome,
+    /// Ticks that are whole in the log, from tick 0.
+    pub ticks: u64,
+    /// Wall time from the first tick to the last.
+    pub wall_time: Duration,
+    /// What the user should know about the machine, once.
+    pub warnings: Vec<String>,
+    /// Deaths in flight that were mended, in their order.
+    pub rebirths: Vec<crew::Rebirth>,
+    /// How well it kept time, if it was flown in real time.
+    pub timing: Option<TimingReport>,
+    /// How cameras and radio link fared, if it was flown in a laboratory.
+    pub laboratory: Option<LaboratoryReport>,
+}
+
+impl Ending {
+    /// The ending of a flight whose record of the machine was closed so. What failed before counts.
+    #[must_use]
+    pub fn with_record(mut self, closed: Result<(), run_log::LogError>) -> Self {
+        if let (Err(error), Outcome::Completed | Outcome::Interrupted { .. }) = (closed, &self.outcome) {
+            self.outcome = Outcome::Failed(error.into());
+        }
+        self
+    }
+}
+
+/// Why a flight ended.
+#[derive(Debug)]
+pub enum Outcome {
+    /// The last tick was flown.
+    Completed,
+    /// Somebody asked for the end, by this signal.
+    Interrupted {
+        /// Number of the signal.
+        signal: i32,
+    },
+    /// It could not go on.
+    Failed(FlightFailure),
+}
+
+/// Why a flight could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum FlightFailure {
+    /// A service computed a number that is not finite.
+    #[error(transparent)]
+    NonFinite(#[from] NonFinite),
+    /// A service process died again and again without getting any further.
+    #[error(
+        "the service `{service}` (process {pid}) died after tick {tick}: {how}; \
+         it is not started again after {times} deaths in a row without flying a tick more (see --restarts); \
+         the log ends with the last whole tick"
+    )]
+    Died {
+        /// Name of the service.
+        service: String,
+        /// The last of its process ids.
+        pid: u32,
+        /// The last tick that it had stepped.
+        tick: u64,
+        /// How it ended.
+        how: String,
+        /// How often it had died there.
+        times: u32,
+    },
+    /// A service that was born again published another sample than before its death.
+    #[error(
+        "the service that publishes `{topic}` was born again and published another sample of tick {tick} than before: \
+         its step is not a function of state and inputs, or the machine computes wrongly"
+    )]
+    Diverged {
+        /// Name of the topic.
+        topic: String,
+        /// Tick of the sample.
+        tick: u64,
+    },
+    /// A service could not do its work and said so.
+    #[error("the service `{service}` gave up: {reason}")]
+    GaveUp {
+        /// Name of the service.
+        service: String,
+        /// What it said.
+        reason: String,
+    },
+    /// A service did not become ready.
+    #[error("the services {} did not become ready within {} s; is the machine overloaded?", .services.join(", "), .limit.as_secs())]
+    NotReady {
+        /// Their names.
+        services: Vec<String>,
+        /// How long they had.
+        limit: Duration,
+    },
+    /// A program of one's own in place of a service did not keep the process contract.
+    #[error(
+        "the program in place of `{service}` (process {pid}) {what}; docs/process_contract.md says what it must do"
+    )]
+    Guest {
+        /// Name of the service.
+        service: String,
+        /// Its process id.
+        pid: u32,
+        /// What it did, in words.
+        what: String,
+    },
+    /// A program in place of a service published another sample than the one that was due.
+    #[error(
+        "the program in place of `{service}` published a sample of `{topic}` with the tick {}, the number {} and the time \
+         {} ns where that of tick {due} was due; docs/process_contract.md says what it must do",
+        .got.tick, .got.seq, .got.stamp_ns
+    )]
+    NotDue {
+        /// Name of the service.
+        service: &'static str,
+        /// Name of the topic.
+        topic: &'static str,
+        /// Tick of the sample that was due.
+        due: u64,
+        /// Header of the sample that came.
+        got: Header,
+    },
+    /// The machine does not permit what the scenario insists on.
+    #[error(
+        "the scenario insists on its deployment (`deployment.strict`), of which this machine does not permit all: {}; \
+         nothing was flown",
+        .refusals.join("; ")
+    )]
+    NotPermitted {
+        /// What is not permitted, with the fixes.
+        refusals: Vec<String>,
+    },
+    /// A sample did not reach the recorder.
+    #[error("a sample of `{topic}` was lost: tick {due} was due and {got} came")]
+    Lost {
+        /// Name of the topic.
+        topic: String,
+        /// Tick that was due.
+        due: u64,
+        /// Tick that came.
+        got: u64,
+    },
+    /// The log cannot be written.
+    #[error(transparent)]
+    Log(#[from] run_log::LogError),
+    /// The record of the machine, `host.mcap`, cannot be written.
+    #[error("the record of the machine cannot be kept: {0}")]
+    Record(String),
+    /// The machine refused something that every run needs.
+    #[error("cannot set the run up: {0}")]
+    Setup(String),
+}
+
+impl FlightFailure {
+    /// What the machine said when it refused something that every run needs.
+    #[expect(
+        clippy::needless_pass_by_value,
+        reason = "used to map errors, which come by value"
+    )]
+    pub fn setup(error: impl ToString) -> Self {
+        Self::Setup(error.to_string())
+    }
+}
+
+/// When everybody steps in a flight of `scenario`.
+///
+/// # Errors
+/// [`FlightFailure::Setup`] if the scenario cannot be flown; whoever has checked it does not get there.
+pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, FlightFailure> {
+    let schedule = scenario.schedule();
+    schedule.map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))
+}
+
+/// Why a scenario cannot be flown in simulated time, if its poses come from elsewhere: never silently with others.
+#[must_use]
+pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
+    if scenario.recorded_captures().is_some() {
+        return Some(
+            "recorded captures come in real time only; fly with --host realtime, or with --set \
+             estimator.source=simulated; in simulated time `gerono replay` does a recorded flight's steps again"
+                .to_owned(),
+        );
+    }
+    let name = scenario.capture_system()?.name();
+    Some(format!(
+        "poses are to come from `{name}`, which sends them in real time only; fly with --host realtime, or with --set \
+         estimator.source=simulated, or look at what comes with `gerono mocap probe`"
+    ))
+}
+
+/// Why a scenario cannot be flown in one process, if programs of one's own are to fly in it.
+#[must_use]
+pub fn programs_of_its_own(scenario: &Scenario) -> Option<String> {
+    let guests = scenario.guests();
+    let guest = ServiceId::ALL
+        .into_iter()
+        .find(|service| guests[service.index()])?;
+    Some(format!(
+        "a program of its own is to fly in place of `{guest}` (`programs.{guest}`), and here all fly in one process; fly \
+         with --host lockstep or --host realtime, or with --set 'programs={{}}'"
+    ))
+}
+
+fn refuse_programs(scenario: &Scenario) -> Result<(), FlightFailure> {
+    programs_of_its_own(scenario).map_or(Ok(()), |reason| Err(FlightFailure::Setup(reason)))
+}
+
+fn refuse_unsimulated_poses(scenario: &Scenario) -> Result<(), FlightFailure> {
+    unsimulated_poses(scenario).map_or(Ok(()), |reason| Err(FlightFailure::Setup(reason)))
+}
+
+impl From<std::convert::Infallible> for FlightFailure {
+    fn from(never: std::convert::Infallible) -> Self {
+        match never {}
+    }
+}

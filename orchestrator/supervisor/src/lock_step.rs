@@ -1,0 +1,180 @@
+//! Flies a scenario as processes in lock-step: one a service, and this one, which supervises and records.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use runtime::control::Host;
+use runtime::in_process::TickSink;
+use runtime::ports::Delivery;
+use runtime::verdict::BLOCK_ALWAYS;
+use shared_types::scenario::Scenario;
+
+use super::crew::{BIRTH_PERIOD, Crew, CrewEvent, CrewObserver};
+use super::deployment::Deployment;
+use super::recorder::{Progress, Recorder};
+use super::site::Site;
+use super::{Ending, FlightFailure, Outcome};
+use command_line::interrupt::Interrupt;
+
+/// How often the recorder looks: between two looks the fastest flight fills a tenth of its buffers.
+const RECORDER_PERIOD: Duration = Duration::from_millis(1);
+
+/// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
+///
+/// # Errors
+/// [`FlightFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
+pub fn fly<S: TickSink>(
+    scenario: &Scenario,
+    deployment: &Deployment,
+    sink: &mut S,
+    interrupt: &Interrupt,
+    observer: &mut dyn CrewObserver,
+) -> Result<Ending, FlightFailure>
+where
+    FlightFailure: From<S::Error>,
+{
+    super::refuse_unsimulated_poses(scenario)?;
+    let site = Site::prepare(scenario, deployment)?;
+    let recorder = Recorder::new(site.subscribe(Delivery::Lossless)?, &site.schedule);
+    let mut recorder = recorder.distrust(site.scenario.guests(), &site.schedule);
+    let mut crew = site.start_crew(deployment, Host::LockStep)?;
+    let words = crew.page().words();
+    recorder.make_known(words);
+    if !deployment.yielding {
+        words.block_only.store(BLOCK_ALWAYS, Ordering::Relaxed);
+    }
+    let warnings = site.await_ready(&mut crew)?;
+    observer.ready(&crew, site.cores.ring);
+
+    let started = Instant::now();
+    crew.go()?;
+    recorder.connect().map_err(FlightFailure::setup)?;
+    observer.changed(&crew);
+    let mut flight = Flight {
+        crew,
+        recorder,
+        observer,
+    };
+    let outcome = flight.supervise(sink, interrupt).unwrap_or_else(Outcome::Failed);
+    let wall_time = started.elapsed();
+    let outcome = wind_up(&mut flight.crew, &mut flight.recorder, sink, outcome);
+    flight.observer.ended(&flight.crew, &outcome);
+    Ok(Ending {
+        outcome,
+        ticks: flight.recorder.ticks(),
+        wall_time,
+        warnings,
+        rebirths: flight.crew.rebirths().to_vec(),
+        timing: None,
+        laboratory: None,
+    })
+}
+
+/// A flight under way.
+struct Flight<'a> {
+    crew: Crew<'a>,
+    recorder: Recorder,
+    observer: &'a mut dyn CrewObserver,
+}
+
+impl Flight<'_> {
+    /// Records, watches and mends until the flight is over, one way or the other.
+    fn supervise<S: TickSink>(
+        &mut self,
+        sink: &mut S,
+        interrupt: &Interrupt,
+    ) -> Result<Outcome, FlightFailure>
+    where
+        FlightFailure: From<S::Error>,
+    {
+        let mut next_health = Instant::now() + Duration::from_secs(1);
+        loop {
+            let progress = self.recorder.drain(sink)?;
+            if progress == Progress::Done {
+                return Ok(Outcome::Completed);
+            }
+            self.look_after_guests(progress)?;
+            self.observer.progressed(&self.crew, self.recorder.ticks());
+            if let Some(signal) = interrupt.signal() {
+                return Ok(Outcome::Interrupted { signal });
+            }
+            let period = match progress {
+                Progress::Behind => Duration::ZERO,
+                _ if self.crew.needs_care() => BIRTH_PERIOD,
+                _ => RECORDER_PERIOD,
+            };
+            for event in self.crew.watch(period) {
+                self.attend_to(event)?;
+            }
+            if self.crew.needs_care() {
+                self.recorder.receive()?;
+                self.crew.mend()?;
+                self.crew.resume(&mut self.recorder)?;
+                self.observer.changed(&self.crew);
+                self.crew.hand_over(&self.recorder)?;
+            } else {
+                self.crew.keep_spare();
+            }
+            if Instant::now() >= next_health {
+                self.crew.rouse();
+                self.crew.remove_unfinished();
+                self.observer.health(&self.crew);
+                next_health += Duration::from_secs(1);
+            }
+        }
+    }
+
+    /// Takes note of how far guests have come, and of those that have finished without having flown to the end.
+    fn look_after_guests(&self, progress: Progress) -> Result<(), FlightFailure> {
+        self.crew
+            .note_guests_steps(|guest| self.recorder.newest_of(guest));
+        for guest in self.crew.guests() {
+            // What it has published before it said so has been received since.
+            if progress == Progress::Waiting && self.crew.is_finished(guest) && self.recorder.waits_for(guest)
+            {
+                return Err(self.crew.blame_for_missing(guest));
+            }
+        }
+        Ok(())
+    }
+
+    fn attend_to(&mut self, event: CrewEvent) -> Result<(), FlightFailure> {
+        match event {
+            CrewEvent::Lost(failure) => return Err(failure),
+            CrewEvent::Died => self.observer.changed(&self.crew),
+            CrewEvent::Ready(..) | CrewEvent::Finished(_) => {}
+        }
+        Ok(())
+    }
+}
+
+/// Ends the services and records the whole ticks that they had published.
+fn wind_up<S: TickSink>(
+    crew: &mut Crew<'_>,
+    recorder: &mut Recorder,
+    sink: &mut S,
+    outcome: Outcome,
+) -> Outcome
+where
+    FlightFailure: From<S::Error>,
+{
+    crew.stop();
+    match outcome {
+        Outcome::Completed => Outcome::Completed,
+        // The sink itself has failed: it takes no more.
+        Outcome::Failed(
+            failure @ (FlightFailure::Log(_)
+            | FlightFailure::Lost { .. }
+            | FlightFailure::Diverged { .. }
+            | FlightFailure::NotDue { .. }),
+        ) => Outcome::Failed(failure),
+        outcome => match recorder.drain_all(sink) {
+            Ok(()) => outcome,
+            // Why the flight ended matters more, unless it was on request.
+            Err(failure) => match outcome {
+                Outcome::Failed(first) => Outcome::Failed(first),
+                Outcome::Completed | Outcome::Interrupted { .. } => Outcome::Failed(failure),
+            },
+        },
+    }
+}

@@ -1,0 +1,345 @@
+//! What remains to be done when an orchestrator cannot go on at all: it met a fault in shared memory, its work inside
+//! iceoryx2 does not end, or it met what it holds to be impossible.
+//!
+//! Its memory cannot be trusted then, and part of it is gone. So it becomes a fresh image of the same program,
+//! `gerono postmortem`: the same process, and thus still the parent of the services, without any of the memory. That one
+//! says what has happened, sees to the services, removes the run's shared memory and ends with exit code 1. No second
+//! process is needed beforehand, and nothing but `execv` and reads of `/proc` happens inside the signal handler.
+//!
+//! In simulated time the services are killed. In real time they go on alone, as after any other death of the
+//! orchestrator: they land the vehicle, or fly on, or are taken over by `gerono attach`.
+#![expect(
+    unsafe_code,
+    reason = "signal handlers and execv can only be reached by calls of libc"
+)]
+
+use std::ffi::{CString, c_char, c_int, c_void};
+use std::path::Path;
+use std::ptr::{null, null_mut};
+use std::sync::Once;
+use std::sync::atomic::{AtomicPtr, Ordering};
+
+use runtime::watchdog;
+use rustix::fs::{Mode, OFlags};
+use shared_types::ServiceId;
+use shared_types::scenario::Guests;
+
+use crate::host::Host;
+
+/// Longest description of a cause, bytes.
+const CAUSE: usize = 1024;
+
+/// What a cause begins with that is described in words, not by a signal and a mapping.
+pub const IN_WORDS: &str = "WORDS ";
+
+/// The signals that end an orchestrator whose memory is damaged, and what a cause begins with.
+const FAULTS: [(c_int, &[u8]); 3] = [
+    (libc::SIGBUS, b"SIGBUS "),
+    (libc::SIGSEGV, b"SIGSEGV "),
+    (libc::SIGABRT, b"SIGABRT "),
+];
+
+/// The command line of the image that this process becomes, made before it is needed.
+struct Plan {
+    /// Ends with a null pointer. Points into `words` and `cause`.
+    line: Vec<*const c_char>,
+    _words: Vec<CString>,
+    /// Ends with a 0.
+    cause: Box<[u8; CAUSE]>,
+    /// For what is read while the cause is looked for.
+    page: Box<[u8; 4096]>,
+}
+
+/// The plan of the flight under way. The thread that takes it carries it out, once.
+static PLAN: AtomicPtr<Plan> = AtomicPtr::new(null_mut());
+
+/// While it lives, this process ends in good order whatever happens to its memory.
+#[derive(Debug)]
+pub struct Postmortem(());
+
+impl Postmortem {
+    /// Prepares for a flight whose results go to `folder`, and in which these programs fly in place of services: they may be
+    /// what has damaged its memory.
+    ///
+    /// # Errors
+    /// If the folder's name cannot be told on a command line, or if the system has no thread left.
+    pub fn prepare(host: Host, folder: &Path, guests: Guests) -> std::io::Result<Self> {
+        let guests = ServiceId::ALL
+            .into_iter()
+            .filter(|service| guests[service.index()]);
+        let guests = guests.flat_map(|guest| ["--guest", guest.name()]);
+        let words: Result<Vec<CString>, _> = ["gerono", "postmortem", "--host", host.name()]
+            .into_iter()
+            .chain(guests)
+            .map(str::as_bytes)
+            .chain([b"--out", folder.as_os_str().as_encoded_bytes(), b"--cause"])
+            .map(CString::new)
+            .collect();
+        let words = words?;
+        let cause = Box::new([0; CAUSE]);
+        let mut line: Vec<_> = words.iter().map(|word| word.as_ptr()).collect();
+        line.extend([cause.as_ptr().cast(), null()]);
+        let plan = Plan {
+            line,
+            _words: words,
+            cause,
+            page: Box::new([0; 4096]),
+        };
+        // That of an earlier flight of this process was taken back.
+        PLAN.store(Box::into_raw(Box::new(plan)), Ordering::Release);
+        handle_faults()?;
+        handle_panics();
+        static WATCHED: Once = Once::new();
+        let mut watched = Ok(());
+        WATCHED.call_once(|| watched = watchdog::watch_orchestrator(|work| give_up(&work.complaint())));
+        watched?;
+        Ok(Self(()))
+    }
+}
+
+impl Drop for Postmortem {
+    fn drop(&mut self) {
+        drop(take_plan());
+    }
+}
+
+fn take_plan() -> Option<Box<Plan>> {
+    let plan = PLAN.swap(null_mut(), Ordering::AcqRel);
+    // SAFETY: the pointer came from `Box::into_raw`, and the swap gives it to one taker only.
+    (!plan.is_null()).then(|| unsafe { Box::from_raw(plan) })
+}
+
+/// Ends this process in good order, for a reason in words. Returns only if no flight is under way, or if the system
+/// does not let it become another image.
+fn give_up(reason: &str) {
+    if let Some(mut plan) = take_plan() {
+        plan.describe(&[IN_WORDS.as_bytes(), reason.as_bytes()]);
+        plan.carry_out();
+    }
+}
+
+impl Plan {
+    /// Sets the cause, cut off where it is too long.
+    fn describe(&mut self, parts: &[&[u8]]) {
+        let mut at = 0;
+        for &byte in parts.iter().copied().flatten().take_while(|&&byte| byte != 0) {
+            if at + 1 < CAUSE {
+                self.cause[at] = byte;
+                at += 1;
+            }
+        }
+        self.cause[at] = 0;
+    }
+
+    /// Becomes the fresh image.
+    fn carry_out(&self) {
+        // SAFETY: path and words end with 0, the line with a null pointer, and all of them outlive the call.
+        unsafe { libc::execv(c"/proc/self/exe".as_ptr(), self.line.as_ptr()) };
+        // Only reached where that was refused; what follows the handler ends the process.
+        let _ = rustix::io::write(rustix::stdio::stderr(), b"gerono: cannot end in good order\n");
+    }
+}
+
+/// Lets faults be handled, on the stack that Rust's runtime keeps for them. What the flight knows is not touched: nothing
+/// here allocates or locks.
+fn handle_faults() -> std::io::Result<()> {
+    for (signal, _) in FAULTS {
+        // SAFETY: a structure of numbers, of which all zeros is a valid value.
+        let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
+        action.sa_sigaction = on_fault as *const () as usize;
+        // The signal is not blocked in the handler: what is blocked stays so in the next image.
+        action.sa_flags = libc::SA_SIGINFO | libc::SA_ONSTACK | libc::SA_NODEFER;
+        // SAFETY: the handler is a function of the type that SA_SIGINFO asks for, and does nothing that is not safe in a
+        // handler.
+        if unsafe { libc::sigaction(signal, &raw const action, null_mut()) } != 0 {
+            return Err(std::io::Error::last_os_error());
+        }
+    }
+    Ok(())
+}
+
+extern "C" fn on_fault(signal: c_int, info: *mut libc::siginfo_t, _context: *mut c_void) {
+    // SAFETY: back to what happens without a handler; after this one the same fault ends the process.
+    unsafe { libc::signal(signal, libc::SIG_DFL) };
+    if let Some(mut plan) = take_plan() {
+        // SAFETY: the system gives a valid structure; of an abort the address means nothing and is in no mapping.
+        let address = unsafe { (*info).si_addr() } as usize;
+        let name = FAULTS
+            .iter()
+            .find(|(number, _)| *number == signal)
+            .map_or(&b""[..], |(_, name)| name);
+        let mut mapping = [0; 512];
+        let length = mapping_at(address, &mut plan.page[..], &mut mapping);
+        plan.describe(&[name, &mapping[..length]]);
+        plan.carry_out();
+        // Its memory is not given back: the allocator may have been what was interrupted.
+        std::mem::forget(plan);
+    }
+}
+
+/// Copies the name of the file that is mapped at an address; its length. Allocates nothing.
+fn mapping_at(address: usize, page: &mut [u8], name: &mut [u8]) -> usize {
+    let flags = OFlags::RDONLY | OFlags::CLOEXEC;
+    let Ok(maps) = rustix::fs::open(c"/proc/self/maps", flags, Mode::empty()) else {
+        return 0;
+    };
+    // A line is read into `line`, of which what does not fit is left out.
+    let (mut line, mut length) = ([0u8; 640], 0);
+    while let Ok(read @ 1..) = rustix::io::read(&maps, &mut *page) {
+        for &byte in &page[..read] {
+            if byte == b'\n' {
+                if let Some(path) = path_if_at(&line[..length], address) {
+                    let copied = path.len().min(name.len());
+                    name[..copied].copy_from_slice(&path[..copied]);
+                    return copied;
+                }
+                length = 0;
+            } else if length < line.len() {
+                line[length] = byte;
+                length += 1;
+            }
+        }
+    }
+    0
+}
+
+/// The path of a line of `/proc/self/maps`, if it is that of an address.
+fn path_if_at(line: &[u8], address: usize) -> Option<&[u8]> {
+    let mut fields = line.split(|&byte| byte == b' ').filter(|field| !field.is_empty());
+    let mut bounds = fields.next()?.split(|&byte| byte == b'-');
+    let (from, until) = (hexadecimal(bounds.next()?)?, hexadecimal(bounds.next()?)?);
+    if !(from..until).contains(&address) {
+        return None;
+    }
+    // Permissions, offset, device and inode lie before it.
+    fields.nth(4)
+}
+
+fn hexadecimal(digits: &[u8]) -> Option<usize> {
+    digits.iter().try_fold(0usize, |number, &digit| {
+        let value = char::from(digit).to_digit(16)? as usize;
+        number.checked_mul(16)?.checked_add(value)
+    })
+}
+
+/// Lets a panic of the thread that flies end the process in good order, after it was told as ever: unwinding would stop
+/// the services with the vehicle in the air.
+fn handle_panics() {
+    static HANDLED: Once = Once::new();
+    HANDLED.call_once(|| {
+        let flying = std::thread::current().id();
+        let tell = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            tell(panic);
+            if std::thread::current().id() == flying {
+                give_up(
+                    "it met what cannot be, see above: the run's shared memory was damaged by another program, or this is \
+                     a defect of gerono",
+                );
+            }
+        }));
+    });
+}
+
+/// Whose memory a fault was met in, as a cause tells.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Fault<'a> {
+    /// Name of the signal.
+    pub signal: &'a str,
+    /// The shared memory, if it was in some.
+    pub segment: Option<&'a str>,
+    /// The process that had made it.
+    pub maker: Option<u32>,
+}
+
+impl<'a> Fault<'a> {
+    /// What a cause tells.
+    #[must_use]
+    pub fn of(cause: &'a str) -> Self {
+        let (signal, path) = cause.split_once(' ').unwrap_or((cause, ""));
+        let segment = path.strip_prefix("/dev/shm/").filter(|name| !name.is_empty());
+        Self {
+            signal,
+            segment,
+            maker: segment.and_then(maker_of),
+        }
+    }
+}
+
+/// The process that has made a segment: iceoryx2's names end with the number of the port that it belongs to, or first of two,
+/// and such a number holds that of its process.
+fn maker_of(segment: &str) -> Option<u32> {
+    let (name, kind) = segment.rsplit_once('.')?;
+    let mut numbers = name.rsplit('_').map(str::parse::<u128>);
+    let last = numbers.next()?.ok()?;
+    let port = match kind {
+        "connection" => numbers.next()?.ok()?,
+        _ => last,
+    };
+    u32::try_from((port >> 64) & u128::from(u32::MAX)).ok()
+}
+
+/// The words of a plan's command line.
+#[cfg(test)]
+fn words_of(line: &[*const c_char]) -> Vec<String> {
+    let words = line.iter().copied().take_while(|word| !word.is_null());
+    let text = |word| {
+        // SAFETY: the words of a plan end with 0 and live as long as it.
+        let word = unsafe { std::ffi::CStr::from_ptr(word) };
+        word.to_string_lossy().into_owned()
+    };
+    words.map(text).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mapping_is_found_by_an_address_within_it() {
+        let line =
+            b"7f12a0000000-7f12a0004000 rw-s 00000000 00:19 1234           /dev/shm/gerono_1-0_a_2.data";
+        assert_eq!(
+            path_if_at(line, 0x7f12_a000_3fff),
+            Some(&b"/dev/shm/gerono_1-0_a_2.data"[..])
+        );
+        assert_eq!(path_if_at(line, 0x7f12_a000_4000), None);
+        assert_eq!(path_if_at(b"garbage", 0), None);
+        let (mut page, mut name) = ([0; 4096], [0; 512]);
+        let length = mapping_at(mapping_at as *const () as usize, &mut page, &mut name);
+        let own = std::env::current_exe().unwrap();
+        assert_eq!(&name[..length], own.as_os_str().as_encoded_bytes());
+        assert_eq!(mapping_at(1, &mut page, &mut name), 0);
+    }
+
+    #[test]
+    fn the_maker_of_a_segment_is_known_by_its_name() {
+        let of_13168 = "633825543023763230971060554467";
+        let data = format!("SIGBUS /dev/shm/gerono_1-0_0354a2_{of_13168}.data");
+        let connection = format!(
+            "SIGSEGV /dev/shm/gerono_1-0_b9fc73_{of_13168}_158456567937868172660194675427.connection"
+        );
+        for (cause, signal) in [(&data, "SIGBUS"), (&connection, "SIGSEGV")] {
+            let fault = Fault::of(cause);
+            assert_eq!((fault.signal, fault.maker), (signal, Some(13168)));
+        }
+        for elsewhere in ["SIGSEGV ", "SIGSEGV /usr/bin/gerono", "SIGABRT", ""] {
+            assert_eq!(Fault::of(elsewhere).segment, None);
+        }
+    }
+
+    #[test]
+    fn a_cause_is_cut_off_where_it_is_too_long() {
+        let cause = Box::new([1; CAUSE]);
+        let mut plan = Plan {
+            line: vec![cause.as_ptr().cast(), null()],
+            _words: Vec::new(),
+            cause,
+            page: Box::new([0; 4096]),
+        };
+        plan.describe(&[b"SIGBUS ", b"here"]);
+        assert_eq!(words_of(&plan.line), ["SIGBUS here"]);
+        plan.describe(&[&[b'x'; 2 * CAUSE]]);
+        assert_eq!(words_of(&plan.line), ["x".repeat(CAUSE - 1)]);
+    }
+}

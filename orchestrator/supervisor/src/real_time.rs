@@ -1,0 +1,525 @@
+//! Flies a scenario as processes in real time: one a service, and this one, which supervises and records.
+//!
+//! Nobody waits for this process: services step by the clock and publish whether anybody listens or not. A service that
+//! dies is noticed at once, one that hangs when it has not stepped for too long; both are restarted with what they
+//! knew after their last step, and fly on with the newest that comes.
+//!
+//! Failure policy: in the air nothing ends a flight but its landing. A log that cannot be written, a service that is
+//! beyond its restarts, a failed port: the first failure is kept and told, the vehicle is asked to land, services are
+//! restarted until it has landed, and then the flight ends with that failure (`shutdown.rs`).
+
+mod answers;
+mod desk;
+mod heartbeat;
+mod laboratory;
+mod monitor;
+mod recorder;
+mod shutdown;
+mod succession;
+
+use std::collections::VecDeque;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use runtime::control::Host;
+use runtime::flight_clock::{FlightClock, monotonic_ns};
+use runtime::in_process::TickSink;
+use runtime::ports::Delivery;
+use runtime::shared_page::Request;
+use runtime::step_log::StepRecord;
+use shared_types::samples::{RcFrame, RunEvent};
+use shared_types::scenario::Scenario;
+use shared_types::schedule::Edge;
+use shared_types::service::{nanoseconds, seconds};
+use shared_types::{Schedule, ServiceId, Topic};
+
+use self::desk::Desk;
+use self::heartbeat::Heartbeats;
+use self::laboratory::Laboratory;
+use self::monitor::Monitor;
+use self::recorder::{Recorder, SETTLING_NS};
+use self::shutdown::{Motors, Shutdown};
+pub use self::succession::Succession;
+use super::crew::{BIRTH_PERIOD, Crew, CrewEvent, CrewObserver, STOP_LIMIT};
+use super::deployment::Deployment;
+use super::site::Site;
+use super::{Ending, FlightFailure, Outcome};
+use command_line::interrupt::Interrupt;
+use command_line::progress::Messages;
+use live::snapshot::LiveEvent;
+use metrics::summary::timing::{TimingReport, Unrecorded};
+use run_log::{CaptureFigures, LinkFigures};
+
+/// How often the recorder looks: a fast flight fills a hundredth of its buffers meanwhile.
+const RECORDER_PERIOD: Duration = Duration::from_millis(10);
+
+/// From the decision to fly until tick 0 begins: everybody has been told by then.
+const COUNTDOWN: Duration = Duration::from_millis(50);
+
+/// Events that are kept for people at other terminals.
+const EVENTS: usize = 50;
+
+/// What happens in a flight in real time, for whoever keeps a record of the machine.
+pub trait StepObserver: CrewObserver {
+    /// Tick 0 begins, or began, at this time of `CLOCK_MONOTONIC`, ns.
+    fn flight_begins_at(&mut self, start_ns: u64);
+    /// A service has stepped; its inputs as the schedule sees them.
+    fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]);
+    /// Why the record cannot go on, once.
+    fn failure(&mut self) -> Option<String>;
+    /// People have done something.
+    fn note(&mut self, text: &str);
+    /// A service hung and was killed.
+    fn hung(&mut self, service: ServiceId);
+    /// How the cameras of a laboratory fare, about once a second and at the end.
+    fn capture(&mut self, figures: &CaptureFigures);
+    /// How the radio link of a laboratory fares, about once a second and at the end.
+    fn link(&mut self, figures: &LinkFigures);
+    /// How well the flight kept time.
+    fn timing(&mut self, report: &TimingReport);
+}
+
+/// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
+///
+/// # Errors
+/// [`FlightFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
+pub fn fly<S: TickSink>(
+    scenario: &Scenario,
+    deployment: &Deployment,
+    sink: &mut S,
+    people: &People<'_>,
+    observer: &mut dyn StepObserver,
+) -> Result<Ending, FlightFailure>
+where
+    FlightFailure: From<S::Error>,
+{
+    let site = Site::prepare(scenario, deployment)?;
+    let mut recorder = Recorder::new(site.subscribe(Delivery::NewestWins)?, 0);
+    let mut desk = Desk::open(&site.root).map_err(FlightFailure::setup)?;
+    let mut crew = site.start_crew(deployment, Host::RealTime)?;
+    let warnings = site.await_ready(&mut crew)?;
+    observer.ready(&crew, site.cores.ring);
+    recorder.connect().map_err(FlightFailure::setup)?;
+
+    let clock = FlightClock::starting_in(COUNTDOWN, site.schedule.tick_ns());
+    crew.page()
+        .words()
+        .start_ns
+        .store(clock.start_ns, Ordering::Release);
+    observer.flight_begins_at(clock.start_ns);
+    crew.go()?;
+    let recorder = recorder.distrust(site.scenario.guests(), &site.schedule, clock);
+    if scenario
+        .flight
+        .as_ref()
+        .is_some_and(|flight| flight.arm_at.is_none())
+    {
+        let run = site.root.name();
+        let text = format!(
+            "The vehicle stands on the ground, disarmed. To take off, in another terminal: gerono arm --run {run}"
+        );
+        people.messages.say(text);
+    }
+    let flight = Flight::new(&site, clock, crew, recorder, people, observer);
+    Ok(flight.conduct(sink, &mut desk, warnings))
+}
+
+/// Takes over a flight whose orchestrator is gone, and hands everything from then on to `sink`.
+///
+/// # Errors
+/// [`FlightFailure`] if it cannot be taken over. A failure in flight is the ending's outcome.
+pub fn take_over<S: TickSink>(
+    succession: Succession,
+    sink: &mut S,
+    people: &People<'_>,
+    observer: &mut dyn StepObserver,
+) -> Result<Ending, FlightFailure>
+where
+    FlightFailure: From<S::Error>,
+{
+    let Succession {
+        site,
+        shared,
+        survivors,
+        clock,
+        first_tick,
+    } = succession;
+    let mut recorder = Recorder::new(site.listen_in()?, first_tick);
+    let mut desk = Desk::open(&site.root).map_err(FlightFailure::setup)?;
+    recorder.connect().map_err(FlightFailure::setup)?;
+    // From here on nothing fails without a landing.
+    let crew = site.adopt_crew(shared, survivors)?;
+    observer.flight_begins_at(clock.start_ns);
+    observer.ready(&crew, site.cores.ring);
+    observer.note("another orchestrator has taken over");
+    let recorder = recorder.distrust(site.scenario.guests(), &site.schedule, clock);
+    let mut flight = Flight::new(&site, clock, crew, recorder, people, observer);
+    flight.motors = Motors::unknown();
+    flight.monitor.begin_now(flight.crew.step_log());
+    Ok(flight.conduct(sink, &mut desk, Vec::new()))
+}
+
+/// The people at the terminal of a flight: what they ask for, and what they are told.
+pub struct People<'a> {
+    /// Signals by which they ask for the end.
+    pub interrupt: &'a Interrupt,
+    /// What they are told meanwhile.
+    pub messages: Messages,
+}
+
+/// A flight under way.
+struct Flight<'a> {
+    schedule: &'a Schedule,
+    clock: FlightClock,
+    crew: Crew<'a>,
+    recorder: Recorder,
+    monitor: Monitor,
+    heartbeats: Heartbeats,
+    observer: &'a mut dyn StepObserver,
+    scenario: &'a Scenario,
+    laboratory: Laboratory<'a>,
+    people: &'a People<'a>,
+    /// Name of the run, by which other terminals find it.
+    run: String,
+    motors: Motors,
+    shutdown: Shutdown,
+    /// The signal that asked for the end.
+    signal: Option<i32>,
+    /// The first failure, with which the flight ends once the vehicle is on the ground.
+    failure: Option<FlightFailure>,
+    /// Events that are not in the log yet: tick, kind and text.
+    happened: Vec<(u64, u32, &'static str)>,
+    /// The last events, for people at other terminals.
+    events: VecDeque<LiveEvent>,
+}
+
+impl<'a> Flight<'a> {
+    fn new(
+        site: &'a Site,
+        clock: FlightClock,
+        crew: Crew<'a>,
+        recorder: Recorder,
+        people: &'a People<'a>,
+        observer: &'a mut dyn StepObserver,
+    ) -> Self {
+        let schedule = &site.schedule;
+        let settings = site.scenario.real_time.unwrap_or_default();
+        Self {
+            heartbeats: Heartbeats::new(schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
+            monitor: Monitor::new(schedule),
+            schedule,
+            clock,
+            crew,
+            recorder,
+            observer,
+            scenario: &site.scenario,
+            laboratory: Laboratory::of(&site.scenario),
+            people,
+            run: site.root.name(),
+            motors: Motors::AT_REST,
+            shutdown: Shutdown::None,
+            signal: None,
+            failure: None,
+            happened: Vec::new(),
+            events: VecDeque::new(),
+        }
+    }
+
+    /// Sees the flight to its end.
+    fn conduct<S: TickSink>(mut self, sink: &mut S, desk: &mut Desk, warnings: Vec<String>) -> Ending
+    where
+        FlightFailure: From<S::Error>,
+    {
+        let from = self.recorder.ticks();
+        self.supervise(sink, desk);
+        let begun = self.clock.begins_at(from);
+        let wall_time = Duration::from_nanos(monotonic_ns().saturating_sub(begun));
+        self.wind_up(sink);
+        self.finish(wall_time, warnings)
+    }
+
+    /// Records, watches and restarts until the flight is over, one way or the other.
+    fn supervise<S: TickSink>(&mut self, sink: &mut S, desk: &mut Desk)
+    where
+        FlightFailure: From<S::Error>,
+    {
+        let mut next_health = Instant::now() + Duration::from_secs(1);
+        while !self.is_over() {
+            let words = self.crew.page().words();
+            words
+                .orchestrator_alive_ns
+                .store(monotonic_ns(), Ordering::Relaxed);
+            if let Some(signal) = self.people.interrupt.take() {
+                self.signal = Some(signal);
+                let answer = self.request_end("a signal");
+                self.people.messages.say(answer);
+            }
+            let period = if self.crew.needs_care() {
+                BIRTH_PERIOD
+            } else {
+                RECORDER_PERIOD
+            };
+            for event in self.crew.watch(period) {
+                self.attend_to(event);
+            }
+            self.restart_services();
+            if let Err(failure) = self.record(sink) {
+                self.fail(failure);
+            }
+            self.observer.progressed(&self.crew, self.recorder.ticks());
+            if let Some(reason) = self.observer.failure() {
+                self.fail(FlightFailure::Record(reason));
+            }
+            self.replace_the_hung();
+            desk.serve(|question| self.answer(question));
+            if Instant::now() >= next_health {
+                self.crew.remove_unfinished();
+                self.observer.health(&self.crew);
+                self.observe_laboratory();
+                self.tell_of_laboratory();
+                self.monitor.end_window();
+                next_health += Duration::from_secs(1);
+            }
+        }
+    }
+
+    /// Whether all steps are done, or the flight may end before.
+    fn is_over(&self) -> bool {
+        let last = self.clock.begins_at(self.schedule.last_tick());
+        // A service that cannot be restarted never finishes.
+        let is_past = monotonic_ns().saturating_sub(last) > STOP_LIMIT.as_nanos() as u64;
+        let must_not_wait = self.failure.is_some() && is_past;
+        self.crew.has_finished() || must_not_wait || self.shutdown.permits_end(&self.motors)
+    }
+
+    /// Takes note of a failure, the first of which ends the flight on the ground.
+    fn fail(&mut self, failure: FlightFailure) {
+        if self.failure.is_some() {
+            return;
+        }
+        self.tell(&format!("the flight has failed: {failure}"));
+        self.failure = Some(failure);
+        let answer = self.request_end("a failure");
+        if self.shutdown == Shutdown::Land {
+            let failure = self.failure.as_ref().map(ToString::to_string);
+            let text = format!("{}\n{answer}", failure.unwrap_or_default());
+            self.people.messages.say(text);
+        }
+    }
+
+    /// Asks for the end of the flight, on the ground; what follows, in words.
+    fn request_end(&mut self, reason: &'static str) -> String {
+        let before = self.shutdown;
+        self.shutdown = Shutdown::requested(self.scenario.flight.is_some());
+        if self.shutdown == Shutdown::Land && before == Shutdown::None {
+            self.ask(Request::Land, RunEvent::KIND_OPERATOR_LANDS, reason);
+        }
+        if self.shutdown.permits_end(&self.motors) {
+            return "The run ends.".to_owned();
+        }
+        let again = if before == Shutdown::None {
+            "The vehicle lands. The run ends 2 s after its motors have stopped."
+        } else {
+            "The vehicle is still landing."
+        };
+        format!(
+            "{again} Ctrl-C and `gerono stop` change nothing more.\n\
+             To stop the motors in the air: gerono kill --run {}",
+            self.run
+        )
+    }
+
+    fn attend_to(&mut self, event: CrewEvent) {
+        match event {
+            CrewEvent::Lost(failure) => self.fail(failure),
+            CrewEvent::Died => {
+                self.observer.changed(&self.crew);
+                if let Some((Some(service), pid, exit)) = self.crew.exits().last() {
+                    let text = format!("`{service}` (process {pid}) died: {}", exit.description);
+                    self.remember(text);
+                }
+            }
+            CrewEvent::Ready(service, _) => self.remember(format!("`{service}` was restarted")),
+            CrewEvent::Finished(_) => {}
+        }
+    }
+
+    /// Restarts services that have died; after a failure also those that were given up.
+    fn restart_services(&mut self) {
+        if self.failure.is_some() {
+            self.crew.retry_given_up();
+        }
+        if !self.crew.needs_care() {
+            return self.crew.keep_spare();
+        }
+        let restarted = self.crew.mend().and_then(|()| self.crew.resume_in_real_time());
+        if let Err(failure) = restarted {
+            self.fail(failure);
+        }
+        self.observer.changed(&self.crew);
+    }
+
+    /// Keeps an event for people at other terminals.
+    fn remember(&mut self, text: String) {
+        if self.events.len() == EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(LiveEvent {
+            time: seconds(self.clock.elapsed_ns()),
+            text,
+        });
+    }
+
+    /// Tells of something that people have done.
+    fn tell(&mut self, text: &str) {
+        self.observer.note(text);
+        self.remember(text.to_owned());
+    }
+
+    /// Takes what has been published and told, and writes the ticks that have settled.
+    fn record<S: TickSink>(&mut self, sink: &mut S) -> Result<(), FlightFailure>
+    where
+        FlightFailure: From<S::Error>,
+    {
+        let received = self.recorder.receive();
+        let frame = self.recorder.newest::<RcFrame>();
+        self.motors.observe(frame.as_ref(), self.clock.elapsed_ns());
+        self.crew
+            .note_guests_steps(|guest| self.recorder.newest_of(guest));
+        self.observe_steps();
+        let settled_ns = self.clock.elapsed_ns().saturating_sub(SETTLING_NS);
+        let settled = (settled_ns / self.clock.tick_ns).min(self.schedule.last_tick() + 1);
+        self.write_before(settled, sink)?;
+        received
+    }
+
+    /// Writes the ticks before `tick`, and what has happened at them.
+    fn write_before<S: TickSink>(&mut self, tick: u64, sink: &mut S) -> Result<(), FlightFailure>
+    where
+        FlightFailure: From<S::Error>,
+    {
+        for (tick, kind, text) in self.happened.drain(..) {
+            sink.event(tick, kind, text);
+        }
+        Ok(self.recorder.write_before(tick, sink)?)
+    }
+
+    fn observe_steps(&mut self) {
+        let Self {
+            monitor,
+            observer,
+            crew,
+            ..
+        } = self;
+        monitor.collect(crew.step_log(), |service, record, inputs| {
+            observer.step(service, record, inputs);
+        });
+    }
+
+    fn observe_laboratory(&mut self) {
+        let words = self.crew.page().words();
+        if let Some(figures) = self.laboratory.capture(words) {
+            self.observer.capture(&figures);
+        }
+        if let Some(figures) = self.laboratory.link(words) {
+            self.observer.link(&figures);
+        }
+    }
+
+    fn tell_of_laboratory(&mut self) {
+        let words = self.crew.page().words();
+        for text in self.laboratory.news(words, self.clock.elapsed_ns()) {
+            self.tell(&text);
+        }
+    }
+
+    fn replace_the_hung(&mut self) {
+        let now = self.clock.tick().min(self.schedule.last_tick());
+        let crew = &self.crew;
+        let hanging = self.heartbeats.hanging(
+            now,
+            crew.page().words(),
+            |service| crew.flies(service),
+            |service| crew.activity(service),
+        );
+        for service in hanging {
+            self.observer.hung(service);
+            self.crew.kill(service);
+            self.remember(format!("`{service}` hangs and is replaced"));
+        }
+    }
+
+    /// Ends the services and records what they had published.
+    fn wind_up<S: TickSink>(&mut self, sink: &mut S)
+    where
+        FlightFailure: From<S::Error>,
+    {
+        self.crew.stop();
+        for service in ServiceId::ALL {
+            self.crew.step_log().finish_for_the_dead(service);
+        }
+        self.observe_steps();
+        let flown = ServiceId::ALL.map(|service| {
+            let cell = &self.crew.page().words().cells[service.index()];
+            cell.steps_until.load(Ordering::Relaxed)
+        });
+        // What services and programs tell is not taken for more than there can be.
+        let until = flown.into_iter().max().unwrap_or_default();
+        let until = until.min(self.schedule.last_tick() + 1);
+        let received = self.recorder.receive();
+        if let Err(failure) = self.write_before(until, sink).and(received) {
+            self.failure.get_or_insert(failure);
+        }
+    }
+
+    fn outcome(&mut self) -> Outcome {
+        match (self.failure.take(), self.signal) {
+            (Some(failure), _) => Outcome::Failed(failure),
+            (None, Some(signal)) if !self.crew.has_finished() => Outcome::Interrupted { signal },
+            (None, _) => Outcome::Completed,
+        }
+    }
+
+    fn finish(mut self, wall_time: Duration, mut warnings: Vec<String>) -> Ending {
+        let outcome = self.outcome();
+        self.observe_laboratory();
+        for refusal in self.recorder.refusals() {
+            self.observer.note(&refusal);
+            warnings.push(refusal);
+        }
+        let unrecorded = unrecorded(self.schedule, &self.monitor, &self.recorder);
+        let mut report = TimingReport {
+            unrecorded,
+            ..self.monitor.finish()
+        };
+        // Nobody has timed the steps of guests.
+        let is_guest = |name: &str| self.crew.guests().any(|guest| guest.name() == name);
+        report.services.retain(|timing| !is_guest(timing.service));
+        self.observer.timing(&report);
+        self.observer.ended(&self.crew, &outcome);
+        Ending {
+            outcome,
+            ticks: self.recorder.ticks(),
+            wall_time,
+            warnings,
+            rebirths: self.crew.rebirths().to_vec(),
+            timing: Some(report),
+            laboratory: self.laboratory.report(self.crew.page().words()),
+        }
+    }
+}
+
+/// Topics that a service publishes at every step and of which fewer samples were received than it did steps.
+fn unrecorded(schedule: &Schedule, monitor: &Monitor, recorder: &Recorder) -> Vec<Unrecorded> {
+    let of_topic = |topic: Topic| {
+        let publisher = topic.publisher()?;
+        let every_step = schedule.publications(topic).rate == schedule.service_rate(publisher);
+        let steps = monitor.steps(publisher);
+        let samples = steps.saturating_sub(recorder.received(topic));
+        (every_step && samples > 0).then_some(Unrecorded {
+            topic: topic.name(),
+            samples,
+        })
+    };
+    Topic::ALL.into_iter().filter_map(of_topic).collect()
+}

@@ -1,0 +1,187 @@
+//! What people at other terminals ask of a flight, and what they are told.
+
+use runtime::shared_page::Request;
+use shared_types::ServiceId;
+use shared_types::flight_phase::FlightPhase;
+use shared_types::samples::{ControlAdaptation, PathReference, RunEvent, VehicleState, VehicleTruth};
+use shared_types::service::{Operator, seconds};
+
+use super::Flight;
+use live::snapshot::ServiceSnapshot;
+use live::{Answer, Question, Snapshot};
+use metrics::tracker::{Source, Vehicle, newest_distance};
+
+/// Age of the vehicle's state with which nobody arms, s.
+const STALE: f64 = 0.1;
+
+impl Flight<'_> {
+    pub(super) fn answer(&mut self, question: Question) -> Answer {
+        match question {
+            Question::Look => Answer::Snapshot(Box::new(self.snapshot())),
+            Question::Operate(request) => self.operate(request),
+            Question::Stop => {
+                self.tell("`gerono stop` asked for the end of the flight");
+                Answer::Done(self.request_end("gerono stop"))
+            }
+            Question::KillService(name) => self.break_service(&name, Break::Kill),
+            Question::FreezeService(name) => self.break_service(&name, Break::Freeze),
+        }
+    }
+
+    fn operate(&mut self, request: Request) -> Answer {
+        if request == Request::Arm
+            && let Some(reason) = self.refusal_to_arm()
+        {
+            return Answer::Refused(format!("not armed: {reason}"));
+        }
+        let (kind, event, text) = match request {
+            Request::Arm => (RunEvent::KIND_OPERATOR_ARMS, "gerono arm", "armed"),
+            Request::Disarm => (RunEvent::KIND_OPERATOR_DISARMS, "gerono disarm", "disarmed"),
+            Request::Land => (
+                RunEvent::KIND_OPERATOR_LANDS,
+                "gerono land",
+                "the vehicle is to land",
+            ),
+            Request::Kill => (
+                RunEvent::KIND_OPERATOR_KILLS,
+                "gerono kill",
+                "killed: the motors rest until the end of the run",
+            ),
+        };
+        self.ask(request, kind, event);
+        self.tell(text);
+        Answer::Done(text.to_owned())
+    }
+
+    /// Asks all services for something, and keeps it as an event of the log.
+    pub(super) fn ask(&mut self, request: Request, kind: u32, event: &'static str) {
+        // What comes of the request has no earlier tick.
+        let tick = self.clock.tick().min(self.schedule.last_tick());
+        self.crew.page().words().ask(request);
+        self.happened.push((tick, kind, event));
+    }
+
+    /// Why the vehicle may not be armed now, if it may not.
+    fn refusal_to_arm(&self) -> Option<String> {
+        let Some(settings) = &self.scenario.flight else {
+            return Some(
+                "the scenario has no phases (`[flight]`), the vehicle flies from the start".to_owned(),
+            );
+        };
+        if let Some(missing) = ServiceId::ALL
+            .into_iter()
+            .find(|&service| !self.crew.flies(service))
+        {
+            return Some(format!("`{missing}` does not fly"));
+        }
+        let elapsed_ns = self.clock.elapsed_ns();
+        let words = self.crew.page().words();
+        if let Some(reason) = self.laboratory.refusal_to_arm(words, elapsed_ns) {
+            return Some(reason);
+        }
+        let Some(state) = self.recorder.newest::<VehicleState>() else {
+            return Some("nothing is known of the vehicle yet".to_owned());
+        };
+        let age = seconds(elapsed_ns.saturating_sub(state.header.stamp_ns));
+        if age > STALE {
+            return Some(format!("the vehicle's state is {age:.1} s old"));
+        }
+        if !state.tracked.is_set() || state.coasting.is_set() {
+            return Some("the cameras do not see the vehicle".to_owned());
+        }
+        let (sigma, largest) = (state.position_sigma, settings.position_sigma_max);
+        (sigma > largest).then(|| {
+            format!("the estimator has not converged: the position is known to {sigma:.3} m, {largest} m are needed")
+        })
+    }
+
+    fn break_service(&mut self, name: &str, how: Break) -> Answer {
+        let Some(service) = ServiceId::from_name(name).filter(|&service| self.crew.flies(service)) else {
+            return Answer::Refused(format!("no service `{name}` flies"));
+        };
+        let text = match how {
+            Break::Kill => {
+                self.crew.kill(service);
+                format!("`{service}` was killed by hand")
+            }
+            Break::Freeze => {
+                self.crew.freeze(service);
+                format!("`{service}` was stopped by hand")
+            }
+        };
+        self.tell(&text);
+        Answer::Done(text)
+    }
+
+    /// The phase of the flight, if it has phases.
+    pub(super) fn phase(&self) -> Option<FlightPhase> {
+        self.scenario.flight.as_ref()?;
+        let reference = self.recorder.newest::<PathReference>();
+        Some(reference.map_or(FlightPhase::Disarmed, |reference| {
+            FlightPhase::from_code(reference.phase)
+        }))
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        let planned = self.schedule.operator().at(self.clock.tick());
+        let words = self.crew.page().words();
+        let Operator { armed, land, killed } = words.operator(planned);
+        let elapsed_ns = self.clock.elapsed_ns();
+        let (radio_link, cameras) = self.laboratory.snapshot(words, elapsed_ns);
+        let adaptation = self.recorder.newest::<ControlAdaptation>();
+        Snapshot {
+            scenario: self.scenario.description.clone(),
+            time: seconds(elapsed_ns),
+            duration: seconds(self.schedule.time_ns(self.schedule.last_tick())),
+            phase: self.phase().map(|phase| phase.name().to_owned()),
+            armed,
+            landing: land,
+            killed,
+            services: self.services(),
+            capture_to_frame: self.monitor.capture_to_frame(),
+            cameras,
+            radio_link,
+            position_error: self.position_error(),
+            mass_estimate: adaptation.map(|adaptation| adaptation.mass_estimate),
+            disturbance_estimate: adaptation.map(|adaptation| {
+                let [x, y, z] = adaptation.disturbance_projected_world;
+                (x * x + y * y + z * z).sqrt()
+            }),
+            recorded: self.recorder.received_in_all(),
+            events: self.events.iter().cloned().collect(),
+        }
+    }
+
+    /// Distance of the vehicle from the path, m: the true one, or in a laboratory the estimated one.
+    fn position_error(&self) -> Option<f64> {
+        let vehicle = match Source::of(self.schedule) {
+            Source::Truth => Vehicle::from(&self.recorder.newest::<VehicleTruth>()?),
+            Source::Estimate => {
+                let state = self.recorder.newest::<VehicleState>()?;
+                Vehicle::from(&Some(state).filter(|state| state.tracked.is_set())?)
+            }
+        };
+        let reference = self.recorder.newest::<PathReference>()?;
+        newest_distance(&vehicle, &reference, self.scenario.flight.is_some())
+    }
+
+    fn services(&self) -> Vec<ServiceSnapshot> {
+        let rebirths = self.crew.rebirths();
+        let services = self.monitor.services().into_iter().zip(self.crew.processes());
+        services
+            .map(|(snapshot, (service, pid))| ServiceSnapshot {
+                pid,
+                flies: self.crew.flies(service),
+                rebirths: rebirths.iter().filter(|one| one.service == service).count() as u64,
+                ..snapshot
+            })
+            .collect()
+    }
+}
+
+/// How somebody breaks a service by hand.
+#[derive(Clone, Copy)]
+enum Break {
+    Kill,
+    Freeze,
+}

@@ -1,0 +1,266 @@
+//! What the laboratory around a flight tells: why nobody may arm yet, and how cameras and radio link fare.
+
+use runtime::shared_page::Words;
+use shared_types::ServiceId;
+use shared_types::scenario::{CaptureSystem, MotionCapture, RadioProtocol, Scenario};
+use shared_types::service::seconds;
+
+use live::snapshot::{CamerasSnapshot, LinkSnapshot};
+use metrics::summary::laboratory::LaboratoryReport;
+use run_log::{CaptureFigures, LinkFigures};
+
+/// Age of the last pose with which nobody arms, s.
+const STALE: f64 = 0.5;
+
+/// What is told of the link and of the cameras once they are well.
+const WELL: [&str; 2] = ["the radio link is open", "the cameras see the vehicle"];
+
+/// What a scenario says is in the laboratory.
+pub struct Laboratory<'a> {
+    cameras: Option<(CaptureSystem, &'a MotionCapture)>,
+    link: Option<RadioProtocol>,
+    /// Whether link and cameras were well when it was told of them last.
+    were_well: [Option<bool>; 2],
+}
+
+impl<'a> Laboratory<'a> {
+    /// That of a scenario; nothing is in it where the world is simulated.
+    #[must_use]
+    pub fn of(scenario: &'a Scenario) -> Self {
+        Self {
+            cameras: scenario.capture_system().zip(scenario.motion_capture.as_ref()),
+            link: scenario.radio_link(),
+            were_well: [None; 2],
+        }
+    }
+
+    /// How the cameras fare, if there are any.
+    #[must_use]
+    pub fn capture(&self, words: &Words) -> Option<CaptureFigures> {
+        let notice = &words.notices[ServiceId::Plant.index()];
+        self.cameras.map(|_| notice.look())
+    }
+
+    /// How the radio link fares, if there is one.
+    #[must_use]
+    pub fn link(&self, words: &Words) -> Option<LinkFigures> {
+        let notice = &words.notices[ServiceId::RcOutput.index()];
+        self.link.map(|_| notice.look())
+    }
+
+    /// How link and cameras are so long after the start of the flight, for people who look.
+    #[must_use]
+    pub fn snapshot(
+        &self,
+        words: &Words,
+        elapsed_ns: u64,
+    ) -> (Option<LinkSnapshot>, Option<CamerasSnapshot>) {
+        let [link_trouble, cameras_trouble] = self.troubles(words, elapsed_ns);
+        let link = self.link(words).map(|figures| LinkSnapshot {
+            trouble: link_trouble,
+            sent: figures.sent,
+            lost: figures.dropped + figures.left_out,
+        });
+        let cameras = self.capture(words).map(|figures| CamerasSnapshot {
+            trouble: cameras_trouble,
+            rate: figures.rate,
+            latency: figures.latency,
+            jitter: figures.jitter,
+            frames: figures.frames,
+            believed: figures.believed,
+        });
+        (link, cameras)
+    }
+
+    /// For the summary; none where there is no laboratory.
+    #[must_use]
+    pub fn report(&self, words: &Words) -> Option<LaboratoryReport> {
+        LaboratoryReport::of(self.capture(words).as_ref(), self.link(words).as_ref())
+    }
+
+    /// Why the vehicle may not be armed so long after the start of the flight, if it may not.
+    #[must_use]
+    pub fn refusal_to_arm(&self, words: &Words, elapsed_ns: u64) -> Option<String> {
+        self.troubles(words, elapsed_ns).into_iter().flatten().next()
+    }
+
+    /// What has become well or is not any more since it was asked last, in words.
+    pub fn news(&mut self, words: &Words, elapsed_ns: u64) -> Vec<String> {
+        let is_there = [self.link.is_some(), self.cameras.is_some()];
+        let troubles = self.troubles(words, elapsed_ns).into_iter();
+        let mut news = Vec::new();
+        for (place, trouble) in troubles.enumerate().filter(|(place, _)| is_there[*place]) {
+            let is_well = Some(trouble.is_none());
+            if std::mem::replace(&mut self.were_well[place], is_well) != is_well {
+                news.push(trouble.unwrap_or_else(|| WELL[place].to_owned()));
+            }
+        }
+        news
+    }
+
+    /// What is the matter with the link and with the cameras.
+    fn troubles(&self, words: &Words, elapsed_ns: u64) -> [Option<String>; 2] {
+        let link = self.link.zip(self.link(words));
+        let cameras = self.cameras.zip(self.capture(words));
+        [
+            link.and_then(|(link, figures)| unsendable(link, &figures)),
+            cameras.and_then(|((system, stated), figures)| unseen(system, stated, &figures, elapsed_ns)),
+        ]
+    }
+}
+
+/// Why no frame can leave, if none can.
+fn unsendable(link: RadioProtocol, figures: &LinkFigures) -> Option<String> {
+    let name = link.name();
+    match figures.state {
+        LinkFigures::STATE_OPEN => None,
+        LinkFigures::STATE_LOST => Some(format!(
+            "the radio link `{name}` is lost: its device or peer is gone, and is sought again"
+        )),
+        _ => Some(format!("the radio link `{name}` has not been opened yet")),
+    }
+}
+
+/// Why the cameras are not to be trusted, if they are not.
+fn unseen(
+    system: CaptureSystem,
+    stated: &MotionCapture,
+    figures: &CaptureFigures,
+    elapsed_ns: u64,
+) -> Option<String> {
+    let (name, server, object) = (system.name(), &stated.server, &stated.object);
+    let age = seconds(elapsed_ns.saturating_sub(figures.believed_at_ns));
+    let [least, most] = stated.rate;
+    match figures.health {
+        CaptureFigures::HEALTH_UNKNOWN | CaptureFigures::HEALTH_SILENT => Some(format!(
+            "nothing has come from the `{name}` server {server} yet; `gerono mocap probe` shows what comes"
+        )),
+        CaptureFigures::HEALTH_ABSENT => Some(format!(
+            "`{name}` frames come from {server}, but none has seen a body `{object}` yet"
+        )),
+        CaptureFigures::HEALTH_SETTLING => {
+            Some(format!("poses of `{object}` come, but are not believed yet"))
+        }
+        _ if age > STALE => Some(format!(
+            "the last pose of `{object}` that can be believed is {age:.1} s old"
+        )),
+        CaptureFigures::HEALTH_DOUBTFUL => Some(format!(
+            "the last frame has no pose of `{object}` that can be believed"
+        )),
+        _ if figures.rate == 0.0 => Some("the rate of frames has not been measured yet".to_owned()),
+        _ if !(least..=most).contains(&figures.rate) => Some(format!(
+            "{:.1} frames come a second, and `motion_capture.rate` states {least} to {most}",
+            figures.rate
+        )),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Ipv4Addr;
+    use zerocopy::FromZeros;
+
+    const NOW_NS: u64 = 10_000_000_000;
+
+    fn good() -> CaptureFigures {
+        CaptureFigures {
+            health: CaptureFigures::HEALTH_GOOD,
+            believed_at_ns: NOW_NS - 10_000_000,
+            rate: 100.0,
+            ..CaptureFigures::new_zeroed()
+        }
+    }
+
+    fn stated() -> MotionCapture {
+        MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
+    }
+
+    fn laboratory(stated: &MotionCapture) -> Laboratory<'_> {
+        Laboratory {
+            cameras: Some((CaptureSystem::Vrpn, stated)),
+            link: Some(RadioProtocol::Crsf),
+            were_well: [None; 2],
+        }
+    }
+
+    /// Words with these cameras and a link in this state.
+    fn told(figures: &CaptureFigures, state: u32) -> Words {
+        let words = Words::default();
+        words.notices[ServiceId::Plant.index()].tell(figures);
+        let link = LinkFigures {
+            state,
+            ..LinkFigures::new_zeroed()
+        };
+        words.notices[ServiceId::RcOutput.index()].tell(&link);
+        words
+    }
+
+    /// Why nobody may arm with them.
+    fn refusal(figures: &CaptureFigures, state: u32) -> Option<String> {
+        laboratory(&stated()).refusal_to_arm(&told(figures, state), NOW_NS)
+    }
+
+    #[test]
+    fn what_changes_is_told_once() {
+        let stated = stated();
+        let mut laboratory = laboratory(&stated);
+        let mut news = |state| laboratory.news(&told(&good(), state), NOW_NS);
+        assert_eq!(news(LinkFigures::STATE_OPEN), WELL);
+        assert_eq!(news(LinkFigures::STATE_OPEN), [""; 0]);
+        let lost = news(LinkFigures::STATE_LOST);
+        assert!(lost.len() == 1 && lost[0].contains("`crsf` is lost"), "{lost:?}");
+        assert_eq!(news(LinkFigures::STATE_OPEN), WELL[..1]);
+    }
+
+    #[test]
+    fn who_looks_sees_how_both_are() {
+        let stated = stated();
+        let words = told(&good(), LinkFigures::STATE_LOST);
+        let (link, cameras) = laboratory(&stated).snapshot(&words, NOW_NS);
+        assert!(link.unwrap().trouble.unwrap().contains("`crsf` is lost"));
+        let cameras = cameras.unwrap();
+        assert_eq!((cameras.trouble, cameras.rate), (None, 100.0));
+        let nothing = Laboratory {
+            cameras: None,
+            link: None,
+            were_well: [None; 2],
+        };
+        assert_eq!(nothing.snapshot(&words, NOW_NS), (None, None));
+    }
+
+    #[test]
+    fn with_cameras_that_are_believed_and_a_link_that_is_open_everybody_may_arm() {
+        assert_eq!(refusal(&good(), LinkFigures::STATE_OPEN), None);
+    }
+
+    #[test]
+    fn each_reason_not_to_arm_is_named() {
+        let with = |spoil: &dyn Fn(&mut CaptureFigures)| {
+            let mut figures = good();
+            spoil(&mut figures);
+            refusal(&figures, LinkFigures::STATE_OPEN).unwrap()
+        };
+        for (health, piece) in [
+            (CaptureFigures::HEALTH_UNKNOWN, "nothing has come"),
+            (CaptureFigures::HEALTH_SILENT, "nothing has come"),
+            (CaptureFigures::HEALTH_ABSENT, "none has seen a body `quad`"),
+            (CaptureFigures::HEALTH_SETTLING, "not believed yet"),
+            (CaptureFigures::HEALTH_DOUBTFUL, "the last frame has no pose"),
+        ] {
+            let reason = with(&|figures| figures.health = health);
+            assert!(reason.contains(piece), "{reason}");
+        }
+        let old = with(&|figures| figures.believed_at_ns = NOW_NS - 2_000_000_000);
+        assert!(old.contains("is 2.0 s old"), "{old}");
+        let slow = with(&|figures| figures.rate = 20.0);
+        assert!(slow.contains("20.0 frames come a second"), "{slow}");
+        for (state, piece) in [
+            (LinkFigures::STATE_LOST, "is lost"),
+            (LinkFigures::STATE_UNKNOWN, "not been opened"),
+        ] {
+            assert!(refusal(&good(), state).unwrap().contains(piece));
+        }
+    }
+}

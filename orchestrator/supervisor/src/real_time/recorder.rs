@@ -1,0 +1,184 @@
+//! Records a flight in real time: takes what comes, puts it into the order of the log, and holds nobody up.
+//!
+//! Samples of one tick come within about a millisecond of each other, but nothing promises it. They are put in order
+//! among those of the last [`SETTLING_NS`]; one that comes even later is still recorded, after younger ones. What was
+//! overwritten before it could be taken shows as a gap between what was published and what was recorded.
+
+use std::collections::BTreeMap;
+
+use runtime::flight_clock::FlightClock;
+use runtime::in_process::TickSink;
+use runtime::owned_sample::OwnedSample;
+use runtime::ports::{PortError, RECORDER_BUFFER};
+use runtime::watchdog::{self, Work};
+use shared_types::scenario::Guests;
+use shared_types::service::header_of;
+use shared_types::{Sample, Schedule, ServiceId, Topic};
+
+use crate::FlightFailure;
+use crate::subscription::Subscription;
+
+/// How long samples of a tick are waited for before the tick is written, ns.
+pub const SETTLING_NS: u64 = 50_000_000;
+
+/// Subscribes to every topic of a flight in real time.
+pub struct Recorder {
+    feeds: Vec<Feed>,
+    /// Samples that wait for their tick to be written, by tick and topic.
+    waiting: BTreeMap<(u64, Topic), OwnedSample>,
+    /// Of each topic, memory of samples that have been written.
+    spare: [Vec<OwnedSample>; Topic::ALL.len()],
+    /// Ticks before this one have been written.
+    written_until: u64,
+}
+
+struct Feed {
+    subscription: Subscription,
+    received: u64,
+    /// Tick of the newest sample.
+    newest: Option<u64>,
+}
+
+impl Recorder {
+    /// A recorder that has received nothing yet and whose first tick is `first_tick`.
+    #[must_use]
+    pub fn new(subscriptions: Vec<Subscription>, first_tick: u64) -> Self {
+        let feed = |subscription| Feed {
+            subscription,
+            received: 0,
+            newest: None,
+        };
+        Self {
+            feeds: subscriptions.into_iter().map(feed).collect(),
+            waiting: BTreeMap::new(),
+            spare: Default::default(),
+            written_until: first_tick,
+        }
+    }
+
+    /// Copies what external programs publish before it is looked at, and refuses what cannot be there by the clock.
+    #[must_use]
+    pub fn distrust(mut self, guests: Guests, schedule: &Schedule, clock: FlightClock) -> Self {
+        let distrust = |mut feed: Feed| {
+            if feed.subscription.is_of(guests) {
+                feed.subscription = feed.subscription.distrust_by_the_clock(schedule, clock);
+            }
+            feed
+        };
+        self.feeds = self.feeds.into_iter().map(distrust).collect();
+        self
+    }
+
+    /// What was refused of external programs, in words.
+    pub fn refusals(&self) -> impl Iterator<Item = String> {
+        self.feeds.iter().filter_map(|feed| {
+            let (refusals, topic) = (&feed.subscription.refusals, feed.subscription.topic);
+            let last = refusals.last()?;
+            Some(format!(
+                "{} samples of `{topic}` were refused: the program in place of `{}` published them with a tick beyond the \
+                 clock or another header than that of their tick, at last tick {}, number {}, {} ns \
+                 (docs/process_contract.md)",
+                refusals.count(),
+                topic.publisher().map_or("nobody", ServiceId::name),
+                last.tick,
+                last.seq,
+                last.stamp_ns
+            ))
+        })
+    }
+
+    /// Connects to all publishers that exist by now.
+    ///
+    /// # Errors
+    /// [`PortError`].
+    pub fn connect(&mut self) -> Result<(), PortError> {
+        self.feeds
+            .iter_mut()
+            .try_for_each(|feed| watchdog::during(Work::Ports, || feed.subscription.receiver.connect()))
+    }
+
+    /// The newest sample of a topic that has been received.
+    #[must_use]
+    pub fn newest<T: Sample>(&self) -> Option<T> {
+        let feed = self
+            .feeds
+            .iter()
+            .find(|feed| feed.subscription.topic == T::TOPIC)?;
+        T::read_from_bytes(feed.subscription.receiver.held()?).ok()
+    }
+
+    /// Samples of all topics that have been received.
+    #[must_use]
+    pub fn received_in_all(&self) -> u64 {
+        self.feeds.iter().map(|feed| feed.received).sum()
+    }
+
+    /// Samples of a topic that have been received.
+    #[must_use]
+    pub fn received(&self, topic: Topic) -> u64 {
+        let feed = self.feeds.iter().find(|feed| feed.subscription.topic == topic);
+        feed.map_or(0, |feed| feed.received)
+    }
+
+    /// Tick of the newest sample that a service has published, and how many of that topic have been received.
+    #[must_use]
+    pub fn newest_of(&self, service: ServiceId) -> Option<(u64, u64)> {
+        let of_service = |feed: &&Feed| feed.subscription.topic.publisher() == Some(service);
+        let feeds = self.feeds.iter().filter(of_service);
+        feeds.filter_map(|feed| Some((feed.newest?, feed.received))).max()
+    }
+
+    /// Ticks written so far.
+    #[must_use]
+    pub fn ticks(&self) -> u64 {
+        self.written_until
+    }
+
+    /// Takes all that has come.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`] if a port failed.
+    pub fn receive(&mut self) -> Result<(), FlightFailure> {
+        for feed in &mut self.feeds {
+            // A publisher without a pause does not keep this process from everything else.
+            for _ in 0..RECORDER_BUFFER {
+                let received = watchdog::during(Work::Receive, || feed.subscription.receiver.receive());
+                if !received.map_err(FlightFailure::setup)? {
+                    break;
+                }
+                let bytes = feed.subscription.receiver.held().expect("just received");
+                // One that was born again may repeat its last words, as the world does: the first count, for its
+                // consumers too.
+                let tick = header_of(bytes).tick;
+                if feed.newest.replace(tick.max(feed.newest.unwrap_or(0))) >= Some(tick) {
+                    continue;
+                }
+                feed.received += 1;
+                let topic = feed.subscription.topic;
+                let spare = self.spare[topic.index()].pop();
+                let mut sample = spare.unwrap_or_else(|| OwnedSample::of(topic));
+                sample.bytes_mut().copy_from_slice(bytes);
+                self.waiting.insert((tick, topic), sample);
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes all ticks before `tick`, and with them what came too late for its own.
+    ///
+    /// # Errors
+    /// That of the sink.
+    pub fn write_before<S: TickSink>(&mut self, tick: u64, sink: &mut S) -> Result<(), S::Error> {
+        for ending in self.written_until..tick {
+            while let Some(entry) = self.waiting.first_entry().filter(|entry| entry.key().0 <= ending) {
+                let ((_, topic), sample) = entry.remove_entry();
+                sink.sample(topic, sample.bytes())?;
+                self.spare[topic.index()].push(sample);
+            }
+            // The clock ends a flight in real time, not the sink.
+            let _ = sink.end_tick(ending)?;
+            self.written_until = ending + 1;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,99 @@
+//! Taking over a flight whose orchestrator is gone: everything of it is learned from its services.
+
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use runtime::flight_clock::FlightClock;
+use runtime::lone_flight::SILENCE_NS;
+use runtime::succession::{Heir, Inheritance};
+use shared_types::scenario::Scenario;
+use shared_types::{Schedule, ServiceId};
+
+use crate::FlightFailure;
+use crate::crew::{Shared, Survivor};
+use crate::site::Site;
+
+/// How long services are waited for: who is alone looks for somebody once in [`SILENCE_NS`].
+const PATIENCE: Duration = Duration::from_nanos(3 * SILENCE_NS);
+
+/// A flight that is ready to be taken over.
+pub struct Succession {
+    pub(super) site: Site,
+    pub(super) shared: Shared,
+    pub(super) survivors: [Option<Survivor>; ServiceId::ALL.len()],
+    pub(super) clock: FlightClock,
+    /// The first tick that will be recorded.
+    pub(super) first_tick: u64,
+}
+
+impl Succession {
+    /// Waits at the place of a run for its services; as long, nobody else must.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`] if none comes, or if one is of another build.
+    pub fn prepare(place: &Path) -> Result<Self, FlightFailure> {
+        let heir = Heir::listen(place).map_err(FlightFailure::setup)?;
+        let mut survivors = [const { None }; ServiceId::ALL.len()];
+        let mut first: Option<Inheritance> = None;
+        let deadline = Instant::now() + PATIENCE;
+        while survivors.iter().any(Option::is_none) {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let Some(inheritance) = heir.accept(left).map_err(FlightFailure::setup)? else {
+                break;
+            };
+            let Inheritance {
+                hello,
+                pid,
+                channel,
+                files,
+            } = inheritance;
+            let line = channel.try_clone().map_err(FlightFailure::setup)?;
+            survivors[hello.service.index()] = Some((pid, channel));
+            first.get_or_insert(Inheritance {
+                hello,
+                pid,
+                channel: line,
+                files,
+            });
+        }
+        let first = first.ok_or_else(|| {
+            let limit = PATIENCE.as_secs_f64();
+            FlightFailure::setup(format!(
+                "none of the run's services has come within {limit} s: they have ended, or their orchestrator lives"
+            ))
+        })?;
+        let [page, checkpoints, step_log, lock] = first.files;
+        let site = Site::take_over(&first.hello.start, lock)?;
+        let shared = Shared::inherit(page, checkpoints, step_log).map_err(FlightFailure::setup)?;
+        let clock = FlightClock {
+            start_ns: shared.page().words().start_ns.load(Ordering::Acquire),
+            tick_ns: site.schedule.tick_ns(),
+        };
+        Ok(Self {
+            first_tick: clock.tick().min(site.schedule.last_tick()),
+            site,
+            shared,
+            survivors,
+            clock,
+        })
+    }
+
+    /// What is flown.
+    #[must_use]
+    pub fn scenario(&self) -> &Scenario {
+        &self.site.scenario
+    }
+
+    /// When everybody steps.
+    #[must_use]
+    pub fn schedule(&self) -> &Schedule {
+        &self.site.schedule
+    }
+
+    /// The first tick that will be recorded.
+    #[must_use]
+    pub fn first_tick(&self) -> u64 {
+        self.first_tick
+    }
+}

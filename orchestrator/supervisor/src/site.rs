@@ -1,0 +1,182 @@
+//! What the hosts of several processes set up before the first of them starts.
+
+use std::os::fd::OwnedFd;
+
+use runtime::control::{Host, Start};
+use runtime::deployment::Scheduler;
+use runtime::ports::{Delivery, Member, RECORDER_BUFFER};
+use shared_types::scenario::Scenario;
+use shared_types::{Schedule, ServiceId, Topic};
+
+use super::FlightFailure;
+use super::crew::{Crew, Shared, Survivor};
+use super::deployment::{Cores, Deployment};
+use super::reserve::{self, Reserve};
+use super::subscription::Subscription;
+use live::run_root::RunRoot;
+
+/// Where a run takes place: its schedule, its place in shared memory, its cores.
+pub(super) struct Site {
+    /// When everybody steps.
+    pub(super) schedule: Schedule,
+    /// The scenario, with the command line's word about the machine.
+    pub(super) scenario: Scenario,
+    /// Which cores the services use.
+    pub(super) cores: Cores,
+    scheduler: Scheduler,
+    member: Member,
+    /// Goes last: all that is in shared memory goes with it.
+    pub(super) root: RunRoot,
+}
+
+impl Site {
+    /// Makes the place of a run and joins it; from then on this process keeps off the services' cores.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub(super) fn prepare(scenario: &Scenario, deployment: &Deployment) -> Result<Self, FlightFailure> {
+        let schedule = super::schedule_of(scenario)?;
+        let root = RunRoot::create().map_err(FlightFailure::setup)?;
+        // What dead runs had has just been removed.
+        reserve::check().map_err(FlightFailure::setup)?;
+        let scenario = deployment.stated_over(scenario);
+        let cores = Cores::choose(deployment.placement, &scenario);
+        cores.keep_off();
+        let member = Member::join(&root.configuration(), "orchestrator").map_err(FlightFailure::setup)?;
+        Ok(Self {
+            schedule,
+            scenario,
+            cores,
+            scheduler: deployment.scheduler,
+            member,
+            root,
+        })
+    }
+
+    /// Comes to the place of a run that is under way: `start` is what its services were told, and `lock` that of the
+    /// place, which one of them has handed over.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub(super) fn take_over(start: &Start, lock: OwnedFd) -> Result<Self, FlightFailure> {
+        let schedule = super::schedule_of(&start.scenario)?;
+        let root = RunRoot::adopt(start.place(), lock);
+        let cores = Cores::around(start.core, &start.scenario);
+        cores.keep_off();
+        let member = Member::join(&root.configuration(), "orchestrator").map_err(FlightFailure::setup)?;
+        member.clean_up_after_the_dead();
+        Ok(Self {
+            schedule,
+            scenario: start.scenario.clone(),
+            cores,
+            scheduler: start.scheduler,
+            member,
+            root,
+        })
+    }
+
+    /// Makes every topic of the run and subscribes to it.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub(super) fn subscribe(&self, delivery: Delivery) -> Result<Vec<Subscription>, FlightFailure> {
+        let make = |topic| self.member.create_topic(topic, &self.schedule, delivery);
+        let guests = self.scenario.guests();
+        let is_external = |topic: Topic| topic.publisher().is_some_and(|service| guests[service.index()]);
+        // External programs wait for nobody, but for their inputs: if services wait for the recorder before its buffers of
+        // the programs' topics are full, those never are.
+        let is_waited_for = delivery == Delivery::Lossless && guests.contains(&true);
+        let places = |topic| match is_waited_for && !is_external(topic) {
+            true => RECORDER_BUFFER / 2,
+            false => RECORDER_BUFFER,
+        };
+        Subscription::to_all(make, places).map_err(FlightFailure::setup)
+    }
+
+    /// Subscribes to every topic of a flight in real time that is under way; makes those whose publisher was the last to
+    /// have them open, and has died.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub(super) fn listen_in(&self) -> Result<Vec<Subscription>, FlightFailure> {
+        let enter = |topic| {
+            let open = self.member.open_topic(topic, &self.schedule);
+            open.or_else(|_| {
+                self.member
+                    .create_topic(topic, &self.schedule, Delivery::NewestWins)
+            })
+        };
+        Subscription::to_all(enter, |_| RECORDER_BUFFER).map_err(FlightFailure::setup)
+    }
+
+    /// Starts the services' processes.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub(super) fn start_crew(&self, deployment: &Deployment, host: Host) -> Result<Crew<'_>, FlightFailure> {
+        let start = self.start(host);
+        let crashes = deployment.crashes.clone();
+        Crew::start(
+            &self.member,
+            self.root.lock(),
+            &self.schedule,
+            start,
+            crashes,
+            deployment.restarts,
+        )
+    }
+
+    /// Takes over the services of a flight in real time.
+    ///
+    /// # Errors
+    /// [`FlightFailure::Setup`].
+    pub(super) fn adopt_crew(
+        &self,
+        shared: Shared,
+        survivors: [Option<Survivor>; ServiceId::ALL.len()],
+    ) -> Result<Crew<'_>, FlightFailure> {
+        let start = self.start(Host::RealTime);
+        let lock = self.root.lock();
+        let crew = Crew::adopt(&self.member, lock, &self.schedule, start, shared, survivors)?;
+        self.root.own();
+        let mut crew = crew;
+        if let Ok(mut reserve) = Reserve::new(self.root.prefix()) {
+            // The flight is under way: what there is no room for now is sought again.
+            reserve.refill();
+            crew.keep_reserve(reserve);
+        }
+        Ok(crew)
+    }
+
+    /// What every process of the run is told.
+    fn start(&self, host: Host) -> Start {
+        Start {
+            scenario: self.scenario.clone(),
+            iceoryx2_configuration: self.root.configuration(),
+            core: self.cores.ring,
+            scheduler: self.scheduler,
+            role: None,
+            host,
+        }
+    }
+
+    /// Waits until everybody is ready; what could not be had of the deployment, if the flight may do without it.
+    ///
+    /// # Errors
+    /// [`FlightFailure::NotPermitted`] if the scenario says that it may not; else that of the crew.
+    pub(super) fn await_ready(&self, crew: &mut Crew<'_>) -> Result<Vec<String>, FlightFailure> {
+        let refusals = crew.await_ready()?;
+        let mut reserve = Reserve::new(self.root.prefix()).map_err(FlightFailure::setup)?;
+        reserve.settle().map_err(FlightFailure::setup)?;
+        crew.keep_reserve(reserve);
+        let is_strict = self
+            .scenario
+            .deployment
+            .as_ref()
+            .is_some_and(|stated| stated.strict);
+        if is_strict && !refusals.is_empty() {
+            return Err(FlightFailure::NotPermitted { refusals });
+        }
+        Ok(refusals)
+    }
+}

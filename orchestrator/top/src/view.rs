@@ -1,0 +1,306 @@
+//! The picture: a function of what the run has told, of its last minute, and of what the user is about to do.
+//!
+//! At 80 columns and 24 rows everything is there. Less room first costs events, then trends, then columns; the state of
+//! the flight, the services and the keys stay.
+
+mod help;
+mod laboratory;
+mod services;
+mod trends;
+
+use std::time::Duration;
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Style, Stylize};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Widget;
+
+use self::services::ServiceTable;
+use super::history::History;
+use super::keys::{Break, Controls, Intent, Mode};
+use super::words::{cut, short_time};
+use live::Snapshot;
+
+/// Below this many columns or rows nothing can be told.
+const SMALLEST: (u16, u16) = (20, 4);
+
+/// Rows of a view that is printed; it holds everything.
+const PRINTED_ROWS: u16 = 24;
+
+/// All that a picture shows.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// Name of the run.
+    pub run: &'a str,
+    /// How the run is; none before its first answer.
+    pub snapshot: Option<&'a Snapshot>,
+    /// The last minute.
+    pub history: &'a History,
+    /// What the user has selected and is about to do.
+    pub controls: &'a Controls,
+    /// How long the run has not answered, if that is long.
+    pub silence: Option<Duration>,
+}
+
+impl Widget for &View<'_> {
+    fn render(self, area: Rect, buffer: &mut Buffer) {
+        if area.width < SMALLEST.0 || area.height < SMALLEST.1 {
+            Line::raw("too small").render(area, buffer);
+            return;
+        }
+        match self.snapshot {
+            Some(snapshot) => self.draw(snapshot, area, buffer),
+            None => self.draw_waiting(area, buffer),
+        }
+        if *self.controls.mode() == Mode::Help {
+            help::draw(area, buffer);
+        }
+    }
+}
+
+impl View<'_> {
+    /// The picture as text, without the line of the keys.
+    #[must_use]
+    pub fn without_keys(&self, width: u16) -> String {
+        let lines = self.lines(width, PRINTED_ROWS);
+        let (_, lines) = lines.split_last().expect("a view has rows");
+        let text: String = lines.iter().map(|line| format!("{line}\n")).collect();
+        text.trim_end().to_owned() + "\n"
+    }
+
+    /// The picture as lines of text.
+    fn lines(&self, width: u16, height: u16) -> Vec<String> {
+        let mut buffer = Buffer::empty(Rect::new(0, 0, width, height));
+        self.render(buffer.area, &mut buffer);
+        let row = |row| {
+            let cells = (0..width).map(|column| buffer[(column, row)].symbol());
+            cells.collect::<String>().trim_end().to_owned()
+        };
+        (0..height).map(row).collect()
+    }
+
+    fn draw(&self, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+        let table = ServiceTable::new(&snapshot.services, self.controls.selected(), area.width);
+        let laboratory = laboratory::line(snapshot, area.width);
+        let rows = Rows::within(area, table.height(), laboratory.is_some());
+        self.title(&snapshot.scenario, area.width)
+            .render(rows.title, buffer);
+        fitting(status(snapshot), area.width).render(rows.status, buffer);
+        fitting(capture_to_frame(snapshot), area.width).render(rows.chain, buffer);
+        if let Some(parts) = laboratory {
+            fitting(parts, area.width).render(rows.laboratory, buffer);
+        }
+        table.draw(rows.services, buffer);
+        services::inputs(&snapshot.services, self.controls.selected()).render(rows.inputs, buffer);
+        trends::draw(self.history, rows.trends, buffer);
+        events(snapshot, rows.events, buffer);
+        self.keys(area.width).render(rows.keys, buffer);
+    }
+
+    fn draw_waiting(&self, area: Rect, buffer: &mut Buffer) {
+        let [title, waiting, _, keys] = Layout::vertical([
+            Constraint::Length(1),
+            Constraint::Length(1),
+            Constraint::Fill(1),
+            Constraint::Length(1),
+        ])
+        .areas(area);
+        self.title("waiting for the flight to begin", area.width)
+            .render(title, buffer);
+        Line::raw("The run has not answered yet.").render(waiting, buffer);
+        self.keys(area.width).render(keys, buffer);
+    }
+
+    fn title(&self, scenario: &str, width: u16) -> Line<'static> {
+        let right = match self.silence {
+            Some(silence) => format!("NO ANSWER for {} s", silence.as_secs()),
+            None => format!("run {}", self.run),
+        };
+        let room = usize::from(width).saturating_sub(right.chars().count() + 2);
+        let left = cut(&format!("gerono top  {scenario}"), room);
+        let style = Style::new().reversed();
+        let style = if self.silence.is_some() {
+            style.red()
+        } else {
+            style
+        };
+        let gap = usize::from(width).saturating_sub(left.chars().count() + right.chars().count());
+        Line::styled(format!("{left}{:gap$}{right}", ""), style)
+    }
+
+    fn keys(&self, width: u16) -> Line<'static> {
+        if let Mode::Confirm(intent) = self.controls.mode() {
+            return Line::styled(confirmation(intent), Style::new().red().reversed());
+        }
+        if !self.controls.notice().is_empty() {
+            return Line::styled(self.controls.notice().to_owned(), Style::new().bold());
+        }
+        let faults = if self.controls.may_break() {
+            ["k kill", "f freeze"].as_slice()
+        } else {
+            &["(only looking)"]
+        };
+        let parts = ["? help", "q leave"].iter().chain(faults).chain(&["↑↓ select"]);
+        fitting(parts.map(|&part| Span::raw(part).dim()).collect(), width)
+    }
+}
+
+fn confirmation(Intent { how, service, pid }: &Intent) -> String {
+    let verb = match how {
+        Break::Kill => "kill",
+        Break::Freeze => "freeze",
+    };
+    format!("{verb} {service} ({pid})? y: yes, else: no")
+}
+
+/// Where everything goes.
+struct Rows {
+    title: Rect,
+    status: Rect,
+    chain: Rect,
+    laboratory: Rect,
+    services: Rect,
+    inputs: Rect,
+    trends: Rect,
+    events: Rect,
+    keys: Rect,
+}
+
+impl Rows {
+    /// What matters most takes its rows first.
+    fn within(area: Rect, table: u16, has_laboratory: bool) -> Self {
+        let mut left = area.height;
+        let mut take = |wanted: u16| {
+            let given = wanted.min(left);
+            left -= given;
+            Constraint::Length(given)
+        };
+        let [keys, status] = [take(1), take(1)];
+        let laboratory = take(u16::from(has_laboratory));
+        let services = take(table);
+        let [title, chain, inputs] = [take(1), take(1), take(1)];
+        let trends = if left < trends::height(1) {
+            0
+        } else {
+            trends::height(left.saturating_sub(8) / 6)
+        };
+        let parts = [
+            title,
+            status,
+            chain,
+            laboratory,
+            services,
+            inputs,
+            Constraint::Length(trends),
+            Constraint::Fill(1),
+            keys,
+        ];
+        let [
+            title,
+            status,
+            chain,
+            laboratory,
+            services,
+            inputs,
+            trends,
+            events,
+            keys,
+        ] = Layout::vertical(parts).areas(area);
+        Self {
+            title,
+            status,
+            chain,
+            laboratory,
+            services,
+            inputs,
+            trends,
+            events,
+            keys,
+        }
+    }
+}
+
+/// Where the flight is, and what it is permitted.
+fn status(snapshot: &Snapshot) -> Vec<Span<'static>> {
+    let time = format!("{:.1} s of {:.1} s", snapshot.time, snapshot.duration);
+    let mut parts = vec![Span::raw(time).bold()];
+    if snapshot.killed {
+        parts.push(Span::raw("KILLED").red().bold());
+    }
+    match &snapshot.phase {
+        Some(phase) => {
+            parts.push(Span::raw(format!("phase {phase}")));
+            if !snapshot.killed {
+                parts.push(Span::raw(if snapshot.armed { "armed" } else { "disarmed" }));
+            }
+        }
+        None => parts.push(Span::raw("no phases")),
+    }
+    if snapshot.landing {
+        parts.push(Span::raw("asked to land").yellow());
+    }
+    parts.push(Span::raw(format!("{} samples recorded", snapshot.recorded)).dim());
+    parts
+}
+
+fn capture_to_frame(snapshot: &Snapshot) -> Vec<Span<'static>> {
+    let mut parts = vec![Span::raw("capture → frame")];
+    match &snapshot.capture_to_frame {
+        Some(times) => {
+            let times = [("p50", times.p50), ("p99", times.p99), ("max", times.max)];
+            parts.extend(times.map(|(name, time)| Span::raw(format!("{name} {}", short_time(time)))));
+        }
+        None => parts.push(Span::raw("–")),
+    }
+    parts
+}
+
+/// Those of the parts that fit whole.
+fn fitting(parts: Vec<Span<'static>>, width: u16) -> Line<'static> {
+    const GAP: &str = "  ";
+    let mut line = Line::default();
+    for part in parts {
+        let gap = if line.spans.is_empty() { "" } else { GAP };
+        if line.width() + gap.len() + part.width() <= width.into() {
+            line.push_span(gap);
+            line.push_span(part);
+        }
+    }
+    line
+}
+
+/// The last events that have room, the newest last.
+fn events(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+    if area.height < 2 {
+        return;
+    }
+    rule("events", area.width).render(area, buffer);
+    let rows = area.rows().skip(1);
+    let room = usize::from(area.height - 1);
+    if snapshot.events.is_empty() {
+        Line::styled("none so far", Style::new().dim()).render(
+            Rect {
+                y: area.y + 1,
+                height: 1,
+                ..area
+            },
+            buffer,
+        );
+    }
+    let first = snapshot.events.len().saturating_sub(room);
+    for (event, row) in snapshot.events[first..].iter().zip(rows) {
+        let text = format!("{:>7.1} s  {}", event.time, event.text);
+        Line::raw(cut(&text, area.width.into())).render(row, buffer);
+    }
+}
+
+/// A line that begins a part.
+fn rule(title: &str, width: u16) -> Line<'static> {
+    let text = format!("── {title} ");
+    let rest = usize::from(width).saturating_sub(text.chars().count());
+    Line::styled(text + &"─".repeat(rest), Style::new().dim())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,42 @@
+//! The line of what is in the laboratory.
+
+use ratatui::style::Stylize;
+use ratatui::text::Span;
+
+use crate::words::{cut, short_time};
+use live::Snapshot;
+use live::snapshot::{CamerasSnapshot, LinkSnapshot};
+
+/// How cameras and radio link are: what is the matter first, because a narrow terminal has no room for the rest. None in a
+/// flight without them.
+pub(super) fn line(snapshot: &Snapshot, width: u16) -> Option<Vec<Span<'static>>> {
+    let is_there = snapshot.cameras.is_some() || snapshot.radio_link.is_some();
+    let (mut troubles, mut figures) = (Vec::new(), Vec::new());
+    if let Some(cameras) = &snapshot.cameras {
+        troubles.extend(cameras.trouble.clone());
+        figures.push(Span::raw(in_words(cameras)));
+    }
+    if let Some(link) = &snapshot.radio_link {
+        troubles.extend(link.trouble.clone());
+        figures.push(Span::raw(frames(link)));
+    }
+    let troubles = troubles
+        .into_iter()
+        .map(|trouble: String| Span::raw(cut(&trouble, width.into())).red());
+    is_there.then(|| troubles.chain(figures).collect())
+}
+
+fn in_words(cameras: &CamerasSnapshot) -> String {
+    format!(
+        "cameras {:.1} Hz, {} old ±{}, {} of {} believed",
+        cameras.rate,
+        short_time(cameras.latency),
+        short_time(cameras.jitter),
+        cameras.believed,
+        cameras.frames
+    )
+}
+
+fn frames(link: &LinkSnapshot) -> String {
+    format!("link {} sent, {} lost", link.sent, link.lost)
+}

@@ -1,0 +1,243 @@
+//! The cameras of a laboratory in the place of the simulated world: what they see of the vehicle is what there is of it.
+//!
+//! A step takes what has arrived, and waits for nothing. A sample of `mocap/pose` holds the newest pose that was believed
+//! and captured by its tick; between two captures it says that nothing was seen, which to the estimator is nothing new.
+//! `vehicle/truth` is never due: nobody knows it.
+//!
+//! Whoever is born again begins to listen anew: it knows neither the server's clock nor where the vehicle was.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use motion_capture::feed::{Feed, Health, VehiclePose};
+use motion_capture::figures::Second;
+use motion_capture::transport::{Address, Source};
+use runtime::flight_clock::monotonic_ns;
+use runtime::shared_page::SharedPage;
+use shared_types::scenario::{CaptureSystem, MotionCapture};
+use shared_types::service::{ErasedService, InputView, OutputSlot, Outputs};
+use shared_types::wiring::PlantOutputs;
+use shared_types::{Now, ServiceId};
+
+use super::is_under_way;
+use run_log::CaptureFigures;
+
+/// Pause between two attempts to have a socket again that a dead process had, ns.
+const RETRY_NS: u64 = 500_000_000;
+
+/// The cameras of a laboratory.
+pub(super) struct Cameras {
+    address: Address,
+    /// None while it cannot be had again.
+    source: Option<Source>,
+    retry_at_ns: u64,
+    feed: Feed,
+    hand: Hand,
+    /// When the last pose that was believed arrived, ns of `CLOCK_MONOTONIC`.
+    believed_at_ns: Option<u64>,
+    page: Arc<SharedPage>,
+}
+
+impl Cameras {
+    /// Begins to listen. A server that is not there yet is waited for in flight.
+    ///
+    /// # Errors
+    /// A socket that cannot be had before the flight, with the fix.
+    pub(super) fn open(
+        system: CaptureSystem,
+        stated: &MotionCapture,
+        page: Arc<SharedPage>,
+    ) -> Result<Self, String> {
+        let address = Address::new(system, stated).map_err(|problem| problem.to_string())?;
+        let source = match Source::open(&address) {
+            Ok(source) => Some(source),
+            Err(_) if is_under_way(&page) => None,
+            Err(error) => return Err(error.to_string()),
+        };
+        Ok(Self {
+            address,
+            source,
+            retry_at_ns: 0,
+            feed: Feed::new(system, stated).map_err(|problem| problem.to_string())?,
+            hand: Hand::default(),
+            believed_at_ns: None,
+            page,
+        })
+    }
+
+    /// Takes what has arrived by now; `tick_ns` is when the tick of the step began. Both are ns of `CLOCK_MONOTONIC`.
+    fn listen(&mut self, now_ns: u64, tick_ns: u64) {
+        self.hand.advance(tick_ns);
+        if self.source.is_none() && now_ns >= self.retry_at_ns {
+            self.retry_at_ns = now_ns + RETRY_NS;
+            self.source = Source::open(&self.address).ok();
+        }
+        let Self {
+            source: Some(source),
+            feed,
+            hand,
+            believed_at_ns,
+            ..
+        } = self
+        else {
+            return;
+        };
+        source.poll(now_ns, &mut |frame| {
+            if let Some(pose) = feed.take(frame, now_ns) {
+                hand.take(pose, tick_ns);
+                *believed_at_ns = Some(pose.arrived_ns);
+            }
+        });
+    }
+
+    fn figures(&self, start_ns: u64) -> CaptureFigures {
+        let counts = self.feed.counts();
+        let wire = self.source.as_ref().map(Source::counts).unwrap_or_default();
+        let second = self.feed.figures().last().copied().unwrap_or_default();
+        let Second {
+            rate,
+            latency,
+            latency_max,
+            jitter,
+        } = second;
+        CaptureFigures {
+            time_ns: 0,
+            health: match self.feed.health() {
+                Health::Silent => CaptureFigures::HEALTH_SILENT,
+                Health::Absent => CaptureFigures::HEALTH_ABSENT,
+                Health::Settling => CaptureFigures::HEALTH_SETTLING,
+                Health::Good => CaptureFigures::HEALTH_GOOD,
+                Health::Doubtful => CaptureFigures::HEALTH_DOUBTFUL,
+            },
+            pad0: 0,
+            believed_at_ns: self.believed_at_ns.map_or(0, |at| at.saturating_sub(start_ns)),
+            rate,
+            latency,
+            latency_max,
+            jitter,
+            drift: self.feed.drift(),
+            frames: counts.frames,
+            believed: counts.believed,
+            absent: counts.absent,
+            occluded: counts.occluded,
+            frozen: counts.frozen,
+            repeated: counts.repeated,
+            late: counts.late,
+            mistimed: counts.mistimed,
+            unsettled: counts.unsettled,
+            jumped: counts.jumped,
+            exchanged: counts.exchanged,
+            clock_steps: counts.clock_steps,
+            lost: counts.lost,
+            restarted: counts.restarted,
+            settled: counts.settled,
+            rate_warnings: counts.rate_warnings,
+            malformed: wire.malformed,
+            foreign: wire.foreign,
+            connections: wire.connections,
+            failures: wire.failures,
+        }
+    }
+}
+
+impl ErasedService for Cameras {
+    fn id(&self) -> ServiceId {
+        ServiceId::Plant
+    }
+
+    fn step(&mut self, now: &Now, _inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
+        let start_ns = self.page.words().start_ns.load(Ordering::Relaxed);
+        self.listen(monotonic_ns(), start_ns + now.time_ns);
+        let mut outputs = PlantOutputs::from_slots(outputs);
+        if let Some(sample) = outputs.pose.due()
+            && let Some(pose) = self.hand.ready.take()
+        {
+            pose.write(start_ns, sample);
+        }
+        self.page.words().notices[ServiceId::Plant.index()].tell(&self.figures(start_ns));
+    }
+
+    fn state_size(&self) -> usize {
+        0
+    }
+
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+        keep(&[]);
+    }
+
+    fn restore(&mut self, _bytes: &[u8]) {}
+}
+
+/// Poses that wait to be handed out.
+#[derive(Debug, Default)]
+struct Hand {
+    /// The newest that was captured by the tick of the step.
+    ready: Option<VehiclePose>,
+    /// One that a step has found that began late: of a time for which the estimator is not ready yet.
+    early: Option<VehiclePose>,
+}
+
+impl Hand {
+    /// The tick of the step is one that begins at this time.
+    fn advance(&mut self, tick_ns: u64) {
+        if let Some(pose) = self.early.take_if(|pose| pose.captured_ns <= tick_ns) {
+            self.ready = Some(pose);
+        }
+    }
+
+    /// Takes a pose at a step whose tick began at this time.
+    fn take(&mut self, pose: VehiclePose, tick_ns: u64) {
+        if pose.captured_ns <= tick_ns {
+            self.ready = Some(pose);
+        } else {
+            self.early = Some(pose);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motion_capture::conventions::WorldPose;
+    use nalgebra::{Matrix3, Vector3};
+
+    fn captured_at(captured_ns: u64) -> VehiclePose {
+        VehiclePose {
+            captured_ns,
+            arrived_ns: captured_ns,
+            pose: WorldPose {
+                position_world: Vector3::zeros(),
+                world_from_body: Matrix3::identity(),
+            },
+        }
+    }
+
+    fn ready(hand: &mut Hand) -> Option<u64> {
+        hand.ready.take().map(|pose| pose.captured_ns)
+    }
+
+    #[test]
+    fn a_pose_is_handed_out_once_and_never_before_it_was_captured() {
+        let mut hand = Hand::default();
+        hand.advance(100);
+        for at in [80, 90, 105] {
+            hand.take(captured_at(at), 100);
+        }
+        assert_eq!((ready(&mut hand), ready(&mut hand)), (Some(90), None));
+        hand.advance(104);
+        assert_eq!(ready(&mut hand), None);
+        hand.advance(110);
+        assert_eq!((ready(&mut hand), ready(&mut hand)), (Some(105), None));
+    }
+
+    #[test]
+    fn poses_that_are_always_early_come_a_step_later() {
+        let mut hand = Hand::default();
+        for step in 1..100 {
+            let tick_ns = 10 * step;
+            hand.advance(tick_ns);
+            assert_eq!(ready(&mut hand), (step > 1).then_some(tick_ns - 5));
+            hand.take(captured_at(tick_ns + 5), tick_ns);
+        }
+    }
+}

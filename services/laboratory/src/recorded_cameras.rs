@@ -1,0 +1,127 @@
+//! The cameras of a recorded flight in the place of the simulated world: what they saw then is seen again, at the same times
+//! since the start of the flight.
+//!
+//! The vehicle does not do what this flight commands. It is for the chain behind the cameras, in real time and without
+//! hardware: the estimator, the controller, the radio link. `vehicle/truth` is never due: the recorded one is not this flight's.
+//!
+//! When the recording has ended, nothing is seen any more.
+
+use std::path::Path;
+
+use shared_types::samples::MocapPose;
+use shared_types::service::{ErasedService, InputView, OutputSlot, Outputs};
+use shared_types::wiring::PlantOutputs;
+use shared_types::{Now, ServiceId};
+
+use run_log::LogReader;
+use run_log::run_folder::log_meant_by;
+
+/// The cameras of a recorded flight.
+pub(super) struct RecordedCameras {
+    /// Captures that have seen the vehicle, as they were published.
+    captures: Vec<MocapPose>,
+    /// How many of them are behind this flight.
+    passed: usize,
+}
+
+impl RecordedCameras {
+    /// Reads the captures of a log, or of the log in a run's folder.
+    ///
+    /// # Errors
+    /// A log that cannot be read to its end, or whose cameras never saw the vehicle, with the fix.
+    pub(super) fn open(recording: &Path) -> Result<Self, String> {
+        let log = log_meant_by(recording);
+        let read = LogReader::open(&log).and_then(|reader| reader.samples().collect());
+        let mut captures: Vec<MocapPose> = read.map_err(|error| error.to_string())?;
+        captures.retain(|capture| capture.tracked.is_set());
+        if captures.is_empty() {
+            return Err(format!(
+                "no capture in {} has seen the vehicle; name another flight with `estimator.recording`",
+                log.display()
+            ));
+        }
+        Ok(Self { captures, passed: 0 })
+    }
+}
+
+impl ErasedService for RecordedCameras {
+    fn id(&self) -> ServiceId {
+        ServiceId::Plant
+    }
+
+    /// Hands on the newest capture that had been published by the time of the step, once.
+    fn step(&mut self, now: &Now, _inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
+        let mut outputs = PlantOutputs::from_slots(outputs);
+        let Some(sample) = outputs.pose.due() else { return };
+        let published = |capture: &MocapPose| capture.header.stamp_ns <= now.time_ns;
+        let passed = self.captures.partition_point(published);
+        if passed > self.passed {
+            *sample = MocapPose {
+                header: sample.header,
+                ..self.captures[passed - 1]
+            };
+            self.passed = passed;
+        }
+    }
+
+    fn state_size(&self) -> usize {
+        0
+    }
+
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+        keep(&[]);
+    }
+
+    fn restore(&mut self, _bytes: &[u8]) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shared_types::Operator;
+    use shared_types::sample::Header;
+    use zerocopy::{FromZeros, IntoBytes};
+
+    /// Published at a time, of an exposure 3 ns before.
+    fn published_at(stamp_ns: u64) -> MocapPose {
+        MocapPose {
+            header: Header {
+                stamp_ns,
+                ..Header::new_zeroed()
+            },
+            capture_time_ns: stamp_ns - 3,
+            tracked: true.into(),
+            ..MocapPose::new_zeroed()
+        }
+    }
+
+    /// When what is handed on at a time was exposed, ns.
+    fn handed_on_at(cameras: &mut RecordedCameras, time_ns: u64) -> Option<u64> {
+        let mut pose = MocapPose::new_zeroed();
+        let mut outputs = [
+            OutputSlot { bytes: None },
+            OutputSlot {
+                bytes: Some(pose.as_mut_bytes()),
+            },
+        ];
+        let now = Now {
+            tick: time_ns,
+            time_ns,
+            elapsed_ns: 1,
+            operator: Operator::FLYING,
+        };
+        cameras.step(&now, &[], &mut outputs);
+        pose.tracked.is_set().then_some(pose.capture_time_ns)
+    }
+
+    #[test]
+    fn each_capture_is_handed_on_once_when_it_was_published_and_of_several_the_newest() {
+        let mut cameras = RecordedCameras {
+            captures: [10, 20, 30, 40].map(published_at).to_vec(),
+            passed: 0,
+        };
+        let times = [5, 10, 11, 35, 39, 40, 50];
+        let handed_on = times.map(|time| handed_on_at(&mut cameras, time));
+        assert_eq!(handed_on, [None, Some(7), None, Some(27), None, Some(37), None]);
+    }
+}

@@ -1,0 +1,240 @@
+//! The transmitter with a radio link behind it: what every frame says leaves on the link, from a thread of the link's own.
+//!
+//! The step logic is the simulated one's, and so is what it publishes: nothing that the link does comes back to it.
+
+use std::sync::Arc;
+
+use radio_link::link::RadioLink;
+use radio_link::sender::{Condition, Report, Sender};
+use radio_link::sticks::Sticks;
+use runtime::shared_page::SharedPage;
+use shared_types::sample::Field;
+use shared_types::scenario::RcLink;
+use shared_types::service::{ErasedService, InputView, OutputSlot, Outputs, nanoseconds, seconds};
+use shared_types::wiring::RcOutputOutputs;
+use shared_types::{Now, ServiceId};
+use zerocopy::FromZeros;
+
+use super::is_under_way;
+use run_log::LinkFigures;
+
+/// The transmitter's step logic, and who sends what it says. Dropping it lets the motors rest, unless another process
+/// will go on.
+pub(super) struct Transmitter {
+    service: Box<dyn ErasedService>,
+    /// There until it is stopped.
+    sender: Option<Sender>,
+    /// Whether the last frame was not finite: that ends this process, not the flight.
+    is_broken: bool,
+    page: Arc<SharedPage>,
+}
+
+impl Transmitter {
+    /// Opens the link of a scenario that has been checked, and begins to send.
+    ///
+    /// # Errors
+    /// What cannot be used before the flight, with the fix.
+    pub(super) fn open(
+        service: Box<dyn ErasedService>,
+        link: &RcLink,
+        page: Arc<SharedPage>,
+    ) -> Result<Self, String> {
+        let opened = if is_under_way(&page) {
+            RadioLink::reopen(link)
+        } else {
+            RadioLink::open(link).map_err(|error| error.to_string())?
+        };
+        let transmitter = link.transmitter.as_ref();
+        let (opened, transmitter) = opened
+            .zip(transmitter)
+            .ok_or_else(|| format!("nothing says where frames of `{}` go", link.link.name()))?;
+        let period_ns = nanoseconds(1.0 / transmitter.frame_rate_on(link.link));
+        let sender = Sender::start(opened, period_ns).map_err(|error| error.to_string())?;
+        let figures = in_flight(&sender.condition());
+        let transmitter = Self {
+            service,
+            sender: Some(sender),
+            is_broken: false,
+            page,
+        };
+        transmitter.tell(&figures);
+        Ok(transmitter)
+    }
+
+    fn tell(&self, figures: &LinkFigures) {
+        self.page.words().notices[ServiceId::RcOutput.index()].tell(figures);
+    }
+}
+
+impl ErasedService for Transmitter {
+    fn id(&self) -> ServiceId {
+        self.service.id()
+    }
+
+    fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
+        self.service.step(now, inputs, outputs);
+        let Some(sender) = &self.sender else { return };
+        let mut outputs = RcOutputOutputs::from_slots(outputs);
+        if let Some(frame) = outputs.frame.due() {
+            self.is_broken = !frame.is_finite();
+            // What is not finite is not published either.
+            if !self.is_broken {
+                sender.put(&Sticks::of(frame));
+            }
+        }
+        self.tell(&in_flight(&sender.condition()));
+    }
+
+    fn state_size(&self) -> usize {
+        self.service.state_size()
+    }
+
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+        self.service.save_with(keep);
+    }
+
+    fn restore(&mut self, bytes: &[u8]) {
+        self.service.restore(bytes);
+    }
+}
+
+impl Drop for Transmitter {
+    fn drop(&mut self) {
+        let Some(sender) = self.sender.take() else { return };
+        if !self.is_broken {
+            sender.put(&Sticks::AT_REST);
+        }
+        if let Ok(report) = sender.stop() {
+            self.tell(&at_the_end(&report));
+        }
+    }
+}
+
+fn state(is_open: bool) -> u32 {
+    if is_open {
+        LinkFigures::STATE_OPEN
+    } else {
+        LinkFigures::STATE_LOST
+    }
+}
+
+fn in_flight(condition: &Condition) -> LinkFigures {
+    LinkFigures {
+        state: state(condition.is_open),
+        sent: condition.sent,
+        dropped: condition.dropped,
+        silent: condition.silent,
+        left_out: condition.left_out,
+        losses: condition.losses,
+        recoveries: condition.recoveries,
+        ..LinkFigures::new_zeroed()
+    }
+}
+
+fn at_the_end(report: &Report) -> LinkFigures {
+    let late = |quantile| seconds(report.lateness_ns.value_at_quantile(quantile));
+    let counts = &report.counts;
+    LinkFigures {
+        state: state(counts.losses == counts.recoveries),
+        sent: counts.sent,
+        dropped: counts.busy + counts.closed,
+        silent: report.silent,
+        left_out: report.left_out,
+        losses: counts.losses,
+        recoveries: counts.recoveries,
+        late_p50: late(0.5),
+        late_p99: late(0.99),
+        late_max: late(1.0),
+        ..LinkFigures::new_zeroed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use radio_link::crsf;
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    use shared_types::samples::RcFrame;
+    use shared_types::scenario::{RadioProtocol, Transmitter as Stated};
+    use shared_types::service::Operator;
+    use zerocopy::IntoBytes;
+
+    /// Says frames of these thrusts, N, one a step.
+    struct Says(Vec<f64>);
+
+    impl ErasedService for Says {
+        fn id(&self) -> ServiceId {
+            ServiceId::RcOutput
+        }
+
+        fn step(&mut self, _now: &Now, _inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
+            let mut outputs = RcOutputOutputs::from_slots(outputs);
+            let frame = outputs.frame.due().unwrap();
+            frame.mode = RcFrame::MODE_RATES;
+            frame.channels = [1000; 16];
+            frame.thrust = self.0.remove(0);
+        }
+
+        fn state_size(&self) -> usize {
+            0
+        }
+
+        fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+            keep(&[]);
+        }
+
+        fn restore(&mut self, _bytes: &[u8]) {}
+    }
+
+    /// The last frame that a receiver gets of a transmitter that has said frames of these thrusts.
+    fn last_frame(thrusts: &[f64]) -> radio_link::ChannelCodes {
+        let receiver = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+        grantpt(&receiver).unwrap();
+        unlockpt(&receiver).unwrap();
+        let device = ptsname(&receiver, Vec::new()).unwrap().into_string().unwrap();
+        let link = RcLink {
+            link: RadioProtocol::Crsf,
+            transmitter: Some(Stated {
+                device: Some(device),
+                arming_channel: Some(5),
+                ..Stated::default()
+            }),
+            ..RcLink::default()
+        };
+        let page = Arc::new(SharedPage::create().unwrap());
+        let service = Box::new(Says(thrusts.to_vec()));
+        let mut transmitter = Transmitter::open(service, &link, Arc::clone(&page)).unwrap();
+        for _ in thrusts {
+            let mut frame = RcFrame::new_zeroed();
+            let mut outputs = [OutputSlot {
+                bytes: Some(frame.as_mut_bytes()),
+            }];
+            let now = Now {
+                tick: 0,
+                time_ns: 0,
+                elapsed_ns: 0,
+                operator: Operator::FLYING,
+            };
+            transmitter.step(&now, &[], &mut outputs);
+        }
+        drop(transmitter);
+        let figures: LinkFigures = page.words().notices[ServiceId::RcOutput.index()].look();
+        let mut bytes = vec![0; crsf::LENGTH * usize::try_from(figures.sent).unwrap()];
+        let mut filled = 0;
+        while filled < bytes.len() {
+            filled += rustix::io::read(&receiver, &mut bytes[filled..]).unwrap();
+        }
+        crsf::decode(&bytes[bytes.len() - crsf::LENGTH..]).unwrap()
+    }
+
+    #[test]
+    fn at_the_end_the_motors_rest() {
+        assert_eq!(last_frame(&[2.0, 2.1])[..5], [992, 992, 172, 992, 172]);
+    }
+
+    #[test]
+    fn whoever_says_what_is_not_finite_leaves_the_sticks_to_its_successor() {
+        let last = last_frame(&[2.0, f64::NAN]);
+        assert_eq!(last[4], crsf::ENDS[1], "still armed");
+    }
+}
