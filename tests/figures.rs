@@ -12,7 +12,7 @@ use metrics::tracker::{Moment, Tracker};
 use runtime::in_process::TickSink;
 use shared_types::Topic;
 use shared_types::samples::PathReference;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 

@@ -23,7 +23,7 @@ use runtime::flight_clock::monotonic_ns;
 use runtime::in_process::{InProcess, TickSink};
 use runtime::shared_page::SharedPage;
 use serde_json::{Value, from_value, to_value};
-use shared_types::scenario::{CaptureSystem, Scenario};
+use scenario::{CaptureSystem, Scenario};
 use shared_types::{ServiceId, Topic};
 
 fn host(scenario: &Scenario) -> InProcess {

@@ -33,7 +33,7 @@ use shared_types::ServiceId;
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::exp;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState, VehicleTruth};
-use shared_types::scenario::{CaptureSystem, FrameTransform, RcLink};
+use scenario::{CaptureSystem, FrameTransform, RcLink};
 use zerocopy::FromBytes;
 
 /// Where the vehicle rests in {I}, m.

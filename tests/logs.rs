@@ -14,7 +14,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use replay::{Options, replay};
 use run_log::{LogReadError, LogReader, RecoverError, Recovery, is_whole, recover};
 use rustix::process::Signal;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 const COMPRESSIONS: [&str; 3] = ["none", "lz4", "zstd"];
 

@@ -109,15 +109,15 @@ fn a_calibration_is_part_of_a_scenario() {
     assert!(output.status.success(), "{}", said(&output));
     let written: toml::Table = std::fs::read_to_string(&file).unwrap().parse().unwrap();
     let stated = written["motion_capture"].clone();
-    let stated: shared_types::scenario::MotionCapture = stated.try_into().unwrap();
+    let stated: scenario::MotionCapture = stated.try_into().unwrap();
     assert_eq!(written["estimator"]["source"].as_str(), Some("natnet"));
     let calibration = motion_capture::conventions::Calibration::new(
-        shared_types::scenario::CaptureSystem::Natnet,
+        scenario::CaptureSystem::Natnet,
         stated.world_from_capture.as_ref(),
         stated.body_from_markers.as_ref(),
     );
     let sent = motion_capture::conventions::Calibration::new(
-        shared_types::scenario::CaptureSystem::Natnet,
+        scenario::CaptureSystem::Natnet,
         None,
         None,
     );

@@ -21,7 +21,7 @@ pub mod world;
 use std::path::Path;
 
 use shared_types::Schedule;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use crate::cli::{RecordingArguments, ScenarioArguments};
 use command_line::exit::Exit;

@@ -13,7 +13,7 @@ mod state;
 use crate::sample::{Flag, Sample};
 use crate::service::{Input, Now};
 
-pub use state::{StateGate, StateGateState};
+pub use state::{Policy, StateGate, StateGateState};
 
 /// Magnitude above which a number is not one of a flight, SI units; powers and products of several stay finite.
 pub const LARGEST: f64 = 1e9;

@@ -12,6 +12,9 @@ use crate::samples::{
 };
 use crate::service::{Input, InputView, Inputs, Output, OutputSlot, Outputs, SampleKind};
 
+/// Of each service in the order of the wiring table, whether a program of one's own flies in its place: it is a guest.
+pub type Guests = [bool; ServiceId::ALL.len()];
+
 /// An input of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InputSpec {

@@ -15,7 +15,7 @@ use runtime::ports::{Member, Receiver, Topics};
 use runtime::step::{Slots, Timetable, Views};
 use rustix::event::{PollFd, PollFlags, poll};
 use serde_json::Value;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::ErasedService;
 use shared_types::{Schedule, ServiceId};
 

@@ -21,7 +21,7 @@ use runtime::flight_clock::{FlightClock, monotonic_ns, nap_until};
 use runtime::ports::Member;
 use runtime::shared_page::{SharedPage, Words};
 use shared_types::ServiceId;
-use shared_types::scenario::ServiceDeployment;
+use scenario::ServiceDeployment;
 
 use super::ring::Members;
 use crate::arguments::ChainMember;

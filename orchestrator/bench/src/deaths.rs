@@ -7,7 +7,7 @@ use hdrhistogram::Histogram;
 use serde::Serialize;
 use serde_json::Value;
 use shared_types::ServiceId;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use super::measure::{FlightCommand, Result, Scratch, fly_by_command};
 use crate::arguments::BenchDeaths;

@@ -83,7 +83,7 @@ mod tests {
 
     use super::*;
     use runtime::in_process::{InProcess, TickSink};
-    use shared_types::scenario::Scenario;
+    use scenario::Scenario;
 
     struct Last(Vec<Vec<u8>>);
 
@@ -105,7 +105,7 @@ mod tests {
         let scenario: Scenario = toml::from_str(super::super::SCENARIO).unwrap();
         let scenario = Scenario {
             duration: 0.5,
-            vehicle: shared_types::scenario::Vehicle {
+            vehicle: scenario::Vehicle {
                 change: Vec::new(),
                 ..scenario.vehicle.clone()
             },

@@ -20,7 +20,7 @@ use serde::Serialize;
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, to_row_major};
 use shared_types::samples::MocapPose;
-use shared_types::scenario::{RcLink, Scenario, Timing};
+use scenario::{RcLink, Scenario, Timing};
 use zerocopy::FromZeros;
 
 use super::chain;

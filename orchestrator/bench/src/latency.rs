@@ -4,7 +4,7 @@ use comfy_table::{Table, presets};
 use runtime::deployment::{self, Scheduler};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use super::SCENARIO;
 use super::chain;

@@ -17,7 +17,7 @@ mod ring;
 
 use comfy_table::{Table, presets};
 use serde::Serialize;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use crate::arguments::{Bench, BenchInstead};
 use command_line::exit::Exit;
@@ -96,7 +96,7 @@ fn throughput(scenario: &Scenario, arguments: &Bench) -> Result<(), Failure> {
 }
 
 /// The vehicle without the changes that a shorter flight does not reach.
-fn clipped(scenario: &Scenario) -> shared_types::scenario::Vehicle {
+fn clipped(scenario: &Scenario) -> scenario::Vehicle {
     let mut vehicle = scenario.vehicle.clone();
     vehicle.change.retain(|change| change.at <= scenario.duration);
     vehicle

@@ -8,7 +8,7 @@ use std::process::{Command, Output, Stdio};
 use indicatif::{ProgressBar, ProgressStyle};
 use runtime::deployment;
 use runtime::in_process::TickSink;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{ServiceId, Topic};
 
 use super::in_a_row::InARow;

@@ -20,7 +20,7 @@ use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 use shared_types::Topic;
 use shared_types::sample::CDR_HEADER;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::header_of;
 
 use super::clipped;

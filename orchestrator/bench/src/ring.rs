@@ -16,7 +16,7 @@ use runtime::doorbell::Doorbell;
 use runtime::ports::{Delivery, Member, RECORDER_BUFFER, Receiver, TopicPorts};
 use runtime::ring_order::RingOrder;
 use runtime::shared_page::SharedPage;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use super::bare_ports::BarePorts;

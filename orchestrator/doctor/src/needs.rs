@@ -1,6 +1,6 @@
 //! What a flight needs of the machine.
 
-use shared_types::scenario::{Curve, Hover, Path, Scenario, ServiceDeployment, Vehicle};
+use scenario::{Curve, Hover, Path, Scenario, ServiceDeployment, Vehicle};
 use shared_types::{Schedule, ServiceId};
 
 use run_log::predicted_bytes;

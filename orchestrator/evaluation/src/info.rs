@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use serde_json::Value;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Header, Topic};
 
 use metrics::loss::Loss;
@@ -236,7 +236,7 @@ fn seconds_between(first: Header, last: Header) -> f64 {
 }
 
 fn planned_faults(scenario: &Scenario) -> Vec<String> {
-    let words = |fault: &shared_types::scenario::Fault| {
+    let words = |fault: &scenario::Fault| {
         let lasts = fault
             .lasts
             .map_or_else(|| "for good".to_owned(), |lasts| format!("for {lasts} s"));

@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use runtime::in_process::TickSink;
 use shared_types::digest::ExperimentDigest;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Schedule, Topic};
 
 use super::plan::Cell;

@@ -1,6 +1,6 @@
 //! When the faults of the matrix begin, unless told: spread over those parts of the flight in which nothing else happens.
 
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::{nanoseconds, seconds};
 
 /// How long the vehicle is left alone after the start and after each change of it, s: it has settled by then.

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use shared_types::ServiceId;
-use shared_types::scenario::{EdgeName, Problem, Scenario, Target};
+use scenario::{EdgeName, Problem, Scenario, Target};
 
 use super::moments;
 use super::trouble::Trouble;

@@ -4,8 +4,8 @@ use std::str::FromStr;
 
 use serde::Serialize;
 use shared_types::Topic;
-use shared_types::scenario::suggest::known_names;
-use shared_types::scenario::{Fault, FaultKind, FaultState, Scenario, Target};
+use scenario::suggest::known_names;
+use scenario::{Fault, FaultKind, FaultState, Scenario, Target};
 
 use super::{DELAY, FRACTION, RANGE, moments};
 
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use crate::plan::services;
     use run_log::test_flight::scenario;
-    use shared_types::scenario::EdgeName;
+    use scenario::EdgeName;
 
     #[test]
     fn every_fault_of_the_matrix_can_be_flown() {

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use shared_types::Topic;
 use shared_types::samples::{ControlAdaptation, PathReference, VehicleTruth};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::{nanoseconds, seconds};
 
 use evaluation::reproduce::windows::AVERAGED;

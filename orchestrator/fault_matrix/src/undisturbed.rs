@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use runtime::in_process::TickSink;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::nanoseconds;
 use shared_types::{Schedule, Topic};
 

@@ -10,7 +10,7 @@ use run_log::{
     Compression, LogReader, Manifest, RecoverError, Recovery, RunLogWriter, inspect, is_whole, recover,
 };
 use shared_types::Topic;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use tempfile::TempDir;
 
 /// What is flown in the log that inputs begin with.

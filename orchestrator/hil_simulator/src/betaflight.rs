@@ -24,7 +24,7 @@ use motion_capture::sender::server::quaternion;
 use radio_link::port::Target;
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{RcFrame, VehicleTruth};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use zerocopy::FromZeros;
 
 use super::line::{Line, LineError};
@@ -169,7 +169,7 @@ fn sensors_of(truth: &VehicleTruth) -> [u8; 144] {
     let world_from_body = from_row_major(&truth.world_from_body);
     let [x, y, z, w] = quaternion(&world_from_body);
     // It flies by its gyro alone: of the force only the weight is told.
-    let force_body = world_from_body.row(2) * -shared_types::scenario::GRAVITY;
+    let force_body = world_from_body.row(2) * -scenario::GRAVITY;
     let stamp = 0.0;
     let numbers = [stamp]
         .into_iter()

@@ -14,7 +14,7 @@ use motion_capture::wire::CapturePose;
 use runtime::flight_clock::monotonic_ns;
 use shared_types::rotation::from_row_major;
 use shared_types::samples::MocapPose;
-use shared_types::scenario::{CaptureSystem, MotionCapture};
+use scenario::{CaptureSystem, MotionCapture};
 
 /// Version of the `NatNet` bit stream that is sent.
 const NATNET: Version = Version { major: 4, minor: 1 };

@@ -29,7 +29,7 @@ mod vehicle;
 
 use hdrhistogram::Histogram;
 use runtime::flight_clock::{FlightClock, monotonic_ns};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::seconds;
 
 use self::cameras::Cameras;

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use radio_link::receiver::{Command, Heard, Receiver};
 use shared_types::samples::RcFrame;
-use shared_types::scenario::{RcLink, Transmitter};
+use scenario::{RcLink, Transmitter};
 use zerocopy::FromZeros;
 
 use super::silence::Silence;
@@ -111,7 +111,7 @@ mod tests {
     use radio_link::encoder::Encoder;
     use radio_link::frame::Frame;
     use radio_link::sticks::Sticks;
-    use shared_types::scenario::RadioProtocol;
+    use scenario::RadioProtocol;
 
     fn link() -> RcLink {
         RcLink {

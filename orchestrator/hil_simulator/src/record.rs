@@ -8,7 +8,7 @@ use std::thread::JoinHandle;
 
 use shared_types::Topic;
 use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use zerocopy::IntoBytes;
 
 use run_log::run_folder::RunFolder;

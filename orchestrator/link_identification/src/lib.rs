@@ -17,7 +17,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
-use shared_types::scenario::{Model, RcLink, Scenario};
+use scenario::{Model, RcLink, Scenario};
 use shared_types::{Topic, service::seconds};
 
 pub use fit::Fit;

@@ -9,7 +9,7 @@
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{MocapPose, VehicleTruth};
-use shared_types::scenario::GRAVITY;
+use scenario::GRAVITY;
 use shared_types::service::seconds;
 
 use super::history::History;

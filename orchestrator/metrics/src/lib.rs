@@ -19,7 +19,7 @@ pub mod summary;
 pub mod tracker;
 
 use shared_types::Sample;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 /// How much of the end of a stretch counts as its ultimate behaviour, s: what the paper's figures show.
 pub const ULTIMATE_WINDOW: f64 = 5.0;

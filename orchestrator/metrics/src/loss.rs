@@ -8,7 +8,7 @@ use std::fmt::{Display, Formatter, Result};
 
 use serde::Serialize;
 use shared_types::FlightPhase;
-use shared_types::scenario::{Judge, Scenario, Vector};
+use scenario::{Judge, Scenario, Vector};
 use shared_types::service::seconds;
 
 use super::tracker::{Moment, Source, Vehicle};

@@ -14,7 +14,7 @@ pub mod timing;
 
 use serde::Serialize;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, RunEvent, VehicleTruth};
-use shared_types::scenario::{Bounds, Scenario, Vector};
+use scenario::{Bounds, Scenario, Vector};
 use shared_types::service::{header_of, seconds};
 use shared_types::{Header, Schedule, ServiceId, Topic};
 

@@ -5,7 +5,7 @@
 //! of, and all output of it says so.
 
 use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
-use shared_types::scenario::Vector;
+use scenario::Vector;
 use shared_types::{FlightPhase, Schedule, Topic};
 
 use super::path_clock::{Demand, PathClock, carried};

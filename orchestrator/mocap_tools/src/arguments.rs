@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 use motion_capture::natnet::Version;
-use shared_types::scenario::CaptureSystem;
+use scenario::CaptureSystem;
 
 use command_line::values::number_between;
 

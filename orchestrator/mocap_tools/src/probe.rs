@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 use runtime::flight_clock::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use shared_types::rotation::{orthonormalized, roll_pitch_yaw};
-use shared_types::scenario::{CaptureSystem, MotionCapture};
+use scenario::{CaptureSystem, MotionCapture};
 
 use crate::arguments::MocapProbe;
 use command_line::exit::Exit;

@@ -11,7 +11,7 @@ use runtime::flight_clock::monotonic_ns;
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, from_row_major, paper_rx};
 use shared_types::samples::VehicleTruth;
-use shared_types::scenario::{CaptureSystem, TiltedEight};
+use scenario::{CaptureSystem, TiltedEight};
 
 use crate::arguments::MocapSend;
 use command_line::exit::Exit;

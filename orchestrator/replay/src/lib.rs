@@ -21,7 +21,7 @@ mod workshop;
 
 use std::path::Path;
 
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId};
 

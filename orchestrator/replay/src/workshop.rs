@@ -9,7 +9,7 @@ use runtime::doorbell::Doorbell;
 use runtime::ports::{Member, RECORDER_BUFFER, TopicPorts};
 use runtime::shared_page::SharedPage;
 use runtime::step_log::StepLog;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use super::service_process::{InputPort, OutputPort, ProcessFailure, ServiceProcess};

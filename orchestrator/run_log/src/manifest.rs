@@ -6,7 +6,7 @@ use std::fmt;
 use sha2::{Digest, Sha256};
 use shared_types::Topic;
 use shared_types::sample::hex;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 /// Version of the arrangement of a run log; raised when older readers would misread newer logs.
 pub const FORMAT_VERSION: u32 = 1;

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
 use shared_types::Topic;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use self::channels::{Channels, Kind, Message, kinds};
 use self::scan::{Chunk, Piece, Scan};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use shared_types::samples::{ControlErrors, PathReference, VehicleTruth};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{FlightPhase, Header, Sample, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use shared_types::scenario::Key;
+use scenario::Key;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 

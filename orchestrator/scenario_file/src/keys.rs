@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use serde_json::Value;
-use shared_types::scenario::{Key, Scenario};
+use scenario::{Key, Scenario};
 
 /// Stands for a position in an array.
 const ANY_POSITION: &str = "N";

@@ -17,7 +17,7 @@ mod structure;
 
 use std::path::Path;
 
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use toml::de::DeTable;
 
 pub use error::{Finding, ScenarioError};

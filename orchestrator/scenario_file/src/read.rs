@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use shared_types::scenario::suggest;
+use scenario::suggest;
 
 use super::ScenarioError;
 use super::sources::Sources;

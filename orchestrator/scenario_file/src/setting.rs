@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use shared_types::scenario::Key;
+use scenario::Key;
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use serde::Deserialize;
 use serde_json::Value;
-use shared_types::scenario::{Key, Scenario, Vector, suggest};
+use scenario::{Key, Scenario, Vector, suggest};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 

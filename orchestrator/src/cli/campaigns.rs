@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 use shared_types::ServiceId;
-use shared_types::scenario::EdgeName;
-use shared_types::scenario::suggest::known_names;
+use scenario::EdgeName;
+use scenario::suggest::known_names;
 
 use super::flight::ScenarioArguments;
 use super::values::service;

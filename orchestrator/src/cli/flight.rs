@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::Args;
 use runtime::crash::{Crash, CrashPlace};
 use shared_types::ServiceId;
-use shared_types::scenario::suggest::known_names;
+use scenario::suggest::known_names;
 pub use supervisor::host::Host;
 
 use super::values::core;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use shared_types::ServiceId;
 use shared_types::Topic;
-use shared_types::scenario::suggest::known_names;
+use scenario::suggest::known_names;
 
 use super::values::service;
 use command_line::values::number_between;

@@ -1,6 +1,6 @@
 //! `gerono attach`: takes over a flight in real time whose orchestrator has died.
 
-use shared_types::scenario::Guests;
+use shared_types::Guests;
 
 use super::conclusion::Flown;
 use super::{Failure, host_record, run_log};

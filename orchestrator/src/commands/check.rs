@@ -1,7 +1,7 @@
 //! `gerono check`: the resolved schedule and wiring of a scenario.
 
 use comfy_table::{Table, presets};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use super::{Failure, log_path, note, print};
 use crate::cli::{Export, Info, Recover};

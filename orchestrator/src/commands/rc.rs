@@ -8,7 +8,7 @@ use radio_link::channel_map::ChannelMap;
 use radio_link::link::RadioLink;
 use radio_link::sender::{Report, Sender};
 use radio_link::sticks::Sticks;
-use shared_types::scenario::{RadioProtocol, RcLink, Scenario};
+use scenario::{RadioProtocol, RcLink, Scenario};
 use shared_types::service::nanoseconds;
 
 use super::{Failure, load, log_path, print};
@@ -245,7 +245,7 @@ fn snippet(found: &Identification) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shared_types::scenario::Transmitter;
+    use scenario::Transmitter;
 
     #[test]
     fn a_sweep_goes_from_the_middle_to_both_ends_and_back_without_a_jump() {

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use runtime::deployment::Scheduler;
 use shared_types::ServiceId;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use super::conclusion::Flown;
 use super::{Failure, host_record, load, run_log, scenario_name, schedule_of};

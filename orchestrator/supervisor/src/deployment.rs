@@ -3,7 +3,7 @@
 use runtime::crash::Crash;
 use runtime::deployment::{self, Scheduler};
 use shared_types::ServiceId;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use super::crew::Restarts;
 

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use runtime::in_process::{FlightError, InProcess, TickSink};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use super::{Ending, FlightFailure, Outcome};
 use command_line::interrupt::Interrupt;

@@ -18,7 +18,7 @@ pub mod tape;
 use std::time::Duration;
 
 use runtime::step::NonFinite;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Header, Schedule, ServiceId};
 
 use metrics::summary::laboratory::LaboratoryReport;

@@ -7,7 +7,7 @@ use runtime::control::Host;
 use runtime::in_process::TickSink;
 use runtime::ports::Delivery;
 use runtime::verdict::BLOCK_ALWAYS;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use super::crew::{BIRTH_PERIOD, Crew, CrewEvent, CrewObserver};
 use super::deployment::Deployment;

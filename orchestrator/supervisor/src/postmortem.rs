@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 use runtime::watchdog;
 use rustix::fs::{Mode, OFlags};
 use shared_types::ServiceId;
-use shared_types::scenario::Guests;
+use shared_types::Guests;
 
 use crate::host::Host;
 

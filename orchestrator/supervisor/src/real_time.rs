@@ -28,7 +28,7 @@ use runtime::ports::Delivery;
 use runtime::shared_page::Request;
 use runtime::step_log::StepRecord;
 use shared_types::samples::{RcFrame, RunEvent};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::schedule::Edge;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};

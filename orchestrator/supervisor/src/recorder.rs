@@ -6,7 +6,7 @@ use runtime::in_process::TickSink;
 use runtime::ports::PortError;
 use runtime::shared_page::Words;
 use runtime::watchdog::{self, Work};
-use shared_types::scenario::Guests;
+use shared_types::Guests;
 use shared_types::schedule::Presence;
 use shared_types::{Schedule, ServiceId, Topic};
 

@@ -5,7 +5,7 @@ use std::os::fd::OwnedFd;
 use runtime::control::{Host, Start};
 use runtime::deployment::Scheduler;
 use runtime::ports::{Delivery, Member, RECORDER_BUFFER};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use super::FlightFailure;

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use runtime::flight_clock::FlightClock;
 use runtime::ports::{PortError, Receiver, TopicPorts};
 use runtime::untrusted::{Refusals, UntrustedReceiver};
-use shared_types::scenario::Guests;
+use shared_types::Guests;
 use shared_types::{Schedule, Topic};
 
 /// The recorder's subscriber of a topic.

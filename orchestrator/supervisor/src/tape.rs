@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use runtime::in_process::TickSink;
 use shared_types::samples::RunEvent;
-use shared_types::scenario::{Fault, Flight, Scenario, Target, VehicleChange};
+use scenario::{Fault, Flight, Scenario, Target, VehicleChange};
 use shared_types::{Header, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
 

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use controller::{ControllerService, Estimates, Measured, Parameters, Reference, evaluate};
 use divan::Bencher;
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, rotation};
 use zerocopy::{FromZeros, IntoBytes};

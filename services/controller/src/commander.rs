@@ -1,7 +1,7 @@
 //! Commands of thrust and body rates, from hold to hold: the roll-out, the yaw law and what they remember.
 
 use nalgebra::Vector3;
-use shared_types::scenario::{GRAVITY, RateCommand, Scenario, Vector};
+use scenario::{GRAVITY, RateCommand, Scenario, Vector};
 
 use crate::law::Evaluation;
 use crate::parameters::Parameters;

@@ -20,7 +20,7 @@
 use nalgebra::Vector3;
 use shared_types::rotation;
 use shared_types::samples::ControlAdaptation;
-use shared_types::scenario::{GRAVITY, InputSafety};
+use scenario::{GRAVITY, InputSafety};
 use shared_types::service::nanoseconds;
 
 use crate::reckoning::{Believed, Commanded, Reckoned};

@@ -3,7 +3,7 @@
 //! {I} has z down: gravity points along +e3, thrust along −R e3. All is a pure function of its arguments.
 
 use nalgebra::{Vector2, Vector3};
-use shared_types::scenario::GRAVITY;
+use scenario::GRAVITY;
 
 use crate::parameters::Parameters;
 use crate::regressor::{Regressor, delta_m_times};

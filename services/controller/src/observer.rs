@@ -18,7 +18,7 @@
 //! over a hold, exactly in θ̄ and with the mean of r3 over the hold.
 
 use nalgebra::Vector3;
-use shared_types::scenario::GRAVITY;
+use scenario::GRAVITY;
 
 /// The observer.
 #[derive(Clone, Copy, Debug, PartialEq)]

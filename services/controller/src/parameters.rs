@@ -1,7 +1,7 @@
 //! Gains and bounds of the law, as the law computes with them.
 
 use nalgebra::Vector3;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use crate::projection::Projection;
 use crate::saturation::Saturation;

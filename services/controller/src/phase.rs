@@ -10,7 +10,7 @@
 
 use shared_types::FlightPhase;
 use shared_types::samples::PathReference;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 /// What a phase leaves to the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

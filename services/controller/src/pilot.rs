@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlCommand, ControlErrors, PathReference, VehicleState};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Now, ServiceId, Topic, rotation};
 use zerocopy::FromZeros;
 

@@ -19,7 +19,7 @@
 
 use nalgebra::Vector3;
 use shared_types::rotation;
-use shared_types::scenario::{Model, RateCommand};
+use scenario::{Model, RateCommand};
 
 use crate::law::{Evaluation, evaluate};
 use crate::offset::hanging_offset;

@@ -16,7 +16,7 @@ use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation;
 use shared_types::sample::Flag;
 use shared_types::samples::VehicleState;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use crate::commander::link_limits;
 use crate::parameters::Parameters;
@@ -313,7 +313,7 @@ impl Reckoned {
 pub(crate) mod tests {
     use super::*;
     use proptest::prelude::*;
-    use shared_types::scenario::GRAVITY;
+    use scenario::GRAVITY;
     use zerocopy::FromZeros;
 
     const MASS: f64 = 0.2;

@@ -7,7 +7,7 @@
 
 use shared_types::gate::{Gate, GateState, LARGEST, Verdict, is_of_the_past};
 use shared_types::samples::PathReference;
-use shared_types::scenario::{EdgeName, Scenario};
+use scenario::{EdgeName, Scenario};
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Input, Now, ServiceId, Topic};
 

@@ -6,7 +6,7 @@
 //! worse than no law at all, because it keeps turning the vehicle by an error that it has long mended.
 
 use shared_types::samples::VehicleState;
-use shared_types::scenario::{EdgeName, GRAVITY, InputSafety, Scenario};
+use scenario::{EdgeName, GRAVITY, InputSafety, Scenario};
 use shared_types::service::seconds;
 use shared_types::{Now, ServiceId, Topic};
 

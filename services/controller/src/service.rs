@@ -25,7 +25,7 @@ use nalgebra::Vector3;
 use shared_types::gate::{GateState, StateGate, StateGateState};
 use shared_types::sample::Flag;
 use shared_types::samples::{ControlAdaptation, PathReference};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::wiring::{ControllerInputs, ControllerOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
 
@@ -110,7 +110,7 @@ impl ControllerService {
         Self {
             pilot: Pilot::new(scenario),
             rates: EstimateRates::ZERO,
-            states: StateGate::new(safety),
+            states: StateGate::new(safety.map(scenario::InputSafety::policy)),
             references: References::new(scenario),
             duties: Duties::new(scenario),
         }

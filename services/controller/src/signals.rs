@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation;
 use shared_types::samples::{PathReference, VehicleState};
-use shared_types::scenario::{GRAVITY, InitialEstimates};
+use scenario::{GRAVITY, InitialEstimates};
 
 use crate::parameters::Parameters;
 use crate::regressor::{ParameterVector, parameter_vector};

@@ -8,7 +8,7 @@
 use std::f64::consts::PI;
 
 use shared_types::rotation::roll_pitch_yaw;
-use shared_types::scenario::RateCommand;
+use scenario::RateCommand;
 
 use nalgebra::Matrix3;
 

@@ -4,7 +4,7 @@ mod support;
 
 use controller::ControllerService;
 use shared_types::samples::{ControlCommand, PathReference, VehicleState};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::InputView;
 use support::Published;
 use zerocopy::{FromZeros, IntoBytes};

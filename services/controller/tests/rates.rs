@@ -5,7 +5,7 @@ use controller::offset::hanging_offset;
 use controller::{Acting, Estimates, Measured, Parameters, Reference};
 use nalgebra::Vector3;
 use shared_types::rotation;
-use shared_types::scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
+use scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
 
 /// H, s: the paper's radio.
 const HOLD: f64 = 0.022;

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use shared_types::rotation;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlAdaptation, ControlCommand, PathReference, VehicleState};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::InputView;
 use zerocopy::{FromZeros, IntoBytes};
 

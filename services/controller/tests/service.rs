@@ -12,7 +12,7 @@ use controller::regressor::ParameterVector;
 use controller::{ControllerService, Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
 use nalgebra::Vector3;
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
-use shared_types::scenario::{Controller, Scenario};
+use scenario::{Controller, Scenario};
 use shared_types::service::{ErasedService, InputView};
 use shared_types::{Service, rotation};
 use zerocopy::{FromZeros, IntoBytes};

@@ -7,7 +7,7 @@
 
 use shared_types::gate::{Gate, GateState, LARGEST, Verdict};
 use shared_types::samples::MocapPose;
-use shared_types::scenario::{Problem, Scenario};
+use scenario::{Problem, Scenario};
 use shared_types::service::nanoseconds;
 use shared_types::wiring::{EstimatorInputs, EstimatorOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};

@@ -4,7 +4,7 @@ use estimator::EstimatorService;
 use proptest::prelude::*;
 use shared_types::Now;
 use shared_types::samples::{MocapPose, VehicleState};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 

@@ -12,7 +12,7 @@ use std::path::Path;
 use experiment::build_all;
 use runtime::in_process::{InProcess, TickSink};
 use shared_types::digest::ExperimentDigest;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Schedule, Topic};
 use toml::{Table, Value};
 

@@ -14,7 +14,7 @@ use shared_types::Topic;
 use shared_types::noise::{Draws, Noise, Stream};
 use shared_types::rotation::roll_pitch_yaw;
 use shared_types::samples::ControlErrors;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use zerocopy::FromBytes;
 
 #[path = "survival/laboratory.rs"]

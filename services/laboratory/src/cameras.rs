@@ -14,7 +14,7 @@ use motion_capture::figures::Second;
 use motion_capture::transport::{Address, Source};
 use runtime::flight_clock::monotonic_ns;
 use runtime::shared_page::SharedPage;
-use shared_types::scenario::{CaptureSystem, MotionCapture};
+use scenario::{CaptureSystem, MotionCapture};
 use shared_types::service::{ErasedService, InputView, OutputSlot, Outputs};
 use shared_types::wiring::PlantOutputs;
 use shared_types::{Now, ServiceId};

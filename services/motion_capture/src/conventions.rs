@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::from_roll_pitch_yaw;
-use shared_types::scenario::{CaptureSystem, FrameTransform};
+use scenario::{CaptureSystem, FrameTransform};
 
 use crate::wire::CapturePose;
 

@@ -13,7 +13,7 @@ use std::cmp::Ordering;
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::to_row_major;
 use shared_types::samples::MocapPose;
-use shared_types::scenario::{CaptureSystem, MotionCapture, Problem};
+use scenario::{CaptureSystem, MotionCapture, Problem};
 use shared_types::service::nanoseconds;
 
 pub use counts::FeedCounts;

@@ -16,7 +16,7 @@ mod vrpn;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::os::fd::BorrowedFd;
 
-use shared_types::scenario::{CaptureSystem, Key, MotionCapture, Problem};
+use scenario::{CaptureSystem, Key, MotionCapture, Problem};
 
 use crate::wire::{Frame, Name};
 

@@ -14,7 +14,7 @@ use motion_capture::transport::{Address, Source};
 use motion_capture::vrpn::{self, COOKIE, Report};
 use motion_capture::wire::{CapturePose, Frame};
 use nalgebra::{Matrix3, Vector3};
-use shared_types::scenario::{CaptureSystem, MotionCapture};
+use scenario::{CaptureSystem, MotionCapture};
 
 const FRAMES: u32 = 500;
 

@@ -14,7 +14,7 @@ use motion_capture::wire::Frame;
 use motion_capture::{natnet, sender, vicon_udp, vrpn};
 use nalgebra::Vector3;
 use shared_types::rotation::{exp, from_roll_pitch_yaw, roll_pitch_yaw};
-use shared_types::scenario::{CaptureSystem, MotionCapture};
+use scenario::{CaptureSystem, MotionCapture};
 
 const FRAMES: u64 = 100_000;
 const MS: u64 = 1_000_000;
@@ -203,7 +203,7 @@ fn greeting() -> Vec<u8> {
 }
 
 fn stated(system: CaptureSystem) -> MotionCapture {
-    let identity = Some(shared_types::scenario::FrameTransform::default());
+    let identity = Some(scenario::FrameTransform::default());
     // What no stamp tells: Motive's own 3 ms are stamped.
     let latency = if system == CaptureSystem::Natnet {
         1e-3

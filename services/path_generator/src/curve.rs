@@ -8,7 +8,6 @@ mod tilted_eight;
 mod waypoints;
 
 use nalgebra::{Matrix3, Vector3};
-use shared_types::scenario;
 
 pub use circle::Circle;
 pub use hover::Hover;

@@ -23,7 +23,7 @@ use shared_types::flight_phase::{Conditions, FlightPhase};
 use shared_types::rotation::from_row_major;
 use shared_types::sample::Flag;
 use shared_types::samples::{RcFrame, VehicleState};
-use shared_types::scenario::{self, GRAVITY, Scenario};
+use scenario::{GRAVITY, Scenario};
 use shared_types::service::{Operator, nanoseconds};
 use shared_types::{Now, ServiceId, Topic};
 use zerocopy::FromZeros;

@@ -19,7 +19,6 @@
 //! as c0 and c1. Where ψ is flat the terms in ‖z1‖˙ are not evaluated, which spares the division by ‖z1‖ = 0.
 
 use nalgebra::Vector3;
-use shared_types::scenario;
 
 use crate::bump::{Bump, TransitionError};
 use crate::pace::Pace;

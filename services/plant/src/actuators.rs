@@ -4,7 +4,7 @@ mod rate_loop;
 
 use nalgebra::Vector3;
 use shared_types::samples::RcFrame;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use crate::integrator::Stage;
 use crate::lag::Approach;

@@ -17,7 +17,7 @@ mod ornstein_uhlenbeck;
 
 use nalgebra::Vector3;
 use shared_types::noise::{Noise, Stream};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use crate::rigid_body::Motion;
 

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use shared_types::Now;
 use shared_types::rotation::to_row_major;
 use shared_types::samples::MocapPose;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use crate::rigid_body::Motion;
 

@@ -1,7 +1,7 @@
 //! Which mass, inertia, centre of mass and disturbance are in force: a function of the scenario and the tick
 //! alone.
 
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use crate::rigid_body::{Body, Motion};
 

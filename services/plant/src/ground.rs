@@ -5,7 +5,7 @@
 //! and leaves it with the attitude that he has.
 
 use nalgebra::Vector3;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use crate::dynamics::Dynamics;
 use crate::integrator::Stage;

@@ -5,7 +5,7 @@ use plant::integrator::advanced;
 use plant::rigid_body::{Body, Motion, Wrench};
 use proptest::prelude::*;
 use shared_types::rotation::{defect, exp, skew};
-use shared_types::scenario::GRAVITY;
+use scenario::GRAVITY;
 
 /// The step of the paper's simulations, s.
 const H: f64 = 1e-3;

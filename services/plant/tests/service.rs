@@ -4,7 +4,7 @@ use plant::PlantService;
 use proptest::prelude::*;
 use shared_types::Now;
 use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
-use shared_types::scenario::{GRAVITY, Scenario};
+use scenario::{GRAVITY, Scenario};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 

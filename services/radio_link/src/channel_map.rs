@@ -3,7 +3,7 @@
 //! A stick's code c of 2^bits − 1 is the travel s = 2c/(2^bits − 1) − 1, as in `rc_output`. What is sent is the travel
 //! turned around if the stick is reversed, and laid between its ends. A travel of −1 to 1 is the link's −100 to 100 %.
 
-use shared_types::scenario::{RcLink, Transmitter};
+use scenario::{RcLink, Transmitter};
 
 use crate::ChannelCodes;
 use crate::sticks::Sticks;
@@ -181,7 +181,7 @@ impl Units {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use shared_types::scenario::ChannelSwitch;
+    use scenario::ChannelSwitch;
 
     fn transmitter() -> Transmitter {
         Transmitter {

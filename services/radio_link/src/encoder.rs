@@ -1,6 +1,6 @@
 //! Sticks to a frame of whichever link a scenario states.
 
-use shared_types::scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
+use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 
 use crate::channel_map::{ChannelMap, Travels, Units};
 use crate::frame::Frame;

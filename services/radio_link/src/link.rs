@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 
-use shared_types::scenario::RcLink;
+use scenario::RcLink;
 use shared_types::service::nanoseconds;
 
 use crate::encoder::Encoder;
@@ -153,7 +153,7 @@ impl RadioLink {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shared_types::scenario::{RadioProtocol, Transmitter};
+    use scenario::{RadioProtocol, Transmitter};
 
     const MS: u64 = 1_000_000;
 

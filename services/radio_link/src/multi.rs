@@ -5,7 +5,7 @@
 //! with sub-protocol and power, option, 22 bytes of channels. The codes 204, 1024 and 1843 are −100, 0 and 100 %. DSM's
 //! failsafe is the receiver's, learnt when it is bound; it acts when frames stop.
 
-use shared_types::scenario::{DsmProtocol, MultiModule};
+use scenario::{DsmProtocol, MultiModule};
 
 use crate::packing::{self, PACKED};
 use crate::{ChannelCodes, DecodeError};

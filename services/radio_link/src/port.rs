@@ -16,7 +16,7 @@ use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 
 use rustix::io::Errno;
-use shared_types::scenario::{RadioProtocol, Transmitter};
+use scenario::{RadioProtocol, Transmitter};
 
 use crate::frame::CAPACITY;
 

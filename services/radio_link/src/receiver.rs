@@ -4,7 +4,7 @@
 //! Failure policy: bytes that are no frame are skipped one by one and counted, until a frame begins again. Nothing is
 //! guessed: what a frame does not carry (an arming switch, say) counts as what a receiver without it would do.
 
-use shared_types::scenario::{RadioProtocol, RcLink, Transmitter};
+use scenario::{RadioProtocol, RcLink, Transmitter};
 
 use crate::channel_map::{ChannelMap, Units};
 use crate::encoder::Encoder;

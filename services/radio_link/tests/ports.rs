@@ -13,7 +13,7 @@ use radio_link::sticks::Sticks;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{ControlModes, tcgetattr};
-use shared_types::scenario::{RadioProtocol, RcLink, Transmitter};
+use scenario::{RadioProtocol, RcLink, Transmitter};
 
 /// How long an event may take before a test gives up, s: only a broken test waits for it.
 const WATCHDOG: i64 = 20;

@@ -5,7 +5,7 @@ use radio_link::encoder::Encoder;
 use radio_link::frame::Frame;
 use radio_link::receiver::{Command, Receiver};
 use radio_link::sticks::Sticks;
-use shared_types::scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
+use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 
 /// A link of every kind; channels in an order of their own, one of them reversed and with other ends.
 fn links() -> Vec<RcLink> {

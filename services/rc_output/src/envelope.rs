@@ -4,7 +4,7 @@
 //! [`crate::guard`].
 
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
-use shared_types::scenario::{self, Action, Fence, Vector};
+use scenario::{Action, Fence, Vector};
 use shared_types::service::nanoseconds;
 
 /// How many limits there are.

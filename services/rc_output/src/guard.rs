@@ -5,7 +5,7 @@
 //! | the operator has not armed | failsafe frames |
 //! | in a flight with phases the inputs have not been recent since the arming, or since the transmitter began anew | failsafe frames |
 //! | the operator killed | failsafe frames for ever |
-//! | a limit is exceeded for [`after`](shared_types::scenario::Envelope::after), action *warn* | frames say so as long as that lasts |
+//! | a limit is exceeded for [`after`](scenario::Envelope::after), action *warn* | frames say so as long as that lasts |
 //! | … action *land* | frames demand it until the motors have rested for [`GROUNDED_AFTER`], whatever becomes of the limit |
 //! | … action *kill* | failsafe frames for ever |
 //! | the vehicle is to land and takes too long, or goes on leaving the box | failsafe frames for ever |
@@ -20,7 +20,7 @@ use shared_types::Now;
 use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::sample::Flag;
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
-use shared_types::scenario::{Action, Scenario};
+use scenario::{Action, Scenario};
 use shared_types::service::nanoseconds;
 
 use crate::envelope::{Envelope, LIMITS, Situation};

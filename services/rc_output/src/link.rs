@@ -9,7 +9,7 @@
 //! do so, and torque on the radio link.
 
 use shared_types::samples::{ControlCommand, RcFrame};
-use shared_types::scenario::RcLink;
+use scenario::RcLink;
 
 use crate::channel::Channel;
 

@@ -9,7 +9,7 @@ use shared_types::Header;
 use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, Operator};
 use zerocopy::{FromZeros, IntoBytes};

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use rc_output::RcOutputService;
 use shared_types::Now;
 use shared_types::samples::{ControlCommand, RcFrame};
-use shared_types::scenario::{RcLink, Scenario};
+use scenario::{RcLink, Scenario};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 

@@ -11,7 +11,7 @@ use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use shared_types::ServiceId;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use crate::crash::Crash;
 use crate::deployment::Scheduler;

@@ -14,7 +14,7 @@ use std::process::Command;
 
 use rustix::fs::{MemfdFlags, SealFlags};
 use serde::Serialize;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::schedule::Rate;
 use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
@@ -212,7 +212,7 @@ pub fn become_program(
 #[cfg(test)]
 mod tests {
     use serde_json::Value;
-    use shared_types::scenario::{Curve, Hover, Path, Vehicle};
+    use scenario::{Curve, Hover, Path, Vehicle};
 
     use super::*;
     use crate::deployment::Scheduler;

@@ -7,7 +7,7 @@
 
 use std::sync::atomic::Ordering;
 
-use shared_types::scenario::{OrchestratorLoss, Scenario};
+use scenario::{OrchestratorLoss, Scenario};
 
 use crate::control::Channel;
 use crate::shared_page::Words;
@@ -109,7 +109,7 @@ mod tests {
     use crate::flight_clock::monotonic_ns;
     use crate::succession::{FILES, Heir, Hello};
     use shared_types::ServiceId;
-    use shared_types::scenario::{Curve, Hover, Path, Vehicle};
+    use scenario::{Curve, Hover, Path, Vehicle};
     use std::os::fd::AsFd;
 
     fn scenario() -> Scenario {
@@ -137,7 +137,7 @@ mod tests {
 
     fn alone(loss: OrchestratorLoss, with_phases: bool) -> LoneFlight {
         let mut scenario = scenario();
-        scenario.real_time = Some(shared_types::scenario::RealTime {
+        scenario.real_time = Some(scenario::RealTime {
             orchestrator_loss: loss,
             ..Default::default()
         });

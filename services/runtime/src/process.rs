@@ -7,7 +7,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
 
 use rustix::process::DumpableBehavior;
-use shared_types::scenario::{Scenario, ServiceDeployment};
+use scenario::{Scenario, ServiceDeployment};
 use shared_types::service::ErasedService;
 use shared_types::{Schedule, ServiceId};
 

@@ -16,7 +16,7 @@ use std::sync::atomic::{Ordering, fence};
 
 use rustix::thread::futex;
 use shared_types::samples::PathReference;
-use shared_types::scenario::Guests;
+use shared_types::Guests;
 use shared_types::service::{ErasedService, Operator};
 use shared_types::{Now, Schedule, ServiceId, Topic};
 use zerocopy::FromBytes;

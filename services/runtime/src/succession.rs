@@ -186,7 +186,7 @@ mod tests {
     use super::*;
     use crate::control::{Host, ToService};
     use crate::deployment::Scheduler;
-    use shared_types::scenario::{Curve, Hover, Path as Reference, Scenario, Vehicle};
+    use scenario::{Curve, Hover, Path as Reference, Scenario, Vehicle};
 
     fn hello() -> Hello {
         let position = [0.0, 0.0, -1.0];

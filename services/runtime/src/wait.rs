@@ -14,7 +14,7 @@ use std::sync::atomic::{Ordering, fence};
 use std::time::Instant;
 
 use shared_types::ServiceId;
-use shared_types::scenario::Guests;
+use shared_types::Guests;
 
 use crate::control::Channel;
 use crate::deployment::Scheduler;

@@ -21,7 +21,7 @@ use runtime::real_time::{Cockpit, RealTimePorts, fly};
 use runtime::shared_page::SharedPage;
 use runtime::step_log::{StepLog, StepReader};
 use runtime::succession::{Bequest, FILES, Hello};
-use shared_types::scenario::{Curve, Hover, Path, Scenario, Vehicle};
+use scenario::{Curve, Hover, Path, Scenario, Vehicle};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, Schedule, ServiceId};
 use std::os::fd::AsFd;

@@ -3,10 +3,10 @@
 //! Without a policy every state whose numbers are those of a flight ([`LARGEST`](super::LARGEST)). With one, a state is good that
 //! * rests on a measurement (`tracked`) and speaks of another time than the last good one;
 //! * is in range: no vehicle of this laboratory is further away, faster or turns faster, and R is a rotation;
-//! * is where the last good one was going, up to [`jump`](crate::scenario::InputSafety::jump).
+//! * is where the last good one was going, up to [`jump`](Policy::jump).
 //!
 //! A state that jumped is looked at again with the one after it. Once the last good state is too old
-//! ([`max_age`](crate::scenario::InputSafety::max_age)), a state is believed that is where the *refused* one before
+//! ([`max_age_ns`](Policy::max_age_ns)), a state is believed that is where the *refused* one before
 //! it was going: the vehicle really is elsewhere, or was carried there. So a true state is kept out for `max_age` and
 //! two samples at most, and noise, which does not agree with itself, for as long as it lasts.
 
@@ -16,8 +16,7 @@ use super::{Gate, GateState, LARGEST, Verdict, is_of_the_past};
 use crate::rotation::{defect, from_row_major};
 use crate::sample::{Field, Flag};
 use crate::samples::VehicleState;
-use crate::scenario::InputSafety;
-use crate::service::{Input, Now, nanoseconds, seconds};
+use crate::service::{Input, Now, seconds};
 
 /// Distance from SO(3) up to which nine numbers are taken for an attitude: single precision passes.
 const ATTITUDE_DEFECT: f64 = 1e-3;
@@ -52,21 +51,21 @@ pub struct StateGate {
     suspect: Option<VehicleState>,
 }
 
+/// What is believed of a state.
 #[derive(Clone, Copy, Debug)]
-struct Policy {
-    max_age_ns: u64,
-    jump: Option<f64>,
+pub struct Policy {
+    /// Age up to which a state is used as if it were new, ns.
+    pub max_age_ns: u64,
+    /// Largest distance of a state from where the last good one was going, m; any if `None`.
+    pub jump: Option<f64>,
 }
 
 impl StateGate {
     /// A gate before the first state.
     #[must_use]
-    pub fn new(safety: Option<&InputSafety>) -> Self {
+    pub fn new(policy: Option<Policy>) -> Self {
         Self {
-            policy: safety.map(|safety| Policy {
-                max_age_ns: nanoseconds(safety.max_age),
-                jump: safety.jump,
-            }),
+            policy,
             gate: Gate::default(),
             suspect: None,
         }

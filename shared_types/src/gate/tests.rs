@@ -3,7 +3,6 @@ use zerocopy::{FromBytes, FromZeros, IntoBytes};
 
 use super::*;
 use crate::samples::VehicleState;
-use crate::scenario::InputSafety;
 use crate::service::InputView;
 
 const PERIOD_NS: u64 = 10_000_000;
@@ -18,9 +17,9 @@ fn now(number: u64) -> Now {
 }
 
 fn gate(jump: Option<f64>) -> StateGate {
-    StateGate::new(Some(&InputSafety {
+    StateGate::new(Some(Policy {
+        max_age_ns: 30_000_000,
         jump,
-        ..InputSafety::new(0.03)
     }))
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::seconds;
 
 use super::downsample::Extremes;

@@ -1,7 +1,7 @@
 //! What a figure marks beside the curves: the theorem's bound, changes of the vehicle, planned faults.
 
 use kuva::prelude::{ReferenceLine, ShadedRegion};
-use shared_types::scenario::{Fault, FaultState, VehicleChange};
+use scenario::{Fault, FaultState, VehicleChange};
 
 use super::CHANGE_COLOR;
 use super::curve::Curve;

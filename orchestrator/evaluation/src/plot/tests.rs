@@ -3,7 +3,7 @@
 use super::*;
 use run_log::test_flight::{away, record_samples, scenario};
 use run_log::{Compression, Manifest, RunLogWriter};
-use shared_types::scenario::{Fault, FaultKind};
+use scenario::{Fault, FaultKind};
 use shared_types::service::seconds;
 
 /// A log of 20 s whose error decays from `start` (m), with one peak of a single sample.

@@ -1,7 +1,7 @@
 //! The paper's figures that the logs have: drawn of a log alone, as `gerono reproduce` draws them.
 
 use serde::Serialize;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use super::flight::Flight;
 use crate::reproduce::column::Column;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use runtime::in_process::TickSink;
 use shared_types::samples::{ControlAdaptation, VehicleTruth};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Schedule, Topic};
 
 use super::latency::Histogram;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, RunEvent};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::{header_of, seconds};
 use shared_types::{FlightPhase, Topic};
 
@@ -196,7 +196,7 @@ fn planned(event: &RunEvent) -> Option<(MarkKind, String)> {
 mod tests {
     use super::*;
     use run_log::test_flight::scenario;
-    use shared_types::scenario::{Occlusion, YawStep};
+    use scenario::{Occlusion, YawStep};
     use zerocopy::{FromZeros, IntoBytes};
 
     fn event(kind: u32, text: &str) -> RunEvent {

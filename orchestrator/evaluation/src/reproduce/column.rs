@@ -3,7 +3,7 @@
 //! A column is a set of settings made from the scenario that it is applied to, such as one gives with `--set`.
 
 use serde::{Deserialize, Serialize};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 /// A laboratory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use super::column::Column;
 use super::measure::{Measured, Meter};

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use runtime::in_process::TickSink;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::samples::{ControlAdaptation, RcFrame, VehicleTruth};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Schedule, Topic};
 
 use super::latest::{Known, Latest};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use runtime::in_process::TickSink;
 use shared_types::Topic;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use super::drawings::DRAWINGS;
 use super::figures::Figure;

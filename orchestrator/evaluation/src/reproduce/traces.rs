@@ -7,7 +7,7 @@ use controller::yaw::shorter_way;
 use nalgebra::Vector3;
 use runtime::in_process::TickSink;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::seconds;
 use shared_types::{Schedule, Topic};
 

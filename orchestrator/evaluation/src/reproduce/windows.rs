@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 
 use metrics::ULTIMATE_WINDOW;
 

@@ -5,7 +5,7 @@ use crate::path_clock::Demand;
 use proptest::prelude::*;
 use run_log::test_flight::scenario;
 use shared_types::rotation::{from_roll_pitch_yaw, to_row_major};
-use shared_types::scenario::Flight;
+use scenario::Flight;
 
 const UPRIGHT: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 

@@ -3,7 +3,7 @@
 use std::fmt::{Display, Formatter, Result};
 
 use serde::Serialize;
-use shared_types::scenario::Bounds;
+use scenario::Bounds;
 
 use super::Parameters;
 

@@ -7,7 +7,7 @@ mod signs;
 mod table;
 
 use serde::Serialize;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::header_of;
 use shared_types::{Schedule, ServiceId, Topic};
 

@@ -1,6 +1,6 @@
 //! What is kept of a phase: of the time between two changes of the vehicle.
 
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Schedule, Topic};
 

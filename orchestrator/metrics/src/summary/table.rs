@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter, Result};
 
-use shared_types::scenario::Vector;
+use scenario::Vector;
 
 use super::faults::{BEFORE, faults_in_words};
 use super::flight;

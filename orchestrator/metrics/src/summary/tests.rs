@@ -1,7 +1,7 @@
 //! What a summary says of flights whose errors are known.
 
 use proptest::prelude::*;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use zerocopy::{FromZeros, IntoBytes};
 
 use super::*;
@@ -250,7 +250,7 @@ fn the_phases_of_a_flight_from_the_ground_are_told_with_their_begins() {
         summary.finish(facts())
     };
     assert_eq!(summary_of(&scenario).flight, []);
-    scenario.flight = Some(shared_types::scenario::Flight::default());
+    scenario.flight = Some(scenario::Flight::default());
     let summary = summary_of(&scenario);
     let told: Vec<_> = summary
         .flight
@@ -404,7 +404,7 @@ fn a_log_that_could_not_be_written_has_what_is_in_it() {
 #[test]
 fn the_theorem_is_not_asked_about_the_law_of_a_program() {
     let (mut scenario, schedule) = flight();
-    scenario.programs = Some(shared_types::scenario::Programs {
+    scenario.programs = Some(scenario::Programs {
         controller: Some(vec!["mine".to_owned()]),
         ..Default::default()
     });
@@ -431,7 +431,7 @@ proptest! {
     ) {
         let (mut scenario, _) = flight();
         scenario.vehicle.change = (1..=changes)
-            .map(|place| shared_types::scenario::VehicleChange {
+            .map(|place| scenario::VehicleChange {
                 at: 3.0 * place as f64,
                 mass: Some(0.2),
                 inertia: None,
@@ -439,8 +439,8 @@ proptest! {
                 center_of_mass: None,
             })
             .collect();
-        scenario.flight = Some(shared_types::scenario::Flight::default());
-        let mut off = shared_types::scenario::Fault::new(shared_types::scenario::FaultKind::Off, 5.0);
+        scenario.flight = Some(scenario::Flight::default());
+        let mut off = scenario::Fault::new(scenario::FaultKind::Off, 5.0);
         off.service = Some("path_generator".to_owned());
         off.lasts = Some(0.1);
         scenario.fault.push(off);

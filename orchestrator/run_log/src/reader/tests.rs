@@ -4,7 +4,7 @@ use std::fs;
 
 use proptest::prelude::*;
 use shared_types::samples::{ControlErrors, RunEvent};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use tempfile::TempDir;
 use zerocopy::FromBytes;
 

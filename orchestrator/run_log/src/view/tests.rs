@@ -6,7 +6,7 @@ use std::fs;
 use nalgebra::Vector3;
 use shared_types::Header;
 use shared_types::sample::Flag;
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use zerocopy::{FromZeros, IntoBytes};
 
 use super::*;

@@ -61,7 +61,7 @@ fn the_last_of_equal_arguments_counts() {
 
 #[test]
 fn a_word_needs_no_quotes() {
-    use shared_types::scenario::PathMode;
+    use scenario::PathMode;
     assert_eq!(
         flown(&["path.mode=trajectory_tracking"]).path.mode,
         PathMode::TrajectoryTracking
@@ -99,7 +99,7 @@ fn a_change_can_be_added() {
 
 #[test]
 fn a_whole_table_takes_the_place_of_the_files() {
-    use shared_types::scenario::{Curve, Hover};
+    use scenario::{Curve, Hover};
     let scenario = flown(&["path.curve={hover = {position = [0.0, 0.0, -1.0]}}"]);
     assert_eq!(
         scenario.path.curve,

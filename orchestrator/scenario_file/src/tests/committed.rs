@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 
-use shared_types::scenario::{Curve, VehicleChange};
+use scenario::{Curve, VehicleChange};
 
 use super::*;
 
@@ -62,18 +62,18 @@ fn the_first_scenario_states_every_parameter_but_the_transport() {
 #[test]
 fn the_first_scenario_has_the_defaults_where_there_are_any() {
     let scenario = load_committed("fig1");
-    let unstated = shared_types::scenario::Scenario {
-        controller: shared_types::scenario::Controller::default(),
+    let unstated = scenario::Scenario {
+        controller: scenario::Controller::default(),
         ..scenario.clone()
     };
     assert_eq!(scenario.beta(), unstated.beta());
     assert_eq!(scenario.lambda_inertia(), unstated.lambda_inertia());
     assert_eq!(scenario.controller.beta, Some(unstated.beta()));
     assert_eq!(unstated.experiment().controller, scenario.controller);
-    assert_eq!(scenario.schedule, shared_types::scenario::Timing::default());
+    assert_eq!(scenario.schedule, scenario::Timing::default());
     assert_eq!(
         scenario.path.curve,
-        Curve::TiltedEight(shared_types::scenario::TiltedEight::default())
+        Curve::TiltedEight(scenario::TiltedEight::default())
     );
     assert_eq!(scenario.path, load_committed("fig2_near").path);
 }

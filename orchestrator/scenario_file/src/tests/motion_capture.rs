@@ -1,6 +1,6 @@
 //! Poses of a laboratory's motion-capture system.
 
-use shared_types::scenario::{CaptureSystem, PoseSource};
+use scenario::{CaptureSystem, PoseSource};
 
 use super::*;
 

@@ -235,7 +235,7 @@ fn an_empty_table_is_a_section_with_its_defaults() {
     let scenario = load_text(&empty, &[]).unwrap();
     assert_eq!(
         scenario.rc_output,
-        Some(shared_types::scenario::RcLink::default())
+        Some(scenario::RcLink::default())
     );
 }
 
@@ -323,7 +323,7 @@ fn phases_and_an_envelope_are_read_as_they_are_written() {
     let envelope = scenario.envelope.unwrap();
     assert_eq!(
         envelope.tilt.unwrap().action,
-        shared_types::scenario::Action::Kill
+        scenario::Action::Kill
     );
     assert_eq!(envelope.land_within, 20.0);
 }

@@ -1,6 +1,6 @@
 //! What frames leave on, as a file states it.
 
-use shared_types::scenario::{DsmProtocol, RadioProtocol};
+use scenario::{DsmProtocol, RadioProtocol};
 
 use super::*;
 

@@ -64,7 +64,7 @@ impl<T: FromStr> FromStr for PerService<T> {
             Some((name, value)) => {
                 let service = ServiceId::from_name(name).ok_or_else(|| {
                     let names = ServiceId::ALL.map(ServiceId::name);
-                    shared_types::scenario::suggest::known_names(name, &names)
+                    scenario::suggest::known_names(name, &names)
                 })?;
                 (Some(service), value)
             }

@@ -2,7 +2,7 @@
 
 use runtime::shared_page::Words;
 use shared_types::ServiceId;
-use shared_types::scenario::{CaptureSystem, MotionCapture, RadioProtocol, Scenario};
+use scenario::{CaptureSystem, MotionCapture, RadioProtocol, Scenario};
 use shared_types::service::seconds;
 
 use live::snapshot::{CamerasSnapshot, LinkSnapshot};

@@ -11,7 +11,7 @@ use runtime::in_process::TickSink;
 use runtime::owned_sample::OwnedSample;
 use runtime::ports::{PortError, RECORDER_BUFFER};
 use runtime::watchdog::{self, Work};
-use shared_types::scenario::Guests;
+use shared_types::Guests;
 use shared_types::service::header_of;
 use shared_types::{Sample, Schedule, ServiceId, Topic};
 

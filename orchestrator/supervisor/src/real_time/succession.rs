@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use runtime::flight_clock::FlightClock;
 use runtime::lone_flight::SILENCE_NS;
 use runtime::succession::{Heir, Inheritance};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::{Schedule, ServiceId};
 
 use crate::FlightFailure;

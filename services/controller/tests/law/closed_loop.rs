@@ -8,7 +8,7 @@ use controller::{Estimates, Evaluation, Measured, Parameters, Reference, evaluat
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use shared_types::rotation::{self, skew};
-use shared_types::scenario::{Curve, GRAVITY, Path, Scenario, TiltedEight, Vehicle};
+use scenario::{Curve, GRAVITY, Path, Scenario, TiltedEight, Vehicle};
 
 use crate::dual::Dual;
 use crate::path::tilted_eight;

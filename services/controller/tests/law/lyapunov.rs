@@ -4,7 +4,6 @@ use controller::regressor::parameter_vector;
 use controller::{Estimates, Measured, lyapunov};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
-use shared_types::scenario;
 
 use crate::closed_loop::{ClosedLoop, State, closed_loop, state};
 use crate::path::tilted_eight;

@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector, Vector3};
 use shared_types::rotation::{exp, orthonormalized, skew};
-use shared_types::scenario::Kalman;
+use scenario::Kalman;
 use shared_types::service::seconds;
 
 use super::attitude::log;

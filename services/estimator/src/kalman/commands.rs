@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use shared_types::samples::RcFrame;
-use shared_types::scenario::GRAVITY;
+use scenario::GRAVITY;
 use shared_types::service::seconds;
 
 /// How many commands the history holds.

@@ -1,7 +1,7 @@
 //! The error of the nominal state, how a step carries it on, and the noise that enters meanwhile.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
-use shared_types::scenario::Kalman;
+use scenario::Kalman;
 
 /// Size of the error state.
 pub const ERRORS: usize = 15;

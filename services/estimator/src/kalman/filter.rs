@@ -24,7 +24,7 @@
 use nalgebra::SVector;
 use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::samples::{MocapPose, RcFrame};
-use shared_types::scenario::{Kalman, Key, Model, Problem, RcLink, Scenario};
+use scenario::{Kalman, Key, Model, Problem, RcLink, Scenario};
 use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
 

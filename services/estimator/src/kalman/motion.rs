@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::{exp, skew};
-use shared_types::scenario::{GRAVITY, Model};
+use scenario::{GRAVITY, Model};
 
 use super::attitude::right_jacobian;
 use super::commands::Command;

@@ -2,7 +2,7 @@
 
 use estimator::kalman::Outcome;
 use nalgebra::SVector;
-use shared_types::scenario::{Kalman, Model};
+use scenario::{Kalman, Model};
 
 use crate::rig::{Rig, World, normal3, restless_pilot};
 

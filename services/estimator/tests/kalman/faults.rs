@@ -3,7 +3,7 @@
 use estimator::kalman::{KalmanFilter, Outcome};
 use proptest::prelude::*;
 use shared_types::samples::{MocapPose, RcFrame};
-use shared_types::scenario::{Kalman, Model};
+use scenario::{Kalman, Model};
 use zerocopy::{FromZeros, IntoBytes};
 
 use crate::consistency::{assert_is_chi_square, matched_flight, squared_error};

@@ -3,7 +3,7 @@
 use estimator::kalman::{KalmanFilter, Outcome};
 use nalgebra::Vector3;
 use shared_types::samples::{MocapPose, RcFrame};
-use shared_types::scenario::{Flight, GRAVITY, Kalman, Model};
+use scenario::{Flight, GRAVITY, Kalman, Model};
 use zerocopy::FromZeros;
 
 use super::rig::{normal3, scenario};

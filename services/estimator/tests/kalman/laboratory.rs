@@ -2,7 +2,7 @@
 
 use estimator::Estimate;
 use nalgebra::Vector3;
-use shared_types::scenario::{GRAVITY, Kalman, Model};
+use scenario::{GRAVITY, Kalman, Model};
 
 use crate::rig::{Rig, TICK_NS, World, pilot_on_the_eight};
 

@@ -3,7 +3,7 @@
 use estimator::kalman::Outcome;
 use nalgebra::Vector3;
 use shared_types::rotation::exp;
-use shared_types::scenario::{Kalman, Model};
+use scenario::{Kalman, Model};
 use std::f64::consts::PI;
 
 use crate::rig::{Asked, CAPTURE_PERIOD, Rig, TICK_NS, World, restless_pilot};

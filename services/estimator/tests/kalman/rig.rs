@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, orthonormalized, skew, to_row_major};
 use shared_types::samples::{MocapPose, RcFrame};
-use shared_types::scenario::{Curve, GRAVITY, Hover, Kalman, Model, Path, RcLink, Scenario, Vehicle};
+use scenario::{Curve, GRAVITY, Hover, Kalman, Model, Path, RcLink, Scenario, Vehicle};
 use zerocopy::FromZeros;
 
 /// Steps of the simulator a tick.
@@ -173,8 +173,8 @@ pub fn scenario(model: &Model, kalman: &Kalman) -> Scenario {
         .insert("mocap/pose -> estimator".to_owned(), 0.005);
     schedule.latency.insert("rc/frame -> plant".to_owned(), 0.005);
     scenario.model = Some(model.clone());
-    scenario.estimator = Some(shared_types::scenario::Estimator {
-        source: shared_types::scenario::PoseSource::default(),
+    scenario.estimator = Some(scenario::Estimator {
+        source: scenario::PoseSource::default(),
         recording: None,
         kalman: kalman.clone(),
     });

@@ -3,7 +3,7 @@
 use estimator::{Estimate, EstimatorService};
 use shared_types::Now;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState};
-use shared_types::scenario::{Kalman, Model};
+use scenario::{Kalman, Model};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 

@@ -9,7 +9,7 @@ use runtime::in_process::{InProcess, TickSink};
 use shared_types::Topic;
 use shared_types::noise::{Draws, Noise, Stream};
 use shared_types::samples::{PathReference, VehicleTruth};
-use shared_types::scenario::Scenario;
+use scenario::Scenario;
 use shared_types::service::seconds;
 use zerocopy::FromBytes;
 

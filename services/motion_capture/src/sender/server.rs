@@ -5,7 +5,7 @@ use std::net::{SocketAddrV4, TcpListener, TcpStream, UdpSocket};
 
 use nalgebra::Matrix3;
 use shared_types::rotation::roll_pitch_yaw;
-use shared_types::scenario::CaptureSystem;
+use scenario::CaptureSystem;
 
 use crate::natnet::{RigidBody, ServerInfo, Times, Version, message};
 use crate::vicon_udp::{NAME_LENGTH, Object};

@@ -1,7 +1,6 @@
 //! A point to hover at.
 
 use nalgebra::Vector3;
-use shared_types::scenario;
 
 use super::CurvePoint;
 

@@ -1,7 +1,6 @@
 //! A straight line without end.
 
 use nalgebra::Vector3;
-use shared_types::scenario;
 
 use super::CurvePoint;
 

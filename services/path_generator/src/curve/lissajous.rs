@@ -1,7 +1,6 @@
 //! A Lissajous figure: an oscillation along each axis.
 
 use nalgebra::Vector3;
-use shared_types::scenario;
 
 use super::CurvePoint;
 

@@ -2,7 +2,6 @@
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::paper_rx;
-use shared_types::scenario;
 
 use super::CurvePoint;
 

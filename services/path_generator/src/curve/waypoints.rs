@@ -17,7 +17,6 @@
 mod smoothest;
 
 use nalgebra::Vector3;
-use shared_types::scenario;
 
 use super::{CurveError, CurvePoint};
 use smoothest::control_points;

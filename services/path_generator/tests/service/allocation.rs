@@ -2,7 +2,7 @@
 
 use crate::allocations::allocations_during;
 use crate::flight::{generator, paper_path, step_at, vehicle};
-use shared_types::scenario::{Circle, Curve, Hover, Line, Lissajous, Path, TiltedEight, Waypoints, YawStep};
+use scenario::{Circle, Curve, Hover, Line, Lissajous, Path, TiltedEight, Waypoints, YawStep};
 
 #[test]
 fn a_step_allocates_nothing_on_any_curve() {

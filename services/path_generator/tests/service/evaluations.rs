@@ -4,7 +4,7 @@
 
 use crate::flight::{generator, paper_path, step_at, vehicle};
 use shared_types::samples::VehicleState;
-use shared_types::scenario::Path;
+use scenario::Path;
 
 struct Evaluation {
     position_world: [f64; 3],

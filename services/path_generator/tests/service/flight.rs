@@ -2,7 +2,7 @@
 
 use path_generator::PathGeneratorService;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
-use shared_types::scenario::{Curve, Path, Scenario, TiltedEight, Vehicle};
+use scenario::{Curve, Path, Scenario, TiltedEight, Vehicle};
 use shared_types::service::{ErasedService, InputView, Now, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 

@@ -3,7 +3,7 @@
 use path_generator::PathGeneratorService;
 use path_generator::phases::{LIFTED, PATIENCE, STANDING};
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
-use shared_types::scenario::{Curve, Flight, Path, PathMode, Scenario, TiltedEight};
+use scenario::{Curve, Flight, Path, PathMode, Scenario, TiltedEight};
 use shared_types::service::{Now, Operator, Service};
 use zerocopy::FromZeros;
 

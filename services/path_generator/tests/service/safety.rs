@@ -4,7 +4,7 @@ use path_generator::PathGeneratorService;
 use proptest::prelude::*;
 use shared_types::sample::Field;
 use shared_types::samples::VehicleState;
-use shared_types::scenario::{InputSafety, Scenario};
+use scenario::{InputSafety, Scenario};
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::flight::{TICK_NS, paper_path, scenario, step_at, vehicle};

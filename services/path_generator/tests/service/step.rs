@@ -5,7 +5,7 @@ use path_generator::{CurveError, PathGeneratorError, PathGeneratorService, PathG
 use proptest::prelude::*;
 use shared_types::Service;
 use shared_types::samples::{PathReference, VehicleState};
-use shared_types::scenario::{Curve, Hover, Path, PathMode, Waypoints, YawStep};
+use scenario::{Curve, Hover, Path, PathMode, Waypoints, YawStep};
 use shared_types::service::{ErasedService, seconds};
 use zerocopy::{FromZeros, IntoBytes};
 

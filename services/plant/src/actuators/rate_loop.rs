@@ -12,7 +12,6 @@
 use nalgebra::Vector3;
 use shared_types::noise::{Noise, Stream};
 use shared_types::samples::RcFrame;
-use shared_types::scenario;
 
 use crate::actuators::{Drive, Turning};
 use crate::integrator::Stage;

@@ -5,7 +5,6 @@
 
 use nalgebra::Vector3;
 use shared_types::noise::{Noise, Stream};
-use shared_types::scenario;
 
 use crate::air::jet::Jet;
 use crate::air::ornstein_uhlenbeck::OrnsteinUhlenbeck;

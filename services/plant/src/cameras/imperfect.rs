@@ -17,7 +17,6 @@ use shared_types::Now;
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, to_row_major};
 use shared_types::samples::MocapPose;
-use shared_types::scenario;
 use shared_types::service::{nanoseconds, seconds};
 
 use crate::rigid_body::Motion;

@@ -2,7 +2,7 @@
 
 use radio_link::receiver::{Command, Receiver};
 use radio_link::{crsf, mavlink, msp, multi, sbus};
-use shared_types::scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
+use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 
 /// A receiver of every kind, the last two of `MAVLink`.
 const LINKS: [(RadioProtocol, MavlinkMessage); 6] = [

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::num::NonZeroU64;
 
-use shared_types::scenario::ServiceDeployment;
+use scenario::ServiceDeployment;
 use shared_types::service::nanoseconds;
 
 use super::memory;

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use proptest::prelude::*;
 use shared_types::rotation::{from_roll_pitch_yaw, to_row_major};
 use shared_types::samples::PathReference;
-use shared_types::scenario::{self, Path, Vehicle, VehicleChange, YawStep};
+use scenario::{Path, Vehicle, VehicleChange, YawStep};
 use zerocopy::{FromZeros, IntoBytes};
 
 use super::*;

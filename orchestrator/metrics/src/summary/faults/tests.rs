@@ -356,7 +356,7 @@ fn a_summary_tells_of_faults_only_where_some_were_planned() {
     for is_planned in [false, true] {
         let mut scenario = scenario(0.01, 20.0);
         if is_planned {
-            let mut off = shared_types::scenario::Fault::new(shared_types::scenario::FaultKind::Off, 5.0);
+            let mut off = scenario::Fault::new(scenario::FaultKind::Off, 5.0);
             off.service = Some("controller".to_owned());
             off.lasts = Some(0.1);
             scenario.fault.push(off);

@@ -1,0 +1,76 @@
+//! Cameras that see.
+
+use super::Findings;
+use super::events::Events;
+use crate::{Cameras, Key, MarkerSwap, Scenario};
+use shared_types::service::seconds;
+use shared_types::wiring::Topic;
+
+impl Cameras {
+    /// All but the jitter, which depends on the schedule.
+    pub(super) fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
+        let deviation = "the deviation";
+        found.not_negative(&at.then("position_deviation"), deviation, self.position_deviation);
+        found.not_negative(&at.then("attitude_deviation"), deviation, self.attitude_deviation);
+        found.share(&at.then("frame_loss"), self.frame_loss);
+        for (index, swap) in self.marker_swap.iter().enumerate() {
+            swap.check(&at.then("marker_swap").then(index), found);
+        }
+        self.check_times(duration, at, found);
+    }
+
+    fn check_times(&self, duration: f64, at: &Key, found: &mut Findings) {
+        let (times, lengths): (_, Vec<_>) = self.occlusion.iter().map(|one| (one.at, one.lasts)).unzip();
+        let occlusions = Events {
+            one: "occlusion",
+            several: "occlusions",
+            at: at.then("occlusion"),
+            times,
+        };
+        occlusions.check_lasting(&lengths, duration, found);
+        let (times, lengths): (_, Vec<_>) = self.marker_swap.iter().map(|one| (one.at, one.lasts)).unzip();
+        let swaps = Events {
+            one: "marker swap",
+            several: "marker swaps",
+            at: at.then("marker_swap"),
+            times,
+        };
+        swaps.check_lasting(&lengths, duration, found);
+    }
+}
+
+impl MarkerSwap {
+    /// All but the times.
+    fn check(&self, at: &Key, found: &mut Findings) {
+        let position_is_good = found.vector(&at.then("position"), &self.position);
+        let rotation_is_good = found.vector(&at.then("rotation"), &self.rotation);
+        let changes = self.position != [0.0; 3] || self.rotation != [0.0; 3];
+        if position_is_good && rotation_is_good && !changes {
+            found.add(
+                at.clone(),
+                "the marker swap changes nothing",
+                "state by what `position` or `rotation` the pose is wrong, or leave the marker swap out",
+            );
+        }
+    }
+}
+
+impl Scenario {
+    /// No exposure before that of the frame before it.
+    pub(super) fn check_jitter(&self, cameras: &Cameras, key: &Key, found: &mut Findings) {
+        let jitter = cameras.jitter;
+        let (true, Ok(schedule)) = (found.not_negative(key, "the jitter", jitter), self.schedule()) else {
+            return;
+        };
+        let period = seconds(schedule.time_ns(schedule.topic_rate(Topic::MocapPose).period));
+        if jitter > period {
+            found.add(
+                key.clone(),
+                format!(
+                    "frames are exposed up to {jitter:?} s early, but follow each other after {period:?} s"
+                ),
+                format!("lower `jitter` to {period:?} or less, or raise `schedule.period.\"mocap/pose\"`"),
+            );
+        }
+    }
+}

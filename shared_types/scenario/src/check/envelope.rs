@@ -1,0 +1,131 @@
+//! An envelope whose limits can be kept and whose actions can be taken.
+
+use std::f64::consts::PI;
+
+use super::Findings;
+use crate::{Action, Envelope, Fence, Key, Scenario, Vector};
+
+impl Scenario {
+    pub(super) fn check_envelope(&self, found: &mut Findings) {
+        let Some(envelope) = &self.envelope else {
+            return;
+        };
+        let at = Key::root().then("envelope");
+        envelope.check(&at, found);
+        self.check_landings(envelope, &at, found);
+        self.check_commands(envelope, &at, found);
+        if let Some(fence) = &envelope.r#box
+            && !fence.holds(&self.vehicle.initial.position)
+        {
+            found.add(
+                at.then("box"),
+                "the vehicle starts outside of it",
+                "let the box hold `vehicle.initial.position`; z points down, so that `min` has the height",
+            );
+        }
+    }
+
+    /// Only a flight with phases can land.
+    fn check_landings(&self, envelope: &Envelope, at: &Key, found: &mut Findings) {
+        let actions = envelope.actions().into_iter();
+        let lands = actions.filter(|(_, action)| *action == Action::Land);
+        for (name, _) in lands.filter(|_| self.flight.is_none()) {
+            found.add(
+                at.then(name).then("action"),
+                "the vehicle is to land, but a flight without phases has no ground",
+                "add `[flight]`, or choose \"warn\" or \"kill\"",
+            );
+        }
+    }
+
+    /// No limit of what the controller does not command.
+    fn check_commands(&self, envelope: &Envelope, at: &Key, found: &mut Findings) {
+        let commands_rates = self.controller.rates.is_some();
+        let (name, is_stated, commanded) = if commands_rates {
+            ("torque", envelope.torque.is_some(), "body rates")
+        } else {
+            ("rates", envelope.rates.is_some(), "torque")
+        };
+        if is_stated {
+            found.add(
+                at.then(name),
+                format!("the controller of this scenario commands {commanded}, which this does not limit"),
+                format!("leave `{}` out", at.then(name)),
+            );
+        }
+    }
+}
+
+impl Envelope {
+    fn check(&self, at: &Key, found: &mut Findings) {
+        found.not_negative(&at.then("after"), "the time", self.after);
+        found.positive(&at.then("land_within"), "the time", self.land_within);
+        if let Some(fence) = &self.r#box {
+            fence.check(&at.then("box"), found);
+        }
+        let numbers = [
+            ("tilt", &self.tilt),
+            ("speed", &self.speed),
+            ("thrust", &self.thrust),
+        ];
+        for (name, limit) in numbers {
+            if let Some(limit) = limit {
+                found.positive(&at.then(name).then("max"), "the limit", limit.max);
+            }
+        }
+        for (name, limit) in [("torque", &self.torque), ("rates", &self.rates)] {
+            for (axis, &most) in limit.iter().flat_map(|limit| limit.max.iter().enumerate()) {
+                found.positive(&at.then(name).then("max").then(axis), "the limit", most);
+            }
+        }
+        if let Some(limit) = self.tilt.as_ref().filter(|limit| limit.max >= PI) {
+            found.add(
+                at.then("tilt").then("max"),
+                format!("no thrust tilts by {:?} rad: upside down is π", limit.max),
+                "give an angle below π; 0.8 is much for a flight of this kind",
+            );
+        }
+        if let Some(estimate) = &self.estimate {
+            let key = at.then("estimate").then("position_sigma");
+            found.positive(&key, "the deviation", estimate.position_sigma);
+        }
+        self.check_sight(at, found);
+    }
+
+    /// What is checked on a state says what is to be done without one.
+    fn check_sight(&self, at: &Key, found: &mut Findings) {
+        let on_state = [
+            ("box", self.r#box.is_some()),
+            ("tilt", self.tilt.is_some()),
+            ("speed", self.speed.is_some()),
+        ];
+        let seen = on_state.into_iter().find(|(_, is_stated)| *is_stated);
+        if let (Some((name, _)), None) = (seen, &self.estimate) {
+            found.add(
+                at.then("estimate"),
+                format!("`{name}` is checked on the estimated state, and it is not said what is done without a good one"),
+                "add `envelope.estimate = { position_sigma = 0.05, action = \"warn\" }` with the action that you want",
+            );
+        }
+    }
+}
+
+impl Fence {
+    fn check(&self, at: &Key, found: &mut Findings) {
+        let good = found.vector(&at.then("min"), &self.min) & found.vector(&at.then("max"), &self.max);
+        found.not_negative(&at.then("margin"), "the distance", self.margin);
+        for (axis, (&least, &most)) in self.min.iter().zip(&self.max).enumerate() {
+            if good && least >= most {
+                found.add(
+                    at.then("max").then(axis),
+                    format!("{most:?} m is not above {least:?} m in `min`: the box holds nothing"),
+                    "put the smaller coordinate of each axis into `min`; z points down",
+                );
+            }
+        }
+    }
+
+    fn holds(&self, position: &Vector) -> bool {
+        (0..3).all(|axis| (self.min[axis]..=self.max[axis]).contains(&position[axis]))
+    }
+}

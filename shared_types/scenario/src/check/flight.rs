@@ -1,0 +1,110 @@
+//! A flight from the ground to the ground: requests in an order that can be meant, and a vehicle that stands at its start.
+
+use super::{Findings, six_digits};
+use crate::{Flight, Key, Problem, Scenario};
+
+impl Scenario {
+    /// What a simulated flight lacks because nobody can ask for it while it is flown.
+    #[must_use]
+    pub fn unasked(&self) -> Option<Problem> {
+        let flight = self.flight.as_ref().filter(|flight| flight.arm_at.is_none())?;
+        let requests = flight.requests().into_iter();
+        let latest = requests
+            .filter_map(|(_, time)| time)
+            .fold(self.duration, f64::min);
+        let fitting = if latest > 1.0 { 1.0 } else { 0.0 };
+        Some(Problem::new(
+            Key::root().then("flight").then("arm_at"),
+            "nobody arms the vehicle: `gerono arm` is for flights in real time, and here time is simulated",
+            format!("state when the operator arms, such as `arm_at = {fitting:?}`, or leave `[flight]` out"),
+        ))
+    }
+
+    /// What a flight in a laboratory lacks so that no motor turns before somebody has looked at cameras and radio link.
+    #[must_use]
+    pub fn unattended(&self) -> Option<Problem> {
+        if self.capture_system().is_none() && self.radio_link().is_none() {
+            return None;
+        }
+        let at = Key::root().then("flight");
+        match &self.flight {
+            None => Some(Problem::new(
+                at,
+                "in a laboratory somebody arms the vehicle once cameras and radio link are well, but here the motors turn \
+                 from the start",
+                "add `[flight]`: the vehicle then stands on the ground until `gerono arm`",
+            )),
+            Some(flight) if flight.arm_at.is_some() => Some(Problem::new(
+                at.then("arm_at"),
+                "in a laboratory somebody arms the vehicle once cameras and radio link are well, but here it arms itself",
+                "leave `arm_at` out, and arm with `gerono arm`",
+            )),
+            Some(_) => None,
+        }
+    }
+
+    /// The section, and the vehicle that it wants on the ground.
+    pub(super) fn check_flight(&self, found: &mut Findings) {
+        let Some(flight) = &self.flight else {
+            return;
+        };
+        let at = Key::root().then("flight");
+        flight.check(self.duration, &at, found);
+        let initial = &self.vehicle.initial;
+        let ground = initial.position[2];
+        let (key, depth) = self.path.curve.stated_depth();
+        if depth > ground {
+            found.add(
+                key,
+                format!("the path lies {} m below the ground, which is where the vehicle starts", six_digits(depth - ground)),
+                "z points down: what is above the ground has a smaller z, a negative one if the vehicle starts at z = 0",
+            );
+        }
+        let motions = [
+            ("velocity_body", initial.velocity_body),
+            ("angular_velocity_body", initial.angular_velocity_body),
+        ];
+        for (name, motion) in motions {
+            if motion != [0.0; 3] {
+                found.add(
+                    Key::root().then("vehicle").then("initial").then(name),
+                    "with `[flight]` the vehicle stands on the ground at the start, but here it moves",
+                    format!("leave `{name}` out, or leave `[flight]` out"),
+                );
+            }
+        }
+    }
+}
+
+impl Flight {
+    fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
+        for (name, time) in self.requests() {
+            if let Some(time) = time
+                && found.not_negative(&at.then(name), "the time", time)
+            {
+                found.in_flight(&at.then(name), "the request", time, duration);
+            }
+        }
+        if let (Some(arm), Some(land)) = (self.arm_at, self.land_at)
+            && land <= arm
+        {
+            found.add(
+                at.then("land_at"),
+                format!(
+                    "the vehicle is to land at {land:?} s, but is armed at {arm:?} s only, and so never flies"
+                ),
+                format!("give a time after {arm:?} s"),
+            );
+        }
+        found.not_negative(&at.then("spool_up"), "the time", self.spool_up);
+        found.positive(&at.then("takeoff_height"), "the height", self.takeoff_height);
+        found.positive(&at.then("takeoff_speed"), "the speed", self.takeoff_speed);
+        found.positive(&at.then("transition_time"), "the time", self.transition_time);
+        found.positive(&at.then("landing_speed"), "the speed", self.landing_speed);
+        found.positive(
+            &at.then("position_sigma_max"),
+            "the deviation",
+            self.position_sigma_max,
+        );
+    }
+}

@@ -1,0 +1,94 @@
+//! How the machine is used: values that some machine could follow. What this one permits is asked when the run begins.
+
+use super::Findings;
+use crate::{Key, RealTime, Scenario, ServiceDeployment};
+use shared_types::schedule::Schedule;
+use shared_types::service::seconds;
+use shared_types::wiring::ServiceId;
+
+/// Cores that the system can tell apart.
+const CORES: u32 = 1024;
+
+/// Priorities of `SCHED_FIFO`.
+const PRIORITIES: std::ops::RangeInclusive<u32> = 1..=99;
+
+/// Shortest and longest timer slack, s: the system counts nanoseconds and takes none for its default.
+const TIMER_SLACK: std::ops::RangeInclusive<f64> = 1e-9..=1.0;
+
+impl Scenario {
+    /// The sections that say how the machine is used.
+    pub(super) fn check_machine(&self, found: &mut Findings) {
+        let at = Key::root().then("deployment");
+        if let Some(deployment) = &self.deployment {
+            deployment.common().check(&at, found);
+            for service in ServiceId::ALL {
+                if let Some(own) = deployment.own(service) {
+                    own.check(&at.then(service.name()), found);
+                }
+            }
+        }
+        if let Some(real_time) = &self.real_time {
+            real_time.check(
+                self.schedule().ok().as_ref(),
+                &Key::root().then("real_time"),
+                found,
+            );
+        }
+    }
+}
+
+impl ServiceDeployment {
+    fn check(&self, at: &Key, found: &mut Findings) {
+        if let Some(core) = self.core.filter(|&core| core >= CORES) {
+            found.add(
+                at.then("core"),
+                format!("no system has a core {core}"),
+                "cores count from 0; `gerono doctor` lists those that a run may use",
+            );
+        }
+        if let Some(priority) = self.priority.filter(|priority| !PRIORITIES.contains(priority)) {
+            found.add(
+                at.then("priority"),
+                format!("{priority} is no priority of SCHED_FIFO"),
+                "give a whole number from 1 to 99, such as 20; leave it out for the ordinary scheduler",
+            );
+        }
+        if let Some(slack) = self.timer_slack.filter(|slack| !TIMER_SLACK.contains(slack)) {
+            found.add(
+                at.then("timer_slack"),
+                format!("{slack:?} s is not a slack from 1e-9 s to 1.0 s"),
+                "give 1e-6 for wake-ups as sharp as the system can; leave it out for the system's 5e-5",
+            );
+        }
+    }
+}
+
+impl RealTime {
+    fn check(&self, schedule: Option<&Schedule>, at: &Key, found: &mut Findings) {
+        let (hang, grace) = (at.then("hang_limit"), at.then("grace"));
+        let is_time = found.positive(&hang, "hang_limit", self.hang_limit)
+            & found.not_negative(&grace, "grace", self.grace);
+        let Some(schedule) = schedule.filter(|_| is_time) else {
+            return;
+        };
+        // A step waits for its inputs up to the grace, or half a period if that is longer.
+        let waits = ServiceId::ALL.into_iter().map(|service| {
+            let half_a_period = seconds(schedule.time_ns(schedule.service_rate(service).period)) / 2.0;
+            (service, self.grace.max(half_a_period))
+        });
+        let Some((service, longest)) = waits.max_by(|(_, one), (_, other)| one.total_cmp(other)) else {
+            return;
+        };
+        if self.hang_limit <= longest {
+            found.add(
+                hang,
+                format!(
+                    "`{service}` waits up to {longest:?} s for its inputs, so that a healthy one would be replaced after \
+                     {:?} s",
+                    self.hang_limit
+                ),
+                format!("give a time above {longest:?} s, better several times as long"),
+            );
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! A motion-capture system that can be listened to, and poses that can be believed.
+
+use std::net::Ipv4Addr;
+
+use super::Findings;
+use crate::{CaptureSystem, FrameTransform, Key, MotionCapture, PoseSource, Scenario};
+
+/// Longest name of a body on the wire, bytes.
+const LONGEST_NAME: usize = 255;
+/// Longest name of a body in Vicon's UDP stream, bytes.
+const LONGEST_VICON_NAME: usize = 24;
+
+impl Scenario {
+    pub(super) fn check_motion_capture(&self, found: &mut Findings) {
+        let system = self.capture_system();
+        let at = Key::root().then("motion_capture");
+        match (&self.motion_capture, system) {
+            (Some(stated), system) => stated.check(system, &at, found),
+            (None, Some(system)) => found.add(
+                Key::root().then("estimator").then("source"),
+                format!(
+                    "nothing says where `{}` sends from and which body is the vehicle",
+                    system.name()
+                ),
+                "add `[motion_capture]` with `server` and `object`, or leave `source` out",
+            ),
+            (None, None) => {}
+        }
+        if self.pose_source() == PoseSource::Replay && self.recorded_captures().is_none() {
+            found.add(
+                Key::root().then("estimator").then("source"),
+                "nothing says which flight's captures are to be replayed",
+                "add `recording` with its run's folder or its log, or leave `source` out",
+            );
+        }
+    }
+}
+
+impl MotionCapture {
+    fn check(&self, system: Option<CaptureSystem>, at: &Key, found: &mut Findings) {
+        check_address(&at.then("server"), &self.server, found);
+        check_address(&at.then("interface"), &self.interface, found);
+        self.check_object(system, &at.then("object"), found);
+        if let Some(port) = self.port
+            && !(1..=u32::from(u16::MAX)).contains(&port)
+        {
+            let reason = format!("{port} is no port");
+            found.add(at.then("port"), reason, "give a whole number from 1 to 65535");
+        }
+        for (name, transform) in [
+            ("world_from_capture", &self.world_from_capture),
+            ("body_from_markers", &self.body_from_markers),
+        ] {
+            if let Some(transform) = transform {
+                transform.check(&at.then(name), found);
+            }
+        }
+        if let Some(latency) = self.latency {
+            let key = at.then("latency");
+            if found.not_negative(&key, "the latency", latency) && latency >= 1.0 {
+                let reason = format!("nothing can be flown with poses that are {latency:?} s old");
+                found.add(key, reason, "give a time below 1 s, such as 0.005");
+            }
+        }
+        let [least, most] = self.rate;
+        if !(least > 0.0 && least < most && most <= 2000.0) {
+            let reason = format!("{least:?} Hz to {most:?} Hz is no band of rates");
+            let fix = "give two numbers above 0 and up to 2000, the smaller one first";
+            found.add(at.then("rate"), reason, fix);
+        }
+        found.positive(&at.then("max_speed"), "the speed", self.max_speed);
+        found.positive(&at.then("max_turn_rate"), "the rate of turn", self.max_turn_rate);
+        found.not_negative(&at.then("settle"), "the time", self.settle);
+    }
+
+    fn check_object(&self, system: Option<CaptureSystem>, key: &Key, found: &mut Findings) {
+        let longest = match system {
+            Some(CaptureSystem::ViconUdp) => LONGEST_VICON_NAME,
+            _ => LONGEST_NAME,
+        };
+        let Some((name, number)) = self.name_and_number() else {
+            let reason = format!("no number stands behind the # of `{}`", self.object);
+            found.add(key.clone(), reason, "write it as `quad`, `#7` or `quad#1`");
+            return;
+        };
+        if name.is_empty()
+            && (number.is_none() || system.is_some_and(|system| system != CaptureSystem::Natnet))
+        {
+            let fix = "give the body's name as the motion-capture program shows it";
+            found.add(key.clone(), "the vehicle's body has no name", fix);
+        } else if number.is_some() && system == Some(CaptureSystem::ViconUdp) {
+            let fix = "leave # and the number out";
+            found.add(key.clone(), "bodies of Vicon have no numbers", fix);
+        } else if name.len() > longest {
+            let reason = format!("a name of {} bytes, more than {longest}", name.len());
+            found.add(key.clone(), reason, "give the body a shorter name");
+        }
+    }
+}
+
+impl FrameTransform {
+    fn check(&self, at: &Key, found: &mut Findings) {
+        found.vector(&at.then("position"), &self.position);
+        found.angles(&at.then("roll_pitch_yaw"), &self.roll_pitch_yaw);
+    }
+}
+
+fn check_address(key: &Key, text: &str, found: &mut Findings) {
+    let reason = match text.parse::<Ipv4Addr>() {
+        Err(_) => format!("`{text}` is no IPv4 address"),
+        Ok(address) if address.is_unspecified() => {
+            "all interfaces at once would be open to anybody".to_owned()
+        }
+        Ok(address) if address.is_multicast() || address.is_broadcast() => {
+            format!("{address} is not the address of one machine")
+        }
+        Ok(_) => return,
+    };
+    let fix = "give the address of one interface, such as \"192.168.10.1\"; names are not looked up";
+    found.add(key.clone(), reason, fix);
+}

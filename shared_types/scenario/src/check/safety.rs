@@ -1,0 +1,113 @@
+//! What services do about old samples: of inputs that there are, with what each has a use for, stage after stage.
+
+use super::Findings;
+use crate::timing::names::unknown_edge;
+use crate::{EdgeName, InputSafety, Key, Scenario};
+use shared_types::service::seconds;
+use shared_types::wiring::Topic;
+
+impl Scenario {
+    /// Policies of inputs that there are and that their services can follow.
+    pub(super) fn check_safety(&self, found: &mut Findings) {
+        for (name, safety) in &self.safety {
+            let at = Key::root().then("safety").then(name);
+            match EdgeName::find(name) {
+                None => found.problems.push(unknown_edge(at, name)),
+                Some(edge) => self.check_input(edge, safety, &at, found),
+            }
+        }
+    }
+
+    fn check_input(&self, edge: EdgeName, safety: &InputSafety, at: &Key, found: &mut Findings) {
+        let Some(uses) = InputSafety::uses(edge) else {
+            return found.add(
+                at.clone(),
+                format!("`{}` does the same however old this input is", edge.service),
+                format!("leave `{at}` out; it has no use for any of its values"),
+            );
+        };
+        if edge.topic == Topic::MocapPose && self.estimator.is_some() {
+            return found.add(
+                at.clone(),
+                "a filter knows by itself how long it can do without captures",
+                format!("leave `{at}` out and state `estimator.kalman.coast`"),
+            );
+        }
+        if let Some((section, false)) = self.section_for(edge) {
+            return found.add(
+                at.clone(),
+                format!(
+                    "without `[{section}]` `{}` has no use for this input",
+                    edge.service
+                ),
+                format!("add `[{section}]`, or leave `{at}` out"),
+            );
+        }
+        for (name, is_stated) in safety.special_values() {
+            if is_stated && !uses.contains(&name) {
+                found.add(
+                    at.then(name),
+                    format!("`{}` has no use for it with this input", edge.service),
+                    what_is_used(uses),
+                );
+            }
+        }
+        safety.check_numbers(at, found);
+        self.check_ordinary_age(edge, safety, &at.then("max_age"), found);
+    }
+
+    /// No sample is too old while nothing fails.
+    fn check_ordinary_age(&self, edge: EdgeName, safety: &InputSafety, key: &Key, found: &mut Findings) {
+        let ordinary = seconds(self.ordinary_age_ns(edge));
+        if safety.max_age > 0.0 && safety.max_age < ordinary {
+            found.add(
+                key.clone(),
+                format!(
+                    "by the schedule a sample of this input grows {ordinary:?} s old while nothing fails, but {:?} s would \
+                     be too old",
+                    safety.max_age
+                ),
+                format!("give {ordinary:?} s or more, or let `{}` come more often", edge.topic),
+            );
+        }
+    }
+}
+
+impl InputSafety {
+    /// Ages that grow from stage to stage, and numbers that can be meant.
+    fn check_numbers(&self, at: &Key, found: &mut Findings) {
+        let stated: Vec<_> = self
+            .ages()
+            .into_iter()
+            .filter_map(|(name, age)| Some((name, age?)))
+            .collect();
+        let all_good = stated.iter().fold(true, |good, &(name, age)| {
+            found.positive(&at.then(name), "the age", age) && good
+        });
+        for pair in stated.windows(2).filter(|_| all_good) {
+            let [(earlier, before), (later, after)] = [pair[0], pair[1]];
+            if after <= before {
+                found.add(
+                    at.then(later),
+                    format!("`{later}` = {after:?} s is not above `{earlier}` = {before:?} s"),
+                    format!("raise it above {before:?} s, or leave `{later}` out"),
+                );
+            }
+        }
+        if let Some(jump) = self.jump {
+            found.positive(&at.then("jump"), "the distance", jump);
+        }
+        if let Some(recover) = self.recover {
+            found.not_negative(&at.then("recover"), "the time", recover);
+        }
+    }
+}
+
+/// What belongs to an input, as advice.
+fn what_is_used(uses: &[&str]) -> String {
+    let names: Vec<_> = std::iter::once(&"max_age")
+        .chain(uses)
+        .map(|name| format!("`{name}`"))
+        .collect();
+    format!("state of {} what shall hold, and nothing else", names.join(", "))
+}

@@ -1,0 +1,121 @@
+//! Sections that say how the machine is used.
+
+use super::assert_only;
+use crate::tests_support::{fig1, rig};
+use crate::{Deployment, Problem, RealTime, Scenario, ServiceDeployment};
+
+fn deployed(deployment: Deployment) -> Vec<Problem> {
+    Scenario {
+        deployment: Some(deployment),
+        ..fig1()
+    }
+    .problems()
+}
+
+fn in_real_time(scenario: Scenario, real_time: RealTime) -> Vec<Problem> {
+    Scenario {
+        real_time: Some(real_time),
+        ..scenario
+    }
+    .problems()
+}
+
+#[test]
+fn what_some_machine_could_follow_is_accepted() {
+    for (priority, timer_slack) in [(1, 1e-9), (99, 1.0)] {
+        let own = ServiceDeployment {
+            core: Some(1023),
+            priority: Some(priority),
+            lock_memory: Some(true),
+            timer_slack: Some(timer_slack),
+        };
+        let deployment = Deployment {
+            strict: true,
+            core: Some(0),
+            rc_output: Some(own),
+            ..Deployment::default()
+        };
+        assert_eq!(deployed(deployment), []);
+    }
+    assert_eq!(in_real_time(fig1(), RealTime::default()), []);
+    assert_eq!(in_real_time(rig(), RealTime::default()), []);
+}
+
+#[test]
+fn what_no_machine_could_follow_is_refused() {
+    let common = Deployment {
+        core: Some(1024),
+        ..Deployment::default()
+    };
+    assert_only(
+        &deployed(common),
+        "deployment.core",
+        "no system has a core 1024",
+        "cores count from 0",
+    );
+    for priority in [0, 100] {
+        let deployment = Deployment {
+            controller: Some(ServiceDeployment {
+                priority: Some(priority),
+                ..ServiceDeployment::default()
+            }),
+            ..Deployment::default()
+        };
+        assert_only(
+            &deployed(deployment),
+            "deployment.controller.priority",
+            "is no priority of SCHED_FIFO",
+            "from 1 to 99",
+        );
+    }
+    for timer_slack in [0.0, -1.0, 1.5, f64::NAN] {
+        let deployment = Deployment {
+            timer_slack: Some(timer_slack),
+            ..Deployment::default()
+        };
+        assert_only(
+            &deployed(deployment),
+            "deployment.timer_slack",
+            "is not a slack",
+            "give 1e-6",
+        );
+    }
+}
+
+#[test]
+fn a_healthy_service_does_not_hang() {
+    let default = RealTime::default();
+    let refused = |hang_limit, grace| {
+        let real_time = RealTime {
+            hang_limit,
+            grace,
+            ..default
+        };
+        in_real_time(rig(), real_time)
+    };
+    assert_eq!(refused(0.012, 0.002), []);
+    assert_only(
+        &refused(0.011, 0.002),
+        "real_time.hang_limit",
+        "waits up to 0.011 s for its inputs",
+        "give a time above 0.011 s",
+    );
+    assert_only(
+        &refused(0.05, 0.1),
+        "real_time.hang_limit",
+        "waits up to 0.1 s for its inputs",
+        "give a time above 0.1 s",
+    );
+    assert_only(
+        &refused(0.25, -0.001),
+        "real_time.grace",
+        "grace = -0.001 is below 0",
+        "give 0 or a number above it",
+    );
+    assert_only(
+        &refused(f64::INFINITY, 0.002),
+        "real_time.hang_limit",
+        "inf is not a finite number",
+        "give a finite number",
+    );
+}

@@ -1,0 +1,258 @@
+//! What frames leave on.
+
+use super::assert_only;
+use crate::tests_support::rig;
+use crate::{ChannelSwitch, Mavlink, MultiModule, Problem, RadioProtocol, Scenario, Transmitter};
+
+/// The problems of a flight in the laboratory whose frames leave on a link, after its transmitter has been spoilt.
+fn problems(link: RadioProtocol, spoil: impl FnOnce(&mut Transmitter)) -> Vec<Problem> {
+    let mut transmitter = Transmitter {
+        device: Some("/dev/ttyUSB0".to_owned()),
+        ..Transmitter::default()
+    };
+    spoil(&mut transmitter);
+    let mut scenario = rig();
+    let stated = scenario.rc_output.as_mut().unwrap();
+    (stated.link, stated.transmitter) = (link, Some(transmitter));
+    scenario.problems()
+}
+
+#[track_caller]
+fn refused(link: RadioProtocol, spoil: impl FnOnce(&mut Transmitter), key: &str, reason: &str, fix: &str) {
+    assert_only(
+        &problems(link, spoil),
+        &format!("rc_output.transmitter{key}"),
+        reason,
+        fix,
+    );
+}
+
+const LINKS: [RadioProtocol; 5] = [
+    RadioProtocol::Crsf,
+    RadioProtocol::Sbus,
+    RadioProtocol::Multi,
+    RadioProtocol::Msp,
+    RadioProtocol::Mavlink,
+];
+
+#[test]
+fn every_link_goes_by_a_serial_device_with_its_defaults() {
+    for link in LINKS {
+        assert_eq!(problems(link, |_| {}), []);
+    }
+}
+
+#[test]
+fn a_link_without_a_transmitter_and_a_transmitter_without_a_link_are_refused() {
+    let spoilt = |link, transmitter| {
+        let mut scenario: Scenario = rig();
+        let stated = scenario.rc_output.as_mut().unwrap();
+        (stated.link, stated.transmitter) = (link, transmitter);
+        scenario.problems()
+    };
+    let without = spoilt(RadioProtocol::Crsf, None);
+    assert_only(
+        &without,
+        "rc_output.link",
+        "where frames of `crsf` go",
+        "[rc_output.transmitter]",
+    );
+    let simulated = spoilt(RadioProtocol::Simulated, Some(Transmitter::default()));
+    assert_only(
+        &simulated,
+        "rc_output.transmitter",
+        "no transmitter",
+        "which `link` it is",
+    );
+}
+
+#[test]
+fn frames_go_to_one_place_that_the_link_knows() {
+    use RadioProtocol::{Crsf, Mavlink, Msp};
+    let address = || Some("127.0.0.1:5761".to_owned());
+    refused(
+        Crsf,
+        |stated| stated.device = None,
+        "",
+        "to one place",
+        "state `device`",
+    );
+    refused(
+        Msp,
+        |stated| stated.tcp = address(),
+        "",
+        "to one place",
+        "`device` and `tcp`",
+    );
+    for (link, is_tcp) in [(Crsf, true), (Msp, false), (Mavlink, true)] {
+        let spoil = |stated: &mut Transmitter| {
+            stated.device = None;
+            *(if is_tcp { &mut stated.tcp } else { &mut stated.udp }) = address();
+        };
+        let key = if is_tcp { ".tcp" } else { ".udp" };
+        refused(link, spoil, key, "does not go by", "state");
+    }
+    let named = |stated: &mut Transmitter| {
+        (stated.device, stated.udp) = (None, Some("autopilot:14540".to_owned()));
+    };
+    refused(Mavlink, named, ".udp", "no address with a port", "127.0.0.1");
+    let reached = |stated: &mut Transmitter| (stated.device, stated.tcp) = (None, address());
+    assert_eq!(problems(Msp, reached), []);
+}
+
+#[test]
+fn a_rate_that_the_line_cannot_carry_is_refused_with_the_largest_that_it_can() {
+    refused(
+        RadioProtocol::Crsf,
+        |stated| (stated.baud, stated.frame_rate) = (Some(115_200), Some(500.0)),
+        ".frame_rate",
+        "at 115200 baud the line carries 443 frames a second",
+        "at most 443",
+    );
+    refused(
+        RadioProtocol::Sbus,
+        |stated| stated.frame_rate = Some(f64::NAN),
+        ".frame_rate",
+        "none that a link could send",
+        "from 1.0 to 1000.0",
+    );
+    refused(
+        RadioProtocol::Crsf,
+        |stated| stated.baud = Some(42),
+        ".baud",
+        "no speed",
+        "420000",
+    );
+    let by_udp = |stated: &mut Transmitter| {
+        stated.udp = Some("127.0.0.1:14540".to_owned());
+        (stated.device, stated.baud) = (None, Some(57_600));
+    };
+    refused(
+        RadioProtocol::Mavlink,
+        by_udp,
+        ".baud",
+        "only a serial device",
+        "leave `baud` out",
+    );
+}
+
+/// How a transmitter is spoilt, where that is seen, and why it is refused.
+type Spoilt = (fn(&mut Transmitter), &'static str, &'static str);
+
+#[test]
+fn channels_that_no_receiver_would_understand_are_refused() {
+    let cases: [Spoilt; 13] = [
+        (
+            |stated| stated.order = "AETT".to_owned(),
+            ".order",
+            "every stick once",
+        ),
+        (
+            |stated| stated.order = "AET".to_owned(),
+            ".order",
+            "every stick once",
+        ),
+        (
+            |stated| stated.reversed = "EX".to_owned(),
+            ".reversed",
+            "`X` is no stick",
+        ),
+        (
+            |stated| stated.reversed = "EE".to_owned(),
+            ".reversed",
+            "stands twice",
+        ),
+        (
+            |stated| stated.thrust_ends = [1.0, -1.0],
+            ".thrust_ends",
+            "from a lower to a higher",
+        ),
+        (
+            |stated| stated.rate_ends = [-1.0, 1.5],
+            ".rate_ends",
+            "1.5 is no travel",
+        ),
+        (|stated| stated.failsafe[2] = f64::NAN, ".failsafe", "no travel"),
+        (|stated| stated.others = -2.0, ".others", "no travel"),
+        (|stated| stated.arming = [1.0, 1.0], ".arming", "sent alike"),
+        (
+            |stated| stated.arming_channel = Some(4),
+            ".arming_channel",
+            "beside the sticks",
+        ),
+        (
+            |stated| stated.switch = vec![switch(17, 0.0)],
+            ".switch.0.channel",
+            "beside the sticks",
+        ),
+        (
+            |stated| stated.switch = vec![switch(6, 2.0)],
+            ".switch.0.travel",
+            "no travel",
+        ),
+        (
+            |stated| (stated.arming_channel, stated.switch) = (Some(6), vec![switch(6, 0.0)]),
+            ".switch.0.channel",
+            "taken already",
+        ),
+    ];
+    for (spoil, key, reason) in cases {
+        refused(RadioProtocol::Crsf, spoil, key, reason, "give");
+    }
+    refused(
+        RadioProtocol::Crsf,
+        |stated| stated.silence_after = 0.02,
+        ".silence_after",
+        "only late",
+        "at least 0.1 s",
+    );
+}
+
+fn switch(channel: u32, travel: f64) -> ChannelSwitch {
+    ChannelSwitch { channel, travel }
+}
+
+#[test]
+fn what_belongs_to_one_link_stands_beside_that_one_and_is_what_it_knows() {
+    use RadioProtocol::{Crsf, Mavlink as MavlinkLink, Multi};
+    let multi = |stated: &mut Transmitter, module| stated.multi = Some(module);
+    let module = MultiModule::default();
+    refused(
+        Crsf,
+        |stated| multi(stated, module),
+        ".multi",
+        "the link is `crsf`",
+        "leave `multi` out",
+    );
+    let wrong = MultiModule { model: 16, ..module };
+    refused(
+        Multi,
+        |stated| multi(stated, wrong),
+        ".multi.model",
+        "no model 16",
+        "0 to 15",
+    );
+    let wrong = MultiModule {
+        channels: 3,
+        ..module
+    };
+    refused(
+        Multi,
+        |stated| multi(stated, wrong),
+        ".multi.channels",
+        "3 channels",
+        "4 to 12",
+    );
+    let wrong = Mavlink {
+        target_system: 0,
+        ..Mavlink::default()
+    };
+    let spoil = |stated: &mut Transmitter| stated.mavlink = Some(wrong);
+    refused(
+        MavlinkLink,
+        spoil,
+        ".mavlink.target_system",
+        "no number of a system",
+        "1 to 255",
+    );
+}

@@ -1,0 +1,770 @@
+//! What the laboratory rig adds to a scenario.
+
+use super::assert_only;
+use crate::tests_support::rig;
+use crate::{Actuators, Cameras, Fan, FanMove, Kalman, MarkerSwap, Model, Occlusion, Problem, RateCommand, RcLink, Scenario, Turbulence, VehicleChange, YawStep};
+
+/// The problems of the flight in the laboratory after it has been spoilt.
+fn problems(spoil: impl FnOnce(&mut Scenario)) -> Vec<Problem> {
+    let mut scenario = rig();
+    spoil(&mut scenario);
+    scenario.problems()
+}
+
+#[track_caller]
+fn refused(spoil: impl FnOnce(&mut Scenario), key: &str, reason: &str, fix: &str) {
+    assert_only(&problems(spoil), key, reason, fix);
+}
+
+#[track_caller]
+fn accepted(spoil: impl FnOnce(&mut Scenario)) {
+    assert_eq!(problems(spoil), []);
+}
+
+fn actuators(scenario: &mut Scenario) -> &mut Actuators {
+    scenario.vehicle.actuators.as_mut().unwrap()
+}
+
+fn turbulence(scenario: &mut Scenario) -> &mut Turbulence {
+    scenario.vehicle.turbulence.as_mut().unwrap()
+}
+
+fn fan(scenario: &mut Scenario) -> &mut Fan {
+    scenario.vehicle.fan.as_mut().unwrap()
+}
+
+fn cameras(scenario: &mut Scenario) -> &mut Cameras {
+    scenario.cameras.as_mut().unwrap()
+}
+
+fn kalman(scenario: &mut Scenario) -> &mut Kalman {
+    &mut scenario.estimator.as_mut().unwrap().kalman
+}
+
+fn link(scenario: &mut Scenario) -> &mut RcLink {
+    scenario.rc_output.as_mut().unwrap()
+}
+
+fn model(scenario: &mut Scenario) -> &mut Model {
+    scenario.model.as_mut().unwrap()
+}
+
+fn rates(scenario: &mut Scenario) -> &mut RateCommand {
+    scenario.controller.rates.as_mut().unwrap()
+}
+
+/// A number of a scenario and its place.
+type Number = (&'static str, fn(&mut Scenario) -> &mut f64);
+
+#[test]
+fn a_flight_in_the_laboratory_has_no_problem() {
+    accepted(|_| ());
+}
+
+#[test]
+fn what_divides_and_what_measures_is_above_0() {
+    let numbers: &[Number] = &[
+        ("vehicle.actuators.rate_max.1", |s| &mut actuators(s).rate_max[1]),
+        ("vehicle.actuators.thrust_factor", |s| {
+            &mut actuators(s).thrust_factor
+        }),
+        ("vehicle.actuators.rate_factor.2", |s| {
+            &mut actuators(s).rate_factor[2]
+        }),
+        ("vehicle.turbulence.correlation_time", |s| {
+            &mut turbulence(s).correlation_time
+        }),
+        ("vehicle.fan.reference_distance", |s| {
+            &mut fan(s).reference_distance
+        }),
+        ("vehicle.fan.half_angle", |s| &mut fan(s).half_angle),
+        ("vehicle.fan.correlation_time", |s| &mut fan(s).correlation_time),
+        ("estimator.kalman.position_deviation", |s| {
+            &mut kalman(s).position_deviation
+        }),
+        ("estimator.kalman.attitude_deviation", |s| {
+            &mut kalman(s).attitude_deviation
+        }),
+        ("estimator.kalman.gate", |s| &mut kalman(s).gate),
+        ("model.mass", |s| &mut model(s).mass),
+        ("model.size.0", |s| &mut model(s).size[0]),
+        ("controller.rates.roll_out_step", |s| &mut rates(s).roll_out_step),
+        ("controller.observer_gain", |s| {
+            s.controller.observer_gain.as_mut().unwrap()
+        }),
+    ];
+    for (key, number) in numbers {
+        for value in [0.0, -1.0] {
+            refused(
+                |scenario| *number(scenario) = value,
+                key,
+                &format!("= {value:?} is not above 0"),
+                "give a number above 0",
+            );
+        }
+    }
+}
+
+#[test]
+fn what_may_be_absent_is_0_or_more() {
+    let numbers: &[Number] = &[
+        ("vehicle.drag.1", |s| &mut s.vehicle.drag[1]),
+        ("vehicle.actuators.thrust_lag", |s| &mut actuators(s).thrust_lag),
+        ("vehicle.actuators.rate_lag.2", |s| &mut actuators(s).rate_lag[2]),
+        ("vehicle.actuators.initial_thrust", |s| {
+            &mut actuators(s).initial_thrust
+        }),
+        ("vehicle.turbulence.deviation", |s| &mut turbulence(s).deviation),
+        ("vehicle.fan.run_up", |s| &mut fan(s).run_up),
+        ("vehicle.fan.force", |s| &mut fan(s).force),
+        ("vehicle.fan.turbulence", |s| &mut fan(s).turbulence),
+        ("cameras.position_deviation", |s| {
+            &mut cameras(s).position_deviation
+        }),
+        ("cameras.attitude_deviation", |s| {
+            &mut cameras(s).attitude_deviation
+        }),
+        ("cameras.jitter", |s| &mut cameras(s).jitter),
+        ("estimator.kalman.disturbance_drift", |s| {
+            &mut kalman(s).disturbance_drift
+        }),
+        ("estimator.kalman.acceleration_noise", |s| {
+            &mut kalman(s).acceleration_noise
+        }),
+        ("estimator.kalman.rate_noise", |s| &mut kalman(s).rate_noise),
+        ("estimator.kalman.rate_bias_drift", |s| {
+            &mut kalman(s).rate_bias_drift
+        }),
+        ("estimator.kalman.restart_after", |s| &mut kalman(s).restart_after),
+        ("estimator.kalman.coast", |s| &mut kalman(s).coast),
+        ("model.thrust_lag", |s| &mut model(s).thrust_lag),
+        ("model.rate_lag", |s| &mut model(s).rate_lag),
+        ("controller.rates.yaw_kp", |s| &mut rates(s).yaw_kp),
+        ("controller.rates.yaw_ki", |s| &mut rates(s).yaw_ki),
+        ("controller.rates.yaw_integral_max", |s| {
+            &mut rates(s).yaw_integral_max
+        }),
+    ];
+    for (key, number) in numbers {
+        accepted(|scenario| *number(scenario) = 0.0);
+        refused(
+            |scenario| *number(scenario) = -0.1,
+            key,
+            "= -0.1 is below 0",
+            "give 0 or a number above it",
+        );
+    }
+}
+
+#[test]
+fn numbers_that_are_none_are_refused_once_wherever_they_stand() {
+    let numbers: &[Number] = &[
+        ("vehicle.center_of_mass.0", |s| &mut s.vehicle.center_of_mass[0]),
+        ("vehicle.drag.0", |s| &mut s.vehicle.drag[0]),
+        ("vehicle.actuators.rate_bias.1", |s| {
+            &mut actuators(s).rate_bias[1]
+        }),
+        ("vehicle.actuators.thrust_max", |s| &mut actuators(s).thrust_max),
+        ("vehicle.actuators.frame_loss", |s| &mut actuators(s).frame_loss),
+        ("vehicle.turbulence.deviation", |s| &mut turbulence(s).deviation),
+        ("vehicle.fan.position.2", |s| &mut fan(s).position[2]),
+        ("vehicle.fan.direction.2", |s| &mut fan(s).direction[2]),
+        ("vehicle.fan.half_angle", |s| &mut fan(s).half_angle),
+        ("vehicle.fan.on_at", |s| &mut fan(s).on_at),
+        ("vehicle.fan.moves.1.at", |s| &mut fan(s).moves[1].at),
+        ("vehicle.fan.moves.0.position.1", |s| {
+            &mut fan(s).moves[0].position[1]
+        }),
+        ("vehicle.fan.moves.0.direction.1", |s| {
+            &mut fan(s).moves[0].direction[1]
+        }),
+        ("path.yaw_step.1.at", |s| &mut s.path.yaw_step[1].at),
+        ("path.yaw_step.1.yaw", |s| &mut s.path.yaw_step[1].yaw),
+        ("cameras.jitter", |s| &mut cameras(s).jitter),
+        ("cameras.frame_loss", |s| &mut cameras(s).frame_loss),
+        ("cameras.occlusion.0.at", |s| &mut cameras(s).occlusion[0].at),
+        ("cameras.occlusion.1.lasts", |s| {
+            &mut cameras(s).occlusion[1].lasts
+        }),
+        ("cameras.marker_swap.1.lasts", |s| {
+            &mut cameras(s).marker_swap[1].lasts
+        }),
+        ("cameras.marker_swap.0.position.0", |s| {
+            &mut cameras(s).marker_swap[0].position[0]
+        }),
+        ("cameras.marker_swap.0.rotation.0", |s| {
+            &mut cameras(s).marker_swap[0].rotation[0]
+        }),
+        ("estimator.kalman.gate", |s| &mut kalman(s).gate),
+        ("rc_output.thrust_offset", |s| &mut link(s).thrust_offset),
+        ("rc_output.thrust_slope", |s| &mut link(s).thrust_slope),
+        ("rc_output.rate_slope.1", |s| &mut link(s).rate_slope[1]),
+        ("rc_output.thrust_range", |s| &mut link(s).thrust_range[1]),
+        ("rc_output.rate_range", |s| &mut link(s).rate_range[0]),
+        ("model.mass", |s| &mut model(s).mass),
+        ("model.radio_latency", |s| &mut model(s).radio_latency),
+        ("controller.rates.roll_out_step", |s| &mut rates(s).roll_out_step),
+        ("controller.rates.yaw_kp", |s| &mut rates(s).yaw_kp),
+        ("controller.observer_gain", |s| {
+            s.controller.observer_gain.as_mut().unwrap()
+        }),
+    ];
+    for (key, number) in numbers {
+        refused(|scenario| *number(scenario) = f64::NAN, key, "NaN", "");
+    }
+}
+
+#[test]
+fn a_share_of_lost_frames_is_from_0_to_below_1() {
+    let shares: &[Number] = &[
+        ("vehicle.actuators.frame_loss", |s| &mut actuators(s).frame_loss),
+        ("cameras.frame_loss", |s| &mut cameras(s).frame_loss),
+    ];
+    for (key, share) in shares {
+        for value in [-0.1, 1.0, 10.0] {
+            refused(
+                |scenario| *share(scenario) = value,
+                key,
+                &format!("{value:?} is not a share from 0 to below 1"),
+                "0.1 is one in ten",
+            );
+        }
+        accepted(|scenario| *share(scenario) = 0.99);
+    }
+}
+
+#[test]
+fn a_centre_of_mass_outside_of_the_vehicle_is_refused() {
+    refused(
+        |scenario| scenario.vehicle.center_of_mass = [0.3, 0.0, -0.4],
+        "vehicle.center_of_mass",
+        "lies 0.5 m from the origin",
+        "less than 0.5 m away",
+    );
+    refused(
+        |scenario| scenario.vehicle.change[0].center_of_mass = Some([0.0, 5.0, 0.0]),
+        "vehicle.change.0.center_of_mass",
+        "lies 5.0 m from the origin",
+        "less than 0.5 m away",
+    );
+    accepted(|scenario| scenario.vehicle.center_of_mass = [0.28, 0.0, -0.4]);
+}
+
+#[test]
+fn a_change_of_the_centre_of_mass_alone_is_a_change() {
+    accepted(|scenario| {
+        scenario.vehicle.change[0] = VehicleChange {
+            at: 30.0,
+            mass: None,
+            inertia: None,
+            disturbance: None,
+            center_of_mass: Some([0.01, 0.0, 0.0]),
+        }
+    });
+}
+
+#[test]
+fn a_thrust_at_the_start_above_the_largest_is_refused() {
+    refused(
+        |scenario| actuators(scenario).initial_thrust = 5.6,
+        "vehicle.actuators.initial_thrust",
+        "5.6 N, is above the largest, 5.5 N",
+        "lower `initial_thrust`",
+    );
+    accepted(|scenario| actuators(scenario).initial_thrust = 5.5);
+}
+
+#[test]
+fn motors_that_cannot_hold_the_vehicle_are_refused() {
+    // The vehicle of 0.245 kg in b = [0.3, 0.2, 0.1] takes 0.245 |[0.3, 0.2, 9.91]| = 2.42956 N.
+    for most in [2.0, 2.429] {
+        refused(
+            |scenario| actuators(scenario).thrust_max = most,
+            "vehicle.actuators.thrust_max",
+            &format!(
+                "it takes 2.42956 N to hold the vehicle in the air, but its largest thrust is {most:?} N"
+            ),
+            "raise `thrust_max` above 2.42956",
+        );
+    }
+    accepted(|scenario| actuators(scenario).thrust_max = 2.43);
+}
+
+#[test]
+fn a_link_that_cannot_ask_for_the_thrust_to_hover_is_refused() {
+    // The paper's range: the lighter vehicle takes 0.2 |[0.3, 0.2, 9.91]| = 1.98331 N.
+    refused(
+        |scenario| link(scenario).thrust_range = [0.0, 1.0],
+        "rc_output.thrust_range",
+        "1.98331 N must be asked for to hold the vehicle in the air, but the thrust channel reaches from 2.3071 N to 5.4451 N",
+        "the paper's numbers want [-1.0, 1.0]",
+    );
+    refused(
+        |scenario| link(scenario).thrust_slope = 0.1,
+        "rc_output.thrust_range",
+        "1.98331 N must be asked for",
+        "another `thrust_offset` and `thrust_slope`",
+    );
+    refused(
+        |scenario| link(scenario).thrust_range = [-1.0, 0.0],
+        "rc_output.thrust_range",
+        "2.42956 N must be asked for to hold the vehicle in the air, but the thrust channel reaches from 0.0 N to 2.3071 N",
+        "widen `thrust_range`",
+    );
+    // A vehicle that gives half of what is asked for must be asked for twice as much.
+    refused(
+        |scenario| {
+            actuators(scenario).thrust_factor = 0.4;
+        },
+        "rc_output.thrust_range",
+        "6.07389 N must be asked for",
+        "widen `thrust_range`",
+    );
+}
+
+#[test]
+fn a_fan_that_is_switched_off_before_it_is_on_is_refused() {
+    for off_at in [20.0, 10.0] {
+        refused(
+            |scenario| fan(scenario).off_at = Some(off_at),
+            "vehicle.fan.off_at",
+            &format!("switched off at {off_at:?} s, but on only at 20.0 s"),
+            "raise `off_at`",
+        );
+    }
+    accepted(|scenario| fan(scenario).off_at = None);
+}
+
+#[test]
+fn a_fan_that_blows_nowhere_is_refused() {
+    refused(
+        |scenario| fan(scenario).direction = [0.0; 3],
+        "vehicle.fan.direction",
+        "blows in no direction",
+        "other than [0, 0, 0]",
+    );
+    refused(
+        |scenario| fan(scenario).moves[1].direction = [0.0; 3],
+        "vehicle.fan.moves.1.direction",
+        "blows in no direction",
+        "other than [0, 0, 0]",
+    );
+}
+
+#[test]
+fn a_jet_that_opens_to_a_plane_is_refused() {
+    for angle in [std::f64::consts::FRAC_PI_2, 3.0] {
+        refused(
+            |scenario| fan(scenario).half_angle = angle,
+            "vehicle.fan.half_angle",
+            "is not below π/2",
+            "a free jet has about 0.2",
+        );
+    }
+    accepted(|scenario| fan(scenario).half_angle = 1.57);
+}
+
+#[test]
+fn a_fan_that_is_moved_at_the_start_is_refused() {
+    refused(
+        |scenario| fan(scenario).moves[0].at = 0.0,
+        "vehicle.fan.moves.0.at",
+        "moved at 0.0 s, when it stands at `position`",
+        "as the fan's `position` and `direction`",
+    );
+}
+
+/// What happens in flight: its key, and how it is given two times in s.
+type Happenings = (&'static str, &'static str, fn(&mut Scenario, [f64; 2]));
+
+const HAPPENINGS: [Happenings; 4] = [
+    ("vehicle.fan.moves", "move", |scenario, times| {
+        let place = |at| FanMove {
+            at,
+            position: [0.0; 3],
+            direction: [1.0, 0.0, 0.0],
+        };
+        fan(scenario).moves = times.map(place).to_vec();
+    }),
+    ("path.yaw_step", "yaw step", |scenario, times| {
+        scenario.path.yaw_step = times.map(|at| YawStep { at, yaw: 0.1 }).to_vec();
+    }),
+    ("cameras.occlusion", "occlusion", |scenario, times| {
+        cameras(scenario).occlusion = times.map(|at| Occlusion { at, lasts: 0.5 }).to_vec();
+    }),
+    ("cameras.marker_swap", "marker swap", |scenario, times| {
+        let swap = |at| MarkerSwap {
+            at,
+            lasts: 0.5,
+            position: [0.1; 3],
+            rotation: [0.0; 3],
+        };
+        cameras(scenario).marker_swap = times.map(swap).to_vec();
+    }),
+];
+
+#[test]
+fn what_happens_in_flight_happens_within_it_and_in_order() {
+    for (key, one, happen_at) in HAPPENINGS {
+        let second = format!("{key}.1.at");
+        refused(
+            |scenario| happen_at(scenario, [59.0, 60.5]),
+            &second,
+            &format!("the {one} at 60.5 s comes after the end of the flight at 60.0 s"),
+            "raise `duration`",
+        );
+        refused(
+            |scenario| happen_at(scenario, [30.0, 20.0]),
+            &second,
+            &format!("the {one} at 20.0 s stands behind the one at 30.0 s"),
+            &format!("put the {one}s in the order"),
+        );
+        refused(
+            |scenario| happen_at(scenario, [30.0, 30.0]),
+            &second,
+            &format!("two {one}s happen at 30.0 s"),
+            "make one",
+        );
+        refused(
+            |scenario| happen_at(scenario, [20.0, 20.5005]),
+            &second,
+            "20.5005 s is not a whole number of base ticks of 0.001 s",
+            "use 20.5 or 20.501",
+        );
+        refused(
+            |scenario| happen_at(scenario, [-1.0, 20.0]),
+            &format!("{key}.0.at"),
+            "-1.0 s is not a time from 0.0 s",
+            "give a time of 0.0 s or more",
+        );
+        accepted(|scenario| happen_at(scenario, [59.0, 60.0]));
+        accepted(|scenario| happen_at(scenario, [0.1, 0.6]));
+    }
+}
+
+#[test]
+fn a_fan_is_switched_within_the_flight_at_whole_ticks() {
+    refused(
+        |scenario| fan(scenario).off_at = Some(61.0),
+        "vehicle.fan.off_at",
+        "switching the fan off at 61.0 s comes after the end",
+        "raise `duration`",
+    );
+    let late = problems(|scenario| {
+        fan(scenario).on_at = 61.0;
+        fan(scenario).off_at = None;
+    });
+    assert_only(
+        &late,
+        "vehicle.fan.on_at",
+        "switching the fan on at 61.0 s comes after the end",
+        "raise `duration`",
+    );
+    for (key, set) in [
+        (
+            "vehicle.fan.on_at",
+            (|fan| &mut fan.on_at) as fn(&mut Fan) -> &mut f64,
+        ),
+        ("vehicle.fan.off_at", |fan| fan.off_at.as_mut().unwrap()),
+    ] {
+        refused(
+            |scenario| *set(fan(scenario)) = 20.7005,
+            key,
+            "is not a whole number of base ticks",
+            "use 20.7 or 20.701",
+        );
+    }
+}
+
+#[test]
+fn what_begins_while_another_lasts_is_refused() {
+    for (key, one, happen_at) in &HAPPENINGS[2..] {
+        refused(
+            |scenario| happen_at(scenario, [20.0, 20.4]),
+            &format!("{key}.1.at"),
+            &format!("the {one} at 20.4 s begins while the one at 20.0 s lasts, until 20.5 s"),
+            "or shorten the earlier",
+        );
+    }
+}
+
+#[test]
+fn what_lasts_lasts_whole_ticks() {
+    let lengths: &[Number] = &[
+        ("cameras.occlusion.0.lasts", |s| {
+            &mut cameras(s).occlusion[0].lasts
+        }),
+        ("cameras.marker_swap.0.lasts", |s| {
+            &mut cameras(s).marker_swap[0].lasts
+        }),
+    ];
+    for (key, length) in lengths {
+        refused(
+            |scenario| *length(scenario) = 0.2005,
+            key,
+            "0.2005 s is not a whole number of base ticks",
+            "use 0.2 or 0.201",
+        );
+        refused(
+            |scenario| *length(scenario) = 0.0,
+            key,
+            "0.0 s is not a time from 0.001 s",
+            "give a time of 0.001 s or more",
+        );
+    }
+}
+
+#[test]
+fn an_occlusion_may_last_longer_than_the_filter_coasts_and_beyond_the_end() {
+    accepted(|scenario| cameras(scenario).occlusion[1].lasts = 50.0);
+}
+
+#[test]
+fn a_marker_swap_of_nothing_is_refused() {
+    refused(
+        |scenario| {
+            let swap = &mut cameras(scenario).marker_swap[1];
+            (swap.position, swap.rotation) = ([0.0; 3], [0.0; 3]);
+        },
+        "cameras.marker_swap.1",
+        "the marker swap changes nothing",
+        "or leave the marker swap out",
+    );
+    accepted(|scenario| cameras(scenario).marker_swap[1].position = [0.0; 3]);
+}
+
+#[test]
+fn jitter_beyond_the_frame_before_is_refused() {
+    refused(
+        |scenario| cameras(scenario).jitter = 0.011,
+        "cameras.jitter",
+        "exposed up to 0.011 s early, but follow each other after 0.01 s",
+        "lower `jitter` to 0.01 or less",
+    );
+    accepted(|scenario| cameras(scenario).jitter = 0.01);
+    accepted(|scenario| {
+        scenario.schedule.period.insert("mocap/pose".to_owned(), 0.02);
+        cameras(scenario).jitter = 0.02;
+    });
+}
+
+#[test]
+fn a_channel_without_slope_is_refused() {
+    let slopes: &[Number] = &[
+        ("rc_output.thrust_slope", |s| &mut link(s).thrust_slope),
+        ("rc_output.rate_slope.2", |s| &mut link(s).rate_slope[2]),
+    ];
+    for (key, slope) in slopes {
+        refused(
+            |scenario| *slope(scenario) = -0.0,
+            key,
+            "the slope is 0",
+            "other than 0",
+        );
+        accepted(|scenario| *slope(scenario) *= -1.0);
+    }
+}
+
+#[test]
+fn a_range_that_is_none_is_refused() {
+    for range in [[1.0, -1.0], [0.5, 0.5], [-1.1, 1.0], [-1.0, 1.5], [2.0, 3.0]] {
+        let reason = format!("from {:?} to {:?} is no range of a channel", range[0], range[1]);
+        for key in ["rc_output.thrust_range", "rc_output.rate_range"] {
+            refused(
+                |scenario| match key {
+                    "rc_output.rate_range" => link(scenario).rate_range = range,
+                    _ => link(scenario).thrust_range = range,
+                },
+                key,
+                &reason,
+                "both from -1.0 to 1.0",
+            );
+        }
+    }
+}
+
+#[test]
+fn rate_channels_that_turn_one_way_only_are_refused() {
+    for range in [[0.0, 1.0], [-1.0, 0.0], [0.2, 0.8]] {
+        refused(
+            |scenario| link(scenario).rate_range = range,
+            "rc_output.rate_range",
+            "the vehicle cannot turn both ways",
+            "with 0 inside",
+        );
+    }
+}
+
+#[test]
+fn a_link_that_cannot_pull_is_refused() {
+    refused(
+        |scenario| link(scenario).thrust_offset = -4.0,
+        "rc_output.thrust_range",
+        "no travel of the thrust channel means a thrust above 0 N",
+        "check `thrust_offset`",
+    );
+}
+
+#[test]
+fn a_resolution_that_no_link_has_is_refused() {
+    for bits in [0, 17, u32::MAX] {
+        refused(
+            |scenario| link(scenario).resolution = bits,
+            "rc_output.resolution",
+            &format!("a channel of {bits} bits"),
+            "from 1 to 16 bits",
+        );
+    }
+    for bits in [2, 16] {
+        accepted(|scenario| link(scenario).resolution = bits);
+    }
+}
+
+#[test]
+fn a_range_without_a_step_of_the_link_is_refused() {
+    refused(
+        |scenario| {
+            link(scenario).resolution = 2;
+            link(scenario).rate_range = [-0.3, 0.3];
+        },
+        "rc_output.rate_range",
+        "the range is 0.6 wide, less than one of the steps of 0.666667",
+        "raise `resolution`",
+    );
+    accepted(|scenario| {
+        link(scenario).resolution = 3;
+        link(scenario).rate_range = [-0.3, 0.3];
+    });
+}
+
+#[test]
+fn latencies_that_nobody_can_predict_over_are_refused() {
+    for (key, set) in [
+        (
+            "model.radio_latency",
+            (|model, time| model.radio_latency = time) as fn(&mut Model, f64),
+        ),
+        ("model.capture_latency", |model, time| {
+            model.capture_latency = Some(time);
+        }),
+    ] {
+        refused(
+            |scenario| set(model(scenario), 0.201),
+            key,
+            "0.201 s is not a time from 0.0 s to 0.2 s",
+            "at most 0.2 s",
+        );
+        refused(
+            |scenario| set(model(scenario), 0.0055),
+            key,
+            "0.0055 s is not a whole number of base ticks",
+            "use 0.005 or 0.006",
+        );
+        refused(
+            |scenario| set(model(scenario), -0.005),
+            key,
+            "is not a time from 0.0 s",
+            "",
+        );
+        accepted(|scenario| set(model(scenario), 0.0));
+        accepted(|scenario| set(model(scenario), 0.2));
+    }
+}
+
+#[test]
+fn a_roll_out_that_does_not_fill_the_hold_is_refused() {
+    refused(
+        |scenario| rates(scenario).roll_out_step = 0.0015,
+        "controller.rates.roll_out_step",
+        "0.0015 s does not divide the 0.022 s for which a command is held",
+        "use 0.00146667",
+    );
+    refused(
+        |scenario| rates(scenario).roll_out_step = 0.05,
+        "controller.rates.roll_out_step",
+        "0.05 s does not divide the 0.022 s",
+        "use 0.022",
+    );
+    refused(
+        |scenario| rates(scenario).roll_out_step = 0.00001,
+        "controller.rates.roll_out_step",
+        "2200.0 steps for one command",
+        "raise `roll_out_step` to 2.2e-5 or more",
+    );
+    for parts in [1.0, 3.0, 7.0, 22.0, 1000.0] {
+        accepted(|scenario| rates(scenario).roll_out_step = 0.022 / parts);
+    }
+}
+
+#[test]
+fn body_rates_need_a_vehicle_that_follows_them_a_model_and_a_filter() {
+    refused(
+        |scenario| scenario.vehicle.actuators = None,
+        "controller.rates",
+        "the vehicle has no rate loop that follows them",
+        "add `[vehicle.actuators]`",
+    );
+    refused(
+        |scenario| scenario.model = None,
+        "controller.rates",
+        "by a model of the vehicle, but there is none",
+        "add `[model]`",
+    );
+    refused(
+        |scenario| scenario.estimator = None,
+        "controller.rates",
+        "for a thrust and an acceleration that only a filter tells",
+        "add `[estimator.kalman]`",
+    );
+}
+
+#[test]
+fn what_works_with_body_rates_is_refused_with_a_controller_of_torque() {
+    refused(
+        |scenario| scenario.controller.rates = None,
+        "vehicle.actuators",
+        "the vehicle's rate loop follows body rates, but the controller commands torque",
+        "add `[controller.rates]`",
+    );
+    refused(
+        |scenario| {
+            scenario.controller.rates = None;
+            scenario.vehicle.actuators = None;
+        },
+        "rc_output",
+        "the radio link carries body rates, but",
+        "or leave `rc_output` out",
+    );
+    refused(
+        |scenario| {
+            scenario.controller.rates = None;
+            scenario.vehicle.actuators = None;
+            scenario.rc_output = None;
+        },
+        "estimator",
+        "the filter predicts by the body rates of the frames, but",
+        "or leave `estimator` out",
+    );
+    refused(
+        |scenario| {
+            scenario.controller.rates = None;
+            scenario.vehicle.actuators = None;
+            scenario.rc_output = None;
+            scenario.estimator = None;
+        },
+        "cameras",
+        "these cameras see poses only",
+        "or leave `cameras` out",
+    );
+}
+
+#[test]
+fn each_imperfection_can_be_left_out() {
+    // Perfect cameras in front of the filter tell what is due to the filter alone.
+    accepted(|scenario| scenario.cameras = None);
+    accepted(|scenario| scenario.rc_output = None);
+    accepted(|scenario| scenario.vehicle.turbulence = None);
+    accepted(|scenario| scenario.vehicle.fan = None);
+    accepted(|scenario| scenario.controller.observer_gain = None);
+    accepted(|scenario| scenario.schedule = Default::default());
+}

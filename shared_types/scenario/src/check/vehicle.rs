@@ -1,0 +1,125 @@
+//! A vehicle that can exist, and changes of it that happen in flight, one after the other.
+
+use super::events::Events;
+use super::{Findings, six_digits};
+use crate::{InitialState, Key, Vector, Vehicle, VehicleChange};
+
+/// Relative excess over the triangle inequality that rounding explains: a flat body has J1 + J2 = J3 exactly,
+/// but its decimals may not.
+const TRIANGLE_TOLERANCE: f64 = 1e-9;
+
+/// Distance from the body's origin at which no centre of mass is, m.
+const FARTHEST_CENTER: f64 = 0.5;
+
+impl Vehicle {
+    pub(super) fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
+        found.positive(&at.then("mass"), "m", self.mass);
+        check_inertia(&self.inertia, &at.then("inertia"), found);
+        found.vector(&at.then("disturbance"), &self.disturbance);
+        self.initial.check(&at.then("initial"), found);
+        for (index, change) in self.change.iter().enumerate() {
+            change.check(&at.then("change").then(index), found);
+        }
+        let changes = Events {
+            one: "change",
+            several: "changes",
+            at: at.then("change"),
+            times: self.change.iter().map(|change| change.at).collect(),
+        };
+        changes.check(duration, found);
+        check_center_of_mass(&self.center_of_mass, &at.then("center_of_mass"), found);
+        self.check_rig(duration, at, found);
+    }
+
+    /// What the ideal vehicle has nothing of.
+    fn check_rig(&self, duration: f64, at: &Key, found: &mut Findings) {
+        for (axis, &drag) in self.drag.iter().enumerate() {
+            found.not_negative(&at.then("drag").then(axis), "the drag", drag);
+        }
+        if let Some(actuators) = &self.actuators {
+            actuators.check(&at.then("actuators"), found);
+        }
+        if let Some(turbulence) = &self.turbulence {
+            turbulence.check(&at.then("turbulence"), found);
+        }
+        if let Some(fan) = &self.fan {
+            fan.check(duration, &at.then("fan"), found);
+        }
+    }
+}
+
+impl InitialState {
+    fn check(&self, at: &Key, found: &mut Findings) {
+        found.vector(&at.then("position"), &self.position);
+        found.angles(&at.then("roll_pitch_yaw"), &self.roll_pitch_yaw);
+        found.vector(&at.then("velocity_body"), &self.velocity_body);
+        found.vector(&at.then("angular_velocity_body"), &self.angular_velocity_body);
+    }
+}
+
+impl VehicleChange {
+    /// All but the time, which the schedule checks.
+    fn check(&self, at: &Key, found: &mut Findings) {
+        if let Some(mass) = self.mass {
+            found.positive(&at.then("mass"), "m", mass);
+        }
+        if let Some(inertia) = &self.inertia {
+            check_inertia(inertia, &at.then("inertia"), found);
+        }
+        if let Some(disturbance) = &self.disturbance {
+            found.vector(&at.then("disturbance"), disturbance);
+        }
+        if let Some(center_of_mass) = &self.center_of_mass {
+            check_center_of_mass(center_of_mass, &at.then("center_of_mass"), found);
+        }
+        let keeps_body = self.mass.is_none() && self.inertia.is_none() && self.center_of_mass.is_none();
+        if keeps_body && self.disturbance.is_none() {
+            found.add(
+                at.clone(),
+                "the change changes nothing",
+                "state a new `mass`, `inertia`, `center_of_mass` or `disturbance`, or leave the change out",
+            );
+        }
+    }
+}
+
+/// The centre of mass lies within a vehicle of the size that the laws are for.
+fn check_center_of_mass(center_of_mass: &Vector, key: &Key, found: &mut Findings) {
+    let distance = center_of_mass.iter().map(|c| c * c).sum::<f64>().sqrt();
+    if found.vector(key, center_of_mass) && distance >= FARTHEST_CENTER {
+        found.add(
+            key.clone(),
+            format!(
+                "the centre of mass lies {} m from the origin of {{B}}, outside of any such vehicle",
+                six_digits(distance)
+            ),
+            format!("give a place less than {FARTHEST_CENTER:?} m away"),
+        );
+    }
+}
+
+/// J is that of a body: each moment above 0 and none larger than the sum of the other two.
+pub(super) fn check_inertia(inertia: &Vector, key: &Key, found: &mut Findings) {
+    let mut good = true;
+    for (axis, &moment) in inertia.iter().enumerate() {
+        good &= found.positive(&key.then(axis), &format!("J{}", axis + 1), moment);
+    }
+    if !good {
+        return;
+    }
+    let sum: f64 = inertia.iter().sum();
+    for (axis, &moment) in inertia.iter().enumerate() {
+        let others = sum - moment;
+        if moment > others * (1.0 + TRIANGLE_TOLERANCE) {
+            found.add(
+                key.then(axis),
+                format!(
+                    "J{} = {moment:?} kg m² is larger than the other two moments together, {} kg m²: no body is like that",
+                    axis + 1,
+                    six_digits(others)
+                ),
+                "check the moments; each is at most the sum of the other two",
+            );
+        }
+    }
+}

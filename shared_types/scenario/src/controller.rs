@@ -1,0 +1,180 @@
+//! The control law's gains and bounds.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Scenario, Vector};
+use shared_types::wiring::ServiceId;
+
+/// Gains, bounds and initial estimates of the adaptive law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Controller {
+    /// k1, gain on the position error.
+    pub k1: f64,
+    /// k2, gain on the velocity error.
+    pub k2: f64,
+    /// k3, gain on the angular velocity error.
+    pub k3: f64,
+    /// β, weight of the angular velocity error in the Lyapunov function; follows from `initial.inertia` unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beta: Option<f64>,
+    /// δ, the constant that the velocity error is driven to along the thrust axis, m/s; not 0.
+    pub delta: f64,
+    /// σmax, level of the saturation; above δ/k1.
+    pub sigma_max: f64,
+    /// λm, adaptation gain of η̂; with 0 the estimate stays where it begins.
+    pub lambda_mass: f64,
+    /// Diagonal of Λb, adaptation gains of b̂; with 0 the estimate stays where it begins.
+    pub lambda_disturbance: Vector,
+    /// Λw is this times the identity, adaptation gain of ŵ; 0 holds the estimate; follows from the other gains unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lambda_inertia: Option<f64>,
+    /// Where the unknown parameters are known to lie.
+    pub bounds: Bounds,
+    /// What the estimators begin with.
+    pub initial: InitialEstimates,
+    /// Whether the law aims above the path by what δ makes the vehicle hang below it, so that z1 → 0; not in the paper.
+    pub remove_offset: bool,
+    /// Thrust and body rates in place of thrust and torque, for a vehicle with its own rate loop.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rates: Option<RateCommand>,
+    /// Gain γ of the immersion-and-invariance mass observer that flies along unheard; none unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub observer_gain: Option<f64>,
+}
+
+impl Default for Controller {
+    fn default() -> Self {
+        Self {
+            k1: 4.0,
+            k2: 4.0,
+            k3: 13.0,
+            beta: None,
+            delta: 0.1,
+            sigma_max: 1.5,
+            lambda_mass: 0.3,
+            lambda_disturbance: [1.0; 3],
+            lambda_inertia: None,
+            bounds: Bounds::default(),
+            initial: InitialEstimates::default(),
+            remove_offset: false,
+            rates: None,
+            observer_gain: None,
+        }
+    }
+}
+
+impl Controller {
+    /// σ⁻¹(δ/k1): what the theorem bounds ‖z1‖ by ultimately, m.
+    #[must_use]
+    pub fn ultimate_bound(&self) -> f64 {
+        libm::atanh(self.delta.abs() / (self.k1 * self.sigma_max))
+    }
+}
+
+impl Scenario {
+    /// What the theorem bounds the distance from the path by ultimately, m. It speaks of the paper's law alone: not of a
+    /// program in its place, of estimators that are switched off, or of a law that aims elsewhere (`remove_offset`).
+    #[must_use]
+    pub fn theorem_bound(&self) -> Option<f64> {
+        let law = &self.controller;
+        let learns = law.lambda_mass > 0.0 && law.lambda_disturbance.iter().all(|&gain| gain > 0.0);
+        let is_ours = self.program_of(ServiceId::Controller).is_none();
+        (is_ours && learns && !law.remove_offset).then(|| law.ultimate_bound())
+    }
+}
+
+/// How commands of body rates are made: the torque drives an artificial angular velocity, which is sent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RateCommand {
+    /// kp of the yaw law (28), 1/s.
+    pub yaw_kp: f64,
+    /// ki of the yaw law (28), 1/s².
+    pub yaw_ki: f64,
+    /// Largest magnitude of the yaw law's integral term, rad/s: the largest drift that it is expected to make up
+    /// for. It rests while the proportional term is larger.
+    pub yaw_integral_max: f64,
+    /// Step at which the law drives the artificial angular velocity over the hold of a frame, s.
+    pub roll_out_step: f64,
+    /// Whether vehicle and path move along over the hold; if not the law sees them as they are at its beginning.
+    pub roll_out: bool,
+    /// Whether the vehicle of the roll-out is also pushed by what the estimator sees and the estimates of mass and
+    /// disturbance do not explain.
+    pub unexplained: bool,
+    /// Whether commands make up for the believed lags of thrust and rates.
+    pub lag_inversion: bool,
+}
+
+impl Default for RateCommand {
+    fn default() -> Self {
+        Self {
+            yaw_kp: 4.0,
+            yaw_ki: 0.5,
+            yaw_integral_max: 0.5,
+            roll_out_step: 0.001,
+            roll_out: true,
+            unexplained: true,
+            lag_inversion: true,
+        }
+    }
+}
+
+impl RateCommand {
+    /// In how many steps the law is rolled out over a hold of so many seconds; a whole number.
+    #[must_use]
+    pub fn steps(&self, hold: f64) -> f64 {
+        libm::round(hold / self.roll_out_step).max(1.0)
+    }
+}
+
+/// Bounds of the unknown parameters (Assumption 1) and how far the smooth projection (5) may pass them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Bounds {
+    /// mmin, kg.
+    pub mass_min: f64,
+    /// mmax, kg.
+    pub mass_max: f64,
+    /// bmax of each component of b, m/s².
+    pub disturbance: f64,
+    /// ε of the projection of η̂, 1/kg; below 1/mmax.
+    pub epsilon_eta: f64,
+    /// ε of the projection of b̂, m/s².
+    pub epsilon_disturbance: f64,
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self {
+            mass_min: 0.1,
+            mass_max: 0.6,
+            disturbance: 3.0,
+            epsilon_eta: 0.01,
+            epsilon_disturbance: 0.1,
+        }
+    }
+}
+
+/// What the estimators begin with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct InitialEstimates {
+    /// 1/η̂, kg.
+    pub mass: f64,
+    /// Diagonal of J of which ŵ begins, and by which β and Λw go unless they are stated, kg m².
+    pub inertia: Vector,
+    /// b̂, m/s².
+    pub disturbance: Vector,
+}
+
+impl Default for InitialEstimates {
+    fn default() -> Self {
+        Self {
+            mass: 0.2,
+            inertia: [6.5e-4, 6.5e-4, 13.0e-4],
+            disturbance: [0.0; 3],
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! The envelope: what the transmitter does not let vehicle and controller do, whatever the controller says.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Vector;
+use shared_types::samples::RcFrame;
+
+/// Limits that the transmitter checks on its own inputs while it sends commands, each with what is done about it.
+///
+/// Commands never pass their limits, whatever the action: they are cut to them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Envelope {
+    /// For how long a limit is exceeded without a break before its action is taken, s.
+    pub after: f64,
+    /// How long the vehicle may take from the demand to land until it rests disarmed, s; then it is killed.
+    pub land_within: f64,
+    /// Where the vehicle may be.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub r#box: Option<Fence>,
+    /// Largest angle of the thrust against the vertical, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tilt: Option<Limit>,
+    /// Largest speed, m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed: Option<Limit>,
+    /// How good the estimate of the state must be.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimate: Option<EstimateLimit>,
+    /// Largest thrust that is sent, N; the smallest is 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thrust: Option<Limit>,
+    /// Largest torque about each body axis that is sent, N m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque: Option<VectorLimit>,
+    /// Largest body rate about each axis that is sent, rad/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rates: Option<VectorLimit>,
+}
+
+/// What is done about a limit that is exceeded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Action {
+    /// The frames say so.
+    Warn,
+    /// The vehicle is to land.
+    Land,
+    /// The motors rest for ever.
+    Kill,
+}
+
+/// A number that may not be exceeded.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Limit {
+    /// The largest value.
+    pub max: f64,
+    /// What is done above it.
+    pub action: Action,
+}
+
+/// Magnitudes of the components of a vector that may not be exceeded.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct VectorLimit {
+    /// The largest magnitudes.
+    pub max: Vector,
+    /// What is done above one of them.
+    pub action: Action,
+}
+
+/// A box in {I} that the vehicle may not leave.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fence {
+    /// Corner with the smallest coordinates in {I}, m; z points down, so that it is an upper one.
+    pub min: Vector,
+    /// Corner with the largest coordinates in {I}, m.
+    pub max: Vector,
+    /// How far outside a vehicle that is to land is killed, m.
+    #[serde(default = "default_margin")]
+    pub margin: f64,
+    /// What is done about a vehicle outside.
+    pub action: Action,
+}
+
+/// How good the estimate of the state must be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EstimateLimit {
+    /// Largest standard deviation of the position, m.
+    pub position_sigma: f64,
+    /// What is done above it, and where there is no state, none that is tracked or recent.
+    pub action: Action,
+}
+
+fn default_margin() -> f64 {
+    0.5
+}
+
+impl Default for Envelope {
+    fn default() -> Self {
+        Self {
+            after: 0.05,
+            land_within: 20.0,
+            r#box: None,
+            tilt: None,
+            speed: None,
+            estimate: None,
+            thrust: None,
+            torque: None,
+            rates: None,
+        }
+    }
+}
+
+impl Action {
+    /// The action as frames say it.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Warn => RcFrame::ACTION_WARN,
+            Self::Land => RcFrame::ACTION_LAND,
+            Self::Kill => RcFrame::ACTION_KILL,
+        }
+    }
+}
+
+impl Envelope {
+    /// The limits that are stated, by name, with their actions.
+    #[must_use]
+    pub fn actions(&self) -> Vec<(&'static str, Action)> {
+        let number = |limit: &Option<Limit>| limit.as_ref().map(|limit| limit.action);
+        let vector = |limit: &Option<VectorLimit>| limit.as_ref().map(|limit| limit.action);
+        let all = [
+            ("box", self.r#box.as_ref().map(|fence| fence.action)),
+            ("tilt", number(&self.tilt)),
+            ("speed", number(&self.speed)),
+            ("estimate", self.estimate.as_ref().map(|limit| limit.action)),
+            ("thrust", number(&self.thrust)),
+            ("torque", vector(&self.torque)),
+            ("rates", vector(&self.rates)),
+        ];
+        all.into_iter()
+            .filter_map(|(name, action)| Some((name, action?)))
+            .collect()
+    }
+}

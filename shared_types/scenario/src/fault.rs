@@ -1,0 +1,228 @@
+//! Planned faults: a service that is out, or an input of a service whose samples come late, wrong or not at all.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::EdgeName;
+use shared_types::wiring::ServiceId;
+
+/// A planned fault of a service or of an input of one, exact in simulated time.
+///
+/// Which of the other values belong to a [`kind`](Fault::kind) stands with each; others are refused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fault {
+    /// From when, s.
+    pub at: f64,
+    /// Name of the service that fails; with `off` and `freeze`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub service: Option<String>,
+    /// The input that fails, as `"topic -> service"`; with all other kinds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge: Option<String>,
+    /// What happens.
+    pub kind: FaultKind,
+    /// How long, s; for good unless stated.
+    #[serde(default, rename = "for", skip_serializing_if = "Option::is_none")]
+    pub lasts: Option<f64>,
+    /// With what a service comes back; with `off`.
+    #[serde(default)]
+    pub state: FaultState,
+    /// How much later samples arrive, s; with `delay`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by: Option<f64>,
+    /// Share of the samples that are lost, above 0 and at most 1; with `intermittent`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fraction: Option<f64>,
+    /// Number of the sample that is wrong, such as `thrust`, or `position_world.2` for one of several; with `wrong`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
+    /// What the number is multiplied by, 1 unless stated; with `wrong`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+    /// What is then added to it, in its own unit, 0 unless stated; with `wrong`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bias: Option<f64>,
+    /// Largest magnitude of the numbers that stand in place of all others; any bits at all unless stated; with `garbage`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<f64>,
+}
+
+/// What happens to a service or to an input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultKind {
+    /// The service's process dies, and another takes its place.
+    Off,
+    /// The service stands still and keeps its state.
+    Freeze,
+    /// Samples arrive later.
+    Delay,
+    /// Some samples are lost.
+    Intermittent,
+    /// Samples repeat the last one before.
+    Stuck,
+    /// A number of the samples is wrong.
+    Wrong,
+    /// Samples hold random numbers.
+    Garbage,
+}
+
+/// With what a service comes back.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultState {
+    /// With the state of its last step before.
+    #[default]
+    Warm,
+    /// As at the start of the flight.
+    Cold,
+}
+
+/// What a fault befalls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// A service.
+    Service(ServiceId),
+    /// An input of a service.
+    Edge(EdgeName),
+}
+
+impl FaultKind {
+    /// All kinds.
+    pub const ALL: [Self; 7] = [
+        Self::Off,
+        Self::Freeze,
+        Self::Delay,
+        Self::Intermittent,
+        Self::Stuck,
+        Self::Wrong,
+        Self::Garbage,
+    ];
+
+    /// Name in scenarios.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Freeze => "freeze",
+            Self::Delay => "delay",
+            Self::Intermittent => "intermittent",
+            Self::Stuck => "stuck",
+            Self::Wrong => "wrong",
+            Self::Garbage => "garbage",
+        }
+    }
+
+    /// Whether it befalls a service; all others befall an input of one.
+    #[must_use]
+    pub fn is_outage(self) -> bool {
+        matches!(self, Self::Off | Self::Freeze)
+    }
+}
+
+impl Fault {
+    /// A fault of this kind from `at` (s) on, for good, of nothing yet.
+    #[must_use]
+    pub fn new(kind: FaultKind, at: f64) -> Self {
+        Self {
+            at,
+            service: None,
+            edge: None,
+            kind,
+            lasts: None,
+            state: FaultState::default(),
+            by: None,
+            fraction: None,
+            field: None,
+            scale: None,
+            bias: None,
+            range: None,
+        }
+    }
+
+    /// What it befalls, if there is such a thing.
+    #[must_use]
+    pub fn target(&self) -> Option<Target> {
+        if self.kind.is_outage() {
+            ServiceId::from_name(self.service.as_deref()?).map(Target::Service)
+        } else {
+            EdgeName::find(self.edge.as_deref()?).map(Target::Edge)
+        }
+    }
+
+    /// When it ends, s; infinity if it does not.
+    #[must_use]
+    pub fn until(&self) -> f64 {
+        self.lasts.map_or(f64::INFINITY, |lasts| self.at + lasts)
+    }
+
+    /// The values that only some kinds have: name, whether it is stated, and whether this kind has it.
+    pub(super) fn values_of_kinds(&self) -> [(&'static str, bool, bool); 9] {
+        let kind = self.kind;
+        [
+            ("service", self.service.is_some(), kind.is_outage()),
+            ("edge", self.edge.is_some(), !kind.is_outage()),
+            ("state", self.state != FaultState::Warm, kind == FaultKind::Off),
+            ("by", self.by.is_some(), kind == FaultKind::Delay),
+            (
+                "fraction",
+                self.fraction.is_some(),
+                kind == FaultKind::Intermittent,
+            ),
+            ("field", self.field.is_some(), kind == FaultKind::Wrong),
+            ("scale", self.scale.is_some(), kind == FaultKind::Wrong),
+            ("bias", self.bias.is_some(), kind == FaultKind::Wrong),
+            ("range", self.range.is_some(), kind == FaultKind::Garbage),
+        ]
+    }
+}
+
+impl std::fmt::Display for Target {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Service(service) => service.fmt(formatter),
+            Self::Edge(edge) => edge.fmt(formatter),
+        }
+    }
+}
+
+impl std::fmt::Display for FaultKind {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.pad(self.name())
+    }
+}
+
+impl std::fmt::Display for Fault {
+    /// What happens to what, in words, without the times.
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let stated = self.service.as_ref().or(self.edge.as_ref());
+        let target = stated.map_or("", String::as_str);
+        let number = |value: Option<f64>| value.unwrap_or_default();
+        match self.kind {
+            FaultKind::Off if self.state == FaultState::Cold => {
+                write!(formatter, "`{target}` is off and forgets what it knows")
+            }
+            FaultKind::Off => write!(formatter, "`{target}` is off"),
+            FaultKind::Freeze => write!(formatter, "`{target}` stands still"),
+            FaultKind::Delay => write!(formatter, "`{target}` is late by {} s", number(self.by)),
+            FaultKind::Intermittent => {
+                write!(
+                    formatter,
+                    "`{target}` loses {} of its samples",
+                    number(self.fraction)
+                )
+            }
+            FaultKind::Stuck => write!(formatter, "`{target}` repeats its last sample"),
+            FaultKind::Wrong => {
+                let field = self.field.as_deref().unwrap_or_default();
+                let (scale, bias) = (self.scale.unwrap_or(1.0), number(self.bias));
+                write!(formatter, "`{target}` has a wrong `{field}`: × {scale} + {bias}")
+            }
+            FaultKind::Garbage => match self.range {
+                Some(range) => write!(formatter, "`{target}` carries garbage within ±{range}"),
+                None => write!(formatter, "`{target}` carries garbage"),
+            },
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! The phases of a flight: when its people ask for what, and how the vehicle takes off and lands.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Scenario;
+use shared_types::schedule::OperatorPlan;
+
+/// A flight from the ground to the ground: disarmed, armed, take-off, fly, land, disarmed.
+///
+/// The ground lies where the vehicle is at the start.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Flight {
+    /// When the operator arms, s: the vehicle takes off as soon as all is ready; by command only unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arm_at: Option<f64>,
+    /// When the operator lets the vehicle land, s; by command only unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub land_at: Option<f64>,
+    /// When the operator stops the motors for ever, s; by command only unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kill_at: Option<f64>,
+    /// How long the motors idle between arming and take-off, s.
+    pub spool_up: f64,
+    /// How far the vehicle rises before it goes to the path, m.
+    pub takeoff_height: f64,
+    /// Largest speed on the way from the ground to the path, m/s.
+    pub takeoff_speed: f64,
+    /// How long the path takes from rest to its full speed, and from there to rest before the vehicle descends, s.
+    pub transition_time: f64,
+    /// Speed of the descent, m/s.
+    pub landing_speed: f64,
+    /// Largest standard deviation of the estimated position with which the vehicle arms, m.
+    pub position_sigma_max: f64,
+}
+
+impl Default for Flight {
+    fn default() -> Self {
+        Self {
+            arm_at: None,
+            land_at: None,
+            kill_at: None,
+            spool_up: 1.0,
+            takeoff_height: 1.0,
+            takeoff_speed: 0.5,
+            transition_time: 2.0,
+            landing_speed: 0.3,
+            position_sigma_max: 0.02,
+        }
+    }
+}
+
+impl Flight {
+    /// The times at which the operator asks for something, s: key, and the time if it is stated.
+    #[must_use]
+    pub fn requests(&self) -> [(&'static str, Option<f64>); 3] {
+        [
+            ("arm_at", self.arm_at),
+            ("land_at", self.land_at),
+            ("kill_at", self.kill_at),
+        ]
+    }
+}
+
+impl Scenario {
+    /// When the operator is planned to ask for what.
+    pub(super) fn operator_plan(&self) -> OperatorPlan {
+        let Some(flight) = &self.flight else {
+            return OperatorPlan::FLYING;
+        };
+        let tick = |time: Option<f64>| time.map_or(u64::MAX, |time| self.tick_of(time));
+        OperatorPlan {
+            armed_from: tick(flight.arm_at),
+            land_from: tick(flight.land_at),
+            killed_from: tick(flight.kill_at),
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! β and Λw where a scenario does not state them: gains that a sampled controller can hold.
+//!
+//! The theorem is about continuous time, in which any β and Λw above 0 will do. A controller that holds its torque
+//! over h changes J z3 by −h (W w̃ + k3 σ(z3)/β) a step, and w̃ by h β Λw Wᵀz3. Two rules follow.
+//!
+//! # β
+//!
+//! Near z3 = 0 a step takes the share h k3 σmax/(βJ) of z3 away: nothing is left of it at 1, and above 2 it grows. The
+//! default takes 0.3, for J of `controller.initial.inertia`, the one thing that the controller is told of the
+//! vehicle's inertia. The loop must also stay faster than the attitude loop around it, whose rate is g/δ: by a
+//! quarter at least. Between the two lies the range of J that one β serves, a factor of 80 for the paper's gains.
+//!
+//! # Λw
+//!
+//! Of the Lyapunov function's part ½ β z3ᵀJz3 + ½ Λw⁻¹‖w̃‖² the terms with w̃ cancel in continuous time. A step leaves
+//! ½ h² β² Λw ‖Wᵀz3‖² over, which the damping h k3 z3ᵀσ(z3) must make up for:
+//!
+//! ```text
+//!     Λw ≤ 2 k3 z3ᵀσ(z3) / (h β² ‖Wᵀz3‖²)
+//! ```
+//!
+//! The worst is a start in which the thrust axis points elsewhere than u. Then ‖ωd‖ = ω̄ = ū/δ with
+//! ū = g + k2 σmax, and while ‖ω‖ grows from 0 to ω̄ and ‖z3‖ = ω̄ − ‖ω‖ falls,
+//!
+//! * σ is saturated, so that z3ᵀσ(z3) ≈ σmax ‖z3‖;
+//! * W is ζ̇/δ, in which ω turns ζ, and z2 drives it at the rate κ = (k1 + k2) σmax: ‖W‖ ≈ ω̄ (‖ω‖ + κ).
+//!
+//! ‖W‖² ‖z3‖ is largest at ‖ω‖ = (2 ω̄ − κ)/3, where it is 4/27 ω̄² (ω̄ + κ)³. Hence
+//!
+//! ```text
+//!     Λw ≤ 27 k3 σmax / (2 h β² ω̄² (ω̄ + κ)³)
+//! ```
+//!
+//! Flights from all of SO(3) begin to be lost at two to eight times this limit, whatever k1, k2, k3, σmax, δ, β and h
+//! are; the default is half of it. With β from its rule Λw grows with J², as the units of w ask for: vehicles that
+//! differ in J alone then turn alike.
+
+use super::{Controller, GRAVITY, Scenario};
+use shared_types::service::seconds;
+use shared_types::{ServiceId, Topic};
+
+/// Share of z3 that a step takes away with the default β.
+const DAMPED_A_STEP: f64 = 0.3;
+
+/// Share of its limit that the default Λw is.
+const SHARE_OF_LIMIT: f64 = 0.5;
+
+impl Scenario {
+    /// β: as stated, or as it follows from `controller.initial.inertia`.
+    #[must_use]
+    pub fn beta(&self) -> f64 {
+        let Controller { beta, initial, .. } = &self.controller;
+        beta.unwrap_or_else(|| {
+            let least = initial.inertia.into_iter().fold(f64::INFINITY, f64::min);
+            self.beta_for(least)
+        })
+    }
+
+    /// The β that follows from a smallest moment of inertia, kg m².
+    pub(super) fn beta_for(&self, inertia: f64) -> f64 {
+        rounded(self.torque_step() * self.controller.damping() / (DAMPED_A_STEP * inertia))
+    }
+
+    /// Λw: as stated, or as it follows from β and the other gains.
+    #[must_use]
+    pub fn lambda_inertia(&self) -> f64 {
+        let stated = self.controller.lambda_inertia;
+        stated.unwrap_or_else(|| self.default_lambda_inertia())
+    }
+
+    /// The Λw that follows from the other gains.
+    pub(super) fn default_lambda_inertia(&self) -> f64 {
+        rounded(SHARE_OF_LIMIT * self.lambda_inertia_limit())
+    }
+
+    /// The Λw up to which the sampled estimator of w learns no more in a step than k3 damps.
+    #[must_use]
+    pub fn lambda_inertia_limit(&self) -> f64 {
+        let Controller {
+            k1,
+            k2,
+            delta,
+            sigma_max,
+            ..
+        } = self.controller;
+        let beta = self.beta();
+        let fastest = (GRAVITY + k2 * sigma_max) / delta.abs(); // ω̄
+        let driven = fastest + (k1 + k2) * sigma_max; // ω̄ + κ
+        let learned = fastest * fastest * driven * driven * driven;
+        13.5 * self.controller.damping() / (self.estimator_step() * beta * beta * learned)
+    }
+
+    /// For how long a command is held, s.
+    #[must_use]
+    pub fn command_hold(&self) -> f64 {
+        self.schedule().map_or(self.schedule.tick, |schedule| {
+            seconds(schedule.time_ns(schedule.topic_rate(Topic::ControlCommand).period))
+        })
+    }
+
+    /// For how long a torque acts, s: the hold of a command, or a step of the roll-out over it.
+    #[must_use]
+    pub fn torque_step(&self) -> f64 {
+        let hold = self.command_hold();
+        let rates = self.controller.rates.as_ref();
+        rates.map_or(hold, |rates| hold / rates.steps(hold))
+    }
+
+    /// Step of the estimators of η, b and w, s.
+    fn estimator_step(&self) -> f64 {
+        self.schedule().map_or(self.schedule.tick, |schedule| {
+            seconds(schedule.time_ns(schedule.service_rate(ServiceId::Controller).period))
+        })
+    }
+}
+
+impl Controller {
+    /// k3 σmax, the largest that k3 σ(z3) becomes about an axis.
+    pub(super) fn damping(&self) -> f64 {
+        self.k3 * self.sigma_max
+    }
+}
+
+/// A gain as a person would state it, with three digits: stating what was shown flies the same flight.
+fn rounded(gain: f64) -> f64 {
+    format!("{gain:.2e}").parse().unwrap_or(gain)
+}

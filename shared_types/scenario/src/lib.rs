@@ -1,0 +1,161 @@
+//! The parameters of a flight, as a scenario file states them and as every service reads them.
+//!
+//! A scenario determines the experiment together with its seed. How the machine is used stands in sections of its
+//! own, which [`Scenario::experiment`] leaves out. SI units and radians. Defaults are those of the paper where it gives
+//! them (section V), else those that were checked to give its results.
+
+mod cameras;
+mod check;
+mod controller;
+mod curve;
+mod envelope;
+mod estimator;
+mod fault;
+mod flight;
+mod gains;
+mod judge;
+mod machine;
+mod model;
+mod motion_capture;
+mod path;
+mod problem;
+mod programs;
+mod radio_link;
+mod rc_link;
+mod safety;
+pub mod suggest;
+#[cfg(test)]
+mod tests_support;
+mod timing;
+mod vehicle;
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use cameras::{Cameras, MarkerSwap, Occlusion};
+pub use controller::{Bounds, Controller, InitialEstimates, RateCommand};
+pub use curve::{Circle, Curve, Hover, Line, Lissajous, TiltedEight, Waypoints};
+pub use envelope::{Action, Envelope, EstimateLimit, Fence, Limit, VectorLimit};
+pub use estimator::{Estimator, Kalman};
+pub use fault::{Fault, FaultKind, FaultState, Target};
+pub use flight::Flight;
+pub use judge::Judge;
+pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
+pub use model::Model;
+pub use motion_capture::{CaptureSystem, FrameTransform, MotionCapture, PoseSource};
+pub use path::{Path, PathMode, YawStep};
+pub use problem::{Key, Problem};
+pub use programs::Programs;
+pub use radio_link::{
+    ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProtocol, Transmitter,
+};
+pub use rc_link::RcLink;
+pub use safety::InputSafety;
+pub use timing::Timing;
+pub use timing::names::EdgeName;
+pub use vehicle::{Actuators, Fan, FanMove, InitialState, Turbulence, Vehicle, VehicleChange};
+
+/// A vector of three numbers.
+pub type Vector = [f64; 3];
+
+/// Standard gravity as the paper uses it, m/s².
+pub const GRAVITY: f64 = 9.81;
+
+/// A flight: vehicle, path, controller, schedule.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// What the scenario is for, one line.
+    #[serde(default)]
+    pub description: String,
+    /// Seed of every random draw of the flight.
+    #[serde(default = "first_seed")]
+    pub seed: u64,
+    /// Length of the flight, s.
+    pub duration: f64,
+    /// Base tick, rates and transport latencies.
+    #[serde(default)]
+    pub schedule: Timing,
+    /// The vehicle and what happens to it.
+    pub vehicle: Vehicle,
+    /// The path and its timing law.
+    pub path: Path,
+    /// The control law's gains and bounds.
+    #[serde(default)]
+    pub controller: Controller,
+    /// The motion-capture system; ideal unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cameras: Option<Cameras>,
+    /// The state estimator; passes what ideal cameras see on unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimator: Option<Estimator>,
+    /// The motion-capture system of a laboratory; needed where `estimator.source` names one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion_capture: Option<MotionCapture>,
+    /// The radio link; ideal unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rc_output: Option<RcLink>,
+    /// What estimator and controller believe of vehicle and links; the truth may be otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<Model>,
+    /// The phases of the flight, from the ground to the ground; without it the vehicle is in the air from the start to
+    /// the end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flight: Option<Flight>,
+    /// What the transmitter does not let the vehicle and the controller do; nothing is refused unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub envelope: Option<Envelope>,
+    /// When the vehicle counts as lost; as by default unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub judge: Option<Judge>,
+    /// Planned faults of services and of their inputs, exact in simulated time.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fault: Vec<Fault>,
+    /// What services do about samples that are too old or cannot be true, by input: `"topic -> service"`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub safety: BTreeMap<String, InputSafety>,
+    /// Programs of one's own that fly in place of services.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub programs: Option<Programs>,
+    /// How the services use the machine; never changes the log.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deployment: Option<Deployment>,
+    /// What a flight in real time does when services are late, hang, or are alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub real_time: Option<RealTime>,
+}
+
+fn first_seed() -> u64 {
+    1
+}
+
+impl Scenario {
+    /// A flight of `duration` seconds in which everything that need not be stated is as by default.
+    #[must_use]
+    pub fn new(duration: f64, vehicle: Vehicle, path: Path) -> Self {
+        Self {
+            description: String::new(),
+            seed: first_seed(),
+            duration,
+            schedule: Timing::default(),
+            vehicle,
+            path,
+            controller: Controller::default(),
+            cameras: None,
+            estimator: None,
+            motion_capture: None,
+            rc_output: None,
+            model: None,
+            flight: None,
+            envelope: None,
+            judge: None,
+            fault: Vec::new(),
+            safety: BTreeMap::new(),
+            programs: None,
+            deployment: None,
+            real_time: None,
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! How a flight uses the machine: deployment of the services, and what real time needs to know.
+//!
+//! Nothing of it determines what a flight in simulated time writes: it is no part of
+//! [`Scenario::experiment`], which is what the log keeps and what step logic is made of.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Controller, Programs, RadioProtocol, RcLink, Scenario};
+use shared_types::wiring::ServiceId;
+
+/// How the services use the machine: for all of them, unless a service's own table says otherwise.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Deployment {
+    /// Whether to refuse to fly if the machine does not permit what is stated; if not, the run says so and flies.
+    pub strict: bool,
+    /// Core that the services run on; chosen as the run begins unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub core: Option<u32>,
+    /// Priority of `SCHED_FIFO`, 1 to 99, above all ordinary work; the ordinary scheduler unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub priority: Option<u32>,
+    /// Whether memory is locked and touched before the flight, so that no step waits for a page; not unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lock_memory: Option<bool>,
+    /// How much later the system may wake a sleeping service to save energy, s; the system's 5e-5 unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timer_slack: Option<f64>,
+    /// What differs for the plant.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plant: Option<ServiceDeployment>,
+    /// What differs for the estimator.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimator: Option<ServiceDeployment>,
+    /// What differs for the path generator.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path_generator: Option<ServiceDeployment>,
+    /// What differs for the controller.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub controller: Option<ServiceDeployment>,
+    /// What differs for the radio link.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rc_output: Option<ServiceDeployment>,
+}
+
+/// How one service uses the machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServiceDeployment {
+    /// Core that it runs on; as for all unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub core: Option<u32>,
+    /// Priority of `SCHED_FIFO`, 1 to 99; as for all unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub priority: Option<u32>,
+    /// Whether its memory is locked and touched before the flight; as for all unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lock_memory: Option<bool>,
+    /// How much later the system may wake it to save energy, s; as for all unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timer_slack: Option<f64>,
+}
+
+impl Deployment {
+    /// What a service's own table says.
+    #[must_use]
+    pub fn own(&self, service: ServiceId) -> Option<&ServiceDeployment> {
+        match service {
+            ServiceId::Plant => self.plant.as_ref(),
+            ServiceId::Estimator => self.estimator.as_ref(),
+            ServiceId::PathGenerator => self.path_generator.as_ref(),
+            ServiceId::Controller => self.controller.as_ref(),
+            ServiceId::RcOutput => self.rc_output.as_ref(),
+        }
+    }
+
+    /// States no core any more: somebody else decides.
+    pub fn forget_cores(&mut self) {
+        self.core = None;
+        self.owns_mut().for_each(|own| own.core = None);
+    }
+
+    /// States no priority any more: somebody else decides.
+    pub fn forget_priorities(&mut self) {
+        self.priority = None;
+        self.owns_mut().for_each(|own| own.priority = None);
+    }
+
+    fn owns_mut(&mut self) -> impl Iterator<Item = &mut ServiceDeployment> {
+        let owns = [
+            &mut self.plant,
+            &mut self.estimator,
+            &mut self.path_generator,
+            &mut self.controller,
+            &mut self.rc_output,
+        ];
+        owns.into_iter().flatten()
+    }
+
+    /// What is said for all services.
+    #[must_use]
+    pub fn common(&self) -> ServiceDeployment {
+        ServiceDeployment {
+            core: self.core,
+            priority: self.priority,
+            lock_memory: self.lock_memory,
+            timer_slack: self.timer_slack,
+        }
+    }
+
+    /// How a service uses the machine: what its own table says, else what is said for all.
+    #[must_use]
+    pub fn of(&self, service: ServiceId) -> ServiceDeployment {
+        let own = self.own(service).copied().unwrap_or_default();
+        let common = self.common();
+        ServiceDeployment {
+            core: own.core.or(common.core),
+            priority: own.priority.or(common.priority),
+            lock_memory: own.lock_memory.or(common.lock_memory),
+            timer_slack: own.timer_slack.or(common.timer_slack),
+        }
+    }
+}
+
+/// What a flight in real time does when services are late, hang, or are alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RealTime {
+    /// How long after a step was due a service that has not made it is taken to hang and is replaced, s.
+    pub hang_limit: f64,
+    /// How long a step waits beyond its time for inputs that are due, s; half its service's period if that is longer.
+    pub grace: f64,
+    /// What the services do once the orchestrator is gone.
+    pub orchestrator_loss: OrchestratorLoss,
+}
+
+impl Default for RealTime {
+    fn default() -> Self {
+        Self {
+            hang_limit: 0.25,
+            grace: 0.002,
+            orchestrator_loss: OrchestratorLoss::default(),
+        }
+    }
+}
+
+/// What the services do once the orchestrator is gone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OrchestratorLoss {
+    /// They land the vehicle and end.
+    #[default]
+    Land,
+    /// They fly on, unrecorded and without anyone who would replace them.
+    Continue,
+}
+
+impl Scenario {
+    /// The scenario without what says how the machine is used: what determines the results, and all that step logic
+    /// may know.
+    #[must_use]
+    pub fn experiment(&self) -> Self {
+        Self {
+            deployment: None,
+            real_time: None,
+            // As they were flown, also for a program to which the rules are others.
+            controller: Controller {
+                beta: Some(self.beta()),
+                lambda_inertia: Some(self.lambda_inertia()),
+                ..self.controller.clone()
+            },
+            programs: self.programs.as_ref().map(Programs::without_folder),
+            rc_output: self.rc_output.as_ref().map(|link| RcLink {
+                link: RadioProtocol::Simulated,
+                transmitter: None,
+                ..link.clone()
+            }),
+            ..self.clone()
+        }
+    }
+
+    /// How a service uses the machine.
+    #[must_use]
+    pub fn deployment_of(&self, service: ServiceId) -> ServiceDeployment {
+        self.deployment
+            .as_ref()
+            .map_or_else(ServiceDeployment::default, |deployment| deployment.of(service))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Transmitter;
+    use super::super::tests_support::{fig1, rig};
+    use super::*;
+
+    #[test]
+    fn a_services_own_table_goes_before_what_is_said_for_all() {
+        let deployment = Deployment {
+            core: Some(1),
+            priority: Some(20),
+            lock_memory: Some(true),
+            rc_output: Some(ServiceDeployment {
+                priority: Some(40),
+                lock_memory: Some(false),
+                ..ServiceDeployment::default()
+            }),
+            ..Deployment::default()
+        };
+        let of = |service| deployment.of(service);
+        assert_eq!(of(ServiceId::Plant).priority, Some(20));
+        assert_eq!(of(ServiceId::RcOutput).priority, Some(40));
+        assert_eq!(of(ServiceId::RcOutput).core, Some(1));
+        assert_eq!(of(ServiceId::RcOutput).lock_memory, Some(false));
+        assert_eq!(of(ServiceId::RcOutput).timer_slack, None);
+    }
+
+    #[test]
+    fn what_is_forgotten_is_forgotten_for_every_service() {
+        let own = Some(ServiceDeployment {
+            core: Some(2),
+            priority: Some(30),
+            lock_memory: Some(true),
+            ..ServiceDeployment::default()
+        });
+        let mut deployment = Deployment {
+            core: Some(1),
+            priority: Some(20),
+            plant: own,
+            estimator: own,
+            path_generator: own,
+            controller: own,
+            rc_output: own,
+            ..Deployment::default()
+        };
+        deployment.forget_cores();
+        for service in ServiceId::ALL {
+            let of = deployment.of(service);
+            assert_eq!(
+                (of.core, of.priority, of.lock_memory),
+                (None, Some(30), Some(true))
+            );
+        }
+        deployment.forget_priorities();
+        for service in ServiceId::ALL {
+            assert_eq!(deployment.of(service).priority, None);
+        }
+    }
+
+    #[test]
+    fn the_use_of_the_machine_is_no_part_of_the_experiment() {
+        let deployed = Scenario {
+            deployment: Some(Deployment::default()),
+            real_time: Some(RealTime::default()),
+            ..fig1()
+        };
+        assert_eq!(deployed.experiment(), fig1().experiment());
+    }
+
+    #[test]
+    fn what_frames_leave_on_is_no_part_of_the_experiment() {
+        let plugged_in = Scenario {
+            rc_output: Some(RcLink {
+                link: RadioProtocol::Crsf,
+                transmitter: Some(Transmitter::default()),
+                ..RcLink::default()
+            }),
+            ..rig()
+        };
+        assert_eq!(plugged_in.experiment(), rig().experiment());
+    }
+}

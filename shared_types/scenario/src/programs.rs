@@ -1,0 +1,125 @@
+//! Programs of one's own that fly in place of services.
+//!
+//! Which program flies is a part of the experiment, unlike where it lies.
+
+use std::path::{Path, PathBuf};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Scenario;
+use shared_types::{Guests, ServiceId};
+
+/// Programs of one's own: the words of a command line each, of which the first names what is started.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Programs {
+    /// Folder in which programs are started, seen from the scenario's file; the file's own unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub folder: Option<PathBuf>,
+    /// What flies in place of the plant, program and arguments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plant: Option<Vec<String>>,
+    /// What flies in place of the estimator, program and arguments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimator: Option<Vec<String>>,
+    /// What flies in place of the path generator, program and arguments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path_generator: Option<Vec<String>>,
+    /// What flies in place of the controller, program and arguments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub controller: Option<Vec<String>>,
+    /// What flies in place of the radio link, program and arguments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rc_output: Option<Vec<String>>,
+}
+
+
+impl Programs {
+    /// The program that flies in place of a service, and its arguments.
+    #[must_use]
+    pub fn of(&self, service: ServiceId) -> Option<&[String]> {
+        let words = match service {
+            ServiceId::Plant => &self.plant,
+            ServiceId::Estimator => &self.estimator,
+            ServiceId::PathGenerator => &self.path_generator,
+            ServiceId::Controller => &self.controller,
+            ServiceId::RcOutput => &self.rc_output,
+        };
+        words.as_deref()
+    }
+
+    /// Says where the folder of the scenario's file is.
+    pub fn anchor(&mut self, file_folder: &Path) {
+        let folder = match &self.folder {
+            Some(stated) => file_folder.join(stated),
+            None => file_folder.to_owned(),
+        };
+        self.folder = Some(folder);
+    }
+
+    /// The programs, wherever they lie.
+    #[must_use]
+    pub fn without_folder(&self) -> Self {
+        Self {
+            folder: None,
+            ..self.clone()
+        }
+    }
+}
+
+impl Scenario {
+    /// The program that flies in place of a service, and its arguments.
+    #[must_use]
+    pub fn program_of(&self, service: ServiceId) -> Option<&[String]> {
+        self.programs.as_ref()?.of(service)
+    }
+
+    /// In place of which services programs of one's own fly.
+    #[must_use]
+    pub fn guests(&self) -> Guests {
+        ServiceId::ALL.map(|service| self.program_of(service).is_some())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests_support::fig1;
+    use super::*;
+
+    fn programs(folder: Option<&str>) -> Programs {
+        Programs {
+            folder: folder.map(PathBuf::from),
+            controller: Some(vec!["python3".to_owned(), "controller.py".to_owned()]),
+            ..Programs::default()
+        }
+    }
+
+    #[test]
+    fn which_program_flies_is_a_part_of_the_experiment_and_where_it_lies_is_not() {
+        let scenario = Scenario {
+            programs: Some(programs(Some("somewhere"))),
+            ..fig1()
+        };
+        let experiment = scenario.experiment();
+        assert_eq!(experiment.programs, Some(programs(None)));
+        assert_eq!(experiment.guests(), scenario.guests());
+        assert_eq!(
+            scenario.guests().iter().filter(|&&is_guest| is_guest).count(),
+            usize::from(scenario.guests()[ServiceId::Controller.index()])
+        );
+    }
+
+    #[test]
+    fn a_folder_is_seen_from_that_of_the_scenarios_file() {
+        for (stated, expected) in [
+            (None, "/lab/flights"),
+            (Some("programs"), "/lab/flights/programs"),
+            (Some("/opt/programs"), "/opt/programs"),
+        ] {
+            let mut programs = programs(stated);
+            programs.anchor(Path::new("/lab/flights"));
+            assert_eq!(programs.folder, Some(PathBuf::from(expected)));
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! From the times of a scenario, in seconds, to the resolved schedule, in whole base ticks.
+
+mod events;
+mod faults;
+pub(super) mod names;
+mod ticks;
+mod unread;
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use ticks::TickReader;
+
+use super::{Key, Problem, Scenario};
+use shared_types::schedule::{MAX_PORTS, Rate, Schedule, ScheduleError, default_latencies};
+use shared_types::wiring::{ServiceId, Topic};
+
+const SERVICES: usize = ServiceId::ALL.len();
+const TOPICS: usize = Topic::ALL.len();
+
+/// Longest flight, base ticks: more than a day at the default tick.
+const LONGEST_FLIGHT: u64 = 100_000_000;
+
+/// Largest period, phase and latency, base ticks: they set how far services run ahead and so how much
+/// shared memory their buffers take.
+const LONGEST_DELAY: u64 = 10_000;
+
+/// Base tick, rates and transport latencies, s. Every time is a whole number of base ticks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Timing {
+    /// Base tick h, s.
+    pub tick: f64,
+    /// Period of a service or topic, by name, s; one tick unless stated, a topic's is its publisher's.
+    pub period: BTreeMap<String, f64>,
+    /// First step of a service or first sample of a topic, by name, s; 0 unless stated.
+    pub phase: BTreeMap<String, f64>,
+    /// Transport latency of an edge, by `"topic -> service"`, s; as in the wiring table unless stated.
+    pub latency: BTreeMap<String, f64>,
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        Self {
+            tick: 0.001,
+            period: BTreeMap::new(),
+            phase: BTreeMap::new(),
+            latency: BTreeMap::new(),
+        }
+    }
+}
+
+impl Scenario {
+    /// The schedule that the scenario's times make.
+    ///
+    /// # Errors
+    /// Every time that is not a whole number of ticks, every unknown name, and rates that do not fit together.
+    pub fn schedule(&self) -> Result<Schedule, Vec<Problem>> {
+        let mut reader = TickReader::new(self.schedule.tick).map_err(|problem| vec![problem])?;
+        let root = Key::root();
+        let last_tick = reader.read(&root.then("duration"), self.duration, 1..=LONGEST_FLIGHT);
+        self.read_event_times(&mut reader);
+        let (services, topics) = self.schedule.rates(&mut reader).resolved();
+        let latencies = self.schedule.latencies(&mut reader);
+        let tick_ns = reader.finish()?;
+        Schedule::new(tick_ns, last_tick, services, topics, latencies)
+            .map(|schedule| {
+                let schedule = schedule
+                    .with_outages(self.outages())
+                    .with_edge_faults(self.edge_faults())
+                    .with_operator(self.operator_plan())
+                    .with_unread_inputs(self.unread_inputs());
+                if self.pose_source().is_simulated() {
+                    schedule
+                } else {
+                    schedule.with_real_world()
+                }
+            })
+            .map_err(|error| vec![self.schedule.explain(&error)])
+    }
+
+    /// Base tick of a time of this scenario that has been checked, such as that of a change.
+    #[must_use]
+    pub fn tick_of(&self, time: f64) -> u64 {
+        TickReader::new(self.schedule.tick)
+            .and_then(|reader| reader.whole_ticks(&Key::root(), time, &(0..=LONGEST_FLIGHT)))
+            .unwrap_or(u64::MAX)
+    }
+}
+
+/// What a scenario says of the rate of a service or topic.
+#[derive(Clone, Copy, Debug, Default)]
+struct StatedRate {
+    period: Option<u64>,
+    phase: Option<u64>,
+}
+
+impl StatedRate {
+    fn or(self, inherited: Rate) -> Rate {
+        Rate {
+            period: self.period.unwrap_or(inherited.period),
+            phase: self.phase.unwrap_or(inherited.phase),
+        }
+    }
+}
+
+/// What a scenario says of all rates.
+#[derive(Debug, Default)]
+struct StatedRates {
+    services: [StatedRate; SERVICES],
+    topics: [StatedRate; TOPICS],
+}
+
+impl StatedRates {
+    /// The place of a service or topic that a scenario may schedule, by name.
+    fn of(&mut self, name: &str) -> Option<&mut StatedRate> {
+        if let Some(service) = ServiceId::from_name(name) {
+            return Some(&mut self.services[service.index()]);
+        }
+        let topic = Topic::from_name(name).filter(|topic| topic.publisher().is_some())?;
+        Some(&mut self.topics[topic.index()])
+    }
+
+    /// A service steps at every tick, and a topic's rate is its publisher's, unless the scenario states another.
+    fn resolved(self) -> ([Rate; SERVICES], [Rate; TOPICS]) {
+        let services = self.services.map(|stated| stated.or(Rate::EVERY_TICK));
+        let topics = Topic::ALL.map(|topic| {
+            let inherited = topic
+                .publisher()
+                .map_or(Rate::EVERY_TICK, |publisher| services[publisher.index()]);
+            self.topics[topic.index()].or(inherited)
+        });
+        (services, topics)
+    }
+}
+
+impl Timing {
+    fn rates(&self, reader: &mut TickReader) -> StatedRates {
+        let mut rates = StatedRates::default();
+        for (name, &time) in &self.period {
+            let key = key_of("period", name);
+            match rates.of(name) {
+                Some(rate) => rate.period = Some(reader.read(&key, time, 1..=LONGEST_DELAY)),
+                None => reader.refuse(names::unknown_schedulable(key, name)),
+            }
+        }
+        for (name, &time) in &self.phase {
+            let key = key_of("phase", name);
+            match rates.of(name) {
+                Some(rate) => rate.phase = Some(reader.read(&key, time, 0..=LONGEST_DELAY)),
+                None => reader.refuse(names::unknown_schedulable(key, name)),
+            }
+        }
+        rates
+    }
+
+    fn latencies(&self, reader: &mut TickReader) -> [[u64; MAX_PORTS]; SERVICES] {
+        let mut latencies = default_latencies();
+        for (name, &time) in &self.latency {
+            let key = key_of("latency", name);
+            match names::EdgeName::find(name) {
+                Some(edge) => {
+                    latencies[edge.service.index()][edge.input] = reader.read(&key, time, 0..=LONGEST_DELAY);
+                }
+                None => reader.refuse(names::unknown_edge(key, name)),
+            }
+        }
+        latencies
+    }
+
+    /// A schedule's error, at the stated time that is the likeliest to be meant otherwise.
+    fn explain(&self, error: &ScheduleError) -> Problem {
+        let (key, fix) = match error {
+            ScheduleError::CycleWithoutDelay(cycle) => {
+                let edges = names::edges_between(cycle).map(|edge| edge.to_string());
+                let key = self.first_stated(edges.map(|name| ("latency", name)));
+                (key, "give this edge a latency of at least one tick".to_owned())
+            }
+            ScheduleError::TopicWithoutStep { topic, publisher } => {
+                let names = [topic.to_string(), publisher.to_string()];
+                let tables = ["period", "phase"];
+                let places = names
+                    .into_iter()
+                    .flat_map(|name| tables.map(|table| (table, name.clone())));
+                let fix = format!("make the period of `{topic}` a multiple of that of `{publisher}`");
+                (self.first_stated(places), fix)
+            }
+            ScheduleError::UnequalJoin { .. } => {
+                let services = [ServiceId::PathGenerator, ServiceId::Controller];
+                let topics = [Topic::VehicleState, Topic::PathReference];
+                let names = services
+                    .map(ServiceId::name)
+                    .into_iter()
+                    .chain(topics.map(Topic::name));
+                let rates = names.flat_map(|name| ["period", "phase"].map(|table| (table, name.to_owned())));
+                let edges = names::edges_into(&services).map(|edge| ("latency", edge.to_string()));
+                (
+                    self.first_stated(rates.chain(edges)),
+                    "give both services the same times, or state none for them".to_owned(),
+                )
+            }
+        };
+        Problem::new(key, error.to_string(), fix)
+    }
+
+    /// Key of the first of these times that the scenario states.
+    fn first_stated(&self, mut times: impl Iterator<Item = (&'static str, String)>) -> Key {
+        let is_stated = |(table, name): &(&str, String)| match *table {
+            "period" => self.period.contains_key(name),
+            "phase" => self.phase.contains_key(name),
+            _ => self.latency.contains_key(name),
+        };
+        times
+            .find(is_stated)
+            .map_or_else(schedule_key, |(table, name)| key_of(table, &name))
+    }
+}
+
+fn schedule_key() -> Key {
+    Key::root().then("schedule")
+}
+
+fn key_of(table: &str, name: &str) -> Key {
+    schedule_key().then(table).then(name)
+}
+
+#[cfg(test)]
+mod tests;

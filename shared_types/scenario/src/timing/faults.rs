@@ -1,0 +1,92 @@
+//! Planned faults, from seconds to ticks.
+
+use super::SERVICES;
+use crate::{EdgeName, Fault, FaultKind, FaultState, Scenario, Target};
+use shared_types::schedule::{Alteration, Draws, EdgeFault, EdgeFaultKind, Fate, Loss, MAX_PORTS, Outage};
+use shared_types::wiring::{ServiceId, Topic};
+
+impl Scenario {
+    /// The outages of each service in the order of time; those that cannot be are left to the checks.
+    pub(super) fn outages(&self) -> [Vec<Outage>; SERVICES] {
+        ServiceId::ALL.map(|service| {
+            let mut outages: Vec<_> = self
+                .faults_of(Target::Service(service))
+                .filter_map(|fault| self.outage(fault))
+                .collect();
+            outages.sort_by_key(|outage| outage.from);
+            outages
+        })
+    }
+
+    /// The faults of each service's inputs in the order of time; those that cannot be are left to the checks.
+    pub(super) fn edge_faults(&self) -> [[Vec<EdgeFault>; MAX_PORTS]; SERVICES] {
+        let mut all: [[Vec<EdgeFault>; MAX_PORTS]; SERVICES] = Default::default();
+        for (edge, place) in EdgeName::all().zip(0..) {
+            let draws = Draws {
+                seed: self.seed,
+                edge: place,
+            };
+            let faults = &mut all[edge.service.index()][edge.input];
+            faults.extend(
+                self.faults_of(Target::Edge(edge))
+                    .filter_map(|fault| self.edge_fault(fault, edge.topic, draws)),
+            );
+            faults.sort_by_key(|fault| fault.from);
+        }
+        all
+    }
+
+    pub(super) fn faults_of(&self, target: Target) -> impl Iterator<Item = &Fault> {
+        self.fault
+            .iter()
+            .filter(move |fault| fault.target() == Some(target))
+    }
+
+    /// First tick of a fault, and first tick after it.
+    fn ticks_of(&self, fault: &Fault) -> [u64; 2] {
+        let until = fault.lasts.map(|lasts| self.tick_of(fault.at + lasts));
+        [self.tick_of(fault.at), until.unwrap_or(u64::MAX)]
+    }
+
+    fn outage(&self, fault: &Fault) -> Option<Outage> {
+        let [from, until] = self.ticks_of(fault);
+        let fate = match (fault.kind, fault.state) {
+            (FaultKind::Freeze, _) => Fate::Frozen,
+            (FaultKind::Off, FaultState::Warm) => Fate::Dies,
+            (FaultKind::Off, FaultState::Cold) => Fate::DiesAndForgets,
+            _ => return None,
+        };
+        Some(Outage { from, until, fate })
+    }
+
+    fn edge_fault(&self, fault: &Fault, topic: Topic, draws: Draws) -> Option<EdgeFault> {
+        let [from, until] = self.ticks_of(fault);
+        let kind = match fault.kind {
+            FaultKind::Off | FaultKind::Freeze => return None,
+            FaultKind::Delay => EdgeFaultKind::Late(self.tick_of(fault.by?)),
+            FaultKind::Intermittent => EdgeFaultKind::Lost(Loss {
+                fraction: fault.fraction?,
+                draws,
+            }),
+            FaultKind::Stuck => EdgeFaultKind::Altered(Alteration::Repeated),
+            FaultKind::Wrong => EdgeFaultKind::Altered(Alteration::Scaled {
+                numbers: topic.find_numbers(fault.field.as_deref()?)?,
+                scale: fault.scale.unwrap_or(1.0),
+                bias: fault.bias.unwrap_or(0.0),
+            }),
+            FaultKind::Garbage => EdgeFaultKind::Altered(match fault.range {
+                None => Alteration::Noise(draws),
+                Some(range) => Alteration::Random {
+                    numbers: topic
+                        .members()
+                        .iter()
+                        .filter_map(|member| member.numbers(None))
+                        .collect(),
+                    range,
+                    draws,
+                },
+            }),
+        };
+        Some(EdgeFault { from, until, kind })
+    }
+}

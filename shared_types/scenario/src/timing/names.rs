@@ -1,0 +1,71 @@
+//! The names that a scenario may use: services, topics, and edges as `topic -> service`.
+
+use super::Problem;
+use crate::Key;
+use shared_types::wiring::{ServiceId, Topic};
+
+/// An input of a service, as the scenario names it: `topic -> service`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct EdgeName {
+    /// Who consumes the samples.
+    pub service: ServiceId,
+    /// Place of the input in the wiring table.
+    pub input: usize,
+    /// What is consumed.
+    pub topic: Topic,
+}
+
+impl EdgeName {
+    /// All edges, by service and input.
+    pub fn all() -> impl Iterator<Item = Self> {
+        edges_into(&ServiceId::ALL)
+    }
+
+    /// The edge from a topic to a service, if there is one.
+    #[must_use]
+    pub fn of(topic: Topic, service: ServiceId) -> Option<Self> {
+        Self::all().find(|edge| (edge.topic, edge.service) == (topic, service))
+    }
+
+    /// The edge of a name.
+    #[must_use]
+    pub fn find(name: &str) -> Option<Self> {
+        Self::all().find(|edge| edge.to_string() == name)
+    }
+}
+
+impl std::fmt::Display for EdgeName {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.pad(&format!("{} -> {}", self.topic, self.service))
+    }
+}
+
+/// The edges to some services.
+pub(in crate) fn edges_into(services: &[ServiceId]) -> impl Iterator<Item = EdgeName> {
+    services.iter().flat_map(|&service| {
+        let inputs = service.inputs().iter().enumerate();
+        inputs.map(move |(input, spec)| EdgeName {
+            service,
+            input,
+            topic: spec.topic,
+        })
+    })
+}
+
+/// The edges from each service of a walk to the next.
+pub(super) fn edges_between(walk: &[ServiceId]) -> impl Iterator<Item = EdgeName> {
+    walk.windows(2)
+        .flat_map(|pair| edges_into(&pair[1..]).filter(|edge| edge.topic.publisher() == Some(pair[0])))
+}
+
+pub(in crate) fn unknown_edge(key: Key, name: &str) -> Problem {
+    let known: Vec<String> = EdgeName::all().map(|edge| edge.to_string()).collect();
+    Problem::unknown_name(key, name, "edge", &known)
+}
+
+pub(super) fn unknown_schedulable(key: Key, name: &str) -> Problem {
+    let services = ServiceId::ALL.iter().map(ToString::to_string);
+    let topics = Topic::ALL.iter().filter(|topic| topic.publisher().is_some());
+    let known: Vec<String> = services.chain(topics.map(ToString::to_string)).collect();
+    Problem::unknown_name(key, name, "service or topic", &known)
+}
