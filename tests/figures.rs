@@ -8,11 +8,11 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 
 use command_line::interrupt::Interrupt;
+use host::in_process::TickSink;
 use metrics::tracker::{Moment, Tracker};
-use runtime::in_process::TickSink;
+use scenario::Scenario;
 use shared_types::Topic;
 use shared_types::samples::PathReference;
-use scenario::Scenario;
 use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 

@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 
 use command_line::interrupt::Interrupt;
 use common::{Place, output, scenario, succeed};
-use runtime::in_process::TickSink;
+use host::in_process::TickSink;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState, VehicleTruth};
 use shared_types::{FlightPhase, Topic};
 use supervisor::{Outcome, in_process};

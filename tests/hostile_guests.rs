@@ -499,7 +499,7 @@ fn flood(guest: &mut Guest, goes_on: bool) -> ! {
 fn publish_again(guest: &mut Guest, tick: u64) {
     if guest
         .outlets
-        .loan(tick, &mut runtime::step::Slots::default())
+        .loan(tick, &mut host::step::Slots::default())
         .is_ok()
     {
         let _ = guest.outlets.send(tick, runtime::crash::CrashPoint::default());

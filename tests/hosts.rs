@@ -18,12 +18,12 @@ use nalgebra::{Matrix3, Vector3};
 use run_log::{CaptureFigures, LinkFigures};
 use shared_types::digest::ExperimentDigest;
 
+use host::in_process::{InProcess, TickSink};
 use proptest::prelude::*;
 use runtime::flight_clock::monotonic_ns;
-use runtime::in_process::{InProcess, TickSink};
 use runtime::shared_page::SharedPage;
-use serde_json::{Value, from_value, to_value};
 use scenario::{CaptureSystem, Scenario};
+use serde_json::{Value, from_value, to_value};
 use shared_types::{ServiceId, Topic};
 
 fn host(scenario: &Scenario) -> InProcess {

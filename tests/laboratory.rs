@@ -29,11 +29,11 @@ use runtime::flight_clock::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::process::Signal;
+use scenario::{CaptureSystem, FrameTransform, RcLink};
 use shared_types::ServiceId;
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::exp;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState, VehicleTruth};
-use scenario::{CaptureSystem, FrameTransform, RcLink};
 use zerocopy::FromBytes;
 
 /// Where the vehicle rests in {I}, m.

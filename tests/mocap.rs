@@ -116,11 +116,7 @@ fn a_calibration_is_part_of_a_scenario() {
         stated.world_from_capture.as_ref(),
         stated.body_from_markers.as_ref(),
     );
-    let sent = motion_capture::conventions::Calibration::new(
-        scenario::CaptureSystem::Natnet,
-        None,
-        None,
-    );
+    let sent = motion_capture::conventions::Calibration::new(scenario::CaptureSystem::Natnet, None, None);
     // The eight begins there, with the nose to the front right.
     let start = motion_capture::conventions::WorldPose {
         position_world: nalgebra::Vector3::new(0.0, -0.187_721, -1.185_226),

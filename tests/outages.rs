@@ -7,9 +7,9 @@ use std::ops::ControlFlow;
 
 use command_line::interrupt::Interrupt;
 use common::{Place, complaint, fly_to_the_end, output, scenario, succeed};
-use runtime::in_process::TickSink;
-use shared_types::samples::{ControlAdaptation, ControlCommand, VehicleTruth};
+use host::in_process::TickSink;
 use scenario::EdgeName;
+use shared_types::samples::{ControlAdaptation, ControlCommand, VehicleTruth};
 use shared_types::service::header_of;
 use shared_types::{ServiceId, Topic};
 use supervisor::{Outcome, in_process};

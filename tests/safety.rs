@@ -6,7 +6,7 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 
 use command_line::interrupt::Interrupt;
-use runtime::in_process::TickSink;
+use host::in_process::TickSink;
 use shared_types::Topic;
 use shared_types::digest::ExperimentDigest;
 use shared_types::samples::{ControlAdaptation, ControlCommand, PathReference, RcFrame, VehicleTruth};

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use runtime::in_process::{InProcess, TickSink};
+use host::in_process::{InProcess, TickSink};
 use shared_types::Topic;
 
 const TICKS: u64 = 10_000;

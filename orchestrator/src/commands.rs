@@ -20,8 +20,8 @@ pub mod world;
 
 use std::path::Path;
 
-use shared_types::Schedule;
 use scenario::Scenario;
+use shared_types::Schedule;
 
 use crate::cli::{RecordingArguments, ScenarioArguments};
 use command_line::exit::Exit;

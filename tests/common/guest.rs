@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::path::Path;
 
+use host::step::{Slots, Timetable, Views};
 use runtime::control::{Channel, ToOrchestrator, ToService};
 use runtime::crash::CrashPoint;
 use runtime::descriptors::inherited;
@@ -12,10 +13,9 @@ use runtime::inlet::Inlet;
 use runtime::mailbox::Mailbox;
 use runtime::outlets::Outlets;
 use runtime::ports::{Member, Receiver, Topics};
-use runtime::step::{Slots, Timetable, Views};
 use rustix::event::{PollFd, PollFlags, poll};
-use serde_json::Value;
 use scenario::Scenario;
+use serde_json::Value;
 use shared_types::service::ErasedService;
 use shared_types::{Schedule, ServiceId};
 

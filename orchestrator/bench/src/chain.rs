@@ -20,8 +20,8 @@ use runtime::descriptors::{hand_on, inherited};
 use runtime::flight_clock::{FlightClock, monotonic_ns, nap_until};
 use runtime::ports::Member;
 use runtime::shared_page::{SharedPage, Words};
-use shared_types::ServiceId;
 use scenario::ServiceDeployment;
+use shared_types::ServiceId;
 
 use super::ring::Members;
 use crate::arguments::ChainMember;

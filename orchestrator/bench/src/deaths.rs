@@ -4,10 +4,10 @@ use std::path::Path;
 
 use comfy_table::{Table, presets};
 use hdrhistogram::Histogram;
+use scenario::Scenario;
 use serde::Serialize;
 use serde_json::Value;
 use shared_types::ServiceId;
-use scenario::Scenario;
 
 use super::measure::{FlightCommand, Result, Scratch, fly_by_command};
 use crate::arguments::BenchDeaths;

@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use runtime::owned_sample::OwnedSample;
-use runtime::step::{self, Slots, Timetable, Views};
+use host::owned_sample::OwnedSample;
+use host::step::{self, Slots, Timetable, Views};
 use shared_types::service::{ErasedService, InputView};
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -82,7 +82,7 @@ mod tests {
     use std::ops::ControlFlow;
 
     use super::*;
-    use runtime::in_process::{InProcess, TickSink};
+    use host::in_process::{InProcess, TickSink};
     use scenario::Scenario;
 
     struct Last(Vec<Vec<u8>>);

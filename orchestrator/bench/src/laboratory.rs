@@ -16,11 +16,11 @@ use radio_link::receiver::Receiver;
 use runtime::deployment;
 use runtime::flight_clock::{monotonic_ns, nap_until};
 use runtime::shared_page::Request;
+use scenario::{RcLink, Scenario, Timing};
 use serde::Serialize;
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, to_row_major};
 use shared_types::samples::MocapPose;
-use scenario::{RcLink, Scenario, Timing};
 use zerocopy::FromZeros;
 
 use super::chain;

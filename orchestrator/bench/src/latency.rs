@@ -2,9 +2,9 @@
 
 use comfy_table::{Table, presets};
 use runtime::deployment::{self, Scheduler};
+use scenario::Scenario;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use scenario::Scenario;
 
 use super::SCENARIO;
 use super::chain;

@@ -16,8 +16,8 @@ mod recorder;
 mod ring;
 
 use comfy_table::{Table, presets};
-use serde::Serialize;
 use scenario::Scenario;
+use serde::Serialize;
 
 use crate::arguments::{Bench, BenchInstead};
 use command_line::exit::Exit;

@@ -5,9 +5,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use host::in_process::TickSink;
 use indicatif::{ProgressBar, ProgressStyle};
 use runtime::deployment;
-use runtime::in_process::TickSink;
 use scenario::Scenario;
 use shared_types::{ServiceId, Topic};
 

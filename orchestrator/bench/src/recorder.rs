@@ -13,14 +13,14 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use comfy_table::{Table, presets};
+use host::in_process::TickSink;
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions, Writer};
-use runtime::in_process::TickSink;
 use rustix::time::{ClockId, clock_gettime};
+use scenario::Scenario;
 use serde::Serialize;
 use shared_types::Topic;
 use shared_types::sample::CDR_HEADER;
-use scenario::Scenario;
 use shared_types::service::header_of;
 
 use super::clipped;

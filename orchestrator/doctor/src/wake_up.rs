@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use runtime::deployment::{self, Refusal};
 use runtime::flight_clock::{monotonic_ns, nap_until};
-use serde::Serialize;
 use scenario::ServiceDeployment;
+use serde::Serialize;
 use shared_types::service::{nanoseconds, seconds};
 
 use super::check::Check;

@@ -5,9 +5,9 @@ mod words;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use scenario::Scenario;
 use serde::Serialize;
 use serde_json::Value;
-use scenario::Scenario;
 use shared_types::{Header, Topic};
 
 use metrics::loss::Loss;

@@ -4,9 +4,9 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use runtime::in_process::TickSink;
-use shared_types::digest::ExperimentDigest;
+use host::in_process::TickSink;
 use scenario::Scenario;
+use shared_types::digest::ExperimentDigest;
 use shared_types::{Schedule, Topic};
 
 use super::plan::Cell;

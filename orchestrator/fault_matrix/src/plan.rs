@@ -1,8 +1,8 @@
 //! Which flights the matrix is made of.
 
+use scenario::{EdgeName, Problem, Scenario, Target};
 use serde::Serialize;
 use shared_types::ServiceId;
-use scenario::{EdgeName, Problem, Scenario, Target};
 
 use super::moments;
 use super::trouble::Trouble;

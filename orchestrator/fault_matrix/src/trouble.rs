@@ -2,10 +2,10 @@
 
 use std::str::FromStr;
 
-use serde::Serialize;
-use shared_types::Topic;
 use scenario::suggest::known_names;
 use scenario::{Fault, FaultKind, FaultState, Scenario, Target};
+use serde::Serialize;
+use shared_types::Topic;
 
 use super::{DELAY, FRACTION, RANGE, moments};
 

@@ -7,10 +7,10 @@
 
 use std::path::{Path, PathBuf};
 
+use scenario::Scenario;
 use serde::Serialize;
 use shared_types::Topic;
 use shared_types::samples::{ControlAdaptation, PathReference, VehicleTruth};
-use scenario::Scenario;
 use shared_types::service::{nanoseconds, seconds};
 
 use evaluation::reproduce::windows::AVERAGED;

@@ -4,7 +4,7 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use runtime::in_process::TickSink;
+use host::in_process::TickSink;
 use scenario::Scenario;
 use shared_types::service::nanoseconds;
 use shared_types::{Schedule, Topic};

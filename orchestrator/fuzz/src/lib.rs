@@ -9,8 +9,8 @@ use std::path::Path;
 use run_log::{
     Compression, LogReader, Manifest, RecoverError, Recovery, RunLogWriter, inspect, is_whole, recover,
 };
-use shared_types::Topic;
 use scenario::Scenario;
+use shared_types::Topic;
 use tempfile::TempDir;
 
 /// What is flown in the log that inputs begin with.

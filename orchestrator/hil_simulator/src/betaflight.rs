@@ -22,9 +22,9 @@ use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 
 use motion_capture::sender::server::quaternion;
 use radio_link::port::Target;
+use scenario::Scenario;
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{RcFrame, VehicleTruth};
-use scenario::Scenario;
 use zerocopy::FromZeros;
 
 use super::line::{Line, LineError};

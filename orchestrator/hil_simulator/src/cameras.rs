@@ -12,9 +12,9 @@ use motion_capture::sender::server::{Plan, Server};
 use motion_capture::transport::Address;
 use motion_capture::wire::CapturePose;
 use runtime::flight_clock::monotonic_ns;
+use scenario::{CaptureSystem, MotionCapture};
 use shared_types::rotation::from_row_major;
 use shared_types::samples::MocapPose;
-use scenario::{CaptureSystem, MotionCapture};
 
 /// Version of the `NatNet` bit stream that is sent.
 const NATNET: Version = Version { major: 4, minor: 1 };

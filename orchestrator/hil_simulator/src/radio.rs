@@ -6,8 +6,8 @@
 use std::collections::VecDeque;
 
 use radio_link::receiver::{Command, Heard, Receiver};
-use shared_types::samples::RcFrame;
 use scenario::{RcLink, Transmitter};
+use shared_types::samples::RcFrame;
 use zerocopy::FromZeros;
 
 use super::silence::Silence;

@@ -6,9 +6,9 @@
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 
+use scenario::Scenario;
 use shared_types::Topic;
 use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
-use scenario::Scenario;
 use zerocopy::IntoBytes;
 
 use run_log::run_folder::RunFolder;

@@ -1,7 +1,7 @@
 //! The plant, stepped tick by tick.
 
-use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
 use scenario::Scenario;
+use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
 use shared_types::service::Operator;
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, ServiceId};

@@ -1,7 +1,7 @@
 //! Where the sticks were, as the vehicle follows them: held from frame to frame, and behind a lag.
 
-use shared_types::samples::RcFrame;
 use scenario::RcLink;
+use shared_types::samples::RcFrame;
 
 /// Step of the history, s.
 const STEP: f64 = 0.001;

@@ -15,9 +15,9 @@ mod measured;
 
 use std::path::Path;
 
+use scenario::{Model, RcLink, Scenario};
 use serde::Serialize;
 use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
-use scenario::{Model, RcLink, Scenario};
 use shared_types::{Topic, service::seconds};
 
 pub use fit::Fit;

@@ -7,9 +7,9 @@
 //! * By truth, both are read off.
 
 use nalgebra::{Matrix3, Vector3};
+use scenario::GRAVITY;
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{MocapPose, VehicleTruth};
-use scenario::GRAVITY;
 use shared_types::service::seconds;
 
 use super::history::History;

@@ -4,7 +4,7 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use runtime::in_process::{InProcess, TickSink};
+use host::in_process::{InProcess, TickSink};
 
 use super::*;
 

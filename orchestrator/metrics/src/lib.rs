@@ -18,8 +18,8 @@ pub mod stretch;
 pub mod summary;
 pub mod tracker;
 
-use shared_types::Sample;
 use scenario::Scenario;
+use shared_types::Sample;
 
 /// How much of the end of a stretch counts as its ultimate behaviour, s: what the paper's figures show.
 pub const ULTIMATE_WINDOW: f64 = 5.0;

@@ -6,9 +6,9 @@
 
 use std::fmt::{Display, Formatter, Result};
 
+use scenario::{Judge, Scenario, Vector};
 use serde::Serialize;
 use shared_types::FlightPhase;
-use scenario::{Judge, Scenario, Vector};
 use shared_types::service::seconds;
 
 use super::tracker::{Moment, Source, Vehicle};

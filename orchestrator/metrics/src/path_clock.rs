@@ -9,9 +9,9 @@
 
 use std::collections::VecDeque;
 
+use scenario::Vector;
 use shared_types::FlightPhase;
 use shared_types::samples::PathReference;
-use scenario::Vector;
 
 /// How far from the time that it speaks of a reference is carried along the path, s.
 ///
@@ -101,7 +101,7 @@ mod tests {
     use nalgebra::Vector3;
     use path_generator::Curve;
     use proptest::prelude::*;
-    use scenario::{TiltedEight};
+    use scenario::TiltedEight;
     use zerocopy::FromZeros;
 
     fn reference(time_ms: u64, gamma: f64, gamma_dot: f64, gamma_ddot: f64) -> PathReference {

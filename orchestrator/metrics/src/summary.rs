@@ -12,9 +12,9 @@ pub mod rebirth;
 mod table;
 pub mod timing;
 
+use scenario::{Bounds, Scenario, Vector};
 use serde::Serialize;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, RunEvent, VehicleTruth};
-use scenario::{Bounds, Scenario, Vector};
 use shared_types::service::{header_of, seconds};
 use shared_types::{Header, Schedule, ServiceId, Topic};
 

@@ -4,8 +4,8 @@
 //! A flight in a laboratory does not know the truth; there it is the estimated position at the time that the state speaks
 //! of, and all output of it says so.
 
-use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
 use scenario::Vector;
+use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
 use shared_types::{FlightPhase, Schedule, Topic};
 
 use super::path_clock::{Demand, PathClock, carried};

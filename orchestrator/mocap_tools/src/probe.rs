@@ -12,8 +12,8 @@ use motion_capture::wire::{CapturePose, Frame, WireBody};
 use nalgebra::{Matrix3, Vector3};
 use runtime::flight_clock::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use shared_types::rotation::{orthonormalized, roll_pitch_yaw};
 use scenario::{CaptureSystem, MotionCapture};
+use shared_types::rotation::{orthonormalized, roll_pitch_yaw};
 
 use crate::arguments::MocapProbe;
 use command_line::exit::Exit;

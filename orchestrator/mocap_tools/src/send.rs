@@ -8,10 +8,10 @@ use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::sender::server::{Plan, Server};
 use nalgebra::{Matrix3, Vector3};
 use runtime::flight_clock::monotonic_ns;
+use scenario::{CaptureSystem, TiltedEight};
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, from_row_major, paper_rx};
 use shared_types::samples::VehicleTruth;
-use scenario::{CaptureSystem, TiltedEight};
 
 use crate::arguments::MocapSend;
 use command_line::exit::Exit;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use runtime::owned_sample::OwnedSample;
+use host::owned_sample::OwnedSample;
 use shared_types::Topic;
 use shared_types::service::header_of;
 

@@ -4,7 +4,7 @@
 //! tick again, and of two samples of one tick the first counts. So what was recorded is that of the first step which was
 //! finished, or of one before it.
 
-use runtime::owned_sample::OwnedSample;
+use host::owned_sample::OwnedSample;
 use shared_types::Topic;
 
 use super::compare::Comparison;

@@ -1,7 +1,7 @@
 //! One service in a replay: what it sees at each step, what it publishes, and whether that is what was recorded.
 
-use runtime::edge_store::EdgeStore;
-use runtime::step::{Timetable, Views};
+use host::edge_store::EdgeStore;
+use host::step::{Timetable, Views};
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::{InputView, header_of};
 use shared_types::{Now, Schedule, ServiceId, Topic};

@@ -1,7 +1,7 @@
 //! Who does the steps of a service in a replay. Whoever it is: the [`Station`](super::station::Station) says what they see.
 
-use runtime::owned_sample::OwnedSample;
-use runtime::step::{self, Slots, Timetable, Views};
+use host::owned_sample::OwnedSample;
+use host::step::{self, Slots, Timetable, Views};
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::ErasedService;
 use shared_types::{Now, Schedule};

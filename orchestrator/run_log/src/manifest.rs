@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use scenario::Scenario;
 use sha2::{Digest, Sha256};
 use shared_types::Topic;
 use shared_types::sample::hex;
-use scenario::Scenario;
 
 /// Version of the arrangement of a run log; raised when older readers would misread newer logs.
 pub const FORMAT_VERSION: u32 = 1;

@@ -17,8 +17,8 @@ use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
-use shared_types::Topic;
 use scenario::Scenario;
+use shared_types::Topic;
 
 use self::channels::{Channels, Kind, Message, kinds};
 use self::scan::{Chunk, Piece, Scan};

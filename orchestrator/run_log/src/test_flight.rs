@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use shared_types::samples::{ControlErrors, PathReference, VehicleTruth};
 use scenario::Scenario;
+use shared_types::samples::{ControlErrors, PathReference, VehicleTruth};
 use shared_types::{FlightPhase, Header, Sample, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
 

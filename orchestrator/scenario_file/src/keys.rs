@@ -3,8 +3,8 @@
 
 use std::fmt::Write;
 
-use serde_json::Value;
 use scenario::{Key, Scenario};
+use serde_json::Value;
 
 /// Stands for a position in an array.
 const ANY_POSITION: &str = "N";

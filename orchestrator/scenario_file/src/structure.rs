@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
+use scenario::{Key, Scenario, Vector, suggest};
 use serde::Deserialize;
 use serde_json::Value;
-use scenario::{Key, Scenario, Vector, suggest};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 

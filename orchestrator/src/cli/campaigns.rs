@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use shared_types::ServiceId;
 use scenario::EdgeName;
 use scenario::suggest::known_names;
+use shared_types::ServiceId;
 
 use super::flight::ScenarioArguments;
 use super::values::service;

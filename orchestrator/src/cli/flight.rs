@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use clap::Args;
 use runtime::crash::{Crash, CrashPlace};
-use shared_types::ServiceId;
 use scenario::suggest::known_names;
-pub use supervisor::host::Host;
+use shared_types::ServiceId;
+pub use supervisor::host_kind::Host;
 
 use super::values::core;
 use command_line::values::{number_between, value_between};

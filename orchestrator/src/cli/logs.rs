@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use scenario::suggest::known_names;
 use shared_types::ServiceId;
 use shared_types::Topic;
-use scenario::suggest::known_names;
 
 use super::values::service;
 use command_line::values::number_between;

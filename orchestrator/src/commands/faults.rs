@@ -1,7 +1,7 @@
 //! `gerono faults`: lets everything fail in every way, and says what became of the vehicle.
 
-use shared_types::ServiceId;
 use scenario::{EdgeName, Scenario};
+use shared_types::ServiceId;
 
 use super::{Failure, load, print, scenario_name, write, write_json};
 use crate::cli::Faults;

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use runtime::deployment::Scheduler;
-use shared_types::ServiceId;
 use scenario::Scenario;
+use shared_types::ServiceId;
 
 use super::conclusion::Flown;
 use super::{Failure, host_record, load, run_log, scenario_name, schedule_of};

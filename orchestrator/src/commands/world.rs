@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use radio_link::port::Target;
 use runtime::flight_clock::FlightClock;
-use serde::Serialize;
 use scenario::{Key, Problem, Scenario};
+use serde::Serialize;
 use shared_types::service::{nanoseconds, seconds};
 
 use super::{Failure, load, print, scenario_name, schedule_of, write_result};

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use runtime::sample_ring::SampleRing;
+use host::sample_ring::SampleRing;
 use shared_types::schedule::{Edge, Publication, Rate};
 use shared_types::service::header_of;
 use shared_types::{Header, Schedule, ServiceId};

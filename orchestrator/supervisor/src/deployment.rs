@@ -2,8 +2,8 @@
 
 use runtime::crash::Crash;
 use runtime::deployment::{self, Scheduler};
-use shared_types::ServiceId;
 use scenario::Scenario;
+use shared_types::ServiceId;
 
 use super::crew::Restarts;
 

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use runtime::in_process::{FlightError, InProcess, TickSink};
+use host::in_process::{FlightError, InProcess, TickSink};
 use scenario::Scenario;
 
 use super::{Ending, FlightFailure, Outcome};

@@ -3,7 +3,7 @@
 pub mod archive;
 pub mod crew;
 pub mod deployment;
-pub mod host;
+pub mod host_kind;
 pub mod host_record;
 pub mod in_process;
 pub mod lock_step;
@@ -17,7 +17,7 @@ pub mod tape;
 
 use std::time::Duration;
 
-use runtime::step::NonFinite;
+use host::step::NonFinite;
 use scenario::Scenario;
 use shared_types::{Header, Schedule, ServiceId};
 

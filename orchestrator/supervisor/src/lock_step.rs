@@ -3,8 +3,8 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use host::in_process::TickSink;
 use runtime::control::Host;
-use runtime::in_process::TickSink;
 use runtime::ports::Delivery;
 use runtime::verdict::BLOCK_ALWAYS;
 use scenario::Scenario;

@@ -21,10 +21,10 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 
 use runtime::watchdog;
 use rustix::fs::{Mode, OFlags};
-use shared_types::ServiceId;
 use shared_types::Guests;
+use shared_types::ServiceId;
 
-use crate::host::Host;
+use crate::host_kind::Host;
 
 /// Longest description of a cause, bytes.
 const CAUSE: usize = 1024;

@@ -21,14 +21,14 @@ use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use host::in_process::TickSink;
 use runtime::control::Host;
 use runtime::flight_clock::{FlightClock, monotonic_ns};
-use runtime::in_process::TickSink;
 use runtime::ports::Delivery;
 use runtime::shared_page::Request;
 use runtime::step_log::StepRecord;
-use shared_types::samples::{RcFrame, RunEvent};
 use scenario::Scenario;
+use shared_types::samples::{RcFrame, RunEvent};
 use shared_types::schedule::Edge;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};

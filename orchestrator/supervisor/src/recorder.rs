@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use runtime::in_process::TickSink;
+use host::in_process::TickSink;
 use runtime::ports::PortError;
 use runtime::shared_page::Words;
 use runtime::watchdog::{self, Work};

@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
-use runtime::in_process::TickSink;
-use shared_types::samples::RunEvent;
+use host::in_process::TickSink;
 use scenario::{Fault, Flight, Scenario, Target, VehicleChange};
+use shared_types::samples::RunEvent;
 use shared_types::{Header, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
 

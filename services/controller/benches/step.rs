@@ -4,8 +4,8 @@ use std::hint::black_box;
 
 use controller::{ControllerService, Estimates, Measured, Parameters, Reference, evaluate};
 use divan::Bencher;
-use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
 use scenario::Scenario;
+use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, rotation};
 use zerocopy::{FromZeros, IntoBytes};

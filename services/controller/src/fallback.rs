@@ -18,9 +18,9 @@
 //! next good state gives the law back.
 
 use nalgebra::Vector3;
+use scenario::{GRAVITY, InputSafety};
 use shared_types::rotation;
 use shared_types::samples::ControlAdaptation;
-use scenario::{GRAVITY, InputSafety};
 use shared_types::service::nanoseconds;
 
 use crate::reckoning::{Believed, Commanded, Reckoned};

@@ -8,9 +8,9 @@
 //!
 //! A flight without phases is flown from the first reference to the last.
 
+use scenario::Scenario;
 use shared_types::FlightPhase;
 use shared_types::samples::PathReference;
-use scenario::Scenario;
 
 /// What a phase leaves to the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

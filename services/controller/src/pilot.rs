@@ -1,9 +1,9 @@
 //! What is commanded on a state and a reference: by the law, or while the state is too old by something safer.
 
 use nalgebra::Vector3;
+use scenario::Scenario;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlCommand, ControlErrors, PathReference, VehicleState};
-use scenario::Scenario;
 use shared_types::{Now, ServiceId, Topic, rotation};
 use zerocopy::FromZeros;
 

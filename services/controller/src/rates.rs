@@ -18,8 +18,8 @@
 //! held at x̂ + (x − x̂)/(1 − e^(−H/τ)) brings x̂ to x at the end of the hold H.
 
 use nalgebra::Vector3;
-use shared_types::rotation;
 use scenario::{Model, RateCommand};
+use shared_types::rotation;
 
 use crate::law::{Evaluation, evaluate};
 use crate::offset::hanging_offset;

@@ -13,10 +13,10 @@
 //! bounded, and the attitude is pulled back to SO(3).
 
 use nalgebra::{Matrix3, Vector3};
+use scenario::Scenario;
 use shared_types::rotation;
 use shared_types::sample::Flag;
 use shared_types::samples::VehicleState;
-use scenario::Scenario;
 
 use crate::commander::link_limits;
 use crate::parameters::Parameters;

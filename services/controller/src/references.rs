@@ -5,9 +5,9 @@
 //! `max_age`; where it has come to then the path is taken to rest, and the vehicle with it. One that repeats the γ of
 //! a path that moves is a repetition of old news, and makes nothing young.
 
+use scenario::{EdgeName, Scenario};
 use shared_types::gate::{Gate, GateState, LARGEST, Verdict, is_of_the_past};
 use shared_types::samples::PathReference;
-use scenario::{EdgeName, Scenario};
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Input, Now, ServiceId, Topic};
 

@@ -5,8 +5,8 @@
 //! reckoned on to now, for the law as for what comes after it: the law of this paper on a state that stands still is
 //! worse than no law at all, because it keeps turning the vehicle by an error that it has long mended.
 
-use shared_types::samples::VehicleState;
 use scenario::{EdgeName, GRAVITY, InputSafety, Scenario};
+use shared_types::samples::VehicleState;
 use shared_types::service::seconds;
 use shared_types::{Now, ServiceId, Topic};
 

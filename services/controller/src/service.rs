@@ -22,10 +22,10 @@
 //!   while the vehicle's thrust could not carry the lightest vehicle: it is not airborne.
 
 use nalgebra::Vector3;
+use scenario::Scenario;
 use shared_types::gate::{GateState, StateGate, StateGateState};
 use shared_types::sample::Flag;
 use shared_types::samples::{ControlAdaptation, PathReference};
-use scenario::Scenario;
 use shared_types::wiring::{ControllerInputs, ControllerOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
 

@@ -1,9 +1,9 @@
 //! What the law is a function of: the measured state, the reference, and the estimates with their rates.
 
 use nalgebra::{Matrix3, Vector3};
+use scenario::{GRAVITY, InitialEstimates};
 use shared_types::rotation;
 use shared_types::samples::{PathReference, VehicleState};
-use scenario::{GRAVITY, InitialEstimates};
 
 use crate::parameters::Parameters;
 use crate::regressor::{ParameterVector, parameter_vector};

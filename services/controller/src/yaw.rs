@@ -7,8 +7,8 @@
 
 use std::f64::consts::PI;
 
-use shared_types::rotation::roll_pitch_yaw;
 use scenario::RateCommand;
+use shared_types::rotation::roll_pitch_yaw;
 
 use nalgebra::Matrix3;
 

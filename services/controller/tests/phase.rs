@@ -3,8 +3,8 @@
 mod support;
 
 use controller::ControllerService;
-use shared_types::samples::{ControlCommand, PathReference, VehicleState};
 use scenario::Scenario;
+use shared_types::samples::{ControlCommand, PathReference, VehicleState};
 use shared_types::service::InputView;
 use support::Published;
 use zerocopy::{FromZeros, IntoBytes};

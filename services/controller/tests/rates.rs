@@ -4,8 +4,8 @@ use controller::commander::Commander;
 use controller::offset::hanging_offset;
 use controller::{Acting, Estimates, Measured, Parameters, Reference};
 use nalgebra::Vector3;
-use shared_types::rotation;
 use scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
+use shared_types::rotation;
 
 /// H, s: the paper's radio.
 const HOLD: f64 = 0.022;

@@ -8,10 +8,10 @@ mod support;
 
 use controller::ControllerService;
 use proptest::prelude::*;
+use scenario::Scenario;
 use shared_types::rotation;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlAdaptation, ControlCommand, PathReference, VehicleState};
-use scenario::Scenario;
 use shared_types::service::InputView;
 use zerocopy::{FromZeros, IntoBytes};
 

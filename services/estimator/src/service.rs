@@ -5,9 +5,9 @@
 //!   counted; the last good one stays in its place;
 //! * with a policy the state no longer counts as tracked when the last good one is too old.
 
+use scenario::{Problem, Scenario};
 use shared_types::gate::{Gate, GateState, LARGEST, Verdict};
 use shared_types::samples::MocapPose;
-use scenario::{Problem, Scenario};
 use shared_types::service::nanoseconds;
 use shared_types::wiring::{EstimatorInputs, EstimatorOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};

@@ -2,9 +2,9 @@
 
 use estimator::EstimatorService;
 use proptest::prelude::*;
+use scenario::Scenario;
 use shared_types::Now;
 use shared_types::samples::{MocapPose, VehicleState};
-use scenario::Scenario;
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 

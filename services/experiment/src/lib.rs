@@ -1,7 +1,7 @@
 //! All services of the wiring table, built from a scenario: the experiment alone, without anything of the machine that it runs on.
 
-use shared_types::sample::layout_hash;
 use scenario::Scenario;
+use shared_types::sample::layout_hash;
 use shared_types::service::ErasedService;
 use shared_types::{Service, ServiceId};
 

@@ -10,9 +10,9 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use experiment::build_all;
-use runtime::in_process::{InProcess, TickSink};
-use shared_types::digest::ExperimentDigest;
+use host::in_process::{InProcess, TickSink};
 use scenario::Scenario;
+use shared_types::digest::ExperimentDigest;
 use shared_types::{Schedule, Topic};
 use toml::{Table, Value};
 

@@ -8,13 +8,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use experiment::build_all;
+use host::in_process::{InProcess, TickSink};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use runtime::in_process::{InProcess, TickSink};
+use scenario::Scenario;
 use shared_types::Topic;
 use shared_types::noise::{Draws, Noise, Stream};
 use shared_types::rotation::roll_pitch_yaw;
 use shared_types::samples::ControlErrors;
-use scenario::Scenario;
 use zerocopy::FromBytes;
 
 #[path = "survival/laboratory.rs"]

@@ -18,8 +18,8 @@ use std::sync::atomic::Ordering;
 
 use runtime::process::Built;
 use runtime::shared_page::SharedPage;
-use shared_types::ServiceId;
 use scenario::Scenario;
+use shared_types::ServiceId;
 use shared_types::service::ErasedService;
 
 use cameras::Cameras;

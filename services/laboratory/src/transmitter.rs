@@ -8,8 +8,8 @@ use radio_link::link::RadioLink;
 use radio_link::sender::{Condition, Report, Sender};
 use radio_link::sticks::Sticks;
 use runtime::shared_page::SharedPage;
-use shared_types::sample::Field;
 use scenario::RcLink;
+use shared_types::sample::Field;
 use shared_types::service::{ErasedService, InputView, OutputSlot, Outputs, nanoseconds, seconds};
 use shared_types::wiring::RcOutputOutputs;
 use shared_types::{Now, ServiceId};
@@ -154,8 +154,8 @@ mod tests {
     use super::*;
     use radio_link::crsf;
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-    use shared_types::samples::RcFrame;
     use scenario::{RadioProtocol, Transmitter as Stated};
+    use shared_types::samples::RcFrame;
     use shared_types::service::Operator;
     use zerocopy::IntoBytes;
 

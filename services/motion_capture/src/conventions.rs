@@ -9,8 +9,8 @@
 //! in {I} with yaw 0. Whoever made it otherwise states `body_from_markers`; whoever wants {I} elsewhere `world_from_capture`.
 
 use nalgebra::{Matrix3, Vector3};
-use shared_types::rotation::from_roll_pitch_yaw;
 use scenario::{CaptureSystem, FrameTransform};
+use shared_types::rotation::from_roll_pitch_yaw;
 
 use crate::wire::CapturePose;
 

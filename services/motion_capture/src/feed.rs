@@ -11,9 +11,9 @@ mod track;
 use std::cmp::Ordering;
 
 use nalgebra::{Matrix3, Vector3};
+use scenario::{CaptureSystem, MotionCapture, Problem};
 use shared_types::rotation::to_row_major;
 use shared_types::samples::MocapPose;
-use scenario::{CaptureSystem, MotionCapture, Problem};
 use shared_types::service::nanoseconds;
 
 pub use counts::FeedCounts;

@@ -13,8 +13,8 @@ use motion_capture::vrpn::{COOKIE, Report};
 use motion_capture::wire::Frame;
 use motion_capture::{natnet, sender, vicon_udp, vrpn};
 use nalgebra::Vector3;
-use shared_types::rotation::{exp, from_roll_pitch_yaw, roll_pitch_yaw};
 use scenario::{CaptureSystem, MotionCapture};
+use shared_types::rotation::{exp, from_roll_pitch_yaw, roll_pitch_yaw};
 
 const FRAMES: u64 = 100_000;
 const MS: u64 = 1_000_000;

@@ -19,11 +19,11 @@
 //! to hold. An arming is good for one take-off: after a landing, or a take-off that was given up, the operator arms anew.
 
 use nalgebra::Vector3;
+use scenario::{GRAVITY, Scenario};
 use shared_types::flight_phase::{Conditions, FlightPhase};
 use shared_types::rotation::from_row_major;
 use shared_types::sample::Flag;
 use shared_types::samples::{RcFrame, VehicleState};
-use scenario::{GRAVITY, Scenario};
 use shared_types::service::{Operator, nanoseconds};
 use shared_types::{Now, ServiceId, Topic};
 use zerocopy::FromZeros;

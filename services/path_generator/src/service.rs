@@ -13,10 +13,10 @@
 //! In a flight with phases ([`crate::phases`]) γ rests until the vehicle has come to the path, and after it has left it.
 
 use nalgebra::Vector3;
+use scenario::{EdgeName, PathMode, Scenario};
 use shared_types::gate::{Gate, GateState, LARGEST, StateGate, StateGateState, Verdict, is_of_the_past};
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
-use scenario::{EdgeName, PathMode, Scenario};
 use shared_types::service::Input;
 use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
 use shared_types::{FlightPhase, Now, Service, ServiceId, Topic};
@@ -146,7 +146,11 @@ impl PathGeneratorService {
                         .map(|step| (scenario.tick_of(step.at), step.yaw)),
                 )
                 .collect(),
-            states: StateGate::new(scenario.safety_of(Topic::VehicleState, ServiceId::PathGenerator).map(scenario::InputSafety::policy)),
+            states: StateGate::new(
+                scenario
+                    .safety_of(Topic::VehicleState, ServiceId::PathGenerator)
+                    .map(scenario::InputSafety::policy),
+            ),
             ordinary_age_ns: EdgeName::of(Topic::VehicleState, ServiceId::PathGenerator)
                 .map_or(0, |edge| scenario.ordinary_age_ns(edge)),
         })

@@ -3,8 +3,8 @@
 mod rate_loop;
 
 use nalgebra::Vector3;
-use shared_types::samples::RcFrame;
 use scenario::Scenario;
+use shared_types::samples::RcFrame;
 
 use crate::integrator::Stage;
 use crate::lag::Approach;

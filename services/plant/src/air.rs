@@ -16,8 +16,8 @@ mod jet;
 mod ornstein_uhlenbeck;
 
 use nalgebra::Vector3;
-use shared_types::noise::{Noise, Stream};
 use scenario::Scenario;
+use shared_types::noise::{Noise, Stream};
 
 use crate::rigid_body::Motion;
 

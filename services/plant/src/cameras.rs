@@ -3,10 +3,10 @@
 mod imperfect;
 
 use nalgebra::Vector3;
+use scenario::Scenario;
 use shared_types::Now;
 use shared_types::rotation::to_row_major;
 use shared_types::samples::MocapPose;
-use scenario::Scenario;
 
 use crate::rigid_body::Motion;
 

@@ -10,10 +10,10 @@
 use std::ops::Range;
 
 use nalgebra::Vector3;
+use scenario::{InitialState, Scenario};
 use shared_types::rotation::{from_roll_pitch_yaw, from_row_major, to_row_major};
 use shared_types::sample::Flag;
 use shared_types::samples::{RcFrame, VehicleTruth};
-use scenario::{InitialState, Scenario};
 use shared_types::wiring::{PlantInputs, PlantOutputs};
 use shared_types::{Now, Service, ServiceId};
 use zerocopy::FromZeros;

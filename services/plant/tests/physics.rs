@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 use plant::integrator::advanced;
 use plant::rigid_body::{Body, Motion, Wrench};
 use proptest::prelude::*;
-use shared_types::rotation::{defect, exp, skew};
 use scenario::GRAVITY;
+use shared_types::rotation::{defect, exp, skew};
 
 /// The step of the paper's simulations, s.
 const H: f64 = 1e-3;

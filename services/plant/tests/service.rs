@@ -2,9 +2,9 @@
 
 use plant::PlantService;
 use proptest::prelude::*;
+use scenario::{GRAVITY, Scenario};
 use shared_types::Now;
 use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
-use scenario::{GRAVITY, Scenario};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 

@@ -3,8 +3,8 @@
 //! All is a pure function of the newest good state and command. What is done about a limit that is exceeded says
 //! [`crate::guard`].
 
-use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
 use scenario::{Action, Fence, Vector};
+use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
 use shared_types::service::nanoseconds;
 
 /// How many limits there are.

@@ -16,11 +16,11 @@
 //! gravest action counts, and of those the first. A kill is in the checkpoint; a transmitter that restarts without one
 //! knows of the operator's kill, which is kept outside of it, and judges the envelope afresh.
 
+use scenario::{Action, Scenario};
 use shared_types::Now;
 use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::sample::Flag;
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
-use scenario::{Action, Scenario};
 use shared_types::service::nanoseconds;
 
 use crate::envelope::{Envelope, LIMITS, Situation};

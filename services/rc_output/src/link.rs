@@ -8,8 +8,8 @@
 //! What a link cannot carry becomes a failsafe frame, with which the motors rest: no command at all, the command to
 //! do so, and torque on the radio link.
 
-use shared_types::samples::{ControlCommand, RcFrame};
 use scenario::RcLink;
+use shared_types::samples::{ControlCommand, RcFrame};
 
 use crate::channel::Channel;
 

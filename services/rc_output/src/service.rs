@@ -1,8 +1,8 @@
 //! The step function of the transmitter.
 
+use scenario::Scenario;
 use shared_types::gate::{Gate, GateState, StateGate, StateGateState, Verdict, is_of_the_past};
 use shared_types::samples::{ControlCommand, RcFrame};
-use scenario::Scenario;
 use shared_types::service::nanoseconds;
 use shared_types::wiring::{RcOutputInputs, RcOutputOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
@@ -60,7 +60,11 @@ impl RcOutputService {
                 failsafe_ns: safety.failsafe.map_or(u64::MAX, nanoseconds),
             }),
             commands: Gate::default(),
-            states: StateGate::new(scenario.safety_of(Topic::VehicleState, ServiceId::RcOutput).map(scenario::InputSafety::policy)),
+            states: StateGate::new(
+                scenario
+                    .safety_of(Topic::VehicleState, ServiceId::RcOutput)
+                    .map(scenario::InputSafety::policy),
+            ),
             guard: Guard::new(scenario),
             fresh_ns: [Topic::ControlCommand, Topic::VehicleState]
                 .map(|topic| scenario.fresh_age_ns(topic, ServiceId::RcOutput)),

@@ -5,11 +5,11 @@ mod rebirth;
 
 use proptest::prelude::*;
 use rc_output::RcOutputService;
+use scenario::Scenario;
 use shared_types::Header;
 use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
-use scenario::Scenario;
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, Operator};
 use zerocopy::{FromZeros, IntoBytes};

@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 use rc_output::RcOutputService;
+use scenario::{RcLink, Scenario};
 use shared_types::Now;
 use shared_types::samples::{ControlCommand, RcFrame};
-use scenario::{RcLink, Scenario};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 

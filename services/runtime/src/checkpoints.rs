@@ -16,7 +16,7 @@ use shared_types::service::ErasedService;
 
 use crate::seqlock::{Pair, WORD};
 use crate::shared_file::SharedFile;
-use crate::step::Timetable;
+use host::step::Timetable;
 
 /// Largest state of a service, bytes.
 pub const CAPACITY: usize = 16 * 1024;

@@ -8,16 +8,16 @@ use std::path::{Path, PathBuf};
 
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType};
+use scenario::Scenario;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use shared_types::ServiceId;
-use scenario::Scenario;
 
 use crate::crash::Crash;
 use crate::deployment::Scheduler;
 use crate::replaying::StepOrder;
-use crate::step::NonFinite;
 use crate::watchdog;
+use host::step::NonFinite;
 
 /// File descriptor of the control channel in a service.
 pub const CONTROL_FD: i32 = 3;

@@ -13,8 +13,8 @@ use std::path::Path;
 use std::process::Command;
 
 use rustix::fs::{MemfdFlags, SealFlags};
-use serde::Serialize;
 use scenario::Scenario;
+use serde::Serialize;
 use shared_types::schedule::Rate;
 use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
@@ -211,8 +211,8 @@ pub fn become_program(
 
 #[cfg(test)]
 mod tests {
-    use serde_json::Value;
     use scenario::{Curve, Hover, Path, Vehicle};
+    use serde_json::Value;
 
     use super::*;
     use crate::deployment::Scheduler;

@@ -11,9 +11,9 @@ use shared_types::ServiceId;
 use shared_types::schedule::Edge;
 use shared_types::service::{InputView, header_of};
 
-use crate::edge_store::EdgeStore;
 use crate::lock_step::FlightError;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
+use host::edge_store::EdgeStore;
 
 /// An input.
 pub struct Inlet {

@@ -17,11 +17,11 @@ use crate::ports::Topics;
 use crate::process::ProcessError;
 use crate::real_time::{self, RealTimePorts};
 use crate::replaying::{self, ReplayPorts};
-use crate::step::Timetable;
 use crate::step_log::StepLog;
 use crate::succession::{Bequest, Hello};
 use crate::wait::Waiter;
 use crate::watchdog::{self, Work};
+use host::step::Timetable;
 
 /// What a service has that knows its role and may make its ports.
 pub struct Launch<'a> {

@@ -2,7 +2,7 @@
 //!
 //! A service's step logic ([`shared_types::Service`]) is pure; hosts decide which samples are delivered by
 //! now, and they must agree to the byte:
-//! * [`in_process`]: all services in one thread, no shared memory: sweeps, tests, and the reference that the
+//! * [`host::in_process`]: all services in one thread, no shared memory: sweeps, tests, and the reference that the
 //!   others must equal;
 //! * [`lock_step`]: one process per service, simulated time, no sample ever lost;
 //! * [`real_time`]: one process per service, the system's clock, the newest sample wins;
@@ -10,9 +10,8 @@
 //!
 //! Under them lie [`ports`] (iceoryx2, in bytes), [`shared_memory`] (what there is of it, and what the dead were making), [`wait`] (yield once, then block on a doorbell),
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
-//! service knew, for whoever is born after its death; both are a [`shared_file`]), [`owned_sample`] (a sample
-//! in memory of its own), [`sample_ring`] (the latest samples of a topic), [`inlet`] (an input, also after a rebirth),
-//! [`edge_store`] (its samples, where faults are planned), [`mailbox`] (an input in real time), [`outlets`] (a service's
+//! service knew, for whoever is born after its death; both are a [`shared_file`]), [`inlet`] (an input, also after a rebirth),
+//! [`mailbox`] (an input in real time), [`outlets`] (a service's
 //! outputs), [`lone_flight`] (when the orchestrator is gone), [`succession`] (how another one takes its place), [`flight_clock`] (ticks on the system's clock),
 //! [`seqlock`] (records that are copied beside their writer), [`step_log`] (what every step in real time was made of), [`notice`] (how what is connected to a service fares), [`control`] (the orchestrator's line to each service),
 //! [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler, parent's death), [`watchdog`] (work that takes too long), [`untrusted`] (samples of external programs), [`descriptors`] (what a started
@@ -30,10 +29,8 @@ pub mod crash;
 pub mod deployment;
 pub mod descriptors;
 pub mod doorbell;
-pub mod edge_store;
 pub mod flight_clock;
 pub mod guest;
-pub mod in_process;
 pub mod inlet;
 pub mod launch;
 pub mod lock_step;
@@ -41,18 +38,15 @@ pub mod lone_flight;
 pub mod mailbox;
 pub mod notice;
 pub mod outlets;
-pub mod owned_sample;
 pub mod ports;
 pub mod process;
 pub mod real_time;
 pub mod replaying;
 pub mod ring_order;
-pub mod sample_ring;
 pub mod seqlock;
 pub mod shared_file;
 pub mod shared_memory;
 pub mod shared_page;
-pub mod step;
 pub mod step_log;
 pub mod succession;
 pub mod untrusted;

@@ -21,10 +21,10 @@ use crate::inlet::Inlet;
 use crate::outlets::Outlets;
 use crate::ports::{PortError, Topics};
 use crate::shared_page::{Cell, SharedPage};
-use crate::step::{self, NonFinite, Slots, Timetable, Views};
 use crate::untrusted::UntrustedReceiver;
 use crate::wait::{Interrupted, Waiter};
 use crate::watchdog::{self, Work};
+use host::step::{self, NonFinite, Slots, Timetable, Views};
 
 /// Why a flight ended before its last tick.
 #[derive(Debug, thiserror::Error)]

@@ -108,8 +108,8 @@ mod tests {
     use crate::deployment::Scheduler;
     use crate::flight_clock::monotonic_ns;
     use crate::succession::{FILES, Heir, Hello};
-    use shared_types::ServiceId;
     use scenario::{Curve, Hover, Path, Vehicle};
+    use shared_types::ServiceId;
     use std::os::fd::AsFd;
 
     fn scenario() -> Scenario {

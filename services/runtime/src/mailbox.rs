@@ -9,9 +9,9 @@ use shared_types::schedule::Edge;
 use shared_types::service::{InputView, header_of};
 use shared_types::{Schedule, ServiceId};
 
-use crate::edge_store::EdgeStore;
-use crate::owned_sample::OwnedSample;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
+use host::edge_store::EdgeStore;
+use host::owned_sample::OwnedSample;
 
 /// Samples that are kept beside those that are under way.
 const SPARE: u64 = 4;

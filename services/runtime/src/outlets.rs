@@ -6,7 +6,7 @@ use shared_types::{Schedule, ServiceId};
 
 use crate::crash::{CrashPlace, CrashPoint};
 use crate::ports::{PortError, Sender, TopicPorts, Topics};
-use crate::step::{self, Slots};
+use host::step::{self, Slots};
 
 /// The outputs that the wiring table gives a service.
 pub struct Outlets {

@@ -15,8 +15,8 @@ use std::sync::Arc;
 use std::sync::atomic::{Ordering, fence};
 
 use rustix::thread::futex;
-use shared_types::samples::PathReference;
 use shared_types::Guests;
+use shared_types::samples::PathReference;
 use shared_types::service::{ErasedService, Operator};
 use shared_types::{Now, Schedule, ServiceId, Topic};
 use zerocopy::FromBytes;
@@ -31,11 +31,11 @@ use crate::mailbox::Mailbox;
 use crate::outlets::Outlets;
 use crate::ports::{PortError, Receiver, Topics};
 use crate::shared_page::{Cell, SharedPage};
-use crate::step::{self, Slots, Timetable, Views};
 use crate::step_log::{StepLog, StepRecord};
 use crate::untrusted::UntrustedReceiver;
 use crate::wait::announcement;
 use crate::watchdog::{self, Work};
+use host::step::{self, Slots, Timetable, Views};
 
 /// Longest sleep before somebody looks whether the run is to end, ns.
 const LONGEST_SLEEP_NS: u64 = 100_000_000;

@@ -15,7 +15,7 @@ use crate::crash::CrashPoint;
 use crate::lock_step::FlightError;
 use crate::outlets::Outlets;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver, Topics};
-use crate::step::{Slots, Timetable, Views};
+use host::step::{Slots, Timetable, Views};
 
 /// Most steps of a batch. The samples of two have room: those that the service is at, and those that are published meanwhile.
 pub const BATCH: usize = 256;

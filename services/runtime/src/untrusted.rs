@@ -15,8 +15,8 @@ use shared_types::Header;
 use shared_types::schedule::Publication;
 use shared_types::service::header_of;
 
-use crate::owned_sample::OwnedSample;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
+use host::owned_sample::OwnedSample;
 
 /// Ticks by which a program may be early: its clock and this one are read at different moments.
 const EARLY_TICKS: u64 = 1;

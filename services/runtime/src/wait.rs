@@ -13,8 +13,8 @@ use std::sync::Arc;
 use std::sync::atomic::{Ordering, fence};
 use std::time::Instant;
 
-use shared_types::ServiceId;
 use shared_types::Guests;
+use shared_types::ServiceId;
 
 use crate::control::Channel;
 use crate::deployment::Scheduler;

@@ -34,7 +34,6 @@ pub struct Programs {
     pub rc_output: Option<Vec<String>>,
 }
 
-
 impl Programs {
     /// The program that flies in place of a service, and its arguments.
     #[must_use]

@@ -1,7 +1,7 @@
 //! The paper's figures that the logs have: drawn of a log alone, as `gerono reproduce` draws them.
 
-use serde::Serialize;
 use scenario::Scenario;
+use serde::Serialize;
 
 use super::flight::Flight;
 use crate::reproduce::column::Column;

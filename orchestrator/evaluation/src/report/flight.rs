@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use runtime::in_process::TickSink;
-use shared_types::samples::{ControlAdaptation, VehicleTruth};
+use host::in_process::TickSink;
 use scenario::Scenario;
+use shared_types::samples::{ControlAdaptation, VehicleTruth};
 use shared_types::{Schedule, Topic};
 
 use super::latency::Histogram;

@@ -1,8 +1,8 @@
 //! What happened when: what the scenario plans, and what the samples tell of the services.
 
+use scenario::Scenario;
 use serde::Serialize;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, RunEvent};
-use scenario::Scenario;
 use shared_types::service::{header_of, seconds};
 use shared_types::{FlightPhase, Topic};
 

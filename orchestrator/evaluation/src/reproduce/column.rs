@@ -2,8 +2,8 @@
 //!
 //! A column is a set of settings made from the scenario that it is applied to, such as one gives with `--set`.
 
-use serde::{Deserialize, Serialize};
 use scenario::Scenario;
+use serde::{Deserialize, Serialize};
 
 /// A laboratory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

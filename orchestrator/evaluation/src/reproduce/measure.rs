@@ -7,11 +7,11 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 
 use controller::yaw::shorter_way;
+use host::in_process::TickSink;
 use nalgebra::Vector3;
-use runtime::in_process::TickSink;
+use scenario::Scenario;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::samples::{ControlAdaptation, RcFrame, VehicleTruth};
-use scenario::Scenario;
 use shared_types::{Schedule, Topic};
 
 use super::latest::{Known, Latest};

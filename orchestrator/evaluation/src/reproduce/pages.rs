@@ -4,9 +4,9 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use runtime::in_process::TickSink;
-use shared_types::Topic;
+use host::in_process::TickSink;
 use scenario::Scenario;
+use shared_types::Topic;
 
 use super::drawings::DRAWINGS;
 use super::figures::Figure;

@@ -4,10 +4,10 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 
 use controller::yaw::shorter_way;
+use host::in_process::TickSink;
 use nalgebra::Vector3;
-use runtime::in_process::TickSink;
-use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use scenario::Scenario;
+use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::service::seconds;
 use shared_types::{Schedule, Topic};
 

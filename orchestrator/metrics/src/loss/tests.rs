@@ -4,8 +4,8 @@ use super::*;
 use crate::path_clock::Demand;
 use proptest::prelude::*;
 use run_log::test_flight::scenario;
-use shared_types::rotation::{from_roll_pitch_yaw, to_row_major};
 use scenario::Flight;
+use shared_types::rotation::{from_roll_pitch_yaw, to_row_major};
 
 const UPRIGHT: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 

@@ -2,8 +2,8 @@
 
 use std::fmt::{Display, Formatter, Result};
 
-use serde::Serialize;
 use scenario::Bounds;
+use serde::Serialize;
 
 use super::Parameters;
 

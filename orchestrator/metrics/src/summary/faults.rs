@@ -6,8 +6,8 @@ mod record;
 mod signs;
 mod table;
 
-use serde::Serialize;
 use scenario::Scenario;
+use serde::Serialize;
 use shared_types::service::header_of;
 use shared_types::{Schedule, ServiceId, Topic};
 

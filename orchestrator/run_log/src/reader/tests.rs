@@ -3,8 +3,8 @@
 use std::fs;
 
 use proptest::prelude::*;
-use shared_types::samples::{ControlErrors, RunEvent};
 use scenario::Scenario;
+use shared_types::samples::{ControlErrors, RunEvent};
 use tempfile::TempDir;
 use zerocopy::FromBytes;
 

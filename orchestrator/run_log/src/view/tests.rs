@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::fs;
 
 use nalgebra::Vector3;
+use scenario::Scenario;
 use shared_types::Header;
 use shared_types::sample::Flag;
-use scenario::Scenario;
 use zerocopy::{FromZeros, IntoBytes};
 
 use super::*;

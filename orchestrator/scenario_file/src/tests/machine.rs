@@ -1,7 +1,7 @@
 //! The sections that say how the machine is used.
 
-use shared_types::ServiceId;
 use scenario::OrchestratorLoss;
+use shared_types::ServiceId;
 
 use super::*;
 

@@ -233,10 +233,7 @@ fn an_argument_makes_a_table_that_the_file_does_not_have() {
 fn an_empty_table_is_a_section_with_its_defaults() {
     let empty = with(LABORATORY, "resolution = 12\nthrust_range = [-1.0, 1.0]\n", "");
     let scenario = load_text(&empty, &[]).unwrap();
-    assert_eq!(
-        scenario.rc_output,
-        Some(scenario::RcLink::default())
-    );
+    assert_eq!(scenario.rc_output, Some(scenario::RcLink::default()));
 }
 
 #[test]
@@ -321,10 +318,7 @@ fn phases_and_an_envelope_are_read_as_they_are_written() {
     let scenario = load_text(&text, &[]).unwrap();
     assert_eq!(scenario.flight.unwrap().landing_speed, 0.2);
     let envelope = scenario.envelope.unwrap();
-    assert_eq!(
-        envelope.tilt.unwrap().action,
-        scenario::Action::Kill
-    );
+    assert_eq!(envelope.tilt.unwrap().action, scenario::Action::Kill);
     assert_eq!(envelope.land_within, 20.0);
 }
 

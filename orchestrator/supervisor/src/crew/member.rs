@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
+use host::step::NonFinite;
 use runtime::control::{Host, ToOrchestrator};
-use runtime::step::NonFinite;
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 

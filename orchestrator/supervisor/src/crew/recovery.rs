@@ -3,9 +3,9 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use host::step::Timetable;
 use runtime::control::{Role, ToService};
 use runtime::deployment;
-use runtime::step::Timetable;
 use rustix::process::Signal;
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;

@@ -1,8 +1,8 @@
 //! What the laboratory around a flight tells: why nobody may arm yet, and how cameras and radio link fare.
 
 use runtime::shared_page::Words;
-use shared_types::ServiceId;
 use scenario::{CaptureSystem, MotionCapture, RadioProtocol, Scenario};
+use shared_types::ServiceId;
 use shared_types::service::seconds;
 
 use live::snapshot::{CamerasSnapshot, LinkSnapshot};

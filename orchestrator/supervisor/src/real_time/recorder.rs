@@ -6,9 +6,9 @@
 
 use std::collections::BTreeMap;
 
+use host::in_process::TickSink;
+use host::owned_sample::OwnedSample;
 use runtime::flight_clock::FlightClock;
-use runtime::in_process::TickSink;
-use runtime::owned_sample::OwnedSample;
 use runtime::ports::{PortError, RECORDER_BUFFER};
 use runtime::watchdog::{self, Work};
 use shared_types::Guests;

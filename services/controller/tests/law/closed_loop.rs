@@ -7,8 +7,8 @@ use controller::signals::EstimateRates;
 use controller::{Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
-use shared_types::rotation::{self, skew};
 use scenario::{Curve, GRAVITY, Path, Scenario, TiltedEight, Vehicle};
+use shared_types::rotation::{self, skew};
 
 use crate::dual::Dual;
 use crate::path::tilted_eight;

@@ -1,8 +1,8 @@
 //! Mean and covariance together: propagation over the frames sent, and the use of a pose.
 
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector, Vector3};
-use shared_types::rotation::{exp, orthonormalized, skew};
 use scenario::Kalman;
+use shared_types::rotation::{exp, orthonormalized, skew};
 use shared_types::service::seconds;
 
 use super::attitude::log;

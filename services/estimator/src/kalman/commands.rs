@@ -1,8 +1,8 @@
 //! The frames already sent, by the time at which each begins to act.
 
 use nalgebra::Vector3;
-use shared_types::samples::RcFrame;
 use scenario::GRAVITY;
+use shared_types::samples::RcFrame;
 use shared_types::service::seconds;
 
 /// How many commands the history holds.

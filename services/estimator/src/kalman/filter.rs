@@ -22,9 +22,9 @@
 //!   starts the filter anew.
 
 use nalgebra::SVector;
+use scenario::{Kalman, Key, Model, Problem, RcLink, Scenario};
 use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::samples::{MocapPose, RcFrame};
-use scenario::{Kalman, Key, Model, Problem, RcLink, Scenario};
 use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
 

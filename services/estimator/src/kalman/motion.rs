@@ -1,8 +1,8 @@
 //! The nominal state and how it moves: the model without its noise.
 
 use nalgebra::{Matrix3, Vector3};
-use shared_types::rotation::{exp, skew};
 use scenario::{GRAVITY, Model};
+use shared_types::rotation::{exp, skew};
 
 use super::attitude::right_jacobian;
 use super::commands::Command;

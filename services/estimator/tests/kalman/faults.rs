@@ -2,8 +2,8 @@
 
 use estimator::kalman::{KalmanFilter, Outcome};
 use proptest::prelude::*;
-use shared_types::samples::{MocapPose, RcFrame};
 use scenario::{Kalman, Model};
+use shared_types::samples::{MocapPose, RcFrame};
 use zerocopy::{FromZeros, IntoBytes};
 
 use crate::consistency::{assert_is_chi_square, matched_flight, squared_error};

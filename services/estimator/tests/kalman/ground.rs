@@ -2,8 +2,8 @@
 
 use estimator::kalman::{KalmanFilter, Outcome};
 use nalgebra::Vector3;
-use shared_types::samples::{MocapPose, RcFrame};
 use scenario::{Flight, GRAVITY, Kalman, Model};
+use shared_types::samples::{MocapPose, RcFrame};
 use zerocopy::FromZeros;
 
 use super::rig::{normal3, scenario};

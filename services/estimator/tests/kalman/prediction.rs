@@ -2,8 +2,8 @@
 
 use estimator::kalman::Outcome;
 use nalgebra::Vector3;
-use shared_types::rotation::exp;
 use scenario::{Kalman, Model};
+use shared_types::rotation::exp;
 use std::f64::consts::PI;
 
 use crate::rig::{Asked, CAPTURE_PERIOD, Rig, TICK_NS, World, restless_pilot};

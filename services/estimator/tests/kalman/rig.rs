@@ -8,10 +8,10 @@ use estimator::kalman::belief::Belief;
 use estimator::kalman::error_state::{ATTITUDE, DISTURBANCE, ErrorVector, POSITION, RATE_BIAS, VELOCITY};
 use estimator::kalman::{KalmanFilter, Outcome};
 use nalgebra::{Matrix3, Vector3};
+use scenario::{Curve, GRAVITY, Hover, Kalman, Model, Path, RcLink, Scenario, Vehicle};
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, orthonormalized, skew, to_row_major};
 use shared_types::samples::{MocapPose, RcFrame};
-use scenario::{Curve, GRAVITY, Hover, Kalman, Model, Path, RcLink, Scenario, Vehicle};
 use zerocopy::FromZeros;
 
 /// Steps of the simulator a tick.

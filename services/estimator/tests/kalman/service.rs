@@ -1,9 +1,9 @@
 //! The filter inside the service, as hosts see it.
 
 use estimator::{Estimate, EstimatorService};
+use scenario::{Kalman, Model};
 use shared_types::Now;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState};
-use scenario::{Kalman, Model};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 

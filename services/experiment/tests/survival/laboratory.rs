@@ -4,12 +4,12 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 
 use experiment::build_all;
+use host::in_process::{InProcess, TickSink};
 use nalgebra::Vector3;
-use runtime::in_process::{InProcess, TickSink};
+use scenario::Scenario;
 use shared_types::Topic;
 use shared_types::noise::{Draws, Noise, Stream};
 use shared_types::samples::{PathReference, VehicleTruth};
-use scenario::Scenario;
 use shared_types::service::seconds;
 use zerocopy::FromBytes;
 

@@ -4,8 +4,8 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddrV4, TcpListener, TcpStream, UdpSocket};
 
 use nalgebra::Matrix3;
-use shared_types::rotation::roll_pitch_yaw;
 use scenario::CaptureSystem;
+use shared_types::rotation::roll_pitch_yaw;
 
 use crate::natnet::{RigidBody, ServerInfo, Times, Version, message};
 use crate::vicon_udp::{NAME_LENGTH, Object};

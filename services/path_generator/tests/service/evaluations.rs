@@ -3,8 +3,8 @@
 //! Inside of α1, all over the transition and beyond α2.
 
 use crate::flight::{generator, paper_path, step_at, vehicle};
-use shared_types::samples::VehicleState;
 use scenario::Path;
+use shared_types::samples::VehicleState;
 
 struct Evaluation {
     position_world: [f64; 3],

@@ -1,8 +1,8 @@
 //! A path generator in the air, driven as a host would drive it.
 
 use path_generator::PathGeneratorService;
-use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use scenario::{Curve, Path, Scenario, TiltedEight, Vehicle};
+use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::{ErasedService, InputView, Now, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 

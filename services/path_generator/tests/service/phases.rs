@@ -2,8 +2,8 @@
 
 use path_generator::PathGeneratorService;
 use path_generator::phases::{LIFTED, PATIENCE, STANDING};
-use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use scenario::{Curve, Flight, Path, PathMode, Scenario, TiltedEight};
+use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::{Now, Operator, Service};
 use zerocopy::FromZeros;
 

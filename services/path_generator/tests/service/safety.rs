@@ -2,9 +2,9 @@
 
 use path_generator::PathGeneratorService;
 use proptest::prelude::*;
+use scenario::{InputSafety, Scenario};
 use shared_types::sample::Field;
 use shared_types::samples::VehicleState;
-use scenario::{InputSafety, Scenario};
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::flight::{TICK_NS, paper_path, scenario, step_at, vehicle};

@@ -3,9 +3,9 @@
 use crate::flight::{TICK_NS, generator, paper_path, scenario, step, step_at, step_on_old, vehicle};
 use path_generator::{CurveError, PathGeneratorError, PathGeneratorService, PathGeneratorState};
 use proptest::prelude::*;
+use scenario::{Curve, Hover, Path, PathMode, Waypoints, YawStep};
 use shared_types::Service;
 use shared_types::samples::{PathReference, VehicleState};
-use scenario::{Curve, Hover, Path, PathMode, Waypoints, YawStep};
 use shared_types::service::{ErasedService, seconds};
 use zerocopy::{FromZeros, IntoBytes};
 

@@ -2,10 +2,10 @@
 
 use super::Findings;
 use super::events::ROUNDING;
-use shared_types::sample::Member;
 use crate::suggest::known_names;
 use crate::timing::names::unknown_edge;
 use crate::{EdgeName, Fault, FaultKind, Key, Scenario, Target};
+use shared_types::sample::Member;
 use shared_types::wiring::ServiceId;
 
 impl Scenario {

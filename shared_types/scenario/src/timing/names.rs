@@ -41,7 +41,7 @@ impl std::fmt::Display for EdgeName {
 }
 
 /// The edges to some services.
-pub(in crate) fn edges_into(services: &[ServiceId]) -> impl Iterator<Item = EdgeName> {
+pub(crate) fn edges_into(services: &[ServiceId]) -> impl Iterator<Item = EdgeName> {
     services.iter().flat_map(|&service| {
         let inputs = service.inputs().iter().enumerate();
         inputs.map(move |(input, spec)| EdgeName {
@@ -58,7 +58,7 @@ pub(super) fn edges_between(walk: &[ServiceId]) -> impl Iterator<Item = EdgeName
         .flat_map(|pair| edges_into(&pair[1..]).filter(|edge| edge.topic.publisher() == Some(pair[0])))
 }
 
-pub(in crate) fn unknown_edge(key: Key, name: &str) -> Problem {
+pub(crate) fn unknown_edge(key: Key, name: &str) -> Problem {
     let known: Vec<String> = EdgeName::all().map(|edge| edge.to_string()).collect();
     Problem::unknown_name(key, name, "edge", &known)
 }

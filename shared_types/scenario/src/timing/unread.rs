@@ -25,7 +25,7 @@ impl Scenario {
 
     /// The section without which a service's own step logic does not look at an input, and whether it is stated; `None`
     /// where it looks in any case.
-    pub(in crate) fn section_for(&self, edge: EdgeName) -> Option<(&'static str, bool)> {
+    pub(crate) fn section_for(&self, edge: EdgeName) -> Option<(&'static str, bool)> {
         match (edge.service, edge.topic) {
             // A filter predicts by the frames already sent; ideal cameras need none.
             (ServiceId::Estimator, Topic::RcFrame) => Some(("estimator", self.estimator.is_some())),

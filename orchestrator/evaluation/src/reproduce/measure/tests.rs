@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 
 use proptest::prelude::*;
+use scenario::{Path, Vehicle, VehicleChange, YawStep};
 use shared_types::rotation::{from_roll_pitch_yaw, to_row_major};
 use shared_types::samples::PathReference;
-use scenario::{Path, Vehicle, VehicleChange, YawStep};
 use zerocopy::{FromZeros, IntoBytes};
 
 use super::*;

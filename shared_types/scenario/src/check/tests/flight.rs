@@ -4,7 +4,10 @@ use std::net::Ipv4Addr;
 
 use super::assert_only;
 use crate::tests_support::{fig1, rig};
-use crate::{Action, Curve, Envelope, EstimateLimit, Fence, Flight, Hover, InputSafety, Limit, MotionCapture, PoseSource, Problem, RadioProtocol, Scenario, VectorLimit, Waypoints};
+use crate::{
+    Action, Curve, Envelope, EstimateLimit, Fence, Flight, Hover, InputSafety, Limit, MotionCapture,
+    PoseSource, Problem, RadioProtocol, Scenario, VectorLimit, Waypoints,
+};
 use shared_types::schedule::OperatorPlan;
 use shared_types::service::Operator;
 

@@ -2,7 +2,10 @@
 
 use super::assert_only;
 use crate::tests_support::rig;
-use crate::{Actuators, Cameras, Fan, FanMove, Kalman, MarkerSwap, Model, Occlusion, Problem, RateCommand, RcLink, Scenario, Turbulence, VehicleChange, YawStep};
+use crate::{
+    Actuators, Cameras, Fan, FanMove, Kalman, MarkerSwap, Model, Occlusion, Problem, RateCommand, RcLink,
+    Scenario, Turbulence, VehicleChange, YawStep,
+};
 
 /// The problems of the flight in the laboratory after it has been spoilt.
 fn problems(spoil: impl FnOnce(&mut Scenario)) -> Vec<Problem> {
