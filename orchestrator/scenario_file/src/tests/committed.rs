@@ -139,22 +139,29 @@ fn the_moments_of_inertia_grow_with_the_mass() {
     }
 }
 
+/// A committed file is what the code makes of it, or is made so on request.
+fn assert_generated(path: &str, should_be: &str) {
+    let path = repository(path);
+    if std::fs::read_to_string(&path).unwrap() == should_be {
+        return;
+    }
+    assert!(
+        std::env::var_os("GERONO_BLESS").is_some(),
+        "{} is out of date: set GERONO_BLESS=1 to write it",
+        path.display()
+    );
+    std::fs::write(&path, should_be).unwrap();
+}
+
 #[test]
 fn the_committed_schema_is_that_of_the_code() {
-    let committed = std::fs::read_to_string(repository("scenarios/scenario.schema.json")).unwrap();
-    let committed: serde_json::Value = serde_json::from_str(&committed).unwrap();
-    let code: serde_json::Value = serde_json::from_str(&json_schema()).unwrap();
-    assert!(
-        committed == code,
-        "scenarios/scenario.schema.json is stale; run `cargo run -- schema > scenarios/scenario.schema.json`"
-    );
+    assert_generated("scenarios/scenario.schema.json", &json_schema());
 }
 
 /// A key, its unit and its default are described once, in the code; the documentation shows what is there.
 #[test]
 fn the_documented_keys_are_those_of_the_code() {
-    let path = repository("docs/scenarios.md");
-    let documentation = std::fs::read_to_string(&path).unwrap();
+    let documentation = std::fs::read_to_string(repository("docs/scenarios.md")).unwrap();
     let mut updated = String::new();
     let mut rest = documentation.as_str();
     let mut sections = Vec::new();
@@ -182,12 +189,5 @@ fn the_documented_keys_are_those_of_the_code() {
     tables.push(String::new());
     tables.sort();
     assert_eq!(sections, tables, "every section of a scenario is documented once");
-    if updated != documentation {
-        let written = std::env::temp_dir().join("scenarios.md");
-        std::fs::write(&written, updated).unwrap();
-        panic!(
-            "docs/scenarios.md is stale; what it must be is in {}",
-            written.display()
-        );
-    }
+    assert_generated("docs/scenarios.md", &updated);
 }
