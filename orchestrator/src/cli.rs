@@ -189,7 +189,7 @@ pub enum Command {
         /// Name of the service, or of a process that waits for one to die.
         #[arg(value_parser = service_process)]
         name: String,
-        /// Folder of the run, by which `gerono kill` and the like find it ([`live::runs`]).
+        /// Folder of the run, by which `gerono kill` and the like find it (`live::runs`).
         #[arg(long)]
         run: Option<PathBuf>,
         /// What its steps follow, for the same.

@@ -1,7 +1,7 @@
 //! How far a vehicle truly was from its path, also where the truth stands in another log than the flight.
 //!
 //! The error is the distance from the path of [`metrics`] at every tick of the truth. A flight in a laboratory does not know the truth. If its world was simulated
-//! ([`world`](hil_simulator)), that has kept it, by a clock of its own; both logs say when their clocks began.
+//! (`gerono world`), that has kept it, by a clock of its own; both logs say when their clocks began.
 //!
 //! The vehicle is judged while it flies along the path: from the first reference of that phase to its last.
 

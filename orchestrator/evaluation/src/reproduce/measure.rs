@@ -1,6 +1,6 @@
 //! What a flight came to, measured while it flies, in fixed memory and against the truth.
 //!
-//! The error is the distance from the path of [`metrics`](metrics) at every tick. The controller's own z1 is not used:
+//! The error is the distance from the path of [`metrics`] at every tick. The controller's own z1 is not used:
 //! it rests on an estimated position.
 
 use std::convert::Infallible;
