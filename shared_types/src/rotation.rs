@@ -54,6 +54,13 @@ pub fn defect(r: &Matrix3<f64>) -> f64 {
     (r.transpose() * r - Matrix3::identity()).norm()
 }
 
+/// Whether a matrix is in SO(3) but for rounding, or holds what is not a number: that is stopped where it is published.
+#[must_use]
+pub fn is_rotation(r: &Matrix3<f64>) -> bool {
+    let defect = defect(r);
+    defect.is_nan() || defect < 1e-9
+}
+
 /// Roll, pitch and yaw (rad) with R = Rz(yaw) Ry(pitch) Rx(roll), right-handed about z down.
 #[must_use]
 pub fn roll_pitch_yaw(r: &Matrix3<f64>) -> [f64; 3] {

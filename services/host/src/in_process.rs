@@ -4,7 +4,7 @@ use std::ops::{ControlFlow, Range};
 
 use shared_types::glance::Glance;
 use shared_types::schedule::{Edge, MAX_PORTS, Publication};
-use shared_types::service::{ErasedService, InputView};
+use shared_types::service::{ErasedService, InputView, header_of};
 use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::edge_store::EdgeStore;
@@ -244,7 +244,9 @@ impl InProcess {
         for &place in &self.published {
             let history = &self.histories[place];
             if history.publication.is_due(tick) {
-                sink.sample(history.publication.topic, history.bytes(tick))?;
+                let bytes = history.bytes(tick);
+                debug_assert_eq!(header_of(bytes), history.publication.header(tick));
+                sink.sample(history.publication.topic, bytes)?;
             }
         }
         Ok(())

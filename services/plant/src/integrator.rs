@@ -9,7 +9,7 @@
 //! The plant takes one step a tick. At 1 ms, after a violent start from any attitude with torques of kN m, the position is
 //! off by up to 5e-5 m within a second.
 
-use shared_types::rotation::orthonormalized;
+use shared_types::rotation::{is_rotation, orthonormalized};
 
 use crate::cayley;
 use crate::rigid_body::{Motion, MotionRate};
@@ -44,9 +44,11 @@ pub fn advanced(start: &Motion, h: f64, rate: impl Fn(&Motion, Stage) -> MotionR
     let k3 = slope_along(&k2, 0.5 * h, Stage::Middle);
     let k4 = slope_along(&k3, h, Stage::End);
     let end = start.moved(&(k1 + (k2 + k3) * 2.0 + k4), h / 6.0);
+    // A product of rotations is one but for rounding, which would add up over a million steps.
+    let world_from_body = orthonormalized(&end.world_from_body);
+    debug_assert!(is_rotation(&world_from_body), "{world_from_body}");
     Motion {
-        // A product of rotations is one but for rounding, which would add up over a million steps.
-        world_from_body: orthonormalized(&end.world_from_body),
+        world_from_body,
         ..end
     }
 }

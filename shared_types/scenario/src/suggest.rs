@@ -12,7 +12,7 @@ pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
     let begins = |candidate: &str| length >= LEAST_BEGINNING && candidate.starts_with(name);
     known
         .into_iter()
-        .map(|candidate| (edit_distance(name, candidate), candidate))
+        .map(|candidate| (strsim::osa_distance(name, candidate), candidate))
         .filter(|&(distance, candidate)| distance <= limit || begins(candidate))
         .min()
         .map(|(_, candidate)| candidate)
@@ -33,51 +33,9 @@ pub fn known_names<S: AsRef<str>>(name: &str, known: &[S]) -> String {
     }
 }
 
-/// How many letters must be inserted, removed, replaced or swapped with their neighbour to turn `a` into `b`
-/// (optimal string alignment).
-fn edit_distance(a: &str, b: &str) -> usize {
-    let a: Vec<char> = a.chars().collect();
-    let b: Vec<char> = b.chars().collect();
-    // distance[i][j] is that of the first i letters of a and the first j of b.
-    let mut distance = vec![vec![0; b.len() + 1]; a.len() + 1];
-    for i in 0..=a.len() {
-        for j in 0..=b.len() {
-            distance[i][j] = if i == 0 || j == 0 {
-                i + j
-            } else {
-                let replaced = distance[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
-                let inserted_or_removed = distance[i - 1][j].min(distance[i][j - 1]) + 1;
-                let swapped = if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                    distance[i - 2][j - 2] + 1
-                } else {
-                    usize::MAX
-                };
-                replaced.min(inserted_or_removed).min(swapped)
-            };
-        }
-    }
-    distance[a.len()][b.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn a_distance_is_symmetric_and_zero_only_for_equals(a in "[abc]{0,6}", b in "[abc]{0,6}") {
-            prop_assert_eq!(edit_distance(&a, &b), edit_distance(&b, &a));
-            prop_assert_eq!(edit_distance(&a, &b) == 0, a == b);
-        }
-
-        #[test]
-        fn one_removed_letter_is_one_edit(a in "[a-z]{1,8}", place in 0..8usize) {
-            let place = place % a.len();
-            let shorter = format!("{}{}", &a[..place], &a[place + 1..]);
-            prop_assert_eq!(edit_distance(&a, &shorter), 1);
-        }
-    }
 
     #[test]
     fn a_misspelt_name_is_recognised_and_a_foreign_one_is_not() {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector, Vector3};
 use scenario::Kalman;
-use shared_types::rotation::{exp, orthonormalized, skew};
+use shared_types::rotation::{exp, is_rotation, orthonormalized, skew};
 use shared_types::service::seconds;
 
 use super::attitude::log;
@@ -212,6 +212,7 @@ impl Belief {
             }
         }
         self.nominal.world_from_body = orthonormalized(&self.nominal.world_from_body);
+        debug_assert!(is_rotation(&self.nominal.world_from_body), "{:?}", self.nominal);
         self.covariance = symmetrized(&self.covariance);
         self.time_ns = to_ns;
     }
