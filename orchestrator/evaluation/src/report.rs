@@ -78,7 +78,7 @@ pub fn write(logs: &[PathBuf], out: &Path) -> Result<Written, ReportError> {
         .iter()
         .map(|log| Flight::read(log, table::buckets(logs.len())))
         .collect::<Result<_, _>>()?;
-    let figures = figures::drawn(&flights);
+    let figures = figures::drawn(flights.iter().filter_map(|flight| flight.paper.as_ref()));
     let page = write_file(out, PAGE, &page::html(&flights, &figures))?;
     let figures = figures
         .iter()

@@ -4,12 +4,15 @@ use std::collections::VecDeque;
 use std::path::Path;
 
 use shared_types::ServiceId;
+use shared_types::schedule::MAX_PORTS;
 use shared_types::service::Operator;
 
 use super::checkpoints::RecordedCheckpoints;
-use super::station::Seen;
 use super::{READ_AHEAD_TICKS, ReplayError};
 use run_log::{HostEntry, HostReader, LoggedCheckpoint, ServiceStep, host_log_beside};
+
+/// What a step sees of an input: the sequence number of the sample, and whether the step before saw another one.
+pub(super) type Seen = [Option<(u64, bool)>; MAX_PORTS];
 
 /// One step, and what it saw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

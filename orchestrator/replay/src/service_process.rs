@@ -9,8 +9,9 @@ mod ports;
 use std::time::{Duration, Instant};
 
 use runtime::control::{ControlError, ToOrchestrator, ToService};
+use runtime::control::{Memory, StepOrder};
 use runtime::ports::PortError;
-use runtime::replaying::{BATCH, Memory, StepOrder};
+use runtime::replaying::BATCH;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
 use shared_types::ServiceId;

@@ -11,12 +11,9 @@ use super::checkpoints::RecordedCheckpoints;
 use super::compare::Comparison;
 use super::history::{History, KEPT};
 use super::judge::Jury;
-use super::machine::RecordedStep;
+use super::machine::{RecordedStep, Seen};
 use super::scope::Scope;
 use super::stepper::{Step, Stepper};
-
-/// What a step sees of an input: the sequence number of the sample, and whether the step before saw another one.
-pub(super) type Seen = [Option<(u64, bool)>; MAX_PORTS];
 
 /// A service that does its steps again.
 pub(super) struct Station {

@@ -9,6 +9,7 @@
 mod activity;
 mod guest;
 mod member;
+mod presentable;
 pub mod process;
 mod recovery;
 pub mod restart;

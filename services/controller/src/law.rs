@@ -3,11 +3,10 @@
 //! {I} has z down: gravity points along +e3, thrust along −R e3. All is a pure function of its arguments.
 
 use nalgebra::{Vector2, Vector3};
-use scenario::GRAVITY;
 
+use crate::errors::Errors;
 use crate::parameters::Parameters;
 use crate::regressor::{Regressor, delta_m_times};
-use crate::saturation::Saturated;
 use crate::signals::{EstimateRates, Estimates, Measured, Reference};
 use crate::zeta_rate::ZetaRate;
 
@@ -34,53 +33,6 @@ pub struct Evaluation {
     pub rates: EstimateRates,
     /// W of (20).
     pub regressor: Regressor,
-}
-
-/// The errors of position and velocity, with what follows from them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Errors {
-    /// z1 = p − pd(γ), eq. (7), in {I}, m.
-    pub z1: Vector3<f64>,
-    /// ż1 = R v − ṗd in {I}, m/s.
-    pub z1_dot: Vector3<f64>,
-    /// σ at z1.
-    pub sigma_z1: Saturated,
-    /// dσ(z1)/dt = σ′(z1)∘ż1.
-    pub sigma_z1_dot: Vector3<f64>,
-    /// z2 = ż1 + k1 σ(z1) − Rδ, eq. (9), in {I}, m/s.
-    pub z2: Vector3<f64>,
-    /// σ at z2.
-    pub sigma_z2: Saturated,
-    /// g e3 − p̈d in {I}, m/s²: z̈1 but for the unknown acceleration A = −ηT R e3 + b.
-    pub free_acceleration: Vector3<f64>,
-}
-
-impl Errors {
-    /// The errors of a measured state against a reference.
-    #[must_use]
-    #[inline]
-    pub fn new(parameters: &Parameters, measured: &Measured, reference: &Reference) -> Self {
-        let Parameters {
-            k1,
-            delta,
-            saturation: sigma,
-            ..
-        } = parameters;
-        let r = &measured.world_from_body;
-        let z1 = measured.position_world - reference.position_world; // (7)
-        let z1_dot = r * measured.velocity_body - reference.velocity_world();
-        let sigma_z1 = sigma.at(&z1);
-        let z2 = z1_dot + sigma_z1.value() * *k1 - r.column(2) * *delta; // (9)
-        Self {
-            z1,
-            z1_dot,
-            sigma_z1,
-            sigma_z1_dot: sigma_z1.slope().component_mul(&z1_dot),
-            z2,
-            sigma_z2: sigma.at(&z2),
-            free_acceleration: Vector3::new(0.0, 0.0, GRAVITY) - reference.acceleration_world(),
-        }
-    }
 }
 
 /// The law at one moment.

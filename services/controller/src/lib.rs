@@ -29,11 +29,13 @@
 //! both are part of W here, which the paper leaves to the reader.
 
 pub mod commander;
+pub mod errors;
 pub mod fallback;
 pub mod law;
 pub mod lyapunov;
 pub mod observer;
 pub mod offset;
+pub mod parameter_vector;
 pub mod parameters;
 pub mod phase;
 pub mod pilot;

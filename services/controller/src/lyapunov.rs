@@ -7,8 +7,8 @@
 use nalgebra::Vector3;
 
 use crate::law::Evaluation;
+use crate::parameter_vector::parameter_vector;
 use crate::parameters::Parameters;
-use crate::regressor::parameter_vector;
 use crate::signals::Estimates;
 
 /// The parameters of the vehicle that the law does not know.

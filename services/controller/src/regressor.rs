@@ -10,31 +10,10 @@
 //! and zero elsewhere. δm has no third row, hence neither have a and Q. Of the 45 elements 16 can differ from
 //! zero; they come from the 13 numbers that are kept here.
 
-use nalgebra::{Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
 
+use crate::parameter_vector::ParameterVector;
 use crate::zeta_rate::ZetaRate;
-
-/// A vector of the shape of w: Diag(J) in kg m², η Diag(J) in m², then J1 b, J2 b and J3 b in kg m³/s².
-pub type ParameterVector = SVector<f64, 15>;
-
-/// w = [Diag(J); η Diag(J); J1 b; J2 b; J3 b].
-///
-/// `inertia` is Diag(J) in kg m², `eta` is 1/m in 1/kg, `disturbance_world` is b in {I} in m/s².
-#[must_use]
-pub fn parameter_vector(
-    inertia: &Vector3<f64>,
-    eta: f64,
-    disturbance_world: &Vector3<f64>,
-) -> ParameterVector {
-    let mut w = ParameterVector::zeros();
-    w.fixed_rows_mut::<3>(0).copy_from(inertia);
-    w.fixed_rows_mut::<3>(3).copy_from(&(inertia * eta));
-    for axis in 0..3 {
-        w.fixed_rows_mut::<3>(6 + 3 * axis)
-            .copy_from(&(disturbance_world * inertia[axis]));
-    }
-    w
-}
 
 /// δm y = (1/δ) [y2, −y1, 0]ᵀ without its third element.
 #[must_use]
@@ -139,6 +118,7 @@ impl Regressor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameter_vector::parameter_vector;
     use proptest::prelude::*;
 
     fn vector(bound: f64) -> impl Strategy<Value = Vector3<f64>> {

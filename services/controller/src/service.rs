@@ -32,12 +32,12 @@ use shared_types::{Now, Service, ServiceId, Topic};
 use crate::commander::Memory;
 use crate::fallback::Stage;
 use crate::observer::Sight;
+use crate::parameter_vector::ParameterVector;
 use crate::parameters::Parameters;
 use crate::phase::{Duties, Duty};
 use crate::pilot::{Course, Pilot, Telemetry};
 use crate::reckoning::{Commanded, Reckoned};
 use crate::references::References;
-use crate::regressor::ParameterVector;
 use crate::signals::{EstimateRates, Estimates};
 use crate::transfer::Transfer;
 

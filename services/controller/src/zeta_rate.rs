@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::law::Errors;
+use crate::errors::Errors;
 use crate::parameters::Parameters;
 use crate::signals::{Measured, Reference};
 

@@ -8,7 +8,7 @@ mod support;
 #[path = "../../../tests/common/rebirth.rs"]
 mod rebirth;
 
-use controller::regressor::ParameterVector;
+use controller::parameter_vector::ParameterVector;
 use controller::{ControllerService, Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
 use nalgebra::Vector3;
 use scenario::{Controller, Scenario};

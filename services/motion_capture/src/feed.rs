@@ -4,7 +4,6 @@
 //! and it is where the vehicle can be after the last pose that was believed. Everything else is counted by what it was
 //! ([`FeedCounts`]). Nobody is told that the vehicle stands still because nothing was heard: no pose is the sign of it.
 
-mod counts;
 mod numbering;
 mod track;
 
@@ -16,7 +15,7 @@ use shared_types::rotation::to_row_major;
 use shared_types::samples::MocapPose;
 use shared_types::service::nanoseconds;
 
-pub use counts::FeedCounts;
+pub use crate::counts::FeedCounts;
 pub use track::Bounds;
 
 use crate::clock::{Mapped, RemoteClock};

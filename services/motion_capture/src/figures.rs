@@ -1,6 +1,6 @@
 //! Rate, latency and jitter of what arrives, over the last whole second.
 
-use crate::feed::FeedCounts;
+use crate::counts::FeedCounts;
 
 /// Length of a window, ns.
 const WINDOW_NS: u64 = 1_000_000_000;

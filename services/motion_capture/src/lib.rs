@@ -14,6 +14,7 @@
 
 pub mod clock;
 pub mod conventions;
+mod counts;
 pub mod feed;
 pub mod figures;
 pub mod natnet;

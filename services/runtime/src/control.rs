@@ -11,13 +11,39 @@ use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType};
 use scenario::Scenario;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use shared_types::ServiceId;
+use shared_types::{Now, ServiceId};
 
 use crate::crash::Crash;
 use crate::deployment::Scheduler;
-use crate::replaying::StepOrder;
 use crate::watchdog;
 use host::step::NonFinite;
+
+/// A step that is to be done, and what it sees. Inputs are told by a bit each, in the order of the wiring table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StepOrder {
+    /// Its moment.
+    pub now: Now,
+    /// What the service knows before it.
+    pub memory: Memory,
+    /// Inputs that give it a sample: the one that the port holds.
+    pub seen: u32,
+    /// Inputs whose port takes the next sample first.
+    pub next: u32,
+    /// Inputs whose sample the step before did not see.
+    pub fresh: u32,
+}
+
+/// What a service knows before a step of a replay.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Memory {
+    /// What it knew after its last step.
+    #[default]
+    AfterLast,
+    /// What it knew before its last step.
+    BeforeLast,
+    /// What it knew before its first step.
+    Newborn,
+}
 
 /// File descriptor of the control channel in a service.
 pub const CONTROL_FD: i32 = 3;

@@ -11,7 +11,7 @@ use shared_types::ServiceId;
 use shared_types::schedule::Edge;
 use shared_types::service::{InputView, header_of};
 
-use crate::lock_step::FlightError;
+use crate::flight_error::FlightError;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
 use host::edge_store::EdgeStore;
 

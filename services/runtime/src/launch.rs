@@ -14,7 +14,7 @@ use crate::flight_clock::FlightClock;
 use crate::lock_step::{self, Cockpit, ServicePorts};
 use crate::lone_flight::LoneFlight;
 use crate::ports::Topics;
-use crate::process::ProcessError;
+use crate::process_error::ProcessError;
 use crate::real_time::{self, RealTimePorts};
 use crate::replaying::{self, ReplayPorts};
 use crate::step_log::StepLog;

@@ -12,57 +12,20 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use shared_types::service::ErasedService;
-use shared_types::{Schedule, ServiceId, Topic};
+use shared_types::{Schedule, ServiceId};
 
 use crate::checkpoints::Checkpoints;
-use crate::control::{Channel, ControlError, ToOrchestrator, ToService};
+use crate::control::{Channel, ToOrchestrator, ToService};
 use crate::crash::{self, CrashPlace, CrashPoint};
+use crate::flight_error::FlightError;
 use crate::inlet::Inlet;
 use crate::outlets::Outlets;
 use crate::ports::{PortError, Topics};
 use crate::shared_page::{Cell, SharedPage};
 use crate::untrusted::UntrustedReceiver;
-use crate::wait::{Interrupted, Waiter};
+use crate::wait::Waiter;
 use crate::watchdog::{self, Work};
-use host::step::{self, NonFinite, Slots, Timetable, Views};
-
-/// Why a flight ended before its last tick.
-#[derive(Debug, thiserror::Error)]
-pub enum FlightError {
-    /// A number that is not finite came up.
-    #[error(transparent)]
-    NonFinite(#[from] NonFinite),
-    /// A port failed.
-    #[error(transparent)]
-    Port(#[from] PortError),
-    /// A sample other than the one that was due came: the publisher and this service disagree.
-    #[error(
-        "at tick {tick} the sample {got} of `{topic}` came where {due} was due: a sample was lost, or `{}` published \
-         what was not due", .topic.publisher().map_or("nobody", ServiceId::name)
-    )]
-    Lost {
-        /// Tick of the step.
-        tick: u64,
-        /// The topic.
-        topic: Topic,
-        /// Tick of the sample that was due.
-        due: u64,
-        /// Tick of the sample that came.
-        got: u64,
-    },
-    /// The line to the orchestrator failed.
-    #[error(transparent)]
-    Control(#[from] ControlError),
-    /// The run ends.
-    #[error("the run was stopped")]
-    Stopping,
-}
-
-impl From<Interrupted> for FlightError {
-    fn from(_: Interrupted) -> Self {
-        Self::Stopping
-    }
-}
+use host::step::{self, Slots, Timetable, Views};
 
 /// A service's ports.
 pub struct ServicePorts {

@@ -13,17 +13,18 @@ use shared_types::{Schedule, ServiceId};
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
-    CHECKPOINTS_FD, CONTROL_FD, Channel, ControlError, FIRST_DOORBELL_FD, Host, LOCK_FD, SHARED_PAGE_FD,
-    STEP_LOG_FD, Start, ToOrchestrator, ToService,
+    CHECKPOINTS_FD, CONTROL_FD, Channel, FIRST_DOORBELL_FD, Host, LOCK_FD, SHARED_PAGE_FD, STEP_LOG_FD,
+    Start, ToOrchestrator, ToService,
 };
 use crate::crash::CrashPoint;
 use crate::deployment::{self, Scheduler, Setting};
 use crate::descriptors::{self, inherited};
 use crate::doorbell::Doorbell;
+use crate::flight_error::FlightError;
 use crate::guest::{self, Belongings, Invitation};
 use crate::launch::Launch;
-use crate::lock_step::FlightError;
-use crate::ports::{Member, PortError, Topics};
+use crate::ports::{Member, Topics};
+pub use crate::process_error::ProcessError;
 use crate::shared_page::SharedPage;
 use crate::step_log::StepLog;
 use crate::wait::Waiter;
@@ -34,37 +35,6 @@ pub const SPARE: &str = "spare";
 
 /// Timer slack of services in real time unless one is stated, s: the least that there is.
 const SHARPEST: f64 = 1e-9;
-
-/// Why a service process could not do its work, if there was no orchestrator left to be told.
-#[derive(Debug, thiserror::Error)]
-pub enum ProcessError {
-    /// Nobody has handed the process its descriptors.
-    #[error(
-        "a service is started by `gerono run`, which hands it a control channel; it cannot be started by hand"
-    )]
-    NotSpawned,
-    /// The control channel failed.
-    #[error(transparent)]
-    Control(#[from] ControlError),
-    /// A port could not be made.
-    #[error(transparent)]
-    Port(#[from] PortError),
-    /// The scenario does not make a service or schedule.
-    #[error("the scenario cannot be flown: {0}")]
-    Scenario(String),
-    /// What is connected to the service in a laboratory cannot be used.
-    #[error("{0}")]
-    Equipment(String),
-    /// The program that is to fly in place of the service cannot be started.
-    #[error("{0}")]
-    Guest(String),
-    /// The system refused something.
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
-    /// The flight ended early.
-    #[error(transparent)]
-    Flight(#[from] FlightError),
-}
 
 /// A service, or in words why there is none.
 pub type Built = Result<Box<dyn ErasedService>, String>;
@@ -159,7 +129,12 @@ fn live(
         lock,
         doorbells,
     } = inherited;
-    watchdog::watch_service(channel.try_clone()?)?;
+    let [line, ear] = [channel.try_clone()?, channel.try_clone()?];
+    let tell = move |reason| {
+        // Who does not listen is gone or hangs as well.
+        let _ = line.try_send(&ToOrchestrator::Failed { reason });
+    };
+    watchdog::watch_service(tell, move || ear.is_hung_up())?;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
     // A spare process stays off the services' core until it is one of them.
     let deployed = start.role.map(|role| deploy(role.service, start));

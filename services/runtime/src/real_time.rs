@@ -25,7 +25,7 @@ use crate::checkpoints::{Checkpoint, Checkpoints};
 use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::doorbell::Doorbell;
 use crate::flight_clock::{FlightClock, deadline, monotonic_ns, nap_until};
-use crate::lock_step::FlightError;
+use crate::flight_error::FlightError;
 use crate::lone_flight::LoneFlight;
 use crate::mailbox::Mailbox;
 use crate::outlets::Outlets;

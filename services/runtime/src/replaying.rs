@@ -6,13 +6,12 @@
 //!
 //! A number that is not finite is not published here either. But it does not end the replay: the log says what came next.
 
-use serde::{Deserialize, Serialize};
 use shared_types::service::{ErasedService, InputView};
-use shared_types::{Now, Schedule, ServiceId};
+use shared_types::{Schedule, ServiceId};
 
-use crate::control::{Channel, ControlError, ToOrchestrator, ToService};
+use crate::control::{Channel, ControlError, Memory, StepOrder, ToOrchestrator, ToService};
 use crate::crash::CrashPoint;
-use crate::lock_step::FlightError;
+use crate::flight_error::FlightError;
 use crate::outlets::Outlets;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver, Topics};
 use host::step::{Slots, Timetable, Views};
@@ -20,33 +19,6 @@ use host::step::{Slots, Timetable, Views};
 /// Most steps of a batch. The samples of two have room: those that the service is at, and those that are published meanwhile.
 pub const BATCH: usize = 256;
 const _: () = assert!(2 * BATCH <= RECORDER_BUFFER);
-
-/// A step that is to be done, and what it sees. Inputs are told by a bit each, in the order of the wiring table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct StepOrder {
-    /// Its moment.
-    pub now: Now,
-    /// What the service knows before it.
-    pub memory: Memory,
-    /// Inputs that give it a sample: the one that the port holds.
-    pub seen: u32,
-    /// Inputs whose port takes the next sample first.
-    pub next: u32,
-    /// Inputs whose sample the step before did not see.
-    pub fresh: u32,
-}
-
-/// What a service knows before a step of a replay.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Memory {
-    /// What it knew after its last step.
-    #[default]
-    AfterLast,
-    /// What it knew before its last step.
-    BeforeLast,
-    /// What it knew before its first step.
-    Newborn,
-}
 
 /// A service's ports in a replay.
 pub struct ReplayPorts {

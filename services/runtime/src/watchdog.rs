@@ -12,7 +12,6 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-use crate::control::{Channel, ToOrchestrator};
 use crate::crash;
 
 /// Pause between two looks.
@@ -163,21 +162,22 @@ pub fn take_off() {
     HAS_FLOWN.store(true, Ordering::Relaxed);
 }
 
-/// Watches over a service process: ends it when its work takes too long, after the orchestrator at the other end of
-/// `channel` was told, and when that is gone before the service flies.
+/// Watches over a service process: ends it when its work takes too long, after the orchestrator was told why by `tell`, and
+/// when that `is_alone` says so before the service flies.
 ///
 /// # Errors
 /// If the system has no thread left.
-pub fn watch_service(channel: Channel) -> std::io::Result<()> {
+pub fn watch_service(
+    tell: impl Fn(String) + Send + 'static,
+    is_alone: impl Fn() -> bool + Send + 'static,
+) -> std::io::Result<()> {
     let mut patience = Patience::default();
     start(move || {
         if let Some(work) = patience.look(&DESK) {
-            let reason = work.complaint();
-            // Who does not listen is gone or hangs as well.
-            let _ = channel.try_send(&ToOrchestrator::Failed { reason });
+            tell(work.complaint());
             crash::die();
         }
-        if !HAS_FLOWN.load(Ordering::Relaxed) && channel.is_hung_up() {
+        if !HAS_FLOWN.load(Ordering::Relaxed) && is_alone() {
             crash::die();
         }
     })

@@ -3,10 +3,10 @@
 use scenario::Scenario;
 use serde::Serialize;
 
-use super::flight::Flight;
 use crate::reproduce::column::Column;
 use crate::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
 use crate::reproduce::figures::Figure;
+use crate::reproduce::traces::Traces;
 
 /// A figure.
 #[derive(Clone, Debug, Serialize)]
@@ -36,9 +36,9 @@ pub(super) fn name_in_the_paper(flown: &Scenario) -> Option<String> {
 
 /// Every figure whose first flight is among these; of other flights that it is made of, those that are. Of several logs of
 /// one flight the first is drawn.
-pub(super) fn drawn(flights: &[Flight]) -> Vec<Drawn> {
+pub(super) fn drawn<'a>(of_the_paper: impl Iterator<Item = &'a (String, Traces)>) -> Vec<Drawn> {
     let mut book = TraceBook::new();
-    for (name, traces) in flights.iter().filter_map(|flight| flight.paper.as_ref()) {
+    for (name, traces) in of_the_paper {
         book.entry(name.clone()).or_insert_with(|| traces.clone());
     }
     let has_flight = |drawing: &&Drawing| {

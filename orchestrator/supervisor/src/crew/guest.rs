@@ -13,6 +13,7 @@ use rustix::process::Signal;
 use shared_types::ServiceId;
 
 use super::member::Phase;
+use super::presentable::presentable;
 use super::{Crew, CrewEvent, Exit, STOP_LIMIT};
 use crate::FlightFailure;
 
@@ -197,27 +198,6 @@ impl Crew<'_> {
             what,
         }
     }
-}
-
-/// Longest quotation of what a program says, characters.
-const QUOTATION: usize = 500;
-
-/// What a program says, fit for a terminal: not too long, and without characters that control it.
-pub(super) fn presentable(said: &str) -> String {
-    let shown = said.chars().take(QUOTATION);
-    let mut shown: String = shown
-        .map(|character| {
-            if character.is_control() {
-                '\u{FFFD}'
-            } else {
-                character
-            }
-        })
-        .collect();
-    if said.chars().nth(QUOTATION).is_some() {
-        shown.push('…');
-    }
-    shown
 }
 
 /// Why a message is none, without what is said of services of another build.

@@ -8,7 +8,7 @@ use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 
 use super::CrewEvent;
-use super::guest::presentable;
+use super::presentable::presentable;
 use super::process::Process;
 use crate::FlightFailure;
 

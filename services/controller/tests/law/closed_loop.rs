@@ -379,7 +379,7 @@ prop_compose! {
             estimates: Estimates {
                 eta: estimates.0,
                 disturbance_world: estimates.1,
-                w: controller::regressor::ParameterVector::from_row_slice(&w),
+                w: controller::parameter_vector::ParameterVector::from_row_slice(&w),
             },
         }
     }

@@ -1,6 +1,6 @@
 //! dVn/dt = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) along the closed loop, and what follows from it.
 
-use controller::regressor::parameter_vector;
+use controller::parameter_vector::parameter_vector;
 use controller::{Estimates, Measured, lyapunov};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;

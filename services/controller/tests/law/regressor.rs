@@ -2,7 +2,7 @@
 
 use controller::Estimates;
 use controller::Measured;
-use controller::regressor::parameter_vector;
+use controller::parameter_vector::parameter_vector;
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use shared_types::rotation;

@@ -134,7 +134,7 @@ impl Member {
         access: Access,
     ) -> Result<Box<dyn TopicPorts>, PortError> {
         let enter = Enter {
-            member: self,
+            node: &self.node,
             topic,
             replayed,
             consumer_buffer: consumer_buffer(schedule, topic),

@@ -10,7 +10,6 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicServ
 use shared_types::wiring::TopicVisitor;
 use shared_types::{Sample, ServiceId, Topic};
 
-use super::member::Member;
 use super::typed::{TypedReceiver, TypedSender, Wire};
 use super::{
     Delivery, LAYOUT_ATTRIBUTE, MAX_BORROWED, MAX_LOANED, OBSERVERS, PortError, RECORDER_BUFFER, Receiver,
@@ -32,7 +31,7 @@ pub(super) enum Access {
 
 /// Comes to a topic.
 pub(super) struct Enter<'a> {
-    pub(super) member: &'a Member,
+    pub(super) node: &'a Node<ipc::Service>,
     pub(super) topic: Topic,
     /// The service in whose replay the topic is, if it is in one.
     pub(super) replayed: Option<ServiceId>,
@@ -58,7 +57,7 @@ impl TopicVisitor for Enter<'_> {
 
     fn visit<T: Sample>(self) -> Self::Result {
         let Self {
-            member,
+            node,
             topic,
             replayed,
             consumer_buffer,
@@ -71,10 +70,7 @@ impl TopicVisitor for Enter<'_> {
         };
         let name = name.map_err(|reason| error(&reason))?;
         let (key, hash) = layout_attribute::<T>(&error)?;
-        let builder = member
-            .node()
-            .service_builder(&name)
-            .publish_subscribe::<Wire<T>>();
+        let builder = node.service_builder(&name).publish_subscribe::<Wire<T>>();
         let service = match access {
             Access::Create(delivery) => {
                 let specifier = AttributeSpecifier::new();

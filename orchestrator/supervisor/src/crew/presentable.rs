@@ -1,0 +1,22 @@
+//! What programs of one's own say, as a terminal may be given it.
+
+/// Longest quotation of what a program says, characters.
+const QUOTATION: usize = 500;
+
+/// What a program says, fit for a terminal: not too long, and without characters that control it.
+pub(super) fn presentable(said: &str) -> String {
+    let shown = said.chars().take(QUOTATION);
+    let mut shown: String = shown
+        .map(|character| {
+            if character.is_control() {
+                '\u{FFFD}'
+            } else {
+                character
+            }
+        })
+        .collect();
+    if said.chars().nth(QUOTATION).is_some() {
+        shown.push('…');
+    }
+    shown
+}
