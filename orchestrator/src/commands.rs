@@ -2,9 +2,11 @@
 
 pub mod attach;
 pub mod check;
+pub mod clean;
 mod conclusion;
 pub mod doctor;
 pub mod faults;
+pub mod generated;
 pub mod logs;
 pub mod operate;
 pub mod postmortem;
@@ -13,7 +15,7 @@ pub mod replay;
 pub mod report;
 pub mod reproduce;
 pub mod run;
-pub mod small;
+pub mod service;
 pub mod top;
 pub mod truth;
 pub mod world;

@@ -7,8 +7,8 @@ use command_line::exit::Exit;
 use live::Question;
 use orchestrator::cli::{Cli, Command, Operate, RcCommand};
 use orchestrator::commands::{
-    Failure, attach, check, doctor, faults, logs, operate, postmortem, rc, replay, report, reproduce, run,
-    small, top, truth, world,
+    Failure, attach, check, clean, doctor, faults, generated, logs, operate, postmortem, rc, replay, report,
+    reproduce, run, service, top, truth, world,
 };
 use runtime::shared_page::Request;
 
@@ -16,14 +16,14 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
-        Command::Plot(arguments) => small::plot(&arguments).map(|()| Exit::Success),
+        Command::Plot(arguments) => logs::plot(&arguments).map(|()| Exit::Success),
         Command::Report(arguments) => report::report(&arguments).map(|()| Exit::Success),
         Command::Export(arguments) => logs::export(&arguments).map(|()| Exit::Success),
         Command::Info(arguments) => logs::info(&arguments).map(|()| Exit::Success),
         Command::Recover(arguments) => logs::recover(&arguments).map(|()| Exit::Success),
         Command::Diff(arguments) => replay::diff(&arguments),
         Command::Replay(arguments) => replay::replay(&arguments),
-        Command::Digest(arguments) => small::digest(&arguments).map(|()| Exit::Success),
+        Command::Digest(arguments) => logs::digest(&arguments).map(|()| Exit::Success),
         Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
@@ -39,16 +39,16 @@ fn main() -> ExitCode {
         Command::Top(arguments) => top::top(&arguments),
         Command::World(arguments) => world::world(&arguments),
         Command::Truth(arguments) => truth::truth(&arguments).map(|()| Exit::Success),
-        Command::Clean => small::clean().map(|()| Exit::Success),
+        Command::Clean => clean::clean().map(|()| Exit::Success),
         Command::Schema => {
-            small::schema();
+            generated::schema();
             Ok(Exit::Success)
         }
         Command::Completions { shell } => {
-            small::completions(shell);
+            generated::completions(shell);
             Ok(Exit::Success)
         }
-        Command::Service { name, .. } => small::service(&name).map(|()| Exit::Success),
+        Command::Service { name, .. } => service::service(&name).map(|()| Exit::Success),
         Command::Postmortem(arguments) => postmortem::postmortem(&arguments),
         Command::Load { core } => bench::load(core).map(|()| Exit::Success),
         Command::ChainMember(arguments) => bench::chain_member(&arguments).map(|()| Exit::Success),

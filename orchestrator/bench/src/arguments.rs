@@ -12,7 +12,7 @@ use command_line::values::number_between;
 pub struct Bench {
     /// What to measure instead.
     #[command(subcommand)]
-    pub instead: Option<BenchInstead>,
+    pub measurement: Option<Measurement>,
     /// Repetitions of each measurement; medians are shown.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
@@ -26,7 +26,7 @@ pub struct Bench {
 
 /// What `gerono bench` can measure instead of simulated seconds per wall second.
 #[derive(Debug, Subcommand)]
-pub enum BenchInstead {
+pub enum Measurement {
     /// Measure how long it is from a capture to the radio frame that comes of it, in real time.
     ///
     /// Flies Fig. 1's ideal profile at 1 kHz with all services on one core: estimator, path generator, controller and rc

@@ -19,7 +19,7 @@ use comfy_table::{Table, presets};
 use scenario::Scenario;
 use serde::Serialize;
 
-use crate::arguments::{Bench, BenchInstead};
+use crate::arguments::{Bench, Measurement};
 use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::output::{print, write_json};
@@ -61,11 +61,11 @@ struct Measured {
 /// [`Failure`].
 pub fn bench(arguments: &Bench) -> Result<(), Failure> {
     let scenario: Scenario = toml::from_str(SCENARIO).map_err(|error| Failure::new(Exit::Trouble, error))?;
-    match &arguments.instead {
-        Some(BenchInstead::Latency(arguments)) => latency::latency(arguments),
-        Some(BenchInstead::Deaths(arguments)) => deaths::deaths(arguments),
-        Some(BenchInstead::Laboratory(arguments)) => laboratory::laboratory(arguments),
-        Some(BenchInstead::Recorder(arguments)) => recorder::recorder(&scenario, arguments),
+    match &arguments.measurement {
+        Some(Measurement::Latency(arguments)) => latency::latency(arguments),
+        Some(Measurement::Deaths(arguments)) => deaths::deaths(arguments),
+        Some(Measurement::Laboratory(arguments)) => laboratory::laboratory(arguments),
+        Some(Measurement::Recorder(arguments)) => recorder::recorder(&scenario, arguments),
         None => throughput(&scenario, arguments),
     }
 }

@@ -1,4 +1,4 @@
-//! What can be done with a log without flying: `gerono info`, `gerono recover`, `gerono export`.
+//! What can be done with a log without flying: `gerono info`, `recover`, `export`, `digest` and `plot`.
 
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
@@ -7,14 +7,39 @@ use std::path::{Path, PathBuf};
 use scenario::Scenario;
 
 use super::{Failure, log_path, note, print};
-use crate::cli::{Export, Info, Recover};
+use crate::cli::{Digest, Export, Info, Plot, Recover};
 use command_line::exit::Exit;
 use command_line::terminal::Terminal;
-use evaluation::info;
+use evaluation::{info, plot};
 use run_log::run_folder::log_meant_by;
 use run_log::{
     self, ExportError, RecoverError, ViewError, host_log_beside, is_whole, partial_path, recovered_path,
 };
+
+/// `gerono plot`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn plot(arguments: &Plot) -> Result<(), Failure> {
+    let logs: Vec<_> = arguments.logs.iter().map(|path| log_path(path)).collect();
+    let Plot { from, to, .. } = *arguments;
+    if from.unwrap_or(0.0) >= to.unwrap_or(f64::INFINITY) {
+        return Err(Failure::new(Exit::BadInput, "--from must be before --to"));
+    }
+    plot::distance(&logs, plot::Span { from, to }, &arguments.output)
+        .map_err(|error| Failure::new(Exit::Trouble, error))
+}
+
+/// `gerono digest`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn digest(arguments: &Digest) -> Result<(), Failure> {
+    let digest =
+        run_log::digest(&log_path(&arguments.log)).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    print(format!("{digest}\n"));
+    Ok(())
+}
 
 /// `gerono export`.
 ///

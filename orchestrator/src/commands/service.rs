@@ -1,0 +1,16 @@
+//! `gerono service`: a service of a flight, as the supervisor starts it.
+
+use command_line::exit::Exit;
+
+use super::Failure;
+
+/// `gerono service`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn service(name: &str) -> Result<(), Failure> {
+    runtime::process::run(name, experiment::build, laboratory::equip).map_err(|error| match error {
+        runtime::process::ProcessError::NotSpawned => Failure::new(Exit::BadInput, error),
+        error => Failure::new(Exit::FlightFailed, error),
+    })
+}
