@@ -45,11 +45,14 @@ impl Terminal {
         let end = || Stdio::from(self.line.try_clone().unwrap());
         command.stdin(end()).stdout(end()).stderr(end());
         let lead_a_session = || {
+            // Whoever runs the tests under `nohup` has no terminal that could end; this program has.
+            // SAFETY: the default handling is no code of this process.
+            unsafe { libc::signal(libc::SIGHUP, libc::SIG_DFL) };
             rustix::process::setsid()?;
             rustix::process::ioctl_tiocsctty(rustix::stdio::stdin())?;
             Ok(())
         };
-        // SAFETY: it does two system calls and neither allocates nor locks.
+        // SAFETY: it does three system calls and neither allocates nor locks.
         unsafe { command.pre_exec(lead_a_session) };
         command.spawn().unwrap()
     }
