@@ -17,6 +17,9 @@ const CHECKSUM_KEY: &str = "scenario_sha256";
 const SEED_KEY: &str = "seed";
 const LAYOUT_PREFIX: &str = "layout/";
 
+/// Name of the metadata record by which a copy for viewers is known, which is no log.
+pub(super) const COPY_RECORD_NAME: &str = "gerono_view";
+
 /// What determines a run's results, and nothing else: no wall clock, no path, nothing of the machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Manifest {

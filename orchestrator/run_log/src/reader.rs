@@ -13,10 +13,9 @@ use shared_types::{Header, Sample, Topic};
 use zerocopy::IntoBytes;
 
 use super::framing::LAYOUT_KEY;
-use super::manifest::{FORMAT_VERSION, Manifest, ManifestProblem};
+use super::manifest::{COPY_RECORD_NAME, FORMAT_VERSION, Manifest, ManifestProblem};
 use super::records::{self, RawRecord, Records, is_message_index};
 use super::recovery::Recovery;
-use super::view;
 
 /// Why a log cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -358,7 +357,7 @@ fn read_manifest(
                 let manifest = manifest.map_err(|problem| explain_manifest(path, problem))?;
                 return Ok((manifest, recovery));
             }
-            view::RECORD_NAME => return Err(foreign("it is a copy for viewers")),
+            COPY_RECORD_NAME => return Err(foreign("it is a copy for viewers")),
             _ => return Err(foreign("its first metadata is not the manifest of a flight")),
         }
     }

@@ -21,7 +21,7 @@ use shared_types::{Sample, Topic};
 use self::scene::Placed;
 use self::wire::Message;
 use super::framing::{Compression, LogError, McapFile, Written};
-use super::manifest::Manifest;
+use super::manifest::{COPY_RECORD_NAME, Manifest};
 use super::reader::{LogReadError, LogReader, LoggedSample};
 use super::writer::declare_topics;
 
@@ -50,9 +50,6 @@ pub enum ViewError {
     #[error(transparent)]
     Write(#[from] LogError),
 }
-
-/// Name of the metadata record that says that a file is a copy for viewers.
-pub(super) const RECORD_NAME: &str = "gerono_view";
 
 /// Where the copy for viewers is put unless another place is named: `run.view.mcap` for `run.mcap`.
 #[must_use]
@@ -290,7 +287,7 @@ impl Copy {
 /// What the copy says of itself, and what the log says of the flight.
 fn facts(reader: &LogReader) -> Vec<Metadata> {
     let view = Metadata {
-        name: RECORD_NAME.to_owned(),
+        name: COPY_RECORD_NAME.to_owned(),
         metadata: [("poses_per_second".to_owned(), DISPLAY_RATE.to_string())].into(),
     };
     let manifest = Metadata {
