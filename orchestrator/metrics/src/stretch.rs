@@ -116,31 +116,14 @@ impl Stretch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::path_clock::Demand;
-    use crate::tracker::Vehicle;
     use proptest::prelude::*;
     use shared_types::FlightPhase;
     use zerocopy::FromZeros;
 
     fn moment(time_ns: u64, distance: f64, phase: FlightPhase) -> Moment {
-        Moment {
-            vehicle: Vehicle {
-                tick: 0,
-                time_ns,
-                position_world: [0.0; 3],
-                world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-                velocity_body: [0.0; 3],
-                angular_velocity_body: [0.0, 3.0, 4.0],
-                thrust: 2.0,
-            },
-            path: Some(Demand {
-                position_world: [0.0; 3],
-                gamma: 0.0,
-                yaw: 0.0,
-                phase,
-            }),
-            distance: Some(distance),
-        }
+        let mut moment = Moment::hovering(time_ns, Some(distance), phase);
+        moment.vehicle.angular_velocity_body = [0.0, 3.0, 4.0];
+        moment
     }
 
     fn of(distances: &[f64]) -> Metrics {

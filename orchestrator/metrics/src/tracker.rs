@@ -221,3 +221,28 @@ pub fn newest_distance(vehicle: &Vehicle, reference: &PathReference, has_phases:
     let followed = !has_phases || is_followed(path.phase);
     path.distance(&vehicle.position_world).filter(|_| followed)
 }
+
+#[cfg(test)]
+impl Moment {
+    /// An upright vehicle at rest, 1 m above the ground, so far from its path (m).
+    pub(crate) fn hovering(time_ns: u64, distance: Option<f64>, phase: FlightPhase) -> Self {
+        Self {
+            vehicle: Vehicle {
+                tick: 0,
+                time_ns,
+                position_world: [0.0, 0.0, -1.0],
+                world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+                velocity_body: [0.0; 3],
+                angular_velocity_body: [0.0; 3],
+                thrust: 2.0,
+            },
+            path: Some(Demand {
+                position_world: [0.0; 3],
+                gamma: 0.0,
+                yaw: 0.0,
+                phase,
+            }),
+            distance,
+        }
+    }
+}

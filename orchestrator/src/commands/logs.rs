@@ -13,7 +13,7 @@ use command_line::terminal::Terminal;
 use evaluation::{info, plot};
 use run_log::run_folder::log_meant_by;
 use run_log::{
-    self, ExportError, RecoverError, ViewError, host_log_beside, is_whole, partial_path, recovered_path,
+    ExportError, RecoverError, ViewError, host_log_beside, is_whole, partial_path, recovered_path,
 };
 
 /// `gerono plot`.

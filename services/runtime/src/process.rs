@@ -129,12 +129,13 @@ fn live(
         lock,
         doorbells,
     } = inherited;
-    let [line, ear] = [channel.try_clone()?, channel.try_clone()?];
+    let line = Arc::new(channel.try_clone()?);
+    let heard = Arc::clone(&line);
     let tell = move |reason| {
         // Who does not listen is gone or hangs as well.
         let _ = line.try_send(&ToOrchestrator::Failed { reason });
     };
-    watchdog::watch_service(tell, move || ear.is_hung_up())?;
+    watchdog::watch_service(tell, move || heard.is_hung_up())?;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
     // A spare process stays off the services' core until it is one of them.
     let deployed = start.role.map(|role| deploy(role.service, start));

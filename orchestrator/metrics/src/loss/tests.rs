@@ -1,33 +1,16 @@
 //! When a vehicle is lost, by what is known of it.
 
 use super::*;
-use crate::path_clock::Demand;
 use proptest::prelude::*;
 use run_log::test_flight::scenario;
 use scenario::Flight;
 use shared_types::rotation::{from_roll_pitch_yaw, to_row_major};
 
-const UPRIGHT: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-
+/// The moment of a step of 10 ms each.
 fn moment(step: u64, distance: Option<f64>, phase: FlightPhase) -> Moment {
-    Moment {
-        vehicle: Vehicle {
-            tick: step,
-            time_ns: step * 10_000_000,
-            position_world: [0.0, 0.0, -1.0],
-            world_from_body: UPRIGHT,
-            velocity_body: [0.0; 3],
-            angular_velocity_body: [0.0; 3],
-            thrust: 2.0,
-        },
-        path: Some(Demand {
-            position_world: [0.0; 3],
-            gamma: 0.0,
-            yaw: 0.0,
-            phase,
-        }),
-        distance,
-    }
+    let mut moment = Moment::hovering(step * 10_000_000, distance, phase);
+    moment.vehicle.tick = step;
+    moment
 }
 
 /// The loss of a vehicle with such distances from its path (m), a step of 10 ms each.
