@@ -124,7 +124,7 @@ fn short_take_off() -> Scenario {
 fn short_laboratory() -> Scenario {
     let sets = [
         "duration=4.0",
-        "estimator.source=simulated",
+        "motion_capture.source=simulated",
         "flight.arm_at=0.5",
         "vehicle.fan.on_at=3.0",
     ];
@@ -283,9 +283,8 @@ impl CaptureServer {
 
 fn laboratory_of(system: &str, port: u16, device: &str) -> Scenario {
     let sets = [
-        format!("estimator.source={system}"),
         format!(
-            "motion_capture={{server = \"127.0.0.1\", port = {port}, object = \"quad\", rate = [20.0, 500.0]}}"
+            "motion_capture={{source = \"{system}\", server = \"127.0.0.1\", port = {port}, object = \"quad\", rate = [20.0, 500.0]}}"
         ),
         format!("rc_output.transmitter={{device = \"{device}\", arming_channel = 5}}"),
     ];

@@ -190,7 +190,7 @@ fn settings(port: u16, device: &str) -> [String; 4] {
     let [x, y, z] = CAMERAS;
     [
         format!(
-            "motion_capture={{server = \"127.0.0.1\", port = {port}, object = \"quad\", rate = [20.0, 500.0], \
+            "motion_capture={{source = \"vrpn\", server = \"127.0.0.1\", port = {port}, object = \"quad\", rate = [20.0, 500.0], \
              world_from_capture = {{position = [{x}, {y}, {z}], roll_pitch_yaw = [{}, 0.0, 0.0]}}}}",
             std::f64::consts::PI
         ),
@@ -381,7 +381,7 @@ fn what_is_not_there_ends_the_run_before_it_flies_with_the_fix() {
     let elsewhere = [
         &settings(free_port(), &receiver.device)[..],
         &[
-            "estimator.source=natnet".to_owned(),
+            "motion_capture.source=natnet".to_owned(),
             "motion_capture.interface=\"192.0.2.1\"".to_owned(),
         ],
     ]
@@ -433,12 +433,12 @@ fn a_laboratory_that_nobody_attends_is_refused() {
 
 /// A flight whose cameras are those of another one.
 fn flight_with_the_captures_of(place: &Place, recording: &str, host: &str, more: &[&str]) -> Command {
-    let recording = format!("estimator.recording={recording}");
+    let recording = format!("motion_capture.recording={recording}");
     let settings = [
         "--host",
         host,
         "--set",
-        "estimator.source=replay",
+        "motion_capture.source=replay",
         "--set",
         &recording,
     ];
@@ -499,7 +499,7 @@ fn captures_that_cannot_be_seen_again_end_the_run_before_it_flies_with_the_fix()
         (
             "blind",
             "realtime",
-            &["--set", "estimator={source=\"replay\", kalman={}}"],
+            &["--set", "motion_capture={source=\"replay\"}"],
             "add `recording` with its run's folder or its log",
         ),
     ] {

@@ -110,7 +110,7 @@ fn a_calibration_is_part_of_a_scenario() {
     let written: toml::Table = std::fs::read_to_string(&file).unwrap().parse().unwrap();
     let stated = written["motion_capture"].clone();
     let stated: scenario::MotionCapture = stated.try_into().unwrap();
-    assert_eq!(written["estimator"]["source"].as_str(), Some("natnet"));
+    assert_eq!(stated.source, scenario::PoseSource::Natnet);
     let calibration = motion_capture::conventions::Calibration::new(
         scenario::CaptureSystem::Natnet,
         stated.world_from_capture.as_ref(),
@@ -140,12 +140,10 @@ fn a_flight_never_takes_simulated_poses_for_those_of_a_network() {
         "--out",
         "out",
         "--set",
-        "estimator.source=vrpn",
-        "--set",
-        "motion_capture={server = \"127.0.0.1\", object = \"quad\"}",
+        "motion_capture={source = \"vrpn\", server = \"127.0.0.1\", object = \"quad\"}",
     ]);
     let output = output(&mut run);
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains("estimator.source=simulated"));
+    assert!(said(&output).contains("motion_capture.source=simulated"));
     assert!(!place.path("out").exists());
 }

@@ -42,7 +42,7 @@ fn every_scenario_is_replayed_identically() {
             // As it is tried without a laboratory.
             command.args([
                 "--set",
-                "estimator.source=simulated",
+                "motion_capture.source=simulated",
                 "--set",
                 "flight.arm_at=2.0",
             ]);

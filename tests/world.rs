@@ -352,7 +352,7 @@ fn every_system_that_a_world_seems_to_have_is_believed() {
     for (source, probed) in [("natnet", "natnet"), ("vicon_udp", "vicon")] {
         let port = free_port();
         let mut settings = settings(&place, port);
-        settings.push(format!("estimator.source={source}"));
+        settings.push(format!("motion_capture.source={source}"));
         let _world = World::begin(&place, &settings, &["--out", source, "--quiet"]);
         let port = port.to_string();
         let probe = [
@@ -386,7 +386,7 @@ fn what_a_world_cannot_be_is_refused_with_the_fix() {
     let device = format!("rc_output.transmitter.device='{}'", taken.display());
     for (setting, code, piece) in [
         (
-            "estimator.source=simulated",
+            "motion_capture.source=simulated",
             2,
             "state `vrpn`, `natnet` or `vicon_udp`",
         ),

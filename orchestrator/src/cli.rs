@@ -155,7 +155,7 @@ pub enum Command {
     /// Be the laboratory for a flight that is to be in one: simulate vehicle, cameras and receiver behind its sockets and links.
     ///
     /// A hardware-in-the-loop simulator. It simulates the scenario's vehicle by the system's clock, sends what the scenario's
-    /// cameras see of it as `estimator.source` (VRPN, NatNet, Vicon) to where the flight listens, and flies by the frames of
+    /// cameras see of it as `motion_capture.source` (VRPN, NatNet, Vicon) to where the flight listens, and flies by the frames of
     /// `rc_output.link` that arrive where the flight sends them: at a pseudo-terminal, which gets the name that
     /// `rc_output.transmitter.device` states, or at a socket. The flight, `gerono run --host realtime` with the same settings,
     /// shares nothing else with it, and cannot tell.

@@ -277,8 +277,7 @@ struct Here {
 
 impl Here {
     fn open(scenario: &Scenario) -> Result<Self> {
-        let stated = scenario.capture_system().zip(scenario.motion_capture.as_ref());
-        let (system, stated) = stated.ok_or_else(missing)?;
+        let (system, stated) = scenario.capture_system().ok_or_else(missing)?;
         let link = scenario.rc_output.clone().ok_or_else(missing)?;
         let transmitter = link.transmitter.as_ref().ok_or_else(missing)?;
         Ok(Self {

@@ -33,7 +33,7 @@ const DELAYS: usize = 1 << 20;
 
 pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
     let system = CaptureSystem::from(arguments.source);
-    let stated = stated(arguments);
+    let stated = stated(system, arguments);
     let bad = |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, error);
     let address = Address::new(system, &stated).map_err(|error| bad(&error))?;
     let mut feed = match &arguments.object {
@@ -97,11 +97,15 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
     Ok(Exit::Success)
 }
 
-fn stated(arguments: &MocapProbe) -> MotionCapture {
+fn stated(system: CaptureSystem, arguments: &MocapProbe) -> MotionCapture {
     MotionCapture {
         port: arguments.port.map(u32::from),
         interface: arguments.interface.to_string(),
-        ..MotionCapture::new(arguments.server, arguments.object.as_deref().unwrap_or_default())
+        ..MotionCapture::new(
+            system,
+            arguments.server,
+            arguments.object.as_deref().unwrap_or_default(),
+        )
     }
 }
 
@@ -381,14 +385,14 @@ fn calibration(system: CaptureSystem, stated: &MotionCapture, body: &Body, rate:
         .port
         .map_or_else(String::new, |port| format!("port = {port}\n"));
     format!(
-        "[estimator]\nsource = \"{}\"\n\n[estimator.kalman]\nposition_deviation = {:.2e}                  # m\n\n\
-         [motion_capture]\nserver = \"{}\"\n{port}interface = \"{}\"\nobject = {:?}\nrate = [{:.1}, {:.1}]                        # Hz\n\n\
+        "[estimator.kalman]\nposition_deviation = {:.2e}                  # m\n\n\
+         [motion_capture]\nsource = \"{}\"\nserver = \"{}\"\n{port}interface = \"{}\"\nobject = {:?}\nrate = [{:.1}, {:.1}]                        # Hz\n\n\
          [motion_capture.world_from_capture]          # the body lay at the origin of {{I}}\n\
          position = {}\nroll_pitch_yaw = {}\n\n\
          [motion_capture.body_from_markers]           # it was level, its nose along x\n\
          roll_pitch_yaw = {}\n",
-        system.name(),
         body.deviation().max(1e-5),
+        system.name(),
         stated.server,
         stated.interface,
         stated.object,

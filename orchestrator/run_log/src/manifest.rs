@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use scenario::Scenario;
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 use shared_types::Topic;
 use shared_types::sample::hex;
@@ -93,7 +94,7 @@ impl Manifest {
             return Err(ManifestProblem::Layouts(differing));
         }
         let text = get(SCENARIO_KEY)?;
-        let scenario: Scenario = serde_json::from_str(text)
+        let scenario = scenario_in(text)
             .map_err(|error| ManifestProblem::Broken(format!("its scenario cannot be read: {error}")))?;
         // Earlier programs wrote no checksum.
         let is_as_written = metadata
@@ -107,10 +108,36 @@ impl Manifest {
     }
 }
 
+/// The scenario that a manifest holds. Earlier programs kept where poses come from with the estimator.
+fn scenario_in(text: &str) -> serde_json::Result<Scenario> {
+    let mut stated: Value = serde_json::from_str(text)?;
+    for key in ["source", "recording"] {
+        let table = stated.get_mut("estimator").and_then(Value::as_object_mut);
+        if let Some(moved) = table.and_then(|table| table.remove(key)) {
+            stated["motion_capture"][key] = moved;
+        }
+    }
+    serde_json::from_value(stated)
+}
+
 fn checksum(scenario: &str) -> String {
     hex(&Sha256::digest(scenario))
 }
 
 fn layout_key(topic: Topic) -> String {
     format!("{LAYOUT_PREFIX}{topic}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_flight::scenario;
+
+    #[test]
+    fn logs_of_earlier_programs_have_their_source_of_poses_where_it_is_now() {
+        let mut earlier = serde_json::to_value(scenario(0.001, 1.0)).unwrap();
+        earlier["estimator"] = serde_json::json!({"source": "replay", "recording": "runs/x", "kalman": {}});
+        let read = scenario_in(&earlier.to_string()).unwrap();
+        assert_eq!(read.recorded_captures(), Some("runs/x"));
+    }
 }

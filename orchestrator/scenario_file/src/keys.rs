@@ -281,7 +281,7 @@ mod tests {
         );
         assert_eq!(
             advice(&key("estimator")),
-            "`estimator` is a table that holds `kalman`, `recording`, `source`"
+            "`estimator` is a table that holds `kalman`"
         );
     }
 

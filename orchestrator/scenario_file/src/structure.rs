@@ -42,6 +42,12 @@ pub(super) fn read(
     }
 }
 
+/// Keys that once stood elsewhere: table and name then, and the table now.
+const MOVED: [(&str, &str, &str); 2] = [
+    ("estimator", "source", "motion_capture"),
+    ("estimator", "recording", "motion_capture"),
+];
+
 /// Numbers of a [`Vector`].
 const LENGTH_OF_VECTOR: usize = std::mem::size_of::<Vector>() / std::mem::size_of::<f64>();
 
@@ -127,6 +133,13 @@ impl Mistake {
 /// Advice for an unknown key that belongs to a table around its own: in TOML a key belongs to the last header above it.
 fn place_in_enclosing_table(key: &Key) -> Option<String> {
     let (name, table) = key.segments().split_last()?;
+    let below = |owner: &str| format!("`{name}` belongs to `{owner}`: write it directly below `[{owner}]`");
+    let moved = MOVED
+        .iter()
+        .find(|(then, moved, _)| table == [*then] && name == moved);
+    if let Some((_, _, owner)) = moved {
+        return Some(below(owner));
+    }
     let enclosing = (0..table.len()).rev().map(|depth| &table[..depth]);
     let owner: Key = enclosing
         .map(|segments| segments.iter().cloned().collect::<Key>())
@@ -134,7 +147,7 @@ fn place_in_enclosing_table(key: &Key) -> Option<String> {
     Some(if owner.segments().is_empty() {
         format!("`{name}` belongs to no table: write it above the first `[...]` of the file")
     } else {
-        format!("`{name}` belongs to `{owner}`: write it directly below `[{owner}]`")
+        below(&owner.to_string())
     })
 }
 

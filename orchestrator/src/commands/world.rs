@@ -67,8 +67,8 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
 }
 
 fn cameras(scenario: &Scenario, timing: &Timing) -> Result<Cameras, Failure> {
-    let Some((system, stated)) = scenario.capture_system().zip(scenario.motion_capture.as_ref()) else {
-        let key: Key = ["estimator", "source"].into_iter().collect();
+    let Some((system, stated)) = scenario.capture_system() else {
+        let key: Key = ["motion_capture", "source"].into_iter().collect();
         let reason = "the scenario's flight simulates the world itself";
         return Err(refused(key, reason, "state `vrpn`, `natnet` or `vicon_udp`"));
     };
@@ -133,7 +133,7 @@ fn introduction(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> 
         capture_latency,
         radio_latency,
     } = timing;
-    let system = scenario.capture_system().map_or("", |system| system.name());
+    let system = scenario.capture_system().map_or("", |(system, _)| system.name());
     let link = scenario.radio_link().map_or("", |link| link.name());
     let onboard = if arguments.betaflight {
         "on board: Betaflight, by its simulator's UDP ports".to_owned()

@@ -204,14 +204,14 @@ pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
     if scenario.recorded_captures().is_some() {
         return Some(
             "recorded captures come in real time only; fly with --host realtime, or with --set \
-             estimator.source=simulated; in simulated time `gerono replay` does a recorded flight's steps again"
+             motion_capture.source=simulated; in simulated time `gerono replay` does a recorded flight's steps again"
                 .to_owned(),
         );
     }
-    let name = scenario.capture_system()?.name();
+    let name = scenario.capture_system()?.0.name();
     Some(format!(
         "poses are to come from `{name}`, which sends them in real time only; fly with --host realtime, or with --set \
-         estimator.source=simulated, or look at what comes with `gerono mocap probe`"
+         motion_capture.source=simulated, or look at what comes with `gerono mocap probe`"
     ))
 }
 

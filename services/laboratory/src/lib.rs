@@ -33,14 +33,11 @@ use transmitter::Transmitter;
 pub fn equip(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
     let page = Arc::clone(page);
     Ok(match service.id() {
-        ServiceId::Plant => {
-            let system = scenario.capture_system().zip(scenario.motion_capture.as_ref());
-            match (system, scenario.recorded_captures()) {
-                (Some((system, stated)), _) => Box::new(Cameras::open(system, stated, page)?),
-                (None, Some(recording)) => Box::new(RecordedCameras::open(Path::new(recording))?),
-                (None, None) => service,
-            }
-        }
+        ServiceId::Plant => match (scenario.capture_system(), scenario.recorded_captures()) {
+            (Some((system, stated)), _) => Box::new(Cameras::open(system, stated, page)?),
+            (None, Some(recording)) => Box::new(RecordedCameras::open(Path::new(recording))?),
+            (None, None) => service,
+        },
         ServiceId::RcOutput => match &scenario.rc_output {
             Some(link) if !link.link.is_simulated() => Box::new(Transmitter::open(service, link, page)?),
             _ => service,

@@ -36,7 +36,7 @@ impl RecordedCameras {
         captures.retain(|capture| capture.tracked.is_set());
         if captures.is_empty() {
             return Err(format!(
-                "no capture in {} has seen the vehicle; name another flight with `estimator.recording`",
+                "no capture in {} has seen the vehicle; name another flight with `motion_capture.recording`",
                 log.display()
             ));
         }

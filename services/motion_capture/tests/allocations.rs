@@ -28,7 +28,7 @@ fn pose(system: CaptureSystem, number: u32) -> CapturePose {
 }
 
 fn feed(system: CaptureSystem) -> Feed {
-    Feed::new(system, &MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")).unwrap()
+    Feed::new(system, &MotionCapture::new(system, Ipv4Addr::LOCALHOST, "quad")).unwrap()
 }
 
 fn arrival(number: u32) -> u64 {

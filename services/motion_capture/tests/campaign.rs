@@ -214,7 +214,7 @@ fn stated(system: CaptureSystem) -> MotionCapture {
         world_from_capture: identity.clone(),
         body_from_markers: identity,
         latency: Some(latency),
-        ..MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
+        ..MotionCapture::new(system, Ipv4Addr::LOCALHOST, "quad")
     }
 }
 

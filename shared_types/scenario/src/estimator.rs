@@ -3,18 +3,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::PoseSource;
-
 /// The state estimator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Estimator {
-    /// Where poses come from.
-    #[serde(default, skip_serializing_if = "PoseSource::is_simulated")]
-    pub source: PoseSource,
-    /// The log of the flight whose captures are replayed, or its run's folder; with the source `replay`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub recording: Option<String>,
     /// The error-state Kalman filter.
     pub kalman: Kalman,
 }

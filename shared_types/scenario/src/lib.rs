@@ -91,7 +91,7 @@ pub struct Scenario {
     /// The state estimator; passes what ideal cameras see on unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimator: Option<Estimator>,
-    /// The motion-capture system of a laboratory; needed where `estimator.source` names one.
+    /// Where poses come from; the plant's cameras unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_capture: Option<MotionCapture>,
     /// The radio link; ideal unless stated.

@@ -10,7 +10,7 @@ use shared_types::schedule::Schedule;
 use shared_types::service::nanoseconds;
 use shared_types::wiring::Topic;
 
-/// Where the estimator's poses come from.
+/// Where poses come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseSource {
@@ -38,11 +38,19 @@ pub enum CaptureSystem {
     Natnet,
 }
 
-/// The motion-capture system of `estimator.source`: where it is, which body is the vehicle, and what a pose can be.
+/// Where poses come from, and what is known of a laboratory's motion-capture system: where it is, which body is the vehicle,
+/// and what a pose can be.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MotionCapture {
-    /// IPv4 address of the machine that sends; packets from any other are counted and dropped.
+    /// Where poses come from.
+    #[serde(default, skip_serializing_if = "PoseSource::is_simulated")]
+    pub source: PoseSource,
+    /// The log of the flight whose captures are replayed, or its run's folder; with the source `replay`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording: Option<String>,
+    /// IPv4 address of the machine that sends; packets from any other are counted and dropped. With a system as the source.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub server: String,
     /// Its port, or with Vicon's UDP stream the port here; 3883 (VRPN), 1510 (NatNet) or 51001 (Vicon) unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -50,7 +58,9 @@ pub struct MotionCapture {
     /// IPv4 address of the interface here on which packets are received; nothing else is listened to.
     #[serde(default = "default_interface")]
     pub interface: String,
-    /// The vehicle: a body's name; its number as `#7` (NatNet); or both as `name#1` (a sensor of VRPN, 0 unless stated).
+    /// The vehicle: a body's name; its number as `#7` (NatNet); or both as `name#1` (a sensor of VRPN, 0 unless stated). With a
+    /// system as the source.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub object: String,
     /// From the capture system's frame to {I}; from its usual axes unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -124,11 +134,21 @@ impl PoseSource {
     }
 }
 
+impl From<CaptureSystem> for PoseSource {
+    fn from(system: CaptureSystem) -> Self {
+        match system {
+            CaptureSystem::ViconUdp => Self::ViconUdp,
+            CaptureSystem::Vrpn => Self::Vrpn,
+            CaptureSystem::Natnet => Self::Natnet,
+        }
+    }
+}
+
 impl CaptureSystem {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::ViconUdp, Self::Vrpn, Self::Natnet];
 
-    /// The word of `estimator.source`.
+    /// The word of `motion_capture.source`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -164,29 +184,31 @@ impl Scenario {
     /// Where the poses come from.
     #[must_use]
     pub fn pose_source(&self) -> PoseSource {
-        self.estimator
+        self.motion_capture
             .as_ref()
-            .map_or(PoseSource::Simulated, |estimator| estimator.source)
+            .map_or(PoseSource::Simulated, |stated| stated.source)
     }
 
-    /// The motion-capture system that sees the vehicle in a laboratory; `None` if the poses come from elsewhere.
+    /// The motion-capture system that sees the vehicle in a laboratory, and what is known of it; `None` if the poses come
+    /// from elsewhere.
     #[must_use]
-    pub fn capture_system(&self) -> Option<CaptureSystem> {
-        self.pose_source().system()
+    pub fn capture_system(&self) -> Option<(CaptureSystem, &MotionCapture)> {
+        let stated = self.motion_capture.as_ref()?;
+        Some((stated.source.system()?, stated))
     }
 
     /// The recorded flight whose captures are replayed; `None` if the poses come from elsewhere.
     #[must_use]
     pub fn recorded_captures(&self) -> Option<&str> {
-        let estimator = self.estimator.as_ref()?;
-        let recording = estimator.recording.as_deref();
-        recording.filter(|_| estimator.source == PoseSource::Replay)
+        let stated = self.motion_capture.as_ref()?;
+        let recording = stated.recording.as_deref();
+        recording.filter(|_| stated.source == PoseSource::Replay)
     }
 
     /// What is known of the cameras, where they are no simulated ones.
     fn real_cameras(&self) -> Option<&MotionCapture> {
         let stated = self.motion_capture.as_ref();
-        stated.filter(|_| !self.pose_source().is_simulated())
+        stated.filter(|stated| !stated.source.is_simulated())
     }
 
     /// Longest time between two captures of which none is missing, ns.
@@ -202,7 +224,7 @@ impl Scenario {
     #[must_use]
     pub fn capture_latency_ns(&self) -> u64 {
         self.real_cameras().map_or(0, |cameras| {
-            let usual = self.capture_system().map_or(0.0, CaptureSystem::latency);
+            let usual = cameras.source.system().map_or(0.0, CaptureSystem::latency);
             nanoseconds(cameras.latency.unwrap_or(usual))
         })
     }
@@ -211,8 +233,10 @@ impl Scenario {
 impl MotionCapture {
     /// A system that is known by its address and the vehicle's name only.
     #[must_use]
-    pub fn new(server: Ipv4Addr, object: &str) -> Self {
+    pub fn new(system: CaptureSystem, server: Ipv4Addr, object: &str) -> Self {
         Self {
+            source: system.into(),
+            recording: None,
             server: server.to_string(),
             port: None,
             interface: default_interface(),
@@ -246,10 +270,10 @@ mod tests {
     fn captures_are_as_far_apart_as_the_slowest_cameras_make_them_or_the_schedule() {
         let between = |rate: f64, source: PoseSource| {
             let mut scenario = rig();
-            scenario.estimator.as_mut().unwrap().source = source;
             scenario.motion_capture = Some(MotionCapture {
+                source,
                 rate: [rate, 500.0],
-                ..MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
+                ..MotionCapture::new(CaptureSystem::Vrpn, Ipv4Addr::LOCALHOST, "quad")
             });
             let schedule = scenario.schedule().unwrap();
             (

@@ -90,8 +90,6 @@ pub(super) fn rig() -> Scenario {
             ..Cameras::default()
         }),
         estimator: Some(Estimator {
-            source: PoseSource::default(),
-            recording: None,
             kalman: Kalman::default(),
         }),
         rc_output: Some(RcLink::default()),

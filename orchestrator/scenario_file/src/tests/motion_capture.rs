@@ -6,6 +6,7 @@ use super::*;
 
 const SYSTEM: &str = r#"
 [motion_capture]
+source = "vrpn"
 server = "192.168.10.1"
 port = 3884
 interface = "192.168.10.7"
@@ -19,47 +20,66 @@ world_from_capture = { position = [0.1, 0.2, 0.3], roll_pitch_yaw = [3.14159, 0.
 
 /// The laboratory with a source of poses in place of the plant's cameras.
 fn in_the_laboratory() -> String {
-    let text = with(
-        LABORATORY,
-        "[estimator.kalman]",
-        "[estimator]\nsource = \"vrpn\"\n\n[estimator.kalman]",
-    );
-    text + SYSTEM
+    LABORATORY.to_owned() + SYSTEM
 }
 
 #[test]
 fn a_system_is_read_as_it_is_written_and_the_rest_has_defaults() {
     let scenario = load_text(&in_the_laboratory(), &[]).unwrap();
-    let source = scenario.estimator.unwrap().source;
-    assert_eq!(source.system(), Some(CaptureSystem::Vrpn));
-    let system = scenario.motion_capture.unwrap();
+    let (name, system) = scenario.capture_system().unwrap();
+    assert_eq!(name, CaptureSystem::Vrpn);
     assert_eq!((system.port, system.rate), (Some(3884), [90.0, 110.0]));
-    assert_eq!(system.world_from_capture.unwrap().position, [0.1, 0.2, 0.3]);
+    assert_eq!(
+        system.world_from_capture.as_ref().unwrap().position,
+        [0.1, 0.2, 0.3]
+    );
     assert_eq!(system.body_from_markers, None);
     assert_eq!(system.max_turn_rate, 35.0);
 }
 
 #[test]
 fn poses_are_simulated_unless_a_source_is_stated_and_a_system_may_wait() {
-    let scenario = load_text(&(LABORATORY.to_owned() + SYSTEM), &[]).unwrap();
-    assert_eq!(scenario.estimator.unwrap().source, PoseSource::Simulated);
-    let sets = ["estimator.source=natnet"];
-    let scenario = load_text(&(LABORATORY.to_owned() + SYSTEM), &sets).unwrap();
-    assert_eq!(scenario.estimator.unwrap().source, PoseSource::Natnet);
+    let text = with(&in_the_laboratory(), "source = \"vrpn\"", "");
+    let scenario = load_text(&text, &[]).unwrap();
+    assert_eq!(scenario.pose_source(), PoseSource::Simulated);
+    let scenario = load_text(&text, &["motion_capture.source=natnet"]).unwrap();
+    assert_eq!(scenario.pose_source(), PoseSource::Natnet);
 }
 
 #[test]
 fn a_source_that_nothing_is_known_of_is_refused() {
-    let text = with(&in_the_laboratory(), SYSTEM, "");
+    let text = with(&in_the_laboratory(), "object = \"quad\"", "");
     let line = line_of(&text, "source = \"vrpn\"");
     refused_on_line(
         &text,
         line,
         &[
             "nothing says where `vrpn` sends from and which body is the vehicle",
-            "help: add `[motion_capture]` with `server` and `object`",
+            "help: add `server` and `object`",
         ],
     );
+}
+
+#[test]
+fn what_moved_from_the_estimator_is_told_its_new_place() {
+    for key in ["source", "recording"] {
+        let line = format!("{key} = \"vrpn\"");
+        let text = with(
+            &in_the_laboratory(),
+            "[estimator.kalman]",
+            &format!("[estimator]\n{line}\n\n[estimator.kalman]"),
+        );
+        let fix = format!("`{key}` belongs to `motion_capture`: write it directly below `[motion_capture]`");
+        let at = line_of(&text, "[estimator]") + 1;
+        refused_on_line(&text, at, &["is unknown", &fix]);
+    }
+}
+
+#[test]
+fn cameras_of_poses_need_a_filter() {
+    let text = with(&in_the_laboratory(), "[estimator.kalman]", "");
+    let shown = narrated(&load_text(&text, &[]).unwrap_err());
+    assert!(shown.contains("nothing estimates them"), "{shown}");
 }
 
 #[test]
@@ -130,7 +150,7 @@ fn a_name_is_as_long_as_the_protocol_lets_it_be() {
     let sets = [format!("motion_capture.object={long}")];
     let set = |source: &str| {
         let text = in_the_laboratory();
-        let source = format!("estimator.source={source}");
+        let source = format!("motion_capture.source={source}");
         load_text(&text, &[sets[0].as_str(), source.as_str()])
     };
     assert!(set("vrpn").is_ok());

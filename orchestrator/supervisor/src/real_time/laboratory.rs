@@ -28,7 +28,7 @@ impl<'a> Laboratory<'a> {
     #[must_use]
     pub fn of(scenario: &'a Scenario) -> Self {
         Self {
-            cameras: scenario.capture_system().zip(scenario.motion_capture.as_ref()),
+            cameras: scenario.capture_system(),
             link: scenario.radio_link(),
             were_well: [None; 2],
         }
@@ -174,7 +174,7 @@ mod tests {
     }
 
     fn stated() -> MotionCapture {
-        MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
+        MotionCapture::new(CaptureSystem::Vrpn, Ipv4Addr::LOCALHOST, "quad")
     }
 
     fn laboratory(stated: &MotionCapture) -> Laboratory<'_> {

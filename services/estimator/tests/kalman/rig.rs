@@ -174,8 +174,6 @@ pub fn scenario(model: &Model, kalman: &Kalman) -> Scenario {
     schedule.latency.insert("rc/frame -> plant".to_owned(), 0.005);
     scenario.model = Some(model.clone());
     scenario.estimator = Some(scenario::Estimator {
-        source: scenario::PoseSource::default(),
-        recording: None,
         kalman: kalman.clone(),
     });
     scenario

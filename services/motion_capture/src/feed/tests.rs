@@ -11,7 +11,7 @@ const START: u64 = 5_000 * MS;
 fn stated() -> MotionCapture {
     MotionCapture {
         settle: 0.05,
-        ..MotionCapture::new(Ipv4Addr::LOCALHOST, "quad")
+        ..MotionCapture::new(CaptureSystem::ViconUdp, Ipv4Addr::LOCALHOST, "quad")
     }
 }
 
@@ -232,7 +232,7 @@ fn a_body_is_named_by_its_name_its_number_or_both() {
         pose: None,
     };
     let selects = |system, object: &str, body: &WireBody| {
-        let stated = MotionCapture::new(Ipv4Addr::LOCALHOST, object);
+        let stated = MotionCapture::new(system, Ipv4Addr::LOCALHOST, object);
         Selector::new(system, &stated).unwrap().is(body)
     };
     assert!(selects(CaptureSystem::Natnet, "#7", &body(b"quad", 7)));

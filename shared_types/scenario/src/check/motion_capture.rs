@@ -12,35 +12,31 @@ const LONGEST_VICON_NAME: usize = 24;
 
 impl Scenario {
     pub(super) fn check_motion_capture(&self, found: &mut Findings) {
-        let system = self.capture_system();
+        let Some(stated) = &self.motion_capture else {
+            return;
+        };
         let at = Key::root().then("motion_capture");
-        match (&self.motion_capture, system) {
-            (Some(stated), system) => stated.check(system, &at, found),
-            (None, Some(system)) => found.add(
-                Key::root().then("estimator").then("source"),
-                format!(
-                    "nothing says where `{}` sends from and which body is the vehicle",
-                    system.name()
-                ),
-                "add `[motion_capture]` with `server` and `object`, or leave `source` out",
-            ),
-            (None, None) => {}
-        }
-        if self.pose_source() == PoseSource::Replay && self.recorded_captures().is_none() {
+        stated.check(&at, found);
+        if !stated.source.is_simulated() && self.estimator.is_none() {
             found.add(
-                Key::root().then("estimator").then("source"),
-                "nothing says which flight's captures are to be replayed",
-                "add `recording` with its run's folder or its log, or leave `source` out",
+                at.then("source"),
+                "such cameras measure no velocities, and nothing estimates them",
+                "add `[estimator.kalman]`, or leave `source` out",
             );
         }
     }
 }
 
 impl MotionCapture {
-    fn check(&self, system: Option<CaptureSystem>, at: &Key, found: &mut Findings) {
-        check_address(&at.then("server"), &self.server, found);
+    fn check(&self, at: &Key, found: &mut Findings) {
+        self.check_source(&at.then("source"), found);
+        if !self.server.is_empty() {
+            check_address(&at.then("server"), &self.server, found);
+        }
         check_address(&at.then("interface"), &self.interface, found);
-        self.check_object(system, &at.then("object"), found);
+        if !self.object.is_empty() {
+            self.check_object(&at.then("object"), found);
+        }
         if let Some(port) = self.port
             && !(1..=u32::from(u16::MAX)).contains(&port)
         {
@@ -73,7 +69,31 @@ impl MotionCapture {
         found.not_negative(&at.then("settle"), "the time", self.settle);
     }
 
-    fn check_object(&self, system: Option<CaptureSystem>, key: &Key, found: &mut Findings) {
+    fn check_source(&self, key: &Key, found: &mut Findings) {
+        if let Some(system) = self.source.system()
+            && (self.server.is_empty() || self.object.is_empty())
+        {
+            let reason = format!(
+                "nothing says where `{}` sends from and which body is the vehicle",
+                system.name()
+            );
+            found.add(
+                key.clone(),
+                reason,
+                "add `server` and `object`, or leave `source` out",
+            );
+        }
+        if self.source == PoseSource::Replay && self.recording.is_none() {
+            found.add(
+                key.clone(),
+                "nothing says which flight's captures are to be replayed",
+                "add `recording` with its run's folder or its log, or leave `source` out",
+            );
+        }
+    }
+
+    fn check_object(&self, key: &Key, found: &mut Findings) {
+        let system = self.source.system();
         let longest = match system {
             Some(CaptureSystem::ViconUdp) => LONGEST_VICON_NAME,
             _ => LONGEST_NAME,

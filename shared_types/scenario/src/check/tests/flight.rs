@@ -5,8 +5,8 @@ use std::net::Ipv4Addr;
 use super::assert_only;
 use crate::tests_support::{fig1, rig};
 use crate::{
-    Action, Curve, Envelope, EstimateLimit, Fence, Flight, Hover, InputSafety, Limit, MotionCapture,
-    PoseSource, Problem, RadioProtocol, Scenario, VectorLimit, Waypoints,
+    Action, CaptureSystem, Curve, Envelope, EstimateLimit, Fence, Flight, Hover, InputSafety, Limit,
+    MotionCapture, Problem, RadioProtocol, Scenario, VectorLimit, Waypoints,
 };
 use shared_types::schedule::OperatorPlan;
 use shared_types::service::Operator;
@@ -110,8 +110,11 @@ fn a_simulated_flight_that_nobody_arms_is_told_so() {
 fn in_a_laboratory_somebody_arms() {
     assert_eq!(rig().unattended(), None);
     let seen = |scenario: &mut Scenario| {
-        scenario.estimator.as_mut().unwrap().source = PoseSource::Vrpn;
-        scenario.motion_capture = Some(MotionCapture::new(Ipv4Addr::LOCALHOST, "quad"));
+        scenario.motion_capture = Some(MotionCapture::new(
+            CaptureSystem::Vrpn,
+            Ipv4Addr::LOCALHOST,
+            "quad",
+        ));
     };
     let heard = |scenario: &mut Scenario| {
         scenario.rc_output.get_or_insert_default().link = RadioProtocol::Crsf;
