@@ -29,7 +29,7 @@ use shared_types::{ServiceId, Topic};
 fn host(scenario: &Scenario) -> InProcess {
     InProcess::new(
         scenario.schedule().unwrap(),
-        experiment::build_all(scenario).unwrap(),
+        registry::build_all(scenario).unwrap(),
     )
 }
 
@@ -99,7 +99,7 @@ fn services_have_no_hidden_state() {
             for service in ServiceId::ALL {
                 let mut state = vec![0; host.service_mut(service).state_size()];
                 host.service_mut(service).save(&mut state);
-                let mut fresh = experiment::build(service, &scenario).unwrap();
+                let mut fresh = registry::build(service, &scenario).unwrap();
                 fresh.restore(&state);
                 host.replace(fresh);
             }
@@ -170,7 +170,7 @@ fn digest_of(plant: &Scenario, others: &Scenario) -> String {
         } else {
             others
         };
-        experiment::build(service, scenario).unwrap()
+        registry::build(service, scenario).unwrap()
     });
     let mut host = InProcess::new(plant.schedule().unwrap(), services.into());
     let mut sink = Digesting::default();
@@ -306,8 +306,8 @@ fn a_step_in_a_laboratory_allocates_nothing() {
         let page = Arc::new(SharedPage::create().unwrap());
         let mut host = host(&scenario);
         for service in [ServiceId::Plant, ServiceId::RcOutput] {
-            let plain = experiment::build(service, &scenario).unwrap();
-            host.replace(laboratory::equip(plain, &scenario, &page).unwrap());
+            let plain = registry::build(service, &scenario).unwrap();
+            host.replace(registry::connect(plain, &scenario, &page).unwrap());
         }
         page.words().start_ns.store(monotonic_ns(), Ordering::Release);
         let mut allocations = 0;

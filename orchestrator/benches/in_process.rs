@@ -42,7 +42,7 @@ fn ticks_not_recorded(bencher: Bencher) {
     bencher
         .counter(ItemsCount::new(TICKS))
         .with_inputs(|| {
-            let services = experiment::build_all(&scenario).expect("the scenario is in order");
+            let services = registry::build_all(&scenario).expect("the scenario is in order");
             InProcess::new(schedule.clone(), services)
         })
         .bench_local_refs(|host| host.fly(&mut Nowhere).is_ok());

@@ -199,6 +199,12 @@ pub trait Service: Send {
     fn restore(&mut self, state: &Self::State);
 }
 
+/// Why a service cannot be built or connected.
+pub type BuildError = Box<dyn std::error::Error + Send + Sync>;
+
+/// A service, or why there is none.
+pub type Built = Result<Box<dyn ErasedService>, BuildError>;
+
 /// A service as hosts see it. Implemented for every [`Service`].
 pub trait ErasedService: Send {
     /// Which service this is.

@@ -190,13 +190,14 @@ impl std::fmt::Display for ServiceId {
 
 macro_rules! wiring {
     (
+        dollar $d:tt
         topics {$(
             $(#[doc = $topic_doc:literal])*
             $topic:ident = $topic_name:literal;
         )+}
         services {$(
             $(#[doc = $service_doc:literal])*
-            $service:ident = $service_name:literal {
+            $service:ident = $name:ident {
                 $inputs:ident {$($input:ident: $input_topic:ident $(after $latency:literal)?),* $(,)?}
                 $outputs:ident {$($output:ident: $output_topic:ident),* $(,)?}
             }
@@ -261,7 +262,7 @@ macro_rules! wiring {
             /// Name in scenarios, in reports and on the command line.
             #[must_use]
             pub const fn name(self) -> &'static str {
-                match self {$(Self::$service => $service_name,)+}
+                match self {$(Self::$service => stringify!($name),)+}
             }
 
             /// What the service consumes.
@@ -284,8 +285,16 @@ macro_rules! wiring {
             }
         }
 
+        /// Hands all services to a macro, `name: Service` each: for tables with a field a service.
+        #[macro_export]
+        macro_rules! with_services {
+            ($d callback:ident) => {
+                $d callback! {$($name: $service),+}
+            };
+        }
+
         $(
-            #[doc = concat!("Inputs of the service `", $service_name, "`.")]
+            #[doc = concat!("Inputs of the service `", stringify!($name), "`.")]
             #[derive(Debug)]
             pub struct $inputs<'a> {$(
                 #[doc = concat!("Newest sample of `", stringify!($input_topic), "`.")]
@@ -300,7 +309,7 @@ macro_rules! wiring {
                 }
             }
 
-            #[doc = concat!("Outputs of the service `", $service_name, "`.")]
+            #[doc = concat!("Outputs of the service `", stringify!($name), "`.")]
             #[derive(Debug)]
             pub struct $outputs<'a> {$(
                 #[doc = concat!("Place for a sample of `", stringify!($output_topic), "`.")]
@@ -319,6 +328,7 @@ macro_rules! wiring {
 }
 
 wiring! {
+    dollar $
     topics {
         /// The plant's true state; for the log, never for a controller.
         VehicleTruth = "vehicle/truth";
@@ -341,27 +351,27 @@ wiring! {
     }
     services {
         /// Rigid body, actuators, disturbances and the simulated cameras.
-        Plant = "plant" {
+        Plant = plant {
             PlantInputs { frame: RcFrame after 1 }
             PlantOutputs { truth: VehicleTruth, pose: MocapPose }
         }
         /// Motion-capture feed and state estimator.
-        Estimator = "estimator" {
+        Estimator = estimator {
             EstimatorInputs { pose: MocapPose, frame: RcFrame after 1 }
             EstimatorOutputs { state: VehicleState }
         }
         /// The path and its timing law.
-        PathGenerator = "path_generator" {
+        PathGenerator = path_generator {
             PathGeneratorInputs { state: VehicleState, frame: RcFrame after 1 }
             PathGeneratorOutputs { reference: PathReference }
         }
         /// The adaptive control law.
-        Controller = "controller" {
+        Controller = controller {
             ControllerInputs { state: VehicleState, reference: PathReference }
             ControllerOutputs { command: ControlCommand, adaptation: ControlAdaptation, errors: ControlErrors }
         }
         /// The radio link's transmitter.
-        RcOutput = "rc_output" {
+        RcOutput = rc_output {
             RcOutputInputs { command: ControlCommand, state: VehicleState }
             RcOutputOutputs { frame: RcFrame }
         }

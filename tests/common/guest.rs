@@ -86,7 +86,7 @@ impl Guest {
         bells.dedup();
         Self {
             id,
-            service: experiment::build(id, &scenario).unwrap(),
+            service: registry::build(id, &scenario).unwrap(),
             channel,
             outlets,
             topics,

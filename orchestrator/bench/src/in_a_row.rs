@@ -112,7 +112,7 @@ mod tests {
             ..scenario
         };
         let schedule = scenario.schedule().unwrap();
-        let build = || experiment::build_all(&scenario).unwrap();
+        let build = || registry::build_all(&scenario).unwrap();
         let mut host = Last(vec![Vec::new(); Topic::ALL.len()]);
         assert!(InProcess::new(schedule.clone(), build()).fly(&mut host).is_ok());
         let mut floor = InARow::new(&schedule, build());

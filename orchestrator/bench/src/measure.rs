@@ -116,7 +116,7 @@ impl Series {
             .extend(restarts(flight, QUICK_DEATHS_APART)?);
         let schedule = supervisor::schedule_of(whole)?;
         for _ in 0..IN_PROCESS_FLIGHTS {
-            let services = experiment::build_all(whole).map_err(FlightFailure::Setup)?;
+            let services = registry::build_all(whole).map_err(FlightFailure::setup)?;
             self.in_a_row.push(InARow::new(&schedule, services).fly());
             let ending = in_process::fly(whole, &mut Nowhere, &Interrupt::never())?;
             self.in_process.push(rate(&ending)?);

@@ -18,7 +18,7 @@ pub(super) struct Vehicle {
 impl Vehicle {
     pub(super) fn new(scenario: &Scenario) -> Result<Self, String> {
         Ok(Self {
-            plant: experiment::build(ServiceId::Plant, scenario)?,
+            plant: registry::build(ServiceId::Plant, scenario).map_err(|error| error.to_string())?,
             frame: None,
             captures: 0,
         })

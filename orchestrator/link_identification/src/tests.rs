@@ -41,7 +41,7 @@ fn flown(name: &str, changes: &[&str], source: Source) -> Identification {
     let sets: Vec<String> = OTHERWISE.iter().chain(changes).map(ToString::to_string).collect();
     let scenario = scenario_file::load(&path, &sets, None).unwrap();
     let mut gatherer = Gatherer::new(&scenario, source, None).unwrap();
-    let services = experiment::build_all(&scenario).unwrap();
+    let services = registry::build_all(&scenario).unwrap();
     InProcess::new(scenario.schedule().unwrap(), services)
         .fly(&mut gatherer)
         .unwrap();

@@ -121,7 +121,7 @@ pub struct Replayed {
     /// Whether samples are missing in the recovered log, of the part that was replayed.
     pub lacks_samples: bool,
     /// The service whose steps cannot be done again, if it is to be: in a laboratory the world's are what cameras saw.
-    pub not_again: Option<ServiceId>,
+    pub not_again: Option<&'static str>,
     /// Services that are to be replayed and in whose place programs of one's own flew, whose steps nobody can do again.
     pub guests: Vec<ServiceId>,
     /// Of each topic that was published in the replay.
@@ -216,7 +216,8 @@ pub fn replay(
         let stepper: Box<dyn Stepper> = match &workshop {
             Some(workshop) => Box::new(workshop.start(service)?),
             None => {
-                let service = experiment::build(service, scenario).map_err(ReplayError::Scenario)?;
+                let service = registry::build(service, scenario)
+                    .map_err(|error| ReplayError::Scenario(error.to_string()))?;
                 Box::new(InThisProcess::new(service, &schedule))
             }
         };
@@ -225,6 +226,7 @@ pub fn replay(
     let mut replayed: Vec<_> = schedule.order().iter().copied().filter(wanted).collect();
     let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
     let not_again = replayed.iter().copied().find(seen);
+    let not_again = not_again.map(|service| recorded.process_name(service));
     let is_guest = |service: &ServiceId| recorded.program_of(*service).is_some();
     let guests = replayed.iter().copied().filter(is_guest).collect();
     replayed.retain(|service| !seen(service) && !is_guest(service));
@@ -263,7 +265,7 @@ struct Replay<'a> {
     schedule: &'a Schedule,
     scope: Scope,
     stations: Vec<Station>,
-    not_again: Option<ServiceId>,
+    not_again: Option<&'static str>,
     guests: Vec<ServiceId>,
     source: Source,
     machine: Machine,

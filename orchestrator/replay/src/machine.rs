@@ -130,7 +130,7 @@ impl Machine {
 
     fn keep_checkpoint(&mut self, found: LoggedCheckpoint) {
         let own = &mut self.services[found.service.index()];
-        if found.layout != experiment::state_layout(found.service) {
+        if found.layout != registry::state_layout(found.service) {
             own.has_strange_checkpoints = true;
             return;
         }

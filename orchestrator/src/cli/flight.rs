@@ -132,17 +132,13 @@ impl FromStr for ServiceCrash {
         });
         let (service, tick, place) =
             parts.ok_or_else(|| "write it as controller@1500:before-step".to_owned())?;
-        let services = ServiceId::ALL.map(ServiceId::name);
         let places = CrashPlace::ALL.map(CrashPlace::name);
-        let position = |names: &[&str], name: &str| {
-            let found = names.iter().position(|known| *known == name);
-            found.ok_or_else(|| known_names(name, names))
-        };
+        let known = places.iter().position(|known| *known == place);
         Ok(Self {
-            service: ServiceId::ALL[position(&services, service)?],
+            service: super::values::service(service)?,
             crash: Crash {
                 tick: tick.parse().map_err(|_| format!("`{tick}` is no tick"))?,
-                place: CrashPlace::ALL[position(&places, place)?],
+                place: CrashPlace::ALL[known.ok_or_else(|| known_names(place, &places))?],
             },
         })
     }

@@ -12,10 +12,8 @@ pub(super) fn service_process(name: &str) -> Result<String, String> {
 }
 
 pub(super) fn service(name: &str) -> Result<ServiceId, String> {
-    ServiceId::from_name(name).ok_or_else(|| {
-        let names: Vec<_> = ServiceId::ALL.iter().map(|service| service.name()).collect();
-        format!("there is no such service; there are {}", names.join(", "))
-    })
+    scenario::role_of_process(name)
+        .ok_or_else(|| scenario::suggest::known_names(name, &ServiceId::ALL.map(ServiceId::name)))
 }
 
 /// A core that this machine has.

@@ -16,7 +16,7 @@ use command_line::exit::Exit;
 pub fn check(arguments: &Check) -> Result<(), Failure> {
     let scenario = load(&arguments.scenario)?;
     let schedule = schedule_of(&scenario)?;
-    experiment::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    registry::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
     if arguments.mermaid {
         print(mermaid());
     } else {
@@ -29,7 +29,11 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
 /// The schedule and wiring of a scenario, for people.
 #[must_use]
 pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
-    let order: Vec<_> = schedule.order().iter().map(|service| service.name()).collect();
+    let order: Vec<_> = schedule
+        .order()
+        .iter()
+        .map(|&service| scenario.process_name(service))
+        .collect();
     format!(
         "{}\nbase tick {} s, {} ticks, {} s{}\n{}order within a tick: {}\n{}\n{}\n\n{}\n\n{}\n{}",
         if scenario.description.is_empty() {
@@ -46,7 +50,7 @@ pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
         gains(scenario),
         order.join(" → "),
         programs(scenario),
-        services(schedule),
+        services(scenario, schedule),
         topics(schedule),
         edges(schedule),
         unread(schedule),
@@ -92,12 +96,16 @@ fn programs(scenario: &Scenario) -> String {
         .collect()
 }
 
-fn services(schedule: &Schedule) -> Table {
+fn services(scenario: &Scenario, schedule: &Schedule) -> Table {
     let mut table = table(&["service", "period, s", "first step, s"]);
     for service in ServiceId::ALL {
         let rate = schedule.service_rate(service);
         let time = |ticks| seconds(schedule.time_ns(ticks)).to_string();
-        table.add_row([service.to_string(), time(rate.period), time(rate.phase)]);
+        table.add_row([
+            scenario.process_name(service).to_owned(),
+            time(rate.period),
+            time(rate.phase),
+        ]);
     }
     table
 }

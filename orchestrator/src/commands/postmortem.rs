@@ -3,7 +3,6 @@
 use std::os::unix::fs::MetadataExt;
 
 use rustix::process::{Pid, Signal, WaitOptions, kill_process, kill_process_group};
-use shared_types::ServiceId;
 
 use super::Failure;
 use crate::cli::{Host, Postmortem};
@@ -89,9 +88,10 @@ fn process(pid: u32) -> String {
         return "the orchestrator itself".to_owned();
     }
     let called = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
-    match (program_of(pid), ServiceId::from_name(called.trim_end())) {
+    let called = called.trim_end();
+    match (program_of(pid), scenario::role_of_process(called)) {
         (Some(service), _) => format!("process {pid} (the program in place of `{service}`)"),
-        (None, Some(service)) => format!("process {pid} (`{service}`)"),
+        (None, Some(_)) => format!("process {pid} (`{called}`)"),
         (None, None) => format!("process {pid}"),
     }
 }

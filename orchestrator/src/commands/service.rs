@@ -9,7 +9,7 @@ use super::Failure;
 /// # Errors
 /// [`Failure`].
 pub fn service(name: &str) -> Result<(), Failure> {
-    runtime::process::run(name, experiment::build, laboratory::equip).map_err(|error| match error {
+    runtime::process::run(name, registry::build, registry::connect).map_err(|error| match error {
         runtime::process::ProcessError::NotSpawned => Failure::new(Exit::BadInput, error),
         error => Failure::new(Exit::FlightFailed, error),
     })

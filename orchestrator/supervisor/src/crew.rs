@@ -181,15 +181,22 @@ impl<'a> Crew<'a> {
 
     /// Starts the first process of the next service and tells it what to fly.
     fn enlist(&mut self, service: ServiceId) -> Result<(), FlightFailure> {
-        let process = self.spawn(service.name())?;
+        let name = self.name_of(service);
+        let process = self.spawn(name)?;
         // Kept before it is spoken to, so that it is ended whatever happens next.
-        self.members.push(CrewMember::new(service, process));
+        self.members.push(CrewMember::new(service, name, process));
         let role = Role {
             service,
             crash: self.crash_of(service, 0),
         };
         self.instruct(&self.members[service.index()].process, Some(role))?;
         self.say(service, &ToService::MakePorts)
+    }
+
+    /// What the process of a service is called.
+    #[must_use]
+    pub fn name_of(&self, service: ServiceId) -> &'static str {
+        self.start.scenario.process_name(service)
     }
 
     /// Where the process of a service is to kill itself that follows so many others.
@@ -408,7 +415,7 @@ impl<'a> Crew<'a> {
                 }
                 Err(error) => {
                     events.push(CrewEvent::Lost(FlightFailure::GaveUp {
-                        service: self.members[at].service.to_string(),
+                        service: self.members[at].name.to_owned(),
                         reason: error.to_string(),
                     }));
                     break;

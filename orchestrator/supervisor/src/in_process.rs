@@ -23,7 +23,7 @@ where
     super::refuse_unsimulated_poses(scenario)?;
     super::refuse_programs(scenario)?;
     let schedule = super::schedule_of(scenario)?;
-    let services = experiment::build_all(scenario).map_err(FlightFailure::Setup)?;
+    let services = registry::build_all(scenario).map_err(FlightFailure::setup)?;
     let mut host = InProcess::new(schedule, services);
     let mut sink = Interruptible {
         sink,

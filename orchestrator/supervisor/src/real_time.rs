@@ -206,7 +206,7 @@ impl<'a> Flight<'a> {
         let settings = site.scenario.real_time.unwrap_or_default();
         Self {
             heartbeats: Heartbeats::new(schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
-            monitor: Monitor::new(schedule),
+            monitor: Monitor::new(schedule, |service| site.scenario.process_name(service)),
             schedule,
             clock,
             crew,
@@ -335,11 +335,15 @@ impl<'a> Flight<'a> {
             CrewEvent::Died => {
                 self.observer.changed(&self.crew);
                 if let Some((Some(service), pid, exit)) = self.crew.exits().last() {
-                    let text = format!("`{service}` (process {pid}) died: {}", exit.description);
+                    let name = self.crew.name_of(*service);
+                    let text = format!("`{name}` (process {pid}) died: {}", exit.description);
                     self.remember(text);
                 }
             }
-            CrewEvent::Ready(service, _) => self.remember(format!("`{service}` was restarted")),
+            CrewEvent::Ready(service, _) => {
+                let name = self.crew.name_of(service);
+                self.remember(format!("`{name}` was restarted"));
+            }
             CrewEvent::Finished(_) => {}
         }
     }
@@ -445,7 +449,8 @@ impl<'a> Flight<'a> {
         for service in hanging {
             self.observer.hung(service);
             self.crew.kill(service);
-            self.remember(format!("`{service}` hangs and is replaced"));
+            let name = self.crew.name_of(service);
+            self.remember(format!("`{name}` hangs and is replaced"));
         }
     }
 

@@ -15,7 +15,7 @@ use motion_capture::transport::{Address, Source};
 use runtime::flight_clock::monotonic_ns;
 use runtime::shared_page::SharedPage;
 use scenario::{CaptureSystem, MotionCapture};
-use shared_types::service::{ErasedService, InputView, OutputSlot, Outputs};
+use shared_types::service::{BuildError, ErasedService, InputView, OutputSlot, Outputs};
 use shared_types::wiring::PlantOutputs;
 use shared_types::{Now, ServiceId};
 
@@ -47,18 +47,18 @@ impl Cameras {
         system: CaptureSystem,
         stated: &MotionCapture,
         page: Arc<SharedPage>,
-    ) -> Result<Self, String> {
-        let address = Address::new(system, stated).map_err(|problem| problem.to_string())?;
+    ) -> Result<Self, BuildError> {
+        let address = Address::new(system, stated)?;
         let source = match Source::open(&address) {
             Ok(source) => Some(source),
             Err(_) if is_under_way(&page) => None,
-            Err(error) => return Err(error.to_string()),
+            Err(error) => return Err(error.into()),
         };
         Ok(Self {
             address,
             source,
             retry_at_ns: 0,
-            feed: Feed::new(system, stated).map_err(|problem| problem.to_string())?,
+            feed: Feed::new(system, stated)?,
             hand: Hand::default(),
             believed_at_ns: None,
             page,

@@ -16,34 +16,45 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use runtime::process::Built;
 use runtime::shared_page::SharedPage;
 use scenario::Scenario;
-use shared_types::ServiceId;
-use shared_types::service::ErasedService;
+use shared_types::service::{Built, ErasedService};
 
 use cameras::Cameras;
 use recorded_cameras::RecordedCameras;
 use transmitter::Transmitter;
 
-/// Connects a service to what a scenario says is in the laboratory; most are connected to nothing.
+/// Connects step logic to what a scenario says is in the laboratory, or puts something real in its place. The error says what
+/// cannot be had, with the fix.
+pub type Connect = fn(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built;
+
+/// A motion-capture system in place of the plant.
 ///
 /// # Errors
-/// What cannot be had, with the fix, in words.
-pub fn equip(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
-    let page = Arc::clone(page);
-    Ok(match service.id() {
-        ServiceId::Plant => match (scenario.capture_system(), scenario.recorded_captures()) {
-            (Some((system, stated)), _) => Box::new(Cameras::open(system, stated, page)?),
-            (None, Some(recording)) => Box::new(RecordedCameras::open(Path::new(recording))?),
-            (None, None) => service,
-        },
-        ServiceId::RcOutput => match &scenario.rc_output {
-            Some(link) if !link.link.is_simulated() => Box::new(Transmitter::open(service, link, page)?),
-            _ => service,
-        },
-        ServiceId::Estimator | ServiceId::PathGenerator | ServiceId::Controller => service,
-    })
+/// As [`Connect`].
+pub fn motion_capture(_: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
+    let (system, stated) = scenario
+        .capture_system()
+        .ok_or("no motion-capture system is stated")?;
+    Ok(Box::new(Cameras::open(system, stated, Arc::clone(page))?))
+}
+
+/// The captures of a recorded flight in place of the plant.
+///
+/// # Errors
+/// As [`Connect`].
+pub fn recorded_captures(_: Box<dyn ErasedService>, scenario: &Scenario, _: &Arc<SharedPage>) -> Built {
+    let recording = scenario.recorded_captures().ok_or("no recording is stated")?;
+    Ok(Box::new(RecordedCameras::open(Path::new(recording))?))
+}
+
+/// A radio link behind the transmitter.
+///
+/// # Errors
+/// As [`Connect`].
+pub fn radio_link(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
+    let link = scenario.rc_output.as_ref().ok_or("no radio link is stated")?;
+    Ok(Box::new(Transmitter::open(service, link, Arc::clone(page))?))
 }
 
 /// Whether the flight is under way: another process was this service before.

@@ -9,7 +9,7 @@
 use std::path::Path;
 
 use shared_types::samples::MocapPose;
-use shared_types::service::{ErasedService, InputView, OutputSlot, Outputs};
+use shared_types::service::{BuildError, ErasedService, InputView, OutputSlot, Outputs};
 use shared_types::wiring::PlantOutputs;
 use shared_types::{Now, ServiceId};
 
@@ -29,16 +29,16 @@ impl RecordedCameras {
     ///
     /// # Errors
     /// A log that cannot be read to its end, or whose cameras never saw the vehicle, with the fix.
-    pub(super) fn open(recording: &Path) -> Result<Self, String> {
+    pub(super) fn open(recording: &Path) -> Result<Self, BuildError> {
         let log = log_meant_by(recording);
-        let read = LogReader::open(&log).and_then(|reader| reader.samples().collect());
-        let mut captures: Vec<MocapPose> = read.map_err(|error| error.to_string())?;
+        let mut captures: Vec<MocapPose> = LogReader::open(&log)?.samples().collect::<Result<_, _>>()?;
         captures.retain(|capture| capture.tracked.is_set());
         if captures.is_empty() {
-            return Err(format!(
-                "no capture in {} has seen the vehicle; name another flight with `motion_capture.recording`",
-                log.display()
-            ));
+            let log = log.display();
+            let reason = format!(
+                "no capture in {log} has seen the vehicle; name another flight with `motion_capture.recording`"
+            );
+            return Err(reason.into());
         }
         Ok(Self { captures, passed: 0 })
     }

@@ -10,7 +10,9 @@ use radio_link::sticks::Sticks;
 use runtime::shared_page::SharedPage;
 use scenario::RcLink;
 use shared_types::sample::Field;
-use shared_types::service::{ErasedService, InputView, OutputSlot, Outputs, nanoseconds, seconds};
+use shared_types::service::{
+    BuildError, ErasedService, InputView, OutputSlot, Outputs, nanoseconds, seconds,
+};
 use shared_types::wiring::RcOutputOutputs;
 use shared_types::{Now, ServiceId};
 use zerocopy::FromZeros;
@@ -38,18 +40,18 @@ impl Transmitter {
         service: Box<dyn ErasedService>,
         link: &RcLink,
         page: Arc<SharedPage>,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, BuildError> {
         let opened = if is_under_way(&page) {
             RadioLink::reopen(link)
         } else {
-            RadioLink::open(link).map_err(|error| error.to_string())?
+            RadioLink::open(link)?
         };
         let transmitter = link.transmitter.as_ref();
         let (opened, transmitter) = opened
             .zip(transmitter)
             .ok_or_else(|| format!("nothing says where frames of `{}` go", link.link.name()))?;
         let period_ns = nanoseconds(1.0 / transmitter.frame_rate_on(link.link));
-        let sender = Sender::start(opened, period_ns).map_err(|error| error.to_string())?;
+        let sender = Sender::start(opened, period_ns)?;
         let figures = in_flight(&sender.condition());
         let transmitter = Self {
             service,

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use rustix::process::DumpableBehavior;
 use scenario::{Scenario, ServiceDeployment};
-use shared_types::service::ErasedService;
+use shared_types::service::{Built, ErasedService};
 use shared_types::{Schedule, ServiceId};
 
 use crate::checkpoints::Checkpoints;
@@ -36,13 +36,10 @@ pub const SPARE: &str = "spare";
 /// Timer slack of services in real time unless one is stated, s: the least that there is.
 const SHARPEST: f64 = 1e-9;
 
-/// A service, or in words why there is none.
-pub type Built = Result<Box<dyn ErasedService>, String>;
-
 /// Runs a process that `gerono run` has spawned, from its first message to its last: a service, or a spare process
 /// that waits for one to die and then takes its place. `name` is what the system calls the process meanwhile.
 ///
-/// `build` makes the step logic of a service. In real time `equip` connects it to what the scenario says is in the
+/// `build` makes the step logic of a role. In real time `connect` connects it to what the scenario says is in the
 /// laboratory, before the service is ready; it is asked of nobody who is not a service yet.
 ///
 /// # Errors
@@ -50,7 +47,7 @@ pub type Built = Result<Box<dyn ErasedService>, String>;
 pub fn run(
     name: &str,
     build: impl Fn(ServiceId, &Scenario) -> Built,
-    equip: impl FnOnce(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built,
+    connect: impl FnOnce(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built,
 ) -> Result<(), ProcessError> {
     let inherited = Inherited::take()?;
     // What iceoryx2 and the shell left open in the orchestrator is nothing to its services, and less to programs in their
@@ -80,7 +77,7 @@ pub fn run(
         // A vehicle in the air outlives the orchestrator: see `lone_flight`.
         deployment::outlive_parent()?;
     }
-    let result = live(inherited, &start, name, build, equip);
+    let result = live(inherited, &start, name, build, connect);
     report(&channel, result)
 }
 
@@ -110,7 +107,10 @@ fn invite(
 
 fn schedule_of(start: &Start) -> Result<Schedule, ProcessError> {
     let schedule = start.scenario.schedule();
-    schedule.map_err(|problems| ProcessError::Scenario(format!("{problems:?}")))
+    schedule.map_err(|problems| {
+        let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        ProcessError::Scenario(problems.join("; ").into())
+    })
 }
 
 /// Makes what is needed to fly, and flies. Who has no role yet makes what every role needs and waits for one.
@@ -119,7 +119,7 @@ fn live(
     start: &Start,
     name: &str,
     build: impl Fn(ServiceId, &Scenario) -> Built,
-    equip: impl FnOnce(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built,
+    connect: impl FnOnce(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built,
 ) -> Result<(), ProcessError> {
     let Inherited {
         channel,
@@ -152,7 +152,7 @@ fn live(
         let ToService::Become(role) = channel.receive()? else {
             return Ok(());
         };
-        deployment::call_process(role.service.name())?;
+        deployment::call_process(start.scenario.process_name(role.service))?;
         (role, services.swap_remove(role.service.index()))
     };
     let (scheduler, warnings) = deployed.unwrap_or_else(|| deploy(role.service, start));
@@ -165,7 +165,7 @@ fn live(
     };
     let page = Arc::new(page);
     if start.host == Host::RealTime {
-        service = equip(service, &start.scenario, &page).map_err(ProcessError::Equipment)?;
+        service = connect(service, &start.scenario, &page).map_err(ProcessError::Connection)?;
     }
     let mut waiter = Waiter::new(
         role.service,

@@ -1,5 +1,7 @@
 //! Why a service process ends early.
 
+use shared_types::service::BuildError;
+
 use crate::control::ControlError;
 use crate::flight_error::FlightError;
 use crate::ports::PortError;
@@ -20,10 +22,10 @@ pub enum ProcessError {
     Port(#[from] PortError),
     /// The scenario does not make a service or schedule.
     #[error("the scenario cannot be flown: {0}")]
-    Scenario(String),
-    /// What is connected to the service in a laboratory cannot be used.
-    #[error("{0}")]
-    Equipment(String),
+    Scenario(BuildError),
+    /// What is to be connected to the service in a laboratory cannot be used.
+    #[error(transparent)]
+    Connection(BuildError),
     /// The program that is to fly in place of the service cannot be started.
     #[error("{0}")]
     Guest(String),

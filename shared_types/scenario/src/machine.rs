@@ -6,43 +6,58 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::kind::MOTION_CAPTURE;
 use super::{Controller, Programs, RadioProtocol, RcLink, Scenario};
 use shared_types::wiring::ServiceId;
 
-/// How the services use the machine: for all of them, unless a service's own table says otherwise.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Deployment {
-    /// Whether to refuse to fly if the machine does not permit what is stated; if not, the run says so and flies.
-    pub strict: bool,
-    /// Core that the services run on; chosen as the run begins unless stated.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub core: Option<u32>,
-    /// Priority of `SCHED_FIFO`, 1 to 99, above all ordinary work; the ordinary scheduler unless stated.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub priority: Option<u32>,
-    /// Whether memory is locked and touched before the flight, so that no step waits for a page; not unless stated.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lock_memory: Option<bool>,
-    /// How much later the system may wake a sleeping service to save energy, s; the system's 5e-5 unless stated.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub timer_slack: Option<f64>,
-    /// What differs for the plant.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub plant: Option<ServiceDeployment>,
-    /// What differs for the estimator.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub estimator: Option<ServiceDeployment>,
-    /// What differs for the path generator.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub path_generator: Option<ServiceDeployment>,
-    /// What differs for the controller.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub controller: Option<ServiceDeployment>,
-    /// What differs for the radio link.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rc_output: Option<ServiceDeployment>,
+macro_rules! deployment {
+    ($($name:ident: $service:ident),+) => {
+        /// How the services use the machine: for all of them, unless a service's own table says otherwise.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct Deployment {
+            /// Whether to refuse to fly if the machine does not permit what is stated; if not, the run says so and flies.
+            pub strict: bool,
+            /// Core that the services run on; chosen as the run begins unless stated.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub core: Option<u32>,
+            /// Priority of `SCHED_FIFO`, 1 to 99, above all ordinary work; the ordinary scheduler unless stated.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub priority: Option<u32>,
+            /// Whether memory is locked and touched before the flight, so that no step waits for a page; not unless stated.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub lock_memory: Option<bool>,
+            /// How much later the system may wake a sleeping service to save energy, s; the system's 5e-5 unless stated.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub timer_slack: Option<f64>,
+            $(
+                #[doc = concat!("What differs for `", stringify!($name), "`.")]
+                #[serde(skip_serializing_if = "Option::is_none")]
+                pub $name: Option<ServiceDeployment>,
+            )+
+            /// What differs for `motion_capture`, which has the place of the plant in a laboratory.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub motion_capture: Option<ServiceDeployment>,
+        }
+
+        impl Deployment {
+            /// What the own table of a process says, by what it is called.
+            #[must_use]
+            pub fn own(&self, process_name: &str) -> Option<&ServiceDeployment> {
+                match process_name {
+                    $(stringify!($name) => self.$name.as_ref(),)+
+                    MOTION_CAPTURE => self.motion_capture.as_ref(),
+                    _ => None,
+                }
+            }
+
+            fn owns_mut(&mut self) -> impl Iterator<Item = &mut ServiceDeployment> {
+                [$(&mut self.$name),+, &mut self.motion_capture].into_iter().flatten()
+            }
+        }
+    };
 }
+shared_types::with_services!(deployment);
 
 /// How one service uses the machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -63,18 +78,6 @@ pub struct ServiceDeployment {
 }
 
 impl Deployment {
-    /// What a service's own table says.
-    #[must_use]
-    pub fn own(&self, service: ServiceId) -> Option<&ServiceDeployment> {
-        match service {
-            ServiceId::Plant => self.plant.as_ref(),
-            ServiceId::Estimator => self.estimator.as_ref(),
-            ServiceId::PathGenerator => self.path_generator.as_ref(),
-            ServiceId::Controller => self.controller.as_ref(),
-            ServiceId::RcOutput => self.rc_output.as_ref(),
-        }
-    }
-
     /// States no core any more: somebody else decides.
     pub fn forget_cores(&mut self) {
         self.core = None;
@@ -85,17 +88,6 @@ impl Deployment {
     pub fn forget_priorities(&mut self) {
         self.priority = None;
         self.owns_mut().for_each(|own| own.priority = None);
-    }
-
-    fn owns_mut(&mut self) -> impl Iterator<Item = &mut ServiceDeployment> {
-        let owns = [
-            &mut self.plant,
-            &mut self.estimator,
-            &mut self.path_generator,
-            &mut self.controller,
-            &mut self.rc_output,
-        ];
-        owns.into_iter().flatten()
     }
 
     /// What is said for all services.
@@ -109,10 +101,10 @@ impl Deployment {
         }
     }
 
-    /// How a service uses the machine: what its own table says, else what is said for all.
+    /// How a process uses the machine: what its own table says, else what is said for all.
     #[must_use]
-    pub fn of(&self, service: ServiceId) -> ServiceDeployment {
-        let own = self.own(service).copied().unwrap_or_default();
+    pub fn of(&self, process_name: &str) -> ServiceDeployment {
+        let own = self.own(process_name).copied().unwrap_or_default();
         let common = self.common();
         ServiceDeployment {
             core: own.core.or(common.core),
@@ -185,7 +177,9 @@ impl Scenario {
     pub fn deployment_of(&self, service: ServiceId) -> ServiceDeployment {
         self.deployment
             .as_ref()
-            .map_or_else(ServiceDeployment::default, |deployment| deployment.of(service))
+            .map_or_else(ServiceDeployment::default, |deployment| {
+                deployment.of(self.process_name(service))
+            })
     }
 }
 
@@ -208,7 +202,7 @@ mod tests {
             }),
             ..Deployment::default()
         };
-        let of = |service| deployment.of(service);
+        let of = |service: ServiceId| deployment.of(service.name());
         assert_eq!(of(ServiceId::Plant).priority, Some(20));
         assert_eq!(of(ServiceId::RcOutput).priority, Some(40));
         assert_eq!(of(ServiceId::RcOutput).core, Some(1));
@@ -232,11 +226,12 @@ mod tests {
             path_generator: own,
             controller: own,
             rc_output: own,
+            motion_capture: own,
             ..Deployment::default()
         };
         deployment.forget_cores();
         for service in ServiceId::ALL {
-            let of = deployment.of(service);
+            let of = deployment.of(service.name());
             assert_eq!(
                 (of.core, of.priority, of.lock_memory),
                 (None, Some(30), Some(true))
@@ -244,7 +239,7 @@ mod tests {
         }
         deployment.forget_priorities();
         for service in ServiceId::ALL {
-            assert_eq!(deployment.of(service).priority, None);
+            assert_eq!(deployment.of(service.name()).priority, None);
         }
     }
 

@@ -10,44 +10,36 @@ use serde::{Deserialize, Serialize};
 use super::Scenario;
 use shared_types::{Guests, ServiceId};
 
-/// Programs of one's own: the words of a command line each, of which the first names what is started.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Programs {
-    /// Folder in which programs are started, seen from the scenario's file; the file's own unless stated.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub folder: Option<PathBuf>,
-    /// What flies in place of the plant, program and arguments.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub plant: Option<Vec<String>>,
-    /// What flies in place of the estimator, program and arguments.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub estimator: Option<Vec<String>>,
-    /// What flies in place of the path generator, program and arguments.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub path_generator: Option<Vec<String>>,
-    /// What flies in place of the controller, program and arguments.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub controller: Option<Vec<String>>,
-    /// What flies in place of the radio link, program and arguments.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rc_output: Option<Vec<String>>,
+macro_rules! programs {
+    ($($name:ident: $service:ident),+) => {
+        /// Programs of one's own: the words of a command line each, of which the first names what is started.
+        #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct Programs {
+            /// Folder in which programs are started, seen from the scenario's file; the file's own unless stated.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub folder: Option<PathBuf>,
+            $(
+                #[doc = concat!("What flies in place of `", stringify!($name), "`, program and arguments.")]
+                #[serde(skip_serializing_if = "Option::is_none")]
+                pub $name: Option<Vec<String>>,
+            )+
+        }
+
+        impl Programs {
+            /// The program that flies in place of a service, and its arguments.
+            #[must_use]
+            pub fn of(&self, service: ServiceId) -> Option<&[String]> {
+                match service {
+                    $(ServiceId::$service => self.$name.as_deref(),)+
+                }
+            }
+        }
+    };
 }
+shared_types::with_services!(programs);
 
 impl Programs {
-    /// The program that flies in place of a service, and its arguments.
-    #[must_use]
-    pub fn of(&self, service: ServiceId) -> Option<&[String]> {
-        let words = match service {
-            ServiceId::Plant => &self.plant,
-            ServiceId::Estimator => &self.estimator,
-            ServiceId::PathGenerator => &self.path_generator,
-            ServiceId::Controller => &self.controller,
-            ServiceId::RcOutput => &self.rc_output,
-        };
-        words.as_deref()
-    }
-
     /// Says where the folder of the scenario's file is.
     pub fn anchor(&mut self, file_folder: &Path) {
         let folder = match &self.folder {

@@ -66,7 +66,7 @@ impl Flight {
             summary,
             facts,
             histograms: if is_timed {
-                latency::histograms(log, &schedule)
+                latency::histograms(log, &scenario, &schedule)
             } else {
                 Vec::new()
             },

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use scenario::Scenario;
 use serde::Serialize;
 use shared_types::{Schedule, ServiceId};
 
@@ -27,10 +28,10 @@ pub(super) struct Histogram {
 }
 
 impl Histogram {
-    fn new(service: ServiceId, what: &'static str) -> Self {
+    fn new(service: &'static str, what: &'static str) -> Self {
         let edges: Vec<f64> = edges().map(|edge| edge as f64 / 1e9).collect();
         Self {
-            service: service.name(),
+            service,
             what,
             counts: vec![0; edges.len()],
             edges,
@@ -54,10 +55,11 @@ fn edges() -> impl Iterator<Item = u64> {
 
 /// How late steps began and how long they took, of each service; none of a flight in simulated time, or if what is
 /// beside the log cannot be read.
-pub(super) fn histograms(log: &Path, schedule: &Schedule) -> Vec<Histogram> {
+pub(super) fn histograms(log: &Path, scenario: &Scenario, schedule: &Schedule) -> Vec<Histogram> {
     let steps = host_log_beside(log).and_then(|path| HostReader::open(&path).ok());
-    let mut late = ServiceId::ALL.map(|service| Histogram::new(service, "step began after its tick"));
-    let mut long = ServiceId::ALL.map(|service| Histogram::new(service, "step took"));
+    let mut late = ServiceId::ALL
+        .map(|service| Histogram::new(scenario.process_name(service), "step began after its tick"));
+    let mut long = ServiceId::ALL.map(|service| Histogram::new(scenario.process_name(service), "step took"));
     for (service, step) in steps
         .into_iter()
         .flat_map(HostReader::steps)
@@ -81,7 +83,7 @@ mod tests {
 
     #[test]
     fn every_time_is_counted_in_the_bin_that_holds_it() {
-        let mut histogram = Histogram::new(ServiceId::ALL[0], "step took");
+        let mut histogram = Histogram::new("plant", "step took");
         assert!(histogram.is_empty() && histogram.edges.is_sorted());
         for time_ns in [0, 100, 125, 126, 999_999, 1_000_000, u64::MAX] {
             histogram.count(time_ns);
@@ -95,10 +97,11 @@ mod tests {
     #[test]
     fn a_flight_without_a_record_of_the_machine_has_none() {
         let folder = tempfile::tempdir().unwrap();
-        let schedule = Schedule::ideal(1_000_000, 10);
+        let flown = run_log::test_flight::scenario(0.001, 0.01);
+        let schedule = flown.schedule().unwrap();
         let log = folder.path().join("run.mcap");
-        assert_eq!(histograms(&log, &schedule), []);
+        assert_eq!(histograms(&log, &flown, &schedule), []);
         std::fs::write(folder.path().join("host.mcap"), "no log").unwrap();
-        assert_eq!(histograms(&log, &schedule), []);
+        assert_eq!(histograms(&log, &flown, &schedule), []);
     }
 }

@@ -7,7 +7,11 @@ use shared_types::ServiceId;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Rebirth {
     /// Which service.
+    #[serde(skip)]
     pub service: ServiceId,
+    /// What its process is called.
+    #[serde(rename = "service")]
+    pub name: &'static str,
     /// Id of the new process.
     pub pid: u32,
     /// The last tick that had been flown; `None` if it was the first.
@@ -18,10 +22,10 @@ pub struct Rebirth {
 
 impl std::fmt::Display for Rebirth {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let service = self.service;
+        let name = self.name;
         match self.tick {
-            Some(tick) => write!(formatter, "`{service}` died after tick {tick}")?,
-            None => write!(formatter, "`{service}` died before its first step")?,
+            Some(tick) => write!(formatter, "`{name}` died after tick {tick}")?,
+            None => write!(formatter, "`{name}` died before its first step")?,
         }
         let lost = 1e3 * self.lost_seconds;
         write!(formatter, " and was restarted within {lost:.1} ms")

@@ -193,7 +193,7 @@ impl Crew<'_> {
 
     fn guest_failure(&self, at: usize, what: String) -> FlightFailure {
         FlightFailure::Guest {
-            service: self.members[at].service.to_string(),
+            service: self.members[at].name.to_owned(),
             pid: self.members[at].process.id(),
             what,
         }

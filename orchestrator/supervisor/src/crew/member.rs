@@ -15,6 +15,8 @@ use crate::FlightFailure;
 /// A service of the crew.
 pub(super) struct CrewMember {
     pub(super) service: ServiceId,
+    /// What its process is called.
+    pub(super) name: &'static str,
     pub(super) process: Process,
     pub(super) phase: Phase,
     /// How many processes have been started.
@@ -58,9 +60,10 @@ pub(super) enum Phase {
 
 impl CrewMember {
     /// A service whose first process has just been started.
-    pub(super) fn new(service: ServiceId, process: Process) -> Self {
+    pub(super) fn new(service: ServiceId, name: &'static str, process: Process) -> Self {
         Self {
             service,
+            name,
             process,
             phase: Phase::Starting,
             lives: 1,
@@ -113,7 +116,7 @@ impl CrewMember {
             ToOrchestrator::Failed { reason } => {
                 self.phase = Phase::GivenUp;
                 CrewEvent::Lost(FlightFailure::GaveUp {
-                    service: self.service.to_string(),
+                    service: self.name.to_owned(),
                     reason: presentable(&reason),
                 })
             }

@@ -65,9 +65,9 @@ impl Crew<'_> {
         };
         let Some(pause) = pause else {
             member.phase = Phase::GivenUp;
-            let times = member.fruitless;
+            let (name, times) = (member.name, member.fruitless);
             let died = |exit: Exit| FlightFailure::Died {
-                service: service.to_string(),
+                service: name.to_owned(),
                 pid,
                 tick: flown_until.saturating_sub(1),
                 how: exit.description,
@@ -138,7 +138,7 @@ impl Crew<'_> {
             Phase::Starting if now - self.members[at].process.asked_at > READY_LIMIT => {
                 self.members[at].process.signal(Signal::KILL);
                 Err(FlightFailure::NotReady {
-                    services: vec![self.members[at].service.to_string()],
+                    services: vec![self.members[at].name.to_owned()],
                     limit: READY_LIMIT,
                 })
             }
@@ -278,6 +278,7 @@ impl Crew<'_> {
         if let Some(died_at) = member.died_at {
             self.rebirths.push(Rebirth {
                 service,
+                name: member.name,
                 pid: member.process.id(),
                 tick,
                 lost_seconds: died_at.elapsed().as_secs_f64(),
@@ -325,7 +326,7 @@ impl Crew<'_> {
     fn spawn_on_its_core(&self, service: ServiceId) -> Result<Process, FlightFailure> {
         let own = deployment::allowed_cores();
         let moved = self.start.core.map(|core| deployment::pin_to(&[core]));
-        let process = self.spawn(service.name());
+        let process = self.spawn(self.name_of(service));
         if moved.is_some_and(|moved| moved.is_ok()) {
             // Only slower if it is refused.
             let _ = deployment::pin_to(&own);

@@ -62,7 +62,7 @@ impl<T: FromStr> FromStr for PerService<T> {
         let (service, value) = match text.split_once('=') {
             None => (None, text),
             Some((name, value)) => {
-                let service = ServiceId::from_name(name).ok_or_else(|| {
+                let service = scenario::role_of_process(name).ok_or_else(|| {
                     let names = ServiceId::ALL.map(ServiceId::name);
                     scenario::suggest::known_names(name, &names)
                 })?;

@@ -52,7 +52,7 @@ impl<'a> Crew<'a> {
             let process = survivor.and_then(|(pid, channel)| Process::adopt(pid, channel).ok());
             let adopted = match process {
                 Some(process) => {
-                    let mut flying = CrewMember::new(service, process);
+                    let mut flying = CrewMember::new(service, crew.name_of(service), process);
                     flying.phase = Phase::Flying;
                     crew.members.push(flying);
                     Ok(())

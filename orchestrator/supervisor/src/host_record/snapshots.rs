@@ -31,7 +31,7 @@ impl Snapshots {
         Self {
             services: ServiceId::ALL.map(|service| Taken {
                 service,
-                layout: experiment::state_layout(service),
+                layout: registry::state_layout(service),
                 next_at: 0,
                 last: 0,
             }),
@@ -77,7 +77,7 @@ mod tests {
         for tick in 0..5500 {
             for found in snapshots.take(&checkpoints, &schedule, tick) {
                 assert_eq!(found.service, SERVICE);
-                assert_eq!(found.layout, experiment::state_layout(SERVICE));
+                assert_eq!(found.layout, registry::state_layout(SERVICE));
                 taken.push((tick, found.checkpoint.next_tick));
             }
             // It is late, and away for a while.

@@ -96,17 +96,19 @@ impl Flight<'_> {
     }
 
     fn break_service(&mut self, name: &str, how: Break) -> Answer {
-        let Some(service) = ServiceId::from_name(name).filter(|&service| self.crew.flies(service)) else {
+        let Some(service) = scenario::role_of_process(name).filter(|&service| self.crew.flies(service))
+        else {
             return Answer::Refused(format!("no service `{name}` flies"));
         };
+        let name = self.crew.name_of(service);
         let text = match how {
             Break::Kill => {
                 self.crew.kill(service);
-                format!("`{service}` was killed by hand")
+                format!("`{name}` was killed by hand")
             }
             Break::Freeze => {
                 self.crew.freeze(service);
-                format!("`{service}` was stopped by hand")
+                format!("`{name}` was stopped by hand")
             }
         };
         self.tell(&text);

@@ -34,6 +34,8 @@ pub struct Monitor {
 /// What is known of one service.
 struct Track {
     service: ServiceId,
+    /// What its process is called.
+    name: &'static str,
     edges: Vec<Edge>,
     /// Of each input, whether any step looks at it: what is not connected has no age.
     is_read: Vec<bool>,
@@ -76,11 +78,12 @@ impl Timing {
 }
 
 impl Monitor {
-    /// For a flight of `schedule`.
+    /// For a flight of `schedule`, in which the process of each service is called as `name_of` says.
     #[must_use]
-    pub fn new(schedule: &Schedule) -> Self {
+    pub fn new(schedule: &Schedule, name_of: impl Fn(ServiceId) -> &'static str) -> Self {
+        let track = |service| Track::new(service, name_of(service), schedule);
         Self {
-            tracks: ServiceId::ALL.map(|service| Track::new(service, schedule)).into(),
+            tracks: ServiceId::ALL.map(track).into(),
             unsettled: Vec::new(),
             capture_to_frame: histogram(),
             chain_window: histogram(),
@@ -192,10 +195,11 @@ impl Monitor {
 }
 
 impl Track {
-    fn new(service: ServiceId, schedule: &Schedule) -> Self {
+    fn new(service: ServiceId, name: &'static str, schedule: &Schedule) -> Self {
         let inputs = 0..service.inputs().len();
         Self {
             service,
+            name,
             is_read: inputs
                 .clone()
                 .map(|input| schedule.reads(service, input))
@@ -256,7 +260,7 @@ impl Track {
             })
         };
         ServiceSnapshot {
-            name: self.service.name().to_owned(),
+            name: self.name.to_owned(),
             rate: self.last_window.steps,
             wake: Quantiles::of(&self.last_window.wake),
             step: Quantiles::of(&self.last_window.duration),
@@ -269,7 +273,7 @@ impl Track {
 
     fn report(&self) -> ServiceTiming {
         ServiceTiming {
-            service: self.service.name(),
+            service: self.name,
             steps: self.timing.steps,
             missed_steps: self.missed,
             late_inputs: self.late_inputs,
@@ -315,7 +319,7 @@ mod tests {
     fn flown(ticks: u64, change: impl Fn(ServiceId, &mut StepRecord)) -> TimingReport {
         let schedule = Schedule::ideal(TICK_NS, 1000);
         let log = StepLog::create().unwrap();
-        let mut monitor = Monitor::new(&schedule);
+        let mut monitor = Monitor::new(&schedule, ServiceId::name);
         for tick in 0..ticks {
             for service in ServiceId::ALL {
                 let mut record = step(&schedule, service, tick, 10_000);
@@ -356,7 +360,7 @@ mod tests {
             .unwrap();
         unread[ServiceId::Estimator.index()][frames] = true;
         let schedule = Schedule::ideal(TICK_NS, 1000).with_unread_inputs(unread);
-        let snapshots = Monitor::new(&schedule).services();
+        let snapshots = Monitor::new(&schedule, ServiceId::name).services();
         let topics: Vec<_> = snapshots[ServiceId::Estimator.index()]
             .inputs
             .iter()

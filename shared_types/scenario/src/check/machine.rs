@@ -22,8 +22,17 @@ impl Scenario {
         if let Some(deployment) = &self.deployment {
             deployment.common().check(&at, found);
             for service in ServiceId::ALL {
-                if let Some(own) = deployment.own(service) {
-                    own.check(&at.then(service.name()), found);
+                let (role, process) = (service.name(), self.process_name(service));
+                if let Some(own) = deployment.own(process) {
+                    own.check(&at.then(process), found);
+                }
+                if role != process && deployment.own(role).is_some() {
+                    let reason = format!("no process is called `{role}` in this flight");
+                    found.add(
+                        at.then(role),
+                        reason,
+                        format!("name the table `deployment.{process}`"),
+                    );
                 }
             }
         }

@@ -9,8 +9,8 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use experiment::build_all;
 use host::in_process::{InProcess, TickSink};
+use registry::build_all;
 use scenario::Scenario;
 use shared_types::digest::ExperimentDigest;
 use shared_types::{Schedule, Topic};

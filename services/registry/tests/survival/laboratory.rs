@@ -3,9 +3,9 @@
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 
-use experiment::build_all;
 use host::in_process::{InProcess, TickSink};
 use nalgebra::Vector3;
+use registry::build_all;
 use scenario::Scenario;
 use shared_types::Topic;
 use shared_types::noise::{Draws, Noise, Stream};

@@ -7,9 +7,9 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use experiment::build_all;
 use host::in_process::{InProcess, TickSink};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use registry::build_all;
 use scenario::Scenario;
 use shared_types::Topic;
 use shared_types::noise::{Draws, Noise, Stream};

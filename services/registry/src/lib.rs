@@ -1,0 +1,146 @@
+//! What can fly: a constructor for each role and kind. There is no other list of it.
+//!
+//! Without the feature `laboratory` it is the experiment alone, without anything of the machine that it runs on.
+
+#[cfg(feature = "laboratory")]
+use std::sync::Arc;
+
+#[cfg(feature = "laboratory")]
+use runtime::shared_page::SharedPage;
+use scenario::{Kind, Scenario};
+use shared_types::sample::layout_hash;
+use shared_types::service::{BuildError, Built, ErasedService};
+use shared_types::{Service, ServiceId};
+
+use controller::ControllerService;
+use estimator::EstimatorService;
+use path_generator::PathGeneratorService;
+use plant::PlantService;
+use rc_output::RcOutputService;
+
+/// How that which flies in a role comes to be.
+#[derive(Clone, Copy, Debug)]
+pub enum Constructor {
+    /// From the scenario alone.
+    StepLogic(StepLogic),
+    /// From the step logic, and from what the scenario says is in the laboratory.
+    #[cfg(feature = "laboratory")]
+    Driver(laboratory::Connect),
+    /// The process becomes the program that the scenario names.
+    Program,
+}
+
+/// The step logic of a role.
+#[derive(Clone, Copy, Debug)]
+pub struct StepLogic {
+    build: fn(&Scenario) -> Built,
+    state_layout: fn() -> String,
+}
+
+/// The constructor of a kind in a role; `None` if nothing of the kind flies there.
+#[must_use]
+pub fn constructor(role: ServiceId, kind: Kind) -> Option<Constructor> {
+    match (role, kind) {
+        (_, Kind::StepLogic) => Some(Constructor::StepLogic(step_logic(role))),
+        (_, Kind::Program) => Some(Constructor::Program),
+        #[cfg(feature = "laboratory")]
+        (ServiceId::Plant, Kind::MotionCapture) => Some(Constructor::Driver(laboratory::motion_capture)),
+        #[cfg(feature = "laboratory")]
+        (ServiceId::Plant, Kind::RecordedCaptures) => {
+            Some(Constructor::Driver(laboratory::recorded_captures))
+        }
+        #[cfg(feature = "laboratory")]
+        (ServiceId::RcOutput, Kind::RadioLink) => Some(Constructor::Driver(laboratory::radio_link)),
+        _ => None,
+    }
+}
+
+fn step_logic(role: ServiceId) -> StepLogic {
+    fn of<S: Service>(build: fn(&Scenario) -> Built) -> StepLogic {
+        StepLogic {
+            build,
+            state_layout: layout_hash::<S::State>,
+        }
+    }
+    match role {
+        ServiceId::Plant => of::<PlantService>(|scenario| Ok(Box::new(PlantService::new(scenario)))),
+        ServiceId::Estimator => {
+            of::<EstimatorService>(|scenario| Ok(Box::new(EstimatorService::new(scenario)?)))
+        }
+        ServiceId::PathGenerator => {
+            of::<PathGeneratorService>(|scenario| Ok(Box::new(PathGeneratorService::new(scenario)?)))
+        }
+        ServiceId::Controller => {
+            of::<ControllerService>(|scenario| Ok(Box::new(ControllerService::new(scenario))))
+        }
+        ServiceId::RcOutput => of::<RcOutputService>(|scenario| Ok(Box::new(RcOutputService::new(scenario)))),
+    }
+}
+
+/// Builds the step logic of a role, which knows nothing of how the machine is used.
+///
+/// # Errors
+/// What the scenario asks for and the service cannot do.
+pub fn build(role: ServiceId, scenario: &Scenario) -> Built {
+    (step_logic(role).build)(&scenario.experiment())
+}
+
+/// Builds the step logic of all roles, for a flight in one process.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_all(scenario: &Scenario) -> Result<Vec<Box<dyn ErasedService>>, BuildError> {
+    let roles = ServiceId::ALL.into_iter();
+    roles.map(|role| build(role, scenario)).collect()
+}
+
+/// Connects step logic to what the scenario says is in the laboratory; most is connected to nothing.
+///
+/// # Errors
+/// What cannot be had, with the fix.
+#[cfg(feature = "laboratory")]
+pub fn connect(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
+    let role = service.id();
+    match constructor(role, scenario.kind_of(role)) {
+        Some(Constructor::Driver(connect)) => connect(service, scenario, page),
+        _ => Ok(service),
+    }
+}
+
+/// What tells the layout of a role's state from any other: the beginning of its hash. A state of another build is only to be
+/// restored if it is the same.
+///
+/// # Panics
+/// Never: a hash is a hexadecimal number of more digits.
+#[must_use]
+pub fn state_layout(role: ServiceId) -> u64 {
+    let hash = (step_logic(role).state_layout)();
+    u64::from_str_radix(&hash[..16], 16).expect("hexadecimal digits")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn no_two_services_have_one_layout() {
+        let layouts: BTreeSet<_> = ServiceId::ALL.into_iter().map(state_layout).collect();
+        assert_eq!(layouts.len(), ServiceId::ALL.len());
+    }
+
+    #[test]
+    #[cfg(feature = "laboratory")]
+    fn every_kind_flies_in_some_role_and_its_process_has_a_name_of_its_own_there() {
+        for kind in Kind::ALL {
+            let mut roles = ServiceId::ALL.into_iter();
+            assert!(roles.any(|role| constructor(role, kind).is_some()), "{kind:?}");
+            let roles = ServiceId::ALL
+                .into_iter()
+                .filter(|&role| constructor(role, kind).is_some());
+            let names: BTreeSet<_> = roles.clone().map(|role| kind.process_name(role)).collect();
+            assert_eq!(names.len(), roles.count(), "{kind:?}");
+        }
+    }
+}

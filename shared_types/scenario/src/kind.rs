@@ -1,0 +1,113 @@
+//! What flies in a role: the step logic of the experiment, a driver of something real, or a program of one's own.
+
+use super::{PoseSource, Scenario};
+use shared_types::ServiceId;
+
+/// What flies in a role. The registry has a constructor for every pair of role and kind that a scenario can ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The step logic of the experiment, which every host can step.
+    StepLogic,
+    /// The driver of a motion-capture system on the network, in place of the plant.
+    MotionCapture,
+    /// The captures of a recorded flight, in place of the plant.
+    RecordedCaptures,
+    /// The transmitter's step logic, and the driver of a radio link behind it.
+    RadioLink,
+    /// A program of one's own.
+    Program,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::StepLogic,
+        Self::MotionCapture,
+        Self::RecordedCaptures,
+        Self::RadioLink,
+        Self::Program,
+    ];
+
+    /// What the process is called that flies this kind in a role.
+    #[must_use]
+    pub fn process_name(self, role: ServiceId) -> &'static str {
+        match self {
+            Self::MotionCapture | Self::RecordedCaptures => MOTION_CAPTURE,
+            Self::StepLogic | Self::RadioLink | Self::Program => role.name(),
+        }
+    }
+}
+
+/// What the process is called that hands on captures where nobody simulates a plant.
+pub(crate) const MOTION_CAPTURE: &str = "motion_capture";
+
+impl Scenario {
+    /// What flies in a role in real time; in simulated time drivers have nothing to connect to.
+    #[must_use]
+    pub fn kind_of(&self, role: ServiceId) -> Kind {
+        if self.program_of(role).is_some() {
+            return Kind::Program;
+        }
+        match (role, self.pose_source()) {
+            (ServiceId::Plant, PoseSource::Replay) => Kind::RecordedCaptures,
+            (ServiceId::Plant, source) if source.system().is_some() => Kind::MotionCapture,
+            (ServiceId::RcOutput, _) if self.radio_link().is_some() => Kind::RadioLink,
+            _ => Kind::StepLogic,
+        }
+    }
+
+    /// What the process in a role is called: in listings of processes, messages and tables.
+    #[must_use]
+    pub fn process_name(&self, role: ServiceId) -> &'static str {
+        self.kind_of(role).process_name(role)
+    }
+}
+
+/// The role of a process, by what it is called.
+#[must_use]
+pub fn role_of_process(name: &str) -> Option<ServiceId> {
+    let of_a_driver = (name == MOTION_CAPTURE).then_some(ServiceId::Plant);
+    of_a_driver.or_else(|| ServiceId::from_name(name))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::Ipv4Addr;
+
+    use super::*;
+    use crate::tests_support::rig;
+    use crate::{CaptureSystem, Deployment, MotionCapture, ServiceDeployment};
+
+    #[test]
+    fn in_a_laboratory_no_process_is_called_plant() {
+        let mut scenario = rig();
+        assert_eq!(scenario.process_name(ServiceId::Plant), "plant");
+        let system = MotionCapture::new(CaptureSystem::Vrpn, Ipv4Addr::LOCALHOST, "quad");
+        for source in [PoseSource::Vrpn, PoseSource::Replay] {
+            scenario.motion_capture = Some(MotionCapture {
+                source,
+                recording: Some("runs/fig7".to_owned()),
+                ..system.clone()
+            });
+            assert_eq!(scenario.process_name(ServiceId::Plant), "motion_capture");
+        }
+        let own = Some(ServiceDeployment {
+            core: Some(1),
+            ..ServiceDeployment::default()
+        });
+        scenario.deployment = Some(Deployment {
+            motion_capture: own,
+            ..Deployment::default()
+        });
+        assert_eq!(scenario.problems(), []);
+        assert_eq!(scenario.deployment_of(ServiceId::Plant).core, Some(1));
+        scenario.deployment.as_mut().unwrap().plant = own;
+        let [problem] = &scenario.problems()[..] else {
+            panic!("{:?}", scenario.problems())
+        };
+        assert_eq!(problem.fix, "name the table `deployment.motion_capture`");
+        for role in ServiceId::ALL {
+            assert_eq!(role_of_process(scenario.process_name(role)), Some(role));
+        }
+    }
+}
