@@ -156,7 +156,7 @@ fn what_cannot_be_flown_is_refused_with_what_to_do_and_nothing_is_written() {
     for (arguments, piece) in [
         (&["--set", planned][..], "--set fault=[]"),
         (&["--service", "plant"], "flies on"),
-        (&["--service", "controler"], "there is no such service"),
+        (&["--service", "controler"], "did you mean `controller`?"),
         (
             &["--edge", "mocap/pose -> estimatr"],
             "did you mean `mocap/pose -> estimator`",

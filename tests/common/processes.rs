@@ -37,7 +37,7 @@ pub(crate) fn processes_of(orchestrator: u32) -> Vec<(String, u32)> {
 fn name_of(pid: u32) -> Option<String> {
     let called = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
     let called = called.trim_end();
-    if called == SPARE || ServiceId::from_name(called).is_some() {
+    if called == SPARE || scenario::role_of_process(called).is_some() {
         return Some(called.to_owned());
     }
     let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
@@ -53,7 +53,7 @@ fn name_of(pid: u32) -> Option<String> {
 /// Process id of a service of a live run, if it has one.
 pub(crate) fn pid_of(orchestrator: u32, service: ServiceId) -> Option<u32> {
     let mut services = services_of(orchestrator).into_iter();
-    let (_, pid) = services.find(|(name, _)| name == service.name())?;
+    let (_, pid) = services.find(|(name, _)| scenario::role_of_process(name) == Some(service))?;
     Some(pid)
 }
 

@@ -47,8 +47,9 @@ where
     observer.ready(&crew, site.cores.ring);
 
     let started = Instant::now();
-    crew.go()?;
+    // First: what services publish that are gone before it is connected is lost.
     recorder.connect().map_err(FlightFailure::setup)?;
+    crew.go()?;
     observer.changed(&crew);
     let mut flight = Flight {
         crew,
