@@ -14,7 +14,7 @@ use rustix::process::Signal;
 use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::samples::{RcFrame, RunEvent, VehicleTruth};
 use shared_types::service::seconds;
-use shared_types::{Sample, ServiceId};
+use shared_types::{Published, ServiceId};
 
 /// Fastest touch-down that is a landing and no fall, m/s: the scenario states 0.5 m/s.
 const TOUCH_DOWN: f64 = 0.8;
@@ -175,7 +175,7 @@ fn an_orchestrator_that_was_stopped_replaces_nobody_when_it_goes_on() {
     assert_is_down(&place);
 }
 
-fn samples<T: Sample>(place: &Place) -> Vec<T> {
+fn samples<T: Published>(place: &Place) -> Vec<T> {
     let log = LogReader::open(&place.log("out")).unwrap();
     log.samples().map(Result::unwrap).collect()
 }

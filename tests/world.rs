@@ -14,7 +14,7 @@ use run_log::LogReader;
 use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::samples::{RcFrame, VehicleTruth};
-use shared_types::{Sample, ServiceId};
+use shared_types::{Published, ServiceId};
 
 /// What the paper reached in Fig. 7, root mean square, m.
 const PAPER: f64 = 0.017;
@@ -172,7 +172,7 @@ fn a_flight_whose_world_is_another_program_keeps_to_its_path_in_a_jet_and_while_
     assert!(replayed.contains("identical: "), "{replayed}");
 }
 
-fn samples<T: Sample>(log: &Path) -> Vec<T> {
+fn samples<T: Published>(log: &Path) -> Vec<T> {
     LogReader::open(log)
         .unwrap()
         .samples()

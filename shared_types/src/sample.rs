@@ -16,8 +16,6 @@ use std::ops::Range;
 use sha2::{Digest, Sha256};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::wiring::Topic;
-
 /// Package name under which the message definitions appear in logs.
 pub const MSG_PACKAGE: &str = "gerono_msgs";
 
@@ -221,9 +219,6 @@ pub trait Record: Field {
 ///
 /// Process ids, incarnations and wall-clock facts never enter it.
 pub trait Sample: Record {
-    /// The topic this sample travels on.
-    const TOPIC: Topic;
-
     /// The common header.
     fn header(&self) -> &Header;
 

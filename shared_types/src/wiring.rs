@@ -5,12 +5,12 @@
 
 use std::ops::Range;
 
+use crate::ports::{Input, InputView, Inputs, Output, OutputSlot, Outputs, SampleKind};
 use crate::sample::{Header, Member, Sample, layout_hash, msg_definition};
 use crate::samples::{
     ControlAdaptation, ControlCommand, ControlErrors, MocapPose, PathReference, RcFrame, RunEvent,
     VehicleState, VehicleTruth,
 };
-use crate::service::{Input, InputView, Inputs, Output, OutputSlot, Outputs, SampleKind};
 
 /// Of each service in the order of the wiring table, whether a program of one's own flies in its place: it is a guest.
 pub type Guests = [bool; ServiceId::ALL.len()];
@@ -35,13 +35,19 @@ pub struct OutputSpec {
     pub topic: Topic,
 }
 
+/// A sample that travels on a topic.
+pub trait Published: Sample {
+    /// The topic.
+    const TOPIC: Topic;
+}
+
 /// Something to be done with the sample type of a topic, see [`Topic::dispatch`].
 pub trait TopicVisitor {
     /// What comes of it.
     type Result;
 
     /// Does it with the sample type `T`.
-    fn visit<T: Sample>(self) -> Self::Result;
+    fn visit<T: Published>(self) -> Self::Result;
 }
 
 impl Topic {
@@ -58,7 +64,7 @@ impl Topic {
         struct Name;
         impl TopicVisitor for Name {
             type Result = &'static str;
-            fn visit<T: Sample>(self) -> &'static str {
+            fn visit<T: Published>(self) -> &'static str {
                 T::MSG_NAME
             }
         }
@@ -71,7 +77,7 @@ impl Topic {
         struct Definition;
         impl TopicVisitor for Definition {
             type Result = String;
-            fn visit<T: Sample>(self) -> String {
+            fn visit<T: Published>(self) -> String {
                 msg_definition::<T>()
             }
         }
@@ -84,7 +90,7 @@ impl Topic {
         struct Hash;
         impl TopicVisitor for Hash {
             type Result = String;
-            fn visit<T: Sample>(self) -> String {
+            fn visit<T: Published>(self) -> String {
                 layout_hash::<T>()
             }
         }
@@ -97,7 +103,7 @@ impl Topic {
         struct Members;
         impl TopicVisitor for Members {
             type Result = Vec<Member>;
-            fn visit<T: Sample>(self) -> Vec<Member> {
+            fn visit<T: Published>(self) -> Vec<Member> {
                 T::members()
             }
         }
@@ -234,9 +240,11 @@ macro_rules! wiring {
             }
         }
 
-        $(impl Sample for $topic {
+        $(impl Published for $topic {
             const TOPIC: Topic = Topic::$topic;
+        }
 
+        impl Sample for $topic {
             #[inline]
             fn header(&self) -> &Header {
                 &self.header

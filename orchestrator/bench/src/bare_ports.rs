@@ -10,7 +10,7 @@ use iceoryx2::sample::Sample as Received;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use runtime::ports::{Member, Wire};
 use shared_types::wiring::TopicVisitor;
-use shared_types::{Sample, Schedule, ServiceId, Topic};
+use shared_types::{Published, Schedule, ServiceId, Topic};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -85,12 +85,12 @@ trait Publish {
     fn publish(&mut self) -> Outcome<()>;
 }
 
-struct Held<T: Sample> {
+struct Held<T: Published> {
     sample: Option<Received<ipc::Service, Wire<T>, ()>>,
     subscriber: Subscriber<ipc::Service, Wire<T>, ()>,
 }
 
-impl<T: Sample> Subscribe for Held<T> {
+impl<T: Published> Subscribe for Held<T> {
     fn connect(&mut self) -> Outcome<()> {
         Ok(self.subscriber.update_connections()?)
     }
@@ -105,7 +105,7 @@ impl<T: Sample> Subscribe for Held<T> {
     }
 }
 
-impl<T: Sample> Publish for Publisher<ipc::Service, Wire<T>, ()> {
+impl<T: Published> Publish for Publisher<ipc::Service, Wire<T>, ()> {
     fn connect(&mut self) -> Outcome<()> {
         Ok(self.update_connections()?)
     }
@@ -118,7 +118,7 @@ impl<T: Sample> Publish for Publisher<ipc::Service, Wire<T>, ()> {
     }
 }
 
-fn topic<T: Sample>(member: &Member, topic: Topic) -> Outcome<PortFactory<ipc::Service, Wire<T>, ()>> {
+fn topic<T: Published>(member: &Member, topic: Topic) -> Outcome<PortFactory<ipc::Service, Wire<T>, ()>> {
     let name = ServiceName::new(topic.name())?;
     let builder = member.node().service_builder(&name);
     Ok(builder.publish_subscribe::<Wire<T>>().open()?)
@@ -133,7 +133,7 @@ struct Subscriptions<'a> {
 impl TopicVisitor for Subscriptions<'_> {
     type Result = Outcome<Box<dyn Subscribe>>;
 
-    fn visit<T: Sample>(self) -> Self::Result {
+    fn visit<T: Published>(self) -> Self::Result {
         let service = topic::<T>(self.member, self.topic)?;
         let subscriber = service.subscriber_builder().buffer_size(self.buffer).create()?;
         let sample = None;
@@ -149,7 +149,7 @@ struct Publications<'a> {
 impl TopicVisitor for Publications<'_> {
     type Result = Outcome<Box<dyn Publish>>;
 
-    fn visit<T: Sample>(self) -> Self::Result {
+    fn visit<T: Published>(self) -> Self::Result {
         let service = topic::<T>(self.member, self.topic)?;
         let publisher = service
             .publisher_builder()

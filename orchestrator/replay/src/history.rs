@@ -104,7 +104,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use shared_types::samples::PathReference;
-    use shared_types::{Header, Sample};
+    use shared_types::{Header, Published};
     use std::collections::BTreeMap;
     use zerocopy::{FromZeros, IntoBytes};
 

@@ -109,7 +109,7 @@ impl Judge {
 mod tests {
     use super::*;
     use shared_types::samples::PathReference;
-    use shared_types::{Header, Sample};
+    use shared_types::{Header, Published};
     use zerocopy::{FromZeros, IntoBytes};
 
     fn sample(gamma: f64) -> PathReference {

@@ -9,7 +9,7 @@ use mcap::McapError;
 use mcap::records::{Record, op};
 use shared_types::sample::CDR_HEADER;
 use shared_types::service::header_of;
-use shared_types::{Header, Sample, Topic};
+use shared_types::{Header, Published, Topic};
 use zerocopy::IntoBytes;
 
 use super::framing::LAYOUT_KEY;
@@ -183,7 +183,7 @@ impl LogReader {
     }
 
     /// The samples of one topic, in the order of the file.
-    pub fn samples<T: Sample>(self) -> impl Iterator<Item = Result<T, LogReadError>> {
+    pub fn samples<T: Published>(self) -> impl Iterator<Item = Result<T, LogReadError>> {
         let mut reader = self;
         std::iter::from_fn(move || {
             loop {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use shared_types::service::header_of;
 use shared_types::wiring::TopicVisitor;
-use shared_types::{Sample, Topic};
+use shared_types::{Published, Topic};
 
 use super::framing::{Compression, LogError, McapFile, Written};
 use super::manifest::Manifest;
@@ -160,7 +160,7 @@ struct AddChannel<'a> {
 impl TopicVisitor for AddChannel<'_> {
     type Result = Result<u16, LogError>;
 
-    fn visit<T: Sample>(self) -> Self::Result {
+    fn visit<T: Published>(self) -> Self::Result {
         self.file.add_channel::<T>(T::TOPIC.name())
     }
 }

@@ -6,7 +6,7 @@ use mcap::records::{MessageHeader, Record, op};
 use shared_types::sample::{CDR_HEADER, Record as SampleRecord, layout_hash, msg_definition};
 use shared_types::service::header_of;
 use shared_types::wiring::TopicVisitor;
-use shared_types::{Sample, Topic};
+use shared_types::{Published, Topic};
 
 use super::scan::Chunk;
 use crate::framing::LAYOUT_KEY;
@@ -64,7 +64,7 @@ struct KindOf;
 impl TopicVisitor for KindOf {
     type Result = Kind;
 
-    fn visit<T: Sample>(self) -> Kind {
+    fn visit<T: Published>(self) -> Kind {
         Kind::new::<T>(T::TOPIC.name(), Some(T::TOPIC))
     }
 }

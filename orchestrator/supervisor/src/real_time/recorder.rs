@@ -13,7 +13,7 @@ use runtime::ports::{PortError, RECORDER_BUFFER};
 use runtime::watchdog::{self, Work};
 use shared_types::Guests;
 use shared_types::service::header_of;
-use shared_types::{Sample, Schedule, ServiceId, Topic};
+use shared_types::{Published, Schedule, ServiceId, Topic};
 
 use crate::FlightFailure;
 use crate::subscription::Subscription;
@@ -99,7 +99,7 @@ impl Recorder {
 
     /// The newest sample of a topic that has been received.
     #[must_use]
-    pub fn newest<T: Sample>(&self) -> Option<T> {
+    pub fn newest<T: Published>(&self) -> Option<T> {
         let feed = self
             .feeds
             .iter()

@@ -8,7 +8,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
 use shared_types::wiring::TopicVisitor;
-use shared_types::{Sample, ServiceId, Topic};
+use shared_types::{Published, ServiceId, Topic};
 
 use super::typed::{TypedReceiver, TypedSender, Wire};
 use super::{
@@ -39,7 +39,7 @@ pub(super) struct Enter<'a> {
     pub(super) access: Access,
 }
 
-struct Ports<T: Sample> {
+struct Ports<T: Published> {
     service: TopicService<ipc::Service, Wire<T>, ()>,
     topic: Topic,
     consumer_buffer: usize,
@@ -55,7 +55,7 @@ fn open_error(topic: Topic) -> impl Fn(&dyn std::fmt::Debug) -> PortError {
 impl TopicVisitor for Enter<'_> {
     type Result = Result<Box<dyn TopicPorts>, PortError>;
 
-    fn visit<T: Sample>(self) -> Self::Result {
+    fn visit<T: Published>(self) -> Self::Result {
         let Self {
             node,
             topic,
@@ -119,7 +119,7 @@ type Attribute = (
     iceoryx2::service::attribute::AttributeValue,
 );
 
-fn layout_attribute<T: Sample>(
+fn layout_attribute<T: Published>(
     error: &dyn Fn(&dyn std::fmt::Debug) -> PortError,
 ) -> Result<Attribute, PortError> {
     let hash = shared_types::sample::layout_hash::<T>();
@@ -129,7 +129,7 @@ fn layout_attribute<T: Sample>(
     ))
 }
 
-impl<T: Sample> Ports<T> {
+impl<T: Published> Ports<T> {
     fn not_created(&self, reason: &dyn std::fmt::Display) -> PortError {
         PortError::Create {
             topic: self.topic,
@@ -148,7 +148,7 @@ impl<T: Sample> Ports<T> {
     }
 }
 
-impl<T: Sample> TopicPorts for Ports<T> {
+impl<T: Published> TopicPorts for Ports<T> {
     fn sender(
         &self,
         page: Arc<SharedPage>,

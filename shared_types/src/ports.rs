@@ -1,0 +1,159 @@
+//! Inputs and outputs of a step, as step logic sees them and as hosts hold them.
+
+use zerocopy::FromBytes;
+
+use crate::glance::Glance;
+use crate::moment::Now;
+use crate::sample::{Header, Sample};
+
+/// The newest sample of a topic that has been delivered by now, if there is any.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a, T> {
+    sample: Option<&'a T>,
+    fresh: bool,
+}
+
+impl<'a, T: Sample> Input<'a, T> {
+    /// The newest sample delivered by now.
+    #[must_use]
+    #[inline]
+    pub fn newest(&self) -> Option<&'a T> {
+        self.sample
+    }
+
+    /// The newest sample, if it was delivered since this service's previous step.
+    #[must_use]
+    #[inline]
+    pub fn fresh(&self) -> Option<&'a T> {
+        self.sample.filter(|_| self.fresh)
+    }
+
+    /// Time since the newest sample was published, ns.
+    #[must_use]
+    #[inline]
+    pub fn age_ns(&self, now: &Now) -> Option<u64> {
+        self.sample
+            .map(|sample| now.time_ns.saturating_sub(sample.header().stamp_ns))
+    }
+
+    #[doc(hidden)]
+    #[inline]
+    pub fn from_view(view: InputView<'a>) -> Self {
+        let sample = view
+            .bytes
+            .map(|bytes| T::ref_from_bytes(bytes).expect("hosts hand out aligned samples of their topic"));
+        Self {
+            sample,
+            fresh: view.fresh,
+        }
+    }
+}
+
+/// Place for a sample of a topic, if one is due at this step.
+#[derive(Debug)]
+pub struct Output<'a, T> {
+    sample: Option<&'a mut T>,
+}
+
+impl<'a, T: Sample> Output<'a, T> {
+    /// The place to write the sample to, if one is due: zeroed, with its header filled in.
+    #[inline]
+    pub fn due(&mut self) -> Option<&mut T> {
+        self.sample.as_deref_mut()
+    }
+
+    #[doc(hidden)]
+    #[inline]
+    pub fn from_slot(slot: &'a mut OutputSlot<'_>) -> Self {
+        let sample = slot
+            .bytes
+            .as_deref_mut()
+            .map(|bytes| T::mut_from_bytes(bytes).expect("hosts hand out aligned samples of their topic"));
+        Self { sample }
+    }
+}
+
+/// An input as hosts hold it: the bytes of the newest sample.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct InputView<'a> {
+    /// The newest sample's bytes.
+    pub bytes: Option<&'a [u8]>,
+    /// Whether it was delivered since the previous step.
+    pub fresh: bool,
+}
+
+/// An output as hosts hold it: the bytes to write a due sample to.
+#[derive(Debug, Default)]
+pub struct OutputSlot<'a> {
+    /// The place of the sample, zeroed but for its header; `None` when none is due.
+    pub bytes: Option<&'a mut [u8]>,
+}
+
+/// A service's inputs, made from what a host holds. Implemented by the wiring table.
+pub trait Inputs<'a> {
+    /// One view an input, in the order of the wiring table.
+    fn from_views(views: &[InputView<'a>]) -> Self;
+}
+
+/// A service's outputs, made from what a host holds. Implemented by the wiring table.
+pub trait Outputs<'a> {
+    /// One slot an output, in the order of the wiring table.
+    fn from_slots(slots: &'a mut [OutputSlot<'_>]) -> Self;
+}
+
+/// What a host needs to know of a sample type to move it around as bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct SampleKind {
+    /// Size, bytes.
+    pub size: usize,
+    first_non_finite_field: fn(&[u8]) -> Option<&'static str>,
+    zero: fn(&mut [u8]),
+}
+
+impl SampleKind {
+    /// The kind of samples of type `T`.
+    #[must_use]
+    pub const fn of<T: Sample>() -> Self {
+        Self {
+            size: size_of::<T>(),
+            first_non_finite_field: |bytes| {
+                let sample = T::ref_from_bytes(bytes).expect("hosts hand out aligned samples of their topic");
+                sample.first_non_finite_field()
+            },
+            zero: |bytes| {
+                let sample = T::mut_from_bytes(bytes).expect("hosts hand out aligned samples of their topic");
+                sample.zero();
+            },
+        }
+    }
+
+    /// Name of the first member that holds a number that is not finite.
+    #[must_use]
+    #[inline]
+    pub fn first_non_finite_field(&self, bytes: &[u8]) -> Option<&'static str> {
+        let mut glance = Glance::default();
+        glance.take_in(bytes);
+        if glance.is_surely_finite() {
+            None
+        } else {
+            (self.first_non_finite_field)(bytes)
+        }
+    }
+
+    /// Zeroes a sample and fills its header in.
+    #[inline]
+    pub fn prepare(&self, bytes: &mut [u8], header: Header) {
+        (self.zero)(bytes);
+        let (place, _) = Header::mut_from_prefix(bytes).expect("a sample begins with a header");
+        *place = header;
+    }
+}
+
+/// Header of a sample's bytes; every sample begins with one.
+#[must_use]
+#[inline]
+pub fn header_of(bytes: &[u8]) -> Header {
+    Header::read_from_prefix(bytes)
+        .expect("a sample begins with a header")
+        .0
+}
