@@ -31,8 +31,14 @@ const BEGIN: u64 = 100;
 /// A full counter of an eventfd.
 const FULL: u64 = u64::MAX - 1;
 
-/// One flight at a time: in real time each has the machine for itself.
+/// In real time a flight has the machine for itself.
 static MACHINE: Mutex<()> = Mutex::new(());
+
+/// Flights in simulated time that go on at once: they mostly wait.
+const AT_ONCE: usize = 4;
+
+/// Of so many kinds of guests one flies in real time, unless `GERONO_TEST_CONDUCT` chooses: all of them fly in simulated time.
+const SHARE: usize = 3;
 
 /// What becomes of the flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -638,20 +644,36 @@ fn ends_within(run: &mut Begun, limit: Duration) -> bool {
     }
 }
 
+/// Flies with the guests whose name contains what `GERONO_TEST_CONDUCT` says, all of them if it is empty.
 fn fly_with_all(real_time: bool) {
     let _machine = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
-    let chosen = std::env::var("GERONO_TEST_CONDUCT").unwrap_or_default();
-    let flown = CONDUCTS
-        .iter()
-        .filter(|(conduct, ..)| conduct.contains(chosen.as_str()));
+    let (chosen, share) = match std::env::var("GERONO_TEST_CONDUCT") {
+        Ok(chosen) => (chosen, 1),
+        Err(_) => (String::new(), if real_time { SHARE } else { 1 }),
+    };
+    let flown = CONDUCTS.iter().step_by(share);
+    let flown = flown.filter(|(conduct, ..)| conduct.contains(chosen.as_str()));
     let signals = [Signal::INT, Signal::TERM].into_iter().cycle();
-    let troubles: Vec<String> = flown
-        .zip(signals)
-        .filter_map(|(&(conduct, simulated, by_the_clock), ended_by)| {
+    let flights = Mutex::new(flown.zip(signals));
+    let fly = || {
+        let mut troubles = Vec::new();
+        loop {
+            let next = flights.lock().unwrap().next();
+            let Some((&(conduct, simulated, by_the_clock), ended_by)) = next else {
+                return troubles;
+            };
             let then = if real_time { by_the_clock } else { simulated };
-            trouble_with(conduct, then, real_time, ended_by)
-        })
-        .collect();
+            troubles.extend(trouble_with(conduct, then, real_time, ended_by));
+        }
+    };
+    let troubles: Vec<String> = std::thread::scope(|scope| {
+        let pilots = if real_time { 1 } else { AT_ONCE };
+        let pilots: Vec<_> = (0..pilots).map(|_| scope.spawn(fly)).collect();
+        pilots
+            .into_iter()
+            .flat_map(|pilot| pilot.join().unwrap())
+            .collect()
+    });
     assert!(troubles.is_empty(), "{}", troubles.join("\n"));
 }
 
