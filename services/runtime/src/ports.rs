@@ -9,8 +9,11 @@ mod member;
 mod topic;
 mod typed;
 
+use std::error::Error;
+use std::path::PathBuf;
 use std::sync::Arc;
 
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::doorbell::Doorbell;
@@ -40,43 +43,56 @@ pub fn max_subscribers(topic: Topic) -> usize {
 /// Name of the service attribute that carries the layout hash.
 pub(crate) const LAYOUT_ATTRIBUTE: &str = "layout";
 
+/// An error of iceoryx2, which has one type for each operation.
+type Cause = Box<dyn Error + Send + Sync>;
+
 /// Why a port cannot be made or used.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
     /// The run's iceoryx2 configuration cannot be loaded.
-    #[error("cannot load the iceoryx2 configuration of the run from {path}: {reason}")]
+    #[error("cannot load the iceoryx2 configuration of the run from {}: {source}", .path.display())]
     Configuration {
         /// The file.
-        path: String,
+        path: PathBuf,
         /// What iceoryx2 says.
-        reason: String,
+        source: Cause,
     },
     /// The process cannot take part in the run.
     #[error("cannot join the run's shared memory: {0}")]
-    Node(String),
+    Node(#[source] Cause),
     /// The topic cannot be made or opened.
-    #[error("cannot open the topic `{topic}`: {reason}")]
+    #[error("cannot open the topic `{topic}`: {source}")]
     Open {
         /// The topic.
         topic: Topic,
         /// What iceoryx2 says.
-        reason: String,
+        source: Cause,
+    },
+    /// The topic is there, with samples of another layout.
+    #[error(
+        "cannot open the topic `{topic}`: {source}: it carries another type; all processes of a run must come from one build"
+    )]
+    OtherLayout {
+        /// The topic.
+        topic: Topic,
+        /// What iceoryx2 says.
+        source: PublishSubscribeOpenError,
     },
     /// A port of the topic cannot be made.
-    #[error("cannot make a port of the topic `{topic}`: {reason}")]
+    #[error("cannot make a port of the topic `{topic}`: {source}")]
     Create {
         /// The topic.
         topic: Topic,
         /// What iceoryx2 says.
-        reason: String,
+        source: Cause,
     },
     /// A sample could not be loaned, sent or received.
-    #[error("the topic `{topic}` failed in flight: {reason}")]
+    #[error("the topic `{topic}` failed in flight: {source}")]
     Transport {
         /// The topic.
         topic: Topic,
         /// What iceoryx2 says.
-        reason: String,
+        source: Cause,
     },
     /// The run is ending while a receiver's buffer is full.
     #[error("the run is ending")]

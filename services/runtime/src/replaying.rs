@@ -67,7 +67,7 @@ fn views<'a>(
         if has(order.next) && !receiver.receive()? {
             return Err(PortError::Transport {
                 topic: spec.topic,
-                reason: format!("what the step at tick {} sees has not come", order.now.tick),
+                source: format!("what the step at tick {} sees has not come", order.now.tick).into(),
             });
         }
         if has(order.seen) {

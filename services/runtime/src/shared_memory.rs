@@ -3,6 +3,7 @@
 //! Such memory has a name and no size yet. iceoryx2 (0.10) takes it for memory that is about to be finished, and whoever opens it
 //! waits for that without an end. Whoever is at work on it has it open until it has a size; so nobody is if nobody has it open.
 
+use std::error::Error;
 use std::fs;
 use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
@@ -42,14 +43,24 @@ const LEAST_DESCRIPTORS: usize = 16;
 
 /// What iceoryx2 says of something that failed, which does not tell why, with what the machine lacks and the fix.
 #[must_use]
-pub fn explained(reason: &str) -> String {
+pub fn explained(source: impl Error + Send + Sync + 'static) -> Box<dyn Error + Send + Sync> {
     let lack = lack_of_descriptors().or_else(lack_of_memory);
     let lack = lack.unwrap_or_else(|| {
         format!(
             "{FOLDER} and descriptors are there; another program may have damaged the run's shared memory"
         )
     });
-    format!("{reason}: {lack}")
+    Box::new(Explained {
+        source: source.into(),
+        lack,
+    })
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("{source}: {lack}")]
+struct Explained {
+    source: Box<dyn Error + Send + Sync>,
+    lack: String,
 }
 
 fn lack_of_descriptors() -> Option<String> {

@@ -29,34 +29,34 @@ impl Member {
     /// [`PortError::Configuration`] or [`PortError::Node`].
     pub fn join(configuration: &Path, name: &str) -> Result<Self, PortError> {
         set_log_level_from_env_or(LogLevel::Fatal);
-        let bad_configuration = |reason: String| PortError::Configuration {
-            path: configuration.display().to_string(),
-            reason,
+        let bad_configuration = |source| PortError::Configuration {
+            path: configuration.to_owned(),
+            source,
         };
         let path = FilePath::new(configuration.as_os_str().as_encoded_bytes())
-            .map_err(|error| bad_configuration(format!("{error:?}")))?;
+            .map_err(|error| bad_configuration(error.into()))?;
         if RUN.get_or_init(|| configuration.to_owned()) != configuration {
             return Err(bad_configuration(
-                "this process already belongs to another run".to_owned(),
+                "this process already belongs to another run".into(),
             ));
         }
         let mut config = Config::setup_global_config_from_file(&path)
-            .map_err(|error| bad_configuration(format!("{error:?}")))?
+            .map_err(|error| bad_configuration(error.into()))?
             .clone();
         // The orchestrator alone cleans up after the dead, and knows when: nobody looks for them besides, which
         // takes longer than all else at every topic.
         config.global.service.cleanup_dead_nodes_on_open = false;
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
-        let name = NodeName::new(name).map_err(|error| PortError::Node(format!("{error:?}")))?;
+        let name = NodeName::new(name).map_err(|error| PortError::Node(error.into()))?;
         let node = NodeBuilder::new()
             .name(&name)
             .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled);
         let node = watchdog::during(Work::Join, || node.create::<ipc::Service>())
-            .map_err(|error| PortError::Node(shared_memory::explained(&error.to_string())))?;
+            .map_err(|error| PortError::Node(shared_memory::explained(error)))?;
         let prefix = config.global.prefix.to_string();
-        shared_memory::close_to_others(&prefix).map_err(|error| PortError::Node(error.to_string()))?;
+        shared_memory::close_to_others(&prefix).map_err(|error| PortError::Node(error.into()))?;
         Ok(Self { node, prefix })
     }
 

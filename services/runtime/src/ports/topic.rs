@@ -1,5 +1,6 @@
 //! A topic as an iceoryx2 service: made or opened, and the ports that are made of it.
 
+use std::error::Error;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -45,10 +46,10 @@ struct Ports<T: Published> {
     consumer_buffer: usize,
 }
 
-fn open_error(topic: Topic) -> impl Fn(&dyn std::fmt::Debug) -> PortError {
-    move |reason| PortError::Open {
+fn not_opened(topic: Topic, error: impl Error + Send + Sync + 'static) -> PortError {
+    PortError::Open {
         topic,
-        reason: shared_memory::explained(&format!("{reason:?}")),
+        source: shared_memory::explained(error),
     }
 }
 
@@ -63,18 +64,19 @@ impl TopicVisitor for Enter<'_> {
             consumer_buffer,
             access,
         } = self;
-        let error = open_error(topic);
         let name = match replayed {
             None => ServiceName::new(topic.name()),
             Some(service) => ServiceName::new(&format!("replay/{service}/{topic}")),
         };
-        let name = name.map_err(|reason| error(&reason))?;
-        let (key, hash) = layout_attribute::<T>(&error)?;
+        let name = name.map_err(|error| not_opened(topic, error))?;
+        let (key, hash) = layout_attribute::<T>(topic)?;
         let builder = node.service_builder(&name).publish_subscribe::<Wire<T>>();
         let service = match access {
             Access::Create(delivery) => {
                 let specifier = AttributeSpecifier::new();
-                let attributes = specifier.define(&key, &hash).map_err(|reason| error(&reason))?;
+                let attributes = specifier
+                    .define(&key, &hash)
+                    .map_err(|error| not_opened(topic, error))?;
                 let consumers = topic.consumers().count();
                 // The publisher, the consumers, each beside the dead one whose place it takes, and the recorder.
                 let members = 2 * (1 + consumers) + 1;
@@ -87,21 +89,20 @@ impl TopicVisitor for Enter<'_> {
                     .subscriber_max_buffer_size(RECORDER_BUFFER)
                     .subscriber_max_borrowed_samples(MAX_BORROWED)
                     .create_with_attributes(&attributes)
-                    .map_err(|reason| error(&reason))?
+                    .map_err(|error| not_opened(topic, error))?
             }
             Access::Open => {
                 let verifier = AttributeVerifier::new();
-                let attributes = verifier.require(&key, &hash).map_err(|reason| error(&reason))?;
-                builder.open_with_attributes(&attributes).map_err(|reason| {
+                let attributes = verifier
+                    .require(&key, &hash)
+                    .map_err(|error| not_opened(topic, error))?;
+                builder.open_with_attributes(&attributes).map_err(|source| {
                     use PublishSubscribeOpenError::{IncompatibleAttributes, IncompatibleTypes};
-                    match reason {
-                        IncompatibleTypes | IncompatibleAttributes => PortError::Open {
-                            topic,
-                            reason: format!(
-                                "{reason:?}: it carries another type; all processes of a run must come from one build"
-                            ),
-                        },
-                        reason => error(&reason),
+                    match source {
+                        IncompatibleTypes | IncompatibleAttributes => {
+                            PortError::OtherLayout { topic, source }
+                        }
+                        error => not_opened(topic, error),
                     }
                 })?
             }
@@ -119,21 +120,23 @@ type Attribute = (
     iceoryx2::service::attribute::AttributeValue,
 );
 
-fn layout_attribute<T: Published>(
-    error: &dyn Fn(&dyn std::fmt::Debug) -> PortError,
-) -> Result<Attribute, PortError> {
+fn layout_attribute<T: Published>(topic: Topic) -> Result<Attribute, PortError> {
     let hash = shared_types::sample::layout_hash::<T>();
     Ok((
-        LAYOUT_ATTRIBUTE.try_into().map_err(|reason| error(&reason))?,
-        hash.as_str().try_into().map_err(|reason| error(&reason))?,
+        LAYOUT_ATTRIBUTE
+            .try_into()
+            .map_err(|error| not_opened(topic, error))?,
+        hash.as_str()
+            .try_into()
+            .map_err(|error| not_opened(topic, error))?,
     ))
 }
 
 impl<T: Published> Ports<T> {
-    fn not_created(&self, reason: &dyn std::fmt::Display) -> PortError {
+    fn not_created(&self, error: impl Error + Send + Sync + 'static) -> PortError {
         PortError::Create {
             topic: self.topic,
-            reason: shared_memory::explained(&reason.to_string()),
+            source: shared_memory::explained(error),
         }
     }
 
@@ -143,7 +146,7 @@ impl<T: Published> Ports<T> {
             .subscriber_builder()
             .buffer_size(buffer_size)
             .create()
-            .map_err(|reason| self.not_created(&reason))?;
+            .map_err(|error| self.not_created(error))?;
         Ok(Box::new(TypedReceiver::new(subscriber, self.topic)))
     }
 }
@@ -176,7 +179,7 @@ impl<T: Published> TopicPorts for Ports<T> {
                 BackpressureAction::Retry
             })
             .create()
-            .map_err(|reason| self.not_created(&reason))?;
+            .map_err(|error| self.not_created(error))?;
         Ok(Box::new(TypedSender::new(publisher, self.topic)))
     }
 
@@ -187,7 +190,7 @@ impl<T: Published> TopicPorts for Ports<T> {
             .max_loaned_samples(MAX_LOANED)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
-            .map_err(|reason| self.not_created(&reason))?;
+            .map_err(|error| self.not_created(error))?;
         Ok(Box::new(TypedSender::new(publisher, self.topic)))
     }
 

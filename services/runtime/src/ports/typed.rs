@@ -57,10 +57,10 @@ impl<T: Sample> Sender for TypedSender<T> {
         let sample = match self.publisher.loan_uninit() {
             // SAFETY: mapped shared memory always holds some bytes, and a `Sample` is valid for any (`FromBytes`).
             Ok(sample) => unsafe { sample.assume_init() },
-            Err(reason) => {
+            Err(error) => {
                 return Err(PortError::Transport {
                     topic: self.topic,
-                    reason: reason.to_string(),
+                    source: error.into(),
                 });
             }
         };
@@ -77,11 +77,11 @@ impl<T: Sample> Sender for TypedSender<T> {
         let Some(sample) = self.loaned.take() else {
             return Ok(());
         };
-        sample.send().map(drop).map_err(|reason| match reason {
+        sample.send().map(drop).map_err(|error| match error {
             SendError::UnableToDeliver => PortError::Stopping,
-            reason => PortError::Transport {
+            error => PortError::Transport {
                 topic: self.topic,
-                reason: reason.to_string(),
+                source: error.into(),
             },
         })
     }
@@ -89,9 +89,9 @@ impl<T: Sample> Sender for TypedSender<T> {
     fn connect(&mut self) -> Result<(), PortError> {
         self.publisher
             .update_connections()
-            .map_err(|reason| PortError::Transport {
+            .map_err(|error| PortError::Transport {
                 topic: self.topic,
-                reason: reason.to_string(),
+                source: error.into(),
             })
     }
 }
@@ -122,9 +122,9 @@ impl<T: Sample> Receiver for TypedReceiver<T> {
                 self.held = sample;
                 Ok(true)
             }
-            Err(reason) => Err(PortError::Transport {
+            Err(error) => Err(PortError::Transport {
                 topic: self.topic,
-                reason: reason.to_string(),
+                source: error.into(),
             }),
         }
     }
@@ -141,9 +141,9 @@ impl<T: Sample> Receiver for TypedReceiver<T> {
     fn connect(&mut self) -> Result<(), PortError> {
         self.subscriber
             .update_connections()
-            .map_err(|reason| PortError::Transport {
+            .map_err(|error| PortError::Transport {
                 topic: self.topic,
-                reason: reason.to_string(),
+                source: error.into(),
             })
     }
 }
