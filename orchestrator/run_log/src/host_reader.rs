@@ -2,7 +2,7 @@
 //! services knew before some of their steps.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
@@ -16,12 +16,29 @@ use super::records::{self, RawRecord, Records};
 
 /// Why the record of the machine cannot be read on.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot read what the machine did from {}: {reason}", .path.display())]
-pub struct HostReadError {
-    /// The file.
-    path: PathBuf,
-    /// Why, and what to do.
-    reason: String,
+pub enum HostReadError {
+    /// The file cannot be opened.
+    #[error("cannot read what the machine did from {}: {source}", .path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The record is not what was written.
+    #[error("cannot read what the machine did from {}: {source}; try `gerono recover {}`", .path.display(), .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What does not hold.
+        source: McapError,
+    },
+    /// Its samples are laid out in another way.
+    #[error(
+        "cannot read what the machine did from {}: its samples are laid out in another way; use the program that wrote it",
+        .0.display()
+    )]
+    OtherLayout(PathBuf),
 }
 
 /// What the record of the machine tells of a service.
@@ -60,9 +77,9 @@ impl HostReader {
     /// # Errors
     /// [`HostReadError`] if it cannot be opened.
     pub fn open(path: &Path) -> Result<Self, HostReadError> {
-        let failed = |error: std::io::Error| HostReadError {
+        let failed = |source| HostReadError::Open {
             path: path.to_owned(),
-            reason: error.to_string(),
+            source,
         };
         let file = File::open(path).map_err(failed)?;
         let file_bytes = file.metadata().map_err(failed)?.len();
@@ -89,7 +106,7 @@ impl HostReader {
             match self.records.next(&mut self.record) {
                 Ok(true) => {}
                 Ok(false) | Err(McapError::UnexpectedEof) => return Ok(None),
-                Err(error) => return Err(self.damaged(&error)),
+                Err(error) => return Err(self.damaged(error)),
             }
             if !matches!(self.record.opcode, op::CHANNEL | op::MESSAGE) {
                 continue;
@@ -99,25 +116,18 @@ impl HostReader {
                 Ok(Record::Message { header, data }) => match self.channels.take(header.channel_id, &data) {
                     Ok(None) => {}
                     Ok(found) => return Ok(found),
-                    Err(OtherLayout) => return Err(self.of_another_layout()),
+                    Err(OtherLayout) => return Err(HostReadError::OtherLayout(self.path.clone())),
                 },
                 Ok(_) => {}
-                Err(error) => return Err(self.damaged(&error)),
+                Err(error) => return Err(self.damaged(error)),
             }
         }
     }
 
-    fn damaged(&self, error: &McapError) -> HostReadError {
-        HostReadError {
+    fn damaged(&self, source: McapError) -> HostReadError {
+        HostReadError::Damaged {
             path: self.path.clone(),
-            reason: format!("{error}; try `gerono recover {}`", self.path.display()),
-        }
-    }
-
-    fn of_another_layout(&self) -> HostReadError {
-        HostReadError {
-            path: self.path.clone(),
-            reason: "its samples are laid out in another way; use the program that wrote it".to_owned(),
+            source,
         }
     }
 }

@@ -1,7 +1,6 @@
 //! What determined the results in a log, inside the log.
 
 use std::collections::BTreeMap;
-use std::fmt;
 
 use scenario::Scenario;
 use serde_json::Value;
@@ -29,24 +28,26 @@ pub struct Manifest {
 }
 
 /// Why metadata of a log is no manifest of this program.
-#[derive(Debug)]
-pub(super) enum ManifestProblem {
+#[derive(Debug, thiserror::Error)]
+pub enum ManifestProblem {
+    /// There is none.
+    #[error("it cannot be found")]
+    Absent,
     /// The log is arranged in another way.
+    #[error("it is of format version {0}")]
     Version(String),
     /// Samples of these types are laid out in another way.
+    #[error("it states other layouts of {}", .0.join(", "))]
     Layouts(Vec<&'static str>),
-    /// A part is missing or makes no sense.
-    Broken(String),
-}
-
-impl fmt::Display for ManifestProblem {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Version(found) => write!(formatter, "it is of format version {found}"),
-            Self::Layouts(types) => write!(formatter, "it states other layouts of {}", types.join(", ")),
-            Self::Broken(reason) => formatter.write_str(reason),
-        }
-    }
+    /// It lacks an entry of this name.
+    #[error("its manifest has no `{0}`")]
+    Incomplete(&'static str),
+    /// Its scenario is none.
+    #[error("its scenario cannot be read: {0}")]
+    Scenario(#[from] serde_json::Error),
+    /// Its scenario is another one than was flown.
+    #[error("its scenario is not what was written: checksum or seed differ")]
+    Altered,
 }
 
 impl Manifest {
@@ -76,11 +77,7 @@ impl Manifest {
 
     /// Back from MCAP metadata. Layouts come before the scenario: they tell more about why it makes no sense.
     pub(super) fn from_metadata(metadata: &BTreeMap<String, String>) -> Result<Self, ManifestProblem> {
-        let get = |key: &str| {
-            metadata
-                .get(key)
-                .ok_or_else(|| ManifestProblem::Broken(format!("its manifest has no `{key}`")))
-        };
+        let get = |key| metadata.get(key).ok_or(ManifestProblem::Incomplete(key));
         let version = get(FORMAT_KEY)?;
         if *version != FORMAT_VERSION.to_string() {
             return Err(ManifestProblem::Version(version.clone()));
@@ -94,15 +91,13 @@ impl Manifest {
             return Err(ManifestProblem::Layouts(differing));
         }
         let text = get(SCENARIO_KEY)?;
-        let scenario = scenario_in(text)
-            .map_err(|error| ManifestProblem::Broken(format!("its scenario cannot be read: {error}")))?;
+        let scenario = scenario_in(text)?;
         // Earlier programs wrote no checksum.
         let is_as_written = metadata
             .get(CHECKSUM_KEY)
             .is_none_or(|sum| *sum == checksum(text));
         if !is_as_written || *get(SEED_KEY)? != scenario.seed.to_string() {
-            let reason = "its scenario is not what was written: checksum or seed differ";
-            return Err(ManifestProblem::Broken(reason.to_owned()));
+            return Err(ManifestProblem::Altered);
         }
         Ok(Self { scenario })
     }

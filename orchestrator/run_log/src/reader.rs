@@ -1,6 +1,7 @@
 //! Reads `run.mcap`: the manifest, then every sample in the order of the file.
 
 use std::collections::BTreeMap;
+use std::error::Error;
 use std::fs::File;
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
@@ -34,7 +35,15 @@ pub enum LogReadError {
         /// The file.
         path: PathBuf,
         /// What gives it away.
-        reason: String,
+        reason: &'static str,
+    },
+    /// What is to tell what was flown makes no sense.
+    #[error("{} is not a run log: {source}; give a `run.mcap` that `gerono run` has written", .path.display())]
+    Manifest {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: ManifestProblem,
     },
     /// The log is arranged in another way.
     #[error("the log {} is of format version {found}, this program reads version {FORMAT_VERSION}; use the program that wrote it", .path.display())]
@@ -63,14 +72,14 @@ pub enum LogReadError {
         last_tick: Option<u64>,
     },
     /// The log is not what was written.
-    #[error("the log {} is damaged after {samples} samples: {reason}; what was read before is whole; `gerono recover {}` keeps that and what is whole behind the damage", .path.display(), .path.display())]
+    #[error("the log {} is damaged after {samples} samples: {source}; what was read before is whole; `gerono recover {}` keeps that and what is whole behind the damage", .path.display(), .path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
         /// Samples before the damage.
         samples: u64,
         /// What does not hold.
-        reason: String,
+        source: Box<dyn Error + Send + Sync>,
     },
 }
 
@@ -272,7 +281,7 @@ impl LogReader {
     fn take_message(&mut self) -> Result<(Topic, Header), LogReadError> {
         let (header, data) = match records::parse(op::MESSAGE, &self.record.body) {
             Ok(Record::Message { header, data }) => (header, data),
-            Ok(_) => return Err(self.damaged("a message is none".to_owned())),
+            Ok(_) => return Err(self.damaged("a message is none")),
             Err(error) => return Err(self.explain(error)),
         };
         let Some(&topic) = self.channels.get(&header.channel_id) else {
@@ -302,11 +311,11 @@ impl LogReader {
         explain(&self.path, error, self.samples, self.last_tick)
     }
 
-    fn damaged(&self, reason: String) -> LogReadError {
+    fn damaged(&self, what: impl Into<Box<dyn Error + Send + Sync>>) -> LogReadError {
         LogReadError::Damaged {
             path: self.path.clone(),
             samples: self.samples,
-            reason,
+            source: what.into(),
         }
     }
 }
@@ -329,9 +338,9 @@ fn read_manifest(
     path: &Path,
     records: &mut Records<BufReader<File>>,
 ) -> Result<(Manifest, Option<Recovery>), LogReadError> {
-    let foreign = |reason: &str| LogReadError::Foreign {
+    let foreign = |reason| LogReadError::Foreign {
         path: path.to_owned(),
-        reason: reason.to_owned(),
+        reason,
     };
     let mut record = RawRecord::default();
     let mut recovery = None;
@@ -369,7 +378,7 @@ fn explain_manifest(path: &Path, problem: ManifestProblem) -> LogReadError {
     match problem {
         ManifestProblem::Version(found) => LogReadError::Version { path, found },
         ManifestProblem::Layouts(types) => LogReadError::Layouts { path, types },
-        ManifestProblem::Broken(reason) => LogReadError::Foreign { path, reason },
+        source => LogReadError::Manifest { path, source },
     }
 }
 
@@ -379,7 +388,7 @@ fn explain(path: &Path, error: McapError, samples: u64, last_tick: Option<u64>) 
     match error {
         McapError::BadMagic if samples == 0 => LogReadError::Foreign {
             path,
-            reason: "it is no MCAP file".to_owned(),
+            reason: "it is no MCAP file",
         },
         McapError::UnexpectedEof => LogReadError::Unclosed {
             path,
@@ -390,7 +399,7 @@ fn explain(path: &Path, error: McapError, samples: u64, last_tick: Option<u64>) 
         other => LogReadError::Damaged {
             path,
             samples,
-            reason: other.to_string(),
+            source: other.into(),
         },
     }
 }

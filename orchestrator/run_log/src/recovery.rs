@@ -40,12 +40,12 @@ pub enum RecoverError {
         source: io::Error,
     },
     /// The file was made to keep its reader busy.
-    #[error("the log {} is not read to its end: {reason}; recover it with another tool if you trust where it is from", .path.display())]
+    #[error("the log {} is not read to its end: {source}; recover it with another tool if you trust where it is from", .path.display())]
     Implausible {
         /// The file.
         path: PathBuf,
         /// What gives it away.
-        reason: String,
+        source: io::Error,
     },
     /// Something has the name of the recovered log.
     #[error("{} exists already and is not overwritten; name another file with `--out`, or remove it", .0.display())]
@@ -68,12 +68,12 @@ pub enum RecoverError {
         types: Vec<&'static str>,
     },
     /// What was flown is not known any more.
-    #[error("{samples} samples of the log {} are whole, but not its manifest ({reason}); state what was flown with `--scenario FILE`, and `--seed` and `--set` as it was flown", .path.display())]
+    #[error("{samples} samples of the log {} are whole, but not its manifest ({source}); state what was flown with `--scenario FILE`, and `--seed` and `--set` as it was flown", .path.display())]
     Manifest {
         /// The file.
         path: PathBuf,
         /// Why the manifest is of no use.
-        reason: String,
+        source: ManifestProblem,
         /// Samples that are whole.
         samples: u64,
     },
@@ -140,10 +140,7 @@ fn unreadable(path: &Path) -> impl Fn(io::Error) -> RecoverError {
     move |source| {
         let path = path.to_owned();
         match source.kind() {
-            io::ErrorKind::InvalidData => RecoverError::Implausible {
-                path,
-                reason: source.to_string(),
-            },
+            io::ErrorKind::InvalidData => RecoverError::Implausible { path, source },
             _ => RecoverError::Read { path, source },
         }
     }
@@ -154,7 +151,7 @@ struct Survey<'a> {
     kinds: &'a [Kind],
     channels: Channels<'a>,
     recovery: Recovery,
-    manifest: Option<Result<Manifest, ManifestProblem>>,
+    manifest: Result<Manifest, ManifestProblem>,
     /// Of each kind of samples, the number that the next one should have.
     next: Vec<u64>,
     /// Of each kind of samples, the gap since its last one.
@@ -174,7 +171,7 @@ impl<'a> Survey<'a> {
                     .into_owned(),
                 ..Recovery::default()
             },
-            manifest: None,
+            manifest: Err(ManifestProblem::Absent),
             next: vec![0; kinds.len()],
             open_gap: vec![None; kinds.len()],
         };
@@ -208,7 +205,7 @@ impl<'a> Survey<'a> {
             let schedule = scenario.schedule().ok();
             self.recovery.planned_last_tick = schedule.map(|schedule| schedule.last_tick());
         }
-        self.manifest = Some(manifest);
+        self.manifest = manifest;
     }
 
     fn take(&mut self, chunk: &Chunk) {
@@ -289,22 +286,18 @@ impl<'a> Survey<'a> {
         if !has_flown {
             return Ok((None, self.recovery));
         }
-        let reason = match (&self.manifest, scenario) {
-            (Some(Ok(manifest)), _) => return Ok((Some(manifest.clone()), self.recovery)),
-            (_, Some(scenario)) => {
-                let manifest = Manifest::new(scenario);
-                self.recovery.is_scenario_restated = true;
-                self.take_manifest(Ok(manifest.clone()));
-                return Ok((Some(manifest), self.recovery));
-            }
-            (Some(Err(problem)), None) => problem.to_string(),
-            (None, None) => "it cannot be found".to_owned(),
-        };
-        Err(RecoverError::Manifest {
-            path,
-            reason,
-            samples,
-        })
+        if let (Err(_), Some(scenario)) = (&self.manifest, scenario) {
+            self.recovery.is_scenario_restated = true;
+            self.take_manifest(Ok(Manifest::new(scenario)));
+        }
+        match self.manifest {
+            Ok(manifest) => Ok((Some(manifest), self.recovery)),
+            Err(source) => Err(RecoverError::Manifest {
+                path,
+                source,
+                samples,
+            }),
+        }
     }
 }
 

@@ -13,12 +13,12 @@ pub enum RunFolderError {
     #[error("{} is not empty; name another folder with `--out`, or leave it out for a new one in `runs/`", .0.display())]
     NotEmpty(PathBuf),
     /// The folder cannot be made or read.
-    #[error("cannot make the folder {} for the results: {reason}; name a writable one with `--out`", .path.display())]
+    #[error("cannot make the folder {} for the results: {source}; name a writable one with `--out`", .path.display())]
     Io {
         /// The folder.
         path: PathBuf,
         /// What the system says.
-        reason: io::Error,
+        source: io::Error,
     },
 }
 
@@ -40,9 +40,9 @@ impl RunFolder {
     }
 
     fn create_named(path: &Path) -> Result<Self, RunFolderError> {
-        let failed = |reason| RunFolderError::Io {
+        let failed = |source| RunFolderError::Io {
             path: path.to_owned(),
-            reason,
+            source,
         };
         fs::create_dir_all(path).map_err(failed)?;
         if fs::read_dir(path).map_err(failed)?.next().is_some() {
@@ -52,17 +52,17 @@ impl RunFolder {
     }
 
     fn create_numbered(parent: &Path, name: &str) -> Result<Self, RunFolderError> {
-        let failed = |path: &Path, reason| RunFolderError::Io {
+        let failed = |path: &Path, source| RunFolderError::Io {
             path: path.to_owned(),
-            reason,
+            source,
         };
-        fs::create_dir_all(parent).map_err(|reason| failed(parent, reason))?;
+        fs::create_dir_all(parent).map_err(|source| failed(parent, source))?;
         for number in 1.. {
             let path = parent.join(format!("{name}-{number}"));
             match fs::create_dir(&path) {
                 Ok(()) => return Ok(Self(path)),
-                Err(reason) if reason.kind() == io::ErrorKind::AlreadyExists => {}
-                Err(reason) => return Err(failed(&path, reason)),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(failed(&path, error)),
             }
         }
         unreachable!("some number is free")

@@ -257,7 +257,7 @@ fn a_log_without_its_scenario_is_refused() {
             metadata.extend(scenario.map(|text| ("scenario".to_owned(), text.to_owned())));
         });
         assert!(
-            matches!(&error, LogReadError::Foreign { reason, .. } if reason.contains("scenario")),
+            matches!(&error, LogReadError::Manifest { source, .. } if source.to_string().contains("scenario")),
             "{error}"
         );
     }

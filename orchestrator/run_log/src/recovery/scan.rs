@@ -281,7 +281,7 @@ impl Scan {
             stated.is_some_and(|stated| stated <= length) && header.uncompressed_size <= CHUNK_BYTES_MAX;
         if may_be {
             let spent = self.budget.borrow_mut().spend(length + header.uncompressed_size);
-            spent.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.to_string()))?;
+            spent.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))?;
         }
         Ok(may_be)
     }
