@@ -72,9 +72,9 @@ impl Betaflight {
     pub fn open(scenario: &Scenario, rotors: Rotors) -> Result<Self, LineError> {
         let actuators = scenario.vehicle.actuators.clone().unwrap_or_default();
         let line = Line::open(&Target::Udp(MOTORS_AT.into()))?;
-        let sensors = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|reason| LineError::Socket {
+        let sensors = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|source| LineError::Socket {
             at: SENSORS_AT.into(),
-            reason,
+            source,
         })?;
         Ok(Self {
             line,

@@ -29,23 +29,23 @@ pub enum LineError {
     )]
     Taken(PathBuf),
     /// The name of the device cannot be made.
-    #[error("cannot make the device {}: {reason}; give a path in a folder of yours as `rc_output.transmitter.device`", .path.display())]
+    #[error("cannot make the device {}: {source}; give a path in a folder of yours as `rc_output.transmitter.device`", .path.display())]
     Name {
         /// Its path.
         path: PathBuf,
         /// What the system says.
-        reason: std::io::Error,
+        source: std::io::Error,
     },
     /// There are no pseudo-terminals.
     #[error("cannot have a pseudo-terminal: {0}; see whether /dev/pts is there")]
-    Terminal(std::io::Error),
+    Terminal(#[source] std::io::Error),
     /// The socket cannot be had.
-    #[error("cannot listen at {at}: {reason}; give a free port of this machine in `rc_output.transmitter`")]
+    #[error("cannot listen at {at}: {source}; give a free port of this machine in `rc_output.transmitter`")]
     Socket {
         /// Where.
         at: SocketAddr,
         /// What the system says.
-        reason: std::io::Error,
+        source: std::io::Error,
     },
 }
 
@@ -76,7 +76,7 @@ impl Line {
     /// # Errors
     /// [`LineError`].
     pub fn open(target: &Target) -> Result<Self, LineError> {
-        let failed = |at: SocketAddr| move |reason| LineError::Socket { at, reason };
+        let failed = |at: SocketAddr| move |source| LineError::Socket { at, source };
         match target {
             Target::Serial { path, .. } => Serial::open(path).map(Self::Serial),
             Target::Tcp(at) => {
@@ -157,7 +157,7 @@ impl Line {
 
 impl Serial {
     fn open(path: &Path) -> Result<Self, LineError> {
-        let terminal = |reason: rustix::io::Errno| LineError::Terminal(reason.into());
+        let terminal = |error: rustix::io::Errno| LineError::Terminal(error.into());
         let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
         let receiver = openpt(flags).map_err(terminal)?;
         grantpt(&receiver).map_err(terminal)?;
@@ -167,11 +167,11 @@ impl Serial {
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
         let transmitter = rustix::fs::open(&device, flags, Mode::empty()).map_err(terminal)?;
         let device = PathBuf::from(device.to_string_lossy().into_owned());
-        symlink(&device, path).map_err(|reason| match reason.kind() {
+        symlink(&device, path).map_err(|source| match source.kind() {
             ErrorKind::AlreadyExists => LineError::Taken(path.to_owned()),
             _ => LineError::Name {
                 path: path.to_owned(),
-                reason,
+                source,
             },
         })?;
         Ok(Self {

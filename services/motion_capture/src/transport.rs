@@ -64,20 +64,20 @@ impl Address {
 
 /// A socket that could not be had.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot listen on {at}: {reason}; {fix}")]
+#[error("cannot listen on {at}: {source}; {fix}")]
 pub struct TransportError {
     /// Where.
     pub at: SocketAddrV4,
     /// What the system said.
-    pub reason: std::io::Error,
+    pub source: std::io::Error,
     /// What to do about it.
     pub fix: &'static str,
 }
 
 impl TransportError {
-    fn new(at: SocketAddrV4, reason: impl Into<std::io::Error>) -> Self {
-        let reason = reason.into();
-        let fix = match reason.kind() {
+    fn new(at: SocketAddrV4, source: impl Into<std::io::Error>) -> Self {
+        let source = source.into();
+        let fix = match source.kind() {
             std::io::ErrorKind::AddrInUse => {
                 "end the other program that listens there, or choose another port"
             }
@@ -86,7 +86,7 @@ impl TransportError {
             }
             _ => "see whether the interface is up",
         };
-        Self { at, reason, fix }
+        Self { at, source, fix }
     }
 }
 

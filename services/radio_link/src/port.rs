@@ -102,21 +102,21 @@ pub enum OpenError {
     },
     /// Nobody takes the connection.
     #[error(
-        "nobody listens at {address}: {reason}; start the flight controller first and check address and port"
+        "nobody listens at {address}: {source}; start the flight controller first and check address and port"
     )]
     Connection {
         /// Where.
         address: SocketAddr,
         /// What the system says.
-        reason: Errno,
+        source: Errno,
     },
     /// Anything else.
-    #[error("cannot use {}: {reason}", .path.display())]
+    #[error("cannot use {}: {source}", .path.display())]
     Device {
         /// Its path.
         path: PathBuf,
         /// What the system says.
-        reason: Errno,
+        source: Errno,
     },
 }
 

@@ -60,7 +60,7 @@ fn refusal(path: &Path, reason: Errno) -> OpenError {
         Errno::ACCESS | Errno::PERM => OpenError::Permission { path },
         Errno::BUSY | Errno::AGAIN => OpenError::Busy { path },
         Errno::NOTTY | Errno::ISDIR => OpenError::NotSerial { path },
-        reason => OpenError::Device { path, reason },
+        source => OpenError::Device { path, source },
     }
 }
 

@@ -37,7 +37,7 @@ pub(super) fn connect_tcp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
             Err(reason) => Err(reason),
         }
     };
-    begin().map_err(|reason| OpenError::Connection { address, reason })
+    begin().map_err(|source| OpenError::Connection { address, source })
 }
 
 /// A socket whose packets go to one address.
@@ -47,7 +47,7 @@ pub(super) fn connect_udp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
         connect(&socket, &address)?;
         Ok(socket)
     };
-    begin().map_err(|reason| OpenError::Connection { address, reason })
+    begin().map_err(|source| OpenError::Connection { address, source })
 }
 
 /// Whether a connection has come about.
@@ -60,11 +60,11 @@ pub(super) fn is_connected(socket: &OwnedFd) -> Result<bool, Errno> {
 
 /// Waits for a connection to come about.
 pub(super) fn wait_until_connected(socket: &OwnedFd, address: SocketAddr) -> Result<(), OpenError> {
-    let failed = |reason| OpenError::Connection { address, reason };
+    let failed = |source| OpenError::Connection { address, source };
     match await_answer(socket, FIRST_CONNECTION) {
         Ok(true) => Ok(()),
         Ok(false) => Err(failed(Errno::TIMEDOUT)),
-        Err(reason) => Err(failed(reason)),
+        Err(error) => Err(failed(error)),
     }
 }
 
