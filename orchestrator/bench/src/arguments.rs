@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use command_line::values::number_between;
+use command_line::values::between;
 
 /// Arguments of `gerono bench`.
 #[derive(Debug, Args)]
@@ -88,7 +88,7 @@ pub struct BenchRecorder {
     #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
     /// Length of the flight over which memory is watched, min at 1 kHz.
-    #[arg(long, value_name = "MIN", default_value = "10", value_parser = minutes)]
+    #[arg(long, value_name = "MIN", default_value = "10", value_parser = between(0.1, 1440.0, "min"))]
     pub minutes: f64,
     /// Write the figures as JSON to this file as well: times in s, memory in bytes.
     #[arg(long, value_name = "F")]
@@ -100,10 +100,6 @@ impl BenchRecorder {
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono bench recorder\n  \
         gerono bench recorder --repetitions 31 --minutes 60 --json recorder.json";
-}
-
-fn minutes(text: &str) -> Result<f64, String> {
-    number_between(text, 0.1, 1440.0, "min")
 }
 
 /// Arguments of `gerono bench deaths`.

@@ -1,22 +1,53 @@
 //! Values of arguments.
 
-/// A number within limits.
-///
-/// # Errors
-/// What to give instead.
-pub fn number_between(text: &str, least: f64, most: f64, unit: &str) -> Result<f64, String> {
-    let value = text.parse().map_err(|_| "this is no number".to_owned())?;
-    value_between(value, least, most, unit)
+use std::borrow::Cow;
+
+/// Why a value is refused, and what to give instead.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ValueError {
+    /// It is no number.
+    #[error("this is no number")]
+    NoNumber,
+    /// It is not what it must be; these are the words for it.
+    #[error("{0}")]
+    Unfit(Cow<'static, str>),
+    /// It names nothing that there is.
+    #[error("there is no such {what}; {there_is}")]
+    Unknown {
+        /// What is named so.
+        what: &'static str,
+        /// What there is instead, in words.
+        there_is: String,
+    },
+}
+
+impl ValueError {
+    /// Refuses a value with a sentence.
+    pub fn unfit(sentence: impl Into<Cow<'static, str>>) -> Self {
+        Self::Unfit(sentence.into())
+    }
+}
+
+/// Parses numbers within limits.
+pub fn between(
+    least: f64,
+    most: f64,
+    unit: &'static str,
+) -> impl Fn(&str) -> Result<f64, ValueError> + Clone + Send + Sync + 'static {
+    move |text| {
+        let value = text.parse().map_err(|_| ValueError::NoNumber)?;
+        value_between(value, least, most, unit)
+    }
 }
 
 /// A value within limits.
 ///
 /// # Errors
-/// What to give instead.
-pub fn value_between(value: f64, least: f64, most: f64, unit: &str) -> Result<f64, String> {
+/// [`ValueError::Unfit`].
+pub fn value_between(value: f64, least: f64, most: f64, unit: &str) -> Result<f64, ValueError> {
     if (least..=most).contains(&value) {
         Ok(value)
     } else {
-        Err(format!("give {least} to {most} {unit}"))
+        Err(ValueError::unfit(format!("give {least} to {most} {unit}")))
     }
 }

@@ -2,6 +2,7 @@
 
 use std::str::FromStr;
 
+use command_line::values::ValueError;
 use scenario::suggest::known_names;
 use scenario::{Fault, FaultKind, FaultState, Scenario, Target};
 use serde::Serialize;
@@ -148,9 +149,9 @@ impl Error {
 pub struct Troubles(pub Vec<Trouble>);
 
 impl FromStr for Troubles {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(name: &str) -> Result<Self, String> {
+    fn from_str(name: &str) -> Result<Self, ValueError> {
         let all = Trouble::ALL.into_iter();
         let of_name: Vec<_> = all
             .filter(|trouble| trouble.name() == name || trouble.kind().name() == name)
@@ -160,7 +161,10 @@ impl FromStr for Troubles {
             let mut names: Vec<_> = names.chain(Trouble::ALL.map(Trouble::name)).collect();
             names.sort_unstable();
             names.dedup();
-            return Err(format!("there is no such fault; {}", known_names(name, &names)));
+            return Err(ValueError::Unknown {
+                what: "fault",
+                there_is: known_names(name, &names),
+            });
         }
         Ok(Self(of_name))
     }
@@ -199,7 +203,7 @@ mod tests {
             "garbage".parse(),
             Ok(Troubles(vec![Trouble::GarbageInRange, Trouble::Garbage]))
         );
-        let unknown = "dealy".parse::<Troubles>().unwrap_err();
+        let unknown = "dealy".parse::<Troubles>().unwrap_err().to_string();
         assert!(unknown.contains("did you mean `delay`"), "{unknown}");
     }
 }

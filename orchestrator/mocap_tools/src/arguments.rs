@@ -8,7 +8,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use motion_capture::natnet::Version;
 use scenario::CaptureSystem;
 
-use command_line::values::number_between;
+use command_line::values::{ValueError, between};
 
 /// Arguments of `gerono mocap`.
 #[derive(Debug, Args)]
@@ -74,7 +74,7 @@ pub struct MocapProbe {
     #[arg(long)]
     pub object: Option<String>,
     /// For how long to listen, s.
-    #[arg(long, default_value_t = 5.0, value_parser = listening_time)]
+    #[arg(long, default_value_t = 5.0, value_parser = between(0.1, 3600.0, "s"))]
     pub seconds: f64,
     /// Write the sections of a scenario to this file; the vehicle must lie level at the origin of {I}, nose along its x.
     #[arg(long, value_name = "FILE", requires = "object")]
@@ -110,7 +110,7 @@ pub struct MocapSend {
     #[arg(long, default_value = "quad")]
     pub object: String,
     /// Frames a second.
-    #[arg(long, default_value_t = 100.0, value_parser = frame_rate)]
+    #[arg(long, default_value_t = 100.0, value_parser = between(1.0, 1000.0, "Hz"))]
     pub rate: f64,
     /// Standard deviation of the noise of each coordinate, m.
     #[arg(long, default_value_t = 1e-4)]
@@ -133,20 +133,12 @@ impl MocapSend {
         gerono mocap send --as vicon --to 127.0.0.1:51001 --rest --seconds 10";
 }
 
-fn listening_time(text: &str) -> Result<f64, String> {
-    number_between(text, 0.1, 3600.0, "s")
-}
-
-fn frame_rate(text: &str) -> Result<f64, String> {
-    number_between(text, 1.0, 1000.0, "Hz")
-}
-
-fn natnet_version(text: &str) -> Result<Version, String> {
+fn natnet_version(text: &str) -> Result<Version, ValueError> {
     let parts = text
         .split_once('.')
         .and_then(|(major, minor)| Some((major.parse().ok()?, minor.parse().ok()?)));
     match parts {
         Some((major @ (3 | 4), minor)) => Ok(Version { major, minor }),
-        _ => Err("give 3.0, 3.1, 4.0 or 4.1".to_owned()),
+        _ => Err(ValueError::unfit("give 3.0, 3.1, 4.0 or 4.1")),
     }
 }

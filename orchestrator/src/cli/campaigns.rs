@@ -9,6 +9,7 @@ use shared_types::ServiceId;
 
 use super::flight::ScenarioArguments;
 use super::values::service;
+use command_line::values::ValueError;
 use evaluation::reproduce::figures::Figure;
 use fault_matrix::{plan, trouble::Troubles};
 
@@ -78,18 +79,23 @@ impl Faults {
 }
 
 /// A service that can fail.
-fn failing_service(name: &str) -> Result<ServiceId, String> {
+fn failing_service(name: &str) -> Result<ServiceId, ValueError> {
     let service = service(name)?;
     if plan::services().any(|failing| failing == service) {
         Ok(service)
     } else {
-        Err("the plant is the vehicle itself, which flies on whatever happens".to_owned())
+        Err(ValueError::unfit(
+            "the plant is the vehicle itself, which flies on whatever happens",
+        ))
     }
 }
 
-fn edge(name: &str) -> Result<EdgeName, String> {
+fn edge(name: &str) -> Result<EdgeName, ValueError> {
     EdgeName::find(name).ok_or_else(|| {
         let names: Vec<_> = EdgeName::all().map(|edge| edge.to_string()).collect();
-        format!("there is no such edge; {}", known_names(name, &names))
+        ValueError::Unknown {
+            what: "edge",
+            there_is: known_names(name, &names),
+        }
     })
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use command_line::values::number_between;
+use command_line::values::between;
 
 /// Arguments of `gerono doctor`.
 #[derive(Debug, Args)]
@@ -15,7 +15,7 @@ pub struct Doctor {
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE", requires = "scenario")]
     pub sets: Vec<String>,
     /// How long to measure wake-ups, s; the longer, the more of what is rare is seen.
-    #[arg(long, value_name = "T", default_value = "3", value_parser = measuring_time)]
+    #[arg(long, value_name = "T", default_value = "3", value_parser = between(0.01, 3600.0, "s"))]
     pub seconds: f64,
     /// The folder into which runs write.
     #[arg(long, value_name = "DIR", default_value = "runs")]
@@ -33,8 +33,4 @@ impl Doctor {
         gerono doctor scenarios/fig1.toml --seconds 60 --runs /data/runs\n  \
         gerono doctor --json | jq '.checks[] | select(.verdict != \"green\")'\n\n\
         Exit codes: 0 nothing is red; 2 the scenario is wrong; 6 something is red: the flight would fail or be worth nothing.";
-}
-
-fn measuring_time(text: &str) -> Result<f64, String> {
-    number_between(text, 0.01, 3600.0, "s")
 }

@@ -11,7 +11,7 @@ use shared_types::ServiceId;
 pub use supervisor::host_kind::Host;
 
 use super::values::core;
-use command_line::values::{number_between, value_between};
+use command_line::values::{ValueError, between, value_between};
 use run_log::Compression;
 use supervisor::crew::restart::PerService;
 
@@ -59,7 +59,7 @@ pub struct RecordingArguments {
     pub compression: Compression,
     /// Force the logs to the disk again and again, this long apart, in s; a power failure costs little more than that
     /// [default: the system writes them when it likes].
-    #[arg(long, value_name = "S", value_parser = forcing_period)]
+    #[arg(long, value_name = "S", value_parser = between(0.01, 3600.0, "s"))]
     pub durable: Option<f64>,
 }
 
@@ -69,10 +69,6 @@ impl RecordingArguments {
     pub fn forcing_period(self) -> Option<Duration> {
         self.durable.map(Duration::from_secs_f64)
     }
-}
-
-fn forcing_period(text: &str) -> Result<f64, String> {
-    number_between(text, 0.01, 3600.0, "s")
 }
 
 /// How the processes of a run use the machine. Nothing of it changes run.mcap.
@@ -107,7 +103,7 @@ pub struct DeploymentArguments {
     pub crash: Vec<ServiceCrash>,
 }
 
-fn seconds_per_service(text: &str) -> Result<PerService<f64>, String> {
+fn seconds_per_service(text: &str) -> Result<PerService<f64>, ValueError> {
     let parsed: PerService<f64> = text.parse()?;
     value_between(parsed.value, 0.0, 60.0, "s")?;
     Ok(parsed)
@@ -123,22 +119,28 @@ pub struct ServiceCrash {
 }
 
 impl FromStr for ServiceCrash {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, ValueError> {
         let parts = text.split_once('@').and_then(|(service, rest)| {
             let (tick, place) = rest.split_once(':')?;
             Some((service, tick, place))
         });
         let (service, tick, place) =
-            parts.ok_or_else(|| "write it as controller@1500:before-step".to_owned())?;
+            parts.ok_or(ValueError::unfit("write it as controller@1500:before-step"))?;
         let places = CrashPlace::ALL.map(CrashPlace::name);
         let known = places.iter().position(|known| *known == place);
+        let known = known.ok_or_else(|| ValueError::Unknown {
+            what: "place",
+            there_is: known_names(place, &places),
+        })?;
         Ok(Self {
             service: super::values::service(service)?,
             crash: Crash {
-                tick: tick.parse().map_err(|_| format!("`{tick}` is no tick"))?,
-                place: CrashPlace::ALL[known.ok_or_else(|| known_names(place, &places))?],
+                tick: tick
+                    .parse()
+                    .map_err(|_| ValueError::unfit(format!("`{tick}` is no tick")))?,
+                place: CrashPlace::ALL[known],
             },
         })
     }

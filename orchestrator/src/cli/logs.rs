@@ -8,7 +8,7 @@ use shared_types::ServiceId;
 use shared_types::Topic;
 
 use super::values::service;
-use command_line::values::number_between;
+use command_line::values::{ValueError, between};
 
 /// Arguments of `gerono diff`.
 #[derive(Debug, Args)]
@@ -33,10 +33,10 @@ pub struct Replay {
     pub sets: Vec<String>,
     /// Compare from this time of the flight on, s. Each service begins with the newest that it is recorded to have known by
     /// then [default: the beginning].
-    #[arg(long, value_name = "S", value_parser = flight_time)]
+    #[arg(long, value_name = "S", value_parser = between(0.0, 1e9, "s"))]
     pub from: Option<f64>,
     /// Compare up to this time of the flight, s, and stop [default: the end of the log].
-    #[arg(long, value_name = "S", value_parser = flight_time)]
+    #[arg(long, value_name = "S", value_parser = between(0.0, 1e9, "s"))]
     pub to: Option<f64>,
     /// Replay each service in a process of its own, with the samples in shared memory, as it was flown.
     #[arg(long)]
@@ -53,11 +53,7 @@ impl Replay {
         gerono replay runs/fig1-1 --service controller --set controller.k1=5.0";
 }
 
-fn flight_time(text: &str) -> Result<f64, String> {
-    number_between(text, 0.0, 1e9, "s")
-}
-
-fn svg_file(text: &str) -> Result<PathBuf, String> {
+fn svg_file(text: &str) -> Result<PathBuf, ValueError> {
     let path = PathBuf::from(text);
     let is_svg = path
         .extension()
@@ -65,10 +61,9 @@ fn svg_file(text: &str) -> Result<PathBuf, String> {
     if is_svg {
         Ok(path)
     } else {
-        Err(
-            "give the name of an SVG file, such as `z1.svg`; to convert it, use for example `rsvg-convert`"
-                .to_owned(),
-        )
+        Err(ValueError::unfit(
+            "give the name of an SVG file, such as `z1.svg`; to convert it, use for example `rsvg-convert`",
+        ))
     }
 }
 
@@ -139,9 +134,12 @@ impl Export {
         gerono export runs/fig1-1 --view --out fig1.mcap";
 }
 
-fn topic(name: &str) -> Result<Topic, String> {
+fn topic(name: &str) -> Result<Topic, ValueError> {
     let names = Topic::ALL.map(Topic::name);
-    Topic::from_name(name).ok_or_else(|| format!("there is no such topic; {}", known_names(name, &names)))
+    Topic::from_name(name).ok_or_else(|| ValueError::Unknown {
+        what: "topic",
+        there_is: known_names(name, &names),
+    })
 }
 
 /// Arguments of `gerono info`.

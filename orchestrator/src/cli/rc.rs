@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::flight::ScenarioArguments;
-use command_line::values::number_between;
+use command_line::values::{ValueError, between};
 
 /// What `gerono rc` can do.
 #[derive(Debug, Subcommand)]
@@ -29,15 +29,11 @@ pub struct RcProbe {
     #[command(flatten)]
     pub scenario: ScenarioArguments,
     /// How long a stick takes from the middle to both ends and back, s.
-    #[arg(long, default_value_t = 8.0, value_name = "S", value_parser = sweep_seconds)]
+    #[arg(long, default_value_t = 8.0, value_name = "S", value_parser = between(0.1, 600.0, "s"))]
     pub seconds: f64,
     /// Move the thrust stick too although nothing keeps the vehicle disarmed: its propellers are off.
     #[arg(long)]
     pub propellers_off: bool,
-}
-
-fn sweep_seconds(text: &str) -> Result<f64, String> {
-    number_between(text, 0.1, 600.0, "s")
 }
 
 /// Arguments of `gerono rc identify`.
@@ -56,11 +52,11 @@ pub struct RcIdentify {
     pub json: bool,
 }
 
-fn mass(text: &str) -> Result<f64, String> {
-    let mass: f64 = text.parse().map_err(|_| "give a mass in kg".to_owned())?;
+fn mass(text: &str) -> Result<f64, ValueError> {
+    let mass: f64 = text.parse().map_err(|_| ValueError::unfit("give a mass in kg"))?;
     if mass > 0.0 && mass.is_finite() {
         Ok(mass)
     } else {
-        Err("give a mass above 0 kg".to_owned())
+        Err(ValueError::unfit("give a mass above 0 kg"))
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::flight::ScenarioArguments;
-use command_line::values::number_between;
+use command_line::values::between;
 
 /// Arguments of `gerono world`.
 #[derive(Debug, Args)]
@@ -14,26 +14,26 @@ pub struct World {
     #[command(flatten)]
     pub scenario: ScenarioArguments,
     /// Poses a second [default: the middle of `motion_capture.rate`].
-    #[arg(long, value_name = "HZ", value_parser = rate)]
+    #[arg(long, value_name = "HZ", value_parser = between(1.0, 1000.0, "Hz"))]
     pub capture_rate: Option<f64>,
     /// Time from an exposure until its pose is sent, s [default: `motion_capture.latency`].
-    #[arg(long, value_name = "S", value_parser = latency)]
+    #[arg(long, value_name = "S", value_parser = between(0.0, 1.0, "s"))]
     pub capture_latency: Option<f64>,
     /// Time from the arrival of a frame until it acts, s [default: `model.radio_latency` without half the time between two
     /// frames, for which a command waits on average].
-    #[arg(long, value_name = "S", value_parser = latency)]
+    #[arg(long, value_name = "S", value_parser = between(0.0, 1.0, "s"))]
     pub radio_latency: Option<f64>,
     /// Let Betaflight, built for simulation, fly on board, by its simulator interface on the loopback; the flight's link goes to it.
     #[arg(long)]
     pub betaflight: bool,
     /// Distance of a rotor from the centre, for Betaflight, m.
-    #[arg(long, value_name = "M", default_value_t = 0.1, value_parser = lever)]
+    #[arg(long, value_name = "M", default_value_t = 0.1, value_parser = between(0.001, 10.0, "m"))]
     pub rotor_arm: f64,
     /// Torque about the vertical axis per thrust of a rotor, for Betaflight, m.
-    #[arg(long, value_name = "M", default_value_t = 0.03, value_parser = lever)]
+    #[arg(long, value_name = "M", default_value_t = 0.03, value_parser = between(0.001, 10.0, "m"))]
     pub rotor_torque: f64,
     /// For how long, s [default: until Ctrl-C].
-    #[arg(long, value_name = "S", value_parser = span)]
+    #[arg(long, value_name = "S", value_parser = between(0.0, 1e9, "s"))]
     pub seconds: Option<f64>,
     /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-world-N].
     #[arg(long, value_name = "DIR")]
@@ -61,7 +61,7 @@ pub struct Truth {
     #[arg(long, value_name = "LOG")]
     pub world: Option<PathBuf>,
     /// How much of the end of the flight along the path counts as its last part, s.
-    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = span)]
+    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = between(0.0, 1e9, "s"))]
     pub last: f64,
     /// Print it as JSON, for other programs; SI units.
     #[arg(long)]
@@ -72,20 +72,4 @@ impl Truth {
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono truth runs/fig7-1\n  \
         gerono truth runs/flight --world runs/world --last 10";
-}
-
-fn rate(text: &str) -> Result<f64, String> {
-    number_between(text, 1.0, 1000.0, "Hz")
-}
-
-fn latency(text: &str) -> Result<f64, String> {
-    number_between(text, 0.0, 1.0, "s")
-}
-
-fn lever(text: &str) -> Result<f64, String> {
-    number_between(text, 0.001, 10.0, "m")
-}
-
-fn span(text: &str) -> Result<f64, String> {
-    number_between(text, 0.0, 1e9, "s")
 }

@@ -15,6 +15,7 @@ use std::str::FromStr;
 use super::column::Column;
 use super::flight::{Flown, Recipe};
 use super::row::{LEAST_SEEDS, Row};
+use command_line::values::ValueError;
 
 /// A figure of the paper, or a comparison that it makes in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -135,13 +136,16 @@ impl Figure {
 }
 
 impl FromStr for Figure {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(name: &str) -> Result<Self, String> {
+    fn from_str(name: &str) -> Result<Self, ValueError> {
         let found = Self::ALL.into_iter().find(|figure| figure.name() == name);
         found.ok_or_else(|| {
             let names: Vec<_> = Self::ALL.iter().map(|figure| figure.name()).collect();
-            format!("there is no such figure; there are {}", names.join(", "))
+            ValueError::Unknown {
+                what: "figure",
+                there_is: format!("there are {}", names.join(", ")),
+            }
         })
     }
 }
@@ -170,7 +174,7 @@ mod tests {
         for figure in Figure::ALL {
             assert_eq!(figure.name().parse(), Ok(figure));
         }
-        assert!("12".parse::<Figure>().unwrap_err().contains("3-6"));
+        assert!("12".parse::<Figure>().unwrap_err().to_string().contains("3-6"));
     }
 
     #[test]

@@ -3,6 +3,8 @@
 use std::str::FromStr;
 use std::time::Duration;
 
+use command_line::values::ValueError;
+use scenario::suggest::known_names;
 use shared_types::ServiceId;
 
 /// So many deaths in a row at the same place are mended at once, the later ones after a pause that grows.
@@ -56,22 +58,25 @@ pub struct PerService<T> {
 }
 
 impl<T: FromStr> FromStr for PerService<T> {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, ValueError> {
         let (service, value) = match text.split_once('=') {
             None => (None, text),
             Some((name, value)) => {
                 let service = scenario::role_of_process(name).ok_or_else(|| {
                     let names = ServiceId::ALL.map(ServiceId::name);
-                    scenario::suggest::known_names(name, &names)
+                    ValueError::Unknown {
+                        what: "service",
+                        there_is: known_names(name, &names),
+                    }
                 })?;
                 (Some(service), value)
             }
         };
         let value = value
             .parse()
-            .map_err(|_| format!("`{value}` is not such a number"))?;
+            .map_err(|_| ValueError::unfit(format!("`{value}` is not such a number")))?;
         Ok(Self { service, value })
     }
 }
@@ -114,6 +119,7 @@ mod tests {
             "contoller=1"
                 .parse::<PerService<u32>>()
                 .unwrap_err()
+                .to_string()
                 .contains("`controller`")
         );
         assert!("controller=-1".parse::<PerService<u32>>().is_err());
