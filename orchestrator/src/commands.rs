@@ -28,7 +28,6 @@ use shared_types::Schedule;
 use crate::cli::{RecordingArguments, ScenarioArguments};
 use command_line::exit::Exit;
 pub use command_line::failure::Failure;
-use command_line::failure::report_of;
 use command_line::output::{log_path, note, print, print_as_it_is, write, write_json, write_result};
 use run_log::run_folder::RunFolder;
 use run_log::{HostLogWriter, LogError, Manifest, RunLogWriter};
@@ -60,7 +59,7 @@ fn host_record(folder: &RunFolder, recording: RecordingArguments) -> Result<Host
 
 /// When everybody steps in a flight of `scenario`.
 fn schedule_of(scenario: &Scenario) -> Result<Schedule, Failure> {
-    supervisor::schedule_of(scenario).map_err(|failure| Failure::new(Exit::BadInput, failure))
+    supervisor::schedule_of(scenario).map_err(Failure::bad_input)
 }
 
 /// Name of a flight: that of its scenario's file.

@@ -12,7 +12,7 @@ use runtime::ports::{Member, Wire};
 use shared_types::wiring::TopicVisitor;
 use shared_types::{Published, Schedule, ServiceId, Topic};
 
-type Outcome<T> = Result<T, Box<dyn Error>>;
+type Outcome<T> = Result<T, Box<dyn Error + Send + Sync>>;
 
 /// A service's subscribers and publishers.
 pub(super) struct BarePorts {

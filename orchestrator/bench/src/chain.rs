@@ -25,7 +25,6 @@ use shared_types::ServiceId;
 
 use super::ring::Members;
 use crate::arguments::ChainMember;
-use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::output::print;
 use live::run_root::RunRoot;
@@ -100,10 +99,10 @@ fn spawn(
 /// # Errors
 /// [`Failure`].
 pub fn chain_member(arguments: &ChainMember) -> Result<(), Failure> {
-    take_part(arguments).map_err(|error| Failure::new(Exit::Trouble, error))
+    take_part(arguments).map_err(Failure::trouble)
 }
 
-fn take_part(arguments: &ChainMember) -> Result<(), Box<dyn Error>> {
+fn take_part(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync>> {
     deployment::die_with_parent()?;
     let settings = ServiceDeployment {
         core: Some(arguments.core),
@@ -133,7 +132,7 @@ fn take_part(arguments: &ChainMember) -> Result<(), Box<dyn Error>> {
 type Event = PortFactory<ipc::Service>;
 
 /// The events from the member at a place to the next.
-fn hop(member: &Member, place: usize) -> Result<Event, Box<dyn Error>> {
+fn hop(member: &Member, place: usize) -> Result<Event, Box<dyn Error + Send + Sync>> {
     let name = ServiceName::new(&format!("hop/{place}"))?;
     Ok(member.node().service_builder(&name).event().open_or_create()?)
 }
@@ -144,7 +143,7 @@ fn newest(words: &Words, place: usize) -> &AtomicU64 {
 }
 
 /// The first: sends an event every period.
-fn send(to: &Event, words: &Words, rounds: u64) -> Result<(), Box<dyn Error>> {
+fn send(to: &Event, words: &Words, rounds: u64) -> Result<(), Box<dyn Error + Send + Sync>> {
     let notifier = to.notifier_builder().create()?;
     words.misses.fetch_add(1, Ordering::AcqRel);
     while words.start_ns.load(Ordering::Acquire) == 0 {
@@ -171,7 +170,7 @@ fn sleep_until(at_ns: u64) {
 }
 
 /// One between the first and the last: hands on what comes.
-fn pass_on(from: &Event, to: &Event, words: &Words, me: usize) -> Result<(), Box<dyn Error>> {
+fn pass_on(from: &Event, to: &Event, words: &Words, me: usize) -> Result<(), Box<dyn Error + Send + Sync>> {
     let listener = from.listener_builder().create()?;
     let notifier = to.notifier_builder().create()?;
     words.misses.fetch_add(1, Ordering::AcqRel);
@@ -189,7 +188,7 @@ fn pass_on(from: &Event, to: &Event, words: &Words, me: usize) -> Result<(), Box
 }
 
 /// The last: how long it is from the first to here.
-fn measure(from: &Event, words: &Words) -> Result<Histogram<u64>, Box<dyn Error>> {
+fn measure(from: &Event, words: &Words) -> Result<Histogram<u64>, Box<dyn Error + Send + Sync>> {
     let listener = from.listener_builder().create()?;
     let mut times = timing::histogram();
     words.misses.fetch_add(1, Ordering::AcqRel);

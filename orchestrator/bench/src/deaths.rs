@@ -11,7 +11,6 @@ use shared_types::ServiceId;
 
 use super::measure::{FlightCommand, Result, Scratch, fly_by_command};
 use crate::arguments::BenchDeaths;
-use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::output::{print, write_json};
 use command_line::progress;
@@ -66,7 +65,7 @@ struct OthersPeriods {
 /// # Errors
 /// [`Failure`].
 pub(super) fn deaths(arguments: &BenchDeaths) -> std::result::Result<(), Failure> {
-    let measured = measure(arguments).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let measured = measure(arguments).map_err(Failure::trouble)?;
     print(format!("{}\n", table(&measured.services)));
     let back = measured.back_after.map_or_else(String::new, |back| {
         format!(
@@ -91,7 +90,7 @@ pub(super) fn deaths(arguments: &BenchDeaths) -> std::result::Result<(), Failure
 
 fn measure(arguments: &BenchDeaths) -> Result<Measured> {
     let count = arguments.deaths;
-    let mut flight: Scenario = toml::from_str(SCENARIO).map_err(|error| setup(&error))?;
+    let mut flight: Scenario = toml::from_str(SCENARIO).map_err(FlightFailure::setup)?;
     flight.vehicle.fan = None;
     flight.vehicle.initial.position = HOVER;
     flight.duration = SETTLING + APART * f64::from(count + 1);
@@ -142,11 +141,11 @@ fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> R
     let mut steps = Vec::new();
     let mut largest_distance = 0.0;
     let (_, summary) = fly_by_command(command, &options, |results| {
-        let recorded = HostReader::open(&results.join("host.mcap")).map_err(|error| setup(&error))?;
+        let recorded = HostReader::open(&results.join("host.mcap")).map_err(FlightFailure::setup)?;
         steps = recorded
             .steps()
             .collect::<std::result::Result<_, _>>()
-            .map_err(|error| setup(&error))?;
+            .map_err(FlightFailure::setup)?;
         largest_distance = largest_distance_of(&results.join("run.mcap"))?;
         Ok(())
     })?;
@@ -159,7 +158,7 @@ fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> R
 
 /// Largest distance from the path from the first death on, m.
 fn largest_distance_of(log: &Path) -> Result<f64> {
-    let mut reader = LogReader::open(log).map_err(|error| setup(&error))?;
+    let mut reader = LogReader::open(log).map_err(FlightFailure::setup)?;
     let scenario = &reader.manifest().scenario;
     let mut tracker = Tracker::new(&schedule_of(scenario)?, scenario.flight.is_some());
     let mut largest: f64 = 0.0;
@@ -167,7 +166,7 @@ fn largest_distance_of(log: &Path) -> Result<f64> {
         let has_settled = moment.vehicle.time_ns >= nanoseconds(SETTLING);
         largest = largest.max(moment.distance.filter(|_| has_settled).unwrap_or(0.0));
     });
-    followed.map_err(|error| setup(&error))?;
+    followed.map_err(FlightFailure::setup)?;
     Ok(largest)
 }
 
@@ -175,7 +174,8 @@ impl Flown {
     /// The deaths that were mended; `tick` in s.
     fn rebirths(&self, tick: f64) -> Result<Vec<Rebirth>> {
         let stated = self.summary["rebirths"].as_array();
-        let stated = stated.ok_or_else(|| setup(&"the flight's summary tells of no rebirths"))?;
+        let stated =
+            stated.ok_or_else(|| FlightFailure::setup("the flight's summary tells of no rebirths"))?;
         let rebirth = |stated: &Value| {
             Some(Rebirth {
                 service: ServiceId::from_name(stated["service"].as_str()?)?,
@@ -250,10 +250,6 @@ fn milliseconds(quantiles: Option<&Quantiles>) -> String {
         times.map(|time| format!("{:.3}", 1e3 * time)).join(" / ")
     };
     quantiles.map_or_else(String::new, shown)
-}
-
-fn setup(error: &dyn std::fmt::Display) -> FlightFailure {
-    FlightFailure::Setup(error.to_string())
 }
 
 #[cfg(test)]

@@ -28,7 +28,6 @@ use super::latency::microseconds;
 use super::measure::{FlightCommand, Result, Scratch, progress_of};
 use super::ring::Members;
 use crate::arguments::BenchLaboratory;
-use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::output::{print, write_json};
 use hil_simulator::cameras::Cameras;
@@ -87,7 +86,7 @@ struct Measured {
 /// # Errors
 /// [`Failure`].
 pub(super) fn laboratory(arguments: &BenchLaboratory) -> std::result::Result<(), Failure> {
-    let measured = measure(arguments.seconds).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let measured = measure(arguments.seconds).map_err(Failure::trouble)?;
     print(format!("{}\n{}", table(&measured), explanation(&measured)));
     match &arguments.json {
         Some(path) => write_json(path, &measured),

@@ -10,7 +10,6 @@ use super::SCENARIO;
 use super::chain;
 use super::measure::{FlightCommand, Load, Result, Scratch, complaint, fly_by_command, median, progress_of};
 use crate::arguments::BenchLatency;
-use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::output::{print, write_json};
 use metrics::summary::timing::Quantiles;
@@ -85,7 +84,7 @@ struct Measured {
 /// # Errors
 /// [`Failure`].
 pub(super) fn latency(arguments: &BenchLatency) -> std::result::Result<(), Failure> {
-    let measured = measure(arguments).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let measured = measure(arguments).map_err(Failure::trouble)?;
     print(format!("{}\n", table(&measured)));
     if let Some(services) = measured.rows.first().map(|row| &row.services) {
         print(format!("{}\n", table_of(services)));
@@ -150,8 +149,7 @@ fn measure(arguments: &BenchLatency) -> Result<Measured> {
 
 /// Fig. 1 of so many seconds, without the changes of the vehicle.
 fn flight_of(seconds: u32) -> Result<Scenario> {
-    let scenario: Scenario =
-        toml::from_str(SCENARIO).map_err(|error| FlightFailure::Setup(error.to_string()))?;
+    let scenario: Scenario = toml::from_str(SCENARIO).map_err(FlightFailure::setup)?;
     let mut flight = Scenario {
         duration: f64::from(seconds),
         ..scenario
@@ -185,8 +183,7 @@ impl Place<'_> {
     }
 
     fn floor(&self, scheduler: Scheduler) -> Result<Quantiles> {
-        chain::four_hops(self.core, scheduler == Scheduler::Fifo, self.rounds)
-            .map_err(|error| FlightFailure::Setup(error.to_string()))
+        chain::four_hops(self.core, scheduler == Scheduler::Fifo, self.rounds).map_err(FlightFailure::setup)
     }
 
     /// What the summary of a flight says of its timing. On a machine that is away for too long the vehicle may be lost; what
@@ -277,7 +274,7 @@ impl Series {
 /// What a part of a summary says.
 fn stated<T: DeserializeOwned>(part: &serde_json::Value) -> Result<T> {
     T::deserialize(part).map_err(|error| {
-        FlightFailure::Setup(format!(
+        FlightFailure::setup(format!(
             "a flight's summary says too little of its timing: {error}"
         ))
     })

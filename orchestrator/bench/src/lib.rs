@@ -20,7 +20,6 @@ use scenario::Scenario;
 use serde::Serialize;
 
 use crate::arguments::{Bench, Measurement};
-use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::output::{print, write_json};
 
@@ -60,7 +59,7 @@ struct Measured {
 /// # Errors
 /// [`Failure`].
 pub fn bench(arguments: &Bench) -> Result<(), Failure> {
-    let scenario: Scenario = toml::from_str(SCENARIO).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let scenario: Scenario = toml::from_str(SCENARIO).map_err(Failure::trouble)?;
     match &arguments.measurement {
         Some(Measurement::Latency(arguments)) => latency::latency(arguments),
         Some(Measurement::Deaths(arguments)) => deaths::deaths(arguments),
@@ -79,8 +78,7 @@ fn throughput(scenario: &Scenario, arguments: &Bench) -> Result<(), Failure> {
         vehicle: clipped(&flight),
         ..flight
     };
-    let measured = measure::all(scenario, &flight, arguments.repetitions)
-        .map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let measured = measure::all(scenario, &flight, arguments.repetitions).map_err(Failure::trouble)?;
     print(format!("{}\n", table(&measured.rates)));
     if let (Some(restart), Some(quick)) = (measured.restart_milliseconds, measured.quick_restart_milliseconds)
     {

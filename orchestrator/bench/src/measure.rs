@@ -186,15 +186,14 @@ impl Series {
 }
 
 fn bare(wait: RingWait, fifo: bool, core: usize) -> Result<f64> {
-    ring::thousand_rounds_per_second(wait, fifo, core, RING_ROUNDS)
-        .map_err(|error| FlightFailure::Setup(error.to_string()))
+    ring::thousand_rounds_per_second(wait, fifo, core, RING_ROUNDS).map_err(FlightFailure::setup)
 }
 
 /// Flies in lock-step and says how fast.
 fn fly_processes(flight: &FlightCommand, options: &[&str]) -> Result<f64> {
     summary_of_flight(flight, options)?["real_time_factor"]
         .as_f64()
-        .ok_or_else(|| FlightFailure::Setup("the summary states no real-time factor".to_owned()))
+        .ok_or_else(|| FlightFailure::setup("the summary states no real-time factor".to_owned()))
 }
 
 /// Lets each service in turn die some times, so many ticks apart, and says how long each time nobody flew in its
@@ -244,7 +243,6 @@ pub(super) fn fly_by_command(
     look: impl FnOnce(&Path) -> Result<()>,
 ) -> Result<(Output, serde_json::Value)> {
     let out = flight.folder.join("flight");
-    let setup = |error: &dyn std::fmt::Display| FlightFailure::Setup(error.to_string());
     let output = Command::new("/proc/self/exe")
         .args(["run", "--quiet", "--out"])
         .arg(&out)
@@ -252,22 +250,19 @@ pub(super) fn fly_by_command(
         .arg(&flight.scenario)
         .stdin(Stdio::null())
         .output()
-        .map_err(|error| setup(&error))?;
+        .map_err(FlightFailure::setup)?;
     let Ok(text) = std::fs::read_to_string(out.join("summary.json")) else {
         return Err(complaint(&output));
     };
     let looked = look(&out);
-    std::fs::remove_dir_all(&out).map_err(|error| setup(&error))?;
+    std::fs::remove_dir_all(&out).map_err(FlightFailure::setup)?;
     looked?;
-    Ok((
-        output,
-        serde_json::from_str(&text).map_err(|error| setup(&error))?,
-    ))
+    Ok((output, serde_json::from_str(&text).map_err(FlightFailure::setup)?))
 }
 
 /// What a command said of why it failed.
 pub(super) fn complaint(output: &Output) -> FlightFailure {
-    FlightFailure::Setup(String::from_utf8_lossy(&output.stderr).into_owned())
+    FlightFailure::setup(String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
 /// The flight that is measured.
@@ -288,8 +283,8 @@ impl FlightCommand {
             folder: folder.path(),
             scenario: folder.path().join("fig1.toml"),
         };
-        let text = toml::to_string(flight).map_err(|error| FlightFailure::Setup(error.to_string()))?;
-        std::fs::write(&command.scenario, text).map_err(|error| FlightFailure::Setup(error.to_string()))?;
+        let text = toml::to_string(flight).map_err(FlightFailure::setup)?;
+        std::fs::write(&command.scenario, text).map_err(FlightFailure::setup)?;
         Ok(command)
     }
 }
@@ -319,8 +314,8 @@ fn rate(ending: &Ending) -> Result<f64> {
             #[expect(clippy::cast_precision_loss, reason = "few ticks")]
             Ok(ending.ticks as f64 / 1000.0 / ending.wall_time.as_secs_f64())
         }
-        outcome => Err(FlightFailure::Setup(format!(
-            "a measurement ended early: {outcome:?}"
+        outcome => Err(FlightFailure::setup(format!(
+            "a measurement ended early: {outcome}"
         ))),
     }
 }
@@ -354,10 +349,9 @@ pub(super) struct Scratch {
 
 impl Scratch {
     pub(super) fn create() -> Result<Self> {
-        let setup = |error: std::io::Error| FlightFailure::Setup(error.to_string());
-        let root = RunRoot::create().map_err(setup)?;
+        let root = RunRoot::create().map_err(FlightFailure::setup)?;
         let scratch = Self { root };
-        std::fs::create_dir_all(scratch.path()).map_err(setup)?;
+        std::fs::create_dir_all(scratch.path()).map_err(FlightFailure::setup)?;
         Ok(scratch)
     }
 
@@ -380,7 +374,7 @@ impl Load {
             .map(|child| Self {
                 _process: Members(vec![child]),
             })
-            .map_err(|error| FlightFailure::Setup(error.to_string()))
+            .map_err(FlightFailure::setup)
     }
 }
 
@@ -389,9 +383,8 @@ impl Load {
 /// # Errors
 /// [`Failure`] if the system does not permit it.
 pub fn load(core: usize) -> std::result::Result<(), Failure> {
-    let trouble = |error: std::io::Error| Failure::new(Exit::Trouble, error);
-    deployment::die_with_parent().map_err(trouble)?;
-    deployment::pin_to(&[core]).map_err(trouble)?;
+    deployment::die_with_parent().map_err(Failure::trouble)?;
+    deployment::pin_to(&[core]).map_err(Failure::trouble)?;
     loop {
         std::hint::spin_loop();
     }

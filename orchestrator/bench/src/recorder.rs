@@ -26,7 +26,6 @@ use shared_types::service::header_of;
 use super::clipped;
 use super::measure::{Result, Scratch, median, progress_of};
 use crate::arguments::BenchRecorder;
-use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::interrupt::Interrupt;
 use command_line::output::{print, write_json};
@@ -70,7 +69,7 @@ struct Memory {
 /// # Errors
 /// [`Failure`].
 pub(super) fn recorder(scenario: &Scenario, arguments: &BenchRecorder) -> std::result::Result<(), Failure> {
-    let measured = measure(scenario, arguments).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let measured = measure(scenario, arguments).map_err(Failure::trouble)?;
     print(format!("{}\n", table(&measured)));
     if let Some(path) = &arguments.json {
         write_json(path, &measured)?;
@@ -102,7 +101,7 @@ fn measure(scenario: &Scenario, arguments: &BenchRecorder) -> Result<Measured> {
         let write = || {
             messages
                 .write_plainly(&path, ROUNDS)
-                .map_err(|error| setup(&error))
+                .map_err(FlightFailure::setup)
         };
         // Whoever comes second finds the memory of the file warm.
         if repetition.is_multiple_of(2) {
@@ -158,10 +157,6 @@ fn cpu_time() -> Duration {
     Duration::new(time.tv_sec.cast_unsigned(), time.tv_nsec as u32)
 }
 
-fn setup(error: &dyn std::fmt::Display) -> FlightFailure {
-    FlightFailure::Setup(error.to_string())
-}
-
 /// A sample as it was flown, and what the library wants to know of it.
 struct Message {
     topic: Topic,
@@ -186,8 +181,8 @@ impl Messages {
         let ending = in_process::fly(flight, &mut messages, &Interrupt::never())?;
         match ending.outcome {
             Outcome::Completed => Ok(messages),
-            outcome => Err(setup(&format!(
-                "the flight to be recorded ended early: {outcome:?}"
+            outcome => Err(FlightFailure::setup(format!(
+                "the flight to be recorded ended early: {outcome}"
             ))),
         }
     }
@@ -269,9 +264,9 @@ impl TickSink for Messages {
 
 /// Records so many minutes of flight to nowhere and watches how much memory this process has.
 fn memory(path: &Path, manifest: &Manifest, messages: &Messages, minutes: f64) -> Result<Memory> {
-    symlink("/dev/null", partial_path(path)).map_err(|error| setup(&error))?;
+    symlink("/dev/null", partial_path(path)).map_err(FlightFailure::setup)?;
     let nowhere = File::options().write(true).open("/dev/null");
-    let nowhere = nowhere.map_err(|error| setup(&error))?;
+    let nowhere = nowhere.map_err(FlightFailure::setup)?;
     let mut log = RunLogWriter::over(nowhere, path, manifest, Compression::None)?;
     let ticks_of_round = messages.ticks.len() as u64;
     let rounds = ((60.0 * minutes / FLIGHT_SECONDS) as u64).max(10);
@@ -287,7 +282,7 @@ fn memory(path: &Path, manifest: &Manifest, messages: &Messages, minutes: f64) -
     }
     bar.finish_and_clear();
     log.finish()?;
-    std::fs::remove_file(path).map_err(|error| setup(&error))?;
+    std::fs::remove_file(path).map_err(FlightFailure::setup)?;
     Ok(Memory {
         samples: rounds * messages.all.len() as u64,
         peak_of_first_tenth,
@@ -298,11 +293,11 @@ fn memory(path: &Path, manifest: &Manifest, messages: &Messages, minutes: f64) -
 /// Memory of this process that is in use at the moment, bytes.
 fn resident_bytes() -> Result<u64> {
     const KIB: u64 = 1024;
-    let status = std::fs::read_to_string("/proc/self/status").map_err(|error| setup(&error))?;
+    let status = std::fs::read_to_string("/proc/self/status").map_err(FlightFailure::setup)?;
     let stated = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     let kib = stated.and_then(|stated| stated.trim().strip_suffix(" kB")?.parse::<u64>().ok());
     kib.map(|kib| KIB * kib)
-        .ok_or_else(|| setup(&"/proc/self/status does not state VmRSS"))
+        .ok_or_else(|| FlightFailure::setup("/proc/self/status does not state VmRSS"))
 }
 
 fn table(measured: &Measured) -> Table {

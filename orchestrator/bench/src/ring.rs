@@ -21,7 +21,6 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use super::bare_ports::BarePorts;
 use crate::arguments::{Ring, RingMember, RingWait};
-use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::output::print;
 use live::run_root::RunRoot;
@@ -62,23 +61,22 @@ pub(super) fn thousand_rounds_per_second(
 /// # Errors
 /// [`Failure`].
 pub fn ring(arguments: &Ring) -> Result<(), Failure> {
-    let trouble = |error: &dyn std::fmt::Display| Failure::new(Exit::Trouble, error);
     let schedule = schedule();
-    let root = RunRoot::create().map_err(|error| trouble(&error))?;
-    let member = Member::join(&root.configuration(), "ring").map_err(|error| trouble(&error))?;
-    let mut recorder = Recorder::subscribe(&member, &schedule).map_err(|error| trouble(&error))?;
-    let page = SharedPage::create().map_err(|error| trouble(&error))?;
+    let root = RunRoot::create().map_err(Failure::trouble)?;
+    let member = Member::join(&root.configuration(), "ring").map_err(Failure::trouble)?;
+    let mut recorder = Recorder::subscribe(&member, &schedule).map_err(Failure::trouble)?;
+    let page = SharedPage::create().map_err(Failure::trouble)?;
     let doorbells: Vec<_> = (0..MEMBERS)
         .map(|_| Doorbell::create())
         .collect::<std::io::Result<_>>()
-        .map_err(|error| trouble(&error))?;
+        .map_err(Failure::trouble)?;
     let mut members = Members(Vec::new());
     for place in 0..MEMBERS {
         let member = spawn(place, arguments, &root, &page, &doorbells);
-        members.0.push(member.map_err(|error| trouble(&error))?);
+        members.0.push(member.map_err(Failure::trouble)?);
     }
     let rate = time(arguments.rounds, &mut members, &mut recorder, &page, &doorbells);
-    print(format!("{}\n", rate.map_err(|error| trouble(&error))?));
+    print(format!("{}\n", rate.map_err(Failure::trouble)?));
     Ok(())
 }
 
@@ -89,7 +87,7 @@ fn time(
     recorder: &mut Recorder,
     page: &SharedPage,
     doorbells: &[Doorbell],
-) -> Result<f64, Box<dyn std::error::Error>> {
+) -> Result<f64, Box<dyn std::error::Error + Send + Sync>> {
     let arrived = || page.words().misses.load(Ordering::Acquire);
     while arrived() < u32::try_from(MEMBERS).expect("few members") {
         members.check()?;
@@ -244,10 +242,10 @@ fn spawn(
 /// # Errors
 /// [`Failure`].
 pub fn ring_member(arguments: &RingMember) -> Result<(), Failure> {
-    go_around(arguments).map_err(|error| Failure::new(Exit::Trouble, error))
+    go_around(arguments).map_err(Failure::trouble)
 }
 
-fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error>> {
+fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     deployment::die_with_parent()?;
     deployment::pin_to(&[arguments.core])?;
     let scheduler = match arguments.wait {

@@ -1,5 +1,8 @@
 //! What ends a command early.
 
+use std::error::Error;
+use std::iter::successors;
+
 use miette::Report;
 
 use crate::exit::Exit;
@@ -15,18 +18,70 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// What an error makes of a command.
+    /// What an error, or a sentence, makes of a command.
     #[must_use]
-    pub fn new(exit: Exit, error: impl std::fmt::Display) -> Self {
+    pub fn new(exit: Exit, error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self {
-            report: report_of(&error),
+            report: report_of(&*error.into()),
             exit,
         }
     }
+
+    /// Trouble with the machine, or a log that is not whole.
+    #[must_use]
+    pub fn trouble(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::new(Exit::Trouble, error)
+    }
+
+    /// A wrong command line or scenario.
+    #[must_use]
+    pub fn bad_input(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::new(Exit::BadInput, error)
+    }
+
+    /// Results that could not be written.
+    #[must_use]
+    pub fn not_written(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::new(Exit::NotWritten, error)
+    }
 }
 
-/// What a terminal is told of an error.
+/// What a terminal is told of an error: its message, and below it the causes that no message above has told already.
+///
+/// Many messages tell their cause within the sentence, before they say what to do about it.
 #[must_use]
-pub fn report_of(error: &impl std::fmt::Display) -> Report {
-    Report::msg(printable_lines(&error.to_string()).into_owned())
+pub fn report_of(error: &(dyn Error + 'static)) -> Report {
+    let mut told: Vec<String> = Vec::new();
+    for error in successors(Some(error), |&error| error.source()) {
+        let text = printable_lines(&error.to_string()).into_owned();
+        if !told.iter().any(|message| message.contains(&text)) {
+            told.push(text);
+        }
+    }
+    let innermost = Report::msg(told.pop().unwrap_or_default());
+    told.into_iter().rev().fold(innermost, Report::wrap_err)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, thiserror::Error)]
+    enum Level {
+        #[error("the disk is full\x1b[2J")]
+        Disk,
+        #[error("cannot write z1.svg: {0}; make room")]
+        Write(#[source] Box<Level>),
+        #[error("no figure was drawn")]
+        Draw(#[source] Box<Level>),
+    }
+
+    #[test]
+    fn every_cause_is_told_once_and_harmless() {
+        let disk = Box::new(Level::Disk);
+        let report = report_of(&Level::Draw(Box::new(Level::Write(disk))));
+        let told: Vec<_> = report.chain().map(ToString::to_string).collect();
+        let cause = r"cannot write z1.svg: the disk is full\u001b[2J; make room";
+        assert_eq!(told, ["no figure was drawn", cause]);
+    }
 }

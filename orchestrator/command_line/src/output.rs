@@ -7,7 +7,6 @@ use run_log::run_folder::log_meant_by;
 use run_log::{LogReader, make_anew, partial_path};
 use serde::Serialize;
 
-use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::terminal::printable_lines;
 
@@ -32,7 +31,7 @@ pub fn log_path(path: &Path) -> PathBuf {
 /// # Errors
 /// [`Failure`] if it cannot be written.
 pub fn write_result(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string_pretty(value).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let text = serde_json::to_string_pretty(value).map_err(Failure::trouble)?;
     let partial = partial_path(path);
     let written = make_anew(&partial).and_then(|mut file| {
         file.write_all((text + "\n").as_bytes())?;
@@ -48,7 +47,7 @@ pub fn write_result(path: &Path, value: &impl Serialize) -> Result<(), Failure> 
 /// # Errors
 /// [`Failure`] if it cannot be written.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string_pretty(value).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let text = serde_json::to_string_pretty(value).map_err(Failure::trouble)?;
     write(path, &(text + "\n"))
 }
 
@@ -61,8 +60,7 @@ pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
 }
 
 fn not_written(path: &Path, error: &std::io::Error) -> Failure {
-    let reason = format!("cannot write {}: {error}", path.display());
-    Failure::new(Exit::NotWritten, reason)
+    Failure::not_written(format!("cannot write {}: {error}", path.display()))
 }
 
 /// Tells of something that is not an error, beside the results.

@@ -15,6 +15,7 @@ pub use curve::Span;
 pub(crate) use curve::label;
 use metrics::tracker::Source;
 use run_log::LogReadError;
+use supervisor::Unflyable;
 
 /// Size of a figure, pixels: as wide as a README is shown.
 pub(crate) const WIDTH: f64 = 860.0;
@@ -43,12 +44,12 @@ pub enum PlotError {
     )]
     Empty(PathBuf),
     /// A log cannot be understood.
-    #[error("the scenario of the log {} makes no schedule: {reason}; use the program that wrote it", .path.display())]
+    #[error("the scenario of the log {} makes no schedule: {source}; use the program that wrote it", .path.display())]
     Scenario {
         /// The file.
         path: PathBuf,
         /// Why not.
-        reason: String,
+        source: Unflyable,
     },
     /// The figure cannot be written.
     #[error("cannot write the figure {}: {source}; choose a place that you may write to", .path.display())]

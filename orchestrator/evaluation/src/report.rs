@@ -27,6 +27,7 @@ use std::path::{Path, PathBuf};
 
 use flight::Flight;
 use run_log::LogReadError;
+use supervisor::Unflyable;
 
 /// Name of the page.
 pub const PAGE: &str = "report.html";
@@ -38,12 +39,12 @@ pub enum ReportError {
     #[error(transparent)]
     Read(#[from] LogReadError),
     /// A log cannot be understood.
-    #[error("the scenario of the log {} makes no schedule: {reason}; use the program that wrote it", .path.display())]
+    #[error("the scenario of the log {} makes no schedule: {source}; use the program that wrote it", .path.display())]
     Scenario {
         /// The file.
         path: PathBuf,
         /// Why not.
-        reason: String,
+        source: Unflyable,
     },
     /// A log has nothing to show.
     #[error("the log {} holds no sample: nothing to show", .0.display())]

@@ -42,6 +42,17 @@ pub enum Ended {
     Died,
 }
 
+/// Why a cell could not be flown.
+#[derive(Debug, thiserror::Error)]
+pub enum NotFlown {
+    /// The flight failed, and not of the fault.
+    #[error(transparent)]
+    Failed(#[from] FlightFailure),
+    /// Somebody asked for the end, by this signal.
+    #[error("ended by signal {0}")]
+    Interrupted(i32),
+}
+
 /// How a cell is flown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
@@ -57,10 +68,15 @@ pub enum Way {
 /// Flies a cell and compares it with the undisturbed flight.
 ///
 /// # Errors
-/// Why it could not be flown. What a fault does to the vehicle is no error, but an interrupt is one.
-pub fn fly(cell: &Cell, way: Way, undisturbed: &Undisturbed, interrupt: &Interrupt) -> Result<Flown, String> {
+/// [`NotFlown`]. What a fault does to the vehicle is no error, but an interrupt is one.
+pub fn fly(
+    cell: &Cell,
+    way: Way,
+    undisturbed: &Undisturbed,
+    interrupt: &Interrupt,
+) -> Result<Flown, NotFlown> {
     let scenario = &cell.scenario;
-    let schedule = scenario.schedule().map_err(|problems| format!("{problems:?}"))?;
+    let schedule = supervisor::schedule_of(scenario).map_err(FlightFailure::from)?;
     let with_digest = matches!(way, Way::Processes | Way::InProcess { with_digest: true });
     let tracker = Tracker::new(&schedule, scenario.flight.is_some());
     let mut onlooker = Onlooker {
@@ -74,12 +90,12 @@ pub fn fly(cell: &Cell, way: Way, undisturbed: &Undisturbed, interrupt: &Interru
         Way::InProcess { .. } => in_this_process(scenario, &mut onlooker, interrupt),
         Way::Processes => as_processes(scenario, &mut onlooker, interrupt),
     };
-    let ended = match outcome.map_err(|failure| failure.to_string())? {
+    let ended = match outcome? {
         Some(Outcome::Completed) => None,
         Some(Outcome::Failed(FlightFailure::NonFinite(found))) => Some(Ended::NotFinite(found.to_string())),
         None | Some(Outcome::Failed(FlightFailure::Died { .. })) => Some(Ended::Died),
-        Some(Outcome::Failed(failure)) => return Err(failure.to_string()),
-        Some(Outcome::Interrupted { signal }) => return Err(format!("ended by signal {signal}")),
+        Some(Outcome::Failed(failure)) => return Err(failure.into()),
+        Some(Outcome::Interrupted { signal }) => return Err(NotFlown::Interrupted(signal)),
     };
     Ok(onlooker.finish(&schedule, ended))
 }

@@ -10,9 +10,10 @@ use shared_types::service::nanoseconds;
 use shared_types::{Schedule, Topic};
 
 use super::BESIDE;
+use super::flight::NotFlown;
 use command_line::interrupt::Interrupt;
 use metrics::tracker::{Moment, Tracker};
-use supervisor::{Outcome, in_process};
+use supervisor::{FlightFailure, Outcome, in_process};
 
 /// Distances of the undisturbed vehicle from its path by tick, m: the largest within [`BESIDE`] of each; shared by all
 /// flights that are judged by them.
@@ -23,15 +24,15 @@ impl Undisturbed {
     /// Flies `scenario`, which plans no fault, to `end` (s) in this process.
     ///
     /// # Errors
-    /// Why it could not be flown. That the vehicle is lost, or a number not finite, is no error.
-    pub fn fly(scenario: &Scenario, end: f64, interrupt: &Interrupt) -> Result<Self, String> {
+    /// [`NotFlown`]. That the vehicle is lost, or a number not finite, is no error.
+    pub fn fly(scenario: &Scenario, end: f64, interrupt: &Interrupt) -> Result<Self, NotFlown> {
         let mut scenario = scenario.clone();
         scenario.duration = scenario.duration.min(end);
-        let schedule = scenario.schedule().map_err(|problems| format!("{problems:?}"))?;
+        let schedule = supervisor::schedule_of(&scenario).map_err(FlightFailure::from)?;
         let mut distances = Distances::new(&schedule, scenario.flight.is_some());
-        let ending = in_process::fly(&scenario, &mut distances, interrupt);
-        if let Outcome::Interrupted { signal } = ending.map_err(|failure| failure.to_string())?.outcome {
-            return Err(format!("ended by signal {signal}"));
+        let ending = in_process::fly(&scenario, &mut distances, interrupt)?;
+        if let Outcome::Interrupted { signal } = ending.outcome {
+            return Err(NotFlown::Interrupted(signal));
         }
         let beside = usize::try_from(nanoseconds(BESIDE) / schedule.tick_ns()).unwrap_or(usize::MAX);
         Ok(Self(largest_beside(&distances.finish(), beside).into()))

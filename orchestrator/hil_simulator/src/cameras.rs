@@ -4,6 +4,7 @@
 //! the making of the message, Vicon's stream nothing.
 
 use std::collections::VecDeque;
+use std::io;
 use std::net::SocketAddrV4;
 
 use motion_capture::conventions::{Calibration, WorldPose};
@@ -12,12 +13,36 @@ use motion_capture::sender::server::{Plan, Server};
 use motion_capture::transport::Address;
 use motion_capture::wire::CapturePose;
 use runtime::flight_clock::monotonic_ns;
-use scenario::{CaptureSystem, MotionCapture};
+use scenario::{CaptureSystem, MotionCapture, Problem};
 use shared_types::rotation::from_row_major;
 use shared_types::samples::MocapPose;
 
 /// Version of the `NatNet` bit stream that is sent.
 const NATNET: Version = Version { major: 4, minor: 1 };
+
+/// Why there are no cameras.
+#[derive(Debug, thiserror::Error)]
+pub enum CamerasError {
+    /// The scenario states no address.
+    #[error("{0}")]
+    Stated(Problem),
+    /// The scenario asks for a body by its number.
+    #[error(
+        "a simulated system knows bodies by their names only; state `motion_capture.object` without a number"
+    )]
+    Numbered,
+    /// The socket cannot be had.
+    #[error(
+        "cannot serve at {at}: {source}; state as `motion_capture.server` an address of this machine and as `port` one that \
+         is free"
+    )]
+    Server {
+        /// Where.
+        at: SocketAddrV4,
+        /// What the system says.
+        source: io::Error,
+    },
+}
 
 /// Cameras and the system that they belong to.
 #[derive(Debug)]
@@ -47,19 +72,16 @@ impl Cameras {
     /// `latency_ns` later.
     ///
     /// # Errors
-    /// What is wrong with what is stated, or the socket that cannot be had, with the fix.
+    /// [`CamerasError`].
     pub fn open(
         system: CaptureSystem,
         stated: &MotionCapture,
         period: u64,
         latency_ns: u64,
-    ) -> Result<Self, String> {
-        let address = Address::new(system, stated).map_err(|problem| problem.to_string())?;
+    ) -> Result<Self, CamerasError> {
+        let address = Address::new(system, stated).map_err(CamerasError::Stated)?;
         let Some((object, None)) = stated.name_and_number() else {
-            let reason = "a simulated system knows bodies by their names only";
-            return Err(format!(
-                "{reason}; state `motion_capture.object` without a number"
-            ));
+            return Err(CamerasError::Numbered);
         };
         let frames_port = match system {
             CaptureSystem::ViconUdp => address.server.port(),
@@ -71,11 +93,7 @@ impl Cameras {
             to: SocketAddrV4::new(address.interface, frames_port),
             version: NATNET,
         };
-        let server = Server::open(&plan).map_err(|error| {
-            let fix =
-                "state as `motion_capture.server` an address of this machine and as `port` one that is free";
-            format!("cannot serve at {}: {error}; {fix}", plan.at)
-        })?;
+        let server = Server::open(&plan).map_err(|source| CamerasError::Server { at: plan.at, source })?;
         let [world_from_capture, body_from_markers] =
             [&stated.world_from_capture, &stated.body_from_markers].map(Option::as_ref);
         Ok(Self {

@@ -30,7 +30,7 @@ mod vehicle;
 use hdrhistogram::Histogram;
 use runtime::flight_clock::{FlightClock, monotonic_ns};
 use scenario::Scenario;
-use shared_types::service::seconds;
+use shared_types::service::{BuildError, seconds};
 
 use self::cameras::Cameras;
 use self::onboard::{Heard, Onboard};
@@ -102,14 +102,14 @@ impl World {
     /// The vehicle of a scenario, by a clock, with what connects it to a flight.
     ///
     /// # Errors
-    /// What the plant cannot do that the scenario asks for, in words.
+    /// What the plant cannot do that the scenario asks for.
     pub fn new(
         scenario: &Scenario,
         clock: FlightClock,
         onboard: Onboard,
         cameras: Cameras,
         record: Record,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, BuildError> {
         Ok(Self {
             clock,
             vehicle: Vehicle::new(scenario)?,

@@ -3,7 +3,7 @@
 use scenario::Scenario;
 use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
 use shared_types::service::Operator;
-use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::service::{BuildError, ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, ServiceId};
 use zerocopy::{FromZeros, IntoBytes};
 
@@ -16,7 +16,7 @@ pub(super) struct Vehicle {
 }
 
 impl Vehicle {
-    pub(super) fn new(scenario: &Scenario) -> Result<Self, String> {
+    pub(super) fn new(scenario: &Scenario) -> Result<Self, BuildError> {
         Ok(Self {
             plant: registry::build(ServiceId::Plant, scenario).map_err(|error| error.to_string())?,
             frame: None,

@@ -8,6 +8,7 @@ pub mod run_root;
 pub mod runs;
 pub mod snapshot;
 
+use std::error::Error;
 use std::fmt::Write;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
 use std::path::{Path, PathBuf};
@@ -89,7 +90,7 @@ pub enum LiveError {
     NotAbandoned(String, Searched),
     /// The machine's processes cannot be looked at.
     #[error("cannot look for live runs in /proc: {0}")]
-    Processes(std::io::Error),
+    Processes(#[source] std::io::Error),
     /// The run goes on alone.
     #[error(
         "the orchestrator of the run `{0}` has died; its services land, or fly on, as the scenario says: `gerono attach \
@@ -103,12 +104,12 @@ pub enum LiveError {
     )]
     Silent(String),
     /// The socket failed.
-    #[error("cannot speak to the run `{run}`: {reason}")]
+    #[error("cannot speak to the run `{run}`: {source}")]
     Socket {
         /// Its name.
         run: String,
-        /// What the system, or the run, says.
-        reason: String,
+        /// What the system, or the run, says; harmless for a terminal.
+        source: Box<dyn Error + Send + Sync>,
     },
     /// The run has ended meanwhile.
     #[error("the run `{0}` has ended")]
@@ -221,16 +222,16 @@ impl LiveRun {
     /// [`LiveError`].
     pub fn connect(run: &MachineRun, patience: Duration) -> Result<Self, LiveError> {
         let name = run.name().to_owned();
-        let failed = |reason: &dyn std::fmt::Display| LiveError::Socket {
+        let failed = |source| LiveError::Socket {
             run: run.name().to_owned(),
-            reason: reason.to_string(),
+            source,
         };
         let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let folder = rustix::fs::open(run.folder_from_here(), flags, Mode::empty());
-        let folder = folder.map_err(|error| failed(&error))?;
+        let folder = folder.map_err(|error| failed(error.into()))?;
         let is_its_own = |user: u32| User::of(user) == run.owner;
         if !fstat(&folder).is_ok_and(|found| is_its_own(found.st_uid)) {
-            return Err(failed(&"its folder belongs to another user"));
+            return Err(failed("its folder belongs to another user".into()));
         }
         // By the descriptor: it stays the folder that was looked at, and its path is short enough for a socket.
         let socket = format!("/proc/self/fd/{}/{SOCKET}", folder.as_raw_fd());
@@ -238,10 +239,10 @@ impl LiveRun {
             connect(Path::new(&socket), Instant::now() + patience).map_err(|error| match error {
                 Errno::CONNREFUSED | Errno::NOENT => LiveError::Abandoned(name.clone()),
                 Errno::AGAIN => LiveError::Silent(name.clone()),
-                error => failed(&error),
+                error => failed(error.into()),
             })?;
         if !socket_peercred(&channel).is_ok_and(|peer| is_its_own(peer.uid.as_raw())) {
-            return Err(failed(&"another user answers in its place"));
+            return Err(failed("another user answers in its place".into()));
         }
         Ok(Self { name, channel })
     }
@@ -294,7 +295,7 @@ impl LiveRun {
         match self.channel.try_receive() {
             Ok(Some(Answer::Closed(why))) => Err(LiveError::Socket {
                 run: self.name.clone(),
-                reason: format!("it has closed the connection: {}; ask again", printable(&why)),
+                source: format!("it has closed the connection: {}; ask again", printable(&why)).into(),
             }),
             Ok(answer) => Ok(answer.map(Answer::printable)),
             Err(error) => Err(self.failure(&error)),
@@ -306,7 +307,7 @@ impl LiveRun {
             ControlError::Closed => LiveError::Ended(self.name.clone()),
             error => LiveError::Socket {
                 run: self.name.clone(),
-                reason: printable(&error.to_string()).into_owned(),
+                source: printable(&error.to_string()).into(),
             },
         }
     }

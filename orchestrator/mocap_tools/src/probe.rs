@@ -12,7 +12,7 @@ use motion_capture::wire::{CapturePose, Frame, WireBody};
 use nalgebra::{Matrix3, Vector3};
 use runtime::flight_clock::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use scenario::{CaptureSystem, MotionCapture};
+use scenario::{CaptureSystem, MotionCapture, Problem};
 use shared_types::rotation::{orthonormalized, roll_pitch_yaw};
 
 use crate::arguments::MocapProbe;
@@ -34,14 +34,14 @@ const DELAYS: usize = 1 << 20;
 pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
     let system = CaptureSystem::from(arguments.source);
     let stated = stated(system, arguments);
-    let bad = |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, error);
-    let address = Address::new(system, &stated).map_err(|error| bad(&error))?;
+    let bad = |problem: Problem| Failure::bad_input(problem.to_string());
+    let address = Address::new(system, &stated).map_err(bad)?;
     let mut feed = match &arguments.object {
-        Some(_) => Some(Feed::new(system, &stated).map_err(|error| bad(&error))?),
+        Some(_) => Some(Feed::new(system, &stated).map_err(bad)?),
         None => None,
     };
-    let mut source = Source::open(&address).map_err(|error| Failure::new(Exit::Trouble, error))?;
-    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let mut source = Source::open(&address).map_err(Failure::trouble)?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let mut heard = Heard::default();
     let signal = listen(
         arguments.seconds,
@@ -63,7 +63,7 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
             "nothing came from {} in {} s; see docs/motion_capture.md for what to check first",
             address.server, arguments.seconds
         );
-        return Err(Failure::new(Exit::Trouble, reason));
+        return Err(Failure::trouble(reason));
     }
     let Some(feed) = feed else {
         return Ok(Exit::Success);
@@ -74,7 +74,7 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
             "no pose of `{}` could be believed; the bodies that came stand above",
             stated.object
         );
-        return Err(Failure::new(Exit::Trouble, reason));
+        return Err(Failure::trouble(reason));
     }
     if let Some(path) = &arguments.calibrate {
         let name = stated.name_and_number().map_or("", |(name, _)| name);
@@ -89,7 +89,7 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
             .filter(|body| body.deviation() <= AT_REST);
         let body = body.ok_or_else(|| {
             let reason = "the body moves: put the vehicle level at the origin of {I}, its nose along x, and let it rest";
-            Failure::new(Exit::Trouble, reason)
+            Failure::trouble(reason)
         })?;
         write(path, &calibration(system, &stated, body, heard.rate()))?;
         print(format!("calibration written to {}\n", path.display()));

@@ -42,12 +42,9 @@ pub(super) fn send(arguments: &MocapSend) -> Result<Exit, Failure> {
     };
     let server = Server::open(&plan).map_err(|error| {
         let fix = "give another --at or --port";
-        Failure::new(
-            Exit::Trouble,
-            format!("cannot serve at {}: {error}; {fix}", plan.at),
-        )
+        Failure::trouble(format!("cannot serve at {}: {error}; {fix}", plan.at))
     })?;
-    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     fly(arguments, &flight, system, server, &interrupt)
 }
 
@@ -111,11 +108,10 @@ enum Flight {
 
 impl Flight {
     fn recorded(log: &Path) -> Result<Self, Failure> {
-        let trouble = |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, error);
-        let reader = LogReader::open(log).map_err(|error| trouble(&error))?;
+        let reader = LogReader::open(log).map_err(Failure::bad_input)?;
         let mut poses = Vec::new();
         for sample in reader.samples::<VehicleTruth>() {
-            let truth = sample.map_err(|error| trouble(&error))?;
+            let truth = sample.map_err(Failure::bad_input)?;
             let pose = WorldPose {
                 position_world: Vector3::from(truth.position_world),
                 world_from_body: from_row_major(&truth.world_from_body),
@@ -124,7 +120,7 @@ impl Flight {
         }
         if poses.is_empty() {
             let reason = format!("{} holds no sample of vehicle/truth", log.display());
-            return Err(Failure::new(Exit::BadInput, reason));
+            return Err(Failure::bad_input(reason));
         }
         Ok(Self::Recorded(poses))
     }

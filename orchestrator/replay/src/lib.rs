@@ -19,6 +19,7 @@ mod station;
 mod stepper;
 mod workshop;
 
+use std::error::Error;
 use std::path::Path;
 
 use scenario::Scenario;
@@ -52,7 +53,7 @@ pub enum ReplayError {
     Machine(#[from] HostReadError),
     /// The scenario does not make services.
     #[error("the log's scenario cannot be flown: {0}")]
-    Scenario(String),
+    Scenario(#[source] Box<dyn Error + Send + Sync>),
     /// The changed scenario has another schedule.
     #[error(
         "the change gives the flight another schedule, and the log has not the samples of that; change nothing that says when services step"
@@ -216,8 +217,7 @@ pub fn replay(
         let stepper: Box<dyn Stepper> = match &workshop {
             Some(workshop) => Box::new(workshop.start(service)?),
             None => {
-                let service = registry::build(service, scenario)
-                    .map_err(|error| ReplayError::Scenario(error.to_string()))?;
+                let service = registry::build(service, scenario).map_err(ReplayError::Scenario)?;
                 Box::new(InThisProcess::new(service, &schedule))
             }
         };
@@ -256,9 +256,7 @@ pub fn replay(
 }
 
 fn schedule_of(scenario: &Scenario) -> Result<Schedule, ReplayError> {
-    scenario
-        .schedule()
-        .map_err(|problems| ReplayError::Scenario(format!("{problems:?}")))
+    supervisor::schedule_of(scenario).map_err(|error| ReplayError::Scenario(error.into()))
 }
 
 struct Replay<'a> {

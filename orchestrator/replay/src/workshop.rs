@@ -2,6 +2,8 @@
 //!
 //! Each service has its topics for itself, and there the recorded samples come: none sees what another one's replay publishes.
 
+use std::error::Error;
+
 use runtime::checkpoints::Checkpoints;
 use runtime::control::{Host, Role, Start, ToService};
 use runtime::deployment::Scheduler;
@@ -104,10 +106,6 @@ impl<'a> Workshop<'a> {
     }
 }
 
-#[expect(
-    clippy::needless_pass_by_value,
-    reason = "used to map errors, which come by value"
-)]
-fn setup(error: impl ToString) -> ProcessFailure {
-    ProcessFailure::Setup(error.to_string())
+fn setup(error: impl Error + Send + Sync + 'static) -> ProcessFailure {
+    ProcessFailure::Setup(error.into())
 }

@@ -22,20 +22,18 @@ const NAME: &str = "attached";
 /// # Errors
 /// [`Failure`] if there is no such flight.
 pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
-    let trouble = |error: &dyn std::fmt::Display| Failure::new(Exit::Trouble, error);
-    let not_written = |error: &dyn std::fmt::Display| Failure::new(Exit::NotWritten, error);
-    let interrupt = Interrupt::install().map_err(|error| trouble(&error))?;
-    let place = live::abandoned(arguments.run.run.as_deref()).map_err(|error| trouble(&error))?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let place = live::abandoned(arguments.run.run.as_deref()).map_err(Failure::trouble)?;
     // Before anything is taken over: without a place for the results the services go on alone.
-    let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(|error| not_written(&error))?;
-    let mut record = host_record(&folder, arguments.recording).map_err(|error| not_written(&error))?;
-    let _postmortem = Postmortem::prepare(Host::Realtime, folder.path(), Guests::default())
-        .map_err(|error| trouble(&error))?;
-    let flight = Succession::prepare(&place).map_err(|error| trouble(&error))?;
+    let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(Failure::not_written)?;
+    let mut record = host_record(&folder, arguments.recording).map_err(Failure::not_written)?;
+    let _postmortem =
+        Postmortem::prepare(Host::Realtime, folder.path(), Guests::default()).map_err(Failure::trouble)?;
+    let flight = Succession::prepare(&place).map_err(Failure::trouble)?;
     let scenario = flight.scenario().clone();
     let manifest = Manifest::new(&scenario);
     let log = run_log(&folder, &manifest, arguments.recording)
-        .map_err(|error| not_written(&error))?
+        .map_err(Failure::not_written)?
         .in_real_time(&manifest);
     let mut progress = Progress::new(flight.schedule(), NAME, arguments.quiet);
     let people = People {
@@ -44,8 +42,7 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     };
     let mut tape =
         Tape::new(&scenario, flight.schedule(), Some(log), &mut progress).from_tick(flight.first_tick());
-    let ending =
-        real_time::take_over(flight, &mut tape, &people, &mut record).map_err(|error| trouble(&error))?;
+    let ending = real_time::take_over(flight, &mut tape, &people, &mut record).map_err(Failure::trouble)?;
     let ending = ending.with_record(record.finish());
     let flown = Flown {
         name: NAME,

@@ -7,7 +7,6 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use super::{Failure, load, print, schedule_of};
 use crate::cli::Check;
-use command_line::exit::Exit;
 
 /// `gerono check`.
 ///
@@ -16,7 +15,7 @@ use command_line::exit::Exit;
 pub fn check(arguments: &Check) -> Result<(), Failure> {
     let scenario = load(&arguments.scenario)?;
     let schedule = schedule_of(&scenario)?;
-    registry::build_all(&scenario).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    registry::build_all(&scenario).map_err(Failure::bad_input)?;
     if arguments.mermaid {
         print(mermaid());
     } else {

@@ -1,6 +1,5 @@
 //! `gerono clean`: removes what dead runs have left.
 
-use command_line::exit::Exit;
 use live::run_root;
 
 use super::{Failure, print};
@@ -12,7 +11,7 @@ use super::{Failure, print};
 pub fn clean() -> Result<(), Failure> {
     let swept = run_root::clean().map_err(|error| {
         let reason = format!("cannot remove what dead runs have left: {error}");
-        Failure::new(Exit::Trouble, reason)
+        Failure::trouble(reason)
     })?;
     for place in &swept.removed {
         print(format!("removed {}\n", place.display()));

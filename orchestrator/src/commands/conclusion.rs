@@ -1,8 +1,9 @@
 //! What comes after a recorded flight: its log is closed, its summary made, kept and shown.
 
-use super::{Failure, note, print, report_of, write_result};
+use super::{Failure, note, print, write_result};
 use crate::cli::Host;
 use command_line::exit::Exit;
+use command_line::failure::report_of;
 use metrics::summary::{self, RunFacts, Summary};
 use run_log::inspect;
 use run_log::run_folder::{RunFolder, log_meant_by};

@@ -18,7 +18,7 @@ use live::run_root;
 /// [`Failure`] if the scenario cannot be flown; a machine that is not fit for it is an [`Exit`].
 pub fn doctor(arguments: &Doctor) -> Result<Exit, Failure> {
     let needs = needs(arguments)?;
-    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let bar = progress::waiting("measuring the disk and the wake-ups");
     let report = report(arguments, &needs, &interrupt);
     bar.finish_and_clear();
@@ -26,8 +26,7 @@ pub fn doctor(arguments: &Doctor) -> Result<Exit, Failure> {
         return Ok(Exit::Signal(interrupt.signal().unwrap_or_default()));
     };
     if arguments.json {
-        let text =
-            serde_json::to_string_pretty(&report).map_err(|error| Failure::new(Exit::Trouble, error))?;
+        let text = serde_json::to_string_pretty(&report).map_err(Failure::trouble)?;
         print(text + "\n");
     } else {
         let is_coloured = std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();

@@ -9,7 +9,7 @@ use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 use command_line::progress;
 use evaluation::reproduce::parallel;
-use fault_matrix::flight::{Flown, Way, fly};
+use fault_matrix::flight::{Flown, NotFlown, Way, fly};
 use fault_matrix::plan::{self, Case, Cell, Times};
 use fault_matrix::trouble::Trouble;
 use fault_matrix::undisturbed::Undisturbed;
@@ -26,17 +26,18 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
     if !scenario.fault.is_empty() {
         let reason = "the scenario plans faults of its own, beside which those of the matrix cannot be told; \
                       fly it without them: --set fault=[]";
-        return Err(bad(reason));
+        return Err(Failure::bad_input(reason));
     }
     if let Some(problem) = scenario.unasked() {
-        return Err(bad(problem));
+        return Err(Failure::bad_input(problem.to_string()));
     }
     let times = times(arguments, &scenario)?;
-    let cells = plan::cells(&scenario, &cases(arguments)?, &times).map_err(bad)?;
-    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let cells = plan::cells(&scenario, &cases(arguments)?, &times)
+        .map_err(|problem| Failure::bad_input(problem.to_string()))?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &format!("faults-{name}"))
-        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+        .map_err(Failure::not_written)?;
 
     let flown = fly_all(arguments, &scenario, &cells, &interrupt);
     if let Some(signal) = interrupt.signal() {
@@ -57,10 +58,6 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
     })
 }
 
-fn bad(reason: impl std::fmt::Display) -> Failure {
-    Failure::new(Exit::BadInput, reason)
-}
-
 /// When faults begin and how long they last, as asked for.
 fn times(arguments: &Faults, scenario: &Scenario) -> Result<Times, Failure> {
     let Faults { lasts, after, .. } = *arguments;
@@ -77,7 +74,7 @@ fn times(arguments: &Faults, scenario: &Scenario) -> Result<Times, Failure> {
     }
     if let Some(late) = moments.iter().find(|&&moment| moment >= scenario.duration) {
         let end = scenario.duration;
-        return Err(bad(format!(
+        return Err(Failure::bad_input(format!(
             "--moments: {late} s is not before the end of the flight at {end} s; give earlier ones, or --set duration=…"
         )));
     }
@@ -92,12 +89,12 @@ fn check_time(scenario: &Scenario, name: &str, time: f64) -> Result<(), Failure>
     let is_length = name != "--moments";
     if !time.is_finite() || time < 0.0 || (is_length && time == 0.0) {
         let least = if is_length { "above 0" } else { "of 0 or more" };
-        return Err(bad(format!("{name}: {time} s is no time {least}")));
+        return Err(Failure::bad_input(format!("{name}: {time} s is no time {least}")));
     }
     if scenario.tick_of(time) == u64::MAX {
         let near = moments::on_tick(scenario, time);
         let tick = scenario.schedule.tick;
-        return Err(bad(format!(
+        return Err(Failure::bad_input(format!(
             "{name}: {time} s is not a whole number of base ticks of {tick} s; {near} is one"
         )));
     }
@@ -123,7 +120,7 @@ fn cases(arguments: &Faults) -> Result<Vec<Case>, Failure> {
     if cases.is_empty() {
         let reason = "nothing is left to fail: services can be off or freeze, edges all else, and the plant flies on; \
                       leave out --fault, --service or --edge";
-        return Err(bad(reason));
+        return Err(Failure::bad_input(reason));
     }
     Ok(cases)
 }
@@ -134,7 +131,7 @@ fn fly_all(
     scenario: &Scenario,
     cells: &[Cell],
     interrupt: &Interrupt,
-) -> Result<(Vec<Flown>, Vec<String>), String> {
+) -> Result<(Vec<Flown>, Vec<String>), NotFlown> {
     let ends = cells.iter().map(|cell| cell.scenario.duration);
     let undisturbed = Undisturbed::fly(scenario, ends.fold(0.0, f64::max), interrupt)?;
     let flown = fly_in_process(cells, arguments.processes, &undisturbed, interrupt)?;
@@ -152,7 +149,7 @@ fn fly_in_process(
     with_digest: bool,
     undisturbed: &Undisturbed,
     interrupt: &Interrupt,
-) -> Result<Vec<Flown>, String> {
+) -> Result<Vec<Flown>, NotFlown> {
     let bar = progress::flights(cells.len());
     let flown = parallel::map(cells, parallel::cores(), |cell| {
         let flown = fly(cell, Way::InProcess { with_digest }, undisturbed, interrupt);

@@ -24,10 +24,9 @@ pub fn plot(arguments: &Plot) -> Result<(), Failure> {
     let logs: Vec<_> = arguments.logs.iter().map(|path| log_path(path)).collect();
     let Plot { from, to, .. } = *arguments;
     if from.unwrap_or(0.0) >= to.unwrap_or(f64::INFINITY) {
-        return Err(Failure::new(Exit::BadInput, "--from must be before --to"));
+        return Err(Failure::bad_input("--from must be before --to"));
     }
-    plot::distance(&logs, plot::Span { from, to }, &arguments.output)
-        .map_err(|error| Failure::new(Exit::Trouble, error))
+    plot::distance(&logs, plot::Span { from, to }, &arguments.output).map_err(Failure::trouble)
 }
 
 /// `gerono digest`.
@@ -35,8 +34,7 @@ pub fn plot(arguments: &Plot) -> Result<(), Failure> {
 /// # Errors
 /// [`Failure`].
 pub fn digest(arguments: &Digest) -> Result<(), Failure> {
-    let digest =
-        run_log::digest(&log_path(&arguments.log)).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let digest = run_log::digest(&log_path(&arguments.log)).map_err(Failure::trouble)?;
     print(format!("{digest}\n"));
     Ok(())
 }
@@ -52,12 +50,10 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
     }
     let file = arguments.output.as_deref().filter(|path| *path != Path::new("-"));
     let mut output: Box<dyn Write> = match file {
-        Some(path) => Box::new(File::create(path).map_err(|error| {
-            Failure::new(
-                Exit::NotWritten,
-                format!("cannot write {}: {error}", path.display()),
-            )
-        })?),
+        Some(path) => Box::new(
+            File::create(path)
+                .map_err(|error| Failure::not_written(format!("cannot write {}: {error}", path.display())))?,
+        ),
         None if io::stdout().is_terminal() => Box::new(Terminal::new(io::stdout().lock())),
         None => Box::new(io::stdout().lock()),
     };
@@ -69,7 +65,7 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
     match exported.and_then(|()| Ok(buffered.flush()?)) {
         // Somebody who reads no more of it has what they wanted.
         Err(ExportError::Write(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        result => result.map_err(|error| Failure::new(Exit::Trouble, error)),
+        result => result.map_err(Failure::trouble),
     }
 }
 
@@ -78,7 +74,7 @@ fn export_view(log: &Path, output: Option<&Path>) -> Result<(), Failure> {
     let target = output.map_or_else(|| run_log::view_path(log), Path::to_owned);
     if target == Path::new("-") {
         let reason = "a copy for viewers is a file, not lines; name one with `--out`";
-        return Err(Failure::new(Exit::BadInput, reason));
+        return Err(Failure::bad_input(reason));
     }
     run_log::export_view(log, &target).map_err(|error| {
         let exit = match error {
@@ -97,9 +93,9 @@ fn export_view(log: &Path, output: Option<&Path>) -> Result<(), Failure> {
 /// [`Failure`].
 pub fn info(arguments: &Info) -> Result<(), Failure> {
     let log = log_meant_by(&arguments.log);
-    let info = info::Info::read(&log).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let info = info::Info::read(&log).map_err(Failure::trouble)?;
     if arguments.json {
-        let text = serde_json::to_string_pretty(&info).map_err(|error| Failure::new(Exit::Trouble, error))?;
+        let text = serde_json::to_string_pretty(&info).map_err(Failure::trouble)?;
         print(text + "\n");
     } else {
         print(info);
@@ -133,12 +129,12 @@ pub fn recover(arguments: &Recover) -> Result<(), Failure> {
             "there is no run.mcap and no host.mcap in {}, closed or not; give the folder of a run, or a log",
             arguments.log.display()
         );
-        return Err(Failure::new(Exit::Trouble, reason));
+        return Err(Failure::trouble(reason));
     }
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).map_err(|error| {
             let reason = format!("cannot make the folder {}: {error}", folder.display());
-            Failure::new(Exit::NotWritten, reason)
+            Failure::not_written(reason)
         })?;
     }
     // If one cannot be recovered, the other still can.

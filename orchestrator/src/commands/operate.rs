@@ -18,8 +18,8 @@ const KILL_PATIENCE: Duration = Duration::from_secs(1);
 /// # Errors
 /// [`Failure`] if there is no such run, or if it refuses.
 pub fn operate(arguments: &Operate, command: &'static str, question: &Question) -> Result<(), Failure> {
-    let run = LiveRun::find(arguments.run.as_deref(), command).map_err(trouble)?;
-    show(run.ask(question, PATIENCE).map_err(trouble)?)
+    let run = LiveRun::find(arguments.run.as_deref(), command).map_err(Failure::trouble)?;
+    show(run.ask(question, PATIENCE).map_err(Failure::trouble)?)
 }
 
 /// `gerono kill`: lets the motors rest, whatever has become of the run's orchestrator.
@@ -27,7 +27,7 @@ pub fn operate(arguments: &Operate, command: &'static str, question: &Question) 
 /// # Errors
 /// [`Failure`] if there is no such run, or if neither its orchestrator nor its services can be reached.
 pub fn kill(arguments: &Operate) -> Result<(), Failure> {
-    let run = live::find(arguments.run.as_deref(), "kill").map_err(trouble)?;
+    let run = live::find(arguments.run.as_deref(), "kill").map_err(Failure::trouble)?;
     // First: the services obey at their next step, even while the orchestrator is stopped or is nowhere.
     let directly = run.ask_directly(Request::Kill);
     let told = LiveRun::connect(&run, KILL_PATIENCE)
@@ -38,7 +38,7 @@ pub fn kill(arguments: &Operate) -> Result<(), Failure> {
             print(killed_alone(&run, &reason));
             Ok(())
         }
-        (Err(reason), Err(error)) => Err(Failure::new(Exit::Trouble, not_killed(&run, &reason, &error))),
+        (Err(reason), Err(error)) => Err(Failure::trouble(not_killed(&run, &reason, &error))),
     }
 }
 
@@ -70,11 +70,7 @@ fn show(answer: Answer) -> Result<(), Failure> {
             Ok(())
         }
         Answer::Refused(reason) => Err(Failure::new(Exit::Refused, reason)),
-        Answer::Closed(reason) => Err(Failure::new(Exit::Trouble, reason)),
+        Answer::Closed(reason) => Err(Failure::trouble(reason)),
         Answer::Snapshot(_) => Ok(()),
     }
-}
-
-fn trouble(error: LiveError) -> Failure {
-    Failure::new(Exit::Trouble, error)
 }

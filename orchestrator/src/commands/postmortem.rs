@@ -50,10 +50,7 @@ pub fn postmortem(arguments: &Postmortem) -> Result<Exit, Failure> {
     if let Err(error) = &swept {
         eprintln!("what it had in shared memory could not be removed: {error}; `gerono clean` does so");
     }
-    Err(Failure::new(
-        Exit::Trouble,
-        format!("the flight was not completed: {cause}"),
-    ))
+    Err(Failure::trouble(format!("the flight was not completed: {cause}")))
 }
 
 /// A cause in words.

@@ -31,12 +31,12 @@ pub fn probe(arguments: &RcProbe) -> Result<Exit, Failure> {
     let scenario = load(&arguments.scenario)?;
     let link = link_of(&scenario)?;
     let transmitter = link.transmitter.as_ref().ok_or_else(no_link)?;
-    let opened = RadioLink::open(link).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let opened = RadioLink::open(link).map_err(Failure::trouble)?;
     let opened = opened.ok_or_else(no_link)?;
     let (map, units) = (opened.encoder().map().clone(), opened.encoder().units());
-    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let period_ns = nanoseconds(1.0 / transmitter.frame_rate_on(link.link));
-    let sender = Sender::start(opened, period_ns).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let sender = Sender::start(opened, period_ns).map_err(Failure::trouble)?;
 
     let moved = moved_sticks(transmitter.arming_channel.is_some() || arguments.propellers_off);
     print(introduction(link, moved));
@@ -61,7 +61,7 @@ pub fn probe(arguments: &RcProbe) -> Result<Exit, Failure> {
     sender.put(&Sticks::AT_REST);
     let report = sender
         .stop()
-        .map_err(|_| Failure::new(Exit::Trouble, "the sender has failed"))?;
+        .map_err(|_| Failure::trouble("the sender has failed"))?;
     print(summary(&report));
     Ok(interrupt.signal().map_or(Exit::Success, Exit::Signal))
 }
@@ -74,7 +74,7 @@ fn link_of(scenario: &Scenario) -> Result<&RcLink, Failure> {
 fn no_link() -> Failure {
     let reason = "the scenario's radio link is simulated; state `rc_output.link` and `[rc_output.transmitter]`, as \
                   docs/radio_links.md tells";
-    Failure::new(Exit::BadInput, reason)
+    Failure::bad_input(reason)
 }
 
 /// Which sticks are moved, thrust last. Without an arming switch the thrust stick may let motors turn.
@@ -155,10 +155,9 @@ fn summary(report: &Report) -> String {
 /// [`Failure`] if the log has nothing to fit.
 pub fn identify(arguments: &RcIdentify) -> Result<(), Failure> {
     let found = link_identification::identify(&log_path(&arguments.log), arguments.from, arguments.mass)
-        .map_err(|error| Failure::new(Exit::Trouble, error))?;
+        .map_err(Failure::trouble)?;
     if arguments.json {
-        let text =
-            serde_json::to_string_pretty(&found).map_err(|error| Failure::new(Exit::Trouble, error))?;
+        let text = serde_json::to_string_pretty(&found).map_err(Failure::trouble)?;
         print(text + "\n");
     } else {
         print(table(&found));

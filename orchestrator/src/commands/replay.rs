@@ -19,14 +19,13 @@ use run_log::LogReader;
 /// # Errors
 /// [`Failure`].
 pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
-    let trouble = |error: &dyn std::fmt::Display| Failure::new(Exit::Trouble, error);
     let log = log_path(&arguments.log);
-    let reader = LogReader::open(&log).map_err(|error| trouble(&error))?;
+    let reader = LogReader::open(&log).map_err(Failure::trouble)?;
     let recorded = &reader.manifest().scenario;
     let changed = if arguments.sets.is_empty() {
         None
     } else {
-        let text = toml::to_string(recorded).map_err(|error| trouble(&error))?;
+        let text = toml::to_string(recorded).map_err(Failure::trouble)?;
         let scenario = scenario_file::load_text(&log, &text, &arguments.sets, None);
         Some(scenario.map_err(|error| Failure {
             report: error.into(),
@@ -34,7 +33,7 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
         })?)
     };
     let schedule = schedule_of(recorded)?;
-    let interrupt = || Interrupt::install().map_err(|error| trouble(&error));
+    let interrupt = || Interrupt::install().map_err(Failure::trouble);
     let options = Options {
         services: arguments.services.clone(),
         changed,
@@ -60,7 +59,7 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
 /// [`Failure`].
 pub fn diff(arguments: &Diff) -> Result<Exit, Failure> {
     let [first, second] = [&arguments.first, &arguments.second].map(|path| log_path(path));
-    let topics = diff::diff(&first, &second).map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let topics = diff::diff(&first, &second).map_err(Failure::trouble)?;
     let comparisons: Vec<_> = topics.iter().map(|topic| topic.comparison.clone()).collect();
     let compared: u64 = comparisons.iter().map(|comparison| comparison.compared).sum();
     if topics.iter().all(TopicDiff::is_identical) {

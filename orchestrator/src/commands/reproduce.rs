@@ -29,9 +29,8 @@ pub fn reproduce(arguments: &Reproduce) -> Result<Exit, Failure> {
         .seeds
         .unwrap_or(if arguments.quick { QUICK_SEEDS } else { SEEDS });
     let seeds = seeds(count);
-    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
-    let folder = RunFolder::create(arguments.out.as_deref(), "reproduce")
-        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let folder = RunFolder::create(arguments.out.as_deref(), "reproduce").map_err(Failure::not_written)?;
     let end = if arguments.ablation {
         show_ablation(&seeds, &folder, &interrupt)?
     } else {
@@ -174,7 +173,7 @@ fn draw(
     });
     let mut flights = TraceBook::new();
     for (job, traces) in drawn_jobs.iter().zip(traced) {
-        let traces = traces.map_err(|error: PageError| Failure::new(Exit::NotWritten, error))?;
+        let traces = traces.map_err(|error: PageError| Failure::not_written(error))?;
         flights.extend(traces.map(|traces| (job.name.clone(), traces)));
     }
     pages.retain(|page| flights.contains_key(page.flight));

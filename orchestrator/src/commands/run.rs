@@ -31,13 +31,13 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     if let Some(problem) = scenario.unasked()
         && arguments.host != Host::Realtime
     {
-        return Err(Failure::new(Exit::BadInput, problem));
+        return Err(Failure::bad_input(problem.to_string()));
     }
     let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
         let reason =
             "--crash kills the process of a service, and with --host inprocess there is but one process";
-        return Err(Failure::new(Exit::BadInput, reason));
+        return Err(Failure::bad_input(reason));
     }
     let is_guest = |service: ServiceId| scenario.program_of(service).is_some();
     if let Some(crash) = arguments
@@ -50,15 +50,13 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
             "--crash tells a service where to die, and a program of its own in place of `{}` cannot be told",
             crash.service
         );
-        return Err(Failure::new(Exit::BadInput, reason));
+        return Err(Failure::bad_input(reason));
     }
-    let interrupt = Interrupt::install().map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
-    let folder = RunFolder::create(arguments.out.as_deref(), &name)
-        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
     let manifest = Manifest::new(&scenario);
-    let mut log = run_log(&folder, &manifest, arguments.recording)
-        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
+    let mut log = run_log(&folder, &manifest, arguments.recording).map_err(Failure::not_written)?;
     if arguments.host == Host::Realtime {
         log = log.in_real_time(&manifest);
     }
@@ -88,7 +86,7 @@ fn refuse_host(scenario: &Scenario, host: Host) -> Result<(), Failure> {
             supervisor::unsimulated_poses(scenario).or_else(|| supervisor::programs_of_its_own(scenario))
         }
     };
-    reason.map_or(Ok(()), |reason| Err(Failure::new(Exit::BadInput, reason)))
+    reason.map_or(Ok(()), |reason| Err(Failure::bad_input(reason)))
 }
 
 fn fly(

@@ -10,7 +10,7 @@ use super::Failure;
 /// [`Failure`].
 pub fn service(name: &str) -> Result<(), Failure> {
     runtime::process::run(name, registry::build, registry::connect).map_err(|error| match error {
-        runtime::process::ProcessError::NotSpawned => Failure::new(Exit::BadInput, error),
+        runtime::process::ProcessError::NotSpawned => Failure::bad_input(error),
         error => Failure::new(Exit::FlightFailed, error),
     })
 }

@@ -21,14 +21,14 @@ pub fn top(arguments: &Top) -> Result<Exit, Failure> {
     if !is_terminal && !arguments.once {
         let reason = "`gerono top` needs a terminal for its input and output; `gerono top --once` prints how the run is \
              now, and `--once --json` does so for other programs";
-        return Err(Failure::new(Exit::Trouble, reason));
+        return Err(Failure::trouble(reason));
     }
-    let run = LiveRun::find(arguments.run.run.as_deref(), "top").map_err(trouble)?;
+    let run = LiveRun::find(arguments.run.run.as_deref(), "top").map_err(Failure::trouble)?;
     if arguments.once {
         return print_once(arguments, &run);
     }
-    let interrupt = Interrupt::install_in_terminal().map_err(trouble)?;
-    match top::watch(&run, arguments.allow_faults, &interrupt).map_err(trouble)? {
+    let interrupt = Interrupt::install_in_terminal().map_err(Failure::trouble)?;
+    match top::watch(&run, arguments.allow_faults, &interrupt).map_err(Failure::trouble)? {
         Leaving::Wanted => Ok(Exit::Success),
         Leaving::Signal(signal) => Ok(Exit::Signal(signal)),
         Leaving::Ended(last) => {
@@ -39,12 +39,14 @@ pub fn top(arguments: &Top) -> Result<Exit, Failure> {
 }
 
 fn print_once(arguments: &Top, run: &LiveRun) -> Result<Exit, Failure> {
-    let snapshot = match run.ask(&Question::Look, PATIENCE).map_err(trouble)? {
+    let snapshot = match run.ask(&Question::Look, PATIENCE).map_err(Failure::trouble)? {
         Answer::Snapshot(snapshot) => snapshot,
-        Answer::Done(text) | Answer::Refused(text) | Answer::Closed(text) => return Err(trouble(text)),
+        Answer::Done(text) | Answer::Refused(text) | Answer::Closed(text) => {
+            return Err(Failure::trouble(text));
+        }
     };
     if arguments.json {
-        let text = serde_json::to_string_pretty(&snapshot).map_err(trouble)?;
+        let text = serde_json::to_string_pretty(&snapshot).map_err(Failure::trouble)?;
         print(text + "\n");
     } else {
         print(top::once(run.name(), &snapshot, COLUMNS));
@@ -55,8 +57,4 @@ fn print_once(arguments: &Top, run: &LiveRun) -> Result<Exit, Failure> {
 fn ending(run: &str, last: Option<&Snapshot>) -> String {
     let seen = last.map(|last| format!("; last seen at {:.1} s of {:.1} s", last.time, last.duration));
     format!("the run `{run}` has ended{}\n", seen.unwrap_or_default())
-}
-
-fn trouble(error: impl std::fmt::Display) -> Failure {
-    Failure::new(Exit::Trouble, error)
 }

@@ -4,7 +4,6 @@ use comfy_table::{Table, presets};
 
 use super::{Failure, log_path, print};
 use crate::cli::Truth as Arguments;
-use command_line::exit::Exit;
 use fault_matrix::truth::{self, Truth};
 
 /// `gerono truth`.
@@ -14,11 +13,10 @@ use fault_matrix::truth::{self, Truth};
 pub fn truth(arguments: &Arguments) -> Result<(), Failure> {
     let flight = log_path(&arguments.flight);
     let world = arguments.world.as_ref().map(|world| log_path(world));
-    let truth = truth::compare(&flight, world.as_deref(), arguments.last)
-        .map_err(|error| Failure::new(Exit::Trouble, error))?;
+    let truth = truth::compare(&flight, world.as_deref(), arguments.last).map_err(Failure::trouble)?;
     if arguments.json {
         let text = serde_json::to_string_pretty(&truth);
-        print(text.map_err(|error| Failure::new(Exit::Trouble, error))? + "\n");
+        print(text.map_err(Failure::trouble)? + "\n");
     } else {
         print(shown(&truth));
     }

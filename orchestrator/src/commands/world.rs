@@ -15,7 +15,7 @@ use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 use hil_simulator::betaflight::{Betaflight, Rotors};
 use hil_simulator::cameras::Cameras;
-use hil_simulator::line::{Line, LineError};
+use hil_simulator::line::Line;
 use hil_simulator::onboard::Onboard;
 use hil_simulator::radio::Radio;
 use hil_simulator::record::Record;
@@ -38,25 +38,22 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         capture_latency: arguments.capture_latency.unwrap_or(believed.capture_latency),
         radio_latency: arguments.radio_latency.unwrap_or(believed.radio_latency),
     };
-    let trouble = |reason: &dyn std::fmt::Display| Failure::new(Exit::Trouble, reason);
     let cameras = cameras(&scenario, &timing)?;
     let onboard = onboard(arguments, &scenario, &timing)?;
-    let interrupt = Interrupt::install().map_err(|error| trouble(&error))?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let name = format!("{}-world", scenario_name(&arguments.scenario.scenario));
-    let folder = RunFolder::create(arguments.out.as_deref(), &name)
-        .map_err(|error| Failure::new(Exit::NotWritten, error))?;
-    let unwritten = |error| Failure::new(Exit::NotWritten, error);
+    let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
     let clock = FlightClock::starting_in(COUNTDOWN, nanoseconds(scenario.schedule.tick));
-    let record = Record::begin(&folder, &scenario, clock.start_ns).map_err(unwritten)?;
+    let record = Record::begin(&folder, &scenario, clock.start_ns).map_err(Failure::not_written)?;
     let world = World::new(&scenario, clock, onboard, cameras, record);
-    let world = world.map_err(|error| Failure::new(Exit::BadInput, error))?;
+    let world = world.map_err(Failure::bad_input)?;
     if !arguments.quiet {
         print(introduction(arguments, &scenario, &timing));
     }
     let ticks = arguments
         .seconds
         .map_or(u64::MAX, |seconds| nanoseconds(seconds) / clock.tick_ns);
-    let report = world.run(ticks, &interrupt).map_err(unwritten)?;
+    let report = world.run(ticks, &interrupt).map_err(Failure::not_written)?;
     let summary = Summary::of(&report, clock.tick_ns);
     write_result(&folder.summary(), &summary)?;
     if !arguments.quiet {
@@ -78,10 +75,9 @@ fn cameras(scenario: &Scenario, timing: &Timing) -> Result<Cameras, Failure> {
             "cameras do not see more often than once a tick of {} s",
             scenario.schedule.tick
         );
-        return Err(Failure::new(
-            Exit::BadInput,
-            format!("{reason}; give a lower --capture-rate"),
-        ));
+        return Err(Failure::bad_input(format!(
+            "{reason}; give a lower --capture-rate"
+        )));
     }
     #[expect(
         clippy::cast_possible_truncation,
@@ -89,18 +85,16 @@ fn cameras(scenario: &Scenario, timing: &Timing) -> Result<Cameras, Failure> {
         reason = "a whole number of ticks, at least 1"
     )]
     let period = period as u64;
-    Cameras::open(system, stated, period, nanoseconds(timing.capture_latency))
-        .map_err(|error| Failure::new(Exit::Trouble, error))
+    Cameras::open(system, stated, period, nanoseconds(timing.capture_latency)).map_err(Failure::trouble)
 }
 
 fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Result<Onboard, Failure> {
-    let trouble = |error: LineError| Failure::new(Exit::Trouble, error);
     if arguments.betaflight {
         let rotors = Rotors {
             arm: arguments.rotor_arm,
             torque_per_thrust: arguments.rotor_torque,
         };
-        let betaflight = Betaflight::open(scenario, rotors).map_err(trouble)?;
+        let betaflight = Betaflight::open(scenario, rotors).map_err(Failure::trouble)?;
         return Ok(Onboard::Betaflight(betaflight));
     }
 
@@ -119,12 +113,12 @@ fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Resul
             "state `crsf`, `sbus`, `multi`, `msp` or `mavlink`",
         ));
     };
-    let line = Line::open(&target).map_err(trouble)?;
+    let line = Line::open(&target).map_err(Failure::trouble)?;
     Ok(Onboard::RateLoop(line, Box::new(radio)))
 }
 
 fn refused(key: Key, reason: &str, fix: &str) -> Failure {
-    Failure::new(Exit::BadInput, Problem::new(key, reason, fix))
+    Failure::bad_input(Problem::new(key, reason, fix).to_string())
 }
 
 fn introduction(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> String {

@@ -141,7 +141,7 @@ impl<'a> Crew<'a> {
         crashes: Vec<(ServiceId, Crash)>,
         restarts: Restarts,
     ) -> Result<Self, FlightFailure> {
-        let shared = Shared::create().map_err(setup)?;
+        let shared = Shared::create().map_err(FlightFailure::setup)?;
         let mut crew = Self::without_members(member, lock, schedule, start, shared)?;
         crew.crashes = crashes;
         crew.restarts = restarts;
@@ -159,7 +159,9 @@ impl<'a> Crew<'a> {
         shared: Shared,
     ) -> Result<Self, FlightFailure> {
         let doorbells = ServiceId::ALL.iter().map(|_| Doorbell::create());
-        let doorbells = doorbells.collect::<Result<_, _>>().map_err(setup)?;
+        let doorbells = doorbells
+            .collect::<Result<_, _>>()
+            .map_err(FlightFailure::setup)?;
         Ok(Self {
             member,
             lock,
@@ -213,7 +215,7 @@ impl<'a> Crew<'a> {
             self.lock,
         ];
         let label = live::runs::label(self.start.place(), self.start.host);
-        Process::start(name, label, shared, &self.doorbells).map_err(setup)
+        Process::start(name, label, shared, &self.doorbells).map_err(FlightFailure::setup)
     }
 
     /// Tells a process that has just been started what to fly, and which service it is, if that is known.
@@ -492,14 +494,6 @@ fn tell(process: &Process, message: &ToService) -> Result<(), FlightFailure> {
             process.signal(Signal::KILL);
             Ok(())
         }
-        Err(error) => Err(FlightFailure::Setup(error.to_string())),
+        Err(error) => Err(FlightFailure::setup(error)),
     }
-}
-
-#[expect(
-    clippy::needless_pass_by_value,
-    reason = "used to map errors, which come by value"
-)]
-fn setup(error: std::io::Error) -> FlightFailure {
-    FlightFailure::Setup(error.to_string())
 }

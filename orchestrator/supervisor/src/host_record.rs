@@ -27,9 +27,10 @@ pub struct HostRecord {
     started: Instant,
     /// When tick 0 began, in real time, since the start of the run.
     flight_begins_ns: u64,
+    /// Whether a write has failed.
+    has_failed: bool,
+    /// With what, until it is told.
     failure: Option<LogError>,
-    /// Whether the failure has been told in flight.
-    failure_is_told: bool,
     /// How many of the crew's ends have been written.
     ends_written: usize,
     /// How many of its rebirths have been written.
@@ -45,8 +46,8 @@ impl HostRecord {
             log,
             started: Instant::now(),
             flight_begins_ns: 0,
+            has_failed: false,
             failure: None,
-            failure_is_told: false,
             ends_written: 0,
             rebirths_written: 0,
             snapshots: Snapshots::new(),
@@ -56,10 +57,11 @@ impl HostRecord {
     /// Closes the record.
     ///
     /// # Errors
-    /// The first [`LogError`] that came up.
+    /// The first [`LogError`] that came up, if it has not been told in flight.
     pub fn finish(self) -> Result<(), LogError> {
         match self.failure {
             Some(failure) => Err(failure),
+            None if self.has_failed => Ok(()),
             None => self.log.finish().map(drop),
         }
     }
@@ -69,14 +71,15 @@ impl HostRecord {
     }
 
     fn write<T: HostSample>(&mut self, sample: &T) {
-        if self.failure.is_none() {
+        if !self.has_failed {
             let result = self.log.write(sample);
             self.keep_first(result);
         }
     }
 
     fn keep_first(&mut self, result: Result<(), LogError>) {
-        if let (Err(failure), None) = (result, &self.failure) {
+        if let (Err(failure), false) = (result, self.has_failed) {
+            self.has_failed = true;
             self.failure = Some(failure);
         }
     }
@@ -146,12 +149,7 @@ impl CrewObserver for HostRecord {
 
     fn ended(&mut self, crew: &Crew<'_>, outcome: &Outcome) {
         self.write_ends(crew);
-        let text = match outcome {
-            Outcome::Completed => "completed".to_owned(),
-            Outcome::Interrupted { signal } => format!("interrupted by signal {signal}"),
-            Outcome::Failed(failure) => failure.to_string(),
-        };
-        self.event(None, HostEvent::KIND_FINISHED, 0, &text);
+        self.event(None, HostEvent::KIND_FINISHED, 0, &outcome.to_string());
     }
 }
 
@@ -185,10 +183,8 @@ impl StepObserver for HostRecord {
         });
     }
 
-    fn failure(&mut self) -> Option<String> {
-        let is_new = !std::mem::replace(&mut self.failure_is_told, self.failure.is_some());
-        let failure = self.failure.as_ref().filter(|_| is_new);
-        failure.map(ToString::to_string)
+    fn failure(&mut self) -> Option<LogError> {
+        self.failure.take()
     }
 
     fn note(&mut self, text: &str) {

@@ -15,10 +15,12 @@ mod site;
 pub mod subscription;
 pub mod tape;
 
+use std::error::Error;
+use std::fmt::{Display, Formatter};
 use std::time::Duration;
 
 use host::step::NonFinite;
-use scenario::Scenario;
+use scenario::{Problem, Scenario};
 use shared_types::{Header, Schedule, ServiceId};
 
 use metrics::summary::laboratory::LaboratoryReport;
@@ -66,6 +68,16 @@ pub enum Outcome {
     },
     /// It could not go on.
     Failed(FlightFailure),
+}
+
+impl Display for Outcome {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Completed => formatter.write_str("completed"),
+            Self::Interrupted { signal } => write!(formatter, "interrupted by signal {signal}"),
+            Self::Failed(failure) => failure.fmt(formatter),
+        }
+    }
 }
 
 /// Why a flight could not go on.
@@ -172,30 +184,44 @@ pub enum FlightFailure {
     Log(#[from] run_log::LogError),
     /// The record of the machine, `host.mcap`, cannot be written.
     #[error("the record of the machine cannot be kept: {0}")]
-    Record(String),
+    Record(#[source] run_log::LogError),
     /// The machine refused something that every run needs.
     #[error("cannot set the run up: {0}")]
-    Setup(String),
+    Setup(#[source] Box<dyn Error + Send + Sync>),
 }
 
 impl FlightFailure {
-    /// What the machine said when it refused something that every run needs.
-    #[expect(
-        clippy::needless_pass_by_value,
-        reason = "used to map errors, which come by value"
-    )]
-    pub fn setup(error: impl ToString) -> Self {
-        Self::Setup(error.to_string())
+    /// A flight that cannot begin, and the error or the sentence that says why.
+    pub fn setup(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::Setup(error.into())
     }
 }
 
 /// When everybody steps in a flight of `scenario`.
 ///
 /// # Errors
-/// [`FlightFailure::Setup`] if the scenario cannot be flown; whoever has checked it does not get there.
-pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, FlightFailure> {
-    let schedule = scenario.schedule();
-    schedule.map_err(|problems| FlightFailure::Setup(format!("{problems:?}")))
+/// [`Unflyable`]; whoever has checked the scenario does not get there.
+pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, Unflyable> {
+    scenario.schedule().map_err(Unflyable)
+}
+
+/// A scenario that makes no schedule.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unflyable(Vec<Problem>);
+
+impl Display for Unflyable {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        let problems: Vec<_> = self.0.iter().map(ToString::to_string).collect();
+        formatter.write_str(&problems.join("; "))
+    }
+}
+
+impl Error for Unflyable {}
+
+impl From<Unflyable> for FlightFailure {
+    fn from(scenario: Unflyable) -> Self {
+        Self::setup(scenario)
+    }
 }
 
 /// Why a scenario cannot be flown in simulated time, if its poses come from elsewhere: never silently with others.
@@ -229,11 +255,11 @@ pub fn programs_of_its_own(scenario: &Scenario) -> Option<String> {
 }
 
 fn refuse_programs(scenario: &Scenario) -> Result<(), FlightFailure> {
-    programs_of_its_own(scenario).map_or(Ok(()), |reason| Err(FlightFailure::Setup(reason)))
+    programs_of_its_own(scenario).map_or(Ok(()), |reason| Err(FlightFailure::setup(reason)))
 }
 
 fn refuse_unsimulated_poses(scenario: &Scenario) -> Result<(), FlightFailure> {
-    unsimulated_poses(scenario).map_or(Ok(()), |reason| Err(FlightFailure::Setup(reason)))
+    unsimulated_poses(scenario).map_or(Ok(()), |reason| Err(FlightFailure::setup(reason)))
 }
 
 impl From<std::convert::Infallible> for FlightFailure {

@@ -48,7 +48,7 @@ use command_line::interrupt::Interrupt;
 use command_line::progress::Messages;
 use live::snapshot::LiveEvent;
 use metrics::summary::timing::{TimingReport, Unrecorded};
-use run_log::{CaptureFigures, LinkFigures};
+use run_log::{CaptureFigures, LinkFigures, LogError};
 
 /// How often the recorder looks: a fast flight fills a hundredth of its buffers meanwhile.
 const RECORDER_PERIOD: Duration = Duration::from_millis(10);
@@ -66,7 +66,7 @@ pub trait StepObserver: CrewObserver {
     /// A service has stepped; its inputs as the schedule sees them.
     fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]);
     /// Why the record cannot go on, once.
-    fn failure(&mut self) -> Option<String>;
+    fn failure(&mut self) -> Option<LogError>;
     /// People have done something.
     fn note(&mut self, text: &str);
     /// A service hung and was killed.
@@ -267,8 +267,8 @@ impl<'a> Flight<'a> {
                 self.fail(failure);
             }
             self.observer.progressed(&self.crew, self.recorder.ticks());
-            if let Some(reason) = self.observer.failure() {
-                self.fail(FlightFailure::Record(reason));
+            if let Some(error) = self.observer.failure() {
+                self.fail(FlightFailure::Record(error));
             }
             self.replace_the_hung();
             desk.serve(|question| self.answer(question));

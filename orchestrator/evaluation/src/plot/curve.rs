@@ -44,9 +44,9 @@ impl Curve {
     pub(super) fn read(log: &Path, span: Span) -> Result<Self, PlotError> {
         let mut reader = LogReader::open(log)?;
         let scenario = reader.manifest().scenario.clone();
-        let schedule = scenario.schedule().map_err(|problems| PlotError::Scenario {
+        let schedule = supervisor::schedule_of(&scenario).map_err(|source| PlotError::Scenario {
             path: log.to_owned(),
-            reason: format!("{problems:?}"),
+            source,
         })?;
         let mut tracker = Tracker::new(&schedule, scenario.flight.is_some());
         let mut pen = Pen::new(span.within(scenario.duration));

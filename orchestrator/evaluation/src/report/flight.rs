@@ -42,9 +42,9 @@ impl Flight {
     pub(super) fn read(log: &Path, buckets: u64) -> Result<Self, ReportError> {
         let mut reader = LogReader::open(log)?;
         let scenario = reader.manifest().scenario.clone();
-        let schedule = scenario.schedule().map_err(|problems| ReportError::Scenario {
+        let schedule = supervisor::schedule_of(&scenario).map_err(|source| ReportError::Scenario {
             path: log.to_owned(),
-            reason: format!("{problems:?}"),
+            source,
         })?;
         let paper = figures::name_in_the_paper(&scenario);
         let tracer = paper.as_ref().map(|_| Tracer::new(&scenario, &schedule));

@@ -9,8 +9,9 @@ use super::column::Column;
 use super::measure::{Measured, Meter};
 use super::parallel;
 use command_line::interrupt::Interrupt;
+use metrics::loss::Loss;
 use scenario_file::ScenarioError;
-use supervisor::{Outcome, in_process};
+use supervisor::{FlightFailure, Outcome, in_process};
 
 /// Least way of γ in the judged part of a flight, as a share of vd times its length: a path that waits would
 /// make every error small.
@@ -116,7 +117,24 @@ pub struct Job {
 
 /// What all flights came to, or why one came to nothing.
 #[derive(Debug, Default)]
-pub struct Logbook(BTreeMap<(Column, u64, String), Result<Measured, String>>);
+pub struct Logbook(BTreeMap<(Column, u64, String), Result<Measured, NotMeasured>>);
+
+/// Why a flight came to nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum NotMeasured {
+    /// It could not be flown.
+    #[error(transparent)]
+    Failed(#[from] FlightFailure),
+    /// Somebody asked for the end, by this signal.
+    #[error("ended by signal {0}")]
+    Interrupted(i32),
+    /// The vehicle was lost.
+    #[error("the vehicle was lost at {time} s: {0}", time = .0.time)]
+    Lost(Loss),
+    /// The path waited for the vehicle; the share of its way that it came, in per cent.
+    #[error("the path came only {0:.0} % of its way")]
+    Waited(f64),
+}
 
 impl Logbook {
     /// Flies all jobs on so many threads, and calls `flown` after each.
@@ -158,7 +176,7 @@ impl Flown<'_> {
     /// What the flight of a name came to.
     ///
     /// # Errors
-    /// Why it came to nothing, in words.
+    /// Why it came to nothing, as a note of the table.
     pub fn of(&self, name: &str) -> Result<&Measured, String> {
         let key = (self.column, self.seed, name.to_owned());
         match self.logbook.0.get(&key) {
@@ -170,23 +188,19 @@ impl Flown<'_> {
 }
 
 /// Flies and measures a scenario.
-fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, String> {
-    let schedule = supervisor::schedule_of(scenario).map_err(|failure| failure.to_string())?;
+fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, NotMeasured> {
+    let schedule = supervisor::schedule_of(scenario).map_err(FlightFailure::from)?;
     let mut meter = Meter::new(scenario, &schedule);
-    let ending = in_process::fly(scenario, &mut meter, interrupt).map_err(|failure| failure.to_string())?;
-    match ending.outcome {
+    match in_process::fly(scenario, &mut meter, interrupt)?.outcome {
         Outcome::Completed => {}
-        Outcome::Interrupted { signal } => return Err(format!("ended by signal {signal}")),
-        Outcome::Failed(failure) => return Err(failure.to_string()),
+        Outcome::Interrupted { signal } => return Err(NotMeasured::Interrupted(signal)),
+        Outcome::Failed(failure) => return Err(failure.into()),
     }
-    let measured = meter
-        .finish()
-        .map_err(|loss| format!("the vehicle was lost at {} s: {loss}", loss.time))?;
+    let measured = meter.finish().map_err(NotMeasured::Lost)?;
     if measured.progress >= LEAST_PROGRESS {
         Ok(measured)
     } else {
-        let percent = 100.0 * measured.progress;
-        Err(format!("the path came only {percent:.0} % of its way"))
+        Err(NotMeasured::Waited(100.0 * measured.progress))
     }
 }
 
@@ -211,8 +225,11 @@ mod tests {
         let jobs = jobs();
         let one = Logbook::fly(&jobs, 1, &Interrupt::never(), || ());
         let three = Logbook::fly(&jobs, 3, &Interrupt::never(), || ());
-        assert_eq!(one.0, three.0);
-        assert_eq!(one.0.len(), jobs.len());
+        for job in &jobs {
+            let of = |logbook: &Logbook| logbook.flown(job.column, job.scenario.seed).of("short").cloned();
+            assert!(of(&one).is_ok());
+            assert_eq!(of(&one), of(&three));
+        }
     }
 
     #[test]
@@ -227,7 +244,7 @@ mod tests {
         // The vehicle is 50 m away at first and needs most of the flight to come near.
         let recipe = Recipe::changed("far", Source::FIG2_FAR, &["duration=21.0", "vehicle.change=[]"]);
         let scenario = recipe.load(Column::Baseline, 1).unwrap();
-        let reason = measure(&scenario, &Interrupt::never()).unwrap_err();
+        let reason = measure(&scenario, &Interrupt::never()).unwrap_err().to_string();
         assert!(reason.contains("% of its way"), "{reason}");
     }
 }

@@ -32,7 +32,8 @@ impl Display for Report {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         let seeds = match self.seeds.as_slice() {
             [first, .., last] => format!("seeds {first} to {last}"),
-            seeds => format!("seeds {seeds:?}"),
+            [seed] => format!("seed {seed}"),
+            [] => "no seeds".to_owned(),
         };
         writeln!(
             formatter,

@@ -138,8 +138,9 @@ impl Base {
                 Err(Errno::WOULDBLOCK) => {
                     let door = self.path.join(DOOR);
                     return Err(io::Error::other(format!(
-                        "another process of yours has held the lock {door} for {limit:?}, which takes milliseconds: \
+                        "another process of yours has held the lock {door} for {} s, which takes milliseconds: \
                          see which (`fuser {door}`), end it, and try again",
+                        limit.as_secs_f64(),
                         door = door.display(),
                     )));
                 }

@@ -1,5 +1,7 @@
 //! Why a replay into service processes may end early.
 
+use std::error::Error;
+
 use super::BATCH_LIMIT;
 
 /// Why a replay into service processes ended early.
@@ -7,7 +9,7 @@ use super::BATCH_LIMIT;
 pub enum ProcessFailure {
     /// The machine refused something that every run needs.
     #[error("cannot set the replay's processes up: {0}")]
-    Setup(String),
+    Setup(#[source] Box<dyn Error + Send + Sync>),
     /// A process died.
     #[error(
         "the process {pid} that replayed `{service}` died {when}: {how}; nothing can be said of the rest of the log"

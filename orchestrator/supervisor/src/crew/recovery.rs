@@ -219,9 +219,7 @@ impl Crew<'_> {
                 let birth = 1 + words.births.fetch_add(1, Ordering::SeqCst);
                 self.members[at].birth = Some((birth, Instant::now()));
                 self.connect_guests(birth)?;
-                recorder
-                    .connect()
-                    .map_err(|error| FlightFailure::Setup(error.to_string()))?;
+                recorder.connect().map_err(FlightFailure::setup)?;
                 self.rouse();
                 continue;
             };
