@@ -114,6 +114,12 @@ impl SampleKind {
     /// The kind of samples of type `T`.
     #[must_use]
     pub const fn of<T: Sample>() -> Self {
+        const {
+            assert!(
+                size_of::<T>().is_multiple_of(size_of::<u64>()) && align_of::<T>() <= align_of::<u64>(),
+                "hosts keep samples in whole words"
+            );
+        }
         Self {
             size: size_of::<T>(),
             first_non_finite_field: |bytes| {

@@ -407,6 +407,14 @@ sample! {
     }
 }
 
+// External programs and readers of logs find it there, whatever build they are of.
+const _: () = assert!(
+    size_of::<Header>() == 24
+        && std::mem::offset_of!(Header, tick) == 0
+        && std::mem::offset_of!(Header, stamp_ns) == 8
+        && std::mem::offset_of!(Header, seq) == 16
+);
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -135,6 +135,15 @@ const TOPICS: usize = Topic::ALL.len();
 /// Most inputs or outputs that a service has.
 pub const MAX_PORTS: usize = 4;
 
+const _: () = {
+    let mut service = 0;
+    while service < SERVICES {
+        let id = ServiceId::ALL[service];
+        assert!(id.inputs().len() <= MAX_PORTS && id.outputs().len() <= MAX_PORTS);
+        service += 1;
+    }
+};
+
 /// The resolved schedule of a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {

@@ -231,6 +231,8 @@ macro_rules! wiring {
             #[inline]
             pub const fn kind(self) -> &'static SampleKind {
                 const KINDS: [SampleKind; Topic::ALL.len()] = [$(SampleKind::of::<$topic>()),+];
+                // Hosts find the header of a sample without knowing its type.
+                const { $(assert!(std::mem::offset_of!($topic, header) == 0);)+ }
                 &KINDS[self.index()]
             }
 

@@ -31,6 +31,8 @@ pub struct RunLogWriter {
     chunk_ticks: u64,
     /// Tick at which the next chunk begins, whether there are samples just before it or not.
     next_chunk: u64,
+    /// The tick that has ended last.
+    last_tick: u64,
 }
 
 impl RunLogWriter {
@@ -63,6 +65,7 @@ impl RunLogWriter {
             file,
             chunk_ticks,
             next_chunk: chunk_ticks,
+            last_tick: 0,
         })
     }
 
@@ -107,8 +110,13 @@ impl RunLogWriter {
     ///
     /// # Errors
     /// [`LogError::Write`] once, [`LogError::Closed`] from then on.
+    ///
+    /// # Panics
+    /// If a later tick has ended before.
     #[inline]
     pub fn end_tick(&mut self, tick: u64) -> Result<(), LogError> {
+        assert!(tick >= self.last_tick, "a log does not go back in time");
+        self.last_tick = tick;
         if (tick + 1).is_multiple_of(self.chunk_ticks) {
             self.end_chunk_before(tick + 1)?;
         }
@@ -118,7 +126,9 @@ impl RunLogWriter {
     /// Ends the chunk before a tick, so that none spans a time of which nothing was recorded.
     #[cold]
     fn end_chunk_before(&mut self, tick: u64) -> Result<(), LogError> {
-        self.next_chunk = (tick / self.chunk_ticks + 1) * self.chunk_ticks;
+        // A sample states its tick, and may be damaged.
+        let chunk = (tick / self.chunk_ticks).saturating_add(1);
+        self.next_chunk = chunk.saturating_mul(self.chunk_ticks);
         self.file.flush()
     }
 

@@ -186,7 +186,7 @@ impl<'a> Crew<'a> {
         let name = self.name_of(service);
         let process = self.spawn(name)?;
         // Kept before it is spoken to, so that it is ended whatever happens next.
-        self.members.push(CrewMember::new(service, name, process));
+        self.take_in(CrewMember::new(service, name, process));
         let role = Role {
             service,
             crash: self.crash_of(service, 0),
@@ -199,6 +199,15 @@ impl<'a> Crew<'a> {
     #[must_use]
     pub fn name_of(&self, service: ServiceId) -> &'static str {
         self.start.scenario.process_name(service)
+    }
+
+    fn take_in(&mut self, member: CrewMember) {
+        assert_eq!(
+            self.members.len(),
+            member.service.index(),
+            "members are found by the service's index"
+        );
+        self.members.push(member);
     }
 
     /// Where the process of a service is to kill itself that follows so many others.

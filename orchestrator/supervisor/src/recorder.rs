@@ -46,8 +46,15 @@ pub enum Progress {
 
 impl Recorder {
     /// A recorder that has received nothing yet.
+    ///
+    /// # Panics
+    /// If the subscriptions are not in the order of the log, one a topic.
     #[must_use]
     pub fn new(subscriptions: Vec<Subscription>, schedule: &Schedule) -> Self {
+        assert!(
+            subscriptions.is_sorted_by(|one, next| one.topic < next.topic),
+            "a log has the samples of a tick in the order of the topics, each once"
+        );
         let feed = |subscription: Subscription| Feed {
             topic: subscription.topic,
             rate: schedule.publications(subscription.topic),

@@ -331,8 +331,10 @@ impl Station {
                 store.forget_before(due);
                 store.view(tick, due)
             } else {
+                let bytes = others.history(source).bytes(due);
+                debug_assert_eq!(header_of(bytes).tick, due, "histories hold all that is still due");
                 InputView {
-                    bytes: Some(others.history(source).bytes(due)),
+                    bytes: Some(bytes),
                     fresh: input.is_fresh(tick, due),
                 }
             };

@@ -21,7 +21,7 @@ impl SampleRing {
     /// If that is more memory than can be addressed.
     #[must_use]
     pub fn new(topic: Topic, depth: u64) -> Self {
-        // A sample begins with a header of whole words and has no padding that is not explicit.
+        // Samples are whole words: see `SampleKind::of`.
         let size = topic.kind().size / size_of::<u64>();
         let depth = depth.next_power_of_two();
         let samples = usize::try_from(depth).expect("that many samples can be addressed");

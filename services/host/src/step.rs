@@ -158,6 +158,11 @@ impl Timetable {
         slots: &mut Slots<'_>,
     ) -> Result<(), NonFinite> {
         let (inputs, outputs) = (self.inputs.len(), self.outputs.len());
+        debug_assert!(
+            slots.iter().enumerate().all(|(at, slot)| slot.bytes.is_some()
+                == self.outputs.get(at).is_some_and(|output| output.is_due(now.tick))),
+            "one slot for each output that is due, and no other"
+        );
         service.step(now, &views[..inputs], &mut slots[..outputs]);
         for (slot, output) in slots.iter().zip(&self.outputs) {
             if let Some(bytes) = slot.bytes.as_deref() {

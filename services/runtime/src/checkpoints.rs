@@ -21,6 +21,8 @@ use host::step::Timetable;
 /// Largest state of a service, bytes.
 pub const CAPACITY: usize = 16 * 1024;
 
+const _: () = assert!(CAPACITY.is_multiple_of(WORD));
+
 /// Of each service, 1 + the tick of the first step that its state does not know of is what the seqlock calls a tick.
 type Table = [Pair<{ CAPACITY / WORD }>; ServiceId::ALL.len()];
 

@@ -213,6 +213,7 @@ pub fn fly(
         cockpit.crash.pass(CrashPlace::BeforeStep, tick);
         cockpit.step_and_publish(service, &timetable, tick)?;
         next = timetable.steps.first_at_or_after(tick + 1);
+        debug_assert!(next.is_none_or(|next| next > tick), "ticks go forward");
         cockpit.keep(service, tick + 1);
         cockpit.crash.pass(CrashPlace::BeforeWaking, tick);
         let cell = cockpit.waiter.cell();

@@ -67,6 +67,7 @@ impl Outlets {
     #[inline]
     pub fn loan<'a>(&'a mut self, tick: u64, slots: &mut Slots<'a>) -> Result<(), PortError> {
         for (slot, outlet) in slots.iter_mut().zip(&mut self.outlets) {
+            debug_assert!(slot.bytes.is_none(), "a step has each output once");
             if outlet.publication.is_due(tick) {
                 let header = outlet.publication.header(tick);
                 *slot = step::prepared(outlet.publication.topic, header, outlet.sender.loan()?);

@@ -168,6 +168,10 @@ pub fn fly(
     let mut next = timetable.steps.first_at_or_after(first_tick);
     while let Some(due) = next.filter(|&tick| tick <= schedule.last_tick()) {
         let (tick, missed) = cockpit.step_to_do(&timetable, due, schedule.last_tick());
+        debug_assert!(
+            due <= tick && tick <= schedule.last_tick() && timetable.steps.occurs_at(tick),
+            "a step of the schedule, and none that is past"
+        );
         // Also who is woken by an input wakes with the tick: with its memory in the caches again it is a fifth faster then.
         cockpit.sleep_until(service.id(), cockpit.clock.begins_at(tick))?;
         watchdog::work(Work::Step);
@@ -190,6 +194,7 @@ pub fn fly(
         cockpit.step_and_publish(service, &timetable, previous, begun)?;
         previous = Some(tick);
         next = timetable.steps.first_at_or_after(tick + 1);
+        debug_assert!(next.is_none_or(|next| next > tick), "ticks go forward");
         if timetable.dies_after(tick, next) {
             crash::die();
         }

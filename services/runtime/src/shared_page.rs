@@ -71,6 +71,16 @@ pub struct Cell {
     pub receivers: [ReceiverId; MAX_PORTS],
 }
 
+const _: () = assert!(
+    std::mem::offset_of!(Words, requests) == 0,
+    "`ask_in` maps this word alone"
+);
+
+const _: () = assert!(
+    size_of::<Cell>() == 128 && std::mem::offset_of!(Words, cells).is_multiple_of(align_of::<Cell>()),
+    "no two services write the same cache line"
+);
+
 /// Id of a receiver of the run, or 0. Each is written by one process and read by others at any time: who reads it
 /// while it changes sees an id that nobody has.
 #[repr(C)]
@@ -176,7 +186,6 @@ fn add(requests: &AtomicU32, request: Request) {
 /// # Errors
 /// If the file cannot be mapped.
 pub fn ask_in(page: BorrowedFd<'_>, request: Request) -> std::io::Result<()> {
-    const _: () = assert!(std::mem::offset_of!(Words, requests) == 0);
     let size = u64::try_from(rustix::fs::fstat(page)?.st_size).unwrap_or_default();
     if size < size_of::<AtomicU32>() as u64 {
         return Err(std::io::Error::other("the page is empty"));

@@ -21,6 +21,11 @@ const WORDS: usize = size_of::<StepRecord>() / size_of::<u64>();
 /// The word of a record that says when all was published.
 const PUBLISHED: usize = std::mem::offset_of!(StepRecord, published_ns) / size_of::<u64>();
 
+const _: () = assert!(
+    WORDS * size_of::<u64>() == size_of::<StepRecord>() && WORDS == 8 + MAX_PORTS,
+    "a record is whole words, as the ring keeps it"
+);
+
 /// One step of a service in real time. Times are since the start of the flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]

@@ -54,7 +54,7 @@ impl<'a> Crew<'a> {
                 Some(process) => {
                     let mut flying = CrewMember::new(service, crew.name_of(service), process);
                     flying.phase = Phase::Flying;
-                    crew.members.push(flying);
+                    crew.take_in(flying);
                     Ok(())
                 }
                 None => crew.enlist(service),

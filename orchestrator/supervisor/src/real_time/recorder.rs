@@ -158,7 +158,8 @@ impl Recorder {
                 let spare = self.spare[topic.index()].pop();
                 let mut sample = spare.unwrap_or_else(|| OwnedSample::of(topic));
                 sample.bytes_mut().copy_from_slice(bytes);
-                self.waiting.insert((tick, topic), sample);
+                let earlier = self.waiting.insert((tick, topic), sample);
+                debug_assert!(earlier.is_none(), "one sample a topic and tick");
             }
         }
         Ok(())
