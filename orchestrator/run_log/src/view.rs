@@ -8,18 +8,17 @@ mod messages;
 mod scene;
 #[cfg(test)]
 mod tests;
-mod wire;
 
 use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
 use nalgebra::Matrix3;
+use prost::{Message, Name};
 use shared_types::rotation::{from_roll_pitch_yaw, from_row_major};
 use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
 use shared_types::{Sample, Topic};
 
 use self::scene::Placed;
-use self::wire::Message;
 use super::framing::{Compression, LogError, McapFile, Written};
 use super::manifest::{COPY_RECORD_NAME, Manifest};
 use super::reader::{LogReadError, LogReader, LoggedSample};
@@ -195,15 +194,15 @@ struct Channel {
 }
 
 impl Channel {
-    fn declare<M: Message>(file: &mut McapFile, name: &str, schema: &[u8]) -> Result<Self, LogError> {
-        let id = file.declare_protobuf_channel(name, M::NAME, schema)?;
+    fn declare<M: Name>(file: &mut McapFile, name: &str, schema: &[u8]) -> Result<Self, LogError> {
+        let id = file.declare_protobuf_channel(name, &M::full_name(), schema)?;
         Ok(Self { id, next_sequence: 0 })
     }
 
     fn write(&mut self, file: &mut McapFile, time_ns: u64, message: &impl Message) -> Result<(), LogError> {
         let sequence = self.next_sequence;
         self.next_sequence = sequence.wrapping_add(1);
-        file.write_payload(self.id, sequence, time_ns, &message.encode())
+        file.write_payload(self.id, sequence, time_ns, &message.encode_to_vec())
     }
 }
 

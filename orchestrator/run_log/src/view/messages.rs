@@ -1,180 +1,250 @@
 //! The viewers' messages, as far as they are used here: names and numbers are those of Foxglove's schemas for Protocol Buffers, which
 //! Foxglove, Lichtblick and Rerun know. Units: m, rad-free quaternions, colours from 0 to 1.
+//!
+//! All members are required, so that zeros are written too: some readers take what is missing for unknown.
 
-use super::wire::{Kind, Member, Message, Package, Value, describe, messages};
+use prost::Message;
+use prost_types::field_descriptor_proto::{Label, Type};
+use prost_types::{
+    DescriptorProto, EnumDescriptorProto, EnumValueDescriptorProto, FieldDescriptorProto,
+    FileDescriptorProto, FileDescriptorSet,
+};
 
+const TIME: &str = "google.protobuf";
 const TIME_FILE: &str = "google/protobuf/timestamp.proto";
+const FOXGLOVE: &str = "foxglove";
+
+/// Declares messages of a package, each member with its number, its type in Protocol Buffers and that in Rust, and a function of this
+/// name that describes all of them.
+macro_rules! messages {
+    (
+        fn $all:ident, $package:ident
+        $(
+            $(#[$attribute:meta])*
+            $name:ident { $(
+                $number:tt $member:ident: $label:ident $kind:ident $(= $detail:tt)? as $type:ty
+            ),* $(,)? }
+        )*
+    ) => {
+        $(
+            $(#[$attribute])*
+            #[derive(Clone, PartialEq, prost::Message)]
+            pub(super) struct $name { $(
+                #[prost($kind $(= $detail)?, $label, tag = $number)]
+                pub(super) $member: $type
+            ),* }
+
+            impl prost::Name for $name {
+                const NAME: &'static str = stringify!($name);
+                const PACKAGE: &'static str = $package;
+            }
+        )*
+
+        fn $all() -> Vec<DescriptorProto> {
+            vec![$( DescriptorProto {
+                name: Some(stringify!($name).to_owned()),
+                field: vec![$(
+                    member(stringify!($member), $number, stringify!($label), stringify!($kind), stringify!($type))
+                ),*],
+                ..DescriptorProto::default()
+            } ),*]
+        }
+    };
+}
 
 messages! {
-    fn time, "google.protobuf"
+    fn time, TIME
 
     /// A time.
     Timestamp {
-        1 seconds: i64,
-        2 nanos: i32,
+        1 seconds: required int64 as i64,
+        2 nanos: required int32 as i32,
     }
 }
 
 messages! {
-    fn foxglove, "foxglove"
+    fn foxglove, FOXGLOVE
 
     /// A vector, or the size of something.
     Vector3 {
-        1 x: f64,
-        2 y: f64,
-        3 z: f64,
+        1 x: required double as f64,
+        2 y: required double as f64,
+        3 z: required double as f64,
     }
 
     /// A place.
     Point3 {
-        1 x: f64,
-        2 y: f64,
-        3 z: f64,
+        1 x: required double as f64,
+        2 y: required double as f64,
+        3 z: required double as f64,
     }
 
     /// A rotation.
     Quaternion {
-        1 x: f64,
-        2 y: f64,
-        3 z: f64,
-        4 w: f64,
+        1 x: required double as f64,
+        2 y: required double as f64,
+        3 z: required double as f64,
+        4 w: required double as f64,
     }
 
     /// A colour, each part from 0 to 1.
     Color {
-        1 r: f64,
-        2 g: f64,
-        3 b: f64,
-        4 a: f64,
+        1 r: required double as f64,
+        2 g: required double as f64,
+        3 b: required double as f64,
+        4 a: required double as f64,
     }
 
     /// Where something is and how it is turned.
     Pose {
-        1 position: Vector3,
-        2 orientation: Quaternion,
+        1 position: required message as Vector3,
+        2 orientation: required message as Quaternion,
     }
 
     /// A pose at a time, relative to a frame.
     PoseInFrame {
-        1 timestamp: Timestamp,
-        2 frame_id: &'static str,
-        3 pose: Pose,
+        1 timestamp: required message as Timestamp,
+        2 frame_id: required string as String,
+        3 pose: required message as Pose,
     }
 
     /// Where a frame is in its parent.
     FrameTransform {
-        1 timestamp: Timestamp,
-        2 parent_frame_id: &'static str,
-        3 child_frame_id: &'static str,
-        4 translation: Vector3,
-        5 rotation: Quaternion,
+        1 timestamp: required message as Timestamp,
+        2 parent_frame_id: required string as String,
+        3 child_frame_id: required string as String,
+        4 translation: required message as Vector3,
+        5 rotation: required message as Quaternion,
     }
 
     /// A box.
     CubePrimitive {
-        1 pose: Pose,
-        2 size: Vector3,
-        3 color: Color,
+        1 pose: required message as Pose,
+        2 size: required message as Vector3,
+        3 color: required message as Color,
     }
 
     /// A cylinder about z.
     CylinderPrimitive {
-        1 pose: Pose,
-        2 size: Vector3,
-        3 bottom_scale: f64,
-        4 top_scale: f64,
-        5 color: Color,
+        1 pose: required message as Pose,
+        2 size: required message as Vector3,
+        3 bottom_scale: required double as f64,
+        4 top_scale: required double as f64,
+        5 color: required message as Color,
     }
 
     /// Points joined by a line.
     LinePrimitive {
-        2 pose: Pose,
-        3 thickness: f64,
-        /// Whether the thickness is in pixels.
-        4 scale_invariant: bool,
-        5 points: Vec<Point3>,
-        6 color: Color,
+        2 pose: required message as Pose,
+        3 thickness: required double as f64,
+        // Whether the thickness is in pixels.
+        4 scale_invariant: required bool as bool,
+        5 points: repeated message as Vec<Point3>,
+        6 color: required message as Color,
     }
 
     /// A thing in the scene.
     SceneEntity {
-        1 timestamp: Timestamp,
-        2 frame_id: &'static str,
-        3 id: &'static str,
-        /// Whether it moves with its frame.
-        5 frame_locked: bool,
-        8 cubes: Vec<CubePrimitive>,
-        10 cylinders: Vec<CylinderPrimitive>,
-        11 lines: Vec<LinePrimitive>,
+        1 timestamp: required message as Timestamp,
+        2 frame_id: required string as String,
+        3 id: required string as String,
+        // Whether it moves with its frame.
+        5 frame_locked: required bool as bool,
+        8 cubes: repeated message as Vec<CubePrimitive>,
+        10 cylinders: repeated message as Vec<CylinderPrimitive>,
+        11 lines: repeated message as Vec<LinePrimitive>,
     }
 
     /// Things to show from now on.
     SceneUpdate {
-        2 entities: Vec<SceneEntity>,
+        2 entities: repeated message as Vec<SceneEntity>,
     }
 
     /// Where a number of a point stands in its bytes.
     PackedElementField {
-        1 name: &'static str,
-        2 offset: u32,
-        3 r#type: NumericType,
+        1 name: required string as String,
+        2 offset: required fixed32 as u32,
+        3 r#type: required enumeration = "NumericType" as i32,
     }
 
     /// Points, packed.
     PointCloud {
-        1 timestamp: Timestamp,
-        2 frame_id: &'static str,
-        3 pose: Pose,
-        4 point_stride: u32,
-        5 fields: Vec<PackedElementField>,
-        6 data: Vec<u8>,
+        1 timestamp: required message as Timestamp,
+        2 frame_id: required string as String,
+        3 pose: required message as Pose,
+        4 point_stride: required fixed32 as u32,
+        5 fields: repeated message as Vec<PackedElementField>,
+        6 data: required bytes = "vec" as Vec<u8>,
     }
 }
 
 /// What a packed number is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
+#[repr(i32)]
 pub(super) enum NumericType {
+    Unknown = 0,
     Uint8 = 1,
     Float32 = 7,
 }
 
-const NUMERIC_TYPES: (&str, &[&str]) = (
-    "NumericType",
-    &[
-        "UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64",
-    ],
-);
+/// The names of what a packed number can be, from 0 on.
+const NUMERIC_TYPES: [&str; 9] = [
+    "UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64",
+];
 
-impl Value for NumericType {
-    const KIND: Kind = Kind::Enumeration;
-
-    fn type_name() -> Option<String> {
-        Some(".foxglove.NumericType".to_owned())
-    }
-
-    fn write(&self, number: u32, out: &mut Vec<u8>) {
-        (*self as i32).write(number, out);
+/// The description of a member.
+fn member(name: &str, number: i32, label: &str, kind: &str, rust_type: &str) -> FieldDescriptorProto {
+    let kind = Type::from_str_name(&format!("TYPE_{}", kind.to_uppercase())).unwrap_or(Type::Enum);
+    let label = match label {
+        "repeated" => Label::Repeated,
+        _ => Label::Optional,
+    };
+    let type_name = match (kind, rust_type) {
+        (Type::Enum, _) => Some(format!(".{FOXGLOVE}.NumericType")),
+        (Type::Message, "Timestamp") => Some(format!(".{TIME}.Timestamp")),
+        (Type::Message, name) => Some(format!(
+            ".{FOXGLOVE}.{}",
+            name.trim_start_matches("Vec<").trim_end_matches('>')
+        )),
+        _ => None,
+    };
+    FieldDescriptorProto {
+        // A word that Rust has a use for is written `r#type` there.
+        name: Some(name.trim_start_matches("r#").to_owned()),
+        number: Some(number),
+        label: Some(label.into()),
+        r#type: Some(kind.into()),
+        type_name,
+        ..FieldDescriptorProto::default()
     }
 }
 
-/// The description of all of them: the schema of each.
+/// The description of all of them, as a schema of MCAP wants it: a `FileDescriptorSet`, in which packages precede those that use them.
 pub(super) fn description() -> Vec<u8> {
-    describe(&[
-        Package {
-            name: "google.protobuf",
-            file: TIME_FILE,
-            imports: &[],
-            messages: time(),
-            enumerations: &[],
-        },
-        Package {
-            name: "foxglove",
-            file: "foxglove.proto",
-            imports: &[TIME_FILE],
-            messages: foxglove(),
-            enumerations: &[NUMERIC_TYPES],
-        },
-    ])
+    let file = |name: &str, package: &str, message_type| FileDescriptorProto {
+        name: Some(name.to_owned()),
+        package: Some(package.to_owned()),
+        message_type,
+        syntax: Some("proto3".to_owned()),
+        ..FileDescriptorProto::default()
+    };
+    let value = |(number, name): (i32, &&str)| EnumValueDescriptorProto {
+        name: Some((*name).to_owned()),
+        number: Some(number),
+        ..EnumValueDescriptorProto::default()
+    };
+    let numeric_type = EnumDescriptorProto {
+        name: Some("NumericType".to_owned()),
+        value: (0..).zip(&NUMERIC_TYPES).map(value).collect(),
+        ..EnumDescriptorProto::default()
+    };
+    let foxglove = FileDescriptorProto {
+        dependency: vec![TIME_FILE.to_owned()],
+        enum_type: vec![numeric_type],
+        ..file("foxglove.proto", FOXGLOVE, foxglove())
+    };
+    let file = vec![file(TIME_FILE, TIME, time()), foxglove];
+    FileDescriptorSet { file }.encode_to_vec()
 }
 
 impl Timestamp {

@@ -71,8 +71,8 @@ impl Placed {
 pub(super) fn upright(time_ns: u64) -> FrameTransform {
     FrameTransform {
         timestamp: Timestamp::from_ns(time_ns),
-        parent_frame_id: UPRIGHT,
-        child_frame_id: WORLD,
+        parent_frame_id: UPRIGHT.to_owned(),
+        child_frame_id: WORLD.to_owned(),
         translation: [0.0; 3].into(),
         rotation: Quaternion {
             x: 1.0,
@@ -87,8 +87,8 @@ pub(super) fn upright(time_ns: u64) -> FrameTransform {
 pub(super) fn body_frame(time_ns: u64, vehicle: &Placed) -> FrameTransform {
     FrameTransform {
         timestamp: Timestamp::from_ns(time_ns),
-        parent_frame_id: WORLD,
-        child_frame_id: BODY,
+        parent_frame_id: WORLD.to_owned(),
+        child_frame_id: BODY.to_owned(),
         translation: vehicle.position_world.into(),
         rotation: vehicle.orientation(),
     }
@@ -98,7 +98,7 @@ pub(super) fn body_frame(time_ns: u64, vehicle: &Placed) -> FrameTransform {
 pub(super) fn pose(time_ns: u64, placed: &Placed) -> PoseInFrame {
     PoseInFrame {
         timestamp: Timestamp::from_ns(time_ns),
-        frame_id: WORLD,
+        frame_id: WORLD.to_owned(),
         pose: Pose {
             position: placed.position_world.into(),
             orientation: placed.orientation(),
@@ -108,10 +108,10 @@ pub(super) fn pose(time_ns: u64, placed: &Placed) -> PoseInFrame {
 
 /// The vehicle, which moves with its frame, and the whole ways as lines.
 pub(super) fn scene(time_ns: u64, flown: &[[f64; 3]], desired: &[[f64; 3]]) -> SceneUpdate {
-    let entity = |id, frame_id| SceneEntity {
+    let entity = |id: &str, frame_id: &str| SceneEntity {
         timestamp: Timestamp::from_ns(time_ns),
-        frame_id,
-        id,
+        frame_id: frame_id.to_owned(),
+        id: id.to_owned(),
         frame_locked: true,
         cubes: Vec::new(),
         cylinders: Vec::new(),
@@ -171,14 +171,15 @@ fn line(places: &[[f64; 3]], color: Color) -> LinePrimitive {
 
 /// The whole ways as points in {I}, for Rerun, which knows no lines of Foxglove's.
 pub(super) fn points(time_ns: u64, flown: &[[f64; 3]], desired: &[[f64; 3]]) -> PointCloud {
-    let field = |(index, name): (u32, &'static str)| PackedElementField {
-        name,
+    let field = |(index, name): (u32, &str)| PackedElementField {
+        name: name.to_owned(),
         offset: if index < 3 { 4 * index } else { 9 + index },
         r#type: if index < 3 {
             NumericType::Float32
         } else {
             NumericType::Uint8
-        },
+        }
+        .into(),
     };
     let names = ["x", "y", "z", "red", "green", "blue", "alpha"];
     let ways = [(flown, FLOWN), (desired, DESIRED)];
@@ -193,7 +194,7 @@ pub(super) fn points(time_ns: u64, flown: &[[f64; 3]], desired: &[[f64; 3]]) -> 
     });
     PointCloud {
         timestamp: Timestamp::from_ns(time_ns),
-        frame_id: WORLD,
+        frame_id: WORLD.to_owned(),
         pose: Pose::at([0.0; 3]),
         point_stride: POINT_BYTES,
         fields: (0..).zip(names).map(field).collect(),
