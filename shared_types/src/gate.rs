@@ -10,6 +10,8 @@
 
 mod state;
 
+use zerocopy::FromZeros;
+
 use crate::sample::{Flag, Sample};
 use crate::service::{Input, Now};
 
@@ -46,17 +48,16 @@ crate::sample! {
 /// An input with its last good sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate<T> {
-    held: Option<T>,
-    judged: u64,
-    refused: u32,
+    memory: GateState,
+    /// All zero before the first good sample.
+    held: T,
 }
 
-impl<T> Default for Gate<T> {
+impl<T: Sample> Default for Gate<T> {
     fn default() -> Self {
         Self {
-            held: None,
-            judged: 0,
-            refused: 0,
+            memory: GateState::new_zeroed(),
+            held: T::new_zeroed(),
         }
     }
 }
@@ -73,17 +74,17 @@ impl<T: Sample> Gate<T> {
     ) -> Option<Verdict> {
         let newest = input.newest()?;
         let number = newest.header().seq.wrapping_add(1);
-        if input.fresh().is_none() && number == self.judged {
+        if input.fresh().is_none() && number == self.memory.judged {
             return None;
         }
-        self.judged = number;
+        self.memory.judged = number;
         let verdict = if newest.is_within(largest) {
-            judge(newest, self.held.as_ref())
+            judge(newest, self.held())
         } else {
             Verdict::Refused
         };
         match verdict {
-            Verdict::Good => self.held = Some(*newest),
+            Verdict::Good => (self.held, self.memory.has_held) = (*newest, true.into()),
             Verdict::Mute => {}
             Verdict::Refused => self.refuse(),
         }
@@ -94,7 +95,7 @@ impl<T: Sample> Gate<T> {
     #[must_use]
     #[inline]
     pub fn held(&self) -> Option<&T> {
-        self.held.as_ref()
+        self.memory.has_held.is_set().then_some(&self.held)
     }
 
     /// Whether the last good sample is also the newest one.
@@ -102,14 +103,14 @@ impl<T: Sample> Gate<T> {
     #[inline]
     pub fn is_newest(&self, input: &Input<'_, T>) -> bool {
         let newest = input.newest().map(|sample| sample.header().seq);
-        newest == self.held.as_ref().map(|sample| sample.header().seq)
+        newest == self.held().map(|sample| sample.header().seq)
     }
 
     /// Time since the last good sample was published, ns.
     #[must_use]
     #[inline]
     pub fn age_ns(&self, now: &Now) -> Option<u64> {
-        let held = self.held.as_ref()?;
+        let held = self.held()?;
         Some(now.time_ns.saturating_sub(held.header().stamp_ns))
     }
 
@@ -117,33 +118,23 @@ impl<T: Sample> Gate<T> {
     #[must_use]
     #[inline]
     pub fn refused(&self) -> u32 {
-        self.refused
+        self.memory.refused
     }
 
     /// Counts a sample as refused that only its use has shown to be impossible.
     pub fn refuse(&mut self) {
-        self.refused = self.refused.saturating_add(1);
+        self.memory.refused = self.memory.refused.saturating_add(1);
     }
 
     /// What it remembers, and the last good sample, all zero before the first.
     #[must_use]
     pub fn save(&self) -> (GateState, T) {
-        let state = GateState {
-            judged: self.judged,
-            refused: self.refused,
-            has_held: self.held.is_some().into(),
-            pad0: [0; 3],
-        };
-        (state, self.held.unwrap_or_else(T::new_zeroed))
+        (self.memory, self.held)
     }
 
     /// Goes on with what was saved.
     pub fn restore(&mut self, state: &GateState, held: &T) {
-        *self = Self {
-            held: state.has_held.is_set().then_some(*held),
-            judged: state.judged,
-            refused: state.refused,
-        };
+        (self.memory, self.held) = (*state, *held);
     }
 }
 

@@ -86,11 +86,18 @@ impl Rate {
 }
 
 /// Why a set of rates and latencies is no schedule.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ScheduleError {
     /// Services that wait for each other within one tick, in the order of the cycle.
+    #[error(
+        "the services {} wait for each other within one tick: give one edge of the cycle a latency of at least a tick",
+        .0.iter().map(|service| service.name()).collect::<Vec<_>>().join(" → ")
+    )]
     CycleWithoutDelay(Vec<ServiceId>),
     /// A topic is due at ticks at which its publisher does not step.
+    #[error(
+        "`{topic}` is due at ticks at which `{publisher}` does not step: make its period a multiple of the service's and let it begin on one of its steps"
+    )]
     TopicWithoutStep {
         /// The topic.
         topic: Topic,
@@ -98,36 +105,14 @@ pub enum ScheduleError {
         publisher: ServiceId,
     },
     /// The controller joins the state and the reference of equal tick, but gets them of different ticks.
+    #[error(
+        "at tick {tick} the controller would join a state and a reference of different ticks: give `path_generator` and `controller` the same period, phase and input latencies"
+    )]
     UnequalJoin {
         /// First tick at which that happens.
         tick: u64,
     },
 }
-
-impl std::fmt::Display for ScheduleError {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::CycleWithoutDelay(services) => {
-                let names: Vec<_> = services.iter().map(|service| service.name()).collect();
-                write!(
-                    formatter,
-                    "the services {} wait for each other within one tick: give one edge of the cycle a latency of at least a tick",
-                    names.join(" → ")
-                )
-            }
-            Self::TopicWithoutStep { topic, publisher } => write!(
-                formatter,
-                "`{topic}` is due at ticks at which `{publisher}` does not step: make its period a multiple of the service's and let it begin on one of its steps"
-            ),
-            Self::UnequalJoin { tick } => write!(
-                formatter,
-                "at tick {tick} the controller would join a state and a reference of different ticks: give `path_generator` and `controller` the same period, phase and input latencies"
-            ),
-        }
-    }
-}
-
-impl std::error::Error for ScheduleError {}
 
 const SERVICES: usize = ServiceId::ALL.len();
 const TOPICS: usize = Topic::ALL.len();

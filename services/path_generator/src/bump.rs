@@ -36,25 +36,16 @@ impl BumpPoint {
 }
 
 /// No transition from α1 to α2.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the path cannot slow down between alpha1 = {alpha1} and alpha2 = {alpha2}: choose 0 ≤ alpha1 < alpha2; the paper uses 0.5 and 1.5"
+)]
 pub struct TransitionError {
     /// α1, m.
     pub alpha1: f64,
     /// α2, m.
     pub alpha2: f64,
 }
-
-impl std::fmt::Display for TransitionError {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { alpha1, alpha2 } = self;
-        write!(
-            formatter,
-            "the path cannot slow down between alpha1 = {alpha1} and alpha2 = {alpha2}: choose 0 ≤ alpha1 < alpha2; the paper uses 0.5 and 1.5"
-        )
-    }
-}
-
-impl std::error::Error for TransitionError {}
 
 /// The bump between α1 and α2.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -56,9 +56,10 @@ impl CurvePoint {
 }
 
 /// Why parameters make no curve.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CurveError {
     /// Fewer waypoints than the curve needs.
+    #[error("{found} waypoints are too few: give at least {needed}")]
     TooFewPoints {
         /// How many there are.
         found: usize,
@@ -66,46 +67,21 @@ pub enum CurveError {
         needed: usize,
     },
     /// A waypoint is not a point of space.
+    #[error("waypoint {index} is not finite: give three numbers in metres")]
     PointNotFinite {
         /// Its position in the list, from 0.
         index: usize,
     },
     /// Two waypoints in a row are the same point.
+    #[error("waypoint {index} and the one after it are the same point: leave one of them out")]
     CoincidentPoints {
         /// Position of the first of the two in the list, from 0.
         index: usize,
     },
     /// The way in γ from one waypoint to the next is not a positive number.
+    #[error("the interval {0} between waypoints is not positive: choose one above 0")]
     Interval(f64),
 }
-
-impl std::fmt::Display for CurveError {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::TooFewPoints { found, needed } => {
-                write!(formatter, "{found} waypoints are too few: give at least {needed}")
-            }
-            Self::PointNotFinite { index } => {
-                write!(
-                    formatter,
-                    "waypoint {index} is not finite: give three numbers in metres"
-                )
-            }
-            Self::CoincidentPoints { index } => write!(
-                formatter,
-                "waypoint {index} and the one after it are the same point: leave one of them out"
-            ),
-            Self::Interval(interval) => {
-                write!(
-                    formatter,
-                    "the interval {interval} between waypoints is not positive: choose one above 0"
-                )
-            }
-        }
-    }
-}
-
-impl std::error::Error for CurveError {}
 
 /// One of the curves that a scenario can ask for.
 #[derive(Clone, Debug, PartialEq)]

@@ -31,12 +31,8 @@ use crate::timing_law::{PathRates, TimingLaw};
 shared_types::sample! {
     /// What the next step depends on besides its inputs.
     pub struct PathGeneratorState {
-        /// γ.
-        pub gamma: f64,
-        /// γ̇, 1/s.
-        pub gamma_dot: f64,
-        /// γ̈, 1/s².
-        pub gamma_ddot: f64,
+        /// Where the path is.
+        pub motion: PathMotion,
         /// What is remembered of the vehicle's states.
         pub states: StateGateState,
         /// The last good frame; all zero before the first, and in a flight without phases.
@@ -46,27 +42,27 @@ shared_types::sample! {
         /// What is remembered of the phases.
         pub phases: PhasesMemory,
     }
-}
 
-/// Why a scenario makes no path.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PathGeneratorError {
-    /// The curve's parameters make no curve.
-    Curve(CurveError),
-    /// α1 and α2 leave no room to slow down in.
-    Transition(TransitionError),
-}
-
-impl std::fmt::Display for PathGeneratorError {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Curve(error) => error.fmt(formatter),
-            Self::Transition(error) => error.fmt(formatter),
-        }
+    /// Where the path is, and how it moves on.
+    pub struct PathMotion {
+        /// γ.
+        pub gamma: f64,
+        /// γ̇, 1/s.
+        pub gamma_dot: f64,
+        /// γ̈, 1/s².
+        pub gamma_ddot: f64,
     }
 }
 
-impl std::error::Error for PathGeneratorError {}
+/// Why a scenario makes no path.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(transparent)]
+pub enum PathGeneratorError {
+    /// The curve's parameters make no curve.
+    Curve(#[from] CurveError),
+    /// α1 and α2 leave no room to slow down in.
+    Transition(#[from] TransitionError),
+}
 
 /// What moves γ.
 #[derive(Clone, Copy, Debug)]
@@ -108,16 +104,6 @@ struct Led {
     rates: PathRates,
 }
 
-/// Where the path is, and how it moves on.
-#[derive(Clone, Copy, Debug)]
-struct PathMotion {
-    gamma: f64,
-    /// 1/s.
-    gamma_dot: f64,
-    /// 1/s².
-    gamma_ddot: f64,
-}
-
 impl PathGeneratorService {
     /// The path generator of a scenario, at the start of the flight.
     ///
@@ -125,10 +111,10 @@ impl PathGeneratorService {
     /// [`PathGeneratorError`] if the scenario's curve is none, or its timing law.
     pub fn new(scenario: &Scenario) -> Result<Self, PathGeneratorError> {
         let path = &scenario.path;
-        let curve = Curve::new(&path.curve).map_err(PathGeneratorError::Curve)?;
+        let curve = Curve::new(&path.curve)?;
         let leader = Leader {
             curve,
-            mover: Mover::new(path).map_err(PathGeneratorError::Transition)?,
+            mover: Mover::new(path)?,
             motion: PathMotion {
                 gamma: path.initial_gamma,
                 gamma_dot: path.initial_gamma_dot,
@@ -317,16 +303,9 @@ impl Service for PathGeneratorService {
     }
 
     fn save(&self) -> PathGeneratorState {
-        let PathMotion {
-            gamma,
-            gamma_dot,
-            gamma_ddot,
-        } = self.leader.motion;
         let (frames, frame) = self.leader.frames.save();
         PathGeneratorState {
-            gamma,
-            gamma_dot,
-            gamma_ddot,
+            motion: self.leader.motion,
             states: self.states.save(),
             frame,
             frames,
@@ -339,11 +318,7 @@ impl Service for PathGeneratorService {
     }
 
     fn restore(&mut self, state: &PathGeneratorState) {
-        self.leader.motion = PathMotion {
-            gamma: state.gamma,
-            gamma_dot: state.gamma_dot,
-            gamma_ddot: state.gamma_ddot,
-        };
+        self.leader.motion = state.motion;
         self.states.restore(&state.states);
         self.leader.frames.restore(&state.frames, &state.frame);
         if let Some(phases) = &mut self.leader.phases {

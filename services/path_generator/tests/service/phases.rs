@@ -133,7 +133,7 @@ impl Flown {
     }
 
     fn gamma(&self) -> f64 {
-        Service::save(&self.generator).gamma
+        Service::save(&self.generator).motion.gamma
     }
 }
 

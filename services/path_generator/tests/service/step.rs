@@ -313,8 +313,8 @@ fn the_path_moves_on_also_in_a_step_without_a_due_reference() {
         };
         ErasedService::step(&mut generator, &now, &[input, Default::default()], &mut slot);
     }
-    let PathGeneratorState { gamma, .. } = Service::save(&generator);
-    assert!((gamma - 2e-3).abs() < 1e-15);
+    let PathGeneratorState { motion, .. } = Service::save(&generator);
+    assert!((motion.gamma - 2e-3).abs() < 1e-15);
 }
 
 #[test]
