@@ -105,8 +105,13 @@ fn names_inside(keys: &[KeyInfo], table: &Key) -> Vec<String> {
     names
 }
 
+/// The schema of a scenario.
+pub(super) fn schema() -> Value {
+    schemars::schema_for!(Scenario).to_value()
+}
+
 fn all() -> Vec<KeyInfo> {
-    let schema = schemars::schema_for!(Scenario).to_value();
+    let schema = schema();
     let mut keys = Vec::new();
     push_table(&schema, &schema, &Key::root(), &mut keys);
     keys
@@ -166,7 +171,7 @@ fn push_property(schema: &Value, property: &Value, key: &Key, required: bool, ke
 }
 
 /// The part of the schema that a part of it refers to, or that part itself.
-fn resolved<'a>(schema: &'a Value, part: &'a Value) -> &'a Value {
+pub(super) fn resolved<'a>(schema: &'a Value, part: &'a Value) -> &'a Value {
     // An optional table is any of that table and null, which TOML does not have.
     let part = match part["anyOf"].as_array() {
         Some(choices) => choices
@@ -183,11 +188,17 @@ fn resolved<'a>(schema: &'a Value, part: &'a Value) -> &'a Value {
         .unwrap_or(part)
 }
 
-fn is_table(part: &Value) -> bool {
+/// Whether it is a table, or one of several.
+pub(super) fn is_table(part: &Value) -> bool {
     let variants = part["oneOf"].as_array();
     let is_choice_of_tables =
         variants.is_some_and(|variants| variants.iter().any(|variant| variant["properties"].is_object()));
     part["properties"].is_object() || is_choice_of_tables
+}
+
+/// The type of a value; an optional one may also be null, which TOML does not have.
+pub(super) fn type_name(part: &Value) -> Option<&str> {
+    part["type"].as_str().or_else(|| part["type"][0].as_str())
 }
 
 /// What a value looks like, in words.
@@ -196,9 +207,7 @@ fn kind(part: &Value) -> String {
         let words = variants.iter().map(|variant| toml_text(&variant["const"]));
         return words.collect::<Vec<_>>().join(" or ");
     }
-    // An optional value may also be null, which TOML does not have.
-    let name = part["type"].as_str().or_else(|| part["type"][0].as_str());
-    match (name, part["maxItems"].as_u64()) {
+    match (type_name(part), part["maxItems"].as_u64()) {
         (Some("array"), Some(count)) => format!("{count} numbers"),
         (Some("array"), None) => format!("an array, each element {}", kind(&part["items"])),
         (Some("number"), _) => "a number".to_owned(),

@@ -2,45 +2,17 @@
 
 use std::ops::Range;
 
-use scenario::{Key, Scenario, Vector, suggest};
+use scenario::{Key, Scenario, suggest};
 use serde::Deserialize;
 use serde_json::Value;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue, Deserializer};
+use toml::de::{DeArray, DeFloat, DeInteger, DeString, DeTable, DeValue, Deserializer};
 
 use super::sources::Sources;
 use super::{Finding, document, keys};
 
-/// Most unknown keys that are looked for: a text that has more is something else than a scenario.
-const MOST_UNKNOWN_KEYS: usize = 20;
-
-/// The scenario of a document, if it can be made out at all, and what is wrong with the document's structure.
-/// Unknown keys are removed from it, so that the next is found too.
-pub(super) fn read(
-    sources: &Sources,
-    document: &mut Spanned<DeTable<'_>>,
-) -> (Option<Scenario>, Vec<Finding>) {
-    let mut findings = Vec::new();
-    loop {
-        match Scenario::deserialize(Deserializer::from(document.clone())) {
-            Ok(scenario) => {
-                let as_read = serde_json::to_value(&scenario).unwrap_or_default();
-                push_unread(sources, &Key::root(), document.get_ref(), &as_read, &mut findings);
-                return (Some(scenario), findings);
-            }
-            Err(error) => {
-                let mistake = Mistake::of(document.get_ref(), &error);
-                findings.push(mistake.finding(sources));
-                match mistake.kind {
-                    Kind::UnknownKey { .. } if findings.len() < MOST_UNKNOWN_KEYS => {
-                        document::remove(document.get_mut(), mistake.key.segments());
-                    }
-                    _ => return (None, findings),
-                }
-            }
-        }
-    }
-}
+/// Most mistakes that are told: a text that has more is something else than a scenario.
+const MOST_FINDINGS: usize = 20;
 
 /// Keys that once stood elsewhere: table and name then, and the table now.
 const MOVED: [(&str, &str, &str); 2] = [
@@ -48,85 +20,254 @@ const MOVED: [(&str, &str, &str); 2] = [
     ("estimator", "recording", "motion_capture"),
 ];
 
-/// Numbers of a [`Vector`].
-const LENGTH_OF_VECTOR: usize = std::mem::size_of::<Vector>() / std::mem::size_of::<f64>();
-
-/// A mistake in the structure of a document.
-struct Mistake {
-    key: Key,
-    span: Range<usize>,
-    kind: Kind,
+/// The scenario of a document, if it can be made out at all, and what is wrong with the document's structure.
+/// Unknown keys are removed from it, so that the rest can be judged all the same.
+pub(super) fn read(
+    sources: &Sources,
+    document: &mut Spanned<DeTable<'_>>,
+) -> (Option<Scenario>, Vec<Finding>) {
+    let schema = keys::schema();
+    let mut walk = Walk {
+        sources,
+        schema: &schema,
+        unknown: Vec::new(),
+        findings: Vec::new(),
+    };
+    walk.table(&Key::root(), document.get_ref(), document.span(), &schema);
+    let Walk {
+        unknown,
+        mut findings,
+        ..
+    } = walk;
+    if findings.len() > unknown.len() || findings.len() == MOST_FINDINGS {
+        return (None, findings);
+    }
+    for key in &unknown {
+        document::remove(document.get_mut(), key.segments());
+    }
+    match Scenario::deserialize(Deserializer::from(document.clone())) {
+        Ok(scenario) => (Some(scenario), findings),
+        Err(error) => {
+            let span = error.span().unwrap_or_default();
+            let fix = "see docs/scenarios.md for the keys of a scenario";
+            findings.push(sources.finding(span, "this cannot be read", error.message(), fix));
+            (None, findings)
+        }
+    }
 }
 
-/// What serde and toml have to say, sorted. Their messages are the only form in which they say it.
-enum Kind {
-    UnknownKey { known: Vec<String> },
-    UnknownChoice { found: String, known: Vec<String> },
-    NotOneChoice,
-    MissingKey,
-    WrongType { found: String, wanted: String },
-    Other(String),
+/// A walk through a document beside the schema of scenarios.
+struct Walk<'a> {
+    sources: &'a Sources,
+    schema: &'a Value,
+    /// Keys of which there are none.
+    unknown: Vec<Key>,
+    findings: Vec<Finding>,
 }
 
-impl Mistake {
-    fn of(document: &DeTable<'_>, error: &toml::de::Error) -> Self {
-        let span = error.span().unwrap_or_default();
-        let message = error.message();
-        let quoted: Vec<String> = message.split('`').skip(1).step_by(2).map(str::to_owned).collect();
-        let value_key = || document::key_of_value(document, &span, &names_in(error)).unwrap_or_default();
-        let (key, kind) = match quoted.as_slice() {
-            [_, known @ ..] if message.starts_with("unknown field") => {
-                let known = known.to_vec();
-                match document::key_of_name(document, &span) {
-                    Some(key) => (key, Kind::UnknownKey { known }),
-                    None => (value_key(), Kind::Other(message.to_owned())),
-                }
-            }
-            [found, known @ ..] if message.starts_with("unknown variant") => {
-                // The name of a table, such as a curve's, or a word.
-                let key = document::key_of_name(document, &span).unwrap_or_else(value_key);
-                let (found, known) = (found.clone(), known.to_vec());
-                (key, Kind::UnknownChoice { found, known })
-            }
-            [name] if message.starts_with("missing field") => (value_key().then(name), Kind::MissingKey),
-            [] if message.starts_with("wanted exactly 1 element") => (value_key(), Kind::NotOneChoice),
-            _ => (value_key(), wrong_type(message)),
-        };
-        Self { key, span, kind }
+impl Walk<'_> {
+    fn push(&mut self, span: Range<usize>, key: &Key, verdict: &str, reason: String, fix: String) {
+        if self.findings.len() < MOST_FINDINGS {
+            let title = format!("`{key}` {verdict}");
+            self.findings.push(self.sources.finding(span, title, reason, fix));
+        }
     }
 
-    fn finding(&self, sources: &Sources) -> Finding {
-        let key = &self.key;
-        let name = key.segments().last().map_or("", String::as_str);
-        let (verdict, reason, fix) = match &self.kind {
-            Kind::UnknownKey { known } => (
-                "is unknown",
-                format!("there is no key `{name}` here"),
-                place_in_enclosing_table(key).unwrap_or_else(|| suggest::known_names(name, known)),
-            ),
-            Kind::UnknownChoice { found, known } => (
-                "is none of the choices",
-                format!("`{found}` is not known here"),
-                suggest::known_names(found, known),
-            ),
-            Kind::NotOneChoice => (
-                "is not one choice",
-                "exactly one choice is wanted here".to_owned(),
-                format!("state one of {}, and no other", keys::names_at(key).join(", ")),
-            ),
-            Kind::MissingKey => (
-                "is missing",
-                format!("`{name}` must be stated here"),
-                keys::advice(key),
-            ),
-            Kind::WrongType { found, wanted } => (
-                "has the wrong type",
-                format!("{wanted} is wanted here, not {found}"),
-                keys::advice(key),
-            ),
-            Kind::Other(message) => ("cannot be read", message.clone(), keys::advice(key)),
+    fn push_wrong_type(&mut self, span: Range<usize>, key: &Key, reason: String) {
+        self.push(span, key, "has the wrong type", reason, keys::advice(key));
+    }
+
+    /// A table with the names that belong there.
+    fn table(&mut self, at: &Key, table: &DeTable<'_>, span: Range<usize>, part: &Value) {
+        for (name, value) in table {
+            let key = at.then(name.get_ref());
+            let of_any_name = Some(&part["additionalProperties"]).filter(|part| part.is_object());
+            match part["properties"].get(name.get_ref().as_ref()).or(of_any_name) {
+                Some(part) => self.value(&key, value, part),
+                None => self.unknown_key(name, &key, part),
+            }
+        }
+        let required = part["required"].as_array().into_iter().flatten();
+        for name in required
+            .filter_map(Value::as_str)
+            .filter(|name| !table.contains_key(*name))
+        {
+            let key = at.then(name);
+            let reason = format!("`{name}` must be stated here");
+            self.push(span.clone(), &key, "is missing", reason, keys::advice(&key));
+        }
+    }
+
+    fn unknown_key(&mut self, name: &Spanned<DeString<'_>>, key: &Key, table: &Value) {
+        let fix = place_in_enclosing_table(key).unwrap_or_else(|| {
+            let known = table["properties"].as_object().into_iter().flatten();
+            let mut known: Vec<_> = known.map(|(name, _)| name).collect();
+            known.sort();
+            suggest::known_names(name.get_ref(), &known)
+        });
+        let reason = format!("there is no key `{}` here", name.get_ref());
+        self.push(name.span(), key, "is unknown", reason, fix);
+        self.unknown.push(key.clone());
+    }
+
+    fn value(&mut self, key: &Key, written: &Spanned<DeValue<'_>>, part: &Value) {
+        let part = keys::resolved(self.schema, part);
+        let (wanted, span) = (wanted(part), written.span());
+        match (written.get_ref(), wanted) {
+            (DeValue::Table(table), Wanted::Table) => self.table(key, table, span, part),
+            (DeValue::Table(table), Wanted::Choice(choices)) => self.choice(key, table, span, choices),
+            (DeValue::Array(elements), Wanted::Array) => self.array(key, elements, span, part),
+            (DeValue::String(word), Wanted::Word(choices)) => {
+                let known: Vec<_> = choices
+                    .iter()
+                    .filter_map(|choice| choice["const"].as_str())
+                    .collect();
+                if !known.contains(&word.as_ref()) {
+                    self.unknown_choice(span, key, word, &known);
+                }
+            }
+            (DeValue::Float(number), Wanted::Number) if overflows(number) => {
+                let reason = "floating-point number overflowed".to_owned();
+                self.push(span, key, "cannot be read", reason, keys::advice(key));
+            }
+            (DeValue::Float(_) | DeValue::Integer(_), Wanted::Number)
+            | (DeValue::Boolean(_), Wanted::Boolean)
+            | (DeValue::String(_), Wanted::Text) => {}
+            (DeValue::Integer(number), Wanted::Integer) if is_natural(number, part) => {}
+            (found, wanted) => {
+                let wanted = match wanted {
+                    Wanted::Table | Wanted::Choice(_) => "a table",
+                    Wanted::Word(_) => "a word",
+                    Wanted::Array => array_in_words(part),
+                    Wanted::Number => "a number",
+                    Wanted::Integer => "a whole number of 0 or more",
+                    Wanted::Boolean => "`true` or `false`",
+                    Wanted::Text => "a text",
+                };
+                let reason = format!("{wanted} is wanted here, not {}", in_words(found));
+                self.push_wrong_type(span, key, reason);
+            }
+        }
+    }
+
+    /// A table with one of the names that may be in it.
+    fn choice(&mut self, key: &Key, table: &DeTable<'_>, span: Range<usize>, choices: &[Value]) {
+        let choices = choices
+            .iter()
+            .filter_map(|choice| choice["properties"].as_object());
+        let choices: Vec<_> = choices.flatten().collect();
+        let known: Vec<_> = choices.iter().map(|(name, _)| name).collect();
+        let mut all_known = true;
+        for (name, value) in table {
+            let key = key.then(name.get_ref());
+            match choices.iter().find(|(known, _)| *known == name.get_ref()) {
+                Some((_, part)) => self.value(&key, value, part),
+                None => {
+                    self.unknown_choice(name.span(), &key, name.get_ref(), &known);
+                    all_known = false;
+                }
+            }
+        }
+        if all_known && table.len() != 1 {
+            let reason = "exactly one choice is wanted here".to_owned();
+            let fix = format!("state one of {}, and no other", keys::names_at(key).join(", "));
+            self.push(span, key, "is not one choice", reason, fix);
+        }
+    }
+
+    fn unknown_choice(&mut self, span: Range<usize>, key: &Key, found: &str, known: &[impl AsRef<str>]) {
+        let reason = format!("`{found}` is not known here");
+        let fix = suggest::known_names(found, known);
+        self.push(span, key, "is none of the choices", reason, fix);
+    }
+
+    fn array(&mut self, key: &Key, elements: &DeArray<'_>, span: Range<usize>, part: &Value) {
+        let count = elements.len();
+        if let Some(wanted) = part["maxItems"].as_u64().map(|wanted| wanted as usize) {
+            let unread = elements.get(wanted);
+            if let Some(unread) = unread {
+                let reason = format!("{wanted} elements are wanted here, not {count}");
+                self.push_wrong_type(unread.span(), key, reason);
+            } else if count < wanted {
+                let reason = format!(
+                    "{} is wanted here, not one of length {count}",
+                    array_in_words(part)
+                );
+                self.push_wrong_type(span, key, reason);
+            }
+        }
+        for (index, element) in elements.iter().enumerate() {
+            self.value(&key.then(index), element, &part["items"]);
+        }
+    }
+}
+
+/// What the schema wants in a place.
+#[derive(Clone, Copy)]
+enum Wanted<'a> {
+    Table,
+    /// A table with one of these.
+    Choice(&'a [Value]),
+    /// One of these.
+    Word(&'a [Value]),
+    Array,
+    Number,
+    Integer,
+    Boolean,
+    Text,
+}
+
+fn wanted(part: &Value) -> Wanted<'_> {
+    if let Some(choices) = part["oneOf"].as_array() {
+        return if keys::is_table(part) {
+            Wanted::Choice(choices)
+        } else {
+            Wanted::Word(choices)
         };
-        sources.finding(self.span.clone(), format!("`{key}` {verdict}"), reason, fix)
+    }
+    match keys::type_name(part) {
+        Some("array") => Wanted::Array,
+        Some("number") => Wanted::Number,
+        Some("integer") => Wanted::Integer,
+        Some("boolean") => Wanted::Boolean,
+        Some("string") => Wanted::Text,
+        _ => Wanted::Table,
+    }
+}
+
+fn overflows(number: &DeFloat<'_>) -> bool {
+    let text = number.as_str();
+    !text.contains("inf") && text.parse().is_ok_and(f64::is_infinite)
+}
+
+fn is_natural(number: &DeInteger<'_>, part: &Value) -> bool {
+    let most = if part["format"] == "uint32" {
+        u32::MAX.into()
+    } else {
+        u64::MAX
+    };
+    let number = u64::from_str_radix(number.as_str(), number.radix());
+    number.is_ok_and(|number| number <= most)
+}
+
+fn array_in_words(part: &Value) -> &'static str {
+    match part["minItems"].as_u64() {
+        Some(2) => "an array of two numbers",
+        Some(3) => "an array of three numbers",
+        Some(4) => "an array of four numbers",
+        _ => "an array",
+    }
+}
+
+fn in_words(found: &DeValue<'_>) -> String {
+    match found {
+        DeValue::Table(_) => "a table".to_owned(),
+        DeValue::Array(_) => "an array".to_owned(),
+        DeValue::String(text) => format!("the text {text:?}"),
+        DeValue::Integer(number) => format!("integer `{number}`"),
+        DeValue::Float(number) => format!("floating point `{number}`"),
+        DeValue::Boolean(value) => format!("boolean `{value}`"),
+        DeValue::Datetime(_) => "a date or time".to_owned(),
     }
 }
 
@@ -134,9 +275,7 @@ impl Mistake {
 fn place_in_enclosing_table(key: &Key) -> Option<String> {
     let (name, table) = key.segments().split_last()?;
     let below = |owner: &str| format!("`{name}` belongs to `{owner}`: write it directly below `[{owner}]`");
-    let moved = MOVED
-        .iter()
-        .find(|(then, moved, _)| table == [*then] && name == moved);
+    let moved = MOVED.iter().find(|(then, moved, _)| table == [*then] && name == moved);
     if let Some((_, _, owner)) = moved {
         return Some(below(owner));
     }
@@ -149,99 +288,4 @@ fn place_in_enclosing_table(key: &Key) -> Option<String> {
     } else {
         below(&owner.to_string())
     })
-}
-
-/// The names that lead to the place of an error, with dots between them; toml tells them in its display only.
-fn names_in(error: &toml::de::Error) -> String {
-    let display = error.to_string();
-    let names = display
-        .lines()
-        .last()
-        .and_then(|line| line.strip_prefix("in `")?.strip_suffix('`'));
-    names.unwrap_or_default().to_owned()
-}
-
-/// A message such as ``invalid type: string "a", expected f64`` in words for people who do not write Rust.
-fn wrong_type(message: &str) -> Kind {
-    let Some((found, wanted)) = message.split_once(", expected ") else {
-        return Kind::Other(message.to_owned());
-    };
-    let wanted = match wanted {
-        "f64" => "a number",
-        "u32" | "u64" => "a whole number of 0 or more",
-        "a boolean" => "`true` or `false`",
-        "a sequence" => "an array",
-        "an array of length 2" => "an array of two numbers",
-        "an array of length 3" => "an array of three numbers",
-        "newtype variant" => "a table of this name",
-        other if other.starts_with("struct ") => "a table",
-        other => other,
-    };
-    let found = found
-        .rsplit_once("invalid type: ")
-        .map_or(found, |(_, found)| found);
-    let found = match found
-        .rsplit_once("invalid value: ")
-        .map_or(found, |(_, found)| found)
-    {
-        "map" => "a table",
-        "sequence" => "an array",
-        "unit variant" => "a word",
-        "newtype variant" => "a table",
-        other => other,
-    };
-    let found = match (
-        found.strip_prefix("invalid length "),
-        found.strip_prefix("string "),
-    ) {
-        (Some(count), _) => format!("one of length {count}"),
-        (_, Some(text)) => format!("the text {text}"),
-        (None, None) => found.to_owned(),
-    };
-    Kind::WrongType {
-        found,
-        wanted: wanted.to_owned(),
-    }
-}
-
-/// Adds what serde does not find wrong: it reads the first three of four numbers, and an array in place of a
-/// table. `read` is what it made of the table.
-fn push_unread(sources: &Sources, at: &Key, table: &DeTable<'_>, read: &Value, findings: &mut Vec<Finding>) {
-    for (name, value) in table {
-        let name = name.get_ref();
-        push_unread_value(sources, &at.then(name), value, &read[name.as_ref()], findings);
-    }
-}
-
-fn push_unread_value(
-    sources: &Sources,
-    key: &Key,
-    written: &Spanned<DeValue<'_>>,
-    read: &Value,
-    findings: &mut Vec<Finding>,
-) {
-    let wrong_type = |span, reason: String| {
-        let title = format!("`{key}` has the wrong type");
-        sources.finding(span, title, reason, keys::advice(key))
-    };
-    match (written.get_ref(), read) {
-        (DeValue::Array(_), Value::Object(_)) => {
-            let reason = "a table is wanted here, not an array".to_owned();
-            findings.push(wrong_type(written.span(), reason));
-        }
-        (DeValue::Array(elements), Value::Array(_) | Value::Null) => {
-            // Only a vector of zeros and an array of nothing are left out of what was read.
-            let wanted = read.as_array().map_or(LENGTH_OF_VECTOR, Vec::len);
-            for (index, element) in elements.iter().enumerate().take(wanted) {
-                push_unread_value(sources, &key.then(index), element, &read[index], findings);
-            }
-            if let Some(unread) = elements.get(wanted) {
-                let found = elements.len();
-                let reason = format!("{wanted} elements are wanted here, not {found}");
-                findings.push(wrong_type(unread.span(), reason));
-            }
-        }
-        (DeValue::Table(table), _) => push_unread(sources, key, table, read, findings),
-        _ => {}
-    }
 }

@@ -27,14 +27,17 @@ fn a_text_that_ends_too_early_is_refused_at_its_end() {
 
 #[test]
 fn an_empty_text_is_refused_for_what_it_lacks() {
-    refused_on_line(
-        "",
-        1,
-        &[
-            "`duration` is missing",
-            "`duration` is a number: Length of the flight, s",
-        ],
-    );
+    let shown = refusal("", &[]);
+    for piece in [
+        "3 problems in flight.toml",
+        "`duration` is missing",
+        "`duration` is a number: Length of the flight, s",
+        "`path` is missing",
+        "`vehicle` is missing",
+        "label at line 1, column",
+    ] {
+        assert!(shown.contains(piece), "no `{piece}` in:\n{shown}");
+    }
 }
 
 #[test]
@@ -46,7 +49,7 @@ fn a_misspelt_key_is_refused_with_the_nearest_and_all_known_ones() {
         &[
             "`controller.sigmamax` is unknown",
             "there is no key `sigmamax` here",
-            "help: did you mean `sigma_max`? Known are: `k1`, `k2`, `k3`, `beta`",
+            "help: did you mean `sigma_max`? Known are: `beta`, `bounds`, `delta`",
         ],
     );
 }
@@ -247,6 +250,40 @@ fn a_whole_number_is_a_number() {
     let text =
         "duration = 1\nvehicle = {mass = 0.2, inertia = [1, 1, 1]}\npath.curve.hover.position = [0, 0, -1]\n";
     assert_eq!(load_text(text, &[]).unwrap().vehicle.inertia, [1.0; 3]);
+}
+
+#[test]
+fn numbers_may_be_written_in_every_way_that_toml_knows() {
+    for (seed, value) in [
+        ("1_000", 1000),
+        ("0x1_f", 31),
+        ("0o17", 15),
+        ("0b11", 3),
+        ("+5", 5),
+    ] {
+        let text = with(&fig1(), "seed = 1 ", &format!("seed = {seed} "));
+        assert_eq!(load_text(&text, &[]).unwrap().seed, value, "{seed}");
+    }
+    for k3 in ["1_3.0", "13e0", "+13", "1.3E1"] {
+        let text = with(&fig1(), "k3 = 13.0", &format!("k3 = {k3}"));
+        assert_eq!(load_text(&text, &[]).unwrap().controller.k3, 13.0, "{k3}");
+    }
+}
+
+#[test]
+fn all_that_is_missing_and_of_a_wrong_type_is_told_at_once() {
+    let text = with(&fig1(), "mass = 0.2                      # m, kg\n", "");
+    let text = with(&text, "k3 = 13.0", "k3 = \"13\"");
+    let text = with(&text, "mode = \"following\"", "mode = 1");
+    let shown = refusal(&text, &[]);
+    for piece in [
+        "3 problems in flight.toml",
+        "`vehicle.mass` is missing",
+        "a number is wanted here, not the text \"13\"",
+        "a word is wanted here, not integer `1`",
+    ] {
+        assert!(shown.contains(piece), "no `{piece}` in:\n{shown}");
+    }
 }
 
 #[test]
