@@ -5,13 +5,16 @@ use shared_types::ServiceId;
 use shared_types::sample::Record;
 use zerocopy::FromZeros;
 
-/// A sample that goes to `host.mcap`.
+/// A sample that goes to `host.mcap`; it begins with its time.
 pub trait HostSample: Record {
     /// Name of its channel.
     const CHANNEL: &'static str;
 
     /// Wall time since the start of the run, ns.
-    fn time_ns(&self) -> u64;
+    fn time_ns(&self) -> u64 {
+        let time = self.as_bytes().first_chunk().expect("it begins with its time");
+        u64::from_le_bytes(*time)
+    }
 }
 
 shared_types::sample! {
@@ -226,50 +229,26 @@ impl HostEvent {
 
 impl HostSample for HostEvent {
     const CHANNEL: &'static str = "host/events";
-
-    fn time_ns(&self) -> u64 {
-        self.time_ns
-    }
 }
 
 impl HostSample for ServiceStep {
     const CHANNEL: &'static str = "host/steps";
-
-    fn time_ns(&self) -> u64 {
-        self.time_ns
-    }
 }
 
 impl HostSample for ServiceHealth {
     const CHANNEL: &'static str = "host/health";
-
-    fn time_ns(&self) -> u64 {
-        self.time_ns
-    }
 }
 
 impl HostSample for ServiceCheckpoint {
     const CHANNEL: &'static str = "host/checkpoints";
-
-    fn time_ns(&self) -> u64 {
-        self.time_ns
-    }
 }
 
 impl HostSample for CaptureFigures {
     const CHANNEL: &'static str = "host/motion_capture";
-
-    fn time_ns(&self) -> u64 {
-        self.time_ns
-    }
 }
 
 impl HostSample for LinkFigures {
     const CHANNEL: &'static str = "host/radio_link";
-
-    fn time_ns(&self) -> u64 {
-        self.time_ns
-    }
 }
 
 /// Bytes of a state in a piece of its checkpoint.
