@@ -5,7 +5,6 @@
 mod common;
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 
 use command_line::interrupt::Interrupt;
 use host::in_process::TickSink;
@@ -36,10 +35,6 @@ impl TickSink for Flight {
             self.gamma_dot.push(reference.gamma_dot);
         }
         Ok(())
-    }
-
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 

@@ -191,10 +191,6 @@ impl TickSink for Digesting {
         self.0.update(topic, bytes);
         Ok(())
     }
-
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
-    }
 }
 
 proptest! {
@@ -224,10 +220,6 @@ impl TickSink for Nowhere {
     fn sample(&mut self, _topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
         std::hint::black_box(bytes);
         Ok(())
-    }
-
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 

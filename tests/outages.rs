@@ -3,7 +3,6 @@
 mod common;
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 
 use command_line::interrupt::Interrupt;
 use common::{Place, complaint, fly_to_the_end, output, scenario, succeed};
@@ -171,10 +170,6 @@ impl TickSink for Flight {
             _ => {}
         }
         Ok(())
-    }
-
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 

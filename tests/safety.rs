@@ -3,7 +3,6 @@
 mod common;
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 
 use command_line::interrupt::Interrupt;
 use host::in_process::TickSink;
@@ -80,10 +79,6 @@ impl TickSink for Flight {
             _ => {}
         }
         Ok(())
-    }
-
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 

@@ -1,7 +1,6 @@
 //! How long a tick takes with all services in one thread: Fig. 1's first seconds, with and without a log.
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use divan::Bencher;
@@ -23,10 +22,6 @@ impl TickSink for Nowhere {
     fn sample(&mut self, _topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
         std::hint::black_box(bytes);
         Ok(())
-    }
-
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 

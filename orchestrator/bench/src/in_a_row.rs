@@ -79,7 +79,6 @@ impl InARow {
 #[cfg(test)]
 mod tests {
     use std::convert::Infallible;
-    use std::ops::ControlFlow;
 
     use super::*;
     use host::in_process::{InProcess, TickSink};
@@ -93,10 +92,6 @@ mod tests {
         fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
             self.0[topic.index()] = bytes.to_vec();
             Ok(())
-        }
-
-        fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-            Ok(ControlFlow::Continue(()))
         }
     }
 

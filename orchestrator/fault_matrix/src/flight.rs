@@ -1,7 +1,6 @@
 //! Flies a cell of the matrix and looks on: in this process, or as processes that really die.
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use host::in_process::TickSink;
@@ -166,11 +165,6 @@ impl TickSink for Onlooker {
             digest.update(topic, bytes);
         }
         Ok(())
-    }
-
-    #[inline]
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 

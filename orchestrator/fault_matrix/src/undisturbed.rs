@@ -1,7 +1,6 @@
 //! The flight without a fault: how far the vehicle is from its path anyway, when the scenario changes it or the air.
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use host::in_process::TickSink;
@@ -85,11 +84,6 @@ impl TickSink for Distances {
             self.keep(&moment);
         }
         Ok(())
-    }
-
-    #[inline]
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 

@@ -1,7 +1,6 @@
 //! What is known comes back: the calibration of simulated vehicles that are not as their links believe.
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use host::in_process::{InProcess, TickSink};
@@ -14,10 +13,6 @@ impl TickSink for Gatherer {
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
         self.observe(topic, bytes);
         Ok(())
-    }
-
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 

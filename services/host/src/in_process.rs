@@ -22,11 +22,13 @@ pub trait TickSink {
     /// If it cannot be kept.
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Self::Error>;
 
-    /// All samples of `tick` have been handed over; `Break` ends the flight here.
+    /// All samples of `tick` have been handed over; `Break` ends the flight here. By default it goes on.
     ///
     /// # Errors
     /// If the tick cannot be kept.
-    fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, Self::Error>;
+    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Self::Error> {
+        Ok(ControlFlow::Continue(()))
+    }
 
     /// Notes that something happened at a tick that no service publishes: its kind and text are those of a
     /// [`RunEvent`](shared_types::samples::RunEvent). Sinks that keep no events ignore it.

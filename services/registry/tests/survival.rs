@@ -4,7 +4,6 @@
 //! The draws are functions of their number, so that a flight that is lost is lost again.
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use host::in_process::{InProcess, TickSink};
@@ -71,10 +70,6 @@ impl TickSink for Distance {
             self.0 = self.0.max(z1.norm());
         }
         Ok(())
-    }
-
-    fn end_tick(&mut self, _: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 

@@ -4,7 +4,6 @@
 //! it rests on an estimated position.
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 
 use controller::yaw::shorter_way;
 use host::in_process::TickSink;
@@ -207,11 +206,6 @@ impl TickSink for Meter {
             self.measured.saturated_frames += u64::from(is_saturated);
         }
         Ok(())
-    }
-
-    #[inline]
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 

@@ -1,7 +1,6 @@
 //! What a flight's drawings are made of, gathered while it flies: of every column of pixels the extremes.
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 
 use controller::yaw::shorter_way;
 use host::in_process::TickSink;
@@ -159,10 +158,5 @@ impl TickSink for Tracer {
             self.observe(&known);
         }
         Ok(())
-    }
-
-    #[inline]
-    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }

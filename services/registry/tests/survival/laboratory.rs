@@ -1,7 +1,6 @@
 //! The laboratory of Figs. 3 to 6 with cameras noisier than stated, and with everything else than believed.
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
 
 use host::in_process::{InProcess, TickSink};
 use nalgebra::Vector3;
@@ -53,10 +52,6 @@ impl TickSink for Distance {
             _ => {}
         }
         Ok(())
-    }
-
-    fn end_tick(&mut self, _: u64) -> Result<ControlFlow<()>, Infallible> {
-        Ok(ControlFlow::Continue(()))
     }
 }
 
