@@ -180,7 +180,7 @@ impl Info {
                 .filter_map(|(topic, tally)| Some(tally?.finish(topic)))
                 .collect(),
             faults: planned_faults(&scenario),
-            judged: judge.map(|judge| Judged::of(judge.finish(RunFacts::unknown()))),
+            judged: judge.map(|judge| Judged::of(judge.finish(RunFacts::default()))),
             scenario,
             summary: summary_beside(log),
             host: host_beside(log),

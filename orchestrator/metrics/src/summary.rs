@@ -64,10 +64,11 @@ impl AgainstBound {
 }
 
 /// How a flight ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// The last tick was flown.
+    #[default]
     Completed,
     /// Somebody asked for the end.
     Interrupted,
@@ -75,8 +76,8 @@ pub enum Outcome {
     Failed,
 }
 
-/// What only the caller knows of a run.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// What only the caller knows of a run; by default that of a log alone, which does not tell of its run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RunFacts {
     /// Name of the scenario.
     pub scenario: String,
@@ -103,25 +104,6 @@ pub struct RunFacts {
     /// How cameras and radio link fared, if it was flown in a laboratory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub laboratory: Option<LaboratoryReport>,
-}
-
-impl RunFacts {
-    /// Those of a log alone, which does not tell of its run.
-    #[must_use]
-    pub fn unknown() -> Self {
-        Self {
-            scenario: String::new(),
-            host: String::new(),
-            outcome: Outcome::Completed,
-            reason: String::new(),
-            not_finite_at: None,
-            in_log: None,
-            wall_seconds: 0.0,
-            rebirths: Vec::new(),
-            timing: None,
-            laboratory: None,
-        }
-    }
 }
 
 /// What a flight came to.

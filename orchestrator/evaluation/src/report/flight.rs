@@ -207,7 +207,7 @@ impl Gatherer {
             tables.map(|(topic, table)| (topic, table.finish())).collect(),
             self.track.finish(),
             self.marks,
-            self.summary.finish(summary::RunFacts::unknown()),
+            self.summary.finish(summary::RunFacts::default()),
             self.tracer.map(Tracer::finish),
         )
     }
