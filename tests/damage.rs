@@ -21,6 +21,9 @@ use shared_types::ServiceId;
 
 const HOSTS: [&str; 2] = ["lockstep", "realtime"];
 
+/// How long a flight with damaged memory is let be, as one with a hostile guest.
+const WHILE: Duration = Duration::from_millis(700);
+
 /// Begins a flight that lasts longer than any test, and waits until it is under way.
 fn fly(place: &Place, host: &str) -> Begun {
     let run = begin(&mut place.rig_flight("out", 10_000.0, &["--host", host, "--quiet"]));
@@ -97,7 +100,7 @@ fn one_kind_of_shared_memory_that_is_truncated_or_overwritten_stops_nobody_from_
                     overwrite(path, &mut random);
                 }
             }
-            let deadline = Instant::now() + Duration::from_secs(2);
+            let deadline = Instant::now() + WHILE;
             while run.try_wait().unwrap().is_none() && Instant::now() < deadline {
                 std::thread::sleep(Duration::from_millis(20));
             }
