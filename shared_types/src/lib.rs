@@ -32,3 +32,6 @@ pub use sample::{Header, Sample};
 pub use schedule::Schedule;
 pub use service::{Input, Now, Operator, Output, Service};
 pub use wiring::{Guests, Published, ServiceId, Topic};
+
+/// Standard gravity as the paper uses it, m/s².
+pub const GRAVITY: f64 = 9.81;

@@ -5,10 +5,9 @@ mod rate_loop;
 use nalgebra::Vector3;
 use scenario::Scenario;
 use shared_types::samples::RcFrame;
-
-use crate::integrator::Stage;
-use crate::lag::Approach;
-use crate::rigid_body::{Body, Wrench};
+use vehicle_model::integrator::Stage;
+use vehicle_model::lag::Approach;
+use vehicle_model::rigid_body::{Body, Wrench};
 
 pub use rate_loop::RateLoop;
 

@@ -18,8 +18,7 @@ mod ornstein_uhlenbeck;
 use nalgebra::Vector3;
 use scenario::Scenario;
 use shared_types::noise::{Noise, Stream};
-
-use crate::rigid_body::Motion;
+use vehicle_model::rigid_body::Motion;
 
 pub use fan::Fan;
 pub use jet::Jet;

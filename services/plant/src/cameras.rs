@@ -7,8 +7,7 @@ use scenario::Scenario;
 use shared_types::Now;
 use shared_types::rotation::to_row_major;
 use shared_types::samples::MocapPose;
-
-use crate::rigid_body::Motion;
+use vehicle_model::rigid_body::Motion;
 
 pub use imperfect::Imperfect;
 

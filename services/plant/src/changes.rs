@@ -2,8 +2,7 @@
 //! alone.
 
 use scenario::Scenario;
-
-use crate::rigid_body::{Body, Motion};
+use vehicle_model::rigid_body::{Body, Motion};
 
 /// The body over the course of a flight.
 #[derive(Clone, Debug, PartialEq)]

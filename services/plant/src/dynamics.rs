@@ -1,9 +1,10 @@
 //! All that moves the vehicle over a tick: the body in force, its actuators, the air.
 
+use vehicle_model::integrator::{Stage, advanced};
+use vehicle_model::rigid_body::{Body, Motion, MotionRate};
+
 use crate::actuators::Drive;
 use crate::air::Wind;
-use crate::integrator::{Stage, advanced};
-use crate::rigid_body::{Body, Motion, MotionRate};
 
 /// What makes a motion go on as it does.
 #[derive(Clone, Copy, Debug)]

@@ -6,10 +6,10 @@
 
 use nalgebra::Vector3;
 use scenario::Scenario;
+use vehicle_model::integrator::Stage;
+use vehicle_model::rigid_body::{Motion, MotionRate};
 
 use crate::dynamics::Dynamics;
-use crate::integrator::Stage;
-use crate::rigid_body::{Motion, MotionRate};
 
 /// How far above the ground rounding may put a vehicle that stands on it, m.
 const ROUNDING: f64 = 1e-9;
@@ -68,9 +68,9 @@ impl Ground {
 mod tests {
     use super::*;
     use crate::actuators::Drive;
-    use crate::rigid_body::{Body, Wrench};
     use proptest::prelude::*;
     use shared_types::rotation::{defect, exp};
+    use vehicle_model::rigid_body::{Body, Wrench};
 
     const GROUND: Ground = Ground { height: -0.3 };
     const H: f64 = 1e-3;

@@ -1,10 +1,7 @@
 //! The simulated vehicle: rigid body, actuators, air, changes in flight, and the cameras that watch it.
 //!
-//! * [`rigid_body`]: equations (1)–(4) as a pure vector field, and a centre of mass that is not the origin;
-//! * [`integrator`]: a fourth-order step along it that keeps R in SO(3);
-//! * [`cayley`]: the chart of SO(3) that it works in;
+//! * [`vehicle_model`]: the rigid body, its integration, and first-order lags;
 //! * [`actuators`]: from the radio's frames to what drives the body, with lags, limits and lost frames;
-//! * [`lag`]: first-order lags, exact over a tick;
 //! * [`air`]: drag, turbulence and a fan's jet;
 //! * [`dynamics`]: all of these together over a tick;
 //! * [`ground`]: what holds the vehicle before and after a flight with phases;
@@ -20,13 +17,9 @@
 pub mod actuators;
 pub mod air;
 pub mod cameras;
-pub mod cayley;
 pub mod changes;
 pub mod dynamics;
 pub mod ground;
-pub mod integrator;
-pub mod lag;
-pub mod rigid_body;
 mod service;
 
 pub use service::{PlantService, PlantState};

@@ -16,6 +16,8 @@ use shared_types::sample::Flag;
 use shared_types::samples::{RcFrame, VehicleTruth};
 use shared_types::wiring::{PlantInputs, PlantOutputs};
 use shared_types::{Now, Service, ServiceId};
+use vehicle_model::integrator::{Stage, advanced};
+use vehicle_model::rigid_body::{Body, Motion, Wrench};
 use zerocopy::FromZeros;
 
 use crate::actuators::{Actuators, Drive, ideal_wrench};
@@ -24,8 +26,6 @@ use crate::cameras::Cameras;
 use crate::changes::Changes;
 use crate::dynamics::Dynamics;
 use crate::ground::Ground;
-use crate::integrator::{Stage, advanced};
-use crate::rigid_body::{Body, Motion, Wrench};
 
 shared_types::sample! {
     /// Everything that the plant's next step depends on besides its inputs.

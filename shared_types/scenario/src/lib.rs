@@ -55,15 +55,13 @@ pub use radio_link::{
 };
 pub use rc_link::RcLink;
 pub use safety::InputSafety;
+pub use shared_types::GRAVITY;
 pub use timing::Timing;
 pub use timing::names::EdgeName;
 pub use vehicle::{Actuators, Fan, FanMove, InitialState, Turbulence, Vehicle, VehicleChange};
 
 /// A vector of three numbers.
 pub type Vector = [f64; 3];
-
-/// Standard gravity as the paper uses it, m/s².
-pub const GRAVITY: f64 = 9.81;
 
 /// A flight: vehicle, path, controller, schedule.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -12,11 +12,11 @@
 use nalgebra::Vector3;
 use shared_types::noise::{Noise, Stream};
 use shared_types::samples::RcFrame;
+use vehicle_model::integrator::Stage;
+use vehicle_model::lag::Lag;
+use vehicle_model::rigid_body::Body;
 
 use crate::actuators::{Drive, Turning};
-use crate::integrator::Stage;
-use crate::lag::Lag;
-use crate::rigid_body::Body;
 
 /// The motors, the rate loop and the receiver.
 #[derive(Clone, Debug)]

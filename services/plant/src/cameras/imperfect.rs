@@ -18,8 +18,7 @@ use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, to_row_major};
 use shared_types::samples::MocapPose;
 use shared_types::service::{nanoseconds, seconds};
-
-use crate::rigid_body::Motion;
+use vehicle_model::rigid_body::Motion;
 
 /// Imperfect cameras over the course of a flight.
 #[derive(Clone, Debug)]

@@ -1,11 +1,11 @@
 //! The integrated motion obeys the equations of the paper and the laws of mechanics.
 
 use nalgebra::{Matrix3, Vector3};
-use plant::integrator::advanced;
-use plant::rigid_body::{Body, Motion, Wrench};
 use proptest::prelude::*;
-use scenario::GRAVITY;
+use shared_types::GRAVITY;
 use shared_types::rotation::{defect, exp, skew};
+use vehicle_model::integrator::advanced;
+use vehicle_model::rigid_body::{Body, Motion, Wrench};
 
 /// The step of the paper's simulations, s.
 const H: f64 = 1e-3;

@@ -28,7 +28,7 @@ use std::borrow::Cow;
 use std::ops::{Add, Mul};
 
 use nalgebra::{Matrix3, Vector3};
-use scenario::GRAVITY;
+use shared_types::GRAVITY;
 
 use crate::cayley;
 

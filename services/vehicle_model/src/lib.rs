@@ -1,0 +1,13 @@
+//! The vehicle, once: what the plant flies with true parameters, and what filter, roll-out and dead reckoning believe.
+//!
+//! * [`rigid_body`]: equations (1)–(4) as a pure vector field, and a centre of mass that is not the origin;
+//! * [`integrator`]: a fourth-order step along it that keeps R in SO(3);
+//! * [`cayley`]: the chart of SO(3) that it works in;
+//! * [`lag`]: first-order lags, exact over a step.
+//!
+//! {I} has z down, {B} x forward, y right, z down. SI units and radians.
+
+pub mod cayley;
+pub mod integrator;
+pub mod lag;
+pub mod rigid_body;
