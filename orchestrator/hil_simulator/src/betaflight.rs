@@ -13,10 +13,10 @@
 //! never computes.
 //!
 //! ```text
-//! Fi = T_max/4 ui     u̇i = (ui* − ui)/τT     T = Σ Fi     τ = (a(F1+F2−F0−F3), a(F0+F2−F1−F3), κ(F0+F1−F2−F3))
+//! Fi = T_max/4 ui     u̇i = (ui* − ui)/τT
 //! ```
 //!
-//! ui motors in the order above; a lever of a rotor about x and y, κ torque per thrust. The lag of T is the plant's own.
+//! ui motors in the order above, which is that of [`Rotors`]. The lag of T is the plant's own.
 
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 
@@ -25,10 +25,13 @@ use radio_link::port::Target;
 use scenario::Scenario;
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{RcFrame, VehicleTruth};
+use vehicle_model::lag::{Lag, between};
 use zerocopy::FromZeros;
 
 use super::line::{Line, LineError};
 use super::silence::Silence;
+
+pub use vehicle_model::rotors::Rotors;
 
 /// Where it sends what its motors do.
 const MOTORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9002);
@@ -37,15 +40,6 @@ const SENSORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9003);
 
 /// Pressure of the air at the ground, Pa.
 const PRESSURE: f64 = 101_325.0;
-
-/// Where a rotor is and what it does beside its thrust.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rotors {
-    /// Distance from the centre, in an X between the axes, m.
-    pub arm: f64,
-    /// Torque about z per thrust, m.
-    pub torque_per_thrust: f64,
-}
 
 /// What Betaflight's motors do.
 #[derive(Debug)]
@@ -81,11 +75,7 @@ impl Betaflight {
             sensors,
             rotors,
             largest_force: actuators.thrust_max / 4.0,
-            share: if actuators.thrust_lag > 0.0 {
-                -libm::expm1(-scenario.schedule.tick / actuators.thrust_lag)
-            } else {
-                1.0
-            },
+            share: Lag::new(actuators.thrust_lag).gone(scenario.schedule.tick),
             asked: [0.0; 4],
             motors: [0.0; 4],
             silence: Silence::default(),
@@ -117,15 +107,14 @@ impl Betaflight {
             self.asked = [0.0; 4];
         }
         for (motor, asked) in self.motors.iter_mut().zip(self.asked) {
-            *motor += self.share * (asked - *motor);
+            *motor = between(*motor, asked, self.share);
         }
         let mut frame = RcFrame::new_zeroed();
         frame.header.seq = self.packets;
         frame.mode = RcFrame::MODE_TORQUE;
         frame.thrust = self.largest_force * self.asked.iter().sum::<f64>();
-        frame.torque_body = self
-            .rotors
-            .torque(&self.motors.map(|motor| self.largest_force * motor));
+        let forces = self.motors.map(|motor| self.largest_force * motor);
+        frame.torque_body = self.rotors.wrench(&forces).torque_body.into();
         frame
     }
 
@@ -139,19 +128,6 @@ impl Betaflight {
     #[must_use]
     pub fn counts(&self) -> [u64; 2] {
         [self.packets, self.silence.losses()]
-    }
-}
-
-impl Rotors {
-    /// τ of forces, N m in {B}.
-    fn torque(&self, [front_right, rear_left, front_left, rear_right]: &[f64; 4]) -> [f64; 3] {
-        let lever = self.arm * std::f64::consts::FRAC_1_SQRT_2;
-        [
-            lever * (rear_left + front_left - front_right - rear_right),
-            lever * (front_right + front_left - rear_left - rear_right),
-            // The propellers front right and rear left turn to the left, and the body the other way.
-            self.torque_per_thrust * (front_right + rear_left - front_left - rear_right),
-        ]
     }
 }
 
@@ -190,25 +166,6 @@ mod tests {
     use super::*;
     use nalgebra::Matrix3;
     use shared_types::rotation::to_row_major;
-
-    #[test]
-    fn motors_turn_the_vehicle_as_betaflight_means_it() {
-        let rotors = Rotors {
-            arm: 0.1,
-            torque_per_thrust: 0.03,
-        };
-        let turns = |forces: [f64; 4]| {
-            rotors
-                .torque(&forces)
-                .map(|torque| torque.partial_cmp(&0.0).unwrap())
-        };
-        use std::cmp::Ordering::{Equal, Greater, Less};
-        // More thrust on the left rolls to the right, at the front lifts the nose; left-turning propellers turn to the right.
-        assert_eq!(turns([1.0, 2.0, 2.0, 1.0]), [Greater, Equal, Equal]);
-        assert_eq!(turns([2.0, 1.0, 2.0, 1.0]), [Equal, Greater, Equal]);
-        assert_eq!(turns([2.0, 2.0, 1.0, 1.0]), [Equal, Equal, Greater]);
-        assert_eq!(turns([1.0, 1.0, 2.0, 1.0]), [Greater, Greater, Less]);
-    }
 
     #[test]
     fn a_packet_of_motors_is_sixteen_bytes_of_finite_numbers() {

@@ -2,6 +2,7 @@
 
 use scenario::RcLink;
 use shared_types::samples::RcFrame;
+use vehicle_model::lag::{Lag, between};
 
 /// Step of the history, s.
 const STEP: f64 = 0.001;
@@ -49,7 +50,7 @@ impl History {
             sums: vec![[0.0; 4]],
             unknown: vec![0],
         };
-        let keeps = lags.map(|lag| if lag > 0.0 { libm::exp(-STEP / lag) } else { 0.0 });
+        let keeps = lags.map(|time_constant| Lag::new(time_constant).left(STEP));
         let mut lagging = frames.iter().find_map(|frame| frame.travels).unwrap_or_default();
         for (index, frame) in frames.iter().enumerate() {
             let ends_at = frames.get(index + 1).map_or(frame.acts_at, |next| next.acts_at);
@@ -57,7 +58,7 @@ impl History {
                 history.push(lagging, frame.travels.is_some());
                 if let Some(travels) = frame.travels {
                     for stick in 0..4 {
-                        lagging[stick] = travels[stick] + keeps[stick] * (lagging[stick] - travels[stick]);
+                        lagging[stick] = between(travels[stick], lagging[stick], keeps[stick]);
                     }
                 }
             }

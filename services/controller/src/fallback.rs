@@ -19,9 +19,9 @@
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, InputSafety};
-use shared_types::rotation;
 use shared_types::samples::ControlAdaptation;
 use shared_types::service::nanoseconds;
+use vehicle_model::rigid_body::gyroscopic_torque;
 
 use crate::reckoning::{Believed, Commanded, Reckoned};
 
@@ -132,14 +132,16 @@ impl Leveller {
     /// The command that levels a vehicle and makes it sink at `sink` m/s.
     #[must_use]
     pub fn command(&self, vehicle: &Reckoned, believed: &Believed, sink: f64) -> Commanded {
-        let r = rotation::from_row_major(&vehicle.world_from_body);
-        let n = r.row(2).transpose(); // Rᵀ e3
+        let motion = vehicle.motion();
+        let (n, omega) = (
+            motion.world_from_body.row(2).transpose(), // Rᵀ e3
+            motion.angular_velocity_body,
+        );
         let rates = Vector3::z().cross(&n) * LEVELLING;
-        let omega = Vector3::from(vehicle.angular_velocity_body);
-        let momentum = self.inertia.component_mul(&omega);
-        let torque = self.inertia.component_mul(&(rates - omega)) * self.turning + omega.cross(&momentum);
-        let [.., vertical] = vehicle.velocity_world;
-        let pull = GRAVITY + believed.disturbance_world.z + BRAKING * (vertical - sink);
+        let turning = self.inertia.component_mul(&(rates - omega)) * self.turning;
+        let torque = turning + gyroscopic_torque(&self.inertia, &omega);
+        let braking = BRAKING * (motion.velocity_world.z - sink);
+        let pull = GRAVITY + believed.disturbance_world.z + braking;
         let thrust = believed.mass * pull / n.z.max(LEAST_UPRIGHTNESS);
         Commanded {
             thrust: thrust.clamp(0.0, MOST_THRUST * believed.mass * GRAVITY),
@@ -155,6 +157,7 @@ mod tests {
     use crate::reckoning::Reckoner;
     use crate::reckoning::tests::scenario;
     use proptest::prelude::*;
+    use shared_types::rotation;
     use shared_types::samples::VehicleState;
     use zerocopy::FromZeros;
 

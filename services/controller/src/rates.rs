@@ -20,11 +20,14 @@
 use nalgebra::Vector3;
 use scenario::{Model, RateCommand};
 use shared_types::rotation;
+use vehicle_model::integrator::travelled;
+use vehicle_model::lag::Lag;
+use vehicle_model::rigid_body::{acceleration, angular_acceleration, free_fall};
 
 use crate::law::{Evaluation, evaluate};
 use crate::offset::hanging_offset;
 use crate::parameters::Parameters;
-use crate::signals::{Acting, Estimates, Measured, ProjectedEstimates, Reference, acceleration};
+use crate::signals::{Acting, Estimates, Measured, ProjectedEstimates, Reference};
 
 /// What the roll-out knows of vehicle and link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,10 +44,10 @@ pub struct RollOut {
     pub is_pushed: bool,
     /// Whether the commands make up for the lags.
     pub inverts_lags: bool,
-    /// Time constant of the thrust, s.
-    pub thrust_lag: f64,
-    /// Time constant of the body rates, s.
-    pub rate_lag: f64,
+    /// How the thrust follows.
+    pub thrust_lag: Lag,
+    /// How the body rates follow.
+    pub rate_lag: Lag,
 }
 
 /// What a hold begins with.
@@ -93,8 +96,8 @@ impl RollOut {
             moves: rates.roll_out,
             is_pushed: rates.unexplained,
             inverts_lags: rates.lag_inversion,
-            thrust_lag: model.thrust_lag,
-            rate_lag: model.rate_lag,
+            thrust_lag: Lag::new(model.thrust_lag),
+            rate_lag: Lag::new(model.rate_lag),
         }
     }
 
@@ -135,6 +138,12 @@ impl RollOut {
             mean += (before + flight.vehicle.angular_velocity_body) * (0.5 / f64::from(self.steps));
             evaluation = flight.evaluate(parameters, estimates);
         }
+        debug_assert!(
+            rotation::is_rotation(&flight.vehicle.world_from_body)
+                || !rotation::is_rotation(&measured.world_from_body),
+            "{:?}",
+            flight.vehicle
+        );
         let omega_end = flight.vehicle.angular_velocity_body;
         RateOutput {
             thrust: self.thrust_for(acting.thrust, evaluation.thrust),
@@ -147,7 +156,7 @@ impl RollOut {
     /// T to be sent so that the lagging thrust goes from `now` to `end`.
     fn thrust_for(&self, now: f64, end: f64) -> f64 {
         if self.inverts_lags {
-            reaching(now, end, self.hold, self.thrust_lag)
+            self.thrust_lag.target(now, end, self.hold)
         } else {
             end
         }
@@ -156,20 +165,12 @@ impl RollOut {
     /// The rates to be sent: half way between what has the right mean without a lag, and what makes the lagging
     /// rates reach the right end, which alone would ring.
     fn rates_for(&self, now: &Vector3<f64>, end: &Vector3<f64>, mean: &Vector3<f64>) -> Vector3<f64> {
-        if !self.inverts_lags || self.rate_lag == 0.0 {
+        if !self.inverts_lags || self.rate_lag.follows_at_once() {
             return *mean;
         }
-        let reaching = now.zip_map(end, |now, end| reaching(now, end, self.hold, self.rate_lag));
+        let reaching = now.zip_map(end, |now, end| self.rate_lag.target(now, end, self.hold));
         (mean + reaching) * 0.5
     }
-}
-
-/// What a first-order lag must be held at to go from `now` to `end` within `hold` seconds.
-fn reaching(now: f64, end: f64, hold: f64, lag: f64) -> f64 {
-    if lag == 0.0 {
-        return end;
-    }
-    now - (end - now) / libm::expm1(-hold / lag)
 }
 
 /// v̇ that acts and that the estimates do not explain, in {I}, m/s².
@@ -194,7 +195,11 @@ fn estimated_acceleration(
         eta,
         disturbance_world,
     } = estimates.projected(parameters);
-    acceleration(&vehicle.world_from_body, eta * thrust, &disturbance_world)
+    acceleration(
+        &vehicle.world_from_body,
+        eta * thrust,
+        &free_fall(&disturbance_world),
+    )
 }
 
 /// Vehicle and path in the roll-out.
@@ -223,8 +228,8 @@ impl Flight {
         let vehicle = &mut self.vehicle;
         let r = vehicle.world_from_body;
         let velocity = r * vehicle.velocity_body;
-        let velocity_after = velocity + acceleration * h;
-        vehicle.position_world += (velocity + velocity_after) * (0.5 * h);
+        let (position, velocity_after) = travelled(&vehicle.position_world, &velocity, &acceleration, h);
+        vehicle.position_world = position;
         vehicle.world_from_body = r * rotation::exp(&(vehicle.angular_velocity_body * h));
         vehicle.velocity_body = vehicle.world_from_body.tr_mul(&velocity_after);
     }
@@ -233,8 +238,7 @@ impl Flight {
     #[inline]
     fn drive(&mut self, inertia: &Vector3<f64>, torque: &Vector3<f64>, h: f64) {
         let omega = &mut self.vehicle.angular_velocity_body;
-        let momentum = inertia.component_mul(omega);
-        let acceleration = (torque - omega.cross(&momentum)).component_div(inertia);
+        let acceleration = angular_acceleration(inertia, torque, omega);
         omega.x += acceleration.x * h;
         omega.y += acceleration.y * h;
     }

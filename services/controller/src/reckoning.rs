@@ -17,16 +17,19 @@ use scenario::Scenario;
 use shared_types::rotation;
 use shared_types::sample::Flag;
 use shared_types::samples::VehicleState;
+use vehicle_model::integrator::travelled;
+use vehicle_model::lag::{Lag, between};
+use vehicle_model::rigid_body::{self, Motion, angular_acceleration, free_fall};
 
 use crate::commander::link_limits;
 use crate::parameters::Parameters;
-use crate::signals::{Estimates, acceleration};
+use crate::signals::Estimates;
 
 /// Longest step of the reckoning, s, and most steps at once: a longer while is reckoned in longer steps.
 const STEP: f64 = 0.002;
 const MOST_STEPS: f64 = 200.0;
-/// Time constant with which the push fades away, s.
-const PUSH_FADES: f64 = 0.5;
+/// How the push fades away.
+const PUSH_FADES: Lag = Lag::new(0.5);
 /// Largest body rate that is believed, each component, rad/s.
 const FASTEST_TURN: f64 = 50.0;
 
@@ -92,7 +95,8 @@ impl Believed {
     }
 
     fn acceleration(&self, world_from_body: &Matrix3<f64>, thrust: f64) -> Vector3<f64> {
-        acceleration(world_from_body, thrust / self.mass, &self.disturbance_world)
+        let fall = free_fall(&self.disturbance_world);
+        rigid_body::acceleration(world_from_body, thrust / self.mass, &fall)
     }
 }
 
@@ -108,10 +112,10 @@ pub struct Reckoner {
 enum Actuation {
     /// Thrust and torque follow at once.
     Torque,
-    /// Thrust and body rates follow as lags, s, within limits.
+    /// Thrust and body rates follow as lags, within limits.
     Rates {
-        thrust_lag: f64,
-        rate_lag: f64,
+        thrust_lag: Lag,
+        rate_lag: Lag,
         thrust_limits: [f64; 2],
         rate_limits: Vector3<f64>,
     },
@@ -126,8 +130,8 @@ impl Reckoner {
         let actuation = match scenario.controller.rates {
             None => Actuation::Torque,
             Some(_) => Actuation::Rates {
-                thrust_lag: model.thrust_lag,
-                rate_lag: model.rate_lag,
+                thrust_lag: Lag::new(model.thrust_lag),
+                rate_lag: Lag::new(model.rate_lag),
                 thrust_limits,
                 rate_limits: rate_limits.into(),
             },
@@ -172,31 +176,38 @@ impl Reckoner {
     ) -> Reckoned {
         let count = libm::ceil(elapsed / STEP).clamp(1.0, MOST_STEPS);
         let h = elapsed / count;
-        let mut r = rotation::from_row_major(&before.world_from_body);
-        let mut position = Vector3::from(before.position_world);
-        let mut velocity = Vector3::from(before.velocity_world);
-        let mut omega = Vector3::from(before.angular_velocity_body);
+        let mut motion = before.motion();
         let (mut thrust, mut push) = (before.thrust, Vector3::from(before.push_world));
-        let fading = libm::exp(-h / PUSH_FADES);
+        let fading = PUSH_FADES.left(h);
         let follow = self.following(command, h);
         let mut left = count;
         while left >= 1.0 {
-            let omega_before = omega;
-            (thrust, omega) = follow.step(thrust, &omega);
+            let (r, omega_before) = (motion.world_from_body, motion.angular_velocity_body);
+            let omega;
+            (thrust, omega) = follow.step(thrust, &omega_before);
             let turned = r * rotation::exp(&((omega_before + omega) * (0.5 * h)));
             let middle = (r + turned) * 0.5;
-            let velocity_before = velocity;
-            velocity += (believed.acceleration(&middle, thrust) + push) * h;
-            position += (velocity_before + velocity) * (0.5 * h);
+            let acceleration = believed.acceleration(&middle, thrust) + push;
+            let (position_world, velocity_world) =
+                travelled(&motion.position_world, &motion.velocity_world, &acceleration, h);
+            motion = Motion {
+                position_world,
+                world_from_body: rotation::orthonormalized(&turned),
+                velocity_world,
+                angular_velocity_body: omega,
+            };
+            debug_assert!(
+                rotation::is_rotation(&motion.world_from_body) || !rotation::is_rotation(&r),
+                "{motion:?}"
+            );
             push *= fading;
-            r = rotation::orthonormalized(&turned);
             left -= 1.0;
         }
         Reckoned {
-            position_world: position.into(),
-            world_from_body: rotation::to_row_major(&r),
-            velocity_world: velocity.into(),
-            angular_velocity_body: omega.into(),
+            position_world: motion.position_world.into(),
+            world_from_body: rotation::to_row_major(&motion.world_from_body),
+            velocity_world: motion.velocity_world.into(),
+            angular_velocity_body: motion.angular_velocity_body.into(),
             thrust,
             push_world: push.into(),
             ..*before
@@ -220,8 +231,8 @@ impl Reckoner {
                 thrust: command.thrust.max(least).min(most),
                 omega: Vector3::from(command.rates_body)
                     .zip_map(&rate_limits, |rate, limit| rate.max(-limit).min(limit)),
-                thrust_share: share(h, thrust_lag),
-                rate_share: share(h, rate_lag),
+                thrust_share: thrust_lag.gone(h),
+                rate_share: rate_lag.gone(h),
             },
         }
     }
@@ -252,8 +263,7 @@ impl Following {
                 inertia,
                 h,
             } => {
-                let momentum = inertia.component_mul(now_omega);
-                let acceleration = (torque - now_omega.cross(&momentum)).component_div(inertia); // (4)
+                let acceleration = angular_acceleration(inertia, torque, now_omega);
                 (*thrust, bounded(now_omega + acceleration * *h))
             }
             Self::Rates {
@@ -262,16 +272,11 @@ impl Following {
                 thrust_share,
                 rate_share,
             } => (
-                now_thrust + (thrust - now_thrust) * *thrust_share,
-                bounded(now_omega + (omega - now_omega) * *rate_share),
+                between(now_thrust, *thrust, *thrust_share),
+                bounded(between(*now_omega, *omega, *rate_share)),
             ),
         }
     }
-}
-
-/// The share of the way to its goal that a lag makes in `h` seconds.
-fn share(h: f64, lag: f64) -> f64 {
-    if lag == 0.0 { 1.0 } else { -libm::expm1(-h / lag) }
 }
 
 fn bounded(omega: Vector3<f64>) -> Vector3<f64> {
@@ -291,15 +296,27 @@ impl Reckoned {
         pad0: [0; 7],
     };
 
+    /// Where the vehicle is and how it moves.
+    #[must_use]
+    pub fn motion(&self) -> Motion {
+        Motion {
+            position_world: self.position_world.into(),
+            world_from_body: rotation::from_row_major(&self.world_from_body),
+            velocity_world: self.velocity_world.into(),
+            angular_velocity_body: self.angular_velocity_body.into(),
+        }
+    }
+
     /// The reckoned vehicle in the words of a state, which rests on no measurement; `last` has what is not reckoned.
     #[must_use]
     pub fn state(&self, last: &VehicleState, believed: &Believed) -> VehicleState {
-        let r = rotation::from_row_major(&self.world_from_body);
-        let acceleration = believed.acceleration(&r, self.thrust) + Vector3::from(self.push_world);
+        let motion = self.motion();
+        let acceleration =
+            believed.acceleration(&motion.world_from_body, self.thrust) + Vector3::from(self.push_world);
         VehicleState {
             position_world: self.position_world,
             world_from_body: self.world_from_body,
-            velocity_body: r.tr_mul(&Vector3::from(self.velocity_world)).into(),
+            velocity_body: motion.velocity_body().into(),
             angular_velocity_body: self.angular_velocity_body,
             acceleration_world: acceleration.into(),
             thrust: self.thrust,

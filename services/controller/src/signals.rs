@@ -1,7 +1,7 @@
 //! What the law is a function of: the measured state, the reference, and the estimates with their rates.
 
 use nalgebra::{Matrix3, Vector3};
-use scenario::{GRAVITY, InitialEstimates};
+use scenario::InitialEstimates;
 use shared_types::rotation;
 use shared_types::samples::{PathReference, VehicleState};
 
@@ -131,18 +131,6 @@ pub struct ProjectedEstimates {
     pub eta: f64,
     /// π(b̂) in {I}, m/s².
     pub disturbance_world: Vector3<f64>,
-}
-
-/// v̇ of (2) in {I}, m/s², of a vehicle that its thrust would accelerate by `pull` (T/m, m/s²) and that is pushed by
-/// `disturbance_world`.
-#[must_use]
-#[inline]
-pub fn acceleration(
-    world_from_body: &Matrix3<f64>,
-    pull: f64,
-    disturbance_world: &Vector3<f64>,
-) -> Vector3<f64> {
-    Vector3::z() * GRAVITY + disturbance_world - world_from_body.column(2) * pull
 }
 
 impl Estimates {

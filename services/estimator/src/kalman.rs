@@ -16,7 +16,7 @@
 //! error, here with rotation matrices and without an accelerometer; equation numbers in this module are his.
 //!
 //! * [`attitude`]: logarithm and right Jacobian of SO(3);
-//! * [`lag`], [`commands`]: what thrust and rates follow, and when;
+//! * [`commands`]: what thrust and rates follow, and when;
 //! * [`motion`]: the nominal state and its step;
 //! * [`error_state`]: the transition of its error, and the noise that enters;
 //! * [`belief`]: nominal state and covariance together: propagation and the use of a pose;
@@ -28,7 +28,6 @@ pub mod belief;
 pub mod commands;
 pub mod error_state;
 pub mod filter;
-pub mod lag;
 pub mod motion;
 pub mod scatter;
 mod state;

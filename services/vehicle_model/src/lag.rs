@@ -1,73 +1,155 @@
-//! First-order lags, ẏ = (u − y)/τ, exact over a tick in which the input u is held.
+//! First-order lags, ẋ = (u − x)/τ, exact while the input u rests.
 //!
 //! ```text
-//! y(t) = u + (y(0) − u) e^(−t/τ)        ẏ(t) = −(y(0) − u) e^(−t/τ)/τ
+//! x(t) = u + (x(0) − u) e^(−t/τ)        ẋ(t) = −(x(0) − u) e^(−t/τ)/τ        mean = u + (x(0) − u)(1 − e^(−t/τ)) τ/t
 //! ```
-//!
-//! The times within a tick at which a step asks are three, so that the exponentials are taken once a flight.
+
+use std::ops::{Add, Mul, Sub};
 
 use crate::integrator::Stage;
 
-/// A lag as seen over ticks of one length.
+/// A first-order lag.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lag {
-    /// e^(−t/τ) at each [`Stage`] of a tick.
-    decay: [f64; 3],
+    /// τ, s.
+    time_constant: f64,
+}
+
+/// A lag over steps of one length, with the exponentials taken once: a step asks at three times within it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LagOverStep {
+    /// e^(−t/τ) at each [`Stage`].
+    left: [f64; 3],
     /// 1/τ, 1/s; 0 without a lag, where no gap is left to close.
     rate: f64,
 }
 
-/// What goes through a lag, over a tick.
+/// What goes through a lag, over a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
+    start: f64,
     target: f64,
-    /// y(0) − u.
-    gap: f64,
-    lag: Lag,
+    lag: LagOverStep,
+}
+
+/// The value at a share of the way from one to another.
+#[must_use]
+#[inline]
+pub fn between<V>(from: V, to: V, share: f64) -> V
+where
+    V: Copy + Add<Output = V> + Sub<Output = V> + Mul<f64, Output = V>,
+{
+    debug_assert!((0.0..=1.0).contains(&share), "{share:e} of a way");
+    from + (to - from) * share
 }
 
 impl Lag {
-    /// The lag of time constant τ over ticks of h, both in s; τ = 0 follows at once.
+    /// A lag of time constant τ ≥ 0, s.
     #[must_use]
-    pub fn new(time_constant: f64, tick: f64) -> Self {
-        if time_constant > 0.0 {
-            Self {
-                decay: [0.0, 0.5, 1.0].map(|share| libm::exp(-share * tick / time_constant)),
-                rate: 1.0 / time_constant,
-            }
+    pub const fn new(time_constant: f64) -> Self {
+        Self { time_constant }
+    }
+
+    /// Whether there is no lag: τ = 0.
+    #[must_use]
+    #[inline]
+    pub fn follows_at_once(self) -> bool {
+        self.time_constant <= 0.0
+    }
+
+    /// e^(−t/τ), the share of the way to a target that is left after `t` s.
+    #[must_use]
+    #[inline]
+    pub fn left(self, t: f64) -> f64 {
+        if self.follows_at_once() {
+            0.0
         } else {
-            Self {
-                decay: [0.0; 3],
-                rate: 0.0,
-            }
+            libm::exp(-t / self.time_constant)
         }
     }
 
-    /// The way of a value from `start` towards `target`, over a tick.
+    /// 1 − e^(−t/τ), the share of the way to a target that is gone after `t` s.
+    #[must_use]
+    #[inline]
+    pub fn gone(self, t: f64) -> f64 {
+        if self.follows_at_once() {
+            1.0
+        } else {
+            -libm::expm1(-t / self.time_constant)
+        }
+    }
+
+    /// Where a value that follows `target` from `start` on is after `t` s.
+    #[must_use]
+    #[inline]
+    pub fn end<V>(self, start: V, target: V, t: f64) -> V
+    where
+        V: Copy + Add<Output = V> + Sub<Output = V> + Mul<f64, Output = V>,
+    {
+        between(target, start, self.left(t))
+    }
+
+    /// The mean over `t` > 0 s of a value that follows `target` from `start` on.
+    #[must_use]
+    #[inline]
+    pub fn mean<V>(self, start: V, target: V, t: f64) -> V
+    where
+        V: Copy + Add<Output = V> + Sub<Output = V> + Mul<f64, Output = V>,
+    {
+        between(target, start, self.gone(t) / (t / self.time_constant))
+    }
+
+    /// What a value must follow to get from `start` to `end` within `t` > 0 s.
+    #[must_use]
+    #[inline]
+    pub fn target(self, start: f64, end: f64, t: f64) -> f64 {
+        if self.follows_at_once() {
+            end
+        } else {
+            start + (end - start) / self.gone(t)
+        }
+    }
+
+    /// The lag over steps of `h` s.
+    #[must_use]
+    pub fn over(self, h: f64) -> LagOverStep {
+        LagOverStep {
+            left: [0.0, 0.5, 1.0].map(|share| self.left(share * h)),
+            rate: if self.follows_at_once() {
+                0.0
+            } else {
+                1.0 / self.time_constant
+            },
+        }
+    }
+}
+
+impl LagOverStep {
+    /// The way of a value from `start` towards `target`, over a step.
     #[must_use]
     #[inline]
     pub fn approach(&self, start: f64, target: f64) -> Approach {
         Approach {
+            start,
             target,
-            gap: start - target,
             lag: *self,
         }
     }
 }
 
 impl Approach {
-    /// y, which lies between start and target to the last bit.
+    /// x, which lies between start and target to the last bit.
     #[must_use]
     #[inline]
     pub fn value(&self, stage: Stage) -> f64 {
-        self.target + self.gap * self.lag.decay[stage as usize]
+        between(self.target, self.start, self.lag.left[stage as usize])
     }
 
-    /// ẏ, per second.
+    /// ẋ, per second.
     #[must_use]
     #[inline]
     pub fn slope(&self, stage: Stage) -> f64 {
-        -self.gap * self.lag.decay[stage as usize] * self.lag.rate
+        -(self.start - self.target) * self.lag.left[stage as usize] * self.lag.rate
     }
 }
 
@@ -76,50 +158,89 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The value after so many ticks towards a target.
-    fn after(lag: &Lag, ticks: u32, start: f64, target: f64) -> f64 {
-        (0..ticks).fold(start, |value, _| lag.approach(value, target).value(Stage::End))
-    }
+    const STAGES: [Stage; 3] = [Stage::Begin, Stage::Middle, Stage::End];
 
     #[test]
     fn after_a_time_constant_a_gap_has_fallen_to_one_in_e() {
-        let left = after(&Lag::new(0.03, 1e-3), 30, 5.0, 2.0) - 2.0;
-        assert!((left - 3.0 / std::f64::consts::E).abs() < 1e-14);
+        let lag = Lag::new(0.03);
+        assert!((lag.end(5.0, 2.0, 0.03) - (2.0 + 3.0 / std::f64::consts::E)).abs() < 1e-15);
     }
 
     #[test]
-    fn without_a_lag_the_target_is_reached_before_the_tick_has_begun() {
-        let approach = Lag::new(0.0, 1e-3).approach(5.0, 2.0);
-        for stage in [Stage::Begin, Stage::Middle, Stage::End] {
+    fn without_a_lag_the_target_is_reached_before_the_step_has_begun() {
+        let lag = Lag::new(0.0);
+        let approach = lag.over(1e-3).approach(5.0, 2.0);
+        for stage in STAGES {
             assert_eq!((approach.value(stage), approach.slope(stage)), (2.0, 0.0));
         }
+        assert_eq!(
+            [lag.end(5.0, 2.0, 1e-3), lag.mean(5.0, 2.0, 1e-3), lag.gone(1e-3)],
+            [2.0, 2.0, 1.0]
+        );
+        assert_eq!(lag.target(5.0, 2.0, 1e-3), 2.0);
     }
 
     proptest! {
         #[test]
-        fn two_half_ticks_are_a_tick(tau in 1e-3..1.0f64, start in -5.0..5.0f64, target in -5.0..5.0f64) {
-            let whole = Lag::new(tau, 1e-2).approach(start, target);
-            let half = Lag::new(tau, 5e-3);
-            prop_assert!((whole.value(Stage::Middle) - after(&half, 1, start, target)).abs() < 1e-14);
-            prop_assert!((whole.value(Stage::End) - after(&half, 2, start, target)).abs() < 1e-14);
-            prop_assert_eq!(whole.value(Stage::Begin), target + (start - target));
+        fn a_step_in_two_parts_is_the_whole_step(
+            time_constant in 0.0..0.2f64, first in 1e-6..0.05f64, second in 1e-6..0.05f64,
+            start in -5.0..5.0f64, target in -5.0..5.0f64,
+        ) {
+            let (lag, whole) = (Lag::new(time_constant), first + second);
+            let middle = lag.end(start, target, first);
+            prop_assert!((lag.end(middle, target, second) - lag.end(start, target, whole)).abs() < 1e-14);
+            let way = first * lag.mean(start, target, first) + second * lag.mean(middle, target, second);
+            prop_assert!((way - whole * lag.mean(start, target, whole)).abs() < 1e-15);
         }
 
         #[test]
-        fn the_slope_is_that_of_the_differential_equation(tau in 1e-3..1.0f64, start in -5.0..5.0f64, target in -5.0..5.0f64) {
-            let approach = Lag::new(tau, 1e-3).approach(start, target);
-            for stage in [Stage::Begin, Stage::Middle, Stage::End] {
-                let expected = (target - approach.value(stage)) / tau;
-                prop_assert!((approach.slope(stage) - expected).abs() < 1e-14 * (1.0 + 5.0 / tau));
+        fn the_stages_of_a_step_are_its_parts(
+            time_constant in 1e-3..1.0f64, h in 1e-6..0.05f64, start in -5.0..5.0f64, target in -5.0..5.0f64,
+        ) {
+            let lag = Lag::new(time_constant);
+            let approach = lag.over(h).approach(start, target);
+            let expected = [0.0, 0.5 * h, h].map(|t| lag.end(start, target, t));
+            prop_assert_eq!(STAGES.map(|stage| approach.value(stage)), expected);
+        }
+
+        #[test]
+        fn slope_mean_and_end_obey_the_differential_equation(
+            time_constant in 1e-3..1.0f64, h in 1e-6..0.05f64, start in -5.0..5.0f64, target in -5.0..5.0f64,
+        ) {
+            let lag = Lag::new(time_constant);
+            let approach = lag.over(h).approach(start, target);
+            for stage in STAGES {
+                let slope = (target - approach.value(stage)) / time_constant;
+                prop_assert!((approach.slope(stage) - slope).abs() < 1e-14 * (1.0 + 5.0 / time_constant));
             }
+            let rise = lag.end(start, target, h) - start;
+            let integral = (target - lag.mean(start, target, h)) * h / time_constant;
+            prop_assert!((rise - integral).abs() < 1e-13, "{rise:e} against {integral:e}");
         }
 
         #[test]
-        fn a_value_never_leaves_the_way_to_its_target(exponent in -9..3i32, start in 0.0..5.0f64, ticks in 1..50u32) {
-            let lag = Lag::new(libm::pow(10.0, f64::from(exponent)), 1e-3);
-            let down = after(&lag, ticks, start, 0.0);
+        fn what_is_gone_and_what_is_left_are_the_whole_way(time_constant in 0.0..1.0f64, t in 0.0..10.0f64) {
+            let lag = Lag::new(time_constant);
+            let shares = [lag.gone(t), lag.left(t)];
+            prop_assert!(shares.iter().all(|share| (0.0..=1.0).contains(share)), "{:?}", shares);
+            prop_assert!((shares[0] + shares[1] - 1.0).abs() < 1e-15);
+        }
+
+        #[test]
+        fn who_follows_the_target_for_an_end_gets_there(
+            time_constant in 0.0..0.2f64, t in 1e-3..0.05f64, start in -5.0..5.0f64, end in -5.0..5.0f64,
+        ) {
+            let lag = Lag::new(time_constant);
+            let target = lag.target(start, end, t);
+            prop_assert!((lag.end(start, target, t) - end).abs() < 1e-14 * (1.0 + target.abs()));
+        }
+
+        #[test]
+        fn a_value_never_leaves_the_way_to_its_target(exponent in -9..3i32, start in 0.0..5.0f64, steps in 1..50u32) {
+            let lag = Lag::new(libm::pow(10.0, f64::from(exponent)));
+            let after = |start: f64, target: f64| (0..steps).fold(start, |value, _| lag.end(value, target, 1e-3));
+            let (down, up) = (after(start, 0.0), after(0.0, start));
             prop_assert!((0.0..=start).contains(&down), "{down:e}");
-            let up = after(&lag, ticks, 0.0, start);
             prop_assert!((0.0..=start).contains(&up), "{up:e}");
         }
     }

@@ -3,7 +3,8 @@
 //! * [`rigid_body`]: equations (1)–(4) as a pure vector field, and a centre of mass that is not the origin;
 //! * [`integrator`]: a fourth-order step along it that keeps R in SO(3);
 //! * [`cayley`]: the chart of SO(3) that it works in;
-//! * [`lag`]: first-order lags, exact over a step.
+//! * [`lag`]: first-order lags, exact over a step;
+//! * [`rotors`]: where the rotors are, and the mixer.
 //!
 //! {I} has z down, {B} x forward, y right, z down. SI units and radians.
 
@@ -11,3 +12,4 @@ pub mod cayley;
 pub mod integrator;
 pub mod lag;
 pub mod rigid_body;
+pub mod rotors;

@@ -80,20 +80,55 @@ pub struct Wrench {
     pub torque_body: Vector3<f64>,
 }
 
+/// g e3 + b in {I}, m/s²: (3) without thrust.
+#[must_use]
+#[inline]
+pub fn free_fall(disturbance_world: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::z() * GRAVITY + disturbance_world
+}
+
+/// d(Rv)/dt of (3) in {I}, m/s², under a thrust per mass T/m (m/s²), of a vehicle that would be accelerated by `otherwise`
+/// without it: [`free_fall`], or less where something bears it.
+#[must_use]
+#[inline]
+pub fn acceleration(
+    world_from_body: &Matrix3<f64>,
+    specific_thrust: f64,
+    otherwise: &Vector3<f64>,
+) -> Vector3<f64> {
+    otherwise - world_from_body.column(2) * specific_thrust
+}
+
+/// ω × Jω, the torque (N m, in {B}) that keeps ω (rad/s) as it is, J = Diag(`inertia`).
+#[must_use]
+#[inline]
+pub fn gyroscopic_torque(inertia: &Vector3<f64>, omega: &Vector3<f64>) -> Vector3<f64> {
+    omega.cross(&inertia.component_mul(omega))
+}
+
+/// ω̇ of (4) in {B}, rad/s², under a torque τ (N m).
+#[must_use]
+#[inline]
+pub fn angular_acceleration(
+    inertia: &Vector3<f64>,
+    torque_body: &Vector3<f64>,
+    omega: &Vector3<f64>,
+) -> Vector3<f64> {
+    (torque_body - gyroscopic_torque(inertia, omega)).component_div(inertia)
+}
+
 impl Body {
     /// The vector field (1)–(4) at a motion under a wrench.
     #[must_use]
     #[inline]
     pub fn motion_rate(&self, motion: &Motion, wrench: &Wrench) -> MotionRate {
-        let (m, j, b) = (self.mass, &self.inertia, &self.disturbance_world);
-        let (thrust, tau) = (wrench.thrust, &wrench.torque_body);
         let (r, omega) = (&motion.world_from_body, &motion.angular_velocity_body);
-        let e3 = Vector3::z();
+        let (pull, fall) = (wrench.thrust / self.mass, free_fall(&self.disturbance_world));
         MotionRate {
-            velocity_world: motion.velocity_world,                             // (1)
-            angular_velocity_body: *omega,                                     // (2)
-            acceleration_world: e3 * GRAVITY + b - r.column(2) * (thrust / m), // (3), in {I}
-            angular_acceleration_body: (tau - omega.cross(&j.component_mul(omega))).component_div(j), // (4)
+            velocity_world: motion.velocity_world,            // (1)
+            angular_velocity_body: *omega,                    // (2)
+            acceleration_world: acceleration(r, pull, &fall), // (3), in {I}
+            angular_acceleration_body: angular_acceleration(&self.inertia, &wrench.torque_body, omega), // (4)
         }
     }
 

@@ -9,7 +9,7 @@ use super::attitude::log;
 use super::commands::CommandHistory;
 use super::error_state::{
     ATTITUDE, Covariance, DISTURBANCE, ERRORS, ErrorVector, POSITION, ProcessNoise, RATE_BIAS, VELOCITY,
-    add_to_diagonal, symmetrized,
+    add_to_diagonal, is_symmetric, symmetrized,
 };
 use super::motion::{Actuation, Nominal, VehicleModel};
 
@@ -214,6 +214,7 @@ impl Belief {
         self.nominal.world_from_body = orthonormalized(&self.nominal.world_from_body);
         debug_assert!(is_rotation(&self.nominal.world_from_body), "{:?}", self.nominal);
         self.covariance = symmetrized(&self.covariance);
+        debug_assert!(is_symmetric(&self.covariance), "{}", self.covariance);
         self.time_ns = to_ns;
     }
 
@@ -285,6 +286,7 @@ impl Belief {
         let corrected =
             kept * self.covariance * kept.transpose() + gain * noise.covariance() * gain.transpose();
         self.covariance = symmetrized(&reset(&corrected, &part(&error, ATTITUDE)));
+        debug_assert!(is_symmetric(&self.covariance), "{}", self.covariance);
     }
 
     /// Moves the mean by an error (282, 283).
@@ -293,6 +295,7 @@ impl Belief {
         nominal.position_world += part(error, POSITION);
         nominal.velocity_world += part(error, VELOCITY);
         nominal.world_from_body = orthonormalized(&(nominal.world_from_body * exp(&part(error, ATTITUDE))));
+        debug_assert!(is_rotation(&nominal.world_from_body), "{nominal:?}");
         nominal.rate_bias_body += part(error, RATE_BIAS);
         nominal.disturbance_world += part(error, DISTURBANCE);
     }

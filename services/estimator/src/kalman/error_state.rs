@@ -149,6 +149,15 @@ pub fn add_to_diagonal(covariance: &mut Covariance, row: usize, column: usize, v
     }
 }
 
+/// Whether P = Pᵀ; what is not a number passes: the filter starts again from the next pose.
+#[must_use]
+pub fn is_symmetric(covariance: &Covariance) -> bool {
+    let asymmetry = covariance - covariance.transpose();
+    asymmetry
+        .iter()
+        .all(|element| *element == 0.0 || element.is_nan())
+}
+
 /// ½ (P + Pᵀ): rounding must not add up to an asymmetry.
 #[must_use]
 pub fn symmetrized(covariance: &Covariance) -> Covariance {

@@ -3,11 +3,13 @@
 use nalgebra::{Matrix3, Vector3};
 use scenario::{GRAVITY, Model};
 use shared_types::rotation::{exp, skew};
+use vehicle_model::integrator::travelled;
+use vehicle_model::lag::Lag;
+use vehicle_model::rigid_body;
 
 use super::attitude::right_jacobian;
 use super::commands::Command;
 use super::error_state::Transition;
-use super::lag::Lag;
 
 /// Share of its weight from which on thrust may lift the vehicle, whatever is believed of its mass.
 const LIFTING: f64 = 0.5;
@@ -64,12 +66,8 @@ impl VehicleModel {
     pub fn new(model: &Model) -> Self {
         Self {
             mass: model.mass,
-            thrust: Lag {
-                time_constant: model.thrust_lag,
-            },
-            rates: Lag {
-                time_constant: model.rate_lag,
-            },
+            thrust: Lag::new(model.thrust_lag),
+            rates: Lag::new(model.rate_lag),
         }
     }
 
@@ -78,8 +76,8 @@ impl VehicleModel {
     pub fn actuated(&self, actuation: &Actuation, command: &Command, h: f64) -> Actuation {
         let target = Actuation::settled(command);
         Actuation {
-            thrust: self.thrust.over(h).end(actuation.thrust, target.thrust),
-            rates_body: self.rates.over(h).end(actuation.rates_body, target.rates_body),
+            thrust: self.thrust.end(actuation.thrust, target.thrust, h),
+            rates_body: self.rates.end(actuation.rates_body, target.rates_body, h),
         }
     }
 
@@ -104,26 +102,23 @@ impl VehicleModel {
     pub fn stepped(&self, state: &Nominal, command: &Command, h: f64) -> (Nominal, Transition) {
         let target = Actuation::settled(command);
         let start = &state.actuation;
-        let (thrust, rates) = (self.thrust.over(h), self.rates.over(h));
 
-        let phi = (rates.mean(start.rates_body, target.rates_body) + state.rate_bias_body) * h;
+        let phi = (self.rates.mean(start.rates_body, target.rates_body, h) + state.rate_bias_body) * h;
         let half_turn = exp(&(phi * 0.5));
         let world_from_middle = state.world_from_body * half_turn;
         let turn = half_turn * half_turn;
 
         // v̇ = g e3 − (T/m) R e3 + d at the middle of the step.
-        let specific_thrust = thrust.mean(start.thrust, target.thrust) / self.mass;
+        let specific_thrust = self.thrust.mean(start.thrust, target.thrust, h) / self.mass;
         let acceleration = acceleration(&world_from_middle, specific_thrust, &state.disturbance_world);
-        let velocity = state.velocity_world + acceleration * h;
+        let (position_world, velocity_world) =
+            travelled(&state.position_world, &state.velocity_world, &acceleration, h);
 
         let nominal = Nominal {
-            position_world: state.position_world + (state.velocity_world + velocity) * (0.5 * h),
-            velocity_world: velocity,
+            position_world,
+            velocity_world,
             world_from_body: state.world_from_body * turn,
-            actuation: Actuation {
-                thrust: thrust.end(start.thrust, target.thrust),
-                rates_body: rates.end(start.rates_body, target.rates_body),
-            },
+            actuation: self.actuated(start, command, h),
             ..*state
         };
 
@@ -141,13 +136,13 @@ impl VehicleModel {
     }
 }
 
-/// g e3 − (T/m) R e3 + d for a thrust per mass T/m, m/s².
+/// g e3 − (T/m) R e3 + d for a thrust per mass T/m, m/s²; gravity comes last.
 fn acceleration(
     world_from_body: &Matrix3<f64>,
     specific_thrust: f64,
     disturbance_world: &Vector3<f64>,
 ) -> Vector3<f64> {
-    let mut acceleration = world_from_body.column(2) * -specific_thrust + disturbance_world;
+    let mut acceleration = rigid_body::acceleration(world_from_body, specific_thrust, disturbance_world);
     acceleration.z += GRAVITY;
     acceleration
 }

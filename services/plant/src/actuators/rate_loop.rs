@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use shared_types::noise::{Noise, Stream};
 use shared_types::samples::RcFrame;
 use vehicle_model::integrator::Stage;
-use vehicle_model::lag::Lag;
+use vehicle_model::lag::{Lag, LagOverStep};
 use vehicle_model::rigid_body::Body;
 
 use crate::actuators::{Drive, Turning};
@@ -22,8 +22,8 @@ use crate::actuators::{Drive, Turning};
 #[derive(Clone, Debug)]
 pub struct RateLoop {
     stated: scenario::Actuators,
-    thrust_lag: Lag,
-    rate_lags: [Lag; 3],
+    thrust_lag: LagOverStep,
+    rate_lags: [LagOverStep; 3],
     losses: Noise,
     /// T at the end of the last tick that was driven, N.
     thrust: f64,
@@ -35,10 +35,11 @@ impl RateLoop {
     /// What a scenario states, in a flight of that seed with ticks of `tick` s, before the first frame.
     #[must_use]
     pub fn new(stated: &scenario::Actuators, seed: u64, tick: f64) -> Self {
+        let lag = |time_constant| Lag::new(time_constant).over(tick);
         Self {
             stated: stated.clone(),
-            thrust_lag: Lag::new(stated.thrust_lag, tick),
-            rate_lags: stated.rate_lag.map(|time_constant| Lag::new(time_constant, tick)),
+            thrust_lag: lag(stated.thrust_lag),
+            rate_lags: stated.rate_lag.map(lag),
             losses: Noise::new(seed, Stream::RadioLoss),
             thrust: stated.initial_thrust,
             received: None,

@@ -5,6 +5,7 @@
 
 use nalgebra::Vector3;
 use shared_types::noise::{Noise, Stream};
+use vehicle_model::lag::Lag;
 
 use crate::air::jet::Jet;
 use crate::air::ornstein_uhlenbeck::OrnsteinUhlenbeck;
@@ -14,7 +15,7 @@ use crate::air::ornstein_uhlenbeck::OrnsteinUhlenbeck;
 pub struct Fan {
     on_at: f64,
     off_at: Option<f64>,
-    run_up: f64,
+    run_up: Lag,
     /// Force at full speed on the axis at the reference distance, N.
     force: f64,
     reference_distance: f64,
@@ -46,7 +47,7 @@ impl Fan {
         Self {
             on_at: stated.on_at,
             off_at: stated.off_at,
-            run_up: stated.run_up,
+            run_up: Lag::new(stated.run_up),
             force: stated.force,
             reference_distance: stated.reference_distance,
             spread: libm::tan(stated.half_angle),
@@ -76,21 +77,12 @@ impl Fan {
             if time < self.on_at {
                 0.0
             } else {
-                1.0 - self.left_after(time - self.on_at)
+                1.0 - self.run_up.left(time - self.on_at)
             }
         };
         match self.off_at {
-            Some(off_at) if time >= off_at => risen(off_at) * self.left_after(time - off_at),
+            Some(off_at) if time >= off_at => risen(off_at) * self.run_up.left(time - off_at),
             _ => risen(time),
-        }
-    }
-
-    /// Share of a difference in speed that is left after a time, s.
-    fn left_after(&self, elapsed: f64) -> f64 {
-        if self.run_up > 0.0 {
-            libm::exp(-elapsed / self.run_up)
-        } else {
-            0.0
         }
     }
 

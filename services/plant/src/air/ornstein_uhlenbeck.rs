@@ -10,6 +10,7 @@
 
 use nalgebra::Vector3;
 use shared_types::noise::Noise;
+use vehicle_model::lag::Lag;
 
 /// Three independent processes of equal deviation and correlation time.
 #[derive(Clone, Debug)]
@@ -26,10 +27,10 @@ impl OrnsteinUhlenbeck {
     /// The process at tick 0, with ticks of h = `tick` s; a correlation time of 0 is white noise.
     #[must_use]
     pub fn new(deviation: f64, correlation_time: f64, tick: f64, mut noise: Noise) -> Self {
-        let correlation_times = tick / correlation_time;
+        let forgetting = Lag::new(correlation_time);
         Self {
-            decay: libm::exp(-correlation_times),
-            kick: deviation * (-libm::expm1(-2.0 * correlation_times)).sqrt(),
+            decay: forgetting.left(tick),
+            kick: deviation * forgetting.gone(2.0 * tick).sqrt(),
             value: noise.at(0).normal3() * deviation,
             noise,
         }
