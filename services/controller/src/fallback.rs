@@ -133,10 +133,8 @@ impl Leveller {
     #[must_use]
     pub fn command(&self, vehicle: &Reckoned, believed: &Believed, sink: f64) -> Commanded {
         let motion = vehicle.motion();
-        let (n, omega) = (
-            motion.world_from_body.row(2).transpose(), // Rᵀ e3
-            motion.angular_velocity_body,
-        );
+        let omega = motion.angular_velocity_body;
+        let n = motion.world_from_body.row(2).transpose(); // Rᵀ e3
         let rates = Vector3::z().cross(&n) * LEVELLING;
         let turning = self.inertia.component_mul(&(rates - omega)) * self.turning;
         let torque = turning + gyroscopic_torque(&self.inertia, &omega);

@@ -179,12 +179,11 @@ impl Reckoner {
         let mut motion = before.motion();
         let (mut thrust, mut push) = (before.thrust, Vector3::from(before.push_world));
         let fading = PUSH_FADES.left(h);
-        let follow = self.following(command, h);
         let mut left = count;
         while left >= 1.0 {
             let (r, omega_before) = (motion.world_from_body, motion.angular_velocity_body);
             let omega;
-            (thrust, omega) = follow.step(thrust, &omega_before);
+            (thrust, omega) = self.followed(command, thrust, &omega_before, h);
             let turned = r * rotation::exp(&((omega_before + omega) * (0.5 * h)));
             let middle = (r + turned) * 0.5;
             let acceleration = believed.acceleration(&middle, thrust) + push;
@@ -214,67 +213,32 @@ impl Reckoner {
         }
     }
 
-    fn following(&self, command: &Commanded, h: f64) -> Following {
+    /// Thrust (N) and body rates (rad/s) after they have followed a command for `h` s.
+    fn followed(
+        &self,
+        command: &Commanded,
+        thrust: f64,
+        omega: &Vector3<f64>,
+        h: f64,
+    ) -> (f64, Vector3<f64>) {
         match self.actuation {
-            Actuation::Torque => Following::Torque {
-                thrust: command.thrust,
-                torque: command.torque_body.into(),
-                inertia: self.inertia,
-                h,
-            },
+            Actuation::Torque => {
+                let acceleration = angular_acceleration(&self.inertia, &command.torque_body.into(), omega);
+                (command.thrust, bounded(omega + acceleration * h))
+            }
             Actuation::Rates {
                 thrust_lag,
                 rate_lag,
                 thrust_limits: [least, most],
                 rate_limits,
-            } => Following::Rates {
-                thrust: command.thrust.max(least).min(most),
-                omega: Vector3::from(command.rates_body)
-                    .zip_map(&rate_limits, |rate, limit| rate.max(-limit).min(limit)),
-                thrust_share: thrust_lag.gone(h),
-                rate_share: rate_lag.gone(h),
-            },
-        }
-    }
-}
-
-/// How thrust and rates move on over a step under one command.
-enum Following {
-    Torque {
-        thrust: f64,
-        torque: Vector3<f64>,
-        inertia: Vector3<f64>,
-        h: f64,
-    },
-    Rates {
-        thrust: f64,
-        omega: Vector3<f64>,
-        thrust_share: f64,
-        rate_share: f64,
-    },
-}
-
-impl Following {
-    fn step(&self, now_thrust: f64, now_omega: &Vector3<f64>) -> (f64, Vector3<f64>) {
-        match self {
-            Self::Torque {
-                thrust,
-                torque,
-                inertia,
-                h,
             } => {
-                let acceleration = angular_acceleration(inertia, torque, now_omega);
-                (*thrust, bounded(now_omega + acceleration * *h))
+                let goal = Vector3::from(command.rates_body)
+                    .zip_map(&rate_limits, |rate, limit| rate.max(-limit).min(limit));
+                (
+                    between(thrust, command.thrust.max(least).min(most), thrust_lag.gone(h)),
+                    bounded(between(*omega, goal, rate_lag.gone(h))),
+                )
             }
-            Self::Rates {
-                thrust,
-                omega,
-                thrust_share,
-                rate_share,
-            } => (
-                between(now_thrust, *thrust, *thrust_share),
-                bounded(between(*now_omega, *omega, *rate_share)),
-            ),
         }
     }
 }

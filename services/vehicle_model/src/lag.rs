@@ -32,13 +32,15 @@ pub struct Approach {
     lag: LagOverStep,
 }
 
+/// What can lag behind: a number or a vector.
+pub trait Linear: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f64, Output = Self> {}
+
+impl<V: Copy + Add<Output = V> + Sub<Output = V> + Mul<f64, Output = V>> Linear for V {}
+
 /// The value at a share of the way from one to another.
 #[must_use]
 #[inline]
-pub fn between<V>(from: V, to: V, share: f64) -> V
-where
-    V: Copy + Add<Output = V> + Sub<Output = V> + Mul<f64, Output = V>,
-{
+pub fn between<V: Linear>(from: V, to: V, share: f64) -> V {
     debug_assert!((0.0..=1.0).contains(&share), "{share:e} of a way");
     from + (to - from) * share
 }
@@ -82,20 +84,14 @@ impl Lag {
     /// Where a value that follows `target` from `start` on is after `t` s.
     #[must_use]
     #[inline]
-    pub fn end<V>(self, start: V, target: V, t: f64) -> V
-    where
-        V: Copy + Add<Output = V> + Sub<Output = V> + Mul<f64, Output = V>,
-    {
+    pub fn end<V: Linear>(self, start: V, target: V, t: f64) -> V {
         between(target, start, self.left(t))
     }
 
     /// The mean over `t` > 0 s of a value that follows `target` from `start` on.
     #[must_use]
     #[inline]
-    pub fn mean<V>(self, start: V, target: V, t: f64) -> V
-    where
-        V: Copy + Add<Output = V> + Sub<Output = V> + Mul<f64, Output = V>,
-    {
+    pub fn mean<V: Linear>(self, start: V, target: V, t: f64) -> V {
         between(target, start, self.gone(t) / (t / self.time_constant))
     }
 
