@@ -10,8 +10,6 @@ mod model;
 
 use crate::wire::{Cursor, Frame, Name, WireError};
 
-/// Port of commands unless told otherwise.
-pub const COMMAND_PORT: u16 = 1510;
 /// Port of frames unless the server tells otherwise.
 pub const DATA_PORT: u16 = 1511;
 

@@ -164,14 +164,6 @@ impl TimingReport {
             .filter(|unrecorded| unrecorded.topic == topic);
         of_topic.map(|unrecorded| unrecorded.samples).sum()
     }
-
-    /// Steps left out and inputs late or not those due, of all services: none of them in a flight that is that of
-    /// lock-step, sample by sample.
-    #[must_use]
-    pub fn deviations(&self) -> u64 {
-        let of = |timing: &ServiceTiming| timing.missed_steps + timing.stale_inputs;
-        self.services.iter().map(of).sum()
-    }
 }
 
 impl std::fmt::Display for TimingReport {
