@@ -1,7 +1,7 @@
 //! What services knew, in the log: it is what replayed services know, a replay of a part of a flight begins with it, and
 //! behind a gap services go on with it.
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,6 +1,6 @@
 //! `gerono doctor` on this machine: it tells live runs from dead ones, touches neither, and ends when it is asked to.
 
-mod common;
+use crate::common;
 
 use std::path::PathBuf;
 use std::process::Command;

@@ -1,7 +1,7 @@
 //! `gerono faults` as a user runs it: what it writes, that it writes the same again, that processes fly the same, and what
 //! it refuses.
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeMap;
 use std::process::Command;

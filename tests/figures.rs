@@ -2,7 +2,7 @@
 //!
 //! Flown in one process, which the other hosts equal to the byte (see `identity.rs`).
 
-mod common;
+use crate::common;
 
 use std::convert::Infallible;
 

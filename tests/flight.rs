@@ -1,6 +1,6 @@
 //! Flights from the ground to the ground, and what the transmitter does about a controller that misbehaves.
 
-mod common;
+use crate::common;
 
 use std::convert::Infallible;
 

@@ -1,7 +1,7 @@
 //! The determinism contract: the same scenario and seed give the same bytes of `run.mcap`,
 //! in one process or six, pinned or not, on a quiet machine or a loaded one; an interrupted run is a prefix.
 
-mod common;
+use crate::common;
 
 use std::path::Path;
 use std::process::{Child, Command};

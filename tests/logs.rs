@@ -1,7 +1,7 @@
 //! Logs that were cut, damaged or never closed: nothing panics or hangs, all that is whole is recovered, and every command says
 //! what it has before it.
 
-mod common;
+use crate::common;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
 //! Outages that a scenario plans: exact in simulated time, the same in every host, and what they do to the flight.
 
-mod common;
+use crate::common;
 
 use std::convert::Infallible;
 

@@ -1,7 +1,7 @@
 //! Replays: what the services make of their recorded inputs is what was recorded, whatever happened in the flight;
 //! and what is not is found.
 
-mod common;
+use crate::common;
 
 use std::path::Path;
 

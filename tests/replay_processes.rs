@@ -1,7 +1,7 @@
 //! Replays into service processes say what a replay in one process says, word for word, and leave nothing behind
 //! whatever becomes of them.
 
-mod common;
+use crate::common;
 
 use std::process::Output;
 

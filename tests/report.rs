@@ -1,6 +1,6 @@
 //! `gerono report`: a page that needs nothing else and shows what the logs hold, whatever became of them.
 
-mod common;
+use crate::common;
 
 use std::path::{Path, PathBuf};
 

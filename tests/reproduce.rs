@@ -1,6 +1,6 @@
 //! `gerono reproduce` as a user runs it: what it writes, that it writes the same again, and how it ends.
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! What a policy for old and impossible samples is worth in flight, and what it costs while nothing fails.
 
-mod common;
+use crate::common;
 
 use std::convert::Infallible;
 

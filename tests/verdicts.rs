@@ -1,6 +1,6 @@
 //! What becomes of a flight is said truly: on the terminal, in `summary.json`, in the exit code, and of the log alone.
 
-mod common;
+use crate::common;
 
 use std::process::Output;
 

@@ -275,7 +275,9 @@ fn in_words(found: &DeValue<'_>) -> String {
 fn place_in_enclosing_table(key: &Key) -> Option<String> {
     let (name, table) = key.segments().split_last()?;
     let below = |owner: &str| format!("`{name}` belongs to `{owner}`: write it directly below `[{owner}]`");
-    let moved = MOVED.iter().find(|(then, moved, _)| table == [*then] && name == moved);
+    let moved = MOVED
+        .iter()
+        .find(|(then, moved, _)| table == [*then] && name == moved);
     if let Some((_, _, owner)) = moved {
         return Some(below(owner));
     }

@@ -7,7 +7,7 @@ use shared_types::samples::{MocapPose, RcFrame, VehicleState};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 
-use crate::rig::{Rig, TICK_NS, World, pilot_on_the_eight, scenario};
+use super::rig::{Rig, TICK_NS, World, pilot_on_the_eight, scenario};
 
 fn service(kalman: &Kalman) -> EstimatorService {
     EstimatorService::new(&scenario(&Model::default(), kalman)).unwrap()

@@ -4,7 +4,7 @@ use estimator::Estimate;
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Kalman, Model};
 
-use crate::rig::{Rig, TICK_NS, World, pilot_on_the_eight};
+use super::rig::{Rig, TICK_NS, World, pilot_on_the_eight};
 
 /// Root mean square of the errors of the states told from a tick on: position (m), velocity (m/s), attitude (rad).
 fn root_mean_squares(rig: &mut Rig, from: u64, to: u64) -> [f64; 3] {

@@ -1,8 +1,5 @@
 //! What the vehicle does about frames that cannot have been sent.
 
-#[path = "../../../tests/common/rebirth.rs"]
-mod rebirth;
-
 use plant::PlantService;
 use proptest::prelude::*;
 use shared_types::Now;
@@ -56,7 +53,7 @@ fn step(service: &mut PlantService, tick: u64, frame: &RcFrame) -> (VehicleTruth
 }
 
 fn reborn(service: &PlantService, sections: &str) -> PlantService {
-    rebirth::reborn(service, self::service(sections))
+    crate::rebirth::reborn(service, self::service(sections))
 }
 
 #[test]

@@ -5,7 +5,7 @@ use controller::{Estimates, Measured};
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 
-use crate::closed_loop::{ClosedLoop, State};
+use super::closed_loop::{ClosedLoop, State};
 
 /// Λw of these evaluations; dŵ/dt is proportional to it, and nothing else depends on it.
 const LAMBDA_INERTIA: f64 = 1e-8;
@@ -77,7 +77,7 @@ fn assert_agrees(what: &str, got: &[f64], wanted: &[f64]) {
 
 #[test]
 fn the_law_agrees_with_another_implementation() {
-    let file: File = serde_json::from_str(include_str!("../data/control.json")).unwrap();
+    let file: File = serde_json::from_str(include_str!("../../data/control.json")).unwrap();
     assert_eq!(file.cases.len(), 64);
     let mut closed_loop = ClosedLoop::paper();
     closed_loop.parameters.lambda_inertia = LAMBDA_INERTIA;

@@ -1,11 +1,5 @@
 //! What the controller does about states and references that are too old or cannot be true.
 
-#[path = "../../../tests/common/garbage.rs"]
-mod garbage;
-#[path = "../../../tests/common/rebirth.rs"]
-mod rebirth;
-mod support;
-
 use controller::ControllerService;
 use proptest::prelude::*;
 use scenario::Scenario;
@@ -15,9 +9,9 @@ use shared_types::samples::{ControlAdaptation, ControlCommand, PathReference, Ve
 use shared_types::service::InputView;
 use zerocopy::{FromZeros, IntoBytes};
 
-use garbage::sample;
-use rebirth::reborn;
-use support::{Published, TICK_NS};
+use crate::garbage::sample;
+use crate::rebirth::reborn;
+use crate::support::{Published, TICK_NS};
 
 /// A policy with every stage, ages in s.
 const POLICY: &str = r#""safety": {
@@ -107,7 +101,7 @@ fn step(
         view(state.as_bytes(), state.header.stamp_ns),
         view(reference.as_bytes(), reference.header.stamp_ns),
     ];
-    support::step(service, tick, inputs)
+    crate::support::step(service, tick, inputs)
 }
 
 /// One controller that flies on, and one that is born anew before every step: they must say the same.

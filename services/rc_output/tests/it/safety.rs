@@ -1,8 +1,5 @@
 //! What the transmitter does about commands that are too old or cannot be meant.
 
-#[path = "../../../tests/common/rebirth.rs"]
-mod rebirth;
-
 use proptest::prelude::*;
 use rc_output::RcOutputService;
 use shared_types::Now;
@@ -54,7 +51,7 @@ fn step(service: &mut RcOutputService, tick: u64, command: Option<&ControlComman
 }
 
 fn reborn(service: &RcOutputService, sections: &[&str]) -> RcOutputService {
-    rebirth::reborn(service, self::service(sections))
+    crate::rebirth::reborn(service, self::service(sections))
 }
 
 #[test]

@@ -1,8 +1,5 @@
 //! What never gets past the transmitter: frames before the arming, after a kill, and beyond the envelope.
 
-#[path = "../../../tests/common/rebirth.rs"]
-mod rebirth;
-
 use proptest::prelude::*;
 use rc_output::RcOutputService;
 use scenario::Scenario;
@@ -113,7 +110,7 @@ impl Transmitter {
         command: Option<&ControlCommand>,
         state: Option<&VehicleState>,
     ) -> RcFrame {
-        self.service = rebirth::reborn(&self.service, RcOutputService::new(&self.scenario));
+        self.service = crate::rebirth::reborn(&self.service, RcOutputService::new(&self.scenario));
         let now = Now {
             tick: self.tick,
             time_ns: self.tick * TICK_NS,

@@ -10,9 +10,9 @@ use proptest::prelude::*;
 use scenario::{Curve, GRAVITY, Path, Scenario, TiltedEight, Vehicle};
 use shared_types::rotation::{self, skew};
 
-use crate::dual::Dual;
-use crate::path::tilted_eight;
-use crate::timing_law::TimingLaw;
+use super::dual::Dual;
+use super::path::tilted_eight;
+use super::timing_law::TimingLaw;
 
 /// What does not change along a flow.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@ use scenario::{Kalman, Model};
 use shared_types::rotation::exp;
 use std::f64::consts::PI;
 
-use crate::rig::{Asked, CAPTURE_PERIOD, Rig, TICK_NS, World, restless_pilot};
+use super::rig::{Asked, CAPTURE_PERIOD, Rig, TICK_NS, World, restless_pilot};
 
 /// Largest errors of the states told between two ticks.
 fn largest_errors(

@@ -1,10 +1,5 @@
 //! What the estimator does about captures and frames that are missing, too old or cannot be true.
 
-#[path = "../../../tests/common/garbage.rs"]
-mod garbage;
-#[path = "../../../tests/common/rebirth.rs"]
-mod rebirth;
-
 use estimator::EstimatorService;
 use proptest::prelude::*;
 use shared_types::Now;
@@ -13,7 +8,7 @@ use shared_types::samples::{MocapPose, RcFrame, VehicleState};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 
-use garbage::sample;
+use crate::garbage::sample;
 
 const TICK_NS: u64 = 1_000_000;
 const IDEAL: &str = "";
@@ -77,7 +72,7 @@ fn step(
 }
 
 fn reborn(service: &EstimatorService, sections: &str) -> EstimatorService {
-    rebirth::reborn(service, self::service(sections))
+    crate::rebirth::reborn(service, self::service(sections))
 }
 
 #[test]

@@ -5,8 +5,8 @@ use controller::{Estimates, Measured, lyapunov};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 
-use crate::closed_loop::{ClosedLoop, State, closed_loop, state};
-use crate::path::tilted_eight;
+use super::closed_loop::{ClosedLoop, State, closed_loop, state};
+use super::path::tilted_eight;
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12_000))]

@@ -1,6 +1,6 @@
 //! The timing law (22) to (25), straight from its definition and in dual numbers.
 
-use crate::dual::Dual;
+use super::dual::Dual;
 
 /// Parameters of the timing law.
 #[derive(Clone, Copy, Debug)]

@@ -1,12 +1,10 @@
 //! What the controller does in the phases of a flight.
 
-mod support;
-
+use crate::support::Published;
 use controller::ControllerService;
 use scenario::Scenario;
 use shared_types::samples::{ControlCommand, PathReference, VehicleState};
 use shared_types::service::InputView;
-use support::Published;
 use zerocopy::{FromZeros, IntoBytes};
 
 fn service(flight: &str) -> ControllerService {
@@ -43,7 +41,7 @@ fn step(service: &mut ControllerService, tick: u64, reference: Option<&PathRefer
         ..VehicleState::new_zeroed()
     };
     let inputs = [Some(state.as_bytes()), reference.map(IntoBytes::as_bytes)];
-    support::step(
+    crate::support::step(
         service,
         tick,
         inputs.map(|bytes| InputView { bytes, fresh: true }),

@@ -4,7 +4,7 @@ use estimator::kalman::Outcome;
 use nalgebra::SVector;
 use scenario::{Kalman, Model};
 
-use crate::rig::{Rig, World, normal3, restless_pilot};
+use super::rig::{Rig, World, normal3, restless_pilot};
 
 /// Noise of every kind that the filter knows, all of it large enough to matter.
 pub fn noisy() -> Kalman {

@@ -6,8 +6,8 @@ use scenario::{Kalman, Model};
 use shared_types::samples::{MocapPose, RcFrame};
 use zerocopy::{FromZeros, IntoBytes};
 
-use crate::consistency::{assert_is_chi_square, matched_flight, squared_error};
-use crate::rig::{CAPTURE_PERIOD, Rig, TICK_NS, World, pilot_on_the_eight, restless_pilot, scenario};
+use super::consistency::{assert_is_chi_square, matched_flight, squared_error};
+use super::rig::{CAPTURE_PERIOD, Rig, TICK_NS, World, pilot_on_the_eight, restless_pilot, scenario};
 
 fn laboratory(change: impl FnOnce(&mut World)) -> Rig {
     let mut world = World::laboratory(7);

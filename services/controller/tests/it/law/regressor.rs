@@ -7,8 +7,8 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use shared_types::rotation;
 
-use crate::closed_loop::{ClosedLoop, State, closed_loop, state};
-use crate::path::tilted_eight;
+use super::closed_loop::{ClosedLoop, State, closed_loop, state};
+use super::path::tilted_eight;
 
 /// Distance between W w and −S(ω)Jω − J ω̇d, in units of the larger of the latter's two terms.
 fn defect(closed_loop: &ClosedLoop, state: &State) -> f64 {

@@ -1,0 +1,12 @@
+//! The controller from outside, in one program: linking takes longer than running.
+
+#[path = "../../../../tests/common/garbage.rs"]
+mod garbage;
+mod law;
+mod phase;
+mod rates;
+#[path = "../../../../tests/common/rebirth.rs"]
+mod rebirth;
+mod safety;
+#[path = "../support/mod.rs"]
+mod support;

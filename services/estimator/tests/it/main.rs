@@ -1,0 +1,9 @@
+//! The estimator from outside, in one program: linking takes longer than running.
+
+#[path = "../../../../tests/common/garbage.rs"]
+mod garbage;
+mod kalman;
+#[path = "../../../../tests/common/rebirth.rs"]
+mod rebirth;
+mod safety;
+mod service;

@@ -1,0 +1,5 @@
+//! Links from outside, in one program: linking takes longer than running.
+
+mod formats;
+mod ports;
+mod receiver;

@@ -1,0 +1,22 @@
+//! What is shown with real processes and not judged by how punctual they were, so that tests may go on beside each other.
+//!
+//! One program, because each is linked with the whole product. What needs the machine for itself has programs of its own,
+//! which follow each other.
+
+mod common;
+
+mod checkpoints;
+mod doctor;
+mod documentation;
+mod faults;
+mod figures;
+mod flight;
+mod identity;
+mod logs;
+mod outages;
+mod replay;
+mod replay_processes;
+mod report;
+mod reproduce;
+mod safety;
+mod verdicts;
