@@ -9,7 +9,7 @@ use shared_types::digest::ExperimentDigest;
 use shared_types::{Schedule, Topic};
 
 use super::plan::Cell;
-use super::undisturbed::Undisturbed;
+use super::undisturbed::{NotFlown, Undisturbed};
 use command_line::interrupt::Interrupt;
 use metrics::loss::{Loss, LossWatch};
 use metrics::summary::faults::{FaultReport, FaultWatch};
@@ -39,17 +39,6 @@ pub enum Ended {
     NotFinite(String),
     /// A service died of what it was given, again and again as a process, once and for all in this one.
     Died,
-}
-
-/// Why a cell could not be flown.
-#[derive(Debug, thiserror::Error)]
-pub enum NotFlown {
-    /// The flight failed, and not of the fault.
-    #[error(transparent)]
-    Failed(#[from] FlightFailure),
-    /// Somebody asked for the end, by this signal.
-    #[error("ended by signal {0}")]
-    Interrupted(i32),
 }
 
 /// How a cell is flown.

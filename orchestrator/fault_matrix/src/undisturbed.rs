@@ -9,10 +9,20 @@ use shared_types::service::nanoseconds;
 use shared_types::{Schedule, Topic};
 
 use super::BESIDE;
-use super::flight::NotFlown;
 use command_line::interrupt::Interrupt;
 use metrics::tracker::{Moment, Tracker};
 use supervisor::{FlightFailure, Outcome, in_process};
+
+/// Why a flight could not be flown.
+#[derive(Debug, thiserror::Error)]
+pub enum NotFlown {
+    /// The flight failed, and not of the fault.
+    #[error(transparent)]
+    Failed(#[from] FlightFailure),
+    /// Somebody asked for the end, by this signal.
+    #[error("ended by signal {0}")]
+    Interrupted(i32),
+}
 
 /// Distances of the undisturbed vehicle from its path by tick, m: the largest within [`BESIDE`] of each; shared by all
 /// flights that are judged by them.

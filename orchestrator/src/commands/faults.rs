@@ -9,10 +9,10 @@ use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 use command_line::progress;
 use evaluation::reproduce::parallel;
-use fault_matrix::flight::{Flown, NotFlown, Way, fly};
+use fault_matrix::flight::{Flown, Way, fly};
 use fault_matrix::plan::{self, Case, Cell, Times};
 use fault_matrix::trouble::Trouble;
-use fault_matrix::undisturbed::Undisturbed;
+use fault_matrix::undisturbed::{NotFlown, Undisturbed};
 use fault_matrix::{moments, report, table};
 use run_log::run_folder::RunFolder;
 
