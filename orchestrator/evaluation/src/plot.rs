@@ -15,7 +15,7 @@ pub use curve::Span;
 pub(crate) use curve::label;
 use metrics::tracker::Source;
 use run_log::LogReadError;
-use supervisor::Unflyable;
+use scenario::Unflyable;
 
 /// Size of a figure, pixels: as wide as a README is shown.
 pub(crate) const WIDTH: f64 = 860.0;

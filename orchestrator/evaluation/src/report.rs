@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 
 use flight::Flight;
 use run_log::LogReadError;
-use supervisor::Unflyable;
+use scenario::Unflyable;
 
 /// Name of the page.
 pub const PAGE: &str = "report.html";

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use scenario::Scenario;
+use scenario::{MOVED_KEYS, Scenario};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use shared_types::Topic;
@@ -103,13 +103,13 @@ impl Manifest {
     }
 }
 
-/// The scenario that a manifest holds. Earlier programs kept where poses come from with the estimator.
+/// The scenario that a manifest holds. Earlier programs kept some of it elsewhere.
 fn scenario_in(text: &str) -> serde_json::Result<Scenario> {
     let mut stated: Value = serde_json::from_str(text)?;
-    for key in ["source", "recording"] {
-        let table = stated.get_mut("estimator").and_then(Value::as_object_mut);
+    for (then, key, now) in MOVED_KEYS {
+        let table = stated.get_mut(then).and_then(Value::as_object_mut);
         if let Some(moved) = table.and_then(|table| table.remove(key)) {
-            stated["motion_capture"][key] = moved;
+            stated[now][key] = moved;
         }
     }
     serde_json::from_value(stated)

@@ -2,6 +2,7 @@
 //! documentation.
 
 use std::fmt::Write;
+use std::sync::LazyLock;
 
 use scenario::{Key, Scenario};
 use serde_json::Value;
@@ -105,20 +106,20 @@ fn names_inside(keys: &[KeyInfo], table: &Key) -> Vec<String> {
     names
 }
 
-/// The schema of a scenario.
-pub(super) fn schema() -> Value {
-    schemars::schema_for!(Scenario).to_value()
+/// The schema of a scenario, made when the first one is read.
+pub(super) fn schema() -> &'static Value {
+    static SCHEMA: LazyLock<Value> = LazyLock::new(|| schemars::schema_for!(Scenario).to_value());
+    &SCHEMA
 }
 
 fn all() -> Vec<KeyInfo> {
-    let schema = schema();
     let mut keys = Vec::new();
-    push_table(&schema, &schema, &Key::root(), &mut keys);
+    push_table(schema(), &Key::root(), &mut keys);
     keys
 }
 
 /// Pushes what a table of the schema holds, by name, and the tables of which it holds one, as declared.
-fn push_table(schema: &Value, table: &Value, at: &Key, keys: &mut Vec<KeyInfo>) {
+fn push_table(table: &Value, at: &Key, keys: &mut Vec<KeyInfo>) {
     let required = table["required"].as_array();
     let is_required =
         |name: &str| required.is_some_and(|names| names.iter().any(|required| required == name));
@@ -126,25 +127,25 @@ fn push_table(schema: &Value, table: &Value, at: &Key, keys: &mut Vec<KeyInfo>) 
     let mut properties: Vec<_> = table["properties"].as_object().into_iter().flatten().collect();
     properties.sort_by_key(|(name, _)| name.as_str());
     for (name, property) in properties {
-        push_property(schema, property, &at.then(name), is_required(name), keys);
+        push_property(property, &at.then(name), is_required(name), keys);
     }
     for variant in table["oneOf"].as_array().into_iter().flatten() {
         for (name, property) in variant["properties"].as_object().into_iter().flatten() {
-            push_property(schema, property, &at.then(name), false, keys);
+            push_property(property, &at.then(name), false, keys);
         }
     }
 }
 
-fn push_property(schema: &Value, property: &Value, key: &Key, required: bool, keys: &mut Vec<KeyInfo>) {
-    let target = resolved(schema, property);
-    let element = resolved(schema, &target["items"]);
-    let named = resolved(schema, &target["additionalProperties"]);
+fn push_property(property: &Value, key: &Key, required: bool, keys: &mut Vec<KeyInfo>) {
+    let target = resolved(property);
+    let element = resolved(&target["items"]);
+    let named = resolved(&target["additionalProperties"]);
     if is_table(target) {
-        push_table(schema, target, key, keys);
+        push_table(target, key, keys);
     } else if is_table(element) {
-        push_table(schema, element, &key.then(ANY_POSITION), keys);
+        push_table(element, &key.then(ANY_POSITION), keys);
     } else if is_table(named) {
-        push_table(schema, named, &key.then(ANY_NAME), keys);
+        push_table(named, &key.then(ANY_NAME), keys);
     } else {
         let of_names = target["additionalProperties"].is_object();
         keys.push(KeyInfo {
@@ -171,7 +172,7 @@ fn push_property(schema: &Value, property: &Value, key: &Key, required: bool, ke
 }
 
 /// The part of the schema that a part of it refers to, or that part itself.
-pub(super) fn resolved<'a>(schema: &'a Value, part: &'a Value) -> &'a Value {
+pub(super) fn resolved(part: &Value) -> &Value {
     // An optional table is any of that table and null, which TOML does not have.
     let part = match part["anyOf"].as_array() {
         Some(choices) => choices
@@ -184,7 +185,7 @@ pub(super) fn resolved<'a>(schema: &'a Value, part: &'a Value) -> &'a Value {
         .as_str()
         .and_then(|reference| reference.strip_prefix('#'));
     reference
-        .and_then(|pointer| schema.pointer(pointer))
+        .and_then(|pointer| schema().pointer(pointer))
         .unwrap_or(part)
 }
 

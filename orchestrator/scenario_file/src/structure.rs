@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use scenario::{Key, Scenario, suggest};
+use scenario::{Key, MOVED_KEYS, Scenario, suggest};
 use serde::Deserialize;
 use serde_json::Value;
 use toml::Spanned;
@@ -14,26 +14,18 @@ use super::{Finding, document, keys};
 /// Most mistakes that are told: a text that has more is something else than a scenario.
 const MOST_FINDINGS: usize = 20;
 
-/// Keys that once stood elsewhere: table and name then, and the table now.
-const MOVED: [(&str, &str, &str); 2] = [
-    ("estimator", "source", "motion_capture"),
-    ("estimator", "recording", "motion_capture"),
-];
-
 /// The scenario of a document, if it can be made out at all, and what is wrong with the document's structure.
 /// Unknown keys are removed from it, so that the rest can be judged all the same.
 pub(super) fn read(
     sources: &Sources,
     document: &mut Spanned<DeTable<'_>>,
 ) -> (Option<Scenario>, Vec<Finding>) {
-    let schema = keys::schema();
     let mut walk = Walk {
         sources,
-        schema: &schema,
         unknown: Vec::new(),
         findings: Vec::new(),
     };
-    walk.table(&Key::root(), document.get_ref(), document.span(), &schema);
+    walk.table(&Key::root(), document.get_ref(), document.span(), keys::schema());
     let Walk {
         unknown,
         mut findings,
@@ -59,7 +51,6 @@ pub(super) fn read(
 /// A walk through a document beside the schema of scenarios.
 struct Walk<'a> {
     sources: &'a Sources,
-    schema: &'a Value,
     /// Keys of which there are none.
     unknown: Vec<Key>,
     findings: Vec<Finding>,
@@ -111,7 +102,7 @@ impl Walk<'_> {
     }
 
     fn value(&mut self, key: &Key, written: &Spanned<DeValue<'_>>, part: &Value) {
-        let part = keys::resolved(self.schema, part);
+        let part = keys::resolved(part);
         let (wanted, span) = (wanted(part), written.span());
         match (written.get_ref(), wanted) {
             (DeValue::Table(table), Wanted::Table) => self.table(key, table, span, part),
@@ -275,7 +266,7 @@ fn in_words(found: &DeValue<'_>) -> String {
 fn place_in_enclosing_table(key: &Key) -> Option<String> {
     let (name, table) = key.segments().split_last()?;
     let below = |owner: &str| format!("`{name}` belongs to `{owner}`: write it directly below `[{owner}]`");
-    let moved = MOVED
+    let moved = MOVED_KEYS
         .iter()
         .find(|(then, moved, _)| table == [*then] && name == moved);
     if let Some((_, _, owner)) = moved {

@@ -20,7 +20,7 @@ use std::fmt::{Display, Formatter};
 use std::time::Duration;
 
 use host::step::NonFinite;
-use scenario::{Problem, Scenario};
+use scenario::{Scenario, Unflyable};
 use shared_types::{Header, Schedule, ServiceId};
 
 use metrics::summary::laboratory::LaboratoryReport;
@@ -204,19 +204,6 @@ impl FlightFailure {
 pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, Unflyable> {
     scenario.schedule().map_err(Unflyable)
 }
-
-/// A scenario that makes no schedule.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unflyable(Vec<Problem>);
-
-impl Display for Unflyable {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        let problems: Vec<_> = self.0.iter().map(ToString::to_string).collect();
-        formatter.write_str(&problems.join("; "))
-    }
-}
-
-impl Error for Unflyable {}
 
 impl From<Unflyable> for FlightFailure {
     fn from(scenario: Unflyable) -> Self {

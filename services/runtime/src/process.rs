@@ -7,7 +7,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
 
 use rustix::process::DumpableBehavior;
-use scenario::{Scenario, ServiceDeployment};
+use scenario::{Scenario, ServiceDeployment, Unflyable};
 use shared_types::service::{Built, ErasedService};
 use shared_types::{Schedule, ServiceId};
 
@@ -107,10 +107,7 @@ fn invite(
 
 fn schedule_of(start: &Start) -> Result<Schedule, ProcessError> {
     let schedule = start.scenario.schedule();
-    schedule.map_err(|problems| {
-        let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
-        ProcessError::Scenario(problems.join("; ").into())
-    })
+    schedule.map_err(|problems| ProcessError::Scenario(Unflyable(problems).into()))
 }
 
 /// Makes what is needed to fly, and flies. Who has no role yet makes what every role needs and waits for one.

@@ -48,7 +48,7 @@ pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
 pub use model::Model;
 pub use motion_capture::{CaptureSystem, FrameTransform, MotionCapture, PoseSource};
 pub use path::{Path, PathMode, YawStep};
-pub use problem::{Key, Problem};
+pub use problem::{Key, Problem, Unflyable};
 pub use programs::Programs;
 pub use radio_link::{
     ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProtocol, Transmitter,
@@ -59,6 +59,12 @@ pub use shared_types::GRAVITY;
 pub use timing::Timing;
 pub use timing::names::EdgeName;
 pub use vehicle::{Actuators, Fan, FanMove, InitialState, Turbulence, Vehicle, VehicleChange};
+
+/// Keys that once stood elsewhere: table and name then, and the table now.
+pub const MOVED_KEYS: [(&str, &str, &str); 2] = [
+    ("estimator", "source", "motion_capture"),
+    ("estimator", "recording", "motion_capture"),
+];
 
 /// A vector of three numbers.
 pub type Vector = [f64; 3];

@@ -107,6 +107,19 @@ impl std::fmt::Display for Problem {
 
 impl std::error::Error for Problem {}
 
+/// A scenario that makes no schedule.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unflyable(pub Vec<Problem>);
+
+impl std::fmt::Display for Unflyable {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let problems: Vec<_> = self.0.iter().map(ToString::to_string).collect();
+        formatter.write_str(&problems.join("; "))
+    }
+}
+
+impl std::error::Error for Unflyable {}
+
 #[cfg(test)]
 mod tests {
     use super::*;
