@@ -291,7 +291,7 @@ impl<'a> Crew<'a> {
                 match event {
                     CrewEvent::Ready(service, warnings) => {
                         notes.extend(warnings);
-                        self.note_rebirth(service, None);
+                        self.note_rebirth(service);
                     }
                     CrewEvent::Lost(failure) => return Err(failure),
                     CrewEvent::Finished(_) | CrewEvent::Died => {}

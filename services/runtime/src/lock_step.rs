@@ -4,7 +4,7 @@
 //! input is here, and later ones stay in their buffers. No sample is lost; publishers run ahead at most as
 //! far as the schedule lets them.
 //!
-//! After every step the service's state is kept outside of the process. One that is born after a death goes on
+//! Every ten ticks the service's state is kept outside of the process. One that is born after a death goes on
 //! from there: it gets what it has missed, does again what was not kept, and publishes it again; consumers pass over
 //! what they have had. Steps are functions, so that a death cannot be seen in what was published.
 
@@ -27,6 +27,10 @@ use crate::wait::Waiter;
 use crate::watchdog::{self, Work};
 use host::step::{self, Slots, Timetable, Views};
 
+/// Ticks of which at most the steps are done again after a death. A checkpoint is a copy of some kilobytes, a twentieth of
+/// the time of a tick in which each service keeps one; ten ticks of steps take less than it takes to start a process.
+const CHECKPOINT_PERIOD: u64 = 10;
+
 /// A service's ports.
 pub struct ServicePorts {
     id: ServiceId,
@@ -35,8 +39,8 @@ pub struct ServicePorts {
     outlets: Outlets,
     /// Where a reborn service gets what it has missed.
     missed: Option<Channel>,
-    /// Whether a fault is planned. Then publishers may run ahead until buffers are full, and a service
-    /// that waits for one input must not let the publisher of another one wait.
+    /// Whether a fault is planned, or a service was born again. Then publishers may run ahead, or repeat themselves, until
+    /// buffers are full, and a service that waits for one input must not let the publisher of another one wait.
     takes_all: bool,
     /// How many births of others the ports are connected to.
     births_seen: u32,
@@ -122,6 +126,7 @@ impl ServicePorts {
             return Ok(());
         }
         self.births_seen = births;
+        self.takes_all = true;
         self.connect()?;
         let cell = &self.page.words().cells[self.id.index()];
         cell.births_seen.store(births, Ordering::Release);
@@ -214,7 +219,11 @@ pub fn fly(
         cockpit.step_and_publish(service, &timetable, tick)?;
         next = timetable.steps.first_at_or_after(tick + 1);
         debug_assert!(next.is_none_or(|next| next > tick), "ticks go forward");
-        cockpit.keep(service, tick + 1);
+        let dies = timetable.dies_after(tick, next);
+        let is_last = next.is_none_or(|next| next > schedule.last_tick());
+        if dies || is_last || next.map(period_of) != Some(period_of(tick)) {
+            cockpit.keep(service, tick + 1);
+        }
         cockpit.crash.pass(CrashPlace::BeforeWaking, tick);
         let cell = cockpit.waiter.cell();
         cell.steps_until.store(tick + 1, Ordering::Relaxed);
@@ -223,11 +232,16 @@ pub fn fly(
         if cockpit.ports.missed.is_some() {
             cockpit.ports.catch_up()?;
         }
-        if timetable.dies_after(tick, next) {
+        if dies {
             crash::die();
         }
     }
     Ok(())
+}
+
+/// Which checkpoint a step at `tick` is for.
+fn period_of(tick: u64) -> u64 {
+    tick / CHECKPOINT_PERIOD
 }
 
 impl Cockpit<'_> {

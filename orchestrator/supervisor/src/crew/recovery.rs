@@ -54,10 +54,12 @@ impl Crew<'_> {
         } else {
             member.fruitless + 1
         };
-        member.flown_until = flown_until;
+        // One that does steps again is behind where it was.
+        member.flown_until = flown_until.max(member.flown_until);
         let timetable = Timetable::new(self.schedule, service);
+        let after = timetable.steps.first_at_or_after(flown_until);
+        let is_planned = flown_until > 0 && timetable.dies_after(flown_until - 1, after);
         let next = timetable.steps.first_at_or_after(next_tick);
-        let is_planned = next_tick > 0 && timetable.dies_after(next_tick - 1, next);
         let pause = if is_planned {
             Some(Duration::ZERO)
         } else {
@@ -104,7 +106,7 @@ impl Crew<'_> {
             if self.members[at].phase == Phase::Ready {
                 let service = self.members[at].service;
                 self.members[at].phase = Phase::Flying;
-                self.note_rebirth(service, self.next_tick(service).checked_sub(1));
+                self.note_rebirth(service);
                 self.say_go(service, true)?;
             }
         }
@@ -260,7 +262,7 @@ impl Crew<'_> {
         }
         self.members[service.index()].remembered = remembered;
         self.members[service.index()].phase = Phase::CatchingUp(places);
-        self.note_rebirth(service, next_tick.checked_sub(1));
+        self.note_rebirth(service);
         self.say_go(service, true)
     }
 
@@ -271,7 +273,9 @@ impl Crew<'_> {
             .map_or(0, |checkpoint| checkpoint.next_tick)
     }
 
-    pub(super) fn note_rebirth(&mut self, service: ServiceId, tick: Option<u64>) {
+    pub(super) fn note_rebirth(&mut self, service: ServiceId) {
+        let steps_until = &self.page.words().cells[service.index()].steps_until;
+        let tick = steps_until.load(Ordering::Relaxed).checked_sub(1);
         let member = &self.members[service.index()];
         if let Some(died_at) = member.died_at {
             self.rebirths.push(Rebirth {
