@@ -129,8 +129,11 @@ impl Machine {
     }
 
     fn keep_checkpoint(&mut self, found: LoggedCheckpoint) {
-        let own = &mut self.services[found.service.index()];
-        if found.layout != registry::state_layout(found.service) {
+        let service = found.service;
+        let own = &mut self.services[service.index()];
+        let is_known = found.layout == registry::state_layout(service)
+            && found.checkpoint.state.len() == registry::state_size(service);
+        if !is_known {
             own.has_strange_checkpoints = true;
             return;
         }

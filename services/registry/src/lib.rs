@@ -35,6 +35,7 @@ pub enum Constructor {
 pub struct StepLogic {
     build: fn(&Scenario) -> Built,
     state_layout: fn() -> String,
+    state_size: usize,
 }
 
 /// The constructor of a kind in a role; `None` if nothing of the kind flies there.
@@ -60,6 +61,7 @@ fn step_logic(role: ServiceId) -> StepLogic {
         StepLogic {
             build,
             state_layout: layout_hash::<S::State>,
+            state_size: size_of::<S::State>(),
         }
     }
     match role {
@@ -116,6 +118,12 @@ pub fn connect(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<
 pub fn state_layout(role: ServiceId) -> u64 {
     let hash = (step_logic(role).state_layout)();
     u64::from_str_radix(&hash[..16], 16).expect("hexadecimal digits")
+}
+
+/// Bytes of a role's state.
+#[must_use]
+pub fn state_size(role: ServiceId) -> usize {
+    step_logic(role).state_size
 }
 
 #[cfg(test)]

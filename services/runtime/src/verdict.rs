@@ -36,15 +36,6 @@ pub(crate) fn count_miss(words: &Words) {
     words.misses.fetch_add(1, Ordering::Relaxed);
 }
 
-/// Counts what a wait of the leader took too long, in which the turn goes round once.
-#[inline]
-pub(crate) fn count_lap(words: &Words, lap: Duration) {
-    if lap > SLOW_LAP {
-        let misses = u32::try_from(lap.as_nanos() / MISS.as_nanos()).unwrap_or(MISS_LIMIT);
-        words.misses.fetch_add(misses, Ordering::Relaxed);
-    }
-}
-
 /// Whether somebody else keeps the core for long when this process yields. Tries it.
 pub(crate) fn is_yield_slow() -> bool {
     let before = Instant::now();
@@ -57,6 +48,7 @@ pub(crate) fn is_yield_slow() -> bool {
 pub(crate) struct Leader {
     waits_left: u32,
     blocking_waits: u32,
+    lap_began: Instant,
 }
 
 impl Default for Leader {
@@ -64,6 +56,7 @@ impl Default for Leader {
         Self {
             waits_left: VERDICT_WAITS,
             blocking_waits: VERDICT_WAITS,
+            lap_began: Instant::now(),
         }
     }
 }
@@ -94,6 +87,22 @@ impl Leader {
                 self.blocking_waits = (self.blocking_waits / 4).max(VERDICT_WAITS);
             }
             self.waits_left = VERDICT_WAITS;
+        }
+    }
+
+    /// Begins to time a lap, in which the turn goes round once.
+    pub(crate) fn begin_lap(&mut self, now: Instant) {
+        self.lap_began = now;
+    }
+
+    /// Counts what the lap took too long, and begins the next one: the clock is read once a lap.
+    #[inline]
+    pub(crate) fn count_lap(&mut self, words: &Words, now: Instant) {
+        let lap = now - self.lap_began;
+        self.begin_lap(now);
+        if lap > SLOW_LAP {
+            let misses = u32::try_from(lap.as_nanos() / MISS.as_nanos()).unwrap_or(MISS_LIMIT);
+            words.misses.fetch_add(misses, Ordering::Relaxed);
         }
     }
 
@@ -151,9 +160,12 @@ mod tests {
     #[test]
     fn a_lap_that_takes_as_long_as_many_turns_is_enough() {
         let page = SharedPage::create().unwrap();
-        count_lap(page.words(), SLOW_LAP);
+        let mut leader = Leader::default();
+        let began = Instant::now();
+        leader.begin_lap(began);
+        leader.count_lap(page.words(), began + SLOW_LAP);
         assert_eq!(page.words().misses.load(Ordering::Relaxed), 0);
-        count_lap(page.words(), Duration::from_millis(14));
+        leader.count_lap(page.words(), began + SLOW_LAP + Duration::from_millis(14));
         assert!(page.words().misses.load(Ordering::Relaxed) > MISS_LIMIT);
     }
 

@@ -55,7 +55,9 @@ impl Waiter {
         scheduler: Scheduler,
         guests: Guests,
     ) -> Self {
-        let leader = (me == ServiceId::ALL[0]).then(Leader::default);
+        // Under `SCHED_FIFO` nobody else has the core, and yielding pays without a verdict.
+        let leads = me == ServiceId::ALL[0] && scheduler != Scheduler::Fifo;
+        let leader = leads.then(Leader::default);
         Self {
             me,
             page,
@@ -134,13 +136,12 @@ impl Waiter {
         if self.has_stepped(publisher, due) && arrived()? {
             return Ok(());
         }
-        let lap = self.leader.as_mut().map(|leader| {
+        if let Some(leader) = &mut self.leader {
             leader.pass_verdict(self.page.words(), verdict::is_yield_slow);
-            Instant::now()
-        });
+        }
         let is_here = self.yield_for(&mut arrived)?;
-        if let Some(began) = lap {
-            verdict::count_lap(self.page.words(), began.elapsed());
+        if let Some(leader) = &mut self.leader {
+            leader.count_lap(self.page.words(), Instant::now());
         }
         if is_here {
             Cell::count(&self.cell().yields);
@@ -149,6 +150,9 @@ impl Waiter {
         Cell::count(&self.cell().blocks);
         let result = self.sleep_for(publisher, &mut arrived);
         self.cell().waiting_for.store(0, Ordering::Relaxed);
+        if let Some(leader) = &mut self.leader {
+            leader.begin_lap(Instant::now());
+        }
         result
     }
 
@@ -174,7 +178,6 @@ impl Waiter {
         Ok(false)
     }
 
-    /// Under `SCHED_FIFO` nobody else has the core, and yielding pays whatever the verdict.
     #[inline]
     fn may_yield(&self) -> bool {
         self.scheduler == Scheduler::Fifo || verdict::is_to_yield(self.page.words())
