@@ -301,13 +301,15 @@ fn a_step_in_a_laboratory_allocates_nothing() {
             let plain = registry::build(service, &scenario).unwrap();
             host.replace(registry::connect(plain, &scenario, &page).unwrap());
         }
-        page.words().start_ns.store(monotonic_ns(), Ordering::Release);
+        page.control_block()
+            .start_ns
+            .store(monotonic_ns(), Ordering::Release);
         let mut allocations = 0;
         let mut believed = 0;
         for _ in 0..=host.schedule().last_tick() {
             cameras.send();
             let count = allocations::allocations_during(|| host.fly(&mut Stopping::default()).unwrap());
-            let figures: CaptureFigures = page.words().notices[ServiceId::Plant.index()].look();
+            let figures: CaptureFigures = page.control_block().notices[ServiceId::Plant.index()].look();
             if believed > 0 {
                 allocations += count;
             }
@@ -318,7 +320,7 @@ fn a_step_in_a_laboratory_allocates_nothing() {
         }
         assert!(believed > 1000, "{name}: {believed}");
         assert_eq!(allocations, 0, "{name}");
-        let link: LinkFigures = page.words().notices[ServiceId::RcOutput.index()].look();
+        let link: LinkFigures = page.control_block().notices[ServiceId::RcOutput.index()].look();
         assert!(link.sent > 0);
     }
 }

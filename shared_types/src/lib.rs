@@ -31,7 +31,7 @@ pub use flight_phase::FlightPhase;
 pub use sample::{Header, Sample};
 pub use schedule::Schedule;
 pub use service::{Input, Now, Operator, Output, Service};
-pub use wiring::{Guests, Published, ServiceId, Topic};
+pub use wiring::{ExternalServices, Published, ServiceId, Topic};
 
 /// Standard gravity as the paper uses it, m/s².
 pub const GRAVITY: f64 = 9.81;

@@ -12,8 +12,8 @@ use crate::samples::{
     VehicleState, VehicleTruth,
 };
 
-/// Of each service in the order of the wiring table, whether a program of one's own flies in its place: it is a guest.
-pub type Guests = [bool; ServiceId::ALL.len()];
+/// Of each service in the order of the wiring table, whether a program of one's own flies in its place: it is an external service.
+pub type ExternalServices = [bool; ServiceId::ALL.len()];
 
 /// An input of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

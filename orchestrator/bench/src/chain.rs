@@ -19,7 +19,7 @@ use runtime::deployment::{self, FIFO_PRIORITY};
 use runtime::descriptors::{hand_on, inherited};
 use runtime::flight_clock::{FlightClock, monotonic_ns, nap_until};
 use runtime::ports::Member;
-use runtime::shared_page::{SharedPage, Words};
+use runtime::shared_page::{ControlBlock, SharedPage};
 use scenario::ServiceDeployment;
 use shared_types::ServiceId;
 
@@ -57,13 +57,13 @@ pub(super) fn four_hops(core: usize, fifo: bool, rounds: u64) -> std::io::Result
         let member = spawn(place, core, fifo, rounds, &root.configuration(), &page)?;
         members.0.push(member);
     }
-    let words = page.words();
-    while words.misses.load(Ordering::Acquire) < u32::try_from(MEMBERS).expect("few members") {
+    let block = page.control_block();
+    while block.misses.load(Ordering::Acquire) < u32::try_from(MEMBERS).expect("few members") {
         members.check()?;
         std::thread::sleep(Duration::from_millis(1));
     }
     let clock = FlightClock::starting_in(COUNTDOWN, PERIOD_NS);
-    words.start_ns.store(clock.start_ns, Ordering::Release);
+    block.start_ns.store(clock.start_ns, Ordering::Release);
     let told = members.0.last_mut().and_then(|last| last.stdout.take());
     members.wait()?;
     let mut text = String::new();
@@ -115,16 +115,16 @@ fn take_part(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync>
     }
     let page = SharedPage::open(inherited(PAGE_FD)?)?;
     let member = Member::join(&arguments.configuration, "chain-member")?;
-    let words = page.words();
+    let block = page.control_block();
     let me = arguments.place;
     match (me, me + 1) {
-        (0, _) => send(&hop(&member, 0)?, words, arguments.rounds)?,
+        (0, _) => send(&hop(&member, 0)?, block, arguments.rounds)?,
         (_, MEMBERS) => {
-            let times = measure(&hop(&member, me - 1)?, words)?;
+            let times = measure(&hop(&member, me - 1)?, block)?;
             let quantiles = Quantiles::of(&times).ok_or("no event has come to the end of the chain")?;
             print(serde_json::to_string(&quantiles)?);
         }
-        _ => pass_on(&hop(&member, me - 1)?, &hop(&member, me)?, words, me)?,
+        _ => pass_on(&hop(&member, me - 1)?, &hop(&member, me)?, block, me)?,
     }
     Ok(())
 }
@@ -138,26 +138,26 @@ fn hop(member: &Member, place: usize) -> Result<Event, Box<dyn Error + Send + Sy
 }
 
 /// When the round began that has come as far as a member, or that there is none any more.
-fn newest(words: &Words, place: usize) -> &AtomicU64 {
-    &words.cells[place].steps_until
+fn newest(block: &ControlBlock, place: usize) -> &AtomicU64 {
+    &block.cells[place].steps_until
 }
 
 /// The first: sends an event every period.
-fn send(to: &Event, words: &Words, rounds: u64) -> Result<(), Box<dyn Error + Send + Sync>> {
+fn send(to: &Event, block: &ControlBlock, rounds: u64) -> Result<(), Box<dyn Error + Send + Sync>> {
     let notifier = to.notifier_builder().create()?;
-    words.misses.fetch_add(1, Ordering::AcqRel);
-    while words.start_ns.load(Ordering::Acquire) == 0 {
+    block.misses.fetch_add(1, Ordering::AcqRel);
+    while block.start_ns.load(Ordering::Acquire) == 0 {
         sleep_until(monotonic_ns() + PERIOD_NS);
     }
     let clock = FlightClock {
-        start_ns: words.start_ns.load(Ordering::Acquire),
+        start_ns: block.start_ns.load(Ordering::Acquire),
         tick_ns: PERIOD_NS,
     };
     for round in 0..=rounds {
         sleep_until(clock.begins_at(round));
         let is_over = round == rounds;
         let sent = if is_over { THE_END } else { monotonic_ns() };
-        newest(words, 0).store(sent, Ordering::Release);
+        newest(block, 0).store(sent, Ordering::Release);
         notifier.notify()?;
     }
     Ok(())
@@ -170,17 +170,22 @@ fn sleep_until(at_ns: u64) {
 }
 
 /// One between the first and the last: hands on what comes.
-fn pass_on(from: &Event, to: &Event, words: &Words, me: usize) -> Result<(), Box<dyn Error + Send + Sync>> {
+fn pass_on(
+    from: &Event,
+    to: &Event,
+    block: &ControlBlock,
+    me: usize,
+) -> Result<(), Box<dyn Error + Send + Sync>> {
     let listener = from.listener_builder().create()?;
     let notifier = to.notifier_builder().create()?;
-    words.misses.fetch_add(1, Ordering::AcqRel);
+    block.misses.fetch_add(1, Ordering::AcqRel);
     let mut seen = 0;
     while seen != THE_END {
         listener.timed_wait(|_| (), LONGEST_WAIT)?;
-        let sent = newest(words, me - 1).load(Ordering::Acquire);
+        let sent = newest(block, me - 1).load(Ordering::Acquire);
         if sent != seen {
             seen = sent;
-            newest(words, me).store(sent, Ordering::Release);
+            newest(block, me).store(sent, Ordering::Release);
             notifier.notify()?;
         }
     }
@@ -188,14 +193,14 @@ fn pass_on(from: &Event, to: &Event, words: &Words, me: usize) -> Result<(), Box
 }
 
 /// The last: how long it is from the first to here.
-fn measure(from: &Event, words: &Words) -> Result<Histogram<u64>, Box<dyn Error + Send + Sync>> {
+fn measure(from: &Event, block: &ControlBlock) -> Result<Histogram<u64>, Box<dyn Error + Send + Sync>> {
     let listener = from.listener_builder().create()?;
     let mut times = timing::histogram();
-    words.misses.fetch_add(1, Ordering::AcqRel);
+    block.misses.fetch_add(1, Ordering::AcqRel);
     let mut seen = 0;
     loop {
         listener.timed_wait(|_| (), LONGEST_WAIT)?;
-        let sent = newest(words, MEMBERS - 2).load(Ordering::Acquire);
+        let sent = newest(block, MEMBERS - 2).load(Ordering::Acquire);
         if sent == THE_END {
             return Ok(times);
         }

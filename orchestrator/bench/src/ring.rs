@@ -88,21 +88,21 @@ fn time(
     page: &SharedPage,
     doorbells: &[Doorbell],
 ) -> Result<f64, Box<dyn std::error::Error + Send + Sync>> {
-    let arrived = || page.words().misses.load(Ordering::Acquire);
+    let arrived = || page.control_block().misses.load(Ordering::Acquire);
     while arrived() < u32::try_from(MEMBERS).expect("few members") {
         members.check()?;
         std::thread::yield_now();
     }
     recorder.connect()?;
     // They connect once all ports are there, and the first begins once all have.
-    page.words().births.store(1, Ordering::Release);
+    page.control_block().births.store(1, Ordering::Release);
     while arrived() < u32::try_from(2 * MEMBERS).expect("few members") {
         members.check()?;
         std::thread::yield_now();
     }
     let started = Instant::now();
     doorbells[0].ring();
-    let last = &page.words().cells[MEMBERS - 1].steps_until;
+    let last = &page.control_block().cells[MEMBERS - 1].steps_until;
     while last.load(Ordering::Acquire) < rounds {
         recorder.drain()?;
         members.check_failures()?;
@@ -270,14 +270,14 @@ fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + S
     );
     let member = Member::join(&arguments.configuration, ServiceId::ALL[me].name())?;
     let mut ports = BarePorts::open(&member, ServiceId::ALL[me], &schedule())?;
-    let words = page.words();
-    words.misses.fetch_add(1, Ordering::AcqRel);
-    while words.births.load(Ordering::Acquire) == 0 {
+    let block = page.control_block();
+    block.misses.fetch_add(1, Ordering::AcqRel);
+    while block.births.load(Ordering::Acquire) == 0 {
         std::thread::yield_now();
     }
     ports.connect()?;
-    words.misses.fetch_add(1, Ordering::AcqRel);
-    let turns = |place: usize| words.cells[place].steps_until.load(Ordering::Acquire);
+    block.misses.fetch_add(1, Ordering::AcqRel);
+    let turns = |place: usize| block.cells[place].steps_until.load(Ordering::Acquire);
     if arguments.wait == RingWait::Yield {
         doorbells[me].sleep();
         // Under FIFO yields keep the order in which they begin: the first one makes all ready in the ring's, before it
@@ -303,7 +303,7 @@ fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + S
         }
         ports.receive(round > 0)?;
         ports.publish()?;
-        words.cells[me].steps_until.store(round + 1, Ordering::Release);
+        block.cells[me].steps_until.store(round + 1, Ordering::Release);
         if arguments.wait == RingWait::Eventfd {
             doorbells[after].ring();
         }

@@ -110,7 +110,7 @@ impl RunRoot {
     }
 
     fn write_configuration(&self) -> io::Result<()> {
-        // The orchestrator alone cleans up after the dead: guests and onlookers keep to it too.
+        // The orchestrator alone cleans up after the dead: external services and onlookers keep to it too.
         let text = format!(
             "[global]\nroot-path = {:?}\nprefix = {:?}\n\n\
              [global.node]\ncleanup-dead-nodes-on-creation = false\ncleanup-dead-nodes-on-destruction = false\n\n\

@@ -392,7 +392,7 @@ mod tests {
         assert!(run.is_permitted() && run.folder_from_here() == folder);
 
         run.ask_directly(Request::Kill).unwrap();
-        assert!(page.words().operator(Operator::default()).killed);
+        assert!(page.control_block().operator(Operator::default()).killed);
         end(child);
         assert!(found().is_none());
         assert!(

@@ -124,7 +124,7 @@ pub struct Replayed {
     /// The service whose steps cannot be done again, if it is to be: in a laboratory the world's are what cameras saw.
     pub not_again: Option<&'static str>,
     /// Services that are to be replayed and in whose place programs of one's own flew, whose steps nobody can do again.
-    pub guests: Vec<ServiceId>,
+    pub external_services: Vec<ServiceId>,
     /// Of each topic that was published in the replay.
     pub comparisons: Vec<Comparison>,
     /// Why the log ends early, if it does.
@@ -227,14 +227,14 @@ pub fn replay(
     let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
     let not_again = replayed.iter().copied().find(seen);
     let not_again = not_again.map(|service| recorded.process_name(service));
-    let is_guest = |service: &ServiceId| recorded.program_of(*service).is_some();
-    let guests = replayed.iter().copied().filter(is_guest).collect();
-    replayed.retain(|service| !seen(service) && !is_guest(service));
+    let is_external_service = |service: &ServiceId| recorded.program_of(*service).is_some();
+    let external_services = replayed.iter().copied().filter(is_external_service).collect();
+    replayed.retain(|service| !seen(service) && !is_external_service(service));
     let stations: Vec<_> = replayed.into_iter().map(station).collect::<Result<_, _>>()?;
     let is_asked_for = |topic| stations.iter().any(|station| station.is_about(topic));
     let mut flight = Replay {
         not_again,
-        guests,
+        external_services,
         source: Source {
             reader,
             history: History::of(is_asked_for),
@@ -264,7 +264,7 @@ struct Replay<'a> {
     scope: Scope,
     stations: Vec<Station>,
     not_again: Option<&'static str>,
-    guests: Vec<ServiceId>,
+    external_services: Vec<ServiceId>,
     source: Source,
     machine: Machine,
     starts: Vec<Start>,
@@ -357,7 +357,7 @@ impl Replay<'_> {
             lacks_samples: self.lacks_samples(),
             starts: self.starts,
             not_again: self.not_again,
-            guests: self.guests,
+            external_services: self.external_services,
             comparisons: self.stations.into_iter().flat_map(Station::finish).collect(),
             log_ends: self.source.ends,
         }

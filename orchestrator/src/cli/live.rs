@@ -42,8 +42,8 @@ pub struct Postmortem {
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// A service in whose place a program flew.
-    #[arg(long = "guest", value_name = "SERVICE")]
-    pub guests: Vec<String>,
+    #[arg(long = "external-service", value_name = "SERVICE")]
+    pub external_services: Vec<String>,
     /// What has happened, as a fault tells it.
     #[arg(long, value_name = "CAUSE")]
     pub cause: String,

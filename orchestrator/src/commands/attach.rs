@@ -1,6 +1,6 @@
 //! `gerono attach`: takes over a flight in real time whose orchestrator has died.
 
-use shared_types::Guests;
+use shared_types::ExternalServices;
 
 use super::conclusion::Flown;
 use super::{Failure, host_record, run_log};
@@ -27,8 +27,8 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     // Before anything is taken over: without a place for the results the services go on alone.
     let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(Failure::not_written)?;
     let mut record = host_record(&folder, arguments.recording).map_err(Failure::not_written)?;
-    let _postmortem =
-        Postmortem::prepare(Host::Realtime, folder.path(), Guests::default()).map_err(Failure::trouble)?;
+    let _postmortem = Postmortem::prepare(Host::Realtime, folder.path(), ExternalServices::default())
+        .map_err(Failure::trouble)?;
     let flight = Succession::prepare(&place).map_err(Failure::trouble)?;
     let scenario = flight.scenario().clone();
     let manifest = Manifest::new(&scenario);

@@ -16,13 +16,13 @@ use supervisor::postmortem::{Fault, IN_WORDS};
 /// [`Failure`], always: the flight has failed.
 pub fn postmortem(arguments: &Postmortem) -> Result<Exit, Failure> {
     let mut cause = in_words(&arguments.cause);
-    if !arguments.guests.is_empty() {
-        let guests: Vec<_> = arguments
-            .guests
+    if !arguments.external_services.is_empty() {
+        let external_services: Vec<_> = arguments
+            .external_services
             .iter()
-            .map(|guest| format!("`{guest}`"))
+            .map(|external_service| format!("`{external_service}`"))
             .collect();
-        cause += &format!("; programs flew in place of {}", guests.join(", "));
+        cause += &format!("; programs flew in place of {}", external_services.join(", "));
     }
     let flies_on = arguments.host == Host::Realtime;
     let then = if flies_on {
@@ -97,7 +97,7 @@ fn process(pid: u32) -> String {
 fn program_of(pid: u32) -> Option<String> {
     let environment = std::fs::read(format!("/proc/{pid}/environ")).ok()?;
     let mut variables = environment.split(|&byte| byte == 0);
-    let name = format!("{}=", runtime::guest::SERVICE_VARIABLE);
+    let name = format!("{}=", runtime::external_service::SERVICE_VARIABLE);
     let value = variables.find_map(|variable| variable.strip_prefix(name.as_bytes()))?;
     Some(String::from_utf8_lossy(value).into_owned())
 }

@@ -121,10 +121,10 @@ fn report(replayed: &Replayed, options: &Options) -> String {
             "The steps of `{service}` are not done again: in this flight they took what the laboratory's cameras sent.\n"
         );
     }
-    if !replayed.guests.is_empty() {
+    if !replayed.external_services.is_empty() {
         text += &format!(
             "The steps of {} cannot be computed again: external services flew there.\n",
-            names(&replayed.guests)
+            names(&replayed.external_services)
         );
     }
     if replayed
@@ -187,7 +187,7 @@ fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
         0 => ServiceId::ALL.len(),
         count => count,
     };
-    let done_again = services - usize::from(replayed.not_again.is_some()) - replayed.guests.len();
+    let done_again = services - usize::from(replayed.not_again.is_some()) - replayed.external_services.len();
     let rest = if replayed.starts.len() < done_again {
         "; the others with the flight"
     } else {

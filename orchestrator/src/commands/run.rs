@@ -39,12 +39,12 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
             "--crash kills the process of a service, and with --host inprocess there is but one process";
         return Err(Failure::bad_input(reason));
     }
-    let is_guest = |service: ServiceId| scenario.program_of(service).is_some();
+    let is_external_service = |service: ServiceId| scenario.program_of(service).is_some();
     if let Some(crash) = arguments
         .deployment
         .crash
         .iter()
-        .find(|crash| is_guest(crash.service))
+        .find(|crash| is_external_service(crash.service))
     {
         let reason = format!(
             "--crash tells a service where to die, and a program of its own in place of `{}` cannot be told",
@@ -119,7 +119,7 @@ fn fly_processes(
     people: &People<'_>,
 ) -> Result<Ending, FlightFailure> {
     let mut record = host_record(folder, arguments.recording)?;
-    let _postmortem = Postmortem::prepare(arguments.host, folder.path(), scenario.guests())
+    let _postmortem = Postmortem::prepare(arguments.host, folder.path(), scenario.external_services())
         .map_err(FlightFailure::setup)?;
     let deployment = deployment(&arguments.deployment);
     let ending = if arguments.host == Host::Realtime {

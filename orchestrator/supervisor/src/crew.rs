@@ -1,13 +1,13 @@
 //! The service processes of a run: started, watched, started again when they die, stopped, and never left behind.
 //!
 //! A death in flight is mended by a process that goes on from the dead one's last checkpoint and gets from the
-//! recorder what it has missed ([`runtime::inlet`]). A service that dies again and again at the same place is given
+//! recorder what it has missed ([`runtime::input_port`]). A service that dies again and again at the same place is given
 //! up: its crash is a function of its inputs, and so will the next be.
 //!
 //! While all is well a spare process waits to take the place of whoever dies next.
 
 mod activity;
-mod guest;
+mod external_service;
 mod member;
 mod presentable;
 pub mod process;
@@ -316,9 +316,9 @@ impl<'a> Crew<'a> {
     }
 
     fn say_go(&self, service: ServiceId, reborn: bool) -> Result<(), FlightFailure> {
-        let words = self.page.words();
-        words.cells[service.index()].gone.store(0, Ordering::SeqCst);
-        let start_ns = words.start_ns.load(Ordering::Acquire);
+        let block = self.page.control_block();
+        block.cells[service.index()].gone.store(0, Ordering::SeqCst);
+        let start_ns = block.start_ns.load(Ordering::Acquire);
         self.say(service, &ToService::Go { reborn, start_ns })
     }
 
@@ -402,10 +402,10 @@ impl<'a> Crew<'a> {
                 // What it says until it is dead counts no more.
                 Ok(Some(_)) if self.members[at].blamed.is_some() => {}
                 Ok(Some(message)) => {
-                    if self.is_guest(at)
-                        && let Err(what) = self.hear_guest(at, &message)
+                    if self.is_external_service(at)
+                        && let Err(what) = self.hear_external_service(at, &message)
                     {
-                        events.extend(self.blame_guest(at, what));
+                        events.extend(self.blame_external_service(at, what));
                         break;
                     }
                     events.extend(self.members[at].understand(message, self.start.host));
@@ -416,12 +416,12 @@ impl<'a> Crew<'a> {
                     events.extend(self.bury(at));
                     break;
                 }
-                Err(error) if self.is_guest(at) => {
+                Err(error) if self.is_external_service(at) => {
                     let what = format!(
                         "says what is no message of the contract: {}",
-                        guest::reason(&error)
+                        external_service::reason(&error)
                     );
-                    events.extend(self.blame_guest(at, what));
+                    events.extend(self.blame_external_service(at, what));
                     break;
                 }
                 Err(error) => {
@@ -444,7 +444,7 @@ impl<'a> Crew<'a> {
     /// Wakes everybody to look again, whatever has become of their wake-ups.
     pub fn rouse(&self) {
         self.doorbells.iter().for_each(Doorbell::ring);
-        self.page.words().cells.iter().for_each(Cell::ring);
+        self.page.control_block().cells.iter().for_each(Cell::ring);
     }
 
     /// Removes shared memory that a service was making when it died: others may be waiting for it.
@@ -458,8 +458,8 @@ impl<'a> Crew<'a> {
         if self.members.is_empty() {
             return;
         }
-        let words = self.page.words();
-        words.stopping.store(1, Ordering::SeqCst);
+        let block = self.page.control_block();
+        block.stopping.store(1, Ordering::SeqCst);
         for member in &self.members {
             // Who is gone already need not be told, and who takes no messages is killed below.
             let _ = member.process.channel.try_send(&ToService::Stop);

@@ -131,7 +131,7 @@ impl CrewObserver for HostRecord {
 
     fn health(&mut self, crew: &Crew<'_>) {
         for (service, pid) in crew.processes() {
-            let cell = &crew.page().words().cells[service.index()];
+            let cell = &crew.page().control_block().cells[service.index()];
             let ticks = cell.steps_until.load(Ordering::Relaxed);
             let sample = ServiceHealth {
                 time_ns: self.time_ns(),

@@ -135,7 +135,7 @@ pub enum FlightFailure {
     #[error(
         "the program in place of `{service}` (process {pid}) {what}; docs/process_contract.md says what it must do"
     )]
-    Guest {
+    ExternalService {
         /// Name of the service.
         service: String,
         /// Its process id.
@@ -231,12 +231,12 @@ pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
 /// Why a scenario cannot be flown in one process, if programs of one's own are to fly in it.
 #[must_use]
 pub fn programs_of_its_own(scenario: &Scenario) -> Option<String> {
-    let guests = scenario.guests();
-    let guest = ServiceId::ALL
+    let external_services = scenario.external_services();
+    let external_service = ServiceId::ALL
         .into_iter()
-        .find(|service| guests[service.index()])?;
+        .find(|service| external_services[service.index()])?;
     Some(format!(
-        "a program of its own is to fly in place of `{guest}` (`programs.{guest}`), and here all fly in one process; fly \
+        "a program of its own is to fly in place of `{external_service}` (`programs.{external_service}`), and here all fly in one process; fly \
          with --host lockstep or --host realtime, or with --set 'programs={{}}'"
     ))
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use host::in_process::TickSink;
 use runtime::control::Host;
 use runtime::ports::Delivery;
-use runtime::verdict::BLOCK_ALWAYS;
+use runtime::wait_policy::BLOCK_ALWAYS;
 use scenario::Scenario;
 
 use super::crew::{BIRTH_PERIOD, Crew, CrewEvent, CrewObserver};
@@ -36,12 +36,12 @@ where
     super::refuse_unsimulated_poses(scenario)?;
     let site = Site::prepare(scenario, deployment)?;
     let recorder = Recorder::new(site.subscribe(Delivery::Lossless)?, &site.schedule);
-    let mut recorder = recorder.distrust(site.scenario.guests(), &site.schedule);
+    let mut recorder = recorder.distrust(site.scenario.external_services(), &site.schedule);
     let mut crew = site.start_crew(deployment, Host::LockStep)?;
-    let words = crew.page().words();
-    recorder.make_known(words);
+    let block = crew.page().control_block();
+    recorder.make_known(block);
     if !deployment.yielding {
-        words.block_only.store(BLOCK_ALWAYS, Ordering::Relaxed);
+        block.block_only.store(BLOCK_ALWAYS, Ordering::Relaxed);
     }
     let warnings = site.await_ready(&mut crew)?;
     observer.ready(&crew, site.cores.ring);
@@ -94,7 +94,7 @@ impl Flight<'_> {
             if progress == Progress::Done {
                 return Ok(Outcome::Completed);
             }
-            self.look_after_guests(progress)?;
+            self.look_after_external_services(progress)?;
             self.observer.progressed(&self.crew, self.recorder.ticks());
             if let Some(signal) = interrupt.signal() {
                 return Ok(Outcome::Interrupted { signal });
@@ -125,15 +125,17 @@ impl Flight<'_> {
         }
     }
 
-    /// Takes note of how far guests have come, and of those that have finished without having flown to the end.
-    fn look_after_guests(&self, progress: Progress) -> Result<(), FlightFailure> {
+    /// Takes note of how far external services have come, and of those that have finished without having flown to the end.
+    fn look_after_external_services(&self, progress: Progress) -> Result<(), FlightFailure> {
         self.crew
-            .note_guests_steps(|guest| self.recorder.newest_of(guest));
-        for guest in self.crew.guests() {
+            .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
+        for external_service in self.crew.external_services() {
             // What it has published before it said so has been received since.
-            if progress == Progress::Waiting && self.crew.is_finished(guest) && self.recorder.waits_for(guest)
+            if progress == Progress::Waiting
+                && self.crew.is_finished(external_service)
+                && self.recorder.waits_for(external_service)
             {
-                return Err(self.crew.blame_for_missing(guest));
+                return Err(self.crew.blame_for_missing(external_service));
             }
         }
         Ok(())

@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 
 use runtime::watchdog;
 use rustix::fs::{Mode, OFlags};
-use shared_types::Guests;
+use shared_types::ExternalServices;
 use shared_types::ServiceId;
 
 use crate::host_kind::Host;
@@ -63,14 +63,15 @@ impl Postmortem {
     ///
     /// # Errors
     /// If the folder's name cannot be told on a command line, or if the system has no thread left.
-    pub fn prepare(host: Host, folder: &Path, guests: Guests) -> std::io::Result<Self> {
-        let guests = ServiceId::ALL
+    pub fn prepare(host: Host, folder: &Path, external_services: ExternalServices) -> std::io::Result<Self> {
+        let external_services = ServiceId::ALL
             .into_iter()
-            .filter(|service| guests[service.index()]);
-        let guests = guests.flat_map(|guest| ["--guest", guest.name()]);
+            .filter(|service| external_services[service.index()]);
+        let external_services =
+            external_services.flat_map(|external_service| ["--external-service", external_service.name()]);
         let words: Result<Vec<CString>, _> = ["gerono", "postmortem", "--host", host.name()]
             .into_iter()
-            .chain(guests)
+            .chain(external_services)
             .map(str::as_bytes)
             .chain([b"--out", folder.as_os_str().as_encoded_bytes(), b"--cause"])
             .map(CString::new)

@@ -103,12 +103,12 @@ where
 
     let clock = FlightClock::starting_in(COUNTDOWN, site.schedule.tick_ns());
     crew.page()
-        .words()
+        .control_block()
         .start_ns
         .store(clock.start_ns, Ordering::Release);
     observer.flight_begins_at(clock.start_ns);
     crew.go()?;
-    let recorder = recorder.distrust(site.scenario.guests(), &site.schedule, clock);
+    let recorder = recorder.distrust(site.scenario.external_services(), &site.schedule, clock);
     if scenario
         .flight
         .as_ref()
@@ -152,7 +152,7 @@ where
     observer.flight_begins_at(clock.start_ns);
     observer.ready(&crew, site.cores.ring);
     observer.note("another orchestrator has taken over");
-    let recorder = recorder.distrust(site.scenario.guests(), &site.schedule, clock);
+    let recorder = recorder.distrust(site.scenario.external_services(), &site.schedule, clock);
     let mut flight = Flight::new(&site, clock, crew, recorder, people, observer);
     flight.motors = Motors::unknown();
     flight.monitor.begin_now(flight.crew.step_log());
@@ -245,8 +245,8 @@ impl<'a> Flight<'a> {
     {
         let mut next_health = Instant::now() + Duration::from_secs(1);
         while !self.is_over() {
-            let words = self.crew.page().words();
-            words
+            let block = self.crew.page().control_block();
+            block
                 .orchestrator_alive_ns
                 .store(monotonic_ns(), Ordering::Relaxed);
             if let Some(signal) = self.people.interrupt.take() {
@@ -389,7 +389,7 @@ impl<'a> Flight<'a> {
         let frame = self.recorder.newest::<RcFrame>();
         self.motors.observe(frame.as_ref(), self.clock.elapsed_ns());
         self.crew
-            .note_guests_steps(|guest| self.recorder.newest_of(guest));
+            .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
         self.observe_steps();
         let settled_ns = self.clock.elapsed_ns().saturating_sub(SETTLING_NS);
         let settled = (settled_ns / self.clock.tick_ns).min(self.schedule.last_tick() + 1);
@@ -421,18 +421,18 @@ impl<'a> Flight<'a> {
     }
 
     fn observe_laboratory(&mut self) {
-        let words = self.crew.page().words();
-        if let Some(figures) = self.laboratory.capture(words) {
+        let block = self.crew.page().control_block();
+        if let Some(figures) = self.laboratory.capture(block) {
             self.observer.capture(&figures);
         }
-        if let Some(figures) = self.laboratory.link(words) {
+        if let Some(figures) = self.laboratory.link(block) {
             self.observer.link(&figures);
         }
     }
 
     fn tell_of_laboratory(&mut self) {
-        let words = self.crew.page().words();
-        for text in self.laboratory.news(words, self.clock.elapsed_ns()) {
+        let block = self.crew.page().control_block();
+        for text in self.laboratory.news(block, self.clock.elapsed_ns()) {
             self.tell(&text);
         }
     }
@@ -442,7 +442,7 @@ impl<'a> Flight<'a> {
         let crew = &self.crew;
         let hanging = self.heartbeats.hanging(
             now,
-            crew.page().words(),
+            crew.page().control_block(),
             |service| crew.flies(service),
             |service| crew.activity(service),
         );
@@ -465,7 +465,7 @@ impl<'a> Flight<'a> {
         }
         self.observe_steps();
         let flown = ServiceId::ALL.map(|service| {
-            let cell = &self.crew.page().words().cells[service.index()];
+            let cell = &self.crew.page().control_block().cells[service.index()];
             cell.steps_until.load(Ordering::Relaxed)
         });
         // What services and programs tell is not taken for more than there can be.
@@ -497,9 +497,15 @@ impl<'a> Flight<'a> {
             unrecorded,
             ..self.monitor.finish()
         };
-        // Nobody has timed the steps of guests.
-        let is_guest = |name: &str| self.crew.guests().any(|guest| guest.name() == name);
-        report.services.retain(|timing| !is_guest(timing.service));
+        // Nobody has timed the steps of external services.
+        let is_external_service = |name: &str| {
+            self.crew
+                .external_services()
+                .any(|external_service| external_service.name() == name)
+        };
+        report
+            .services
+            .retain(|timing| !is_external_service(timing.service));
         self.observer.timing(&report);
         self.observer.ended(&self.crew, &outcome);
         Ending {
@@ -509,7 +515,7 @@ impl<'a> Flight<'a> {
             warnings,
             rebirths: self.crew.rebirths().to_vec(),
             timing: Some(report),
-            laboratory: self.laboratory.report(self.crew.page().words()),
+            laboratory: self.laboratory.report(self.crew.page().control_block()),
         }
     }
 }

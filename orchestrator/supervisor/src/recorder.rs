@@ -4,9 +4,9 @@ use std::ops::ControlFlow;
 
 use host::in_process::TickSink;
 use runtime::ports::PortError;
-use runtime::shared_page::Words;
+use runtime::shared_page::ControlBlock;
 use runtime::watchdog::{self, Work};
-use shared_types::Guests;
+use shared_types::ExternalServices;
 use shared_types::schedule::Presence;
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -70,9 +70,9 @@ impl Recorder {
 
     /// Copies what external programs publish before it is looked at, and demands that it is what is due.
     #[must_use]
-    pub fn distrust(mut self, guests: Guests, schedule: &Schedule) -> Self {
+    pub fn distrust(mut self, external_services: ExternalServices, schedule: &Schedule) -> Self {
         let distrust = |mut feed: Feed| {
-            if feed.subscription.is_of(guests) {
+            if feed.subscription.is_of(external_services) {
                 feed.archive.demand_what_is_due();
                 feed.subscription = feed.subscription.distrust(schedule);
             }
@@ -83,8 +83,8 @@ impl Recorder {
     }
 
     /// Lets publishers wait for the recorder.
-    pub fn make_known(&self, words: &Words) {
-        for (known, feed) in words.recorder.iter().zip(&self.feeds) {
+    pub fn make_known(&self, block: &ControlBlock) {
+        for (known, feed) in block.recorder.iter().zip(&self.feeds) {
             known.store(feed.subscription.receiver.id());
         }
     }

@@ -81,11 +81,15 @@ impl Site {
     /// [`FlightFailure::Setup`].
     pub(super) fn subscribe(&self, delivery: Delivery) -> Result<Vec<Subscription>, FlightFailure> {
         let make = |topic| self.member.create_topic(topic, &self.schedule, delivery);
-        let guests = self.scenario.guests();
-        let is_external = |topic: Topic| topic.publisher().is_some_and(|service| guests[service.index()]);
+        let external_services = self.scenario.external_services();
+        let is_external = |topic: Topic| {
+            topic
+                .publisher()
+                .is_some_and(|service| external_services[service.index()])
+        };
         // External programs wait for nobody, but for their inputs: if services wait for the recorder before its buffers of
         // the programs' topics are full, those never are.
-        let is_waited_for = delivery == Delivery::Lossless && guests.contains(&true);
+        let is_waited_for = delivery == Delivery::Lossless && external_services.contains(&true);
         let places = |topic| match is_waited_for && !is_external(topic) {
             true => RECORDER_BUFFER / 2,
             false => RECORDER_BUFFER,

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use runtime::flight_clock::FlightClock;
 use runtime::ports::{PortError, Receiver, TopicPorts};
 use runtime::untrusted::{Refusals, UntrustedReceiver};
-use shared_types::Guests;
+use shared_types::ExternalServices;
 use shared_types::{Schedule, Topic};
 
 /// The recorder's subscriber of a topic.
@@ -44,10 +44,10 @@ impl Subscription {
 
     /// Whether one of these external programs publishes the topic.
     #[must_use]
-    pub fn is_of(&self, guests: Guests) -> bool {
+    pub fn is_of(&self, external_services: ExternalServices) -> bool {
         self.topic
             .publisher()
-            .is_some_and(|service| guests[service.index()])
+            .is_some_and(|service| external_services[service.index()])
     }
 
     /// Copies every sample before it is looked at.

@@ -8,7 +8,7 @@ use zerocopy::IntoBytes;
 pub struct SampleRing {
     /// One sample after the other, in whole words, because samples are read in place.
     words: Box<[u64]>,
-    /// Words of a sample.
+    /// ControlBlock of a sample.
     size: usize,
     /// How many samples there are, a power of two, less one.
     mask: u64,

@@ -146,7 +146,7 @@ impl ErasedService for Cameras {
     }
 
     fn step(&mut self, now: &Now, _inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
-        let start_ns = self.page.words().start_ns.load(Ordering::Relaxed);
+        let start_ns = self.page.control_block().start_ns.load(Ordering::Relaxed);
         self.listen(monotonic_ns(), start_ns + now.time_ns);
         let mut outputs = PlantOutputs::from_slots(outputs);
         if let Some(sample) = outputs.pose.due()
@@ -154,7 +154,7 @@ impl ErasedService for Cameras {
         {
             pose.write(start_ns, sample);
         }
-        self.page.words().notices[ServiceId::Plant.index()].tell(&self.figures(start_ns));
+        self.page.control_block().notices[ServiceId::Plant.index()].tell(&self.figures(start_ns));
     }
 
     fn state_size(&self) -> usize {

@@ -59,5 +59,5 @@ pub fn radio_link(service: Box<dyn ErasedService>, scenario: &Scenario, page: &A
 
 /// Whether the flight is under way: another process was this service before.
 fn is_under_way(page: &SharedPage) -> bool {
-    page.words().start_ns.load(Ordering::Acquire) != 0
+    page.control_block().start_ns.load(Ordering::Acquire) != 0
 }

@@ -64,7 +64,7 @@ impl Transmitter {
     }
 
     fn tell(&self, figures: &LinkFigures) {
-        self.page.words().notices[ServiceId::RcOutput.index()].tell(figures);
+        self.page.control_block().notices[ServiceId::RcOutput.index()].tell(figures);
     }
 }
 
@@ -220,7 +220,7 @@ mod tests {
             transmitter.step(&now, &[], &mut outputs);
         }
         drop(transmitter);
-        let figures: LinkFigures = page.words().notices[ServiceId::RcOutput.index()].look();
+        let figures: LinkFigures = page.control_block().notices[ServiceId::RcOutput.index()].look();
         let mut bytes = vec![0; crsf::LENGTH * usize::try_from(figures.sent).unwrap()];
         let mut filled = 0;
         while filled < bytes.len() {

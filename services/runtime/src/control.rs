@@ -77,7 +77,7 @@ pub enum ToService {
         /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; else 0.
         start_ns: u64,
     },
-    /// To a guest in simulated time: connect all ports to those of a service that was born again, and say so.
+    /// To an external service in simulated time: connect all ports to those of a service that was born again, and say so.
     Connect {
         /// Number of the birth.
         birth: u32,
@@ -153,7 +153,7 @@ pub struct Role {
 /// What a service says to the orchestrator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToOrchestrator {
-    /// A guest's program is about to be started.
+    /// An external service's program is about to be started.
     Deployed {
         /// What could not be had of the deployment that was asked for, in words.
         warnings: Vec<String>,
@@ -163,12 +163,12 @@ pub enum ToOrchestrator {
         /// What could not be had of the deployment that was asked for, in words.
         #[serde(default)]
         warnings: Vec<String>,
-        /// Of a guest the ids of its receivers, hexadecimal, in the order of its inputs. Services make theirs known
+        /// Of an external_service the ids of its receivers, hexadecimal, in the order of its inputs. Services make theirs known
         /// themselves.
         #[serde(default)]
         receivers: Vec<String>,
     },
-    /// A guest is connected to a service that was born again.
+    /// An external service is connected to a service that was born again.
     Connected {
         /// Number of the birth.
         birth: u32,

@@ -11,14 +11,14 @@ use crate::checkpoints::Checkpoints;
 use crate::control::{Channel, ControlError, Start, ToOrchestrator, ToService};
 use crate::crash::{CrashPlace, CrashPoint};
 use crate::flight_clock::FlightClock;
-use crate::lock_step::{self, Cockpit, ServicePorts};
-use crate::lone_flight::LoneFlight;
+use crate::lock_step::{self, ServiceContext, ServicePorts};
+use crate::orchestrator_watchdog::OrchestratorWatchdog;
 use crate::ports::Topics;
 use crate::process_error::ProcessError;
 use crate::real_time::{self, RealTimePorts};
 use crate::replaying::{self, ReplayPorts};
 use crate::step_log::StepLog;
-use crate::succession::{Bequest, Hello};
+use crate::take_over::{HandOver, Hello};
 use crate::wait::Waiter;
 use crate::watchdog::{self, Work};
 use host::step::Timetable;
@@ -61,20 +61,20 @@ impl Launch<'_> {
         };
         watchdog::during(Work::Ports, || ports.connect())?;
         ports.make_known();
-        let mut cockpit = Cockpit {
+        let mut context = ServiceContext {
             ports: &mut ports,
             waiter,
             checkpoints: self.checkpoints,
             crash: self.crash,
         };
         let first_tick = if reborn {
-            go_on(service, self.schedule, &mut cockpit)?
+            go_on(service, self.schedule, &mut context)?
         } else {
             0
         };
-        lock_step::fly(service, self.schedule, first_tick, &mut cockpit)?;
+        lock_step::fly(service, self.schedule, first_tick, &mut context)?;
         watchdog::rest();
-        stay_until_the_end(cockpit.waiter.channel())
+        stay_until_the_end(context.waiter.channel())
     }
 
     /// Does the steps of a replay, as the orchestrator tells them.
@@ -103,9 +103,15 @@ impl Launch<'_> {
         waiter: &Waiter,
     ) -> Result<(), ProcessError> {
         self.crash.pass(CrashPlace::BeforePorts, 0);
-        let guests = start.scenario.guests();
+        let external_services = start.scenario.external_services();
         let mut ports = watchdog::during(Work::Ports, || {
-            RealTimePorts::open(self.topics, service.id(), self.schedule, guests, waiter.page())
+            RealTimePorts::open(
+                self.topics,
+                service.id(),
+                self.schedule,
+                external_services,
+                waiter.page(),
+            )
         })?;
         self.crash.pass(CrashPlace::AfterPorts, 0);
         let Some(reborn) = await_go(waiter.channel(), self.warnings)? else {
@@ -122,27 +128,31 @@ impl Launch<'_> {
             service: service.id(),
             start: start.clone(),
         };
-        let bequest = Bequest::new(start.place(), &hello, files)?;
-        let mut cockpit = real_time::Cockpit {
+        let hand_over = HandOver::new(start.place(), &hello, files)?;
+        let mut context = real_time::ServiceContext {
             ports,
             checkpoints: self.checkpoints,
             step_log: self.step_log,
             clock: FlightClock {
-                start_ns: page.words().start_ns.load(Ordering::Acquire),
+                start_ns: page.control_block().start_ns.load(Ordering::Acquire),
                 tick_ns: self.schedule.tick_ns(),
             },
             page,
             doorbells: waiter.doorbells(),
-            guests,
+            external_services,
             grace_ns: nanoseconds(start.scenario.real_time.unwrap_or_default().grace),
-            lone_flight: LoneFlight::new(&start.scenario, waiter.channel().try_clone()?, bequest),
+            orchestrator_watchdog: OrchestratorWatchdog::new(
+                &start.scenario,
+                waiter.channel().try_clone()?,
+                hand_over,
+            ),
             crash: self.crash,
         };
-        real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut cockpit)?;
+        real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut context)?;
         watchdog::rest();
         // What it has connected in a laboratory comes to rest with its last step.
         drop(service);
-        stay_until_the_end(cockpit.lone_flight.channel())
+        stay_until_the_end(context.orchestrator_watchdog.channel())
     }
 }
 
@@ -161,18 +171,18 @@ fn await_go(channel: &Channel, warnings: Vec<String>) -> Result<Option<bool>, Pr
 fn go_on(
     service: &mut dyn ErasedService,
     schedule: &Schedule,
-    cockpit: &mut Cockpit<'_>,
+    context: &mut ServiceContext<'_>,
 ) -> Result<u64, ProcessError> {
     let mut first_tick = 0;
-    cockpit
+    context
         .ports
-        .expect_missed(cockpit.waiter.channel().try_clone()?)?;
-    if let Some(checkpoint) = cockpit.checkpoints.newest(service.id()) {
+        .expect_missed(context.waiter.channel().try_clone()?)?;
+    if let Some(checkpoint) = context.checkpoints.newest(service.id()) {
         first_tick = checkpoint.next_tick;
         let timetable = Timetable::new(schedule, service.id());
         checkpoint.resume(service, &timetable);
     }
-    cockpit.crash.pass(CrashPlace::Recovering, first_tick);
+    context.crash.pass(CrashPlace::Recovering, first_tick);
     Ok(first_tick)
 }
 

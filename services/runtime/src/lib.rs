@@ -10,12 +10,12 @@
 //!
 //! Under them lie [`ports`] (iceoryx2, in bytes), [`shared_memory`] (what there is of it, and what the dead were making), [`wait`] (yield once, then block on a doorbell),
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
-//! service knew, for whoever is born after its death; both are a [`shared_file`]), [`inlet`] (an input, also after a rebirth),
-//! [`mailbox`] (an input in real time), [`outlets`] (a service's
-//! outputs), [`lone_flight`] (when the orchestrator is gone), [`succession`] (how another one takes its place), [`flight_clock`] (ticks on the system's clock),
-//! [`seqlock`] (records that are copied beside their writer), [`step_log`] (what every step in real time was made of), [`notice`] (how what is connected to a service fares), [`control`] (the orchestrator's line to each service),
+//! service knew, for whoever is born after its death; both are a [`shared_file`]), [`input_port`] (an input, also after a rebirth),
+//! [`input_queue`] (an input in real time), [`output_ports`] (a service's
+//! outputs), [`orchestrator_watchdog`] (when the orchestrator is gone), [`take_over`] (how another one takes its place), [`flight_clock`] (ticks on the system's clock),
+//! [`seqlock`] (records that are copied beside their writer), [`step_log`] (what every step in real time was made of), [`status_cell`] (how what is connected to a service fares), [`control`] (the orchestrator's line to each service),
 //! [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler, parent's death), [`watchdog`] (work that takes too long), [`untrusted`] (samples of external programs), [`descriptors`] (what a started
-//! process inherits), [`guest`] (a program of one's own in place of a service) and [`process`] and [`launch`] (what
+//! process inherits), [`external_service`] (a program of one's own in place of a service) and [`process`] and [`launch`] (what
 //! `gerono service NAME` runs).
 //!
 //! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the
@@ -29,16 +29,15 @@ pub mod crash;
 pub mod deployment;
 pub mod descriptors;
 pub mod doorbell;
+pub mod external_service;
 pub mod flight_clock;
 pub mod flight_error;
-pub mod guest;
-pub mod inlet;
+pub mod input_port;
+pub mod input_queue;
 pub mod launch;
 pub mod lock_step;
-pub mod lone_flight;
-pub mod mailbox;
-pub mod notice;
-pub mod outlets;
+pub mod orchestrator_watchdog;
+pub mod output_ports;
 pub mod ports;
 pub mod process;
 mod process_error;
@@ -49,9 +48,10 @@ pub mod seqlock;
 pub mod shared_file;
 pub mod shared_memory;
 pub mod shared_page;
+pub mod status_cell;
 pub mod step_log;
-pub mod succession;
+pub mod take_over;
 pub mod untrusted;
-pub mod verdict;
 pub mod wait;
+pub mod wait_policy;
 pub mod watchdog;

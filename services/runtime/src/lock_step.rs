@@ -18,8 +18,8 @@ use crate::checkpoints::Checkpoints;
 use crate::control::{Channel, ToOrchestrator, ToService};
 use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::flight_error::FlightError;
-use crate::inlet::Inlet;
-use crate::outlets::Outlets;
+use crate::input_port::InputPort;
+use crate::output_ports::OutputPorts;
 use crate::ports::{PortError, Topics};
 use crate::shared_page::{Cell, SharedPage};
 use crate::untrusted::UntrustedReceiver;
@@ -35,8 +35,8 @@ const CHECKPOINT_PERIOD: u64 = 10;
 pub struct ServicePorts {
     id: ServiceId,
     page: Arc<SharedPage>,
-    inlets: Vec<Inlet>,
-    outlets: Outlets,
+    inputs: Vec<InputPort>,
+    outputs: OutputPorts,
     /// Where a reborn service gets what it has missed.
     missed: Option<Channel>,
     /// Whether a fault is planned, or a service was born again. Then publishers may run ahead, or repeat themselves, until
@@ -58,30 +58,35 @@ impl ServicePorts {
         waiter: &Waiter,
     ) -> Result<Self, PortError> {
         let page = waiter.page();
-        let mut inlets = Vec::new();
+        let mut inputs = Vec::new();
         for (index, spec) in schedule.inputs_read(id) {
             let mut receiver = topics.of(spec.topic).receiver()?;
             let publisher = spec
                 .topic
                 .publisher()
                 .expect("services consume what services publish");
-            if waiter.guests()[publisher.index()] {
+            if waiter.external_services()[publisher.index()] {
                 receiver = Box::new(UntrustedReceiver::new(
                     receiver,
                     &schedule.publication(spec.topic),
                 ));
             }
-            inlets.push(Inlet::new(index, schedule.edge(id, index), publisher, receiver));
+            inputs.push(InputPort::new(
+                index,
+                schedule.edge(id, index),
+                publisher,
+                receiver,
+            ));
         }
-        inlets.sort_by_key(|inlet| step::waiting_order(schedule, &inlet.edge, inlet.publisher));
-        let outlets = Outlets::open(topics, id, schedule, |topic| {
+        inputs.sort_by_key(|input| step::waiting_order(schedule, &input.edge, input.publisher));
+        let outputs = OutputPorts::open(topics, id, schedule, |topic| {
             topic.sender(Arc::clone(page), waiter.doorbells())
         })?;
         Ok(Self {
             id,
             page: Arc::clone(page),
-            inlets,
-            outlets,
+            inputs,
+            outputs,
             missed: None,
             takes_all: schedule.has_faults(),
             births_seen: 0,
@@ -91,9 +96,9 @@ impl ServicePorts {
     /// Lets publishers wait for the service when its buffers are full. Before, they fly on without it: who is born
     /// again must not hold anybody up until it flies.
     pub fn make_known(&mut self) {
-        let receivers = &self.page.words().cells[self.id.index()].receivers;
-        for inlet in &mut self.inlets {
-            receivers[inlet.index].store(inlet.receiver().id());
+        let receivers = &self.page.control_block().cells[self.id.index()].receivers;
+        for input in &mut self.inputs {
+            receivers[input.index].store(input.receiver().id());
         }
     }
 
@@ -102,10 +107,10 @@ impl ServicePorts {
     /// # Errors
     /// [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
-        self.inlets
+        self.inputs
             .iter_mut()
-            .try_for_each(|inlet| inlet.receiver().connect())?;
-        self.outlets.connect()
+            .try_for_each(|input| input.receiver().connect())?;
+        self.outputs.connect()
     }
 
     /// Says that the service is born again in flight, and where it gets what it has missed.
@@ -113,7 +118,7 @@ impl ServicePorts {
     /// # Errors
     /// [`PortError`].
     pub fn expect_missed(&mut self, channel: Channel) -> Result<(), PortError> {
-        self.inlets.iter_mut().try_for_each(Inlet::expect_missed)?;
+        self.inputs.iter_mut().try_for_each(InputPort::expect_missed)?;
         self.missed = Some(channel);
         Ok(())
     }
@@ -121,26 +126,26 @@ impl ServicePorts {
     /// Connects to the ports of services that were born again meanwhile, and says so: until then they do not fly.
     #[inline]
     fn greet(&mut self) -> Result<(), PortError> {
-        let births = self.page.words().births.load(Ordering::Acquire);
+        let births = self.page.control_block().births.load(Ordering::Acquire);
         if births == self.births_seen {
             return Ok(());
         }
         self.births_seen = births;
         self.takes_all = true;
         self.connect()?;
-        let cell = &self.page.words().cells[self.id.index()];
+        let cell = &self.page.control_block().cells[self.id.index()];
         cell.births_seen.store(births, Ordering::Release);
         Ok(())
     }
 
     /// Looks for the sample of tick `due` of an input.
     #[inline]
-    fn look(&mut self, inlet: usize, tick: u64, due: u64) -> Result<bool, FlightError> {
+    fn look(&mut self, input: usize, tick: u64, due: u64) -> Result<bool, FlightError> {
         self.greet()?;
         if self.missed.is_some() {
             self.read_missed()?;
         }
-        let is_here = self.inlets[inlet].advance(tick, due)?;
+        let is_here = self.inputs[input].advance(tick, due)?;
         if !is_here && self.takes_all {
             self.make_room(tick)?;
         }
@@ -150,9 +155,9 @@ impl ServicePorts {
     /// Takes of every input what is not later than what is due.
     #[cold]
     fn make_room(&mut self, tick: u64) -> Result<(), FlightError> {
-        for inlet in &mut self.inlets {
-            if let Some(due) = inlet.edge.due_sample(tick) {
-                inlet.advance(tick, due)?;
+        for input in &mut self.inputs {
+            if let Some(due) = input.edge.due_sample(tick) {
+                input.advance(tick, due)?;
             }
         }
         Ok(())
@@ -164,10 +169,10 @@ impl ServicePorts {
             return Ok(());
         };
         while let Some(message) = channel.try_receive()? {
-            if let ToService::Missed { input, bytes } = message
-                && let Some(inlet) = self.inlets.iter_mut().find(|inlet| inlet.index == input)
+            if let ToService::Missed { input: index, bytes } = message
+                && let Some(input) = self.inputs.iter_mut().find(|input| input.index == index)
             {
-                inlet.take_missed(&bytes);
+                input.take_missed(&bytes);
             }
         }
         Ok(())
@@ -176,7 +181,7 @@ impl ServicePorts {
     /// Tells the orchestrator once that nothing can be missing any more.
     #[cold]
     fn catch_up(&mut self) -> Result<(), FlightError> {
-        if self.inlets.iter().all(Inlet::has_caught_up)
+        if self.inputs.iter().all(InputPort::has_caught_up)
             && let Some(channel) = self.missed.take()
         {
             channel.send(&ToOrchestrator::CaughtUp)?;
@@ -186,7 +191,7 @@ impl ServicePorts {
 }
 
 /// What a service flies with beside its step logic.
-pub struct Cockpit<'a> {
+pub struct ServiceContext<'a> {
     /// Its ports.
     pub ports: &'a mut ServicePorts,
     /// Its place in the ring.
@@ -205,32 +210,32 @@ pub fn fly(
     service: &mut dyn ErasedService,
     schedule: &Schedule,
     first_tick: u64,
-    cockpit: &mut Cockpit<'_>,
+    context: &mut ServiceContext<'_>,
 ) -> Result<(), FlightError> {
     let timetable = Timetable::new(schedule, service.id());
     let mut next = timetable.steps.first_at_or_after(first_tick);
     while let Some(tick) = next.filter(|&tick| tick <= schedule.last_tick()) {
-        if cockpit.waiter.is_stopping() {
+        if context.waiter.is_stopping() {
             return Err(FlightError::Stopping);
         }
         watchdog::work(Work::Step);
-        cockpit.await_inputs(tick)?;
-        cockpit.crash.pass(CrashPlace::BeforeStep, tick);
-        cockpit.step_and_publish(service, &timetable, tick)?;
+        context.await_inputs(tick)?;
+        context.crash.pass(CrashPlace::BeforeStep, tick);
+        context.step_and_publish(service, &timetable, tick)?;
         next = timetable.steps.first_at_or_after(tick + 1);
         debug_assert!(next.is_none_or(|next| next > tick), "ticks go forward");
         let dies = timetable.dies_after(tick, next);
         let is_last = next.is_none_or(|next| next > schedule.last_tick());
         if dies || is_last || next.map(period_of) != Some(period_of(tick)) {
-            cockpit.keep(service, tick + 1);
+            context.keep(service, tick + 1);
         }
-        cockpit.crash.pass(CrashPlace::BeforeWaking, tick);
-        let cell = cockpit.waiter.cell();
+        context.crash.pass(CrashPlace::BeforeWaking, tick);
+        let cell = context.waiter.cell();
         cell.steps_until.store(tick + 1, Ordering::Relaxed);
         Cell::count(&cell.steps);
-        cockpit.waiter.wake(cockpit.ports.outlets.consumers());
-        if cockpit.ports.missed.is_some() {
-            cockpit.ports.catch_up()?;
+        context.waiter.wake(context.ports.outputs.consumers());
+        if context.ports.missed.is_some() {
+            context.ports.catch_up()?;
         }
         if dies {
             crash::die();
@@ -244,16 +249,16 @@ fn period_of(tick: u64) -> u64 {
     tick / CHECKPOINT_PERIOD
 }
 
-impl Cockpit<'_> {
+impl ServiceContext<'_> {
     /// Waits until the due sample of every input is here.
     #[inline]
     fn await_inputs(&mut self, tick: u64) -> Result<(), FlightError> {
-        for at in 0..self.ports.inlets.len() {
-            let inlet = &self.ports.inlets[at];
-            let Some(due) = inlet.edge.due_sample(tick) else {
+        for at in 0..self.ports.inputs.len() {
+            let input = &self.ports.inputs[at];
+            let Some(due) = input.edge.due_sample(tick) else {
                 continue;
             };
-            let publisher = inlet.publisher;
+            let publisher = input.publisher;
             self.waiter
                 .wait(publisher, due, || self.ports.look(at, tick, due))?;
         }
@@ -267,19 +272,19 @@ impl Cockpit<'_> {
         timetable: &Timetable,
         tick: u64,
     ) -> Result<(), FlightError> {
-        let ServicePorts { inlets, outlets, .. } = &mut *self.ports;
+        let ServicePorts { inputs, outputs, .. } = &mut *self.ports;
         let mut views = Views::default();
-        for inlet in inlets {
-            if let Some(due) = inlet.edge.due_sample(tick) {
-                let index = inlet.index;
-                views[index] = inlet.view(tick, due);
+        for input in inputs {
+            if let Some(due) = input.edge.due_sample(tick) {
+                let index = input.index;
+                views[index] = input.view(tick, due);
             }
         }
         let mut slots = Slots::default();
-        outlets.loan(tick, &mut slots)?;
+        outputs.loan(tick, &mut slots)?;
         timetable.step(service, tick, &views, &mut slots)?;
         self.crash.pass(CrashPlace::AfterStep, tick);
-        match outlets.send(tick, self.crash) {
+        match outputs.send(tick, self.crash) {
             Err(PortError::Stopping) => return Err(FlightError::Stopping),
             result => result?,
         }

@@ -20,8 +20,8 @@ use crate::crash::CrashPoint;
 use crate::deployment::{self, Scheduler, Setting};
 use crate::descriptors::{self, inherited};
 use crate::doorbell::Doorbell;
+use crate::external_service::{self, Belongings, LaunchManifest};
 use crate::flight_error::FlightError;
-use crate::guest::{self, Belongings, Invitation};
 use crate::launch::Launch;
 use crate::ports::{Member, Topics};
 pub use crate::process_error::ProcessError;
@@ -71,10 +71,13 @@ pub fn run(
         && start.host != Host::Replay
         && let Some(program) = start.scenario.program_of(role.service)
     {
-        return report(&channel, invite(program, role.service, &start, &inherited));
+        return report(
+            &channel,
+            write_manifest(program, role.service, &start, &inherited),
+        );
     }
     if start.host == Host::RealTime {
-        // A vehicle in the air outlives the orchestrator: see `lone_flight`.
+        // A vehicle in the air outlives the orchestrator: see `orchestrator_watchdog`.
         deployment::outlive_parent()?;
     }
     let result = live(inherited, &start, name, build, connect);
@@ -82,14 +85,14 @@ pub fn run(
 }
 
 /// Becomes the program that flies in place of a service. It does not outlive the orchestrator: nobody could take it over.
-fn invite(
+fn write_manifest(
     program: &[String],
     service: ServiceId,
     start: &Start,
     inherited: &Inherited,
 ) -> Result<(), ProcessError> {
     let schedule = schedule_of(start)?;
-    let invitation = Invitation::new(service, start, &schedule).map_err(ProcessError::Guest)?;
+    let manifest = LaunchManifest::new(service, start, &schedule).map_err(ProcessError::ExternalService)?;
     let (_, warnings) = deploy(service, start);
     inherited.channel.send(&ToOrchestrator::Deployed { warnings })?;
     let folder = start.scenario.programs.as_ref();
@@ -101,8 +104,8 @@ fn invite(
         lock: lock.as_fd(),
         doorbells: &inherited.doorbells,
     };
-    let reason = guest::become_program(program, folder, &invitation, &belongings);
-    Err(ProcessError::Guest(reason))
+    let reason = external_service::become_program(program, folder, &manifest, &belongings);
+    Err(ProcessError::ExternalService(reason))
 }
 
 fn schedule_of(start: &Start) -> Result<Schedule, ProcessError> {
@@ -170,7 +173,7 @@ fn live(
         doorbells,
         channel,
         scheduler,
-        start.scenario.guests(),
+        start.scenario.external_services(),
     );
     let launch = Launch {
         schedule: &schedule,

@@ -28,7 +28,7 @@ pub enum ProcessError {
     Connection(BuildError),
     /// The program that is to fly in place of the service cannot be started.
     #[error("{0}")]
-    Guest(String),
+    ExternalService(String),
     /// The system refused something.
     #[error(transparent)]
     Io(#[from] std::io::Error),

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::sync::atomic::{Ordering, fence};
 
 use rustix::thread::futex;
-use shared_types::Guests;
+use shared_types::ExternalServices;
 use shared_types::samples::PathReference;
 use shared_types::service::{ErasedService, Operator};
 use shared_types::{Now, Schedule, ServiceId, Topic};
@@ -26,9 +26,9 @@ use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::doorbell::Doorbell;
 use crate::flight_clock::{FlightClock, deadline, monotonic_ns, nap_until};
 use crate::flight_error::FlightError;
-use crate::lone_flight::LoneFlight;
-use crate::mailbox::Mailbox;
-use crate::outlets::Outlets;
+use crate::input_queue::InputQueue;
+use crate::orchestrator_watchdog::OrchestratorWatchdog;
+use crate::output_ports::OutputPorts;
 use crate::ports::{PortError, Receiver, Topics};
 use crate::shared_page::{Cell, SharedPage};
 use crate::step_log::{StepLog, StepRecord};
@@ -42,12 +42,12 @@ const LONGEST_SLEEP_NS: u64 = 100_000_000;
 
 /// A service's ports in real time.
 pub struct RealTimePorts {
-    mailboxes: Vec<Mailbox>,
-    outlets: Outlets,
+    queues: Vec<InputQueue>,
+    outputs: OutputPorts,
 }
 
 impl RealTimePorts {
-    /// Makes the ports that the wiring table gives a service. What `guests` publish is refused unless it may be there by
+    /// Makes the ports that the wiring table gives a service. What `external_services` publish is refused unless it may be there by
     /// the clock of `page`.
     ///
     /// # Errors
@@ -56,24 +56,24 @@ impl RealTimePorts {
         topics: &Topics,
         id: ServiceId,
         schedule: &Schedule,
-        guests: Guests,
+        external_services: ExternalServices,
         page: &Arc<SharedPage>,
     ) -> Result<Self, PortError> {
-        let mut mailboxes = Vec::new();
+        let mut queues = Vec::new();
         for (index, spec) in schedule.inputs_read(id) {
             let mut receiver = topics.of(spec.topic).receiver()?;
             let publisher = spec
                 .topic
                 .publisher()
                 .expect("services consume what services publish");
-            if guests[publisher.index()] {
+            if external_services[publisher.index()] {
                 receiver = Box::new(within_clock(receiver, schedule, spec.topic, page));
             }
-            mailboxes.push(Mailbox::new(schedule, id, index, publisher, receiver));
+            queues.push(InputQueue::new(schedule, id, index, publisher, receiver));
         }
-        mailboxes.sort_by_key(|mailbox| step::waiting_order(schedule, &mailbox.edge, mailbox.publisher));
-        let outlets = Outlets::open(topics, id, schedule, |topic| topic.newest_sender())?;
-        Ok(Self { mailboxes, outlets })
+        queues.sort_by_key(|queue| step::waiting_order(schedule, &queue.edge, queue.publisher));
+        let outputs = OutputPorts::open(topics, id, schedule, |topic| topic.newest_sender())?;
+        Ok(Self { queues, outputs })
     }
 
     /// Connects all ports to those of the others that exist by now.
@@ -81,8 +81,8 @@ impl RealTimePorts {
     /// # Errors
     /// [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
-        self.mailboxes.iter_mut().try_for_each(Mailbox::connect)?;
-        self.outlets.connect()
+        self.queues.iter_mut().try_for_each(InputQueue::connect)?;
+        self.outputs.connect()
     }
 }
 
@@ -97,22 +97,22 @@ fn within_clock(
     let (page, tick_ns) = (Arc::clone(page), schedule.tick_ns());
     // When the flight begins is known only later than which ports there are.
     let clock_tick = move || {
-        let start_ns = page.words().start_ns.load(Ordering::Acquire);
+        let start_ns = page.control_block().start_ns.load(Ordering::Acquire);
         FlightClock { start_ns, tick_ns }.tick()
     };
     UntrustedReceiver::new(receiver, &publication).within_clock(publication, schedule.last_tick(), clock_tick)
 }
 
 /// What a service flies with in real time beside its step logic.
-pub struct Cockpit<'a> {
+pub struct ServiceContext<'a> {
     /// Its ports.
     pub ports: RealTimePorts,
     /// The words that the run shares.
     pub page: Arc<SharedPage>,
-    /// The doorbells of all services, by which guests wake others and are woken: they know nothing of the words.
+    /// The doorbells of all services, by which external services wake others and are woken: they know nothing of the words.
     pub doorbells: Arc<[Doorbell]>,
-    /// Which services are guests.
-    pub guests: Guests,
+    /// Which services are external_services.
+    pub external_services: ExternalServices,
     /// Where it keeps what it knows.
     pub checkpoints: &'a Checkpoints,
     /// Where it tells of its steps.
@@ -123,7 +123,7 @@ pub struct Cockpit<'a> {
     /// that is longer, and never longer than to its next.
     pub grace_ns: u64,
     /// What it does once the orchestrator is gone.
-    pub lone_flight: LoneFlight,
+    pub orchestrator_watchdog: OrchestratorWatchdog,
     /// Where it shall die.
     pub crash: CrashPoint,
 }
@@ -151,10 +151,10 @@ pub fn fly(
     service: &mut dyn ErasedService,
     schedule: &Schedule,
     checkpoint: Option<&Checkpoint>,
-    cockpit: &mut Cockpit<'_>,
+    context: &mut ServiceContext<'_>,
 ) -> Result<(), FlightError> {
     // Whoever it follows may have died in the middle of publishing.
-    cockpit.step_log.finish_for_the_dead(service.id());
+    context.step_log.finish_for_the_dead(service.id());
     watchdog::take_off();
     let timetable = Timetable::new(schedule, service.id());
     let mut previous = None;
@@ -167,18 +167,21 @@ pub fn fly(
     }
     let mut next = timetable.steps.first_at_or_after(first_tick);
     while let Some(due) = next.filter(|&tick| tick <= schedule.last_tick()) {
-        let (tick, missed) = cockpit.step_to_do(&timetable, due, schedule.last_tick());
+        let (tick, missed) = context.step_to_do(&timetable, due, schedule.last_tick());
         debug_assert!(
             due <= tick && tick <= schedule.last_tick() && timetable.steps.occurs_at(tick),
             "a step of the schedule, and none that is past"
         );
         // Also who is woken by an input wakes with the tick: with its memory in the caches again it is a fifth faster then.
-        cockpit.sleep_until(service.id(), cockpit.clock.begins_at(tick))?;
+        context.sleep_until(service.id(), context.clock.begins_at(tick))?;
         watchdog::work(Work::Step);
-        let late_inputs = cockpit.await_inputs(&timetable, tick)?;
-        cockpit.crash.pass(CrashPlace::BeforeStep, tick);
+        let late_inputs = context.await_inputs(&timetable, tick)?;
+        context.crash.pass(CrashPlace::BeforeStep, tick);
         let began = monotonic_ns();
-        if cockpit.lone_flight.has_ended(cockpit.page.words(), began) {
+        if context
+            .orchestrator_watchdog
+            .has_ended(context.page.control_block(), began)
+        {
             return Err(FlightError::Stopping);
         }
         if timetable.begins_anew_at(tick) {
@@ -186,12 +189,12 @@ pub fn fly(
         }
         let begun = StepRecord {
             tick,
-            began_ns: began.saturating_sub(cockpit.clock.start_ns),
+            began_ns: began.saturating_sub(context.clock.start_ns),
             missed,
             late_inputs,
             ..StepRecord::default()
         };
-        cockpit.step_and_publish(service, &timetable, previous, begun)?;
+        context.step_and_publish(service, &timetable, previous, begun)?;
         previous = Some(tick);
         next = timetable.steps.first_at_or_after(tick + 1);
         debug_assert!(next.is_none_or(|next| next > tick), "ticks go forward");
@@ -202,7 +205,7 @@ pub fn fly(
     Ok(())
 }
 
-impl Cockpit<'_> {
+impl ServiceContext<'_> {
     /// The step to do next, of those from `due` on: the newest whose time has come, or else the first to come; and how
     /// many are left out. None is left out that is the newest to publish something.
     fn step_to_do(&self, timetable: &Timetable, due: u64, last_tick: u64) -> (u64, u64) {
@@ -227,11 +230,11 @@ impl Cockpit<'_> {
     }
 
     fn cell(&self, service: ServiceId) -> &Cell {
-        &self.page.words().cells[service.index()]
+        &self.page.control_block().cells[service.index()]
     }
 
     fn is_stopping(&self) -> bool {
-        self.page.words().stopping.load(Ordering::Relaxed) != 0
+        self.page.control_block().stopping.load(Ordering::Relaxed) != 0
     }
 
     /// Sleeps until a time has come.
@@ -276,13 +279,13 @@ impl Cockpit<'_> {
         let give_up_at = (self.clock.begins_at(tick) + self.grace_ns.max(half_a_period_ns))
             .min(self.clock.begins_at(next.unwrap_or(u64::MAX)));
         let mut late = 0;
-        for place in 0..self.ports.mailboxes.len() {
-            if !self.ports.mailboxes[place].is_awaited(tick) {
-                self.ports.mailboxes[place].collect()?;
+        for place in 0..self.ports.queues.len() {
+            if !self.ports.queues[place].is_awaited(tick) {
+                self.ports.queues[place].collect()?;
                 continue;
             }
             if !self.await_input(service, place, tick, give_up_at)? {
-                late |= 1 << self.ports.mailboxes[place].index;
+                late |= 1 << self.ports.queues[place].index;
             }
         }
         Ok(late)
@@ -297,17 +300,17 @@ impl Cockpit<'_> {
         tick: u64,
         give_up_at: u64,
     ) -> Result<bool, FlightError> {
-        if self.ports.mailboxes[place].has_come(tick)? {
+        if self.ports.queues[place].has_come(tick)? {
             return Ok(true);
         }
-        let publisher = self.ports.mailboxes[place].publisher;
+        let publisher = self.ports.queues[place].publisher;
         let announced = announcement(publisher);
         self.cell(service).waiting_for.store(announced, Ordering::Relaxed);
         let has_come = loop {
             let rung = self.cell(service).bell.load(Ordering::SeqCst);
             // Announcement before, the look after: pairs with the fence in `wake`.
             fence(Ordering::SeqCst);
-            if self.ports.mailboxes[place].has_come(tick)? {
+            if self.ports.queues[place].has_come(tick)? {
                 break true;
             }
             if self.is_stopping() {
@@ -316,7 +319,7 @@ impl Cockpit<'_> {
             if monotonic_ns() >= give_up_at || self.need_not_wait_for(publisher, place) {
                 break false;
             }
-            if self.guests[publisher.index()] {
+            if self.external_services[publisher.index()] {
                 let left = give_up_at.saturating_sub(monotonic_ns());
                 self.doorbells[service.index()].sleep_up_to(left);
             } else {
@@ -333,7 +336,7 @@ impl Cockpit<'_> {
     #[inline]
     fn need_not_wait_for(&self, publisher: ServiceId, place: usize) -> bool {
         let is_gone = self.cell(publisher).gone.load(Ordering::Relaxed) != 0;
-        is_gone && self.ports.mailboxes[place].has_any()
+        is_gone && self.ports.queues[place].has_any()
     }
 
     #[inline]
@@ -353,26 +356,26 @@ impl Cockpit<'_> {
         };
         record.operator = bits_of(now.operator);
         record.previous = previous.map_or(0, |previous| previous + 1);
-        let RealTimePorts { mailboxes, outlets } = &mut self.ports;
+        let RealTimePorts { queues, outputs } = &mut self.ports;
         let mut views = Views::default();
-        for mailbox in mailboxes {
-            let index = mailbox.index;
-            if let Some(delivery) = mailbox.deliver(tick) {
+        for queue in queues {
+            let index = queue.index;
+            if let Some(delivery) = queue.deliver(tick) {
                 record.consumed[index] = delivery.tick + 1;
                 record.fresh_inputs |= u64::from(delivery.view.fresh) << index;
                 views[index] = delivery.view;
             }
         }
         let mut slots = Slots::default();
-        outlets.loan(tick, &mut slots)?;
+        outputs.loan(tick, &mut slots)?;
         timetable.step_at(service, &now, &views, &mut slots)?;
-        if self.lone_flight.is_to_land() && tells_of_rest(timetable, &slots) {
+        if self.orchestrator_watchdog.is_to_land() && tells_of_rest(timetable, &slots) {
             // The vehicle is down, and nobody is there to end the run.
-            self.page.words().stopping.store(1, Ordering::Relaxed);
+            self.page.control_block().stopping.store(1, Ordering::Relaxed);
         }
         self.crash.pass(CrashPlace::AfterStep, tick);
         self.step_log.begin(service.id(), record);
-        outlets.send(tick, self.crash)?;
+        outputs.send(tick, self.crash)?;
         self.crash.pass(CrashPlace::AfterPublishing, tick);
         let published_ns = self.clock.elapsed_ns();
         self.crash.pass(CrashPlace::BeforeWaking, tick);
@@ -385,22 +388,22 @@ impl Cockpit<'_> {
     /// What the operator asks for, or whoever takes the place of people once the orchestrator is gone.
     #[inline]
     fn operator(&self, planned: Operator) -> Operator {
-        let asked = self.page.words().operator(planned);
+        let asked = self.page.control_block().operator(planned);
         Operator {
-            land: asked.land || self.lone_flight.is_to_land(),
+            land: asked.land || self.orchestrator_watchdog.is_to_land(),
             ..asked
         }
     }
 
-    /// Wakes those services that sleep for a publication of this one, and guests in any case.
+    /// Wakes those services that sleep for a publication of this one, and external services in any case.
     #[inline]
     fn wake(&self, service: ServiceId) {
         // Publications before, announcements after: pairs with the fence in `await_input`.
         fence(Ordering::SeqCst);
         let mine = announcement(service);
-        for &consumer in self.ports.outlets.consumers() {
+        for &consumer in self.ports.outputs.consumers() {
             let cell = self.cell(consumer);
-            if self.guests[consumer.index()] {
+            if self.external_services[consumer.index()] {
                 self.doorbells[consumer.index()].ring();
             } else if cell.waiting_for.load(Ordering::Relaxed) == mine {
                 cell.ring();

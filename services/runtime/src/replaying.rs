@@ -12,7 +12,7 @@ use shared_types::{Schedule, ServiceId};
 use crate::control::{Channel, ControlError, Memory, StepOrder, ToOrchestrator, ToService};
 use crate::crash::CrashPoint;
 use crate::flight_error::FlightError;
-use crate::outlets::Outlets;
+use crate::output_ports::OutputPorts;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver, Topics};
 use host::step::{Slots, Timetable, Views};
 
@@ -24,7 +24,7 @@ const _: () = assert!(2 * BATCH <= RECORDER_BUFFER);
 pub struct ReplayPorts {
     /// In the order of the wiring table.
     receivers: Vec<Box<dyn Receiver>>,
-    outlets: Outlets,
+    outputs: OutputPorts,
 }
 
 impl ReplayPorts {
@@ -38,7 +38,7 @@ impl ReplayPorts {
         let receivers = inputs.map(|input| topics.of(input.topic).recorder(RECORDER_BUFFER));
         Ok(Self {
             receivers: receivers.collect::<Result<_, _>>()?,
-            outlets: Outlets::open(topics, id, schedule, |topic| topic.newest_sender())?,
+            outputs: OutputPorts::open(topics, id, schedule, |topic| topic.newest_sender())?,
         })
     }
 
@@ -50,7 +50,7 @@ impl ReplayPorts {
         self.receivers
             .iter_mut()
             .try_for_each(|receiver| receiver.connect())?;
-        self.outlets.connect()
+        self.outputs.connect()
     }
 }
 
@@ -151,18 +151,18 @@ impl Replaying<'_> {
         }
         self.service.save(&mut self.before_last);
         let tick = order.now.tick;
-        let ReplayPorts { receivers, outlets } = &mut *self.ports;
+        let ReplayPorts { receivers, outputs } = &mut *self.ports;
         let views = views(receivers, self.timetable.service, order)?;
         let mut slots = Slots::default();
-        outlets.loan(tick, &mut slots)?;
+        outputs.loan(tick, &mut slots)?;
         let is_finite = self
             .timetable
             .step_at(self.service, &order.now, &views, &mut slots)
             .is_ok();
         if is_finite {
-            outlets.send(tick, CrashPoint::default())?;
+            outputs.send(tick, CrashPoint::default())?;
         } else {
-            outlets.take_back();
+            outputs.take_back();
         }
         Ok(is_finite)
     }

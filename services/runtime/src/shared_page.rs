@@ -16,19 +16,19 @@ use shared_types::schedule::MAX_PORTS;
 use shared_types::service::Operator;
 use shared_types::{ServiceId, Topic};
 
-use crate::notice::Notice;
 use crate::shared_file::SharedFile;
+use crate::status_cell::StatusCell;
 
 /// What the page holds. All words begin as 0.
 #[repr(C)]
 #[derive(Debug, Default)]
-pub struct Words {
+pub struct ControlBlock {
     /// In real time, what people ask for: the bits of [`Request`]. First, and the bits stay as they are: `gerono kill` of
     /// another build finds it here ([`ask_in`]).
     requests: AtomicU32,
     /// Not 0 when the run is to end: nobody shall wait any longer.
     pub stopping: AtomicU32,
-    /// Not 0 while yielding does not pay and everyone shall block at once; see [`crate::verdict::BLOCK_ALWAYS`].
+    /// Not 0 while yielding does not pay and everyone shall block at once; see [`crate::wait_policy::BLOCK_ALWAYS`].
     pub block_only: AtomicU32,
     /// Yields that gave the core away for nothing or for too long, since the last verdict.
     pub misses: AtomicU32,
@@ -43,7 +43,7 @@ pub struct Words {
     /// The recorder's receivers.
     pub recorder: [ReceiverId; Topic::ALL.len()],
     /// What each service tells of what is connected to it in a laboratory.
-    pub notices: [Notice; ServiceId::ALL.len()],
+    pub notices: [StatusCell; ServiceId::ALL.len()],
 }
 
 /// A service's words, on a cache line of their own.
@@ -72,12 +72,12 @@ pub struct Cell {
 }
 
 const _: () = assert!(
-    std::mem::offset_of!(Words, requests) == 0,
+    std::mem::offset_of!(ControlBlock, requests) == 0,
     "`ask_in` maps this word alone"
 );
 
 const _: () = assert!(
-    size_of::<Cell>() == 128 && std::mem::offset_of!(Words, cells).is_multiple_of(align_of::<Cell>()),
+    size_of::<Cell>() == 128 && std::mem::offset_of!(ControlBlock, cells).is_multiple_of(align_of::<Cell>()),
     "no two services write the same cache line"
 );
 
@@ -129,7 +129,7 @@ pub enum Owner {
     Recorder,
 }
 
-impl Words {
+impl ControlBlock {
     /// Whose a receiver is, if it is one of the run's own.
     #[must_use]
     pub fn owner(&self, id: u128) -> Option<Owner> {
@@ -228,7 +228,7 @@ impl SharedPage {
     /// # Errors
     /// If the system has no memory or no file descriptor left.
     pub fn create() -> std::io::Result<Self> {
-        SharedFile::create(Self::NAME, size_of::<Words>()).map(Self)
+        SharedFile::create(Self::NAME, size_of::<ControlBlock>()).map(Self)
     }
 
     /// Maps a page that was inherited.
@@ -236,7 +236,7 @@ impl SharedPage {
     /// # Errors
     /// If the file is not such a page.
     pub fn open(file: OwnedFd) -> std::io::Result<Self> {
-        SharedFile::open(file, size_of::<Words>()).map(Self)
+        SharedFile::open(file, size_of::<ControlBlock>()).map(Self)
     }
 
     /// The file, to be inherited by a service.
@@ -248,11 +248,11 @@ impl SharedPage {
     /// The words.
     #[must_use]
     #[inline]
-    pub fn words(&self) -> &Words {
-        // SAFETY: the mapping lives as long as `self`, is page-aligned, holds `size_of::<Words>()` bytes
-        // (`SharedFile` sees to it), and `Words` consists of atomics and padding, valid for every bit pattern and
+    pub fn control_block(&self) -> &ControlBlock {
+        // SAFETY: the mapping lives as long as `self`, is page-aligned, holds `size_of::<ControlBlock>()` bytes
+        // (`SharedFile` sees to it), and `ControlBlock` consists of atomics and padding, valid for every bit pattern and
         // safe to be written by other processes meanwhile.
-        unsafe { &*self.0.as_mut_ptr().cast::<Words>() }
+        unsafe { &*self.0.as_mut_ptr().cast::<ControlBlock>() }
     }
 }
 
@@ -264,36 +264,36 @@ mod tests {
 
     #[test]
     fn arming_is_taken_back_and_killing_is_not() {
-        let words = Words::default();
-        assert_eq!(words.operator(Operator::default()), Operator::default());
-        words.ask(Request::Arm);
-        assert_eq!(words.operator(Operator::default()), Operator::FLYING);
-        words.ask(Request::Kill);
-        words.ask(Request::Disarm);
-        words.ask(Request::Arm);
-        assert!(words.operator(Operator::default()).killed && words.operator(Operator::FLYING).killed);
+        let block = ControlBlock::default();
+        assert_eq!(block.operator(Operator::default()), Operator::default());
+        block.ask(Request::Arm);
+        assert_eq!(block.operator(Operator::default()), Operator::FLYING);
+        block.ask(Request::Kill);
+        block.ask(Request::Disarm);
+        block.ask(Request::Arm);
+        assert!(block.operator(Operator::default()).killed && block.operator(Operator::FLYING).killed);
     }
 
     #[test]
     fn a_request_is_taken_by_the_file_alone() {
         let page = SharedPage::create().unwrap();
         ask_in(page.file(), Request::Kill).unwrap();
-        assert!(page.words().operator(Operator::FLYING).killed);
+        assert!(page.control_block().operator(Operator::FLYING).killed);
         let empty = rustix::fs::memfd_create("empty", rustix::fs::MemfdFlags::CLOEXEC).unwrap();
         assert!(ask_in(empty.as_fd(), Request::Kill).is_err());
     }
 
     #[test]
     fn who_disarms_overrides_the_plan() {
-        let words = Words::default();
-        words.ask(Request::Disarm);
-        assert_eq!(words.operator(Operator::FLYING), Operator::default());
-        words.ask(Request::Land);
-        words.ask(Request::Arm);
+        let block = ControlBlock::default();
+        block.ask(Request::Disarm);
+        assert_eq!(block.operator(Operator::FLYING), Operator::default());
+        block.ask(Request::Land);
+        block.ask(Request::Arm);
         let landing = Operator {
             land: true,
             ..Operator::FLYING
         };
-        assert_eq!(words.operator(Operator::default()), landing);
+        assert_eq!(block.operator(Operator::default()), landing);
     }
 }

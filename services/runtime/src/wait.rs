@@ -1,7 +1,7 @@
 //! Waiting for a sample in lock-step: look first, yield, then sleep on the doorbell.
 //!
 //! With the processes of the ring on one core, one `sched_yield` lets the publisher run and costs half of a sleep, if they
-//! have come to the ring's order ([`crate::ring_order`]) and nobody else is on the core ([`crate::verdict`]).
+//! have come to the ring's order ([`crate::ring_order`]) and nobody else is on the core ([`crate::wait_policy`]).
 //!
 //! A wake-up is never lost: the consumer announces whom it sleeps for, then looks again; a publisher
 //! publishes, then looks for the announcement. Only the consumer takes its announcement back.
@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{Ordering, fence};
 use std::time::Instant;
 
-use shared_types::Guests;
+use shared_types::ExternalServices;
 use shared_types::ServiceId;
 
 use crate::control::Channel;
@@ -21,7 +21,7 @@ use crate::deployment::Scheduler;
 use crate::doorbell::Doorbell;
 use crate::ring_order::RingOrder;
 use crate::shared_page::{Cell, SharedPage};
-use crate::verdict::{self, Leader};
+use crate::wait_policy::{self, WaitPolicy};
 use crate::watchdog;
 
 /// In whatever order the ring's five are, the turn comes round to all within fewer.
@@ -38,13 +38,13 @@ pub struct Waiter {
     doorbells: Arc<[Doorbell]>,
     channel: Channel,
     scheduler: Scheduler,
-    guests: Guests,
+    external_services: ExternalServices,
     order: RingOrder,
-    leader: Option<Leader>,
+    leader: Option<WaitPolicy>,
 }
 
 impl Waiter {
-    /// Joins the ring. `doorbells` are those of all services, in the order of the wiring table; `guests` do not announce
+    /// Joins the ring. `doorbells` are those of all services, in the order of the wiring table; `external_services` do not announce
     /// that they sleep.
     #[must_use]
     pub fn new(
@@ -53,18 +53,18 @@ impl Waiter {
         doorbells: Vec<Doorbell>,
         channel: Channel,
         scheduler: Scheduler,
-        guests: Guests,
+        external_services: ExternalServices,
     ) -> Self {
         // Under `SCHED_FIFO` nobody else has the core, and yielding pays without a verdict.
         let leads = me == ServiceId::ALL[0] && scheduler != Scheduler::Fifo;
-        let leader = leads.then(Leader::default);
+        let leader = leads.then(WaitPolicy::default);
         Self {
             me,
             page,
             doorbells: doorbells.into(),
             channel,
             scheduler,
-            guests,
+            external_services,
             order: RingOrder::new(me, scheduler),
             leader,
         }
@@ -84,8 +84,8 @@ impl Waiter {
 
     /// Which services are external programs.
     #[must_use]
-    pub fn guests(&self) -> Guests {
-        self.guests
+    pub fn external_services(&self) -> ExternalServices {
+        self.external_services
     }
 
     /// The line to the orchestrator.
@@ -98,25 +98,25 @@ impl Waiter {
     #[must_use]
     #[inline]
     pub fn cell(&self) -> &Cell {
-        &self.page.words().cells[self.me.index()]
+        &self.page.control_block().cells[self.me.index()]
     }
 
     /// Whether the run is to end.
     #[must_use]
     #[inline]
     pub fn is_stopping(&self) -> bool {
-        self.page.words().stopping.load(Ordering::Relaxed) != 0
+        self.page.control_block().stopping.load(Ordering::Relaxed) != 0
     }
 
-    /// Rings the doorbells of those services that sleep for a publication of this one, and those of guests in any case.
+    /// Rings the doorbells of those services that sleep for a publication of this one, and those of external services in any case.
     #[inline]
     pub fn wake(&self, consumers: &[ServiceId]) {
         // Publications before, announcements after: pairs with the fence in `sleep_for`.
         fence(Ordering::SeqCst);
         let mine = announcement(self.me);
         for consumer in consumers {
-            let cell = &self.page.words().cells[consumer.index()];
-            if cell.waiting_for.load(Ordering::Relaxed) == mine || self.guests[consumer.index()] {
+            let cell = &self.page.control_block().cells[consumer.index()];
+            if cell.waiting_for.load(Ordering::Relaxed) == mine || self.external_services[consumer.index()] {
                 self.doorbells[consumer.index()].ring();
             }
         }
@@ -137,11 +137,11 @@ impl Waiter {
             return Ok(());
         }
         if let Some(leader) = &mut self.leader {
-            leader.pass_verdict(self.page.words(), verdict::is_yield_slow);
+            leader.pass_verdict(self.page.control_block(), wait_policy::is_yield_slow);
         }
         let is_here = self.yield_for(&mut arrived)?;
         if let Some(leader) = &mut self.leader {
-            leader.count_lap(self.page.words(), Instant::now());
+            leader.count_lap(self.page.control_block(), Instant::now());
         }
         if is_here {
             Cell::count(&self.cell().yields);
@@ -158,7 +158,7 @@ impl Waiter {
 
     #[inline]
     fn has_stepped(&self, publisher: ServiceId, tick: u64) -> bool {
-        let cell = &self.page.words().cells[publisher.index()];
+        let cell = &self.page.control_block().cells[publisher.index()];
         cell.steps_until.load(Ordering::Relaxed) > tick
     }
 
@@ -173,14 +173,14 @@ impl Waiter {
                 return Ok(true);
             }
             self.order.was_in_vain();
-            verdict::count_miss(self.page.words());
+            wait_policy::count_miss(self.page.control_block());
         }
         Ok(false)
     }
 
     #[inline]
     fn may_yield(&self) -> bool {
-        self.scheduler == Scheduler::Fifo || verdict::is_to_yield(self.page.words())
+        self.scheduler == Scheduler::Fifo || wait_policy::is_to_yield(self.page.control_block())
     }
 
     fn sleep_for<E: From<Interrupted>>(
@@ -223,7 +223,14 @@ mod tests {
             .iter()
             .map(|_| Doorbell::create().unwrap())
             .collect();
-        Waiter::new(me, page, doorbells, channel, Scheduler::Fair, Guests::default())
+        Waiter::new(
+            me,
+            page,
+            doorbells,
+            channel,
+            Scheduler::Fair,
+            ExternalServices::default(),
+        )
     }
 
     #[test]
@@ -244,7 +251,7 @@ mod tests {
     #[test]
     fn what_was_published_is_looked_for_at_once() {
         let mut waiter = waiter(ServiceId::Estimator);
-        let plant = &waiter.page.words().cells[ServiceId::Plant.index()];
+        let plant = &waiter.page.control_block().cells[ServiceId::Plant.index()];
         plant.steps_until.store(8, Ordering::Relaxed);
         waiter
             .wait(ServiceId::Plant, 7, || Ok::<_, Interrupted>(true))
@@ -259,7 +266,7 @@ mod tests {
     #[test]
     fn a_sleeper_ends_with_the_run() {
         let mut waiter = waiter(ServiceId::Plant);
-        waiter.page.words().stopping.store(1, Ordering::Relaxed);
+        waiter.page.control_block().stopping.store(1, Ordering::Relaxed);
         assert_eq!(
             waiter.wait(ServiceId::RcOutput, 0, || Ok(false)),
             Err(Interrupted)

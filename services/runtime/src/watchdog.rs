@@ -7,7 +7,7 @@
 //!
 //! A service process that has not flown yet also ends when its orchestrator is gone. In flight others see to that: the
 //! system in simulated time ([`crate::deployment::die_with_parent`]), the service itself in real time
-//! ([`crate::lone_flight`]).
+//! ([`crate::orchestrator_watchdog`]).
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;

@@ -15,12 +15,12 @@ use runtime::crash::CrashPoint;
 use runtime::deployment::Scheduler;
 use runtime::doorbell::Doorbell;
 use runtime::flight_clock::{FlightClock, monotonic_ns};
-use runtime::lone_flight::LoneFlight;
+use runtime::orchestrator_watchdog::OrchestratorWatchdog;
 use runtime::ports::{Delivery, Member, Topics};
-use runtime::real_time::{Cockpit, RealTimePorts, fly};
+use runtime::real_time::{RealTimePorts, ServiceContext, fly};
 use runtime::shared_page::SharedPage;
 use runtime::step_log::{StepLog, StepReader};
-use runtime::succession::{Bequest, FILES, Hello};
+use runtime::take_over::{FILES, HandOver, Hello};
 use scenario::{Curve, Hover, Path, Scenario, Vehicle};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, Schedule, ServiceId};
@@ -48,7 +48,7 @@ impl ErasedService for Still {
 }
 
 /// What is handed over to nobody here.
-fn bequest(scenario: &Scenario) -> Bequest {
+fn hand_over(scenario: &Scenario) -> HandOver {
     let hello = Hello {
         service: ServiceId::Plant,
         start: Start {
@@ -61,7 +61,7 @@ fn bequest(scenario: &Scenario) -> Bequest {
         },
     };
     let file = std::io::stdin();
-    Bequest::new(hello.start.place(), &hello, [file.as_fd(); FILES]).unwrap()
+    HandOver::new(hello.start.place(), &hello, [file.as_fd(); FILES]).unwrap()
 }
 
 /// Allocations of a flight of so many ticks of a millisecond; and how many steps it told of.
@@ -70,7 +70,7 @@ fn allocations_of(member: &Member, ticks: u64) -> (u64, usize) {
     let topics = Topics::open(member, ServiceId::Plant, &schedule).unwrap();
     let page = Arc::new(SharedPage::create().unwrap());
     let ports = RealTimePorts::open(&topics, ServiceId::Plant, &schedule, Default::default(), &page).unwrap();
-    page.words()
+    page.control_block()
         .orchestrator_alive_ns
         .store(monotonic_ns(), Ordering::Relaxed);
     let (_orchestrator, line) = Channel::pair().unwrap();
@@ -79,20 +79,24 @@ fn allocations_of(member: &Member, ticks: u64) -> (u64, usize) {
     });
     let scenario = Scenario::new(1.0, Vehicle::new(0.2, [1e-3; 3]), Path::new(hover));
     let step_log = StepLog::create().unwrap();
-    let mut cockpit = Cockpit {
+    let mut context = ServiceContext {
         ports,
         page,
         doorbells: ServiceId::ALL.map(|_| Doorbell::create().unwrap()).into(),
-        guests: scenario.guests(),
+        external_services: scenario.external_services(),
         checkpoints: &Checkpoints::create().unwrap(),
         step_log: &step_log,
         clock: FlightClock::starting_in(Duration::from_millis(2), schedule.tick_ns()),
         grace_ns: 0,
-        lone_flight: LoneFlight::new(&scenario, Channel::inherited(line), bequest(&scenario)),
+        orchestrator_watchdog: OrchestratorWatchdog::new(
+            &scenario,
+            Channel::inherited(line),
+            hand_over(&scenario),
+        ),
         crash: CrashPoint::default(),
     };
     let mut flown = Ok(());
-    let count = allocations::allocations_during(|| flown = fly(&mut Still, &schedule, None, &mut cockpit));
+    let count = allocations::allocations_during(|| flown = fly(&mut Still, &schedule, None, &mut context));
     flown.unwrap();
     let mut reader = StepReader::new(ServiceId::Plant);
     let steps = std::iter::from_fn(|| reader.next(&step_log)).count();

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Scenario;
-use shared_types::{Guests, ServiceId};
+use shared_types::{ExternalServices, ServiceId};
 
 macro_rules! programs {
     ($($name:ident: $service:ident),+) => {
@@ -68,7 +68,7 @@ impl Scenario {
 
     /// In place of which services programs of one's own fly.
     #[must_use]
-    pub fn guests(&self) -> Guests {
+    pub fn external_services(&self) -> ExternalServices {
         ServiceId::ALL.map(|service| self.program_of(service).is_some())
     }
 }
@@ -94,10 +94,14 @@ mod tests {
         };
         let experiment = scenario.experiment();
         assert_eq!(experiment.programs, Some(programs(None)));
-        assert_eq!(experiment.guests(), scenario.guests());
+        assert_eq!(experiment.external_services(), scenario.external_services());
         assert_eq!(
-            scenario.guests().iter().filter(|&&is_guest| is_guest).count(),
-            usize::from(scenario.guests()[ServiceId::Controller.index()])
+            scenario
+                .external_services()
+                .iter()
+                .filter(|&&is_external_service| is_external_service)
+                .count(),
+            usize::from(scenario.external_services()[ServiceId::Controller.index()])
         );
     }
 

@@ -31,9 +31,9 @@ pub(super) struct CrewMember {
     pub(super) birth: Option<(u32, Instant)>,
     /// The number that is not finite at which its process has stopped, to be replaced.
     pub(super) not_finite: Option<NonFinite>,
-    /// What its process did wrong, being a guest's, for which it is killed, to be replaced.
+    /// What its process did wrong, being an external service's, for which it is killed, to be replaced.
     pub(super) blamed: Option<String>,
-    /// What it could not have of its deployment, told before it was ready: as guests do.
+    /// What it could not have of its deployment, told before it was ready: as external_services do.
     pub(super) warnings: Vec<String>,
     /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
     pub(super) remembered: Vec<(usize, u64)>,
@@ -99,7 +99,7 @@ impl CrewMember {
                 }
                 return None;
             }
-            // What is said in replays only, and what the crew has heard of a guest.
+            // What is said in replays only, and what the crew has heard of an external service.
             ToOrchestrator::Stepped { .. } | ToOrchestrator::Connected { .. } => return None,
             ToOrchestrator::Finished => {
                 self.phase = Phase::Finished;

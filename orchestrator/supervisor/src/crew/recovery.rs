@@ -21,8 +21,8 @@ impl Crew<'_> {
     /// Waits for a process that has closed its line, frees what it held, and decides what comes next.
     pub(super) fn bury(&mut self, at: usize) -> Option<CrewEvent> {
         let next_tick = self.next_tick(self.members[at].service);
-        if self.is_guest(at) {
-            self.end_guest(at);
+        if self.is_external_service(at) {
+            self.end_external_service(at);
         }
         let member = &mut self.members[at];
         let (service, pid) = (member.service, member.process.id());
@@ -36,14 +36,14 @@ impl Crew<'_> {
         }
         self.exits.push((Some(service), pid, exit.clone()));
 
-        let words = self.page.words();
-        let cell = &words.cells[service.index()];
+        let block = self.page.control_block();
+        let cell = &block.cells[service.index()];
         let is_over = matches!(member.phase, Phase::Finished | Phase::GivenUp);
-        if is_over || words.stopping.load(Ordering::Relaxed) != 0 {
+        if is_over || block.stopping.load(Ordering::Relaxed) != 0 {
             return None;
         }
         cell.gone.store(1, Ordering::SeqCst);
-        if let Some(failure) = self.guests_last_end(at, &exit) {
+        if let Some(failure) = self.external_services_last_end(at, &exit) {
             self.members[at].phase = Phase::GivenUp;
             return Some(CrewEvent::Lost(failure));
         }
@@ -86,7 +86,7 @@ impl Crew<'_> {
         } else {
             Phase::Finished
         };
-        words.forget_receivers(service);
+        block.forget_receivers(service);
         cell.waiting_for.store(0, Ordering::Relaxed);
         // One that is born again at once finds everything cleaned up when it makes its ports.
         if member.phase != Phase::Dead(now) {
@@ -136,7 +136,7 @@ impl Crew<'_> {
                     member.phase = Phase::Dead(now + pause);
                 }
             }),
-            Phase::Starting if self.is_guest(at) => self.limit_guests_patience(at, now),
+            Phase::Starting if self.is_external_service(at) => self.limit_external_services_patience(at, now),
             Phase::Starting if now - self.members[at].process.asked_at > READY_LIMIT => {
                 self.members[at].process.signal(Signal::KILL);
                 Err(FlightFailure::NotReady {
@@ -158,10 +158,10 @@ impl Crew<'_> {
                 self.members[at].process.signal(Signal::KILL);
                 self.members[at].process.wait();
             }
-            let words = self.page.words();
+            let block = self.page.control_block();
             let service = self.members[at].service;
-            words.cells[service.index()].gone.store(1, Ordering::SeqCst);
-            words.forget_receivers(service);
+            block.cells[service.index()].gone.store(1, Ordering::SeqCst);
+            block.forget_receivers(service);
             let pause = self.longest_pause(at);
             self.members[at].phase = Phase::Dead(Instant::now() + pause);
         }
@@ -178,8 +178,8 @@ impl Crew<'_> {
             service,
             crash: self.crash_of(service, self.members[at].lives),
         };
-        // One that is ready to be a service is not ready to be a guest.
-        let spare = if self.is_guest(at) {
+        // One that is ready to be a service is not ready to be an external service.
+        let spare = if self.is_external_service(at) {
             None
         } else {
             self.take_spare(role)
@@ -216,24 +216,24 @@ impl Crew<'_> {
             if self.members[at].phase != Phase::Ready {
                 continue;
             }
-            let words = self.page.words();
+            let block = self.page.control_block();
             let Some((birth, announced_at)) = self.members[at].birth else {
-                let birth = 1 + words.births.fetch_add(1, Ordering::SeqCst);
+                let birth = 1 + block.births.fetch_add(1, Ordering::SeqCst);
                 self.members[at].birth = Some((birth, Instant::now()));
-                self.connect_guests(birth)?;
+                self.connect_external_services(birth)?;
                 recorder.connect().map_err(FlightFailure::setup)?;
                 self.rouse();
                 continue;
             };
             let is_connected = |member: &CrewMember| {
-                let seen = &words.cells[member.service.index()].births_seen;
+                let seen = &block.cells[member.service.index()].births_seen;
                 let flies = matches!(member.phase, Phase::Flying | Phase::CatchingUp(_));
                 !flies || seen.load(Ordering::Acquire) >= birth
             };
             if self.members.iter().all(is_connected) {
                 self.resume_one(self.members[at].service, recorder)?;
             } else {
-                self.limit_guests_silence(birth, announced_at)?;
+                self.limit_external_services_silence(birth, announced_at)?;
             }
         }
         Ok(())
@@ -274,7 +274,7 @@ impl Crew<'_> {
     }
 
     pub(super) fn note_rebirth(&mut self, service: ServiceId) {
-        let steps_until = &self.page.words().cells[service.index()].steps_until;
+        let steps_until = &self.page.control_block().cells[service.index()].steps_until;
         let tick = steps_until.load(Ordering::Relaxed).checked_sub(1);
         let member = &self.members[service.index()];
         if let Some(died_at) = member.died_at {

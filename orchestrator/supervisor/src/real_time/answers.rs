@@ -57,7 +57,7 @@ impl Flight<'_> {
     pub(super) fn ask(&mut self, request: Request, kind: u32, event: &'static str) {
         // What comes of the request has no earlier tick.
         let tick = self.clock.tick().min(self.schedule.last_tick());
-        self.crew.page().words().ask(request);
+        self.crew.page().control_block().ask(request);
         self.happened.push((tick, kind, event));
     }
 
@@ -75,8 +75,8 @@ impl Flight<'_> {
             return Some(format!("`{missing}` does not fly"));
         }
         let elapsed_ns = self.clock.elapsed_ns();
-        let words = self.crew.page().words();
-        if let Some(reason) = self.laboratory.refusal_to_arm(words, elapsed_ns) {
+        let block = self.crew.page().control_block();
+        if let Some(reason) = self.laboratory.refusal_to_arm(block, elapsed_ns) {
             return Some(reason);
         }
         let Some(state) = self.recorder.newest::<VehicleState>() else {
@@ -126,10 +126,10 @@ impl Flight<'_> {
 
     fn snapshot(&self) -> Snapshot {
         let planned = self.schedule.operator().at(self.clock.tick());
-        let words = self.crew.page().words();
-        let Operator { armed, land, killed } = words.operator(planned);
+        let block = self.crew.page().control_block();
+        let Operator { armed, land, killed } = block.operator(planned);
         let elapsed_ns = self.clock.elapsed_ns();
-        let (radio_link, cameras) = self.laboratory.snapshot(words, elapsed_ns);
+        let (radio_link, cameras) = self.laboratory.snapshot(block, elapsed_ns);
         let adaptation = self.recorder.newest::<ControlAdaptation>();
         Snapshot {
             scenario: self.scenario.description.clone(),

@@ -6,7 +6,7 @@
 
 use std::sync::atomic::Ordering;
 
-use runtime::shared_page::Words;
+use runtime::shared_page::ControlBlock;
 use shared_types::schedule::Presence;
 use shared_types::{Schedule, ServiceId};
 
@@ -51,7 +51,7 @@ impl Heartbeats {
     pub fn hanging(
         &mut self,
         now: u64,
-        words: &Words,
+        block: &ControlBlock,
         flies: impl Fn(ServiceId) -> bool,
         activity: impl Fn(ServiceId) -> Option<Activity>,
     ) -> Vec<ServiceId> {
@@ -59,7 +59,7 @@ impl Heartbeats {
         self.looked_at = now;
         let (limit, tick_ns) = (self.limit_ticks, self.tick_ns);
         let hangs = |&service: &ServiceId| {
-            let steps_until = words.cells[service.index()].steps_until.load(Ordering::Relaxed);
+            let steps_until = block.cells[service.index()].steps_until.load(Ordering::Relaxed);
             let pulse = &mut self.pulses[service.index()];
             pulse.observe(now, steps_until, flies(service));
             if !pulse.is_late(now, limit / 2) {

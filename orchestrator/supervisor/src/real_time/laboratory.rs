@@ -1,6 +1,6 @@
 //! What the laboratory around a flight tells: why nobody may arm yet, and how cameras and radio link fare.
 
-use runtime::shared_page::Words;
+use runtime::shared_page::ControlBlock;
 use scenario::{CaptureSystem, MotionCapture, RadioProtocol, Scenario};
 use shared_types::ServiceId;
 use shared_types::service::seconds;
@@ -36,15 +36,15 @@ impl<'a> Laboratory<'a> {
 
     /// How the cameras fare, if there are any.
     #[must_use]
-    pub fn capture(&self, words: &Words) -> Option<CaptureFigures> {
-        let notice = &words.notices[ServiceId::Plant.index()];
+    pub fn capture(&self, block: &ControlBlock) -> Option<CaptureFigures> {
+        let notice = &block.notices[ServiceId::Plant.index()];
         self.cameras.map(|_| notice.look())
     }
 
     /// How the radio link fares, if there is one.
     #[must_use]
-    pub fn link(&self, words: &Words) -> Option<LinkFigures> {
-        let notice = &words.notices[ServiceId::RcOutput.index()];
+    pub fn link(&self, block: &ControlBlock) -> Option<LinkFigures> {
+        let notice = &block.notices[ServiceId::RcOutput.index()];
         self.link.map(|_| notice.look())
     }
 
@@ -52,16 +52,16 @@ impl<'a> Laboratory<'a> {
     #[must_use]
     pub fn snapshot(
         &self,
-        words: &Words,
+        block: &ControlBlock,
         elapsed_ns: u64,
     ) -> (Option<LinkSnapshot>, Option<CamerasSnapshot>) {
-        let [link_trouble, cameras_trouble] = self.troubles(words, elapsed_ns);
-        let link = self.link(words).map(|figures| LinkSnapshot {
+        let [link_trouble, cameras_trouble] = self.troubles(block, elapsed_ns);
+        let link = self.link(block).map(|figures| LinkSnapshot {
             trouble: link_trouble,
             sent: figures.sent,
             lost: figures.dropped + figures.left_out,
         });
-        let cameras = self.capture(words).map(|figures| CamerasSnapshot {
+        let cameras = self.capture(block).map(|figures| CamerasSnapshot {
             trouble: cameras_trouble,
             rate: figures.rate,
             latency: figures.latency,
@@ -74,20 +74,20 @@ impl<'a> Laboratory<'a> {
 
     /// For the summary; none where there is no laboratory.
     #[must_use]
-    pub fn report(&self, words: &Words) -> Option<LaboratoryReport> {
-        LaboratoryReport::of(self.capture(words).as_ref(), self.link(words).as_ref())
+    pub fn report(&self, block: &ControlBlock) -> Option<LaboratoryReport> {
+        LaboratoryReport::of(self.capture(block).as_ref(), self.link(block).as_ref())
     }
 
     /// Why the vehicle may not be armed so long after the start of the flight, if it may not.
     #[must_use]
-    pub fn refusal_to_arm(&self, words: &Words, elapsed_ns: u64) -> Option<String> {
-        self.troubles(words, elapsed_ns).into_iter().flatten().next()
+    pub fn refusal_to_arm(&self, block: &ControlBlock, elapsed_ns: u64) -> Option<String> {
+        self.troubles(block, elapsed_ns).into_iter().flatten().next()
     }
 
     /// What has become well or is not any more since it was asked last, in words.
-    pub fn news(&mut self, words: &Words, elapsed_ns: u64) -> Vec<String> {
+    pub fn news(&mut self, block: &ControlBlock, elapsed_ns: u64) -> Vec<String> {
         let is_there = [self.link.is_some(), self.cameras.is_some()];
-        let troubles = self.troubles(words, elapsed_ns).into_iter();
+        let troubles = self.troubles(block, elapsed_ns).into_iter();
         let mut news = Vec::new();
         for (place, trouble) in troubles.enumerate().filter(|(place, _)| is_there[*place]) {
             let is_well = Some(trouble.is_none());
@@ -99,9 +99,9 @@ impl<'a> Laboratory<'a> {
     }
 
     /// What is the matter with the link and with the cameras.
-    fn troubles(&self, words: &Words, elapsed_ns: u64) -> [Option<String>; 2] {
-        let link = self.link.zip(self.link(words));
-        let cameras = self.cameras.zip(self.capture(words));
+    fn troubles(&self, block: &ControlBlock, elapsed_ns: u64) -> [Option<String>; 2] {
+        let link = self.link.zip(self.link(block));
+        let cameras = self.cameras.zip(self.capture(block));
         [
             link.and_then(|(link, figures)| unsendable(link, &figures)),
             cameras.and_then(|((system, stated), figures)| unseen(system, stated, &figures, elapsed_ns)),
@@ -185,16 +185,16 @@ mod tests {
         }
     }
 
-    /// Words with these cameras and a link in this state.
-    fn told(figures: &CaptureFigures, state: u32) -> Words {
-        let words = Words::default();
-        words.notices[ServiceId::Plant.index()].tell(figures);
+    /// ControlBlock with these cameras and a link in this state.
+    fn told(figures: &CaptureFigures, state: u32) -> ControlBlock {
+        let block = ControlBlock::default();
+        block.notices[ServiceId::Plant.index()].tell(figures);
         let link = LinkFigures {
             state,
             ..LinkFigures::new_zeroed()
         };
-        words.notices[ServiceId::RcOutput.index()].tell(&link);
-        words
+        block.notices[ServiceId::RcOutput.index()].tell(&link);
+        block
     }
 
     /// Why nobody may arm with them.
@@ -217,8 +217,8 @@ mod tests {
     #[test]
     fn who_looks_sees_how_both_are() {
         let stated = stated();
-        let words = told(&good(), LinkFigures::STATE_LOST);
-        let (link, cameras) = laboratory(&stated).snapshot(&words, NOW_NS);
+        let block = told(&good(), LinkFigures::STATE_LOST);
+        let (link, cameras) = laboratory(&stated).snapshot(&block, NOW_NS);
         assert!(link.unwrap().trouble.unwrap().contains("`crsf` is lost"));
         let cameras = cameras.unwrap();
         assert_eq!((cameras.trouble, cameras.rate), (None, 100.0));
@@ -227,7 +227,7 @@ mod tests {
             link: None,
             were_well: [None; 2],
         };
-        assert_eq!(nothing.snapshot(&words, NOW_NS), (None, None));
+        assert_eq!(nothing.snapshot(&block, NOW_NS), (None, None));
     }
 
     #[test]

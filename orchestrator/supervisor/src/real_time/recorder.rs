@@ -11,7 +11,7 @@ use host::owned_sample::OwnedSample;
 use runtime::flight_clock::FlightClock;
 use runtime::ports::{PortError, RECORDER_BUFFER};
 use runtime::watchdog::{self, Work};
-use shared_types::Guests;
+use shared_types::ExternalServices;
 use shared_types::service::header_of;
 use shared_types::{Published, Schedule, ServiceId, Topic};
 
@@ -58,9 +58,14 @@ impl Recorder {
 
     /// Copies what external programs publish before it is looked at, and refuses what cannot be there by the clock.
     #[must_use]
-    pub fn distrust(mut self, guests: Guests, schedule: &Schedule, clock: FlightClock) -> Self {
+    pub fn distrust(
+        mut self,
+        external_services: ExternalServices,
+        schedule: &Schedule,
+        clock: FlightClock,
+    ) -> Self {
         let distrust = |mut feed: Feed| {
-            if feed.subscription.is_of(guests) {
+            if feed.subscription.is_of(external_services) {
                 feed.subscription = feed.subscription.distrust_by_the_clock(schedule, clock);
             }
             feed

@@ -5,8 +5,8 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use runtime::flight_clock::FlightClock;
-use runtime::lone_flight::SILENCE_NS;
-use runtime::succession::{Heir, Inheritance};
+use runtime::orchestrator_watchdog::SILENCE_NS;
+use runtime::take_over::{InheritedDescriptors, TakeOverListener};
 use scenario::Scenario;
 use shared_types::{Schedule, ServiceId};
 
@@ -33,16 +33,16 @@ impl Succession {
     /// # Errors
     /// [`FlightFailure::Setup`] if none comes, or if one is of another build.
     pub fn prepare(place: &Path) -> Result<Self, FlightFailure> {
-        let heir = Heir::listen(place).map_err(FlightFailure::setup)?;
+        let heir = TakeOverListener::listen(place).map_err(FlightFailure::setup)?;
         let mut survivors = [const { None }; ServiceId::ALL.len()];
-        let mut first: Option<Inheritance> = None;
+        let mut first: Option<InheritedDescriptors> = None;
         let deadline = Instant::now() + PATIENCE;
         while survivors.iter().any(Option::is_none) {
             let left = deadline.saturating_duration_since(Instant::now());
             let Some(inheritance) = heir.accept(left).map_err(FlightFailure::setup)? else {
                 break;
             };
-            let Inheritance {
+            let InheritedDescriptors {
                 hello,
                 pid,
                 channel,
@@ -50,7 +50,7 @@ impl Succession {
             } = inheritance;
             let line = channel.try_clone().map_err(FlightFailure::setup)?;
             survivors[hello.service.index()] = Some((pid, channel));
-            first.get_or_insert(Inheritance {
+            first.get_or_insert(InheritedDescriptors {
                 hello,
                 pid,
                 channel: line,
@@ -67,7 +67,7 @@ impl Succession {
         let site = Site::take_over(&first.hello.start, lock)?;
         let shared = Shared::inherit(page, checkpoints, step_log).map_err(FlightFailure::setup)?;
         let clock = FlightClock {
-            start_ns: shared.page().words().start_ns.load(Ordering::Acquire),
+            start_ns: shared.page().control_block().start_ns.load(Ordering::Acquire),
             tick_ns: site.schedule.tick_ns(),
         };
         Ok(Self {

@@ -165,11 +165,11 @@ impl<T: Published> TopicPorts for Ports<T> {
             .set_backpressure_handler(move |full: &BackpressureInfo| {
                 // It is not in iceoryx2's hands how long a receiver that was stopped is waited for.
                 watchdog::work(Work::Step);
-                let words = page.words();
-                let Some(owner) = words.owner(full.receiver_port_id) else {
+                let block = page.control_block();
+                let Some(owner) = block.owner(full.receiver_port_id) else {
                     return BackpressureAction::DiscardData;
                 };
-                if words.stopping.load(Ordering::Relaxed) != 0 {
+                if block.stopping.load(Ordering::Relaxed) != 0 {
                     return BackpressureAction::DiscardDataAndFail;
                 }
                 if let Owner::Service(service) = owner {

@@ -17,7 +17,7 @@ impl Scenario {
 
     fn reads(&self, edge: EdgeName) -> bool {
         // A program of one's own may look at all that its service is given, and a fault is to be seen to happen.
-        let is_theirs = self.guests()[edge.service.index()];
+        let is_theirs = self.external_services()[edge.service.index()];
         is_theirs
             || self.faults_of(Target::Edge(edge)).next().is_some()
             || self.section_for(edge).is_none_or(|(_, is_stated)| is_stated)

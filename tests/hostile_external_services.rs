@@ -3,8 +3,8 @@
 //! gets it, at any moment.
 
 mod common;
-#[path = "common/guest.rs"]
-mod guest;
+#[path = "common/external_service.rs"]
+mod external_service;
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -15,14 +15,14 @@ use std::time::{Duration, Instant};
 
 use common::processes::signal;
 use common::{Begun, Place, begin, complaint, finish, until};
-use guest::{CONDUCT, Guest, INVITATION, guest};
+use external_service::{CONDUCT, ExternalService, INVITATION, external_service};
 use runtime::control::{ToOrchestrator, ToService};
 use runtime::descriptors::inherited;
 use rustix::process::{Signal, getpid, kill_process};
 use shared_types::{Header, ServiceId};
 use zerocopy::IntoBytes;
 
-/// Names the file that a guest makes when it begins.
+/// Names the file that an external service makes when it begins.
 const MARK: &str = "GERONO_TEST_MARK";
 
 /// From this tick on it does what it must not.
@@ -37,7 +37,7 @@ static MACHINE: Mutex<()> = Mutex::new(());
 /// Flights in simulated time that go on at once: they mostly wait.
 const AT_ONCE: usize = 4;
 
-/// Of so many kinds of guests one flies in real time, unless `GERONO_TEST_CONDUCT` chooses: all of them fly in simulated time.
+/// Of so many kinds of external services one flies in real time, unless `GERONO_TEST_CONDUCT` chooses: all of them fly in simulated time.
 const SHARE: usize = 3;
 
 /// What becomes of the flight.
@@ -47,15 +47,15 @@ enum Then {
     GoesOn,
     /// It ends by itself, and the error has this piece.
     Ends(&'static str),
-    /// It goes on, or ends by itself with an error that names the guest or its topic: what comes first.
+    /// It goes on, or ends by itself with an error that names the external_service or its topic: what comes first.
     Either,
 }
 use Then::{Either, Ends, GoesOn};
 
-/// What names the guest: its service, or a topic that it alone publishes.
+/// What names the external service: its service, or a topic that it alone publishes.
 const NAMES: [&str; 2] = ["`controller`", "`control/"];
 
-/// Every kind of guest, and what becomes of a flight in simulated time and of one in real time, where a program that dies
+/// Every kind of external service, and what becomes of a flight in simulated time and of one in real time, where a program that dies
 /// again and again without a step is given up, sooner or later.
 const CONDUCTS: [(&str, Then, Then); 53] = [
     // What it publishes.
@@ -166,7 +166,7 @@ fn fill_numbers(tick: u64, samples: &mut [&mut [u8]], word: impl Fn(usize) -> u6
     }
 }
 
-/// Says that the guest has begun.
+/// Says that the external service has begun.
 fn mark() {
     let path = std::env::var_os(MARK).unwrap();
     drop(File::create(path).unwrap());
@@ -202,7 +202,7 @@ fn bells() -> impl Iterator<Item = BorrowedFd<'static>> {
 
 fn control() -> BorrowedFd<'static> {
     #[expect(unsafe_code, reason = "inherited descriptors are reached by their numbers")]
-    // SAFETY: it is open unless the guest has closed it, and then writing fails.
+    // SAFETY: it is open unless the external service has closed it, and then writing fails.
     unsafe {
         BorrowedFd::borrow_raw(3)
     }
@@ -232,7 +232,7 @@ fn scribble(from: usize) -> ! {
     unreachable!()
 }
 
-/// What a guest does once, in the middle of a step.
+/// What an external service does once, in the middle of a step.
 fn act(conduct: &str) {
     match conduct {
         "silence" => sleep_for_ever(),
@@ -241,7 +241,7 @@ fn act(conduct: &str) {
             std::hint::spin_loop();
         },
         "closes_its_line" => {
-            // Others of it are duplicates of the guest's own library; all of them go.
+            // Others of it are duplicates of the external_service's own library; all of them go.
             (0..4096).filter(|&number| is_control(number)).for_each(close);
             sleep_for_ever();
         }
@@ -383,7 +383,7 @@ fn hand_on_everything(_command: &mut std::process::Command) {
     }
 }
 
-/// What a guest does with the samples of every step from [`BEGIN`] on.
+/// What an external service does with the samples of every step from [`BEGIN`] on.
 fn alter(conduct: &str, tick: u64, samples: &mut [&mut [u8]]) {
     let header = |alter: fn(Header) -> Header| move |header| alter(header);
     match conduct {
@@ -493,35 +493,37 @@ fn alter(conduct: &str, tick: u64, samples: &mut [&mut [u8]]) {
 }
 
 /// Publishes samples of one tick again and again, or those of all later ticks, without ever waiting.
-fn flood(guest: &mut Guest, goes_on: bool) -> ! {
-    let last = guest.schedule.last_tick();
+fn flood(external_service: &mut ExternalService, goes_on: bool) -> ! {
+    let last = external_service.schedule.last_tick();
     for round in 0.. {
         let tick = if goes_on { (BEGIN + round).min(last) } else { BEGIN };
-        publish_again(guest, tick);
+        publish_again(external_service, tick);
     }
     unreachable!()
 }
 
-fn publish_again(guest: &mut Guest, tick: u64) {
-    if guest
+fn publish_again(external_service: &mut ExternalService, tick: u64) {
+    if external_service
         .outlets
         .loan(tick, &mut host::step::Slots::default())
         .is_ok()
     {
-        let _ = guest.outlets.send(tick, runtime::crash::CrashPoint::default());
+        let _ = external_service
+            .outlets
+            .send(tick, runtime::crash::CrashPoint::default());
     }
 }
 
-/// No test unless it was started as a guest.
+/// No test unless it was started as an external service.
 #[test]
-fn a_guest() {
+fn an_external_service() {
     let Ok(conduct) = std::env::var(CONDUCT) else {
         return;
     };
     let real_time = std::fs::read_to_string(format!("/proc/self/fd/{INVITATION}"))
         .is_ok_and(|about| about.contains(r#""host":"real_time""#));
-    let mut guest = Guest::join();
-    assert_eq!(guest.id, ServiceId::Controller);
+    let mut external_service = ExternalService::join();
+    assert_eq!(external_service.id, ServiceId::Controller);
     let repeats = [
         "the_same_sample_again",
         "floods_with_one_tick",
@@ -534,7 +536,7 @@ fn a_guest() {
     };
     let mut has_begun = false;
     let mine = conduct.clone();
-    guest.mischief = Box::new(move |tick, samples| {
+    external_service.mischief = Box::new(move |tick, samples| {
         alter(&mine, tick, samples);
         if tick >= BEGIN && !has_begun {
             has_begun = true;
@@ -543,35 +545,35 @@ fn a_guest() {
         }
     });
     if real_time {
-        guest.fly_in_real_time(until);
+        external_service.fly_in_real_time(until);
     } else {
-        guest.fly_in_lock_step(until);
+        external_service.fly_in_lock_step(until);
     }
     match conduct.as_str() {
-        "floods_with_one_tick" => flood(&mut guest, false),
-        "floods_with_later_ticks" => flood(&mut guest, true),
+        "floods_with_one_tick" => flood(&mut external_service, false),
+        "floods_with_later_ticks" => flood(&mut external_service, true),
         "the_same_sample_again" => {
-            publish_again(&mut guest, BEGIN);
+            publish_again(&mut external_service, BEGIN);
             sleep_for_ever();
         }
         _ => {}
     }
-    let _ = guest.channel.send(&ToOrchestrator::Finished);
-    while !matches!(guest.channel.receive(), Ok(ToService::Stop) | Err(_)) {}
+    let _ = external_service.channel.send(&ToOrchestrator::Finished);
+    while !matches!(external_service.channel.receive(), Ok(ToService::Stop) | Err(_)) {}
     std::process::exit(0);
 }
 
 /// How long a user who wants the end of a flight waits for it: services may take 2 s to stop, on a machine that is in use.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// How long a hostile guest is let be.
+/// How long a hostile external service is let be.
 const WHILE: Duration = Duration::from_millis(700);
 
-/// Flies with a guest until the flight ends by itself or is ended, and says what is not as it should be.
+/// Flies with an external service until the flight ends by itself or is ended, and says what is not as it should be.
 fn trouble_with(conduct: &str, then: Then, real_time: bool, ended_by: Signal) -> Option<String> {
     let place = Place::new();
     let marked = place.path("begun");
-    let setting = guest(ServiceId::Controller, conduct);
+    let setting = external_service(ServiceId::Controller, conduct);
     let mut command = if real_time {
         // The laboratory's vehicle holds its rates by itself while nobody commands.
         place.rig_flight(
@@ -584,7 +586,7 @@ fn trouble_with(conduct: &str, then: Then, real_time: bool, ended_by: Signal) ->
     };
     let mut run = begin(command.env(MARK, &marked));
     let orchestrator = run.id();
-    until("the guest's misconduct", || {
+    until("the external service's misconduct", || {
         (marked.exists() || run.try_wait().unwrap().is_some()).then_some(())
     });
     let mut ends_by_itself = ends_within(&mut run, if matches!(then, Ends(_)) { PATIENCE } else { WHILE });
@@ -644,7 +646,7 @@ fn ends_within(run: &mut Begun, limit: Duration) -> bool {
     }
 }
 
-/// Flies with the guests whose name contains what `GERONO_TEST_CONDUCT` says, all of them if it is empty.
+/// Flies with the external services whose name contains what `GERONO_TEST_CONDUCT` says, all of them if it is empty.
 fn fly_with_all(real_time: bool) {
     let _machine = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
     let (chosen, share) = match std::env::var("GERONO_TEST_CONDUCT") {
@@ -678,11 +680,11 @@ fn fly_with_all(real_time: bool) {
 }
 
 #[test]
-fn in_simulated_time_a_hostile_guest_harms_nothing_but_itself_or_is_named() {
+fn in_simulated_time_a_hostile_external_service_harms_nothing_but_itself_or_is_named() {
     fly_with_all(false);
 }
 
 #[test]
-fn in_real_time_a_hostile_guest_harms_nothing_but_itself_or_is_named() {
+fn in_real_time_a_hostile_external_service_harms_nothing_but_itself_or_is_named() {
     fly_with_all(true);
 }

@@ -17,7 +17,7 @@ use host::owned_sample::OwnedSample;
 const SPARE: u64 = 4;
 
 /// The latest samples of an input.
-pub struct Mailbox {
+pub struct InputQueue {
     /// The input as the schedule sees it.
     pub edge: Edge,
     /// Place of the input in the wiring table.
@@ -50,8 +50,8 @@ pub struct Delivery<'a> {
     pub tick: u64,
 }
 
-impl Mailbox {
-    /// An empty mailbox of an input, filled from a port.
+impl InputQueue {
+    /// An empty queue of an input, filled from a port.
     #[must_use]
     pub fn new(
         schedule: &Schedule,
@@ -226,26 +226,26 @@ mod tests {
         }
     }
 
-    fn mailbox(ticks: impl IntoIterator<Item = u64>) -> Mailbox {
+    fn queue(ticks: impl IntoIterator<Item = u64>) -> InputQueue {
         let schedule = Schedule::ideal(1_000_000, 1_000_000);
         assert_eq!(ServiceId::Plant.inputs()[0].topic, Topic::RcFrame);
         let port = Port {
             coming: ticks.into_iter().map(frame).collect(),
             held: None,
         };
-        let mut mailbox = Mailbox::new(
+        let mut queue = InputQueue::new(
             &schedule,
             ServiceId::Plant,
             0,
             ServiceId::RcOutput,
             Box::new(port),
         );
-        mailbox.collect().unwrap();
-        mailbox
+        queue.collect().unwrap();
+        queue
     }
 
-    fn delivered(mailbox: &mut Mailbox, tick: u64) -> Option<(u64, bool)> {
-        let delivery = mailbox.deliver(tick)?;
+    fn delivered(queue: &mut InputQueue, tick: u64) -> Option<(u64, bool)> {
+        let delivery = queue.deliver(tick)?;
         let header = header_of(delivery.view.bytes.unwrap());
         assert_eq!(header.tick, delivery.tick);
         Some((delivery.tick, delivery.view.fresh))
@@ -257,27 +257,27 @@ mod tests {
         fn a_step_sees_the_newest_sample_that_is_due(gaps in prop::collection::vec(1u64..5, 1..20), at in 0u64..100) {
             let ticks: Vec<u64> = gaps.iter().scan(0, |tick, gap| { *tick += gap; Some(*tick) }).collect();
             let last = *ticks.last().unwrap();
-            let mut mailbox = mailbox(ticks.iter().copied());
+            let mut queue = queue(ticks.iter().copied());
             // No more than the spare places are kept: a step long past is not asked for.
             let at = last + at;
             let expected = ticks.iter().rev().take(4).copied().find(|&tick| tick < at);
-            prop_assert_eq!(delivered(&mut mailbox, at).map(|(tick, _)| tick), expected);
+            prop_assert_eq!(delivered(&mut queue, at).map(|(tick, _)| tick), expected);
         }
     }
 
     #[test]
     fn a_sample_is_fresh_once() {
-        let mut mailbox = mailbox([3, 4]);
-        assert_eq!(delivered(&mut mailbox, 3), None);
-        assert_eq!(delivered(&mut mailbox, 4), Some((3, true)));
-        assert_eq!(delivered(&mut mailbox, 5), Some((4, true)));
-        assert_eq!(delivered(&mut mailbox, 6), Some((4, false)));
+        let mut queue = queue([3, 4]);
+        assert_eq!(delivered(&mut queue, 3), None);
+        assert_eq!(delivered(&mut queue, 4), Some((3, true)));
+        assert_eq!(delivered(&mut queue, 5), Some((4, true)));
+        assert_eq!(delivered(&mut queue, 6), Some((4, false)));
     }
 
     #[test]
     fn what_one_that_was_born_again_repeats_is_passed_over() {
-        let mut mailbox = mailbox([3, 4, 3, 4, 5]);
-        assert_eq!(delivered(&mut mailbox, 5), Some((4, true)));
-        assert_eq!(delivered(&mut mailbox, 6), Some((5, true)));
+        let mut queue = queue([3, 4, 3, 4, 5]);
+        assert_eq!(delivered(&mut queue, 5), Some((4, true)));
+        assert_eq!(delivered(&mut queue, 6), Some((5, true)));
     }
 }

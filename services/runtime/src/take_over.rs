@@ -40,13 +40,13 @@ pub struct Hello {
 
 /// What a service hands over to whoever takes its orchestrator's place.
 #[derive(Debug)]
-pub struct Bequest {
+pub struct HandOver {
     socket: PathBuf,
     hello: Vec<u8>,
     files: [OwnedFd; FILES],
 }
 
-impl Bequest {
+impl HandOver {
     /// That of a service of the run whose place is `place`.
     ///
     /// # Errors
@@ -86,7 +86,7 @@ impl Bequest {
 
 /// What a service has handed over.
 #[derive(Debug)]
-pub struct Inheritance {
+pub struct InheritedDescriptors {
     /// What it said.
     pub hello: Hello,
     /// Its process.
@@ -99,12 +99,12 @@ pub struct Inheritance {
 
 /// Who takes over. Services come as long as it listens.
 #[derive(Debug)]
-pub struct Heir {
+pub struct TakeOverListener {
     socket: PathBuf,
     listener: OwnedFd,
 }
 
-impl Heir {
+impl TakeOverListener {
     /// Listens in a run's place. To be called by one process at a time for a place.
     ///
     /// # Errors
@@ -126,7 +126,7 @@ impl Heir {
     ///
     /// # Errors
     /// If the system refuses, or if what comes is no service of this build.
-    pub fn accept(&self, limit: Duration) -> std::io::Result<Option<Inheritance>> {
+    pub fn accept(&self, limit: Duration) -> std::io::Result<Option<InheritedDescriptors>> {
         let timeout = Timespec {
             tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
             tv_nsec: i64::from(limit.subsec_nanos()),
@@ -160,7 +160,7 @@ impl Heir {
             .collect();
         let files = <[OwnedFd; FILES]>::try_from(files)
             .map_err(|_| std::io::Error::other("a service did not hand over its files"))?;
-        Ok(Some(Inheritance {
+        Ok(Some(InheritedDescriptors {
             hello: serde_json::from_slice(&text[..received.bytes])?,
             pid: socket_peercred(&line)?.pid,
             channel: Channel::inherited(line),
@@ -174,7 +174,7 @@ fn is_own(line: &OwnedFd) -> bool {
     socket_peercred(line).is_ok_and(|peer| peer.uid == rustix::process::geteuid())
 }
 
-impl Drop for Heir {
+impl Drop for TakeOverListener {
     fn drop(&mut self) {
         // What stays goes with the run's place.
         let _ = std::fs::remove_file(&self.socket);
@@ -208,21 +208,21 @@ mod tests {
     fn who_takes_over_gets_what_the_service_has_and_a_line_to_it() {
         let place = tempfile::tempdir().unwrap();
         let file = std::fs::File::create(place.path().join("shared")).unwrap();
-        let bequest = Bequest::new(place.path(), &hello(), [file.as_fd(); FILES]).unwrap();
-        assert!(bequest.offer().is_none(), "nobody is there");
-        let heir = Heir::listen(place.path()).unwrap();
-        assert!(heir.accept(Duration::ZERO).unwrap().is_none());
-        let line = bequest.offer().unwrap();
-        let inheritance = heir.accept(Duration::from_secs(10)).unwrap().unwrap();
-        assert_eq!(inheritance.hello, hello());
-        assert_eq!(inheritance.pid, rustix::process::getpid());
+        let hand_over = HandOver::new(place.path(), &hello(), [file.as_fd(); FILES]).unwrap();
+        assert!(hand_over.offer().is_none(), "nobody is there");
+        let listener = TakeOverListener::listen(place.path()).unwrap();
+        assert!(listener.accept(Duration::ZERO).unwrap().is_none());
+        let line = hand_over.offer().unwrap();
+        let inherited = listener.accept(Duration::from_secs(10)).unwrap().unwrap();
+        assert_eq!(inherited.hello, hello());
+        assert_eq!(inherited.pid, rustix::process::getpid());
         let inode = |file: BorrowedFd<'_>| rustix::fs::fstat(file).unwrap().st_ino;
-        for handed in &inheritance.files {
+        for handed in &inherited.files {
             assert_eq!(inode(handed.as_fd()), inode(file.as_fd()));
         }
-        inheritance.channel.send(&ToService::Stop).unwrap();
+        inherited.channel.send(&ToService::Stop).unwrap();
         assert_eq!(line.receive::<ToService>().unwrap(), ToService::Stop);
-        drop(heir);
-        assert!(bequest.offer().is_none(), "nobody is there any more");
+        drop(listener);
+        assert!(hand_over.offer().is_none(), "nobody is there any more");
     }
 }

@@ -9,17 +9,17 @@ use crate::ports::{PortError, Sender, TopicPorts, Topics};
 use host::step::{self, Slots};
 
 /// The outputs that the wiring table gives a service.
-pub struct Outlets {
-    outlets: Vec<Outlet>,
+pub struct OutputPorts {
+    outputs: Vec<OutputPort>,
     consumers: Vec<ServiceId>,
 }
 
-struct Outlet {
+struct OutputPort {
     publication: Publication,
     sender: Box<dyn Sender>,
 }
 
-impl Outlets {
+impl OutputPorts {
     /// Makes a publisher of each topic with `sender_of`.
     ///
     /// # Errors
@@ -31,13 +31,13 @@ impl Outlets {
         mut sender_of: impl FnMut(&dyn TopicPorts) -> Result<Box<dyn Sender>, PortError>,
     ) -> Result<Self, PortError> {
         let open = |spec: &OutputSpec| {
-            Ok(Outlet {
+            Ok(OutputPort {
                 publication: schedule.publication(spec.topic),
                 sender: sender_of(topics.of(spec.topic))?,
             })
         };
         Ok(Self {
-            outlets: id.outputs().iter().map(open).collect::<Result<_, PortError>>()?,
+            outputs: id.outputs().iter().map(open).collect::<Result<_, PortError>>()?,
             consumers: readers_of(id, schedule),
         })
     }
@@ -54,9 +54,9 @@ impl Outlets {
     /// # Errors
     /// [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
-        self.outlets
+        self.outputs
             .iter_mut()
-            .try_for_each(|outlet| outlet.sender.connect())
+            .try_for_each(|output| output.sender.connect())
     }
 
     /// Places for the samples that are due at `tick`, written where they are used: a copy of what was just written would
@@ -66,11 +66,11 @@ impl Outlets {
     /// [`PortError`].
     #[inline]
     pub fn loan<'a>(&'a mut self, tick: u64, slots: &mut Slots<'a>) -> Result<(), PortError> {
-        for (slot, outlet) in slots.iter_mut().zip(&mut self.outlets) {
+        for (slot, output) in slots.iter_mut().zip(&mut self.outputs) {
             debug_assert!(slot.bytes.is_none(), "a step has each output once");
-            if outlet.publication.is_due(tick) {
-                let header = outlet.publication.header(tick);
-                *slot = step::prepared(outlet.publication.topic, header, outlet.sender.loan()?);
+            if output.publication.is_due(tick) {
+                let header = output.publication.header(tick);
+                *slot = step::prepared(output.publication.topic, header, output.sender.loan()?);
             }
         }
         Ok(())
@@ -79,8 +79,8 @@ impl Outlets {
     /// Publishes nothing of what has been loaned.
     #[cold]
     pub fn take_back(&mut self) {
-        for outlet in &mut self.outlets {
-            outlet.sender.take_back();
+        for output in &mut self.outputs {
+            output.sender.take_back();
         }
     }
 
@@ -90,8 +90,8 @@ impl Outlets {
     /// [`PortError`].
     #[inline]
     pub fn send(&mut self, tick: u64, crash: CrashPoint) -> Result<(), PortError> {
-        for outlet in &mut self.outlets {
-            outlet.sender.send()?;
+        for output in &mut self.outputs {
+            output.sender.send()?;
             crash.pass(CrashPlace::BetweenPublishes, tick);
         }
         Ok(())

@@ -16,9 +16,9 @@ const WORD: usize = size_of::<u64>();
 /// The numbers. All are 0 until somebody tells others.
 #[repr(C, align(64))]
 #[derive(Debug, Default)]
-pub struct Notice([AtomicU64; LENGTH]);
+pub struct StatusCell([AtomicU64; LENGTH]);
 
-impl Notice {
+impl StatusCell {
     /// Tells a record of whole words in place of the one before.
     #[inline]
     pub fn tell<T: IntoBytes + Immutable>(&self, record: &T) {
@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn what_was_told_last_is_seen_and_before_that_nothing() {
-        let notice = Notice::default();
+        let notice = StatusCell::default();
         assert_eq!(notice.look::<[f64; 3]>(), [0.0; 3]);
         notice.tell(&[1.0, -2.0, 3.5]);
         notice.tell(&[4.0, 5.0]);

@@ -1,11 +1,11 @@
 //! Programs of one's own in place of services: that one that keeps the process contract flies as the service itself would,
 //! and what becomes of those that do not.
 //!
-//! The guests are processes of this very test, which `a_guest` is when it finds itself started as one, and shells.
+//! The external services are processes of this very test, which `an_external_service` is when it finds itself started as one, and shells.
 
 mod common;
-#[path = "common/guest.rs"]
-mod guest;
+#[path = "common/external_service.rs"]
+mod external_service;
 
 use std::path::Path;
 use std::process::Output;
@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use common::logs::last_tick;
 use common::processes::{await_end, signal};
 use common::{Begun, Place, begin, complaint, finish, output, scenario, succeed, until};
-use guest::{CONDUCT, Guest, guest, program};
+use external_service::{CONDUCT, ExternalService, external_service, program};
 use run_log::LogReader;
 use runtime::control::{ToOrchestrator, ToService};
 use rustix::process::Signal;
@@ -38,9 +38,9 @@ fn script(text: &str) -> String {
     program(ServiceId::Controller, &["sh", "-c", text])
 }
 
-/// Lets a guest in place of the controller publish nothing but zeros of these topics.
-fn erase(guest: &mut Guest, topics: &'static [Topic]) {
-    guest.mischief = Box::new(move |_, samples| {
+/// Lets an external service in place of the controller publish nothing but zeros of these topics.
+fn erase(external_service: &mut ExternalService, topics: &'static [Topic]) {
+    external_service.mischief = Box::new(move |_, samples| {
         let outputs = ServiceId::Controller.outputs();
         assert_eq!(
             samples.len(),
@@ -55,53 +55,56 @@ fn erase(guest: &mut Guest, topics: &'static [Topic]) {
     });
 }
 
-/// No test unless it was started as a guest.
+/// No test unless it was started as an external service.
 #[test]
-fn a_guest() {
+fn an_external_service() {
     let Ok(conduct) = std::env::var(CONDUCT) else {
         return;
     };
-    let mut guest = Guest::join();
+    let mut external_service = ExternalService::join();
     match conduct.as_str() {
-        "lock_step" => guest.fly_in_lock_step(u64::MAX),
-        "real_time" => guest.fly_in_real_time(u64::MAX),
+        "lock_step" => external_service.fly_in_lock_step(u64::MAX),
+        "real_time" => external_service.fly_in_real_time(u64::MAX),
         "tells_nothing" => {
-            erase(&mut guest, &[Topic::ControlErrors, Topic::ControlAdaptation]);
-            guest.fly_in_lock_step(u64::MAX);
+            erase(
+                &mut external_service,
+                &[Topic::ControlErrors, Topic::ControlAdaptation],
+            );
+            external_service.fly_in_lock_step(u64::MAX);
         }
         "does_nothing" => {
             erase(
-                &mut guest,
+                &mut external_service,
                 &[
                     Topic::ControlErrors,
                     Topic::ControlAdaptation,
                     Topic::ControlCommand,
                 ],
             );
-            guest.fly_in_lock_step(u64::MAX);
+            external_service.fly_in_lock_step(u64::MAX);
         }
-        "finishes_early" => guest.fly_in_lock_step(100),
+        "finishes_early" => external_service.fly_in_lock_step(100),
         "dies" => {
-            guest.fly_in_lock_step(100);
+            external_service.fly_in_lock_step(100);
             std::process::exit(9);
         }
         "forgets_its_receivers" => {
-            guest.await_go(&[]);
+            external_service.await_go(&[]);
         }
         "babbles" => {
-            let receivers = guest.receivers();
-            guest.await_go(&receivers);
-            guest.channel.send(&ToOrchestrator::CaughtUp).unwrap();
+            let receivers = external_service.receivers();
+            external_service.await_go(&receivers);
+            external_service.channel.send(&ToOrchestrator::CaughtUp).unwrap();
         }
         other => panic!("no conduct `{other}`"),
     }
     // Who is to be killed for what it has said need not say more.
-    let _ = guest.channel.send(&ToOrchestrator::Finished);
-    while !matches!(guest.channel.receive(), Ok(ToService::Stop) | Err(_)) {}
+    let _ = external_service.channel.send(&ToOrchestrator::Finished);
+    while !matches!(external_service.channel.receive(), Ok(ToService::Stop) | Err(_)) {}
     std::process::exit(0);
 }
 
-/// Flies with a setting for a guest, which must come to nothing: with this exit code and these words.
+/// Flies with a setting for an external service, which must come to nothing: with this exit code and these words.
 fn fails(setting: &str, code: i32, pieces: &[&str]) -> Place {
     let place = Place::new();
     let child = begin(&mut place.short_flight("out", 0.5, &["--set", setting]));
@@ -125,35 +128,35 @@ fn assert_same_samples(place: &Place, one: &str, other: &str) {
 }
 
 #[test]
-fn a_guest_with_a_services_own_law_publishes_the_same_bytes() {
+fn an_external_service_with_a_services_own_law_publishes_the_same_bytes() {
     let _machine = among_others();
     let place = Place::new();
     succeed(&mut place.short_flight("services", 0.3, &["--host", "inprocess"]));
     for service in ServiceId::ALL {
         let out = service.name();
-        let setting = guest(service, "lock_step");
+        let setting = external_service(service, "lock_step");
         succeed(&mut place.short_flight(out, 0.3, &["--set", &setting]));
         assert_same_samples(&place, "services", out);
     }
 }
 
 #[test]
-fn guests_among_themselves_fly_with_all_rates_and_latencies_of_the_rig() {
+fn external_services_among_themselves_fly_with_all_rates_and_latencies_of_the_rig() {
     let _machine = among_others();
     let place = Place::new();
-    let settings = ServiceId::ALL.map(|service| guest(service, "lock_step"));
+    let settings = ServiceId::ALL.map(|service| external_service(service, "lock_step"));
     let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
     succeed(&mut place.rig_flight("services", 0.5, &["--host", "inprocess"]));
-    succeed(&mut place.rig_flight("guests", 0.5, &settings));
-    assert_same_samples(&place, "services", "guests");
+    succeed(&mut place.rig_flight("external_services", 0.5, &settings));
+    assert_same_samples(&place, "services", "external_services");
 }
 
 #[test]
-fn a_guest_is_judged_by_the_truth_and_not_by_what_it_says_of_itself() {
+fn an_external_service_is_judged_by_the_truth_and_not_by_what_it_says_of_itself() {
     let _machine = among_others();
     let place = Place::new();
     succeed(&mut place.short_flight("services", 1.5, &["--host", "inprocess"]));
-    let setting = guest(ServiceId::Controller, "tells_nothing");
+    let setting = external_service(ServiceId::Controller, "tells_nothing");
     succeed(&mut place.short_flight("silent", 1.5, &["--set", &setting]));
     let [own, silent] = ["services", "silent"].map(|out| place.summary(out));
     assert!(own["metrics"]["max"].as_f64().unwrap() > 1.0);
@@ -166,10 +169,10 @@ fn a_guest_is_judged_by_the_truth_and_not_by_what_it_says_of_itself() {
 }
 
 #[test]
-fn a_guest_that_lets_the_vehicle_fall_has_lost_it() {
+fn an_external_service_that_lets_the_vehicle_fall_has_lost_it() {
     let _machine = among_others();
     let place = Place::new();
-    let setting = guest(ServiceId::Controller, "does_nothing");
+    let setting = external_service(ServiceId::Controller, "does_nothing");
     let flown = output(&mut place.short_flight("out", 1.5, &["--set", &setting]));
     assert_eq!(flown.status.code(), Some(9), "{}", complaint(&flown));
     let lost = &place.summary("out")["lost"];
@@ -181,10 +184,10 @@ fn a_guest_that_lets_the_vehicle_fall_has_lost_it() {
 }
 
 #[test]
-fn services_that_die_beside_a_guest_are_mended_and_the_flight_shows_nothing_of_it() {
+fn services_that_die_beside_an_external_service_are_mended_and_the_flight_shows_nothing_of_it() {
     let _machine = among_others();
     let place = Place::new();
-    let setting = guest(ServiceId::Controller, "lock_step");
+    let setting = external_service(ServiceId::Controller, "lock_step");
     let fly = |out: &str, more: &[&str]| {
         let mut arguments = vec!["--set", &setting];
         arguments.extend(more);
@@ -206,7 +209,7 @@ fn services_that_die_beside_a_guest_are_mended_and_the_flight_shows_nothing_of_i
 fn a_log_says_which_program_flew_and_its_steps_are_not_done_again() {
     let _machine = among_others();
     let place = Place::new();
-    let setting = guest(ServiceId::Controller, "lock_step");
+    let setting = external_service(ServiceId::Controller, "lock_step");
     succeed(&mut place.short_flight("out", 0.2, &["--set", &setting, "--set", "programs.folder='/'"]));
     let programs = LogReader::open(&place.log("out"))
         .unwrap()
@@ -330,7 +333,7 @@ fn who_gives_up_is_quoted() {
 fn who_is_ready_without_a_receiver_for_each_input_ends_the_run() {
     let _machine = among_others();
     fails(
-        &guest(ServiceId::Controller, "forgets_its_receivers"),
+        &external_service(ServiceId::Controller, "forgets_its_receivers"),
         BROKEN_CONTRACT,
         &["is ready with 0 receivers, and has 2 inputs"],
     );
@@ -340,7 +343,7 @@ fn who_is_ready_without_a_receiver_for_each_input_ends_the_run() {
 fn who_dies_in_simulated_time_ends_the_flight_with_the_last_whole_tick() {
     let _machine = among_others();
     let place = Place::new();
-    let setting = guest(ServiceId::Controller, "dies");
+    let setting = external_service(ServiceId::Controller, "dies");
     let output = output(&mut place.short_flight("out", 0.5, &["--set", &setting]));
     assert_eq!(output.status.code(), Some(BROKEN_CONTRACT));
     let said = complaint(&output);
@@ -354,7 +357,7 @@ fn who_dies_in_simulated_time_ends_the_flight_with_the_last_whole_tick() {
 fn who_says_too_early_that_it_has_finished_ends_the_flight() {
     let _machine = among_others();
     fails(
-        &guest(ServiceId::Controller, "finishes_early"),
+        &external_service(ServiceId::Controller, "finishes_early"),
         BROKEN_CONTRACT,
         &["says that it has finished, and has not published all its samples"],
     );
@@ -390,7 +393,7 @@ fn one_process_cannot_fly_programs_and_says_so() {
 fn who_breaks_the_contract_in_real_time_is_replaced_and_it_is_said_why() {
     let _machine = alone();
     let place = Place::new();
-    let setting = guest(ServiceId::Controller, "babbles");
+    let setting = external_service(ServiceId::Controller, "babbles");
     let run = begin(&mut place.live_hover("out", &["--set", &setting, "--restarts", "2"]));
     let output = finish(run);
     assert_eq!(output.status.code(), Some(BROKEN_CONTRACT));
@@ -409,17 +412,18 @@ fn who_breaks_the_contract_in_real_time_is_replaced_and_it_is_said_why() {
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
-/// The process of a live run that is a guest of this test.
-fn guest_of(orchestrator: u32) -> Option<u32> {
+/// The process of a live run that is an external service of this test.
+fn external_service_of(orchestrator: u32) -> Option<u32> {
     let children =
         std::fs::read_to_string(format!("/proc/{orchestrator}/task/{orchestrator}/children")).ok()?;
-    let is_guest = |pid: &u32| {
-        std::fs::read_to_string(format!("/proc/{pid}/cmdline")).is_ok_and(|line| line.contains("a_guest"))
+    let is_external_service = |pid: &u32| {
+        std::fs::read_to_string(format!("/proc/{pid}/cmdline"))
+            .is_ok_and(|line| line.contains("an_external_service"))
     };
     children
         .split_whitespace()
         .filter_map(|pid| pid.parse().ok())
-        .find(is_guest)
+        .find(is_external_service)
 }
 
 fn end(run: Begun) -> Output {
@@ -431,14 +435,14 @@ fn end(run: Begun) -> Output {
 fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
     let _machine = alone();
     let place = Place::new();
-    let setting = guest(ServiceId::Controller, "real_time");
+    let setting = external_service(ServiceId::Controller, "real_time");
     // The laboratory's vehicle holds its rates by itself while nobody commands.
     let settings = ["--host", "realtime", "--set", &setting];
     let run = begin(&mut place.rig_flight("out", 100.0, &settings));
     place.await_log("out", 20_000);
-    let first = until("the guest", || guest_of(run.id()));
+    let first = until("the external service", || external_service_of(run.id()));
     signal(first, Signal::KILL);
-    until("another guest in flight", || {
+    until("another external service in flight", || {
         let shown = output(&mut place.gerono(&["top", "--once", "--json"]));
         let shown: Value = serde_json::from_slice(&shown.stdout).ok()?;
         shown["events"]
@@ -446,7 +450,7 @@ fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
             .contains("`controller` was restarted")
             .then_some(())
     });
-    assert_ne!(guest_of(run.id()).unwrap(), first);
+    assert_ne!(external_service_of(run.id()).unwrap(), first);
     let output = end(run);
     assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
     let rebirths = &place.summary("out")["rebirths"];
@@ -455,10 +459,10 @@ fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
 }
 
 #[test]
-fn a_guest_ends_with_the_orchestrator_and_whoever_takes_over_starts_another() {
+fn an_external_service_ends_with_the_orchestrator_and_whoever_takes_over_starts_another() {
     let _machine = alone();
     let place = Place::new();
-    let setting = guest(ServiceId::Controller, "real_time");
+    let setting = external_service(ServiceId::Controller, "real_time");
     let lonely = "real_time.orchestrator_loss=\"continue\"";
     // The laboratory's vehicle holds its rates by itself while nobody commands. Without pipes, which services would hold open.
     let settings = [
@@ -466,14 +470,14 @@ fn a_guest_ends_with_the_orchestrator_and_whoever_takes_over_starts_another() {
     ];
     let mut first = begin(&mut place.rig_flight("first", 300.0, &settings));
     place.await_log("first", 20_000);
-    let guest = until("the guest", || guest_of(first.id()));
+    let external_service = until("the external service", || external_service_of(first.id()));
     first.kill().unwrap();
     first.wait().unwrap();
-    await_end(guest);
+    await_end(external_service);
 
     let second = begin(&mut place.gerono(&["attach", "--out", "second", "--quiet"]));
     place.await_log("second", 20_000);
-    until("another guest", || guest_of(second.id()));
+    until("another external service", || external_service_of(second.id()));
     let output = end(second);
     assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
     assert_eq!(place.leavings(), Vec::<String>::new());

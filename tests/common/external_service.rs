@@ -1,4 +1,4 @@
-//! A guest as docs/process_contract.md describes it: the test program itself, started again in place of a service.
+//! An external service as docs/process_contract.md describes it: the test program itself, started again in place of a service.
 
 use std::fs::File;
 use std::path::Path;
@@ -9,9 +9,9 @@ use runtime::crash::CrashPoint;
 use runtime::descriptors::inherited;
 use runtime::doorbell::Doorbell;
 use runtime::flight_clock::{FlightClock, nap_until};
-use runtime::inlet::Inlet;
-use runtime::mailbox::Mailbox;
-use runtime::outlets::Outlets;
+use runtime::input_port::InputPort;
+use runtime::input_queue::InputQueue;
+use runtime::output_ports::OutputPorts;
 use runtime::ports::{Member, Receiver, Topics};
 use rustix::event::{PollFd, PollFlags, poll};
 use scenario::Scenario;
@@ -19,21 +19,21 @@ use serde_json::Value;
 use shared_types::service::ErasedService;
 use shared_types::{Schedule, ServiceId};
 
-/// Names what a guest of this test is to do.
+/// Names what an external service of this test is to do.
 pub(crate) const CONDUCT: &str = "GERONO_TEST_GUEST";
 
 /// The invitation's descriptor.
 pub(crate) const INVITATION: i32 = 4;
 
-/// A setting by which this test's `a_guest` flies in place of a service.
-pub(crate) fn guest(service: ServiceId, conduct: &str) -> String {
+/// A setting by which this test's `an_external_service` flies in place of a service.
+pub(crate) fn external_service(service: ServiceId, conduct: &str) -> String {
     let test = std::env::current_exe().unwrap();
     let words = [
         "env",
         &format!("{CONDUCT}={conduct}"),
         test.to_str().unwrap(),
         "--exact",
-        "a_guest",
+        "an_external_service",
     ];
     program(service, &words)
 }
@@ -43,15 +43,15 @@ pub(crate) fn program(service: ServiceId, words: &[&str]) -> String {
     format!("programs.{service}={}", serde_json::to_string(words).unwrap())
 }
 
-/// A guest as docs/process_contract.md describes it, around the service's own step logic.
-pub(crate) struct Guest {
+/// An external service as docs/process_contract.md describes it, around the service's own step logic.
+pub(crate) struct ExternalService {
     pub(crate) about: Value,
     pub(crate) id: ServiceId,
     pub(crate) schedule: Schedule,
     pub(crate) service: Box<dyn ErasedService>,
     pub(crate) channel: Channel,
     pub(crate) topics: Topics,
-    pub(crate) outlets: Outlets,
+    pub(crate) outlets: OutputPorts,
     pub(crate) bell: Doorbell,
     pub(crate) others: Vec<Doorbell>,
     _member: Member,
@@ -59,10 +59,10 @@ pub(crate) struct Guest {
     pub(crate) mischief: Mischief,
 }
 
-/// What a guest does that it should not: it gets the tick, and the bytes of each sample that it is about to send.
+/// What an external service does that it should not: it gets the tick, and the bytes of each sample that it is about to send.
 pub(crate) type Mischief = Box<dyn FnMut(u64, &mut [&mut [u8]])>;
 
-impl Guest {
+impl ExternalService {
     pub(crate) fn join() -> Self {
         let about: Value = serde_json::from_reader(File::from(inherited(INVITATION).unwrap())).unwrap();
         let descriptor =
@@ -73,9 +73,9 @@ impl Guest {
         let channel = Channel::inherited(descriptor(&about["control"]));
         assert_eq!(channel.receive::<ToService>().unwrap(), ToService::MakePorts);
         let configuration = about["iceoryx2_configuration"].as_str().unwrap();
-        let member = Member::join(Path::new(configuration), "guest").unwrap();
+        let member = Member::join(Path::new(configuration), "external_service").unwrap();
         let topics = Topics::open(&member, id, &schedule).unwrap();
-        let outlets = Outlets::open(&topics, id, &schedule, |topic| topic.newest_sender()).unwrap();
+        let outlets = OutputPorts::open(&topics, id, &schedule, |topic| topic.newest_sender()).unwrap();
         let mut bells: Vec<&Value> = about["outputs"]
             .as_array()
             .unwrap()
@@ -126,7 +126,7 @@ impl Guest {
     }
 
     /// Sleeps until somebody rings or the orchestrator speaks, connects to who was born again, and ends with the run.
-    pub(crate) fn rest(&mut self, inlets: &mut [Inlet]) {
+    pub(crate) fn rest(&mut self, inlets: &mut [InputPort]) {
         let mut files = [
             PollFd::new(&self.bell, PollFlags::IN),
             PollFd::new(&self.channel, PollFlags::IN),
@@ -173,7 +173,7 @@ impl Guest {
             .map(|(index, receiver)| {
                 let edge = self.schedule.edge(self.id, index);
                 let publisher = edge.topic.publisher().unwrap();
-                Inlet::new(index, edge, publisher, receiver)
+                InputPort::new(index, edge, publisher, receiver)
             })
             .collect();
         let ticks =
@@ -209,7 +209,7 @@ impl Guest {
             .enumerate()
             .map(|(index, receiver)| {
                 let publisher = self.schedule.edge(self.id, index).topic.publisher().unwrap();
-                Mailbox::new(&self.schedule, self.id, index, publisher, receiver)
+                InputQueue::new(&self.schedule, self.id, index, publisher, receiver)
             })
             .collect();
         let mut next = Some(0);

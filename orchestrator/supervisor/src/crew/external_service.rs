@@ -1,6 +1,6 @@
-//! What is special about guests: programs of one's own that fly in place of services.
+//! What is special about external services: programs of one's own that fly in place of services.
 //!
-//! A guest does not see the words that services share, so that the orchestrator writes there what it says of itself. What
+//! An external service does not see the words that services share, so that the orchestrator writes there what it says of itself. What
 //! it knows is kept nowhere: in simulated time its death ends the flight, because nobody could go on as if nothing had
 //! happened, and in real time the next one begins anew.
 
@@ -17,29 +17,29 @@ use super::presentable::presentable;
 use super::{Crew, CrewEvent, Exit, STOP_LIMIT};
 use crate::FlightFailure;
 
-/// How long a guest may take to make its ports, and to connect to those of a service that was started again.
+/// How long an external service may take to make its ports, and to connect to those of a service that was started again.
 pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 
-/// How long a guest may live after it has closed its line: a program that ends closes it a little before.
+/// How long an external service may live after it has closed its line: a program that ends closes it a little before.
 const AFTER_CLOSING: Duration = Duration::from_millis(100);
 
 impl Crew<'_> {
-    pub(super) fn is_guest(&self, at: usize) -> bool {
+    pub(super) fn is_external_service(&self, at: usize) -> bool {
         let service = self.members[at].service;
         self.start.scenario.program_of(service).is_some()
     }
 
-    /// The services in whose place guests fly.
-    pub(crate) fn guests(&self) -> impl Iterator<Item = ServiceId> {
+    /// The services in whose place external services fly.
+    pub(crate) fn external_services(&self) -> impl Iterator<Item = ServiceId> {
         let at = 0..self.members.len();
-        at.filter(|&at| self.is_guest(at))
+        at.filter(|&at| self.is_external_service(at))
             .map(|at| self.members[at].service)
     }
 
-    /// Writes for a guest what services write themselves; what it did wrong, in words.
-    pub(super) fn hear_guest(&self, at: usize, message: &ToOrchestrator) -> Result<(), String> {
+    /// Writes for an external service what services write themselves; what it did wrong, in words.
+    pub(super) fn hear_external_service(&self, at: usize, message: &ToOrchestrator) -> Result<(), String> {
         let service = self.members[at].service;
-        let cell = &self.page.words().cells[service.index()];
+        let cell = &self.page.control_block().cells[service.index()];
         match (message, self.members[at].phase) {
             (ToOrchestrator::Ready { receivers, .. }, Phase::Starting) => {
                 self.know_receivers(service, cell, receivers)
@@ -79,21 +79,21 @@ impl Crew<'_> {
         Ok(())
     }
 
-    /// Ends a guest that has said or done what it must not. Before the flight and in simulated time that ends the flight;
+    /// Ends an external service that has said or done what it must not. Before the flight and in simulated time that ends the flight;
     /// in real time another one takes its place, as after any death.
-    pub(super) fn blame_guest(&mut self, at: usize, what: String) -> Option<CrewEvent> {
+    pub(super) fn blame_external_service(&mut self, at: usize, what: String) -> Option<CrewEvent> {
         self.members[at].process.kill_group();
         if self.can_be_followed() {
             self.members[at].blamed.get_or_insert(what);
             return None;
         }
         self.members[at].phase = Phase::GivenUp;
-        Some(CrewEvent::Lost(self.guest_failure(at, what)))
+        Some(CrewEvent::Lost(self.external_service_failure(at, what)))
     }
 
-    /// Ends what is left of a guest that has died or closed its line; says so if it lived on.
-    pub(super) fn end_guest(&mut self, at: usize) {
-        let is_to_stop = self.page.words().stopping.load(Ordering::Relaxed) != 0;
+    /// Ends what is left of an external service that has died or closed its line; says so if it lived on.
+    pub(super) fn end_external_service(&mut self, at: usize) {
+        let is_to_stop = self.page.control_block().stopping.load(Ordering::Relaxed) != 0;
         let grace = if is_to_stop { STOP_LIMIT } else { AFTER_CLOSING };
         let has_ended = self.members[at].process.ends_within(grace);
         self.members[at].process.kill_group();
@@ -103,9 +103,9 @@ impl Crew<'_> {
         }
     }
 
-    /// Why the flight cannot go on after the end of a process, if it was that of a guest that none can follow.
-    pub(super) fn guests_last_end(&self, at: usize, exit: &Exit) -> Option<FlightFailure> {
-        if !self.is_guest(at) || self.can_be_followed() {
+    /// Why the flight cannot go on after the end of a process, if it was that of an external service that none can follow.
+    pub(super) fn external_services_last_end(&self, at: usize, exit: &Exit) -> Option<FlightFailure> {
+        if !self.is_external_service(at) || self.can_be_followed() {
             return None;
         }
         let how = &exit.description;
@@ -116,26 +116,28 @@ impl Crew<'_> {
                 "ended: {how}; an external service has no checkpoint, so that it cannot be restarted in lock-step"
             ),
         };
-        Some(self.guest_failure(at, what))
+        Some(self.external_service_failure(at, what))
     }
 
-    /// Whether another process may take the place of a guest.
+    /// Whether another process may take the place of an external service.
     fn can_be_followed(&self) -> bool {
-        let is_in_flight = self.page.words().start_ns.load(Ordering::Acquire) != 0;
+        let is_in_flight = self.page.control_block().start_ns.load(Ordering::Acquire) != 0;
         self.start.host == Host::RealTime && is_in_flight
     }
 
     /// # Errors
-    /// [`FlightFailure::Guest`] if a guest in flight has not connected to the birth of this number for too long.
-    pub(super) fn limit_guests_silence(
+    /// [`FlightFailure::ExternalService`] if an external service in flight has not connected to the birth of this number for too long.
+    pub(super) fn limit_external_services_silence(
         &self,
         birth: u32,
         announced_at: Instant,
     ) -> Result<(), FlightFailure> {
         let is_deaf = |&at: &usize| {
             let member = &self.members[at];
-            let seen = &self.page.words().cells[member.service.index()].births_seen;
-            self.is_guest(at) && member.phase == Phase::Flying && seen.load(Ordering::Acquire) < birth
+            let seen = &self.page.control_block().cells[member.service.index()].births_seen;
+            self.is_external_service(at)
+                && member.phase == Phase::Flying
+                && seen.load(Ordering::Acquire) < birth
         };
         let deaf = (0..self.members.len()).find(is_deaf);
         let Some(at) = deaf.filter(|_| announced_at.elapsed() > PATIENCE) else {
@@ -145,33 +147,38 @@ impl Crew<'_> {
             "has not answered `Connect` within {} s, and nobody can fly on before",
             PATIENCE.as_secs()
         );
-        Err(self.guest_failure(at, what))
+        Err(self.external_service_failure(at, what))
     }
 
     /// # Errors
-    /// [`FlightFailure::Guest`] if a guest has taken too long to make its ports.
-    pub(super) fn limit_guests_patience(&self, at: usize, now: Instant) -> Result<(), FlightFailure> {
+    /// [`FlightFailure::ExternalService`] if an external service has taken too long to make its ports.
+    pub(super) fn limit_external_services_patience(
+        &self,
+        at: usize,
+        now: Instant,
+    ) -> Result<(), FlightFailure> {
         if now.saturating_duration_since(self.members[at].process.asked_at) <= PATIENCE {
             return Ok(());
         }
         self.members[at].process.signal(Signal::KILL);
         let what = format!("has not said that it is ready within {} s", PATIENCE.as_secs());
-        Err(self.guest_failure(at, what))
+        Err(self.external_service_failure(at, what))
     }
 
-    /// Lets guests in flight connect to a service that was born again.
+    /// Lets external services in flight connect to a service that was born again.
     ///
     /// # Errors
     /// [`FlightFailure`] if the system refuses.
-    pub(super) fn connect_guests(&self, birth: u32) -> Result<(), FlightFailure> {
-        let mut guests = self.guests();
-        guests.try_for_each(|guest| self.say(guest, &ToService::Connect { birth }))
+    pub(super) fn connect_external_services(&self, birth: u32) -> Result<(), FlightFailure> {
+        let mut external_services = self.external_services();
+        external_services
+            .try_for_each(|external_service| self.say(external_service, &ToService::Connect { birth }))
     }
 
-    /// What a guest did wrong that says to have flown its last step, and of which samples are missing.
-    pub(crate) fn blame_for_missing(&self, guest: ServiceId) -> FlightFailure {
+    /// What an external service did wrong that says to have flown its last step, and of which samples are missing.
+    pub(crate) fn blame_for_missing(&self, external_service: ServiceId) -> FlightFailure {
         let what = "says that it has finished, and has not published all its samples";
-        self.guest_failure(guest.index(), what.to_owned())
+        self.external_service_failure(external_service.index(), what.to_owned())
     }
 
     /// Whether a service has flown its last step, as it says.
@@ -179,20 +186,20 @@ impl Crew<'_> {
         self.members[service.index()].phase == Phase::Finished
     }
 
-    /// Takes note of how far guests have come, as far as their samples tell: `newest` says the tick of the newest of a
-    /// guest's, and how many have come.
-    pub(crate) fn note_guests_steps(&self, newest: impl Fn(ServiceId) -> Option<(u64, u64)>) {
-        for guest in self.guests() {
-            if let Some((tick, samples)) = newest(guest) {
-                let cell = &self.page.words().cells[guest.index()];
+    /// Takes note of how far external services have come, as far as their samples tell: `newest` says the tick of the newest of a
+    /// external service's, and how many have come.
+    pub(crate) fn note_external_services_steps(&self, newest: impl Fn(ServiceId) -> Option<(u64, u64)>) {
+        for external_service in self.external_services() {
+            if let Some((tick, samples)) = newest(external_service) {
+                let cell = &self.page.control_block().cells[external_service.index()];
                 cell.steps_until.store(tick + 1, Ordering::Relaxed);
                 cell.steps.store(samples, Ordering::Relaxed);
             }
         }
     }
 
-    fn guest_failure(&self, at: usize, what: String) -> FlightFailure {
-        FlightFailure::Guest {
+    fn external_service_failure(&self, at: usize, what: String) -> FlightFailure {
+        FlightFailure::ExternalService {
             service: self.members[at].name.to_owned(),
             pid: self.members[at].process.id(),
             what,

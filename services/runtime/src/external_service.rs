@@ -1,7 +1,7 @@
-//! A guest: a program of one's own that flies in place of a service, in whatever language.
+//! An external service: a program of one's own that flies in place of a service, in whatever language.
 //!
 //! The process that `gerono run` starts for the service reads its start message and deploys itself as every service does,
-//! writes an invitation, which says all that the program needs to know, and becomes the program. From then on the two
+//! writes an manifest, which says all that the program needs to know, and becomes the program. From then on the two
 //! speak as docs/process_contract.md says: in the orchestrator's own messages, without the shared page, the checkpoints
 //! and the step records, which are a matter between processes of one build.
 
@@ -24,21 +24,21 @@ use crate::descriptors::hand_on;
 use crate::doorbell::Doorbell;
 use crate::ports::{LAYOUT_ATTRIBUTE, consumer_buffer};
 
-/// Version of the contract with guests; raised when programs that keep the one before would go wrong.
+/// Version of the contract with external services; raised when programs that keep the one before would go wrong.
 pub const CONTRACT: u32 = 1;
 
-/// Names, in the environment of a guest, the service in whose place it flies: so that people and the orchestrator know it
+/// Names, in the environment of an external service, the service in whose place it flies: so that people and the orchestrator know it
 /// again among processes.
 pub const SERVICE_VARIABLE: &str = "GERONO_SERVICE";
 
-/// File descriptor of the invitation in a guest.
+/// File descriptor of the manifest in an external service.
 const INVITATION_FD: i32 = CONTROL_FD + 1;
-/// File descriptor of the first service's doorbell in a guest, behind the lock of the run's place.
+/// File descriptor of the first service's doorbell in an external service, behind the lock of the run's place.
 const FIRST_BELL_FD: i32 = INVITATION_FD + 2;
 
 /// What a program needs to know to fly in place of a service.
 #[derive(Debug, Serialize)]
-pub struct Invitation {
+pub struct LaunchManifest {
     contract: u32,
     service: &'static str,
     host: &'static str,
@@ -55,7 +55,7 @@ pub struct Invitation {
     scenario: Scenario,
 }
 
-/// A topic that a guest consumes or publishes.
+/// A topic that an external service consumes or publishes.
 #[derive(Debug, Serialize)]
 struct Stream {
     name: &'static str,
@@ -85,7 +85,7 @@ struct OutputStream {
     bells: Vec<i32>,
 }
 
-/// What a guest inherits.
+/// What an external service inherits.
 pub struct Belongings<'a> {
     /// The line to the orchestrator.
     pub channel: &'a Channel,
@@ -95,8 +95,8 @@ pub struct Belongings<'a> {
     pub doorbells: &'a [Doorbell],
 }
 
-impl Invitation {
-    /// The invitation to fly in place of `service`.
+impl LaunchManifest {
+    /// The manifest to fly in place of `service`.
     ///
     /// # Errors
     /// If the path of the run's place is no text.
@@ -151,7 +151,7 @@ impl Invitation {
     /// As a file that is read from its beginning.
     fn file(&self) -> std::io::Result<OwnedFd> {
         let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
-        let mut file = std::fs::File::from(rustix::fs::memfd_create("gerono-invitation", flags)?);
+        let mut file = std::fs::File::from(rustix::fs::memfd_create("gerono-manifest", flags)?);
         file.write_all(&serde_json::to_vec(self)?)?;
         let whole = SealFlags::WRITE | SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL;
         rustix::fs::fcntl_add_seals(&file, whole)?;
@@ -185,19 +185,19 @@ fn bell_of(service: ServiceId) -> i32 {
 pub fn become_program(
     words: &[String],
     folder: Option<&Path>,
-    invitation: &Invitation,
+    manifest: &LaunchManifest,
     belongings: &Belongings<'_>,
 ) -> String {
     let Some((program, arguments)) = words.split_first() else {
         return "no program is named".to_owned();
     };
     let mut command = Command::new(program);
-    command.args(arguments).env(SERVICE_VARIABLE, invitation.service);
+    command.args(arguments).env(SERVICE_VARIABLE, manifest.service);
     if let Some(folder) = folder {
         command.current_dir(folder);
     }
-    let started = invitation.file().and_then(|invitation| {
-        let files = [belongings.channel.as_fd(), invitation.as_fd(), belongings.lock];
+    let started = manifest.file().and_then(|manifest| {
+        let files = [belongings.channel.as_fd(), manifest.as_fd(), belongings.lock];
         let doorbells = belongings.doorbells.iter().map(AsFd::as_fd);
         hand_on(&mut command, CONTROL_FD, files.into_iter().chain(doorbells))
     });
@@ -217,7 +217,7 @@ mod tests {
     use super::*;
     use crate::deployment::Scheduler;
 
-    fn invitation() -> Value {
+    fn manifest() -> Value {
         let vehicle = Vehicle::new(0.2, [0.1e-3; 3]);
         let hover = Curve::Hover(Hover {
             position: [0.0, 0.0, -1.0],
@@ -231,15 +231,15 @@ mod tests {
             host: Host::RealTime,
         };
         let schedule = start.scenario.schedule().unwrap();
-        let invitation = Invitation::new(ServiceId::Controller, &start, &schedule).unwrap();
-        serde_json::to_value(invitation).unwrap()
+        let manifest = LaunchManifest::new(ServiceId::Controller, &start, &schedule).unwrap();
+        serde_json::to_value(manifest).unwrap()
     }
 
     #[test]
-    fn an_invitation_tells_of_every_input_and_output() {
-        let invitation = invitation();
+    fn an_manifest_tells_of_every_input_and_output() {
+        let manifest = manifest();
         let names = |kind: &str| -> Vec<String> {
-            let streams = invitation[kind].as_array().unwrap().iter();
+            let streams = manifest[kind].as_array().unwrap().iter();
             streams
                 .map(|stream| stream["topic"].as_str().unwrap().to_owned())
                 .collect()
@@ -249,7 +249,7 @@ mod tests {
             names("outputs"),
             ["control/command", "control/adaptation", "control/errors"]
         );
-        let state = &invitation["inputs"][0];
+        let state = &manifest["inputs"][0];
         assert_eq!(state["size"], Topic::VehicleState.kind().size);
         assert_eq!(state["attributes"]["layout"], Topic::VehicleState.layout_hash());
         assert_eq!(state["type"], "gerono_msgs/msg/VehicleState");
@@ -258,10 +258,10 @@ mod tests {
 
     #[test]
     fn commands_ring_at_the_radio_link_and_telemetry_at_nobody() {
-        let invitation = invitation();
-        let bells = |output: usize| invitation["outputs"][output]["bells"].clone();
+        let manifest = manifest();
+        let bells = |output: usize| manifest["outputs"][output]["bells"].clone();
         assert_eq!(bells(0), serde_json::json!([bell_of(ServiceId::RcOutput)]));
         assert_eq!(bells(1), serde_json::json!([]));
-        assert_eq!(invitation["bell"], bell_of(ServiceId::Controller));
+        assert_eq!(manifest["bell"], bell_of(ServiceId::Controller));
     }
 }

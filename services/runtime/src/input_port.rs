@@ -16,7 +16,7 @@ use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
 use host::edge_store::EdgeStore;
 
 /// An input.
-pub struct Inlet {
+pub struct InputPort {
     /// Place of the input in the wiring table.
     pub index: usize,
     /// The input as the schedule sees it.
@@ -47,7 +47,7 @@ impl Kept {
     }
 }
 
-impl Inlet {
+impl InputPort {
     /// An input that reads from a port.
     #[must_use]
     pub fn new(index: usize, edge: Edge, publisher: ServiceId, receiver: Box<dyn Receiver>) -> Self {
@@ -251,14 +251,14 @@ mod tests {
         }
     }
 
-    fn inlet(coming: impl IntoIterator<Item = u64>) -> Inlet {
+    fn input(coming: impl IntoIterator<Item = u64>) -> InputPort {
         let schedule = Schedule::ideal(1_000_000, 1000);
         let (service, index) = Topic::VehicleState.consumers().next().unwrap();
         let port = Port {
             coming: coming.into_iter().collect(),
             held: None,
         };
-        Inlet::new(
+        InputPort::new(
             index,
             schedule.edge(service, index),
             ServiceId::Estimator,
@@ -266,8 +266,8 @@ mod tests {
         )
     }
 
-    fn tick_seen(inlet: &mut Inlet, due: u64) -> u64 {
-        let view = inlet.view(due, due);
+    fn tick_seen(input: &mut InputPort, due: u64) -> u64 {
+        let view = input.view(due, due);
         // Ideal samples are as large as whole words.
         header_of(view.bytes.unwrap()).tick
     }
@@ -280,45 +280,45 @@ mod tests {
             next in 10..20u64, joins_later in 0..10u64, repeats in 0..5u64, late in 0..12u64,
         ) {
             let (first, end) = (next + joins_later - repeats, 60);
-            let mut inlet = inlet(first..end);
-            inlet.kept = Some(Kept::new(&inlet.edge, true));
+            let mut input = input(first..end);
+            input.kept = Some(Kept::new(&input.edge, true));
             let mut told = next;
             for due in next..end {
-                while !inlet.advance(due, due).unwrap() {
+                while !input.advance(due, due).unwrap() {
                     // What the port did not give the orchestrator must.
                     prop_assert!(due < first, "{due} should have come by the port from {first} on");
-                    inlet.take_missed(sample(told).as_bytes());
+                    input.take_missed(sample(told).as_bytes());
                     told += 1;
                 }
-                prop_assert_eq!(tick_seen(&mut inlet, due), due);
+                prop_assert_eq!(tick_seen(&mut input, due), due);
                 if due < next + late {
-                    inlet.take_missed(sample(told).as_bytes());
+                    input.take_missed(sample(told).as_bytes());
                     told += 1;
                 }
             }
-            prop_assert!(inlet.has_caught_up());
+            prop_assert!(input.has_caught_up());
         }
     }
 
     #[test]
     fn what_came_before_a_rebirth_is_thrown_away() {
-        let mut inlet = inlet([3, 4, 9]);
-        inlet.expect_missed().unwrap();
-        assert!(!inlet.advance(5, 5).unwrap());
-        inlet.take_missed(sample(5).as_bytes());
-        assert!(inlet.advance(5, 5).unwrap());
-        assert_eq!(tick_seen(&mut inlet, 5), 5);
+        let mut input = input([3, 4, 9]);
+        input.expect_missed().unwrap();
+        assert!(!input.advance(5, 5).unwrap());
+        input.take_missed(sample(5).as_bytes());
+        assert!(input.advance(5, 5).unwrap());
+        assert_eq!(tick_seen(&mut input, 5), 5);
     }
 
     #[test]
     fn repeated_samples_are_passed_over_and_a_gap_is_an_error() {
-        let mut inlet = inlet([3, 4, 3, 4, 5, 7]);
+        let mut input = input([3, 4, 3, 4, 5, 7]);
         for due in 3..6 {
-            assert!(inlet.advance(due, due).unwrap());
-            assert_eq!(tick_seen(&mut inlet, due), due);
+            assert!(input.advance(due, due).unwrap());
+            assert_eq!(tick_seen(&mut input, due), due);
         }
         assert!(matches!(
-            inlet.advance(6, 6),
+            input.advance(6, 6),
             Err(FlightError::Lost { due: 6, got: 7, .. })
         ));
     }

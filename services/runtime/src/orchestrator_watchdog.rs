@@ -10,8 +10,8 @@ use std::sync::atomic::Ordering;
 use scenario::{OrchestratorLoss, Scenario};
 
 use crate::control::Channel;
-use crate::shared_page::Words;
-use crate::succession::Bequest;
+use crate::shared_page::ControlBlock;
+use crate::take_over::HandOver;
 
 /// Silence of the orchestrator after which a service looks whether it is gone, ns.
 pub const SILENCE_NS: u64 = 500_000_000;
@@ -21,9 +21,9 @@ const LANDING_NS: u64 = 60_000_000_000;
 
 /// A service's view of whether the orchestrator is there.
 #[derive(Debug)]
-pub struct LoneFlight {
+pub struct OrchestratorWatchdog {
     channel: Channel,
-    bequest: Bequest,
+    hand_over: HandOver,
     then: Then,
     /// When it was found to be gone, ns of `CLOCK_MONOTONIC`.
     alone_since: Option<u64>,
@@ -39,14 +39,14 @@ enum Then {
     FlyOn,
 }
 
-impl LoneFlight {
-    /// For a flight of `scenario` by an orchestrator at the other end of `channel`; who takes its place gets `bequest`.
+impl OrchestratorWatchdog {
+    /// For a flight of `scenario` by an orchestrator at the other end of `channel`; who takes its place gets `hand_over`.
     #[must_use]
-    pub fn new(scenario: &Scenario, channel: Channel, bequest: Bequest) -> Self {
+    pub fn new(scenario: &Scenario, channel: Channel, hand_over: HandOver) -> Self {
         let wanted = scenario.real_time.unwrap_or_default().orchestrator_loss;
         Self {
             channel,
-            bequest,
+            hand_over,
             then: match (wanted, &scenario.flight) {
                 (OrchestratorLoss::Continue, _) => Then::FlyOn,
                 (OrchestratorLoss::Land, Some(_)) => Then::Land,
@@ -73,8 +73,8 @@ impl LoneFlight {
     /// Looks whether the orchestrator is there, `now` in ns of `CLOCK_MONOTONIC`; whether the service is to end because
     /// it is not.
     #[inline]
-    pub fn has_ended(&mut self, words: &Words, now: u64) -> bool {
-        let alive = words.orchestrator_alive_ns.load(Ordering::Relaxed);
+    pub fn has_ended(&mut self, block: &ControlBlock, now: u64) -> bool {
+        let alive = block.orchestrator_alive_ns.load(Ordering::Relaxed);
         if now.saturating_sub(alive) < SILENCE_NS || now < self.look_at {
             return false;
         }
@@ -87,7 +87,7 @@ impl LoneFlight {
         if !self.channel.is_closed() {
             return false;
         }
-        if let Some(channel) = self.bequest.offer() {
+        if let Some(channel) = self.hand_over.offer() {
             self.channel = channel;
             self.alone_since = None;
             return false;
@@ -107,7 +107,7 @@ mod tests {
     use crate::control::{Host, Start};
     use crate::deployment::Scheduler;
     use crate::flight_clock::monotonic_ns;
-    use crate::succession::{FILES, Heir, Hello};
+    use crate::take_over::{FILES, Hello, TakeOverListener};
     use scenario::{Curve, Hover, Path, Vehicle};
     use shared_types::ServiceId;
     use std::os::fd::AsFd;
@@ -120,7 +120,7 @@ mod tests {
         Scenario::new(10.0, vehicle, Path::new(hover))
     }
 
-    fn bequest(place: &std::path::Path) -> Bequest {
+    fn hand_over(place: &std::path::Path) -> HandOver {
         let hello = Hello {
             service: ServiceId::Plant,
             start: Start {
@@ -132,10 +132,10 @@ mod tests {
                 host: Host::RealTime,
             },
         };
-        Bequest::new(place, &hello, [std::io::stdin().as_fd(); FILES]).unwrap()
+        HandOver::new(place, &hello, [std::io::stdin().as_fd(); FILES]).unwrap()
     }
 
-    fn alone(loss: OrchestratorLoss, with_phases: bool) -> LoneFlight {
+    fn alone(loss: OrchestratorLoss, with_phases: bool) -> OrchestratorWatchdog {
         let mut scenario = scenario();
         scenario.real_time = Some(scenario::RealTime {
             orchestrator_loss: loss,
@@ -144,33 +144,33 @@ mod tests {
         scenario.flight = with_phases.then(Default::default);
         let (orchestrator, service) = Channel::pair().unwrap();
         drop(orchestrator);
-        LoneFlight::new(
+        OrchestratorWatchdog::new(
             &scenario,
             Channel::inherited(service),
-            bequest(std::path::Path::new("nowhere")),
+            hand_over(std::path::Path::new("nowhere")),
         )
     }
 
     #[test]
     fn who_is_alone_lands_flies_on_or_ends_as_the_scenario_says() {
-        let words = Words::default();
+        let block = ControlBlock::default();
         let mut landing = alone(OrchestratorLoss::Land, true);
         assert!(!landing.is_to_land());
-        assert!(!landing.has_ended(&words, monotonic_ns()) && landing.is_to_land());
+        assert!(!landing.has_ended(&block, monotonic_ns()) && landing.is_to_land());
         let mut flying_on = alone(OrchestratorLoss::Continue, true);
-        assert!(!flying_on.has_ended(&words, monotonic_ns()) && !flying_on.is_to_land());
-        assert!(alone(OrchestratorLoss::Land, false).has_ended(&words, monotonic_ns()));
+        assert!(!flying_on.has_ended(&block, monotonic_ns()) && !flying_on.is_to_land());
+        assert!(alone(OrchestratorLoss::Land, false).has_ended(&block, monotonic_ns()));
     }
 
     #[test]
     fn an_orchestrator_that_is_silent_but_there_is_not_lost() {
         let (_orchestrator, service) = Channel::pair().unwrap();
-        let mut flight = LoneFlight::new(
+        let mut flight = OrchestratorWatchdog::new(
             &scenario(),
             Channel::inherited(service),
-            bequest(std::path::Path::new("nowhere")),
+            hand_over(std::path::Path::new("nowhere")),
         );
-        assert!(!flight.has_ended(&Words::default(), monotonic_ns()));
+        assert!(!flight.has_ended(&ControlBlock::default(), monotonic_ns()));
         assert_eq!(flight.alone_since, None);
     }
 
@@ -178,24 +178,27 @@ mod tests {
     fn whoever_takes_over_ends_the_loneliness() {
         let place = tempfile::tempdir().unwrap();
         let mut flight = alone(OrchestratorLoss::Land, true);
-        flight.bequest = bequest(place.path());
-        let words = Words::default();
-        assert!(!flight.has_ended(&words, monotonic_ns()) && flight.is_to_land());
-        let heir = Heir::listen(place.path()).unwrap();
-        assert!(!flight.has_ended(&words, monotonic_ns() + 2 * SILENCE_NS));
+        flight.hand_over = hand_over(place.path());
+        let block = ControlBlock::default();
+        assert!(!flight.has_ended(&block, monotonic_ns()) && flight.is_to_land());
+        let listener = TakeOverListener::listen(place.path()).unwrap();
+        assert!(!flight.has_ended(&block, monotonic_ns() + 2 * SILENCE_NS));
         assert!(!flight.is_to_land());
-        let inheritance = heir.accept(std::time::Duration::from_secs(10)).unwrap().unwrap();
-        assert_eq!(inheritance.hello.service, ServiceId::Plant);
+        let inherited = listener
+            .accept(std::time::Duration::from_secs(10))
+            .unwrap()
+            .unwrap();
+        assert_eq!(inherited.hello.service, ServiceId::Plant);
         assert!(!flight.channel().is_closed());
     }
 
     #[test]
     fn nobody_looks_while_the_orchestrator_says_that_it_lives() {
         let mut flight = alone(OrchestratorLoss::Land, false);
-        let words = Words::default();
-        words
+        let block = ControlBlock::default();
+        block
             .orchestrator_alive_ns
             .store(monotonic_ns(), Ordering::Relaxed);
-        assert!(!flight.has_ended(&words, monotonic_ns()));
+        assert!(!flight.has_ended(&block, monotonic_ns()));
     }
 }

@@ -9,7 +9,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use crate::shared_page::Words;
+use crate::shared_page::ControlBlock;
 
 /// Value of the shared page's `block_only` with which no verdict lets anybody yield again.
 pub const BLOCK_ALWAYS: u32 = 2;
@@ -26,14 +26,14 @@ const MISS: Duration = Duration::from_micros(8);
 /// Whether those who wait may yield: the leader's verdict, or the evidence for it, so that nobody waits for the leader to
 /// come round.
 #[inline]
-pub(crate) fn is_to_yield(words: &Words) -> bool {
-    words.block_only.load(Ordering::Relaxed) == 0 && words.misses.load(Ordering::Relaxed) <= MISS_LIMIT
+pub(crate) fn is_to_yield(block: &ControlBlock) -> bool {
+    block.block_only.load(Ordering::Relaxed) == 0 && block.misses.load(Ordering::Relaxed) <= MISS_LIMIT
 }
 
 /// Counts a yield in vain.
 #[inline]
-pub(crate) fn count_miss(words: &Words) {
-    words.misses.fetch_add(1, Ordering::Relaxed);
+pub(crate) fn count_miss(block: &ControlBlock) {
+    block.misses.fetch_add(1, Ordering::Relaxed);
 }
 
 /// Whether somebody else keeps the core for long when this process yields. Tries it.
@@ -45,13 +45,13 @@ pub(crate) fn is_yield_slow() -> bool {
 
 /// Decides for all whether yielding pays.
 #[derive(Debug)]
-pub(crate) struct Leader {
+pub(crate) struct WaitPolicy {
     waits_left: u32,
     blocking_waits: u32,
     lap_began: Instant,
 }
 
-impl Default for Leader {
+impl Default for WaitPolicy {
     fn default() -> Self {
         Self {
             waits_left: VERDICT_WAITS,
@@ -61,27 +61,27 @@ impl Default for Leader {
     }
 }
 
-impl Leader {
+impl WaitPolicy {
     /// Lets all sleep, or yield again, if it is time to. `is_yield_slow` tells whether somebody else keeps the core for
     /// long when this process yields.
     #[inline]
-    pub(crate) fn pass_verdict(&mut self, words: &Words, is_yield_slow: impl FnOnce() -> bool) {
-        if words.block_only.load(Ordering::Relaxed) == BLOCK_ALWAYS {
+    pub(crate) fn pass_verdict(&mut self, block: &ControlBlock, is_yield_slow: impl FnOnce() -> bool) {
+        if block.block_only.load(Ordering::Relaxed) == BLOCK_ALWAYS {
             return;
         }
-        if words.misses.load(Ordering::Relaxed) > MISS_LIMIT {
-            self.let_all_sleep(words);
+        if block.misses.load(Ordering::Relaxed) > MISS_LIMIT {
+            self.let_all_sleep(block);
         }
         self.waits_left -= 1;
         if self.waits_left == 0 {
-            let were_sleeping = words.block_only.load(Ordering::Relaxed) != 0;
+            let were_sleeping = block.block_only.load(Ordering::Relaxed) != 0;
             if were_sleeping && is_yield_slow() {
                 // Only the leader has paid for it.
-                self.let_all_sleep(words);
+                self.let_all_sleep(block);
                 return;
             }
-            words.block_only.store(0, Ordering::Relaxed);
-            words.misses.store(0, Ordering::Relaxed);
+            block.block_only.store(0, Ordering::Relaxed);
+            block.misses.store(0, Ordering::Relaxed);
             if !were_sleeping {
                 // A quiet spell is over: the next load is a new one.
                 self.blocking_waits = (self.blocking_waits / 4).max(VERDICT_WAITS);
@@ -97,19 +97,19 @@ impl Leader {
 
     /// Counts what the lap took too long, and begins the next one: the clock is read once a lap.
     #[inline]
-    pub(crate) fn count_lap(&mut self, words: &Words, now: Instant) {
+    pub(crate) fn count_lap(&mut self, block: &ControlBlock, now: Instant) {
         let lap = now - self.lap_began;
         self.begin_lap(now);
         if lap > SLOW_LAP {
             let misses = u32::try_from(lap.as_nanos() / MISS.as_nanos()).unwrap_or(MISS_LIMIT);
-            words.misses.fetch_add(misses, Ordering::Relaxed);
+            block.misses.fetch_add(misses, Ordering::Relaxed);
         }
     }
 
     #[cold]
-    fn let_all_sleep(&mut self, words: &Words) {
-        words.block_only.store(1, Ordering::Relaxed);
-        words.misses.store(0, Ordering::Relaxed);
+    fn let_all_sleep(&mut self, block: &ControlBlock) {
+        block.block_only.store(1, Ordering::Relaxed);
+        block.misses.store(0, Ordering::Relaxed);
         self.waits_left = self.blocking_waits;
         self.blocking_waits = (4 * self.blocking_waits).min(LONGEST_BLOCKING);
     }
@@ -124,15 +124,17 @@ mod tests {
     #[test]
     fn many_misses_stop_everyone_from_yielding_for_ever_longer_whiles() {
         let page = SharedPage::create().unwrap();
-        let mut leader = Leader::default();
+        let mut leader = WaitPolicy::default();
         let mut spells = Vec::new();
         for _ in 0..3 {
-            page.words().misses.store(MISS_LIMIT + 1, Ordering::Relaxed);
+            page.control_block()
+                .misses
+                .store(MISS_LIMIT + 1, Ordering::Relaxed);
             let mut waits = 0;
             loop {
-                leader.pass_verdict(page.words(), || false);
+                leader.pass_verdict(page.control_block(), || false);
                 waits += 1;
-                if page.words().block_only.load(Ordering::Relaxed) == 0 {
+                if page.control_block().block_only.load(Ordering::Relaxed) == 0 {
                     break;
                 }
             }
@@ -144,15 +146,17 @@ mod tests {
     #[test]
     fn where_a_yield_is_slow_they_go_on_sleeping() {
         let page = SharedPage::create().unwrap();
-        let mut leader = Leader::default();
-        page.words().misses.store(MISS_LIMIT + 1, Ordering::Relaxed);
+        let mut leader = WaitPolicy::default();
+        page.control_block()
+            .misses
+            .store(MISS_LIMIT + 1, Ordering::Relaxed);
         let mut probes = Vec::new();
         for wait in 1..=5 * VERDICT_WAITS {
-            leader.pass_verdict(page.words(), || {
+            leader.pass_verdict(page.control_block(), || {
                 probes.push(wait);
                 true
             });
-            assert_eq!(page.words().block_only.load(Ordering::Relaxed), 1);
+            assert_eq!(page.control_block().block_only.load(Ordering::Relaxed), 1);
         }
         assert_eq!(probes, [VERDICT_WAITS, 5 * VERDICT_WAITS]);
     }
@@ -160,23 +164,23 @@ mod tests {
     #[test]
     fn a_lap_that_takes_as_long_as_many_turns_is_enough() {
         let page = SharedPage::create().unwrap();
-        let mut leader = Leader::default();
+        let mut leader = WaitPolicy::default();
         let began = Instant::now();
         leader.begin_lap(began);
-        leader.count_lap(page.words(), began + SLOW_LAP);
-        assert_eq!(page.words().misses.load(Ordering::Relaxed), 0);
-        leader.count_lap(page.words(), began + SLOW_LAP + Duration::from_millis(14));
-        assert!(page.words().misses.load(Ordering::Relaxed) > MISS_LIMIT);
+        leader.count_lap(page.control_block(), began + SLOW_LAP);
+        assert_eq!(page.control_block().misses.load(Ordering::Relaxed), 0);
+        leader.count_lap(page.control_block(), began + SLOW_LAP + Duration::from_millis(14));
+        assert!(page.control_block().misses.load(Ordering::Relaxed) > MISS_LIMIT);
     }
 
     #[test]
     fn a_few_misses_do_not() {
         let page = SharedPage::create().unwrap();
-        let mut leader = Leader::default();
+        let mut leader = WaitPolicy::default();
         for _ in 0..10 * VERDICT_WAITS {
-            page.words().misses.store(MISS_LIMIT, Ordering::Relaxed);
-            leader.pass_verdict(page.words(), || false);
-            assert_eq!(page.words().block_only.load(Ordering::Relaxed), 0);
+            page.control_block().misses.store(MISS_LIMIT, Ordering::Relaxed);
+            leader.pass_verdict(page.control_block(), || false);
+            assert_eq!(page.control_block().block_only.load(Ordering::Relaxed), 0);
         }
     }
 }
