@@ -266,8 +266,8 @@ fn services_are_started_again_where_shared_memory_is_full() {
         signal(orchestrator, Signal::TERM);
         let ended = finish(run);
         assert_eq!(ended.status.code(), Some(143), "{host}: {}", complaint(&ended));
-        let rebirths = place.summary("out")["rebirths"].as_array().unwrap().len();
-        assert_eq!(rebirths, deaths, "{host}");
+        let restarts = place.summary("out")["rebirths"].as_array().unwrap().len();
+        assert_eq!(restarts, deaths, "{host}");
     }
 }
 

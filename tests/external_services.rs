@@ -453,8 +453,8 @@ fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
     assert_ne!(external_service_of(run.id()).unwrap(), first);
     let output = end(run);
     assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
-    let rebirths = &place.summary("out")["rebirths"];
-    assert_eq!(rebirths[0]["service"], "controller", "{rebirths}");
+    let restarts = &place.summary("out")["rebirths"];
+    assert_eq!(restarts[0]["service"], "controller", "{restarts}");
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 

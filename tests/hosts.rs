@@ -95,7 +95,7 @@ fn digest(scenario: &Scenario, mut between: impl FnMut(&mut InProcess)) -> Strin
 fn services_have_no_hidden_state() {
     for scenario in [short_fig1(), short_rig(), short_losses()] {
         let undisturbed = digest(&scenario, |_| {});
-        let reborn = digest(&scenario, |host| {
+        let restarted = digest(&scenario, |host| {
             for service in ServiceId::ALL {
                 let mut state = vec![0; host.service_mut(service).state_size()];
                 host.service_mut(service).save(&mut state);
@@ -104,7 +104,7 @@ fn services_have_no_hidden_state() {
                 host.replace(fresh);
             }
         });
-        assert_eq!(undisturbed, reborn);
+        assert_eq!(undisturbed, restarted);
     }
 }
 

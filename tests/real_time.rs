@@ -157,13 +157,13 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
     );
 
     let summary = place.summary("out");
-    let reborn: Vec<_> = summary["rebirths"]
+    let restarted: Vec<_> = summary["rebirths"]
         .as_array()
         .unwrap()
         .iter()
         .map(|one| one["service"].as_str().unwrap().to_owned())
         .collect();
-    let names: BTreeSet<_> = reborn.into_iter().collect();
+    let names: BTreeSet<_> = restarted.into_iter().collect();
     assert_eq!(
         names,
         ServiceId::ALL.map(|service| service.name().to_owned()).into()
@@ -349,9 +349,9 @@ fn a_kill_outlives_the_service_that_obeys_it() {
     // Nothing lets the motors turn again.
     arm(&place);
     let flown = |snapshot: &Snapshot| snapshot.services[ServiceId::RcOutput.index()].flies;
-    let reborn_by = until("the new transmitter", || place.look().filter(flown)).time;
+    let restarted_by = until("the new transmitter", || place.look().filter(flown)).time;
     until("half a second more", || {
-        place.look().filter(|snapshot| snapshot.time > reborn_by + 0.5)
+        place.look().filter(|snapshot| snapshot.time > restarted_by + 0.5)
     });
     signal(child.id(), Signal::INT);
     assert_eq!(finish(child).status.code(), Some(130));
@@ -363,7 +363,7 @@ fn a_kill_outlives_the_service_that_obeys_it() {
     );
     let mut after = frames
         .iter()
-        .filter(|frame| seconds(frame.header.stamp_ns) > reborn_by);
+        .filter(|frame| seconds(frame.header.stamp_ns) > restarted_by);
     assert!(after.clone().count() > 20 && after.all(|frame| frame.failsafe.is_set()));
 }
 

@@ -37,10 +37,10 @@ fn log(place: &Place, out: &str) -> Vec<u8> {
 }
 
 /// Deaths that the summary of a run tells of.
-fn rebirths(place: &Place, out: &str) -> Vec<String> {
+fn restarts(place: &Place, out: &str) -> Vec<String> {
     let summary = place.summary(out);
-    let rebirths = summary["rebirths"].as_array();
-    rebirths.into_iter().flatten().map(ToString::to_string).collect()
+    let restarts = summary["rebirths"].as_array();
+    restarts.into_iter().flatten().map(ToString::to_string).collect()
 }
 
 /// How the spare processes of a run have ended, in the words of its record.
@@ -69,8 +69,8 @@ fn a_death_at_any_place_of_any_service_leaves_no_trace_in_the_log() {
         let crashes: Vec<_> = deaths_of(service).collect();
         succeed(&mut with_crashes(place.short_flight(out, 1.0, &[]), &crashes));
         assert!(log(&place, out) == log(&place, "undisturbed"), "{service}");
-        let rebirths = rebirths(&place, out);
-        assert_eq!(rebirths.len(), BIRTHS, "{rebirths:?}");
+        let restarts = restarts(&place, out);
+        assert_eq!(restarts.len(), BIRTHS, "{restarts:?}");
     }
     let everyone: Vec<_> = ServiceId::ALL.into_iter().flat_map(deaths_of).collect();
     succeed(&mut with_crashes(
@@ -78,7 +78,7 @@ fn a_death_at_any_place_of_any_service_leaves_no_trace_in_the_log() {
         &everyone,
     ));
     assert!(log(&place, "everyone") == log(&place, "undisturbed"));
-    assert_eq!(rebirths(&place, "everyone").len(), BIRTHS * ServiceId::ALL.len());
+    assert_eq!(restarts(&place, "everyone").len(), BIRTHS * ServiceId::ALL.len());
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
@@ -92,7 +92,7 @@ fn deaths_in_the_laboratory_leave_no_trace_in_the_log() {
         &everyone,
     ));
     assert!(log(&place, "everyone") == log(&place, "undisturbed"));
-    assert_eq!(rebirths(&place, "everyone").len(), BIRTHS * ServiceId::ALL.len());
+    assert_eq!(restarts(&place, "everyone").len(), BIRTHS * ServiceId::ALL.len());
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
@@ -112,9 +112,9 @@ fn deaths_at_once_and_in_recovery_leave_no_trace_in_the_log() {
             .collect();
         succeed(&mut with_crashes(place.short_flight(death, 1.0, &[]), &crashes));
         assert!(log(&place, death) == log(&place, "undisturbed"), "{death}");
-        let rebirths = rebirths(&place, death);
+        let restarts = restarts(&place, death);
         // Of the five deaths one is that of a process that was not born yet.
-        assert_eq!(rebirths.len(), 4 * ServiceId::ALL.len(), "{rebirths:?}");
+        assert_eq!(restarts.len(), 4 * ServiceId::ALL.len(), "{restarts:?}");
     }
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
@@ -131,7 +131,7 @@ fn committed_is_the_same_with(name: &str, crashes: &[String]) {
     let alone = ["undisturbed", "--host", "inprocess"];
     succeed(&mut place.gerono(&[&run[..], &alone].concat()));
     assert!(log(&place, "killed") == log(&place, "undisturbed"));
-    assert_eq!(rebirths(&place, "killed").len(), crashes.len());
+    assert_eq!(restarts(&place, "killed").len(), crashes.len());
     assert_eq!(place.leavings(), Vec::<String>::new());
 }
 
@@ -195,7 +195,7 @@ fn a_consumer_that_dies_while_its_publisher_waits_in_send_is_mended() {
         "{}",
         String::from_utf8_lossy(&ended.stderr)
     );
-    assert_eq!(rebirths(&place, "choked").len(), 3);
+    assert_eq!(restarts(&place, "choked").len(), 3);
     succeed(&mut place.short_flight("undisturbed", 20.0, &["--host", "inprocess"]));
     assert!(log(&place, "choked") == log(&place, "undisturbed"));
 }
@@ -206,7 +206,7 @@ fn finish_like_undisturbed(place: &Place, out: &str, child: Begun, deaths: usize
     let ended = finish(child);
     let errors = String::from_utf8_lossy(&ended.stderr);
     assert!(ended.status.success(), "{errors}");
-    assert_eq!(rebirths(place, out).len(), deaths);
+    assert_eq!(restarts(place, out).len(), deaths);
     succeed(&mut place.short_flight("undisturbed", 40.0, &["--host", "inprocess"]));
     assert!(log(place, out) == log(place, "undisturbed"));
     assert_eq!(shared_memory_of(orchestrator), Vec::<PathBuf>::new());

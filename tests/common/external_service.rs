@@ -12,7 +12,7 @@ use runtime::flight_clock::{FlightClock, nap_until};
 use runtime::input_port::InputPort;
 use runtime::input_queue::InputQueue;
 use runtime::output_ports::OutputPorts;
-use runtime::ports::{Member, Receiver, Topics};
+use runtime::ports::{Receiver, RunNode, Topics};
 use rustix::event::{PollFd, PollFlags, poll};
 use scenario::Scenario;
 use serde_json::Value;
@@ -54,7 +54,7 @@ pub(crate) struct ExternalService {
     pub(crate) outlets: OutputPorts,
     pub(crate) bell: Doorbell,
     pub(crate) others: Vec<Doorbell>,
-    _member: Member,
+    _member: RunNode,
     /// What it does beside its work, with each tick before its samples are sent.
     pub(crate) mischief: Mischief,
 }
@@ -73,7 +73,7 @@ impl ExternalService {
         let channel = Channel::inherited(descriptor(&about["control"]));
         assert_eq!(channel.receive::<ToService>().unwrap(), ToService::MakePorts);
         let configuration = about["iceoryx2_configuration"].as_str().unwrap();
-        let member = Member::join(Path::new(configuration), "external_service").unwrap();
+        let member = RunNode::join(Path::new(configuration), "external_service").unwrap();
         let topics = Topics::open(&member, id, &schedule).unwrap();
         let outlets = OutputPorts::open(&topics, id, &schedule, |topic| topic.newest_sender()).unwrap();
         let mut bells: Vec<&Value> = about["outputs"]

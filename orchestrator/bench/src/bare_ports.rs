@@ -8,7 +8,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample as Received;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
-use runtime::ports::{Member, Wire};
+use runtime::ports::{RunNode, Wire};
 use shared_types::wiring::TopicVisitor;
 use shared_types::{Published, Schedule, ServiceId, Topic};
 
@@ -28,7 +28,7 @@ struct Input {
 
 impl BarePorts {
     /// Opens the topics that a service publishes or looks at in a flight of this schedule.
-    pub(super) fn open(member: &Member, service: ServiceId, schedule: &Schedule) -> Outcome<Self> {
+    pub(super) fn open(member: &RunNode, service: ServiceId, schedule: &Schedule) -> Outcome<Self> {
         let inputs = schedule.inputs_read(service).map(|(input, spec)| {
             let buffer = usize::try_from(schedule.buffer_size(spec.topic))?;
             Ok(Input {
@@ -118,14 +118,14 @@ impl<T: Published> Publish for Publisher<ipc::Service, Wire<T>, ()> {
     }
 }
 
-fn topic<T: Published>(member: &Member, topic: Topic) -> Outcome<PortFactory<ipc::Service, Wire<T>, ()>> {
+fn topic<T: Published>(member: &RunNode, topic: Topic) -> Outcome<PortFactory<ipc::Service, Wire<T>, ()>> {
     let name = ServiceName::new(topic.name())?;
     let builder = member.node().service_builder(&name);
     Ok(builder.publish_subscribe::<Wire<T>>().open()?)
 }
 
 struct Subscriptions<'a> {
-    member: &'a Member,
+    member: &'a RunNode,
     topic: Topic,
     buffer: usize,
 }
@@ -142,7 +142,7 @@ impl TopicVisitor for Subscriptions<'_> {
 }
 
 struct Publications<'a> {
-    member: &'a Member,
+    member: &'a RunNode,
     topic: Topic,
 }
 

@@ -18,7 +18,7 @@ use iceoryx2::service::port_factory::event::PortFactory;
 use runtime::deployment::{self, FIFO_PRIORITY};
 use runtime::descriptors::{hand_on, inherited};
 use runtime::flight_clock::{FlightClock, monotonic_ns, nap_until};
-use runtime::ports::Member;
+use runtime::ports::RunNode;
 use runtime::shared_page::{ControlBlock, SharedPage};
 use scenario::ServiceDeployment;
 use shared_types::ServiceId;
@@ -114,7 +114,7 @@ fn take_part(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync>
         return Err(refusal.to_string().into());
     }
     let page = SharedPage::open(inherited(PAGE_FD)?)?;
-    let member = Member::join(&arguments.configuration, "chain-member")?;
+    let member = RunNode::join(&arguments.configuration, "chain-member")?;
     let block = page.control_block();
     let me = arguments.place;
     match (me, me + 1) {
@@ -132,7 +132,7 @@ fn take_part(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync>
 type Event = PortFactory<ipc::Service>;
 
 /// The events from the member at a place to the next.
-fn hop(member: &Member, place: usize) -> Result<Event, Box<dyn Error + Send + Sync>> {
+fn hop(member: &RunNode, place: usize) -> Result<Event, Box<dyn Error + Send + Sync>> {
     let name = ServiceName::new(&format!("hop/{place}"))?;
     Ok(member.node().service_builder(&name).event().open_or_create()?)
 }

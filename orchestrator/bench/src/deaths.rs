@@ -39,7 +39,7 @@ const NEAR_NS: u64 = 100_000_000;
 struct Measured {
     deaths: usize,
     /// Services that flew again.
-    rebirths: usize,
+    restarts: usize,
     /// From the moment when a death was noticed until another process flew, s.
     back_after: Option<Quantiles>,
     services: Vec<OthersPeriods>,
@@ -78,7 +78,7 @@ pub(super) fn deaths(arguments: &BenchDeaths) -> std::result::Result<(), Failure
         "{} processes killed themselves (SIGKILL), each service in its turn; {} times another one flew in the dead one's \
          place{back}.\nLargest distance from the path meanwhile {:.1} cm, in the same flight without deaths {:.1} cm.\n",
         measured.deaths,
-        measured.rebirths,
+        measured.restarts,
         100.0 * measured.largest_distance,
         100.0 * measured.largest_distance_undisturbed,
     ));
@@ -108,15 +108,15 @@ fn measure(arguments: &BenchDeaths) -> Result<Measured> {
         .collect();
     let disturbed = fly(&command, crashes.iter().map(String::as_str).chain(fifo))?;
     spinner.finish_and_clear();
-    let rebirths = disturbed.rebirths(flight.schedule.tick)?;
+    let restarts = disturbed.restarts(flight.schedule.tick)?;
     Ok(Measured {
         deaths: count as usize,
-        rebirths: rebirths.len(),
-        back_after: Quantiles::of(&rebirths.iter().fold(histogram(), |mut all, rebirth| {
-            all.saturating_record(rebirth.lost_ns);
+        restarts: restarts.len(),
+        back_after: Quantiles::of(&restarts.iter().fold(histogram(), |mut all, restart| {
+            all.saturating_record(restart.lost_ns);
             all
         })),
-        services: others_periods(&disturbed.steps, &rebirths),
+        services: others_periods(&disturbed.steps, &restarts),
         largest_distance: disturbed.largest_distance,
         largest_distance_undisturbed: undisturbed.largest_distance,
     })
@@ -130,7 +130,7 @@ struct Flown {
 }
 
 /// A death that was mended.
-struct Rebirth {
+struct Restart {
     service: ServiceId,
     died_ns: u64,
     lost_ns: u64,
@@ -172,18 +172,18 @@ fn largest_distance_of(log: &Path) -> Result<f64> {
 
 impl Flown {
     /// The deaths that were mended; `tick` in s.
-    fn rebirths(&self, tick: f64) -> Result<Vec<Rebirth>> {
+    fn restarts(&self, tick: f64) -> Result<Vec<Restart>> {
         let stated = self.summary["rebirths"].as_array();
         let stated =
-            stated.ok_or_else(|| FlightFailure::setup("the flight's summary tells of no rebirths"))?;
-        let rebirth = |stated: &Value| {
-            Some(Rebirth {
+            stated.ok_or_else(|| FlightFailure::setup("the flight's summary tells of no restarts"))?;
+        let restart = |stated: &Value| {
+            Some(Restart {
                 service: ServiceId::from_name(stated["service"].as_str()?)?,
                 died_ns: nanoseconds(stated["tick"].as_f64()? * tick),
                 lost_ns: nanoseconds(stated["lost_seconds"].as_f64()?),
             })
         };
-        Ok(stated.iter().filter_map(rebirth).collect())
+        Ok(stated.iter().filter_map(restart).collect())
     }
 }
 
@@ -192,7 +192,7 @@ fn nanoseconds(time: f64) -> u64 {
 }
 
 /// Of each service the periods near the deaths of others, and elsewhere. Those of its own deaths count nowhere.
-fn others_periods(steps: &[(ServiceId, ServiceStep)], rebirths: &[Rebirth]) -> Vec<OthersPeriods> {
+fn others_periods(steps: &[(ServiceId, ServiceStep)], restarts: &[Restart]) -> Vec<OthersPeriods> {
     let of_service = |service: ServiceId| {
         let [mut near, mut elsewhere] = [histogram(), histogram()];
         let own = steps.iter().filter(|(whose, _)| *whose == service);
@@ -200,8 +200,8 @@ fn others_periods(steps: &[(ServiceId, ServiceStep)], rebirths: &[Rebirth]) -> V
         for pair in begins.windows(2) {
             // A death within the period, or so shortly before that it may still be felt.
             let is_of =
-                |rebirth: &&Rebirth| (pair[0].saturating_sub(NEAR_NS)..pair[1]).contains(&rebirth.died_ns);
-            let mut deaths = rebirths.iter().filter(is_of).peekable();
+                |restart: &&Restart| (pair[0].saturating_sub(NEAR_NS)..pair[1]).contains(&restart.died_ns);
+            let mut deaths = restarts.iter().filter(is_of).peekable();
             let counts_as: Option<&mut Histogram<u64>> = match deaths.peek() {
                 None => Some(&mut elsewhere),
                 Some(_) => deaths.all(|death| death.service != service).then_some(&mut near),
@@ -265,8 +265,8 @@ mod tests {
         begins_ms.iter().map(|begin| (service, step(begin))).collect()
     }
 
-    fn death(service: ServiceId, at_ms: u64) -> Rebirth {
-        Rebirth {
+    fn death(service: ServiceId, at_ms: u64) -> Restart {
+        Restart {
             service,
             died_ns: at_ms * 1_000_000,
             lost_ns: 0,

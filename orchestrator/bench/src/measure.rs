@@ -21,7 +21,7 @@ use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
 use live::run_root::RunRoot;
 use run_log::{Compression, Manifest, RunLogWriter};
-use supervisor::tape::Tape;
+use supervisor::recording_sink::RecordingSink;
 use supervisor::{Ending, FlightFailure, Outcome, in_process};
 
 pub(super) type Result<T> = std::result::Result<T, FlightFailure>;
@@ -122,8 +122,8 @@ impl Series {
             self.in_process.push(rate(&ending)?);
         }
         self.in_process_recorded
-            .push(recorded(whole, &flight.folder, |tape| {
-                in_process::fly(whole, tape, &Interrupt::never())
+            .push(recorded(whole, &flight.folder, |sink| {
+                in_process::fly(whole, sink, &Interrupt::never())
             })?);
         Ok(())
     }
@@ -218,9 +218,9 @@ fn restarts(flight: &FlightCommand, ticks_apart: u64) -> Result<Vec<f64>> {
     }));
     let options: Vec<_> = options.iter().map(String::as_str).collect();
     let summary = summary_of_flight(flight, &options)?;
-    let rebirths = summary["rebirths"].as_array().into_iter().flatten();
-    Ok(rebirths
-        .filter_map(|rebirth| rebirth["lost_seconds"].as_f64())
+    let restarts = summary["rebirths"].as_array().into_iter().flatten();
+    Ok(restarts
+        .filter_map(|restart| restart["lost_seconds"].as_f64())
         .map(|seconds| 1e3 * seconds)
         .collect())
 }
@@ -292,15 +292,15 @@ impl FlightCommand {
 fn recorded(
     scenario: &Scenario,
     folder: &Path,
-    fly: impl FnOnce(&mut Tape<'_>) -> Result<Ending>,
+    fly: impl FnOnce(&mut RecordingSink<'_>) -> Result<Ending>,
 ) -> Result<f64> {
     let schedule = supervisor::schedule_of(scenario)?;
     let path = folder.join("run.mcap");
     let log = RunLogWriter::create(&path, &Manifest::new(scenario), Compression::None)?;
     let mut progress = Progress::hidden();
-    let mut tape = Tape::new(scenario, &schedule, Some(log), &mut progress);
-    let ending = fly(&mut tape)?;
-    tape.finish().1?;
+    let mut sink = RecordingSink::new(scenario, &schedule, Some(log), &mut progress);
+    let ending = fly(&mut sink)?;
+    sink.finish().1?;
     // Overwritten by the next measurement at the latest.
     let _ = std::fs::remove_file(path);
     rate(&ending)

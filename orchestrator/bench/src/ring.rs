@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use runtime::deployment::{self, Scheduler};
 use runtime::descriptors::{hand_on, inherited};
 use runtime::doorbell::Doorbell;
-use runtime::ports::{Delivery, Member, RECORDER_BUFFER, Receiver, TopicPorts};
+use runtime::ports::{Delivery, RECORDER_BUFFER, Receiver, RunNode, TopicPorts};
 use runtime::ring_order::RingOrder;
 use runtime::shared_page::SharedPage;
 use scenario::Scenario;
@@ -63,7 +63,7 @@ pub(super) fn thousand_rounds_per_second(
 pub fn ring(arguments: &Ring) -> Result<(), Failure> {
     let schedule = schedule();
     let root = RunRoot::create().map_err(Failure::trouble)?;
-    let member = Member::join(&root.configuration(), "ring").map_err(Failure::trouble)?;
+    let member = RunNode::join(&root.configuration(), "ring").map_err(Failure::trouble)?;
     let mut recorder = Recorder::subscribe(&member, &schedule).map_err(Failure::trouble)?;
     let page = SharedPage::create().map_err(Failure::trouble)?;
     let doorbells: Vec<_> = (0..MEMBERS)
@@ -134,7 +134,7 @@ struct Recorder {
 }
 
 impl Recorder {
-    fn subscribe(member: &Member, schedule: &Schedule) -> Result<Self, runtime::ports::PortError> {
+    fn subscribe(member: &RunNode, schedule: &Schedule) -> Result<Self, runtime::ports::PortError> {
         let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
         let topics = published
             .map(|topic| member.create_topic(topic, schedule, Delivery::Lossless))
@@ -268,7 +268,7 @@ fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + S
         (arguments.place + MEMBERS - 1) % MEMBERS,
         (arguments.place + 1) % MEMBERS,
     );
-    let member = Member::join(&arguments.configuration, ServiceId::ALL[me].name())?;
+    let member = RunNode::join(&arguments.configuration, ServiceId::ALL[me].name())?;
     let mut ports = BarePorts::open(&member, ServiceId::ALL[me], &schedule())?;
     let block = page.control_block();
     block.misses.fetch_add(1, Ordering::AcqRel);

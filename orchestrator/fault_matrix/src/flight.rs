@@ -14,9 +14,9 @@ use command_line::interrupt::Interrupt;
 use metrics::loss::{Loss, LossWatch};
 use metrics::summary::faults::{FaultReport, FaultWatch};
 use metrics::tracker::{Moment, Tracker};
-use supervisor::crew::Crew;
-use supervisor::crew::CrewObserver;
 use supervisor::deployment::Deployment;
+use supervisor::supervision::SupervisionObserver;
+use supervisor::supervision::Supervisor;
 use supervisor::{FlightFailure, Outcome, in_process, lock_step};
 
 /// What a flight came to.
@@ -67,7 +67,7 @@ pub fn fly(
     let schedule = supervisor::schedule_of(scenario).map_err(FlightFailure::from)?;
     let with_digest = matches!(way, Way::Processes | Way::InProcess { with_digest: true });
     let tracker = Tracker::new(&schedule, scenario.flight.is_some());
-    let mut onlooker = Onlooker {
+    let mut onlooker = Observer {
         loss: LossWatch::new(scenario, tracker.source()),
         tracker,
         watch: FaultWatch::new(vec![cell.watched.clone()], &[], &schedule),
@@ -91,7 +91,7 @@ pub fn fly(
 /// How the flight ended; nothing if a service panicked, which is how it would die as a process.
 fn in_this_process(
     scenario: &Scenario,
-    onlooker: &mut Onlooker,
+    onlooker: &mut Observer,
     interrupt: &Interrupt,
 ) -> Result<Option<Outcome>, FlightFailure> {
     // What it leaves half done is its own; the onlooker has had whole ticks.
@@ -104,7 +104,7 @@ fn in_this_process(
 
 fn as_processes(
     scenario: &Scenario,
-    onlooker: &mut Onlooker,
+    onlooker: &mut Observer,
     interrupt: &Interrupt,
 ) -> Result<Option<Outcome>, FlightFailure> {
     let deployment = Deployment::default();
@@ -113,7 +113,7 @@ fn as_processes(
 }
 
 /// Looks at the samples of a flight; none is kept.
-struct Onlooker {
+struct Observer {
     tracker: Tracker,
     loss: LossWatch,
     watch: FaultWatch,
@@ -121,7 +121,7 @@ struct Onlooker {
     digest: Option<ExperimentDigest>,
 }
 
-impl Onlooker {
+impl Observer {
     fn observe(&mut self, moment: &Moment) {
         self.loss.observe(moment);
         let undisturbed = self.undisturbed.near(moment.vehicle.tick);
@@ -141,7 +141,7 @@ impl Onlooker {
     }
 }
 
-impl TickSink for Onlooker {
+impl TickSink for Observer {
     type Error = Infallible;
 
     #[inline]
@@ -160,10 +160,10 @@ impl TickSink for Onlooker {
 /// Keeps no record of the machine.
 struct Unrecorded;
 
-impl CrewObserver for Unrecorded {
-    fn ready(&mut self, _crew: &Crew<'_>, _core: Option<usize>) {}
-    fn changed(&mut self, _crew: &Crew<'_>) {}
-    fn progressed(&mut self, _crew: &Crew<'_>, _tick: u64) {}
-    fn health(&mut self, _crew: &Crew<'_>) {}
-    fn ended(&mut self, _crew: &Crew<'_>, _outcome: &Outcome) {}
+impl SupervisionObserver for Unrecorded {
+    fn ready(&mut self, _supervisor: &Supervisor<'_>, _core: Option<usize>) {}
+    fn changed(&mut self, _supervisor: &Supervisor<'_>) {}
+    fn progressed(&mut self, _supervisor: &Supervisor<'_>, _tick: u64) {}
+    fn health(&mut self, _supervisor: &Supervisor<'_>) {}
+    fn ended(&mut self, _supervisor: &Supervisor<'_>, _outcome: &Outcome) {}
 }

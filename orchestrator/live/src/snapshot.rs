@@ -80,7 +80,8 @@ pub struct ServiceSnapshot {
     /// Inputs that came too late, since the start.
     pub late_inputs: u64,
     /// How often it was born again.
-    pub rebirths: u64,
+    #[serde(rename = "rebirths")]
+    pub restarts: u64,
     /// Its inputs.
     pub inputs: Vec<InputSnapshot>,
 }

@@ -8,7 +8,7 @@ pub mod faults;
 mod flight;
 pub mod laboratory;
 mod phase;
-pub mod rebirth;
+pub mod restart;
 mod table;
 pub mod timing;
 
@@ -18,7 +18,7 @@ use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, RunEvent,
 use shared_types::service::{header_of, seconds};
 use shared_types::{Header, Schedule, ServiceId, Topic};
 
-use self::rebirth::Rebirth;
+use self::restart::Restart;
 use crate::loss::{Loss, LossWatch};
 use crate::read;
 use crate::stretch::{Metrics, Stretch};
@@ -96,8 +96,8 @@ pub struct RunFacts {
     /// Wall time from the first tick to the last, s.
     pub wall_seconds: f64,
     /// Deaths of services in flight that were mended; nothing of them is in the log.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub rebirths: Vec<Rebirth>,
+    #[serde(rename = "rebirths", skip_serializing_if = "Vec::is_empty")]
+    pub restarts: Vec<Restart>,
     /// How well the flight kept time, if it was flown in real time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingReport>,

@@ -24,8 +24,8 @@ use super::history::History;
 use super::judge::Jury;
 use super::stepper::{Step, Stepper};
 use command_line::interrupt::Interrupt;
-use supervisor::crew::process::Process;
-use supervisor::crew::{READY_LIMIT, STOP_LIMIT};
+use supervisor::supervision::process::Process;
+use supervisor::supervision::{READY_LIMIT, STOP_LIMIT};
 
 /// How long a process may take for a batch of steps: some thousand times as long as it takes.
 const BATCH_LIMIT: Duration = READY_LIMIT;
@@ -125,7 +125,7 @@ impl ServiceProcess {
         connected.map_err(|error| self.gave_up(&error))?;
         self.is_ready = true;
         self.say(&ToService::Go {
-            reborn: false,
+            restarted: false,
             start_ns: 0,
         })
     }

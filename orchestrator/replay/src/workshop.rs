@@ -8,7 +8,7 @@ use runtime::checkpoints::Checkpoints;
 use runtime::control::{Host, Role, Start, ToService};
 use runtime::deployment::Scheduler;
 use runtime::doorbell::Doorbell;
-use runtime::ports::{Member, RECORDER_BUFFER, TopicPorts};
+use runtime::ports::{RECORDER_BUFFER, RunNode, TopicPorts};
 use runtime::shared_page::SharedPage;
 use runtime::step_log::StepLog;
 use scenario::Scenario;
@@ -17,7 +17,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 use super::service_process::{InputPort, OutputPort, ProcessFailure, ServiceProcess};
 use command_line::interrupt::Interrupt;
 use live::run_root::RunRoot;
-use supervisor::crew::process::Process;
+use supervisor::supervision::process::Process;
 
 /// The place of a replay into service processes. To be dropped after those.
 pub(super) struct Workshop<'a> {
@@ -28,7 +28,7 @@ pub(super) struct Workshop<'a> {
     step_log: StepLog,
     doorbells: Vec<Doorbell>,
     interrupt: Interrupt,
-    member: Member,
+    member: RunNode,
     /// Goes last: all that is in shared memory goes with it.
     root: RunRoot,
 }
@@ -51,7 +51,7 @@ impl<'a> Workshop<'a> {
             step_log: StepLog::create().map_err(setup)?,
             doorbells: doorbells.collect::<Result<_, _>>().map_err(setup)?,
             interrupt: interrupt.clone(),
-            member: Member::join(&root.configuration(), "orchestrator").map_err(setup)?,
+            member: RunNode::join(&root.configuration(), "orchestrator").map_err(setup)?,
             root,
         })
     }

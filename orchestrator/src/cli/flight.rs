@@ -13,7 +13,7 @@ pub use supervisor::host_kind::Host;
 use super::values::core;
 use command_line::values::{ValueError, between, value_between};
 use run_log::Compression;
-use supervisor::crew::restart::PerService;
+use supervisor::supervision::restart_policy::PerService;
 
 /// What a scenario is made of: a file and what is changed of it.
 #[derive(Debug, Args)]

@@ -11,8 +11,8 @@ use command_line::progress::Progress;
 use run_log::Manifest;
 use run_log::run_folder::RunFolder;
 use supervisor::postmortem::Postmortem;
-use supervisor::real_time::{self, People, Succession};
-use supervisor::tape::Tape;
+use supervisor::real_time::{self, Clients, TakeOver};
+use supervisor::recording_sink::RecordingSink;
 
 /// What the results are called: what the scenario's file was called died with the orchestrator.
 const NAME: &str = "attached";
@@ -29,20 +29,20 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     let mut record = host_record(&folder, arguments.recording).map_err(Failure::not_written)?;
     let _postmortem = Postmortem::prepare(Host::Realtime, folder.path(), ExternalServices::default())
         .map_err(Failure::trouble)?;
-    let flight = Succession::prepare(&place).map_err(Failure::trouble)?;
+    let flight = TakeOver::prepare(&place).map_err(Failure::trouble)?;
     let scenario = flight.scenario().clone();
     let manifest = Manifest::new(&scenario);
     let log = run_log(&folder, &manifest, arguments.recording)
         .map_err(Failure::not_written)?
         .in_real_time(&manifest);
     let mut progress = Progress::new(flight.schedule(), NAME, arguments.quiet);
-    let people = People {
+    let people = Clients {
         interrupt: &interrupt,
         messages: progress.messages(),
     };
-    let mut tape =
-        Tape::new(&scenario, flight.schedule(), Some(log), &mut progress).from_tick(flight.first_tick());
-    let ending = real_time::take_over(flight, &mut tape, &people, &mut record).map_err(Failure::trouble)?;
+    let mut sink = RecordingSink::new(&scenario, flight.schedule(), Some(log), &mut progress)
+        .from_tick(flight.first_tick());
+    let ending = real_time::take_over(flight, &mut sink, &people, &mut record).map_err(Failure::trouble)?;
     let ending = ending.with_record(record.finish());
     let flown = Flown {
         name: NAME,
@@ -50,5 +50,5 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
         folder: &folder,
         quiet: arguments.quiet,
     };
-    flown.conclude(tape, ending)
+    flown.conclude(sink, ending)
 }

@@ -7,7 +7,7 @@ use command_line::failure::report_of;
 use metrics::summary::{self, RunFacts, Summary};
 use run_log::inspect;
 use run_log::run_folder::{RunFolder, log_meant_by};
-use supervisor::tape::Tape;
+use supervisor::recording_sink::RecordingSink;
 use supervisor::{Ending, FlightFailure, Outcome};
 
 /// A flight that is over.
@@ -22,12 +22,12 @@ pub(super) struct Flown<'a> {
 
 impl Flown<'_> {
     /// Closes the log, keeps the summary and shows it; the exit code of the command that flew.
-    pub(super) fn conclude(&self, tape: Tape<'_>, ending: Ending) -> Result<Exit, Failure> {
+    pub(super) fn conclude(&self, sink: RecordingSink<'_>, ending: Ending) -> Result<Exit, Failure> {
         let log_lost = matches!(&ending.outcome, Outcome::Failed(FlightFailure::Log(_)));
         let (flown, written) = if log_lost {
-            (tape.abandon(), Ok(None))
+            (sink.abandon(), Ok(None))
         } else {
-            tape.finish()
+            sink.finish()
         };
         let ending = match written {
             Ok(_) => ending,
@@ -66,7 +66,7 @@ impl Flown<'_> {
                 _ => None,
             },
             wall_seconds: ending.wall_time.as_secs_f64(),
-            rebirths: ending.rebirths.clone(),
+            restarts: ending.restarts.clone(),
             timing: ending.timing.clone(),
             laboratory: ending.laboratory.clone(),
         }

@@ -14,11 +14,11 @@ use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
 use run_log::Manifest;
 use run_log::run_folder::RunFolder;
-use supervisor::crew::restart::{PerService, RestartPolicy};
 use supervisor::deployment::{Deployment, Placement};
 use supervisor::postmortem::Postmortem;
-use supervisor::real_time::People;
-use supervisor::tape::Tape;
+use supervisor::real_time::Clients;
+use supervisor::recording_sink::RecordingSink;
+use supervisor::supervision::restart_policy::{PerService, RestartPolicy};
 use supervisor::{Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
 
 /// `gerono run`.
@@ -62,19 +62,19 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     }
 
     let mut progress = Progress::new(&schedule, &name, arguments.quiet);
-    let people = People {
+    let people = Clients {
         interrupt: &interrupt,
         messages: progress.messages(),
     };
-    let mut tape = Tape::new(&scenario, &schedule, Some(log), &mut progress);
-    let ending = fly(arguments, &scenario, &folder, &mut tape, &people);
+    let mut sink = RecordingSink::new(&scenario, &schedule, Some(log), &mut progress);
+    let ending = fly(arguments, &scenario, &folder, &mut sink, &people);
     let flown = Flown {
         name: &name,
         host: arguments.host,
         folder: &folder,
         quiet: arguments.quiet,
     };
-    flown.conclude(tape, ending)
+    flown.conclude(sink, ending)
 }
 
 /// A laboratory is for real time only, and there somebody arms; programs of one's own are for processes only.
@@ -93,19 +93,19 @@ fn fly(
     arguments: &Run,
     scenario: &Scenario,
     folder: &RunFolder,
-    tape: &mut Tape<'_>,
-    people: &People<'_>,
+    sink: &mut RecordingSink<'_>,
+    people: &Clients<'_>,
 ) -> Ending {
     let result = match arguments.host {
-        Host::Inprocess => in_process::fly(scenario, tape, people.interrupt),
-        Host::Lockstep | Host::Realtime => fly_processes(arguments, scenario, folder, tape, people),
+        Host::Inprocess => in_process::fly(scenario, sink, people.interrupt),
+        Host::Lockstep | Host::Realtime => fly_processes(arguments, scenario, folder, sink, people),
     };
     result.unwrap_or_else(|failure| Ending {
         outcome: Outcome::Failed(failure),
         ticks: 0,
         wall_time: Duration::ZERO,
         warnings: Vec::new(),
-        rebirths: Vec::new(),
+        restarts: Vec::new(),
         timing: None,
         laboratory: None,
     })
@@ -115,17 +115,17 @@ fn fly_processes(
     arguments: &Run,
     scenario: &Scenario,
     folder: &RunFolder,
-    tape: &mut Tape<'_>,
-    people: &People<'_>,
+    sink: &mut RecordingSink<'_>,
+    people: &Clients<'_>,
 ) -> Result<Ending, FlightFailure> {
     let mut record = host_record(folder, arguments.recording)?;
     let _postmortem = Postmortem::prepare(arguments.host, folder.path(), scenario.external_services())
         .map_err(FlightFailure::setup)?;
     let deployment = deployment(&arguments.deployment);
     let ending = if arguments.host == Host::Realtime {
-        real_time::fly(scenario, &deployment, tape, people, &mut record)?
+        real_time::fly(scenario, &deployment, sink, people, &mut record)?
     } else {
-        lock_step::fly(scenario, &deployment, tape, people.interrupt, &mut record)?
+        lock_step::fly(scenario, &deployment, sink, people.interrupt, &mut record)?
     };
     Ok(ending.with_record(record.finish()))
 }
@@ -148,7 +148,7 @@ fn deployment(arguments: &DeploymentArguments) -> Deployment {
             .iter()
             .map(|crash| (crash.service, crash.crash))
             .collect(),
-        restarts: ServiceId::ALL.map(|service| {
+        restart_policies: ServiceId::ALL.map(|service| {
             let default = RestartPolicy::default();
             let pause = PerService::of(&arguments.restart_pause, service);
             RestartPolicy {

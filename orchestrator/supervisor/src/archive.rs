@@ -1,4 +1,4 @@
-//! The latest samples of a topic: those that the log is still waiting for, and before them those that a reborn
+//! The latest samples of a topic: those that the log is still waiting for, and before them those that a restarted
 //! service may have missed.
 
 use std::collections::BTreeMap;

@@ -5,7 +5,7 @@ use runtime::deployment::{self, Scheduler};
 use scenario::Scenario;
 use shared_types::ServiceId;
 
-use super::crew::Restarts;
+use super::supervision::RestartPolicies;
 
 /// What the command line says of how the processes of a run use the machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,7 +19,7 @@ pub struct Deployment {
     /// Deaths that processes shall bring upon themselves: the first of a service upon its first process, and so on.
     pub crashes: Vec<(ServiceId, Crash)>,
     /// How often and how soon each service is started again.
-    pub restarts: Restarts,
+    pub restart_policies: RestartPolicies,
 }
 
 impl Default for Deployment {
@@ -29,7 +29,7 @@ impl Default for Deployment {
             scheduler: Scheduler::Fair,
             yielding: true,
             crashes: Vec::new(),
-            restarts: Restarts::default(),
+            restart_policies: RestartPolicies::default(),
         }
     }
 }

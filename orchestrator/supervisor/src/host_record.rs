@@ -12,9 +12,9 @@ use shared_types::ServiceId;
 use shared_types::schedule::Edge;
 
 use crate::Outcome;
-use crate::crew::{Activity, Crew, CrewObserver, Rebirth};
 use crate::host_record::snapshots::Snapshots;
 use crate::real_time::StepObserver;
+use crate::supervision::{Activity, Restart, SupervisionObserver, Supervisor};
 use metrics::summary::timing::TimingReport;
 use run_log::{
     CaptureFigures, HostEvent, HostLogWriter, HostSample, LinkFigures, LogError, ServiceHealth, ServiceStep,
@@ -31,10 +31,10 @@ pub struct HostRecord {
     has_failed: bool,
     /// With what, until it is told.
     failure: Option<LogError>,
-    /// How many of the crew's ends have been written.
+    /// How many of the supervisor's ends have been written.
     ends_written: usize,
-    /// How many of its rebirths have been written.
-    rebirths_written: usize,
+    /// How many of its restarts have been written.
+    restarts_written: usize,
     snapshots: Snapshots,
 }
 
@@ -49,7 +49,7 @@ impl HostRecord {
             has_failed: false,
             failure: None,
             ends_written: 0,
-            rebirths_written: 0,
+            restarts_written: 0,
             snapshots: Snapshots::new(),
         }
     }
@@ -90,8 +90,8 @@ impl HostRecord {
     }
 
     /// Writes how processes ended, as far as that is not written yet.
-    fn write_ends(&mut self, crew: &Crew<'_>) {
-        for (service, pid, exit) in &crew.exits()[self.ends_written..] {
+    fn write_ends(&mut self, supervisor: &Supervisor<'_>) {
+        for (service, pid, exit) in &supervisor.exits()[self.ends_written..] {
             let kind = if exit.killed {
                 HostEvent::KIND_KILLED
             } else {
@@ -99,39 +99,42 @@ impl HostRecord {
             };
             self.event(*service, kind, *pid, &exit.description);
         }
-        self.ends_written = crew.exits().len();
+        self.ends_written = supervisor.exits().len();
     }
 }
 
-impl CrewObserver for HostRecord {
-    fn ready(&mut self, crew: &Crew<'_>, core: Option<usize>) {
+impl SupervisionObserver for HostRecord {
+    fn ready(&mut self, supervisor: &Supervisor<'_>, core: Option<usize>) {
         let result = self.log.write_facts("host", host_facts(core));
         self.keep_first(result);
-        for (service, pid) in crew.processes() {
+        for (service, pid) in supervisor.processes() {
             self.event(Some(service), HostEvent::KIND_READY, pid, "has made its ports");
         }
     }
 
-    fn changed(&mut self, crew: &Crew<'_>) {
-        self.write_ends(crew);
-        for rebirth in &crew.rebirths()[self.rebirths_written..] {
-            let Rebirth { service, pid, .. } = *rebirth;
-            self.event(Some(service), HostEvent::KIND_REBORN, pid, &rebirth.to_string());
+    fn changed(&mut self, supervisor: &Supervisor<'_>) {
+        self.write_ends(supervisor);
+        for restart in &supervisor.restarts()[self.restarts_written..] {
+            let Restart { service, pid, .. } = *restart;
+            self.event(Some(service), HostEvent::KIND_REBORN, pid, &restart.to_string());
         }
-        self.rebirths_written = crew.rebirths().len();
+        self.restarts_written = supervisor.restarts().len();
     }
 
-    fn progressed(&mut self, crew: &Crew<'_>, tick: u64) {
-        for checkpoint in self.snapshots.take(crew.checkpoints(), crew.schedule(), tick) {
+    fn progressed(&mut self, supervisor: &Supervisor<'_>, tick: u64) {
+        for checkpoint in self
+            .snapshots
+            .take(supervisor.checkpoints(), supervisor.schedule(), tick)
+        {
             for piece in checkpoint.pieces(self.time_ns()) {
                 self.write(&piece);
             }
         }
     }
 
-    fn health(&mut self, crew: &Crew<'_>) {
-        for (service, pid) in crew.processes() {
-            let cell = &crew.page().control_block().cells[service.index()];
+    fn health(&mut self, supervisor: &Supervisor<'_>) {
+        for (service, pid) in supervisor.processes() {
+            let cell = &supervisor.page().control_block().cells[service.index()];
             let ticks = cell.steps_until.load(Ordering::Relaxed);
             let sample = ServiceHealth {
                 time_ns: self.time_ns(),
@@ -147,8 +150,8 @@ impl CrewObserver for HostRecord {
         }
     }
 
-    fn ended(&mut self, crew: &Crew<'_>, outcome: &Outcome) {
-        self.write_ends(crew);
+    fn ended(&mut self, supervisor: &Supervisor<'_>, outcome: &Outcome) {
+        self.write_ends(supervisor);
         self.event(None, HostEvent::KIND_FINISHED, 0, &outcome.to_string());
     }
 }

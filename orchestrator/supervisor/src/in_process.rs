@@ -45,7 +45,7 @@ where
         ticks: sink.ticks,
         wall_time: started.elapsed(),
         warnings: Vec::new(),
-        rebirths: Vec::new(),
+        restarts: Vec::new(),
         timing: None,
         laboratory: None,
     })

@@ -1,7 +1,6 @@
 //! Flying a scenario: the hosts, what they have in common, and how a flight ends.
 
 pub mod archive;
-pub mod crew;
 pub mod deployment;
 pub mod host_kind;
 pub mod host_record;
@@ -10,10 +9,11 @@ pub mod lock_step;
 pub mod postmortem;
 pub mod real_time;
 pub mod recorder;
+pub mod recording_sink;
 pub mod reserve;
-mod site;
+mod run_context;
 pub mod subscription;
-pub mod tape;
+pub mod supervision;
 
 use std::error::Error;
 use std::fmt::{Display, Formatter};
@@ -38,7 +38,7 @@ pub struct Ending {
     /// What the user should know about the machine, once.
     pub warnings: Vec<String>,
     /// Deaths in flight that were mended, in their order.
-    pub rebirths: Vec<crew::Rebirth>,
+    pub restarts: Vec<supervision::Restart>,
     /// How well it kept time, if it was flown in real time.
     pub timing: Option<TimingReport>,
     /// How cameras and radio link fared, if it was flown in a laboratory.

@@ -9,10 +9,10 @@ use runtime::ports::Delivery;
 use runtime::wait_policy::BLOCK_ALWAYS;
 use scenario::Scenario;
 
-use super::crew::{BIRTH_PERIOD, Crew, CrewEvent, CrewObserver};
 use super::deployment::Deployment;
 use super::recorder::{Progress, Recorder};
-use super::site::Site;
+use super::run_context::RunContext;
+use super::supervision::{RESTART_POLL_PERIOD, ServiceEvent, SupervisionObserver, Supervisor};
 use super::{Ending, FlightFailure, Outcome};
 use command_line::interrupt::Interrupt;
 
@@ -28,44 +28,44 @@ pub fn fly<S: TickSink>(
     deployment: &Deployment,
     sink: &mut S,
     interrupt: &Interrupt,
-    observer: &mut dyn CrewObserver,
+    observer: &mut dyn SupervisionObserver,
 ) -> Result<Ending, FlightFailure>
 where
     FlightFailure: From<S::Error>,
 {
     super::refuse_unsimulated_poses(scenario)?;
-    let site = Site::prepare(scenario, deployment)?;
-    let recorder = Recorder::new(site.subscribe(Delivery::Lossless)?, &site.schedule);
-    let mut recorder = recorder.distrust(site.scenario.external_services(), &site.schedule);
-    let mut crew = site.start_crew(deployment, Host::LockStep)?;
-    let block = crew.page().control_block();
+    let context = RunContext::prepare(scenario, deployment)?;
+    let recorder = Recorder::new(context.subscribe(Delivery::Lossless)?, &context.schedule);
+    let mut recorder = recorder.distrust(context.scenario.external_services(), &context.schedule);
+    let mut supervisor = context.start_supervisor(deployment, Host::LockStep)?;
+    let block = supervisor.page().control_block();
     recorder.make_known(block);
     if !deployment.yielding {
         block.block_only.store(BLOCK_ALWAYS, Ordering::Relaxed);
     }
-    let warnings = site.await_ready(&mut crew)?;
-    observer.ready(&crew, site.cores.ring);
+    let warnings = context.await_ready(&mut supervisor)?;
+    observer.ready(&supervisor, context.cores.ring);
 
     let started = Instant::now();
     // First: what services publish that are gone before it is connected is lost.
     recorder.connect().map_err(FlightFailure::setup)?;
-    crew.go()?;
-    observer.changed(&crew);
+    supervisor.go()?;
+    observer.changed(&supervisor);
     let mut flight = Flight {
-        crew,
+        supervisor,
         recorder,
         observer,
     };
     let outcome = flight.supervise(sink, interrupt).unwrap_or_else(Outcome::Failed);
     let wall_time = started.elapsed();
-    let outcome = wind_up(&mut flight.crew, &mut flight.recorder, sink, outcome);
-    flight.observer.ended(&flight.crew, &outcome);
+    let outcome = wind_up(&mut flight.supervisor, &mut flight.recorder, sink, outcome);
+    flight.observer.ended(&flight.supervisor, &outcome);
     Ok(Ending {
         outcome,
         ticks: flight.recorder.ticks(),
         wall_time,
         warnings,
-        rebirths: flight.crew.rebirths().to_vec(),
+        restarts: flight.supervisor.restarts().to_vec(),
         timing: None,
         laboratory: None,
     })
@@ -73,9 +73,9 @@ where
 
 /// A flight under way.
 struct Flight<'a> {
-    crew: Crew<'a>,
+    supervisor: Supervisor<'a>,
     recorder: Recorder,
-    observer: &'a mut dyn CrewObserver,
+    observer: &'a mut dyn SupervisionObserver,
 }
 
 impl Flight<'_> {
@@ -95,31 +95,31 @@ impl Flight<'_> {
                 return Ok(Outcome::Completed);
             }
             self.look_after_external_services(progress)?;
-            self.observer.progressed(&self.crew, self.recorder.ticks());
+            self.observer.progressed(&self.supervisor, self.recorder.ticks());
             if let Some(signal) = interrupt.signal() {
                 return Ok(Outcome::Interrupted { signal });
             }
             let period = match progress {
                 Progress::Behind => Duration::ZERO,
-                _ if self.crew.needs_care() => BIRTH_PERIOD,
+                _ if self.supervisor.needs_care() => RESTART_POLL_PERIOD,
                 _ => RECORDER_PERIOD,
             };
-            for event in self.crew.watch(period) {
+            for event in self.supervisor.watch(period) {
                 self.attend_to(event)?;
             }
-            if self.crew.needs_care() {
+            if self.supervisor.needs_care() {
                 self.recorder.receive()?;
-                self.crew.mend()?;
-                self.crew.resume(&mut self.recorder)?;
-                self.observer.changed(&self.crew);
-                self.crew.hand_over(&self.recorder)?;
+                self.supervisor.restart_dead()?;
+                self.supervisor.resume(&mut self.recorder)?;
+                self.observer.changed(&self.supervisor);
+                self.supervisor.hand_over(&self.recorder)?;
             } else {
-                self.crew.keep_spare();
+                self.supervisor.keep_standby();
             }
             if Instant::now() >= next_health {
-                self.crew.rouse();
-                self.crew.remove_unfinished();
-                self.observer.health(&self.crew);
+                self.supervisor.wake_all();
+                self.supervisor.remove_unfinished();
+                self.observer.health(&self.supervisor);
                 next_health += Duration::from_secs(1);
             }
         }
@@ -127,25 +127,25 @@ impl Flight<'_> {
 
     /// Takes note of how far external services have come, and of those that have finished without having flown to the end.
     fn look_after_external_services(&self, progress: Progress) -> Result<(), FlightFailure> {
-        self.crew
+        self.supervisor
             .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
-        for external_service in self.crew.external_services() {
+        for external_service in self.supervisor.external_services() {
             // What it has published before it said so has been received since.
             if progress == Progress::Waiting
-                && self.crew.is_finished(external_service)
+                && self.supervisor.is_finished(external_service)
                 && self.recorder.waits_for(external_service)
             {
-                return Err(self.crew.blame_for_missing(external_service));
+                return Err(self.supervisor.blame_for_missing(external_service));
             }
         }
         Ok(())
     }
 
-    fn attend_to(&mut self, event: CrewEvent) -> Result<(), FlightFailure> {
+    fn attend_to(&mut self, event: ServiceEvent) -> Result<(), FlightFailure> {
         match event {
-            CrewEvent::Lost(failure) => return Err(failure),
-            CrewEvent::Died => self.observer.changed(&self.crew),
-            CrewEvent::Ready(..) | CrewEvent::Finished(_) => {}
+            ServiceEvent::Lost(failure) => return Err(failure),
+            ServiceEvent::Died => self.observer.changed(&self.supervisor),
+            ServiceEvent::Ready(..) | ServiceEvent::Finished(_) => {}
         }
         Ok(())
     }
@@ -153,7 +153,7 @@ impl Flight<'_> {
 
 /// Ends the services and records the whole ticks that they had published.
 fn wind_up<S: TickSink>(
-    crew: &mut Crew<'_>,
+    supervisor: &mut Supervisor<'_>,
     recorder: &mut Recorder,
     sink: &mut S,
     outcome: Outcome,
@@ -161,7 +161,7 @@ fn wind_up<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
-    crew.stop();
+    supervisor.stop();
     match outcome {
         Outcome::Completed => Outcome::Completed,
         // The sink itself has failed: it takes no more.

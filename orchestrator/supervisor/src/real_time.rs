@@ -9,13 +9,13 @@
 //! restarted until it has landed, and then the flight ends with that failure (`shutdown.rs`).
 
 mod answers;
-mod desk;
+mod control_server;
 mod heartbeat;
 mod laboratory;
 mod monitor;
 mod recorder;
 mod shutdown;
-mod succession;
+mod take_over;
 
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
@@ -33,16 +33,16 @@ use shared_types::schedule::Edge;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};
 
-use self::desk::Desk;
+use self::control_server::ControlServer;
 use self::heartbeat::Heartbeats;
 use self::laboratory::Laboratory;
 use self::monitor::Monitor;
 use self::recorder::{Recorder, SETTLING_NS};
 use self::shutdown::{Motors, Shutdown};
-pub use self::succession::Succession;
-use super::crew::{BIRTH_PERIOD, Crew, CrewEvent, CrewObserver, STOP_LIMIT};
+pub use self::take_over::TakeOver;
 use super::deployment::Deployment;
-use super::site::Site;
+use super::run_context::RunContext;
+use super::supervision::{RESTART_POLL_PERIOD, STOP_LIMIT, ServiceEvent, SupervisionObserver, Supervisor};
 use super::{Ending, FlightFailure, Outcome};
 use command_line::interrupt::Interrupt;
 use command_line::progress::Messages;
@@ -60,14 +60,14 @@ const COUNTDOWN: Duration = Duration::from_millis(50);
 const EVENTS: usize = 50;
 
 /// What happens in a flight in real time, for whoever keeps a record of the machine.
-pub trait StepObserver: CrewObserver {
+pub trait StepObserver: SupervisionObserver {
     /// Tick 0 begins, or began, at this time of `CLOCK_MONOTONIC`, ns.
     fn flight_begins_at(&mut self, start_ns: u64);
     /// A service has stepped; its inputs as the schedule sees them.
     fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]);
     /// Why the record cannot go on, once.
     fn failure(&mut self) -> Option<LogError>;
-    /// People have done something.
+    /// Clients have done something.
     fn note(&mut self, text: &str);
     /// A service hung and was killed.
     fn hung(&mut self, service: ServiceId);
@@ -87,41 +87,42 @@ pub fn fly<S: TickSink>(
     scenario: &Scenario,
     deployment: &Deployment,
     sink: &mut S,
-    people: &People<'_>,
+    people: &Clients<'_>,
     observer: &mut dyn StepObserver,
 ) -> Result<Ending, FlightFailure>
 where
     FlightFailure: From<S::Error>,
 {
-    let site = Site::prepare(scenario, deployment)?;
-    let mut recorder = Recorder::new(site.subscribe(Delivery::NewestWins)?, 0);
-    let mut desk = Desk::open(&site.root).map_err(FlightFailure::setup)?;
-    let mut crew = site.start_crew(deployment, Host::RealTime)?;
-    let warnings = site.await_ready(&mut crew)?;
-    observer.ready(&crew, site.cores.ring);
+    let context = RunContext::prepare(scenario, deployment)?;
+    let mut recorder = Recorder::new(context.subscribe(Delivery::NewestWins)?, 0);
+    let mut server = ControlServer::open(&context.root).map_err(FlightFailure::setup)?;
+    let mut supervisor = context.start_supervisor(deployment, Host::RealTime)?;
+    let warnings = context.await_ready(&mut supervisor)?;
+    observer.ready(&supervisor, context.cores.ring);
     recorder.connect().map_err(FlightFailure::setup)?;
 
-    let clock = FlightClock::starting_in(COUNTDOWN, site.schedule.tick_ns());
-    crew.page()
+    let clock = FlightClock::starting_in(COUNTDOWN, context.schedule.tick_ns());
+    supervisor
+        .page()
         .control_block()
         .start_ns
         .store(clock.start_ns, Ordering::Release);
     observer.flight_begins_at(clock.start_ns);
-    crew.go()?;
-    let recorder = recorder.distrust(site.scenario.external_services(), &site.schedule, clock);
+    supervisor.go()?;
+    let recorder = recorder.distrust(context.scenario.external_services(), &context.schedule, clock);
     if scenario
         .flight
         .as_ref()
         .is_some_and(|flight| flight.arm_at.is_none())
     {
-        let run = site.root.name();
+        let run = context.root.name();
         let text = format!(
             "The vehicle stands on the ground, disarmed. To take off, in another terminal: gerono arm --run {run}"
         );
         people.messages.say(text);
     }
-    let flight = Flight::new(&site, clock, crew, recorder, people, observer);
-    Ok(flight.conduct(sink, &mut desk, warnings))
+    let flight = Flight::new(&context, clock, supervisor, recorder, people, observer);
+    Ok(flight.conduct(sink, &mut server, warnings))
 }
 
 /// Takes over a flight whose orchestrator is gone, and hands everything from then on to `sink`.
@@ -129,38 +130,38 @@ where
 /// # Errors
 /// [`FlightFailure`] if it cannot be taken over. A failure in flight is the ending's outcome.
 pub fn take_over<S: TickSink>(
-    succession: Succession,
+    succession: TakeOver,
     sink: &mut S,
-    people: &People<'_>,
+    people: &Clients<'_>,
     observer: &mut dyn StepObserver,
 ) -> Result<Ending, FlightFailure>
 where
     FlightFailure: From<S::Error>,
 {
-    let Succession {
-        site,
+    let TakeOver {
+        context,
         shared,
         survivors,
         clock,
         first_tick,
     } = succession;
-    let mut recorder = Recorder::new(site.listen_in()?, first_tick);
-    let mut desk = Desk::open(&site.root).map_err(FlightFailure::setup)?;
+    let mut recorder = Recorder::new(context.listen_in()?, first_tick);
+    let mut server = ControlServer::open(&context.root).map_err(FlightFailure::setup)?;
     recorder.connect().map_err(FlightFailure::setup)?;
     // From here on nothing fails without a landing.
-    let crew = site.adopt_crew(shared, survivors)?;
+    let supervisor = context.adopt_supervisor(shared, survivors)?;
     observer.flight_begins_at(clock.start_ns);
-    observer.ready(&crew, site.cores.ring);
+    observer.ready(&supervisor, context.cores.ring);
     observer.note("another orchestrator has taken over");
-    let recorder = recorder.distrust(site.scenario.external_services(), &site.schedule, clock);
-    let mut flight = Flight::new(&site, clock, crew, recorder, people, observer);
+    let recorder = recorder.distrust(context.scenario.external_services(), &context.schedule, clock);
+    let mut flight = Flight::new(&context, clock, supervisor, recorder, people, observer);
     flight.motors = Motors::unknown();
-    flight.monitor.begin_now(flight.crew.step_log());
-    Ok(flight.conduct(sink, &mut desk, Vec::new()))
+    flight.monitor.begin_now(flight.supervisor.step_log());
+    Ok(flight.conduct(sink, &mut server, Vec::new()))
 }
 
 /// The people at the terminal of a flight: what they ask for, and what they are told.
-pub struct People<'a> {
+pub struct Clients<'a> {
     /// Signals by which they ask for the end.
     pub interrupt: &'a Interrupt,
     /// What they are told meanwhile.
@@ -171,14 +172,14 @@ pub struct People<'a> {
 struct Flight<'a> {
     schedule: &'a Schedule,
     clock: FlightClock,
-    crew: Crew<'a>,
+    supervisor: Supervisor<'a>,
     recorder: Recorder,
     monitor: Monitor,
     heartbeats: Heartbeats,
     observer: &'a mut dyn StepObserver,
     scenario: &'a Scenario,
     laboratory: Laboratory<'a>,
-    people: &'a People<'a>,
+    people: &'a Clients<'a>,
     /// Name of the run, by which other terminals find it.
     run: String,
     motors: Motors,
@@ -195,27 +196,27 @@ struct Flight<'a> {
 
 impl<'a> Flight<'a> {
     fn new(
-        site: &'a Site,
+        context: &'a RunContext,
         clock: FlightClock,
-        crew: Crew<'a>,
+        supervisor: Supervisor<'a>,
         recorder: Recorder,
-        people: &'a People<'a>,
+        people: &'a Clients<'a>,
         observer: &'a mut dyn StepObserver,
     ) -> Self {
-        let schedule = &site.schedule;
-        let settings = site.scenario.real_time.unwrap_or_default();
+        let schedule = &context.schedule;
+        let settings = context.scenario.real_time.unwrap_or_default();
         Self {
             heartbeats: Heartbeats::new(schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
-            monitor: Monitor::new(schedule, |service| site.scenario.process_name(service)),
+            monitor: Monitor::new(schedule, |service| context.scenario.process_name(service)),
             schedule,
             clock,
-            crew,
+            supervisor,
             recorder,
             observer,
-            scenario: &site.scenario,
-            laboratory: Laboratory::of(&site.scenario),
+            scenario: &context.scenario,
+            laboratory: Laboratory::of(&context.scenario),
             people,
-            run: site.root.name(),
+            run: context.root.name(),
             motors: Motors::AT_REST,
             shutdown: Shutdown::None,
             signal: None,
@@ -226,12 +227,17 @@ impl<'a> Flight<'a> {
     }
 
     /// Sees the flight to its end.
-    fn conduct<S: TickSink>(mut self, sink: &mut S, desk: &mut Desk, warnings: Vec<String>) -> Ending
+    fn conduct<S: TickSink>(
+        mut self,
+        sink: &mut S,
+        server: &mut ControlServer,
+        warnings: Vec<String>,
+    ) -> Ending
     where
         FlightFailure: From<S::Error>,
     {
         let from = self.recorder.ticks();
-        self.supervise(sink, desk);
+        self.supervise(sink, server);
         let begun = self.clock.begins_at(from);
         let wall_time = Duration::from_nanos(monotonic_ns().saturating_sub(begun));
         self.wind_up(sink);
@@ -239,13 +245,13 @@ impl<'a> Flight<'a> {
     }
 
     /// Records, watches and restarts until the flight is over, one way or the other.
-    fn supervise<S: TickSink>(&mut self, sink: &mut S, desk: &mut Desk)
+    fn supervise<S: TickSink>(&mut self, sink: &mut S, server: &mut ControlServer)
     where
         FlightFailure: From<S::Error>,
     {
         let mut next_health = Instant::now() + Duration::from_secs(1);
         while !self.is_over() {
-            let block = self.crew.page().control_block();
+            let block = self.supervisor.page().control_block();
             block
                 .orchestrator_alive_ns
                 .store(monotonic_ns(), Ordering::Relaxed);
@@ -254,27 +260,27 @@ impl<'a> Flight<'a> {
                 let answer = self.request_end("a signal");
                 self.people.messages.say(answer);
             }
-            let period = if self.crew.needs_care() {
-                BIRTH_PERIOD
+            let period = if self.supervisor.needs_care() {
+                RESTART_POLL_PERIOD
             } else {
                 RECORDER_PERIOD
             };
-            for event in self.crew.watch(period) {
+            for event in self.supervisor.watch(period) {
                 self.attend_to(event);
             }
             self.restart_services();
             if let Err(failure) = self.record(sink) {
                 self.fail(failure);
             }
-            self.observer.progressed(&self.crew, self.recorder.ticks());
+            self.observer.progressed(&self.supervisor, self.recorder.ticks());
             if let Some(error) = self.observer.failure() {
                 self.fail(FlightFailure::Record(error));
             }
             self.replace_the_hung();
-            desk.serve(|question| self.answer(question));
+            server.serve(|question| self.answer(question));
             if Instant::now() >= next_health {
-                self.crew.remove_unfinished();
-                self.observer.health(&self.crew);
+                self.supervisor.remove_unfinished();
+                self.observer.health(&self.supervisor);
                 self.observe_laboratory();
                 self.tell_of_laboratory();
                 self.monitor.end_window();
@@ -289,7 +295,7 @@ impl<'a> Flight<'a> {
         // A service that cannot be restarted never finishes.
         let is_past = monotonic_ns().saturating_sub(last) > STOP_LIMIT.as_nanos() as u64;
         let must_not_wait = self.failure.is_some() && is_past;
-        self.crew.has_finished() || must_not_wait || self.shutdown.permits_end(&self.motors)
+        self.supervisor.has_finished() || must_not_wait || self.shutdown.permits_end(&self.motors)
     }
 
     /// Takes note of a failure, the first of which ends the flight on the ground.
@@ -329,38 +335,41 @@ impl<'a> Flight<'a> {
         )
     }
 
-    fn attend_to(&mut self, event: CrewEvent) {
+    fn attend_to(&mut self, event: ServiceEvent) {
         match event {
-            CrewEvent::Lost(failure) => self.fail(failure),
-            CrewEvent::Died => {
-                self.observer.changed(&self.crew);
-                if let Some((Some(service), pid, exit)) = self.crew.exits().last() {
-                    let name = self.crew.name_of(*service);
+            ServiceEvent::Lost(failure) => self.fail(failure),
+            ServiceEvent::Died => {
+                self.observer.changed(&self.supervisor);
+                if let Some((Some(service), pid, exit)) = self.supervisor.exits().last() {
+                    let name = self.supervisor.name_of(*service);
                     let text = format!("`{name}` (process {pid}) died: {}", exit.description);
                     self.remember(text);
                 }
             }
-            CrewEvent::Ready(service, _) => {
-                let name = self.crew.name_of(service);
+            ServiceEvent::Ready(service, _) => {
+                let name = self.supervisor.name_of(service);
                 self.remember(format!("`{name}` was restarted"));
             }
-            CrewEvent::Finished(_) => {}
+            ServiceEvent::Finished(_) => {}
         }
     }
 
-    /// Restarts services that have died; after a failure also those that were given up.
+    /// RestartPolicies services that have died; after a failure also those that were given up.
     fn restart_services(&mut self) {
         if self.failure.is_some() {
-            self.crew.retry_given_up();
+            self.supervisor.retry_given_up();
         }
-        if !self.crew.needs_care() {
-            return self.crew.keep_spare();
+        if !self.supervisor.needs_care() {
+            return self.supervisor.keep_standby();
         }
-        let restarted = self.crew.mend().and_then(|()| self.crew.resume_in_real_time());
+        let restarted = self
+            .supervisor
+            .restart_dead()
+            .and_then(|()| self.supervisor.resume_in_real_time());
         if let Err(failure) = restarted {
             self.fail(failure);
         }
-        self.observer.changed(&self.crew);
+        self.observer.changed(&self.supervisor);
     }
 
     /// Keeps an event for people at other terminals.
@@ -388,7 +397,7 @@ impl<'a> Flight<'a> {
         let received = self.recorder.receive();
         let frame = self.recorder.newest::<RcFrame>();
         self.motors.observe(frame.as_ref(), self.clock.elapsed_ns());
-        self.crew
+        self.supervisor
             .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
         self.observe_steps();
         let settled_ns = self.clock.elapsed_ns().saturating_sub(SETTLING_NS);
@@ -412,16 +421,16 @@ impl<'a> Flight<'a> {
         let Self {
             monitor,
             observer,
-            crew,
+            supervisor,
             ..
         } = self;
-        monitor.collect(crew.step_log(), |service, record, inputs| {
+        monitor.collect(supervisor.step_log(), |service, record, inputs| {
             observer.step(service, record, inputs);
         });
     }
 
     fn observe_laboratory(&mut self) {
-        let block = self.crew.page().control_block();
+        let block = self.supervisor.page().control_block();
         if let Some(figures) = self.laboratory.capture(block) {
             self.observer.capture(&figures);
         }
@@ -431,7 +440,7 @@ impl<'a> Flight<'a> {
     }
 
     fn tell_of_laboratory(&mut self) {
-        let block = self.crew.page().control_block();
+        let block = self.supervisor.page().control_block();
         for text in self.laboratory.news(block, self.clock.elapsed_ns()) {
             self.tell(&text);
         }
@@ -439,17 +448,17 @@ impl<'a> Flight<'a> {
 
     fn replace_the_hung(&mut self) {
         let now = self.clock.tick().min(self.schedule.last_tick());
-        let crew = &self.crew;
+        let supervisor = &self.supervisor;
         let hanging = self.heartbeats.hanging(
             now,
-            crew.page().control_block(),
-            |service| crew.flies(service),
-            |service| crew.activity(service),
+            supervisor.page().control_block(),
+            |service| supervisor.flies(service),
+            |service| supervisor.activity(service),
         );
         for service in hanging {
             self.observer.hung(service);
-            self.crew.kill(service);
-            let name = self.crew.name_of(service);
+            self.supervisor.kill(service);
+            let name = self.supervisor.name_of(service);
             self.remember(format!("`{name}` hangs and is replaced"));
         }
     }
@@ -459,13 +468,13 @@ impl<'a> Flight<'a> {
     where
         FlightFailure: From<S::Error>,
     {
-        self.crew.stop();
+        self.supervisor.stop();
         for service in ServiceId::ALL {
-            self.crew.step_log().finish_for_the_dead(service);
+            self.supervisor.step_log().finish_for_the_dead(service);
         }
         self.observe_steps();
         let flown = ServiceId::ALL.map(|service| {
-            let cell = &self.crew.page().control_block().cells[service.index()];
+            let cell = &self.supervisor.page().control_block().cells[service.index()];
             cell.steps_until.load(Ordering::Relaxed)
         });
         // What services and programs tell is not taken for more than there can be.
@@ -480,7 +489,7 @@ impl<'a> Flight<'a> {
     fn outcome(&mut self) -> Outcome {
         match (self.failure.take(), self.signal) {
             (Some(failure), _) => Outcome::Failed(failure),
-            (None, Some(signal)) if !self.crew.has_finished() => Outcome::Interrupted { signal },
+            (None, Some(signal)) if !self.supervisor.has_finished() => Outcome::Interrupted { signal },
             (None, _) => Outcome::Completed,
         }
     }
@@ -499,7 +508,7 @@ impl<'a> Flight<'a> {
         };
         // Nobody has timed the steps of external services.
         let is_external_service = |name: &str| {
-            self.crew
+            self.supervisor
                 .external_services()
                 .any(|external_service| external_service.name() == name)
         };
@@ -507,15 +516,15 @@ impl<'a> Flight<'a> {
             .services
             .retain(|timing| !is_external_service(timing.service));
         self.observer.timing(&report);
-        self.observer.ended(&self.crew, &outcome);
+        self.observer.ended(&self.supervisor, &outcome);
         Ending {
             outcome,
             ticks: self.recorder.ticks(),
             wall_time,
             warnings,
-            rebirths: self.crew.rebirths().to_vec(),
+            restarts: self.supervisor.restarts().to_vec(),
             timing: Some(report),
-            laboratory: self.laboratory.report(self.crew.page().control_block()),
+            laboratory: self.laboratory.report(self.supervisor.page().control_block()),
         }
     }
 }

@@ -5,8 +5,8 @@
 mod allocations;
 mod support;
 
-#[path = "../../../tests/common/rebirth.rs"]
-mod rebirth;
+#[path = "../../../tests/common/restart.rs"]
+mod restart;
 
 use controller::parameter_vector::ParameterVector;
 use controller::{ControllerService, Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
@@ -175,8 +175,8 @@ fn a_step_without_state_or_reference_commands_nothing_and_lets_the_estimates_res
 fn a_controller_that_is_born_anew_commands_by_what_was_held_until_it_sees_samples_itself() {
     let mut service = ControllerService::new(&scenario());
     let seen = step_with_both(&mut service, 0);
-    let mut reborn = rebirth::reborn(&service, ControllerService::new(&scenario()));
-    let blind = step(&mut reborn, 1, None, None);
+    let mut restarted = restart::restarted(&service, ControllerService::new(&scenario()));
+    let blind = step(&mut restarted, 1, None, None);
     // The estimates have gone on meanwhile.
     let difference = (blind.command.thrust - seen.command.thrust).abs();
     assert!(seen.command.thrust > 1.0 && difference < 0.01 * seen.command.thrust);
@@ -209,21 +209,24 @@ fn a_restored_service_continues_with_equal_bytes() {
     // Another start, so that whatever is not restored shows.
     let mut other = scenario();
     other.controller.initial.mass = 0.4;
-    let mut reborn = ControllerService::new(&other);
-    step_with_both(&mut reborn, 7);
-    ErasedService::restore(&mut reborn, &saved);
-    assert_eq!(Service::save(&reborn), Service::save(&original));
+    let mut restarted = ControllerService::new(&other);
+    step_with_both(&mut restarted, 7);
+    ErasedService::restore(&mut restarted, &saved);
+    assert_eq!(Service::save(&restarted), Service::save(&original));
     for tick in 50..100 {
-        let (from_original, from_reborn) = (
+        let (from_original, from_restarted) = (
             step_with_both(&mut original, tick),
-            step_with_both(&mut reborn, tick),
+            step_with_both(&mut restarted, tick),
         );
-        assert_eq!(from_original.command.as_bytes(), from_reborn.command.as_bytes());
+        assert_eq!(
+            from_original.command.as_bytes(),
+            from_restarted.command.as_bytes()
+        );
         assert_eq!(
             from_original.adaptation.as_bytes(),
-            from_reborn.adaptation.as_bytes()
+            from_restarted.adaptation.as_bytes()
         );
-        assert_eq!(from_original.errors.as_bytes(), from_reborn.errors.as_bytes());
+        assert_eq!(from_original.errors.as_bytes(), from_restarted.errors.as_bytes());
     }
 }
 

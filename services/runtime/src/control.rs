@@ -73,7 +73,8 @@ pub enum ToService {
     /// Everyone is ready: fly.
     Go {
         /// Whether another process has flown before this one and died: go on from its last checkpoint.
-        reborn: bool,
+        #[serde(rename = "reborn")]
+        restarted: bool,
         /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; else 0.
         start_ns: u64,
     },
@@ -82,7 +83,7 @@ pub enum ToService {
         /// Number of the birth.
         birth: u32,
     },
-    /// A sample that a reborn service may have missed.
+    /// A sample that a restarted service may have missed.
     Missed {
         /// Place of the input in the wiring table.
         input: usize,
@@ -173,7 +174,7 @@ pub enum ToOrchestrator {
         /// Number of the birth.
         birth: u32,
     },
-    /// A reborn service gets all its inputs by its ports.
+    /// A restarted service gets all its inputs by its ports.
     CaughtUp,
     /// All steps of the flight are done.
     Finished,
@@ -376,7 +377,7 @@ mod tests {
         let theirs = Channel::inherited(theirs);
         assert!(theirs.try_receive::<ToService>().unwrap().is_none());
         let go = ToService::Go {
-            reborn: true,
+            restarted: true,
             start_ns: 0,
         };
         mine.send(&go).unwrap();

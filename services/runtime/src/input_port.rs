@@ -1,6 +1,6 @@
 //! An input of a service in lock-step, also of one that is born again in flight.
 //!
-//! A reborn service may have missed samples: those that were published while nobody listened. It gets them from
+//! A restarted service may have missed samples: those that were published while nobody listened. It gets them from
 //! the orchestrator, which has recorded them, and its port gives the rest; at first it takes whatever comes from
 //! either. From the first sample at the port on all later ones come there: as soon as that is no later than what
 //! is due, nothing can be missing any more and samples are read in shared memory again.
@@ -32,16 +32,16 @@ pub struct InputPort {
 struct Kept {
     samples: EdgeStore,
     /// Whether samples may be missing that only the orchestrator has.
-    is_reborn: bool,
+    is_restarted: bool,
     /// Tick of the first sample that came by the port.
     first_at_port: Option<u64>,
 }
 
 impl Kept {
-    fn new(edge: &Edge, is_reborn: bool) -> Self {
+    fn new(edge: &Edge, is_restarted: bool) -> Self {
         Self {
             samples: EdgeStore::new(edge.clone()),
-            is_reborn,
+            is_restarted,
             first_at_port: None,
         }
     }
@@ -80,7 +80,7 @@ impl InputPort {
 
     /// Takes a sample that may have been missed.
     pub fn take_missed(&mut self, bytes: &[u8]) {
-        if let Some(kept) = self.kept.as_mut().filter(|kept| kept.is_reborn) {
+        if let Some(kept) = self.kept.as_mut().filter(|kept| kept.is_restarted) {
             kept.samples.keep(bytes);
         }
     }
@@ -89,7 +89,7 @@ impl InputPort {
     #[must_use]
     #[inline]
     pub fn has_caught_up(&self) -> bool {
-        self.kept.as_ref().is_none_or(|kept| !kept.is_reborn)
+        self.kept.as_ref().is_none_or(|kept| !kept.is_restarted)
     }
 
     /// Takes samples until the one of tick `due` is here, for the step at `tick`; `false` if it has not come yet.
@@ -102,7 +102,7 @@ impl InputPort {
             return if self.edge.has_faults() {
                 self.advance_among_faults(tick, due)
             } else {
-                self.advance_reborn(tick, due)
+                self.advance_restarted(tick, due)
             };
         }
         // A publisher that repeats old samples without a pause does not keep the service from seeing that the run ends.
@@ -138,23 +138,23 @@ impl InputPort {
     /// Until nothing can be missing any more, all that the port has is taken, also when what is due came from the
     /// orchestrator: a port that nobody empties makes its publisher wait.
     #[cold]
-    fn advance_reborn(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
+    fn advance_restarted(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
         let Some(kept) = &mut self.kept else {
             return self.advance(tick, due);
         };
-        while kept.is_reborn && self.receiver.receive()? {
+        while kept.is_restarted && self.receiver.receive()? {
             let bytes = self.receiver.held().expect("just received");
             kept.first_at_port.get_or_insert(header_of(bytes).tick);
             kept.samples.keep(bytes);
         }
         kept.samples.forget_before(due);
         if kept.first_at_port.is_some_and(|first| first <= due) {
-            kept.is_reborn = false;
+            kept.is_restarted = false;
         }
         if kept.samples.has(due) {
             return Ok(true);
         }
-        if kept.is_reborn {
+        if kept.is_restarted {
             // What is due comes before the port's first sample: only the orchestrator can give it.
             return Ok(false);
         }
@@ -177,7 +177,7 @@ impl InputPort {
         kept.samples.forget_before(due);
         let oldest = kept.samples.oldest_needed(due);
         if kept.first_at_port.is_some_and(|first| first <= oldest) {
-            kept.is_reborn = false;
+            kept.is_restarted = false;
         }
         if kept.samples.has(due) {
             return Ok(true);
@@ -185,7 +185,7 @@ impl InputPort {
         match kept
             .samples
             .newest()
-            .filter(|&newest| newest > due && !kept.is_reborn)
+            .filter(|&newest| newest > due && !kept.is_restarted)
         {
             Some(newest) => Err(self.lost(tick, due, newest)),
             None => Ok(false),
@@ -274,9 +274,9 @@ mod tests {
 
     proptest! {
         // The service died before its step at `next`; its port gives what was published after `first`, at first
-        // perhaps again what a reborn publisher repeats; the orchestrator gives what it has, some of it late.
+        // perhaps again what a restarted publisher repeats; the orchestrator gives what it has, some of it late.
         #[test]
-        fn a_reborn_service_sees_every_sample_once_wherever_it_comes_from(
+        fn a_restarted_service_sees_every_sample_once_wherever_it_comes_from(
             next in 10..20u64, joins_later in 0..10u64, repeats in 0..5u64, late in 0..12u64,
         ) {
             let (first, end) = (next + joins_later - repeats, 60);
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn what_came_before_a_rebirth_is_thrown_away() {
+    fn what_came_before_a_restart_is_thrown_away() {
         let mut input = input([3, 4, 9]);
         input.expect_missed().unwrap();
         assert!(!input.advance(5, 5).unwrap());

@@ -56,7 +56,7 @@ impl Launch<'_> {
             Ok::<_, ProcessError>(ports)
         })?;
         self.crash.pass(CrashPlace::AfterPorts, 0);
-        let Some(reborn) = await_go(waiter.channel(), self.warnings)? else {
+        let Some(restarted) = await_go(waiter.channel(), self.warnings)? else {
             return Ok(());
         };
         watchdog::during(Work::Ports, || ports.connect())?;
@@ -67,7 +67,7 @@ impl Launch<'_> {
             checkpoints: self.checkpoints,
             crash: self.crash,
         };
-        let first_tick = if reborn {
+        let first_tick = if restarted {
             go_on(service, self.schedule, &mut context)?
         } else {
             0
@@ -114,11 +114,11 @@ impl Launch<'_> {
             )
         })?;
         self.crash.pass(CrashPlace::AfterPorts, 0);
-        let Some(reborn) = await_go(waiter.channel(), self.warnings)? else {
+        let Some(restarted) = await_go(waiter.channel(), self.warnings)? else {
             return Ok(());
         };
         watchdog::during(Work::Ports, || ports.connect())?;
-        let checkpoint = self.checkpoints.newest(service.id()).filter(|_| reborn);
+        let checkpoint = self.checkpoints.newest(service.id()).filter(|_| restarted);
         if let Some(checkpoint) = &checkpoint {
             self.crash.pass(CrashPlace::Recovering, checkpoint.next_tick);
         }
@@ -162,7 +162,7 @@ fn await_go(channel: &Channel, warnings: Vec<String>) -> Result<Option<bool>, Pr
     let receivers = Vec::new();
     channel.send(&ToOrchestrator::Ready { warnings, receivers })?;
     Ok(match channel.receive()? {
-        ToService::Go { reborn, .. } => Some(reborn),
+        ToService::Go { restarted, .. } => Some(restarted),
         _ => None,
     })
 }

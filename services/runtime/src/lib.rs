@@ -10,7 +10,7 @@
 //!
 //! Under them lie [`ports`] (iceoryx2, in bytes), [`shared_memory`] (what there is of it, and what the dead were making), [`wait`] (yield once, then block on a doorbell),
 //! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
-//! service knew, for whoever is born after its death; both are a [`shared_file`]), [`input_port`] (an input, also after a rebirth),
+//! service knew, for whoever is born after its death; both are a [`shared_file`]), [`input_port`] (an input, also after a restart),
 //! [`input_queue`] (an input in real time), [`output_ports`] (a service's
 //! outputs), [`orchestrator_watchdog`] (when the orchestrator is gone), [`take_over`] (how another one takes its place), [`flight_clock`] (ticks on the system's clock),
 //! [`seqlock`] (records that are copied beside their writer), [`step_log`] (what every step in real time was made of), [`status_cell`] (how what is connected to a service fares), [`control`] (the orchestrator's line to each service),

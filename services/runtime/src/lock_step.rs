@@ -37,13 +37,13 @@ pub struct ServicePorts {
     page: Arc<SharedPage>,
     inputs: Vec<InputPort>,
     outputs: OutputPorts,
-    /// Where a reborn service gets what it has missed.
+    /// Where a restarted service gets what it has missed.
     missed: Option<Channel>,
     /// Whether a fault is planned, or a service was born again. Then publishers may run ahead, or repeat themselves, until
     /// buffers are full, and a service that waits for one input must not let the publisher of another one wait.
     takes_all: bool,
     /// How many births of others the ports are connected to.
-    births_seen: u32,
+    restarts_seen: u32,
 }
 
 impl ServicePorts {
@@ -89,7 +89,7 @@ impl ServicePorts {
             outputs,
             missed: None,
             takes_all: schedule.has_faults(),
-            births_seen: 0,
+            restarts_seen: 0,
         })
     }
 
@@ -127,14 +127,14 @@ impl ServicePorts {
     #[inline]
     fn greet(&mut self) -> Result<(), PortError> {
         let births = self.page.control_block().births.load(Ordering::Acquire);
-        if births == self.births_seen {
+        if births == self.restarts_seen {
             return Ok(());
         }
-        self.births_seen = births;
+        self.restarts_seen = births;
         self.takes_all = true;
         self.connect()?;
         let cell = &self.page.control_block().cells[self.id.index()];
-        cell.births_seen.store(births, Ordering::Release);
+        cell.restarts_seen.store(births, Ordering::Release);
         Ok(())
     }
 

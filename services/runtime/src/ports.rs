@@ -5,7 +5,7 @@
 //! subscriber (somebody looking at the flight) loses samples instead of blocking it. In real time nobody is waited
 //! for: in a full buffer the newest sample takes the place of the oldest.
 
-mod member;
+mod run_node;
 mod topic;
 mod typed;
 
@@ -19,7 +19,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 use crate::doorbell::Doorbell;
 use crate::shared_page::SharedPage;
 
-pub use member::Member;
+pub use run_node::RunNode;
 pub use typed::Wire;
 
 /// Places of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
@@ -107,7 +107,7 @@ impl Topics {
     ///
     /// # Errors
     /// [`PortError::Open`].
-    pub fn open(member: &Member, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
+    pub fn open(member: &RunNode, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
         let inputs = schedule.inputs_read(service).map(|(_, input)| input.topic);
         Self::open_each(service, inputs, |topic| member.open_topic(topic, schedule))
     }
@@ -117,7 +117,7 @@ impl Topics {
     /// # Errors
     /// [`PortError::Open`].
     pub fn open_replayed(
-        member: &Member,
+        member: &RunNode,
         service: ServiceId,
         schedule: &Schedule,
     ) -> Result<Self, PortError> {

@@ -23,7 +23,7 @@ use crate::doorbell::Doorbell;
 use crate::external_service::{self, Belongings, LaunchManifest};
 use crate::flight_error::FlightError;
 use crate::launch::Launch;
-use crate::ports::{Member, Topics};
+use crate::ports::{RunNode, Topics};
 pub use crate::process_error::ProcessError;
 use crate::shared_page::SharedPage;
 use crate::step_log::StepLog;
@@ -143,7 +143,7 @@ fn live(
         prepare_spare(start);
     }
     let schedule = schedule_of(start)?;
-    let member = Member::join(&start.iceoryx2_configuration, name)?;
+    let member = RunNode::join(&start.iceoryx2_configuration, name)?;
     let (role, mut service) = if let Some(role) = start.role {
         (role, build(role.service)?)
     } else {

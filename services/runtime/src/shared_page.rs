@@ -55,7 +55,7 @@ pub struct Cell {
     /// Counts what the service was woken for in real time; it sleeps on this word.
     pub bell: AtomicU32,
     /// How many of the births this service has seen, and is connected to what came of them.
-    pub births_seen: AtomicU32,
+    pub restarts_seen: AtomicU32,
     /// Not 0 from the moment when the service's death is noticed until another process flies in its place: in real time
     /// nobody waits for it meanwhile.
     pub gone: AtomicU32,

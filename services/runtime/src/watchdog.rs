@@ -78,11 +78,11 @@ impl Work {
 
 /// What a thread is at: the number of the piece of work in the upper bits, its [`Work`] or 0 in the lowest byte.
 #[derive(Debug, Default)]
-struct Desk(AtomicU64);
+struct WorkCell(AtomicU64);
 
 const KIND_BITS: u32 = 8;
 
-impl Desk {
+impl WorkCell {
     const fn new() -> Self {
         Self(AtomicU64::new(0))
     }
@@ -108,7 +108,7 @@ struct Patience {
 
 impl Patience {
     /// Looks at a desk; the work that has taken too long, if it has.
-    fn look(&mut self, desk: &Desk) -> Option<Work> {
+    fn look(&mut self, desk: &WorkCell) -> Option<Work> {
         let now = desk.0.load(Ordering::Relaxed);
         let kind = usize::from(now as u8);
         if kind == 0 || now != self.seen {
@@ -122,7 +122,7 @@ impl Patience {
 }
 
 /// That of the thread that does the work of this process.
-static DESK: Desk = Desk::new();
+static DESK: WorkCell = WorkCell::new();
 
 /// Whether this process is a service in flight, or was.
 static HAS_FLOWN: AtomicBool = AtomicBool::new(false);
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn work_that_does_not_end_is_noticed_after_as_many_looks_and_named() {
-        let (desk, mut patience) = (Desk::new(), Patience::default());
+        let (desk, mut patience) = (WorkCell::new(), Patience::default());
         for work in Work::ALL {
             desk.begin(work as u8);
             // The first look sees that it is another piece of work.
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn another_piece_of_the_same_work_and_rest_are_no_work_that_does_not_end() {
-        let (desk, mut patience) = (Desk::new(), Patience::default());
+        let (desk, mut patience) = (WorkCell::new(), Patience::default());
         for _ in 0..3 * LOOKS {
             desk.begin(Work::Step as u8);
             assert_eq!(patience.look(&desk), None);
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn work_within_work_goes_back_to_it() {
-        let desk = Desk::new();
+        let desk = WorkCell::new();
         assert_eq!(desk.begin(Work::Step as u8), 0);
         let before = desk.begin(Work::CleanUp as u8);
         assert_eq!(before, Work::Step as u8);

@@ -16,7 +16,7 @@ use runtime::deployment::Scheduler;
 use runtime::doorbell::Doorbell;
 use runtime::flight_clock::{FlightClock, monotonic_ns};
 use runtime::orchestrator_watchdog::OrchestratorWatchdog;
-use runtime::ports::{Delivery, Member, Topics};
+use runtime::ports::{Delivery, RunNode, Topics};
 use runtime::real_time::{RealTimePorts, ServiceContext, fly};
 use runtime::shared_page::SharedPage;
 use runtime::step_log::{StepLog, StepReader};
@@ -65,7 +65,7 @@ fn hand_over(scenario: &Scenario) -> HandOver {
 }
 
 /// Allocations of a flight of so many ticks of a millisecond; and how many steps it told of.
-fn allocations_of(member: &Member, ticks: u64) -> (u64, usize) {
+fn allocations_of(member: &RunNode, ticks: u64) -> (u64, usize) {
     let schedule = Schedule::ideal(1_000_000, ticks - 1);
     let topics = Topics::open(member, ServiceId::Plant, &schedule).unwrap();
     let page = Arc::new(SharedPage::create().unwrap());
@@ -111,7 +111,7 @@ fn a_hundred_more_ticks_allocate_no_more_than_the_handles_of_their_samples() {
     let root = folder.path().join("root");
     let text = format!("[global]\nroot-path = {root:?}\nprefix = {prefix:?}\n");
     std::fs::write(&configuration, text).unwrap();
-    let member = Member::join(&configuration, "allocations").unwrap();
+    let member = RunNode::join(&configuration, "allocations").unwrap();
     let schedule = Schedule::ideal(1_000_000, 0);
     let outputs = ServiceId::Plant.outputs().iter().map(|output| output.topic);
     let inputs = ServiceId::Plant.inputs().iter().map(|input| input.topic);

@@ -187,16 +187,16 @@ fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
             (None, _) => writeln!(formatter, "nothing is known of the distance from the path")?,
         }
     }
-    for rebirth in list("rebirths") {
-        let place = rebirth["tick"].as_u64().map_or_else(
+    for restart in list("rebirths") {
+        let place = restart["tick"].as_u64().map_or_else(
             || "before its first step".to_owned(),
             |tick| format!("after tick {tick}"),
         );
-        let lost = rebirth["lost_seconds"].as_f64().unwrap_or(f64::NAN);
+        let lost = restart["lost_seconds"].as_f64().unwrap_or(f64::NAN);
         writeln!(
             formatter,
             "{} was born again {place}, within {lost:.3} s",
-            text(&rebirth["service"])
+            text(&restart["service"])
         )?;
     }
     Ok(())

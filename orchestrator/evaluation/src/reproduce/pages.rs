@@ -15,7 +15,7 @@ use crate::report::{self, ReportError};
 use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
 use run_log::{Compression, LogError, Manifest, RunLogWriter};
-use supervisor::tape::Tape;
+use supervisor::recording_sink::RecordingSink;
 use supervisor::{FlightFailure, Outcome, in_process};
 
 /// Why there is no page.
@@ -102,7 +102,7 @@ fn record(scenario: &Scenario, log: &Path, interrupt: &Interrupt) -> Result<Opti
     let log = RunLogWriter::create(log, &Manifest::new(scenario), Compression::None)?;
     let mut progress = Progress::hidden();
     let mut sink = Both {
-        tape: Tape::new(scenario, &schedule, Some(log), &mut progress),
+        tape: RecordingSink::new(scenario, &schedule, Some(log), &mut progress),
         tracer: Tracer::new(scenario, &schedule),
     };
     let outcome = in_process::fly(scenario, &mut sink, interrupt).map(|ending| ending.outcome);
@@ -116,7 +116,7 @@ fn record(scenario: &Scenario, log: &Path, interrupt: &Interrupt) -> Result<Opti
 
 /// Hands everything on to both.
 struct Both<'a> {
-    tape: Tape<'a>,
+    tape: RecordingSink<'a>,
     tracer: Tracer,
 }
 

@@ -49,7 +49,7 @@ impl Display for Summary {
             writeln!(formatter, "{}", wrapped(&laboratory.to_string()))?;
         }
         write!(formatter, "{}", wrapped(&samples_in_words(self)))?;
-        self.write_rebirths(formatter)
+        self.write_restarts(formatter)
     }
 }
 
@@ -134,8 +134,8 @@ impl Summary {
         Ok(())
     }
 
-    fn write_rebirths(&self, formatter: &mut Formatter<'_>) -> Result {
-        if let [first, others @ ..] = self.run.rebirths.as_slice() {
+    fn write_restarts(&self, formatter: &mut Formatter<'_>) -> Result {
+        if let [first, others @ ..] = self.run.restarts.as_slice() {
             let mut text = first.to_string();
             if self.run.timing.is_none() {
                 text += "; the log shows nothing of it";

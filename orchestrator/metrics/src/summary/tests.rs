@@ -24,7 +24,7 @@ pub(super) fn facts() -> RunFacts {
         not_finite_at: None,
         in_log: None,
         wall_seconds: 0.5,
-        rebirths: Vec::new(),
+        restarts: Vec::new(),
         timing: None,
         laboratory: None,
     }

@@ -57,7 +57,7 @@ impl Flight<'_> {
     pub(super) fn ask(&mut self, request: Request, kind: u32, event: &'static str) {
         // What comes of the request has no earlier tick.
         let tick = self.clock.tick().min(self.schedule.last_tick());
-        self.crew.page().control_block().ask(request);
+        self.supervisor.page().control_block().ask(request);
         self.happened.push((tick, kind, event));
     }
 
@@ -70,12 +70,12 @@ impl Flight<'_> {
         };
         if let Some(missing) = ServiceId::ALL
             .into_iter()
-            .find(|&service| !self.crew.flies(service))
+            .find(|&service| !self.supervisor.flies(service))
         {
             return Some(format!("`{missing}` does not fly"));
         }
         let elapsed_ns = self.clock.elapsed_ns();
-        let block = self.crew.page().control_block();
+        let block = self.supervisor.page().control_block();
         if let Some(reason) = self.laboratory.refusal_to_arm(block, elapsed_ns) {
             return Some(reason);
         }
@@ -96,18 +96,18 @@ impl Flight<'_> {
     }
 
     fn break_service(&mut self, name: &str, how: Break) -> Answer {
-        let Some(service) = scenario::role_of_process(name).filter(|&service| self.crew.flies(service))
+        let Some(service) = scenario::role_of_process(name).filter(|&service| self.supervisor.flies(service))
         else {
             return Answer::Refused(format!("no service `{name}` flies"));
         };
-        let name = self.crew.name_of(service);
+        let name = self.supervisor.name_of(service);
         let text = match how {
             Break::Kill => {
-                self.crew.kill(service);
+                self.supervisor.kill(service);
                 format!("`{name}` was killed by hand")
             }
             Break::Freeze => {
-                self.crew.freeze(service);
+                self.supervisor.freeze(service);
                 format!("`{name}` was stopped by hand")
             }
         };
@@ -126,7 +126,7 @@ impl Flight<'_> {
 
     fn snapshot(&self) -> Snapshot {
         let planned = self.schedule.operator().at(self.clock.tick());
-        let block = self.crew.page().control_block();
+        let block = self.supervisor.page().control_block();
         let Operator { armed, land, killed } = block.operator(planned);
         let elapsed_ns = self.clock.elapsed_ns();
         let (radio_link, cameras) = self.laboratory.snapshot(block, elapsed_ns);
@@ -168,13 +168,17 @@ impl Flight<'_> {
     }
 
     fn services(&self) -> Vec<ServiceSnapshot> {
-        let rebirths = self.crew.rebirths();
-        let services = self.monitor.services().into_iter().zip(self.crew.processes());
+        let restarts = self.supervisor.restarts();
+        let services = self
+            .monitor
+            .services()
+            .into_iter()
+            .zip(self.supervisor.processes());
         services
             .map(|(snapshot, (service, pid))| ServiceSnapshot {
                 pid,
-                flies: self.crew.flies(service),
-                rebirths: rebirths.iter().filter(|one| one.service == service).count() as u64,
+                flies: self.supervisor.flies(service),
+                restarts: restarts.iter().filter(|one| one.service == service).count() as u64,
                 ..snapshot
             })
             .collect()

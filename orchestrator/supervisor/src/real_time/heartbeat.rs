@@ -10,7 +10,7 @@ use runtime::shared_page::ControlBlock;
 use shared_types::schedule::Presence;
 use shared_types::{Schedule, ServiceId};
 
-use crate::crew::Activity;
+use crate::supervision::Activity;
 
 /// When each service was last seen to step.
 pub struct Heartbeats {

@@ -124,7 +124,7 @@ impl Monitor {
         self.chain_window.reset();
     }
 
-    /// How the services were in the last second; what only the crew knows is left out.
+    /// How the services were in the last second; what only the supervisor knows is left out.
     #[must_use]
     pub fn services(&self) -> Vec<ServiceSnapshot> {
         self.tracks.iter().map(Track::snapshot).collect()

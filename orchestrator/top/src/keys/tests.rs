@@ -55,8 +55,8 @@ fn who_only_looks_breaks_nothing_and_is_told_how() {
 fn a_service_that_is_gone_cannot_be_broken() {
     let mut dead = services();
     dead[0].flies = false;
-    let mut reborn = services();
-    reborn[0].pid = 200;
+    let mut restarted = services();
+    restarted[0].pid = 200;
     // Before the question ...
     let mut controls = Controls::new(true);
     assert_eq!(
@@ -65,7 +65,7 @@ fn a_service_that_is_gone_cannot_be_broken() {
     );
     assert_eq!(type_in(&mut controls, &[K, Y], &[]), [Action::None, Action::None]);
     // ... and between the question and the answer.
-    for meanwhile in [dead, reborn, Vec::new()] {
+    for meanwhile in [dead, restarted, Vec::new()] {
         controls.press(K, &services());
         assert_eq!(controls.press(Y, &meanwhile), Action::None);
         assert!(controls.notice().contains("gone"), "{}", controls.notice());

@@ -72,7 +72,7 @@ const COLUMNS: [Column; 11] = [
         short_count(service.late_inputs)
     }),
     column("since start", "born", 4, 4, |service| {
-        short_count(service.rebirths)
+        short_count(service.restarts)
     }),
 ];
 

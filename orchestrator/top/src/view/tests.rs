@@ -62,7 +62,7 @@ fn snapshot(time: f64) -> Snapshot {
         wake: None,
         step: None,
         missed_steps: 61,
-        rebirths: 1,
+        restarts: 1,
         ..services[3].clone()
     };
     services[4].late_inputs = 12_345;

@@ -5,8 +5,8 @@ mod garbage;
 mod law;
 mod phase;
 mod rates;
-#[path = "../../../../tests/common/rebirth.rs"]
-mod rebirth;
+#[path = "../../../../tests/common/restart.rs"]
+mod restart;
 mod safety;
 #[path = "../support/mod.rs"]
 mod support;

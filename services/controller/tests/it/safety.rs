@@ -10,7 +10,7 @@ use shared_types::service::InputView;
 use zerocopy::{FromZeros, IntoBytes};
 
 use crate::garbage::sample;
-use crate::rebirth::reborn;
+use crate::restart::restarted;
 use crate::support::{Published, TICK_NS};
 
 /// A policy with every stage, ages in s.
@@ -121,7 +121,7 @@ impl Twins {
     }
 
     fn step(&mut self, tick: u64, state: &VehicleState, reference: &PathReference) -> Published {
-        self.restarted = reborn(&self.restarted, ControllerService::new(&self.scenario));
+        self.restarted = restarted(&self.restarted, ControllerService::new(&self.scenario));
         let again = step(&mut self.restarted, tick, state, reference);
         let published = step(&mut self.steady, tick, state, reference);
         assert_eq!(published.command.as_bytes(), again.command.as_bytes(), "{tick}");
@@ -144,7 +144,7 @@ fn largest_difference(one: &ControlCommand, other: &ControlCommand) -> f64 {
 }
 
 #[test]
-fn stages_begin_above_exactly_the_stated_ages_and_rebirth_in_any_changes_nothing() {
+fn stages_begin_above_exactly_the_stated_ages_and_restart_in_any_changes_nothing() {
     for rates in [false, true] {
         let mut twins = Twins::new(scenario(rates, POLICY));
         let mut last = None;
@@ -352,7 +352,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
     #[test]
-    fn whatever_bits_come_all_outputs_are_finite_and_rebirth_changes_nothing(
+    fn whatever_bits_come_all_outputs_are_finite_and_restart_changes_nothing(
         garbage in proptest::collection::vec(
             (proptest::collection::vec(any::<u8>(), 300), proptest::collection::vec(any::<bool>(), 29), 0..4u8, 1..40u64),
             1..30,

@@ -1,4 +1,4 @@
-//! The filter's memory as a record, so that a reborn estimator goes on with the same bytes.
+//! The filter's memory as a record, so that a restarted estimator goes on with the same bytes.
 
 use nalgebra::Vector3;
 use shared_types::rotation::{from_row_major, to_row_major};

@@ -3,7 +3,7 @@
 #[path = "../../../../tests/common/garbage.rs"]
 mod garbage;
 mod kalman;
-#[path = "../../../../tests/common/rebirth.rs"]
-mod rebirth;
+#[path = "../../../../tests/common/restart.rs"]
+mod restart;
 mod safety;
 mod service;

@@ -71,8 +71,8 @@ fn step(
     state
 }
 
-fn reborn(service: &EstimatorService, sections: &str) -> EstimatorService {
-    crate::rebirth::reborn(service, self::service(sections))
+fn restarted(service: &EstimatorService, sections: &str) -> EstimatorService {
+    crate::restart::restarted(service, self::service(sections))
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn an_ideal_capture_that_is_too_old_is_no_measurement_with_a_policy_and_is_one_w
     for (sections, limit) in [(IDEAL, u64::MAX), (POLICY, 30)] {
         let mut service = service(sections);
         for age in 0..60 {
-            service = reborn(&service, sections);
+            service = restarted(&service, sections);
             let state = step(&mut service, 5 + age, (&pose(5), age == 0), None);
             assert_eq!(state.tracked.is_set(), age <= limit, "{age} ms");
             assert_eq!(state.coasting.is_set(), age > limit, "{age} ms");
@@ -170,7 +170,7 @@ fn bits() -> impl Strategy<Value = Vec<Bits>> {
 
 proptest! {
     #[test]
-    fn whatever_bits_come_the_state_is_finite_and_rebirth_changes_nothing(garbage in bits()) {
+    fn whatever_bits_come_the_state_is_finite_and_restart_changes_nothing(garbage in bits()) {
         for sections in [IDEAL, POLICY, FILTER] {
             let (mut steady, mut restarted) = (service(sections), service(sections));
             for (tick, (bits, keep, is_good)) in (0..).step_by(3).zip(&garbage) {
@@ -180,7 +180,7 @@ proptest! {
                 let heard = sample(bits, &frame(tick), keep);
                 let state = step(&mut steady, tick, (&capture, true), Some(&heard));
                 prop_assert!(state.is_finite(), "{:?}", state);
-                restarted = reborn(&restarted, sections);
+                restarted = restarted(&restarted, sections);
                 let again = step(&mut restarted, tick, (&capture, true), Some(&heard));
                 prop_assert_eq!(again.as_bytes(), state.as_bytes());
             }

@@ -6,7 +6,7 @@ mod allocations;
 mod evaluations;
 mod flight;
 mod phases;
-#[path = "../../../../tests/common/rebirth.rs"]
-mod rebirth;
+#[path = "../../../../tests/common/restart.rs"]
+mod restart;
 mod safety;
 mod step;

@@ -9,7 +9,7 @@ use zerocopy::FromZeros;
 
 use crate::allocations::allocations_during;
 use crate::flight::{TICK_NS, paper_path, scenario, step_in_phases, vehicle};
-use crate::rebirth::reborn;
+use crate::restart::restarted;
 
 const H: f64 = 1e-3;
 /// Where the vehicle stands at the start, away from the begin of the path.
@@ -74,7 +74,7 @@ impl Flown {
 
     /// One tick; the path generator dies before it and is born again.
     fn step(&mut self, operator: Operator) -> PathReference {
-        self.generator = reborn(
+        self.generator = restarted(
             &self.generator,
             PathGeneratorService::new(&self.scenario).unwrap(),
         );

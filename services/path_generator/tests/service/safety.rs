@@ -8,7 +8,7 @@ use shared_types::samples::VehicleState;
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::flight::{TICK_NS, paper_path, scenario, step_at, vehicle};
-use crate::rebirth;
+use crate::restart;
 
 const MAX_AGE_TICKS: u64 = 30;
 
@@ -36,8 +36,8 @@ fn state(tick: u64) -> VehicleState {
     state
 }
 
-fn reborn(service: &PathGeneratorService, scenario: &Scenario) -> PathGeneratorService {
-    rebirth::reborn(service, generator(scenario))
+fn restarted(service: &PathGeneratorService, scenario: &Scenario) -> PathGeneratorService {
+    restart::restarted(service, generator(scenario))
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn the_path_goes_on_until_the_state_is_older_than_the_stated_age_and_then_stands
         step_at(&mut path, tick, Some(&state(tick)));
     }
     for age in 1..100 {
-        path = reborn(&path, &scenario);
+        path = restarted(&path, &scenario);
         let reference = step_at(&mut path, 99 + age, Some(&state(99)));
         let known = age <= MAX_AGE_TICKS;
         assert_eq!(reference.vehicle_known.is_set(), known, "{age} ms");
@@ -80,7 +80,7 @@ fn a_state_that_cannot_be_true_is_counted_and_the_path_goes_on_by_the_last_good_
 
 proptest! {
     #[test]
-    fn whatever_bits_come_the_reference_is_finite_and_rebirth_changes_nothing(
+    fn whatever_bits_come_the_reference_is_finite_and_restart_changes_nothing(
         states in proptest::collection::vec(
             (proptest::collection::vec(any::<u8>(), size_of::<VehicleState>()), any::<[bool; 5]>()), 1..30),
     ) {
@@ -109,7 +109,7 @@ proptest! {
                 }
                 let reference = step_at(&mut steady, tick, Some(&sample));
                 prop_assert!(reference.is_finite(), "{:?}", reference);
-                restarted = reborn(&restarted, &scenario);
+                restarted = restarted(&restarted, &scenario);
                 let again = step_at(&mut restarted, tick, Some(&sample));
                 prop_assert_eq!(again.as_bytes(), reference.as_bytes());
             }

@@ -78,12 +78,12 @@ proptest! {
         }
         let mut bytes = vec![0; ErasedService::state_size(&whole)];
         ErasedService::save(&whole, &mut bytes);
-        let mut reborn = generator(path);
-        ErasedService::restore(&mut reborn, &bytes);
+        let mut restarted = generator(path);
+        ErasedService::restore(&mut restarted, &bytes);
         for tick in stop..stop + 100 {
             let (one, other) = (
                 step_at(&mut whole, tick, Some(&wanderer(tick))),
-                step_at(&mut reborn, tick, Some(&wanderer(tick))),
+                step_at(&mut restarted, tick, Some(&wanderer(tick))),
             );
             prop_assert_eq!(one.as_bytes(), other.as_bytes());
         }
@@ -249,10 +249,10 @@ fn a_generator_restored_between_yaw_steps_goes_on_with_the_yaw_of_the_time() {
     let seen = vehicle([0.0; 3], [0.0; 3]);
     step(&mut whole, 20_003, 1, Some(&seen));
     let state = Service::save(&whole);
-    let mut reborn = generator(turning_path());
-    Service::restore(&mut reborn, &state);
+    let mut restarted = generator(turning_path());
+    Service::restore(&mut restarted, &state);
     for tick in 20_004..20_010 {
-        let references = [&mut whole, &mut reborn].map(|generator| step(generator, tick, 1, Some(&seen)));
+        let references = [&mut whole, &mut restarted].map(|generator| step(generator, tick, 1, Some(&seen)));
         assert_eq!(references[0].as_bytes(), references[1].as_bytes());
     }
 }

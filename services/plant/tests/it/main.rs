@@ -1,6 +1,6 @@
 //! The plant from outside, in one program: linking takes longer than running.
 
-#[path = "../../../../tests/common/rebirth.rs"]
-mod rebirth;
+#[path = "../../../../tests/common/restart.rs"]
+mod restart;
 mod safety;
 mod service;

@@ -52,8 +52,8 @@ fn step(service: &mut PlantService, tick: u64, frame: &RcFrame) -> (VehicleTruth
     (truth, pose)
 }
 
-fn reborn(service: &PlantService, sections: &str) -> PlantService {
-    crate::rebirth::reborn(service, self::service(sections))
+fn restarted(service: &PlantService, sections: &str) -> PlantService {
+    crate::restart::restarted(service, self::service(sections))
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn a_frame_that_is_not_finite_or_of_an_unknown_mode_is_not_received_and_the_one_
                     kind => received.thrust = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY][kind as usize],
                 }
             }
-            disturbed = reborn(&disturbed, sections);
+            disturbed = restarted(&disturbed, sections);
             let (truth, _) = step(&mut disturbed, tick, &received);
             assert_eq!(
                 truth.as_bytes(),

@@ -110,7 +110,7 @@ impl Transmitter {
         command: Option<&ControlCommand>,
         state: Option<&VehicleState>,
     ) -> RcFrame {
-        self.service = crate::rebirth::reborn(&self.service, RcOutputService::new(&self.scenario));
+        self.service = crate::restart::restarted(&self.service, RcOutputService::new(&self.scenario));
         let now = Now {
             tick: self.tick,
             time_ns: self.tick * TICK_NS,

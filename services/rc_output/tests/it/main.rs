@@ -1,7 +1,7 @@
 //! The transmitter from outside, in one program: linking takes longer than running.
 
 mod guard;
-#[path = "../../../../tests/common/rebirth.rs"]
-mod rebirth;
+#[path = "../../../../tests/common/restart.rs"]
+mod restart;
 mod safety;
 mod service;

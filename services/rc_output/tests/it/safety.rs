@@ -50,8 +50,8 @@ fn step(service: &mut RcOutputService, tick: u64, command: Option<&ControlComman
     frame
 }
 
-fn reborn(service: &RcOutputService, sections: &[&str]) -> RcOutputService {
-    crate::rebirth::reborn(service, self::service(sections))
+fn restarted(service: &RcOutputService, sections: &[&str]) -> RcOutputService {
+    crate::restart::restarted(service, self::service(sections))
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn stages_begin_above_exactly_the_stated_ages_and_the_held_frame_is_the_last_one
     let last = command(5, 2.0);
     let sent = step(&mut transmitter, 5, Some(&last));
     for tick in 6..200 {
-        transmitter = reborn(&transmitter, &[RADIO, POLICY]);
+        transmitter = restarted(&transmitter, &[RADIO, POLICY]);
         let frame = step(&mut transmitter, tick, Some(&last));
         let expected = match tick - 5 {
             0..=40 => RcFrame::STAGE_COMMAND,
@@ -86,11 +86,11 @@ fn a_transmitter_that_is_born_anew_holds_the_last_command_until_it_sees_one_itse
     let mut transmitter = service(&[RADIO, POLICY]);
     let sent = step(&mut transmitter, 5, Some(&command(5, 2.0)));
     for tick in [6, 44, 45, 105] {
-        let held = step(&mut reborn(&transmitter, &[RADIO, POLICY]), tick, None);
+        let held = step(&mut restarted(&transmitter, &[RADIO, POLICY]), tick, None);
         assert_eq!((held.channels, held.stage), (sent.channels, RcFrame::STAGE_HOLD));
         assert!(!held.failsafe.is_set() && !held.inputs_fresh.is_set());
     }
-    let too_late = step(&mut reborn(&transmitter, &[RADIO, POLICY]), 106, None);
+    let too_late = step(&mut restarted(&transmitter, &[RADIO, POLICY]), 106, None);
     assert!(too_late.failsafe.is_set());
 }
 
@@ -149,7 +149,7 @@ fn a_command_to_rest_is_obeyed_on_every_link_at_once() {
 
 proptest! {
     #[test]
-    fn whatever_bits_come_the_frame_is_finite_and_rebirth_changes_nothing(
+    fn whatever_bits_come_the_frame_is_finite_and_restart_changes_nothing(
         commands in proptest::collection::vec(
             proptest::collection::vec(any::<u8>(), size_of::<ControlCommand>()), 1..12),
     ) {
@@ -159,7 +159,7 @@ proptest! {
                 let command = ControlCommand::read_from_bytes(bytes).unwrap();
                 let frame = step(&mut steady, tick, Some(&command));
                 prop_assert!(frame.is_finite(), "{:?}", frame);
-                restarted = reborn(&restarted, sections);
+                restarted = restarted(&restarted, sections);
                 let again = step(&mut restarted, tick, Some(&command));
                 prop_assert_eq!(again.as_bytes(), frame.as_bytes());
             }

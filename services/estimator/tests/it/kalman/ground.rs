@@ -49,9 +49,9 @@ impl Lift {
                 self.filter
                     .see(self.now_ns(), &capture(self.now_ns(), self.height));
                 // As after a death.
-                let mut reborn = grounded();
-                reborn.restore(&self.filter.save());
-                self.filter = reborn;
+                let mut restarted = grounded();
+                restarted.restore(&self.filter.save());
+                self.filter = restarted;
             }
             look(self);
             let h = 1e-3;

@@ -66,11 +66,11 @@ fn restored_at_every_step_it_goes_on_with_the_same_bytes() {
         let moment = rig.step(pilot_on_the_eight);
         let (pose, frame) = (moment.seen.as_ref(), moment.heard.as_ref());
         let expected = step(&mut steady, tick, pose, frame);
-        let mut reborn = service(&Kalman::default());
-        ErasedService::restore(&mut reborn, &before);
-        let got = step(&mut reborn, tick, pose, frame);
+        let mut restarted = service(&Kalman::default());
+        ErasedService::restore(&mut restarted, &before);
+        let got = step(&mut restarted, tick, pose, frame);
         assert_eq!(got.as_bytes(), expected.as_bytes(), "at tick {tick}");
-        assert_eq!(saved(&reborn), saved(&steady), "at tick {tick}");
+        assert_eq!(saved(&restarted), saved(&steady), "at tick {tick}");
     }
     // 30 until the jump is believed, 20 between its end and that of the flight.
     assert_eq!(rig.filter.captures_refused(), 50);

@@ -11,23 +11,23 @@ use scenario::Scenario;
 use shared_types::{Schedule, ServiceId};
 
 use crate::FlightFailure;
-use crate::crew::{Shared, Survivor};
-use crate::site::Site;
+use crate::run_context::RunContext;
+use crate::supervision::{OrphanedService, Shared};
 
 /// How long services are waited for: who is alone looks for somebody once in [`SILENCE_NS`].
 const PATIENCE: Duration = Duration::from_nanos(3 * SILENCE_NS);
 
 /// A flight that is ready to be taken over.
-pub struct Succession {
-    pub(super) site: Site,
+pub struct TakeOver {
+    pub(super) context: RunContext,
     pub(super) shared: Shared,
-    pub(super) survivors: [Option<Survivor>; ServiceId::ALL.len()],
+    pub(super) survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
     pub(super) clock: FlightClock,
     /// The first tick that will be recorded.
     pub(super) first_tick: u64,
 }
 
-impl Succession {
+impl TakeOver {
     /// Waits at the place of a run for its services; as long, nobody else must.
     ///
     /// # Errors
@@ -64,15 +64,15 @@ impl Succession {
             ))
         })?;
         let [page, checkpoints, step_log, lock] = first.files;
-        let site = Site::take_over(&first.hello.start, lock)?;
+        let context = RunContext::take_over(&first.hello.start, lock)?;
         let shared = Shared::inherit(page, checkpoints, step_log).map_err(FlightFailure::setup)?;
         let clock = FlightClock {
             start_ns: shared.page().control_block().start_ns.load(Ordering::Acquire),
-            tick_ns: site.schedule.tick_ns(),
+            tick_ns: context.schedule.tick_ns(),
         };
         Ok(Self {
-            first_tick: clock.tick().min(site.schedule.last_tick()),
-            site,
+            first_tick: clock.tick().min(context.schedule.last_tick()),
+            context,
             shared,
             survivors,
             clock,
@@ -82,13 +82,13 @@ impl Succession {
     /// What is flown.
     #[must_use]
     pub fn scenario(&self) -> &Scenario {
-        &self.site.scenario
+        &self.context.scenario
     }
 
     /// When everybody steps.
     #[must_use]
     pub fn schedule(&self) -> &Schedule {
-        &self.site.schedule
+        &self.context.schedule
     }
 
     /// The first tick that will be recorded.

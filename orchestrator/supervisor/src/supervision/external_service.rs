@@ -12,9 +12,9 @@ use runtime::shared_page::Cell;
 use rustix::process::Signal;
 use shared_types::ServiceId;
 
-use super::member::Phase;
+use super::managed_service::Phase;
 use super::presentable::presentable;
-use super::{Crew, CrewEvent, Exit, STOP_LIMIT};
+use super::{Exit, STOP_LIMIT, ServiceEvent, Supervisor};
 use crate::FlightFailure;
 
 /// How long an external service may take to make its ports, and to connect to those of a service that was started again.
@@ -23,7 +23,7 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 /// How long an external service may live after it has closed its line: a program that ends closes it a little before.
 const AFTER_CLOSING: Duration = Duration::from_millis(100);
 
-impl Crew<'_> {
+impl Supervisor<'_> {
     pub(super) fn is_external_service(&self, at: usize) -> bool {
         let service = self.members[at].service;
         self.start.scenario.program_of(service).is_some()
@@ -45,7 +45,7 @@ impl Crew<'_> {
                 self.know_receivers(service, cell, receivers)
             }
             (ToOrchestrator::Connected { birth }, Phase::Flying) => {
-                cell.births_seen.store(*birth, Ordering::Release);
+                cell.restarts_seen.store(*birth, Ordering::Release);
                 Ok(())
             }
             (ToOrchestrator::Deployed { .. }, Phase::Starting)
@@ -81,14 +81,14 @@ impl Crew<'_> {
 
     /// Ends an external service that has said or done what it must not. Before the flight and in simulated time that ends the flight;
     /// in real time another one takes its place, as after any death.
-    pub(super) fn blame_external_service(&mut self, at: usize, what: String) -> Option<CrewEvent> {
+    pub(super) fn blame_external_service(&mut self, at: usize, what: String) -> Option<ServiceEvent> {
         self.members[at].process.kill_group();
         if self.can_be_followed() {
             self.members[at].blamed.get_or_insert(what);
             return None;
         }
         self.members[at].phase = Phase::GivenUp;
-        Some(CrewEvent::Lost(self.external_service_failure(at, what)))
+        Some(ServiceEvent::Lost(self.external_service_failure(at, what)))
     }
 
     /// Ends what is left of an external service that has died or closed its line; says so if it lived on.
@@ -134,7 +134,7 @@ impl Crew<'_> {
     ) -> Result<(), FlightFailure> {
         let is_deaf = |&at: &usize| {
             let member = &self.members[at];
-            let seen = &self.page.control_block().cells[member.service.index()].births_seen;
+            let seen = &self.page.control_block().cells[member.service.index()].restarts_seen;
             self.is_external_service(at)
                 && member.phase == Phase::Flying
                 && seen.load(Ordering::Acquire) < birth

@@ -1,4 +1,4 @@
-//! One process of the crew: started with what it inherits, and waited for.
+//! One process of the supervisor: started with what it inherits, and waited for.
 
 use std::ffi::OsString;
 use std::io;

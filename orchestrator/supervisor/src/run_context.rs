@@ -4,19 +4,19 @@ use std::os::fd::OwnedFd;
 
 use runtime::control::{Host, Start};
 use runtime::deployment::Scheduler;
-use runtime::ports::{Delivery, Member, RECORDER_BUFFER};
+use runtime::ports::{Delivery, RECORDER_BUFFER, RunNode};
 use scenario::Scenario;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use super::FlightFailure;
-use super::crew::{Crew, Shared, Survivor};
 use super::deployment::{Cores, Deployment};
 use super::reserve::{self, Reserve};
 use super::subscription::Subscription;
+use super::supervision::{OrphanedService, Shared, Supervisor};
 use live::run_root::RunRoot;
 
 /// Where a run takes place: its schedule, its place in shared memory, its cores.
-pub(super) struct Site {
+pub(super) struct RunContext {
     /// When everybody steps.
     pub(super) schedule: Schedule,
     /// The scenario, with the command line's word about the machine.
@@ -24,12 +24,12 @@ pub(super) struct Site {
     /// Which cores the services use.
     pub(super) cores: Cores,
     scheduler: Scheduler,
-    member: Member,
+    member: RunNode,
     /// Goes last: all that is in shared memory goes with it.
     pub(super) root: RunRoot,
 }
 
-impl Site {
+impl RunContext {
     /// Makes the place of a run and joins it; from then on this process keeps off the services' cores.
     ///
     /// # Errors
@@ -42,7 +42,7 @@ impl Site {
         let scenario = deployment.stated_over(scenario);
         let cores = Cores::choose(deployment.placement, &scenario);
         cores.keep_off();
-        let member = Member::join(&root.configuration(), "orchestrator").map_err(FlightFailure::setup)?;
+        let member = RunNode::join(&root.configuration(), "orchestrator").map_err(FlightFailure::setup)?;
         Ok(Self {
             schedule,
             scenario,
@@ -63,7 +63,7 @@ impl Site {
         let root = RunRoot::adopt(start.place(), lock);
         let cores = Cores::around(start.core, &start.scenario);
         cores.keep_off();
-        let member = Member::join(&root.configuration(), "orchestrator").map_err(FlightFailure::setup)?;
+        let member = RunNode::join(&root.configuration(), "orchestrator").map_err(FlightFailure::setup)?;
         member.clean_up_after_the_dead();
         Ok(Self {
             schedule,
@@ -117,16 +117,20 @@ impl Site {
     ///
     /// # Errors
     /// [`FlightFailure::Setup`].
-    pub(super) fn start_crew(&self, deployment: &Deployment, host: Host) -> Result<Crew<'_>, FlightFailure> {
+    pub(super) fn start_supervisor(
+        &self,
+        deployment: &Deployment,
+        host: Host,
+    ) -> Result<Supervisor<'_>, FlightFailure> {
         let start = self.start(host);
         let crashes = deployment.crashes.clone();
-        Crew::start(
+        Supervisor::start(
             &self.member,
             self.root.lock(),
             &self.schedule,
             start,
             crashes,
-            deployment.restarts,
+            deployment.restart_policies,
         )
     }
 
@@ -134,22 +138,22 @@ impl Site {
     ///
     /// # Errors
     /// [`FlightFailure::Setup`].
-    pub(super) fn adopt_crew(
+    pub(super) fn adopt_supervisor(
         &self,
         shared: Shared,
-        survivors: [Option<Survivor>; ServiceId::ALL.len()],
-    ) -> Result<Crew<'_>, FlightFailure> {
+        survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
+    ) -> Result<Supervisor<'_>, FlightFailure> {
         let start = self.start(Host::RealTime);
         let lock = self.root.lock();
-        let crew = Crew::adopt(&self.member, lock, &self.schedule, start, shared, survivors)?;
+        let supervisor = Supervisor::adopt(&self.member, lock, &self.schedule, start, shared, survivors)?;
         self.root.own();
-        let mut crew = crew;
+        let mut supervisor = supervisor;
         if let Ok(mut reserve) = Reserve::new(self.root.prefix()) {
             // The flight is under way: what there is no room for now is sought again.
             reserve.refill();
-            crew.keep_reserve(reserve);
+            supervisor.keep_reserve(reserve);
         }
-        Ok(crew)
+        Ok(supervisor)
     }
 
     /// What every process of the run is told.
@@ -167,12 +171,12 @@ impl Site {
     /// Waits until everybody is ready; what could not be had of the deployment, if the flight may do without it.
     ///
     /// # Errors
-    /// [`FlightFailure::NotPermitted`] if the scenario says that it may not; else that of the crew.
-    pub(super) fn await_ready(&self, crew: &mut Crew<'_>) -> Result<Vec<String>, FlightFailure> {
-        let refusals = crew.await_ready()?;
+    /// [`FlightFailure::NotPermitted`] if the scenario says that it may not; else that of the supervisor.
+    pub(super) fn await_ready(&self, supervisor: &mut Supervisor<'_>) -> Result<Vec<String>, FlightFailure> {
+        let refusals = supervisor.await_ready()?;
         let mut reserve = Reserve::new(self.root.prefix()).map_err(FlightFailure::setup)?;
         reserve.settle().map_err(FlightFailure::setup)?;
-        crew.keep_reserve(reserve);
+        supervisor.keep_reserve(reserve);
         let is_strict = self
             .scenario
             .deployment

@@ -14,7 +14,7 @@ use metrics::summary::FlightSummary;
 use run_log::{LogError, RunLogWriter, Written};
 
 /// Takes a flight's samples in the order of the log.
-pub struct Tape<'a> {
+pub struct RecordingSink<'a> {
     log: Option<RunLogWriter>,
     summary: FlightSummary,
     schedule: Schedule,
@@ -34,8 +34,8 @@ struct Event {
     text: String,
 }
 
-impl<'a> Tape<'a> {
-    /// A tape for a flight of `scenario`, recorded to `log` if there is one.
+impl<'a> RecordingSink<'a> {
+    /// A sink for a flight of `scenario`, recorded to `log` if there is one.
     #[must_use]
     pub fn new(
         scenario: &Scenario,
@@ -113,7 +113,7 @@ impl<'a> Tape<'a> {
     }
 }
 
-impl TickSink for Tape<'_> {
+impl TickSink for RecordingSink<'_> {
     type Error = LogError;
 
     #[inline]

@@ -32,7 +32,7 @@ const SILENCE: Duration = Duration::from_secs(30);
 const LONGEST_QUESTION: usize = 4096;
 
 /// The control server of a run. Its socket goes with the run's place.
-pub struct Desk {
+pub struct ControlServer {
     listener: OwnedFd,
     /// Those that have been silent for longest come first.
     clients: Vec<Client>,
@@ -57,7 +57,7 @@ enum Heard {
     End,
 }
 
-impl Desk {
+impl ControlServer {
     /// Opens the control server of a run.
     ///
     /// # Errors
@@ -187,14 +187,14 @@ mod tests {
 
     struct Server {
         root: RunRoot,
-        desk: Desk,
+        server: ControlServer,
     }
 
     impl Server {
         fn open() -> Self {
             let root = RunRoot::create().unwrap();
-            let desk = Desk::open(&root).unwrap();
-            Self { root, desk }
+            let server = ControlServer::open(&root).unwrap();
+            Self { root, server }
         }
 
         fn client(&self) -> Channel {
@@ -205,7 +205,7 @@ mod tests {
         /// Serves one round, in which kills are obeyed; how many there were.
         fn serve(&mut self) -> usize {
             let mut kills = 0;
-            self.desk.serve(|question| {
+            self.server.serve(|question| {
                 kills += usize::from(question == KILL);
                 Answer::Done(String::new())
             });
@@ -224,14 +224,14 @@ mod tests {
         client
             .send(&Question::KillService("controller".to_owned()))
             .unwrap();
-        server.desk.serve(|question| match question {
+        server.server.serve(|question| match question {
             Question::KillService(service) => Answer::Done(service),
             _ => Answer::Refused(String::new()),
         });
         assert_eq!(answer(&client), Some(Answer::Done("controller".to_owned())));
         drop(client);
         server.serve();
-        assert!(server.desk.clients.is_empty());
+        assert!(server.server.clients.is_empty());
     }
 
     #[test]
@@ -251,7 +251,7 @@ mod tests {
         assert_eq!(server.serve(), 1);
         assert!(matches!(answer(&kill), Some(Answer::Done(_))));
         assert!(matches!(answer(&silent[0]), Some(Answer::Closed(_))));
-        assert!(server.desk.clients.len() <= CLIENTS);
+        assert!(server.server.clients.len() <= CLIENTS);
     }
 
     #[test]
@@ -296,9 +296,9 @@ mod tests {
         let mut server = Server::open();
         let client = server.client();
         server.serve();
-        server.desk.clients[0].heard -= SILENCE + Duration::from_secs(1);
+        server.server.clients[0].heard -= SILENCE + Duration::from_secs(1);
         server.serve();
-        assert!(server.desk.clients.is_empty());
+        assert!(server.server.clients.is_empty());
         assert!(matches!(answer(&client), Some(Answer::Closed(_))));
         assert!(matches!(
             client.try_receive::<Answer>(),

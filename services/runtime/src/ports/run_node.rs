@@ -15,13 +15,13 @@ use crate::watchdog::{self, Work};
 static RUN: OnceLock<PathBuf> = OnceLock::new();
 
 /// A process's membership in the run.
-pub struct Member {
+pub struct RunNode {
     node: Node<ipc::Service>,
     /// What the names of the run's shared memory begin with.
     prefix: String,
 }
 
-impl Member {
+impl RunNode {
     /// Joins the run of the given iceoryx2 configuration file. Must be the process's first use of iceoryx2:
     /// cleaning up after the dead falls back to the global configuration, whatever a node was given.
     ///

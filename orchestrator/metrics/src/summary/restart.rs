@@ -5,7 +5,7 @@ use shared_types::ServiceId;
 
 /// A death in flight that was mended.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Rebirth {
+pub struct Restart {
     /// Which service.
     #[serde(skip)]
     pub service: ServiceId,
@@ -20,7 +20,7 @@ pub struct Rebirth {
     pub lost_seconds: f64,
 }
 
-impl std::fmt::Display for Rebirth {
+impl std::fmt::Display for Restart {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let name = self.name;
         match self.tick {

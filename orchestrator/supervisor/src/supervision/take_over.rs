@@ -1,22 +1,22 @@
-//! A crew that another orchestrator has started, and that flies.
+//! A supervisor that another orchestrator has started, and that flies.
 
 use std::os::fd::{BorrowedFd, OwnedFd};
 
 use runtime::checkpoints::Checkpoints;
 use runtime::control::{Channel, Start};
-use runtime::ports::Member;
+use runtime::ports::RunNode;
 use runtime::shared_page::SharedPage;
 use runtime::step_log::StepLog;
 use rustix::process::Pid;
 use shared_types::{Schedule, ServiceId};
 
-use super::member::{CrewMember, Phase};
+use super::managed_service::{ManagedService, Phase};
 use super::process::Process;
-use super::{Crew, Shared};
+use super::{Shared, Supervisor};
 use crate::FlightFailure;
 
 /// A service process that was found in flight, and the line to it.
-pub type Survivor = (Pid, Channel);
+pub type OrphanedService = (Pid, Channel);
 
 impl Shared {
     /// Maps what the processes of a run that is under way share.
@@ -32,39 +32,39 @@ impl Shared {
     }
 }
 
-impl<'a> Crew<'a> {
+impl<'a> Supervisor<'a> {
     /// Takes over the services that fly, and starts those that have died meanwhile.
     ///
     /// # Errors
     /// [`FlightFailure::Setup`].
     pub(crate) fn adopt(
-        member: &'a Member,
+        member: &'a RunNode,
         lock: BorrowedFd<'a>,
         schedule: &'a Schedule,
         start: Start,
         shared: Shared,
-        mut survivors: [Option<Survivor>; ServiceId::ALL.len()],
+        mut survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
     ) -> Result<Self, FlightFailure> {
-        let mut crew = Self::without_members(member, lock, schedule, start, shared)?;
+        let mut supervisor = Self::without_members(member, lock, schedule, start, shared)?;
         for service in ServiceId::ALL {
             let survivor = survivors[service.index()].take();
             // One that has died since is as good as one that had died before.
             let process = survivor.and_then(|(pid, channel)| Process::adopt(pid, channel).ok());
             let adopted = match process {
                 Some(process) => {
-                    let mut flying = CrewMember::new(service, crew.name_of(service), process);
+                    let mut flying = ManagedService::new(service, supervisor.name_of(service), process);
                     flying.phase = Phase::Flying;
-                    crew.take_in(flying);
+                    supervisor.take_in(flying);
                     Ok(())
                 }
-                None => crew.enlist(service),
+                None => supervisor.start_service(service),
             };
             if let Err(failure) = adopted {
-                crew.leave_alone();
+                supervisor.leave_alone();
                 return Err(failure);
             }
         }
-        Ok(crew)
+        Ok(supervisor)
     }
 
     /// Lets go of all services without a word: without an orchestrator they land by themselves.

@@ -10,16 +10,16 @@ use rustix::process::Signal;
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 
-use super::member::{CrewMember, Phase};
+use super::managed_service::{ManagedService, Phase};
 use super::process::Process;
-use super::{Crew, CrewEvent, Exit, READY_LIMIT, Rebirth};
+use super::{Exit, READY_LIMIT, Restart, ServiceEvent, Supervisor};
 use crate::FlightFailure;
 use crate::archive::Archive;
 use crate::recorder::Recorder;
 
-impl Crew<'_> {
+impl Supervisor<'_> {
     /// Waits for a process that has closed its line, frees what it held, and decides what comes next.
-    pub(super) fn bury(&mut self, at: usize) -> Option<CrewEvent> {
+    pub(super) fn reap(&mut self, at: usize) -> Option<ServiceEvent> {
         let next_tick = self.next_tick(self.members[at].service);
         if self.is_external_service(at) {
             self.end_external_service(at);
@@ -45,7 +45,7 @@ impl Crew<'_> {
         cell.gone.store(1, Ordering::SeqCst);
         if let Some(failure) = self.external_services_last_end(at, &exit) {
             self.members[at].phase = Phase::GivenUp;
-            return Some(CrewEvent::Lost(failure));
+            return Some(ServiceEvent::Lost(failure));
         }
         let member = &mut self.members[at];
         let flown_until = cell.steps_until.load(Ordering::Relaxed);
@@ -63,7 +63,7 @@ impl Crew<'_> {
         let pause = if is_planned {
             Some(Duration::ZERO)
         } else {
-            self.restarts[service.index()].pause(member.fruitless)
+            self.restart_policies[service.index()].pause(member.fruitless)
         };
         let Some(pause) = pause else {
             member.phase = Phase::GivenUp;
@@ -75,7 +75,7 @@ impl Crew<'_> {
                 how: exit.description,
                 times,
             };
-            return Some(CrewEvent::Lost(
+            return Some(ServiceEvent::Lost(
                 not_finite.map_or_else(|| died(exit), FlightFailure::NonFinite),
             ));
         };
@@ -93,8 +93,8 @@ impl Crew<'_> {
             self.member.clean_up_after_the_dead();
         }
         // Whoever waited for it in vain looks again.
-        self.rouse();
-        Some(CrewEvent::Died)
+        self.wake_all();
+        Some(ServiceEvent::Died)
     }
 
     /// Lets services that were born again in real time go on at once, with the newest that comes.
@@ -106,7 +106,7 @@ impl Crew<'_> {
             if self.members[at].phase == Phase::Ready {
                 let service = self.members[at].service;
                 self.members[at].phase = Phase::Flying;
-                self.note_rebirth(service);
+                self.note_restart(service);
                 self.say_go(service, true)?;
             }
         }
@@ -118,18 +118,18 @@ impl Crew<'_> {
     ///
     /// # Errors
     /// The first [`FlightFailure`], if a service cannot be started or does not become ready.
-    pub fn mend(&mut self) -> Result<(), FlightFailure> {
+    pub fn restart_dead(&mut self) -> Result<(), FlightFailure> {
         let now = Instant::now();
         let mut outcome = Ok(());
         for at in 0..self.members.len() {
-            outcome = outcome.and(self.mend_one(at, now));
+            outcome = outcome.and(self.restart_one(at, now));
         }
         outcome
     }
 
-    fn mend_one(&mut self, at: usize, now: Instant) -> Result<(), FlightFailure> {
+    fn restart_one(&mut self, at: usize, now: Instant) -> Result<(), FlightFailure> {
         match self.members[at].phase {
-            Phase::Dead(again_at) if again_at <= now => self.give_birth(at).inspect_err(|_| {
+            Phase::Dead(again_at) if again_at <= now => self.respawn(at).inspect_err(|_| {
                 let pause = self.longest_pause(at);
                 let member = &mut self.members[at];
                 if matches!(member.phase, Phase::Dead(_)) {
@@ -148,7 +148,7 @@ impl Crew<'_> {
         }
     }
 
-    /// Restarts services that were given up, after their longest pause: a vehicle in the air needs all of them to land.
+    /// RestartPolicies services that were given up, after their longest pause: a vehicle in the air needs all of them to land.
     pub fn retry_given_up(&mut self) {
         for at in 0..self.members.len() {
             if self.members[at].phase != Phase::GivenUp {
@@ -168,24 +168,24 @@ impl Crew<'_> {
     }
 
     fn longest_pause(&self, at: usize) -> Duration {
-        self.restarts[self.members[at].service.index()].longest_pause
+        self.restart_policies[self.members[at].service.index()].longest_pause
     }
 
-    /// Gives a service another process: the spare one, or one that is started now.
-    fn give_birth(&mut self, at: usize) -> Result<(), FlightFailure> {
+    /// Gives a service another process: the standby one, or one that is started now.
+    fn respawn(&mut self, at: usize) -> Result<(), FlightFailure> {
         let service = self.members[at].service;
         let role = Role {
             service,
             crash: self.crash_of(service, self.members[at].lives),
         };
         // One that is ready to be a service is not ready to be an external service.
-        let spare = if self.is_external_service(at) {
+        let standby = if self.is_external_service(at) {
             None
         } else {
-            self.take_spare(role)
+            self.take_standby(role)
         };
-        let is_new = spare.is_none();
-        let process = match spare {
+        let is_new = standby.is_none();
+        let process = match standby {
             Some(process) => process,
             None => self.spawn_on_its_core(service)?,
         };
@@ -202,7 +202,7 @@ impl Crew<'_> {
             reserve.lend();
         }
         self.say(service, &ToService::MakePorts)?;
-        self.rouse();
+        self.wake_all();
         Ok(())
     }
 
@@ -222,11 +222,11 @@ impl Crew<'_> {
                 self.members[at].birth = Some((birth, Instant::now()));
                 self.connect_external_services(birth)?;
                 recorder.connect().map_err(FlightFailure::setup)?;
-                self.rouse();
+                self.wake_all();
                 continue;
             };
-            let is_connected = |member: &CrewMember| {
-                let seen = &block.cells[member.service.index()].births_seen;
+            let is_connected = |member: &ManagedService| {
+                let seen = &block.cells[member.service.index()].restarts_seen;
                 let flies = matches!(member.phase, Phase::Flying | Phase::CatchingUp(_));
                 !flies || seen.load(Ordering::Acquire) >= birth
             };
@@ -262,7 +262,7 @@ impl Crew<'_> {
         }
         self.members[service.index()].remembered = remembered;
         self.members[service.index()].phase = Phase::CatchingUp(places);
-        self.note_rebirth(service);
+        self.note_restart(service);
         self.say_go(service, true)
     }
 
@@ -273,12 +273,12 @@ impl Crew<'_> {
             .map_or(0, |checkpoint| checkpoint.next_tick)
     }
 
-    pub(super) fn note_rebirth(&mut self, service: ServiceId) {
+    pub(super) fn note_restart(&mut self, service: ServiceId) {
         let steps_until = &self.page.control_block().cells[service.index()].steps_until;
         let tick = steps_until.load(Ordering::Relaxed).checked_sub(1);
         let member = &self.members[service.index()];
         if let Some(died_at) = member.died_at {
-            self.rebirths.push(Rebirth {
+            self.restarts.push(Restart {
                 service,
                 name: member.name,
                 pid: member.process.id(),
@@ -288,7 +288,7 @@ impl Crew<'_> {
         }
     }
 
-    /// Hands over what reborn services have missed, as far as it is recorded by now.
+    /// Hands over what restarted services have missed, as far as it is recorded by now.
     ///
     /// # Errors
     /// [`FlightFailure`] if it is not recorded any more.

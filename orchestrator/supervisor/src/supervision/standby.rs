@@ -9,15 +9,15 @@ use runtime::process::SPARE;
 use rustix::process::Signal;
 
 use super::process::Process;
-use super::restart::RestartPolicy;
-use super::{Crew, CrewEvent, Exit};
+use super::restart_policy::RestartPolicy;
+use super::{Exit, ServiceEvent, Supervisor};
 
 /// One that has lived for so long was well: what it died of was no fault of its own.
 const SETTLED: Duration = Duration::from_secs(1);
 
-/// The spare process, if there is one.
+/// The standby process, if there is one.
 #[derive(Default)]
-pub(super) struct Spare {
+pub(super) struct Standby {
     pub(super) process: Option<Process>,
     /// How many in a row have died young.
     fruitless: u32,
@@ -26,7 +26,7 @@ pub(super) struct Spare {
     policy: RestartPolicy,
 }
 
-impl Spare {
+impl Standby {
     fn is_wanted(&self) -> bool {
         self.process.is_none()
             && self.policy.pause(self.fruitless).is_some()
@@ -49,60 +49,60 @@ impl Spare {
     }
 }
 
-impl Crew<'_> {
-    /// Starts a spare process if there is none. To be called while nobody needs care: whoever does comes first.
-    pub fn keep_spare(&mut self) {
+impl Supervisor<'_> {
+    /// Starts a standby process if there is none. To be called while nobody needs care: whoever does comes first.
+    pub fn keep_standby(&mut self) {
         if let Some(reserve) = &mut self.reserve {
             reserve.refill();
         }
-        if !self.spare.is_wanted() {
+        if !self.standby.is_wanted() {
             return;
         }
         // Nothing depends on it: what goes wrong with it is the next one's matter.
         let Ok(process) = self.spawn(SPARE) else {
-            return self.spare.note_failure(false);
+            return self.standby.note_failure(false);
         };
         if self.instruct(&process, None).is_ok() {
-            self.spare.process = Some(process);
+            self.standby.process = Some(process);
         } else {
-            self.bury_spare(process, None);
+            self.reap_standby(process, None);
         }
     }
 
-    /// Gives the role to the spare process, if there is one that lives, also if it is not done preparing: it is
+    /// Gives the role to the standby process, if there is one that lives, also if it is not done preparing: it is
     /// further than one that begins now.
-    pub(super) fn take_spare(&mut self, role: Role) -> Option<Process> {
-        self.listen_to_spare();
-        let mut process = self.spare.process.take()?;
+    pub(super) fn take_standby(&mut self, role: Role) -> Option<Process> {
+        self.listen_to_standby();
+        let mut process = self.standby.process.take()?;
         if process.channel.send(&ToService::Become(role)).is_err() {
-            self.bury_spare(process, None);
+            self.reap_standby(process, None);
             return None;
         }
         process.asked_at = Instant::now();
-        self.spare.fruitless = 0;
+        self.standby.fruitless = 0;
         Some(process)
     }
 
-    /// Notices that the spare process has died or cannot do its work. It has nothing else to say.
-    pub(super) fn listen_to_spare(&mut self) -> Option<CrewEvent> {
-        let channel = &self.spare.process.as_ref()?.channel;
+    /// Notices that the standby process has died or cannot do its work. It has nothing else to say.
+    pub(super) fn listen_to_standby(&mut self) -> Option<ServiceEvent> {
+        let channel = &self.standby.process.as_ref()?.channel;
         let said = match channel.try_receive() {
             Ok(None) => return None,
             Ok(Some(ToOrchestrator::Failed { reason })) => Some(reason),
             Ok(Some(_)) | Err(_) => None,
         };
-        let process = self.spare.process.take()?;
-        self.bury_spare(process, said);
-        Some(CrewEvent::Died)
+        let process = self.standby.process.take()?;
+        self.reap_standby(process, said);
+        Some(ServiceEvent::Died)
     }
 
-    /// Ends a spare process that is of no use, and keeps what it `said` of that, or else how it ended.
-    fn bury_spare(&mut self, mut process: Process, said: Option<String>) {
+    /// Ends a standby process that is of no use, and keeps what it `said` of that, or else how it ended.
+    fn reap_standby(&mut self, mut process: Process, said: Option<String>) {
         // One that has only failed still lives.
         process.signal(Signal::KILL);
         let exit = process.wait();
-        self.spare.note_failure(process.asked_at.elapsed() > SETTLED);
-        let description = format!("a spare process: {}", said.unwrap_or(exit.description));
+        self.standby.note_failure(process.asked_at.elapsed() > SETTLED);
+        let description = format!("a standby process: {}", said.unwrap_or(exit.description));
         self.exits.push((
             None,
             process.id(),

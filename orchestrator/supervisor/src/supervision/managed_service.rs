@@ -1,4 +1,4 @@
-//! What the crew knows of one service: its process, and where it is in its life.
+//! What the supervisor knows of one service: its process, and where it is in its life.
 
 use std::time::Instant;
 
@@ -7,13 +7,13 @@ use runtime::control::{Host, ToOrchestrator};
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 
-use super::CrewEvent;
+use super::ServiceEvent;
 use super::presentable::presentable;
 use super::process::Process;
 use crate::FlightFailure;
 
-/// A service of the crew.
-pub(super) struct CrewMember {
+/// A service of the supervisor.
+pub(super) struct ManagedService {
     pub(super) service: ServiceId,
     /// What its process is called.
     pub(super) name: &'static str,
@@ -58,7 +58,7 @@ pub(super) enum Phase {
     GivenUp,
 }
 
-impl CrewMember {
+impl ManagedService {
     /// A service whose first process has just been started.
     pub(super) fn new(service: ServiceId, name: &'static str, process: Process) -> Self {
         Self {
@@ -80,7 +80,7 @@ impl CrewMember {
 
     /// Takes note of what the process says. In real time a number that is not finite ends its process and no more: a
     /// vehicle is in the air, and what the next process sees is something else. In lock-step it would see the same.
-    pub(super) fn understand(&mut self, message: ToOrchestrator, host: Host) -> Option<CrewEvent> {
+    pub(super) fn understand(&mut self, message: ToOrchestrator, host: Host) -> Option<ServiceEvent> {
         Some(match message {
             ToOrchestrator::Deployed { warnings } => {
                 self.warnings = warnings;
@@ -91,7 +91,7 @@ impl CrewMember {
                 self.birth = None;
                 warnings.append(&mut self.warnings);
                 let warnings = warnings.iter().map(|warning| presentable(warning)).collect();
-                CrewEvent::Ready(self.service, warnings)
+                ServiceEvent::Ready(self.service, warnings)
             }
             ToOrchestrator::CaughtUp => {
                 if matches!(self.phase, Phase::CatchingUp(_)) {
@@ -99,11 +99,11 @@ impl CrewMember {
                 }
                 return None;
             }
-            // What is said in replays only, and what the crew has heard of an external service.
+            // What is said in replays only, and what the supervisor has heard of an external service.
             ToOrchestrator::Stepped { .. } | ToOrchestrator::Connected { .. } => return None,
             ToOrchestrator::Finished => {
                 self.phase = Phase::Finished;
-                CrewEvent::Finished(self.service)
+                ServiceEvent::Finished(self.service)
             }
             ToOrchestrator::NonFinite(found) if host == Host::RealTime => {
                 self.not_finite = Some(found);
@@ -111,11 +111,11 @@ impl CrewMember {
             }
             ToOrchestrator::NonFinite(found) => {
                 self.phase = Phase::GivenUp;
-                CrewEvent::Lost(FlightFailure::NonFinite(found))
+                ServiceEvent::Lost(FlightFailure::NonFinite(found))
             }
             ToOrchestrator::Failed { reason } => {
                 self.phase = Phase::GivenUp;
-                CrewEvent::Lost(FlightFailure::GaveUp {
+                ServiceEvent::Lost(FlightFailure::GaveUp {
                     service: self.name.to_owned(),
                     reason: presentable(&reason),
                 })

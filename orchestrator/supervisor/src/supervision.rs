@@ -4,17 +4,17 @@
 //! recorder what it has missed ([`runtime::input_port`]). A service that dies again and again at the same place is given
 //! up: its crash is a function of its inputs, and so will the next be.
 //!
-//! While all is well a spare process waits to take the place of whoever dies next.
+//! While all is well a standby process waits to take the place of whoever dies next.
 
 mod activity;
 mod external_service;
-mod member;
+mod managed_service;
 mod presentable;
 pub mod process;
-mod recovery;
-pub mod restart;
-mod spare;
-mod succession;
+mod restart;
+pub mod restart_policy;
+mod standby;
+mod take_over;
 
 use std::os::fd::{AsFd, BorrowedFd};
 use std::sync::atomic::Ordering;
@@ -24,7 +24,7 @@ use runtime::checkpoints::Checkpoints;
 use runtime::control::{ControlError, Role, Start, ToOrchestrator, ToService};
 use runtime::crash::Crash;
 use runtime::doorbell::Doorbell;
-use runtime::ports::Member;
+use runtime::ports::RunNode;
 use runtime::shared_page::{Cell, SharedPage};
 use runtime::step_log::StepLog;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -32,13 +32,13 @@ use rustix::process::Signal;
 use shared_types::{Schedule, ServiceId};
 
 pub use activity::Activity;
-use member::{CrewMember, Phase};
-pub use metrics::summary::rebirth::Rebirth;
+use managed_service::{ManagedService, Phase};
+pub use metrics::summary::restart::Restart;
 pub use process::Exit;
 use process::Process;
-use restart::RestartPolicy;
-use spare::Spare;
-pub use succession::Survivor;
+use restart_policy::RestartPolicy;
+use standby::Standby;
+pub use take_over::OrphanedService;
 
 use super::reserve::Reserve;
 use super::{FlightFailure, Outcome};
@@ -52,45 +52,45 @@ pub const STOP_LIMIT: Duration = Duration::from_secs(2);
 /// others.
 const MESSAGES_AT_A_LOOK: usize = 64;
 
-/// How often the crew is looked after while a service is being born again.
-pub(super) const BIRTH_PERIOD: Duration = Duration::from_micros(100);
+/// How often the supervisor is looked after while a service is being born again.
+pub(super) const RESTART_POLL_PERIOD: Duration = Duration::from_micros(100);
 
 /// How often and how soon each service is started again.
-pub type Restarts = [RestartPolicy; ServiceId::ALL.len()];
+pub type RestartPolicies = [RestartPolicy; ServiceId::ALL.len()];
 
 /// All service processes of a run. Dropping it ends them.
-pub struct Crew<'a> {
-    member: &'a Member,
+pub struct Supervisor<'a> {
+    member: &'a RunNode,
     lock: BorrowedFd<'a>,
     schedule: &'a Schedule,
     start: Start,
     /// Deaths that processes shall bring upon themselves, the first of a service upon its first process and so on.
     crashes: Vec<(ServiceId, Crash)>,
-    restarts: Restarts,
-    members: Vec<CrewMember>,
+    restart_policies: RestartPolicies,
+    members: Vec<ManagedService>,
     page: SharedPage,
     checkpoints: Checkpoints,
     step_log: StepLog,
     doorbells: Vec<Doorbell>,
-    spare: Spare,
+    standby: Standby,
     /// Room in shared memory for processes that are started again.
     reserve: Option<Reserve>,
     exits: Vec<(Option<ServiceId>, u32, Exit)>,
-    rebirths: Vec<Rebirth>,
+    restarts: Vec<Restart>,
 }
 
 /// What happens to the processes of a run, for whoever keeps a record of the machine.
-pub trait CrewObserver {
+pub trait SupervisionObserver {
     /// The processes have been started and are ready.
-    fn ready(&mut self, crew: &Crew<'_>, core: Option<usize>);
+    fn ready(&mut self, supervisor: &Supervisor<'_>, core: Option<usize>);
     /// Processes may have died, and services may fly again.
-    fn changed(&mut self, crew: &Crew<'_>);
+    fn changed(&mut self, supervisor: &Supervisor<'_>);
     /// The flight has come to a tick. Called often.
-    fn progressed(&mut self, crew: &Crew<'_>, tick: u64);
+    fn progressed(&mut self, supervisor: &Supervisor<'_>, tick: u64);
     /// About a second of the flight has passed, or it has ended.
-    fn health(&mut self, crew: &Crew<'_>);
+    fn health(&mut self, supervisor: &Supervisor<'_>);
     /// The flight has ended, and this is how.
-    fn ended(&mut self, crew: &Crew<'_>, outcome: &Outcome);
+    fn ended(&mut self, supervisor: &Supervisor<'_>, outcome: &Outcome);
 }
 
 /// The memory that all processes of a run share.
@@ -117,42 +117,42 @@ impl Shared {
 
 /// What a service process told or did.
 #[derive(Debug)]
-pub enum CrewEvent {
+pub enum ServiceEvent {
     /// It made its ports; what it could not have of its deployment.
     Ready(ServiceId, Vec<String>),
     /// It has flown its last tick.
     Finished(ServiceId),
-    /// It died, or the spare process did, and will be started again.
+    /// It died, or the standby process did, and will be started again.
     Died,
     /// It cannot go on.
     Lost(FlightFailure),
 }
 
-impl<'a> Crew<'a> {
+impl<'a> Supervisor<'a> {
     /// Starts one process a service and tells each what to fly. Each holds `lock`, that of the run's place.
     ///
     /// # Errors
     /// [`FlightFailure::Setup`].
     pub fn start(
-        member: &'a Member,
+        member: &'a RunNode,
         lock: BorrowedFd<'a>,
         schedule: &'a Schedule,
         start: Start,
         crashes: Vec<(ServiceId, Crash)>,
-        restarts: Restarts,
+        restart_policies: RestartPolicies,
     ) -> Result<Self, FlightFailure> {
         let shared = Shared::create().map_err(FlightFailure::setup)?;
-        let mut crew = Self::without_members(member, lock, schedule, start, shared)?;
-        crew.crashes = crashes;
-        crew.restarts = restarts;
+        let mut supervisor = Self::without_members(member, lock, schedule, start, shared)?;
+        supervisor.crashes = crashes;
+        supervisor.restart_policies = restart_policies;
         for service in ServiceId::ALL {
-            crew.enlist(service)?;
+            supervisor.start_service(service)?;
         }
-        Ok(crew)
+        Ok(supervisor)
     }
 
     fn without_members(
-        member: &'a Member,
+        member: &'a RunNode,
         lock: BorrowedFd<'a>,
         schedule: &'a Schedule,
         start: Start,
@@ -168,25 +168,25 @@ impl<'a> Crew<'a> {
             schedule,
             start,
             crashes: Vec::new(),
-            restarts: Restarts::default(),
+            restart_policies: RestartPolicies::default(),
             members: Vec::new(),
             page: shared.page,
             checkpoints: shared.checkpoints,
             step_log: shared.step_log,
             doorbells,
-            spare: Spare::default(),
+            standby: Standby::default(),
             reserve: None,
             exits: Vec::new(),
-            rebirths: Vec::new(),
+            restarts: Vec::new(),
         })
     }
 
     /// Starts the first process of the next service and tells it what to fly.
-    fn enlist(&mut self, service: ServiceId) -> Result<(), FlightFailure> {
+    fn start_service(&mut self, service: ServiceId) -> Result<(), FlightFailure> {
         let name = self.name_of(service);
         let process = self.spawn(name)?;
         // Kept before it is spoken to, so that it is ended whatever happens next.
-        self.take_in(CrewMember::new(service, name, process));
+        self.take_in(ManagedService::new(service, name, process));
         let role = Role {
             service,
             crash: self.crash_of(service, 0),
@@ -201,7 +201,7 @@ impl<'a> Crew<'a> {
         self.start.scenario.process_name(service)
     }
 
-    fn take_in(&mut self, member: CrewMember) {
+    fn take_in(&mut self, member: ManagedService) {
         assert_eq!(
             self.members.len(),
             member.service.index(),
@@ -236,7 +236,7 @@ impl<'a> Crew<'a> {
         tell(process, &ToService::Start(Box::new(start)))
     }
 
-    /// The words that the crew shares.
+    /// The words that the supervisor shares.
     #[must_use]
     pub fn page(&self) -> &SharedPage {
         &self.page
@@ -267,7 +267,7 @@ impl<'a> Crew<'a> {
             .map(|member| (member.service, member.process.id()))
     }
 
-    /// How the processes that have ended did, in the order of their ends; a spare one was of no service.
+    /// How the processes that have ended did, in the order of their ends; a standby one was of no service.
     #[must_use]
     pub fn exits(&self) -> &[(Option<ServiceId>, u32, Exit)] {
         &self.exits
@@ -275,8 +275,8 @@ impl<'a> Crew<'a> {
 
     /// Deaths that were mended, in their order.
     #[must_use]
-    pub fn rebirths(&self) -> &[Rebirth] {
-        &self.rebirths
+    pub fn restarts(&self) -> &[Restart] {
+        &self.restarts
     }
 
     /// Waits until every service has made its ports; their warnings.
@@ -286,15 +286,15 @@ impl<'a> Crew<'a> {
     pub fn await_ready(&mut self) -> Result<Vec<String>, FlightFailure> {
         let mut notes = Vec::new();
         while self.members.iter().any(|member| member.phase != Phase::Ready) {
-            self.mend()?;
+            self.restart_dead()?;
             for event in self.watch(Duration::from_millis(10)) {
                 match event {
-                    CrewEvent::Ready(service, warnings) => {
+                    ServiceEvent::Ready(service, warnings) => {
                         notes.extend(warnings);
-                        self.note_rebirth(service);
+                        self.note_restart(service);
                     }
-                    CrewEvent::Lost(failure) => return Err(failure),
-                    CrewEvent::Finished(_) | CrewEvent::Died => {}
+                    ServiceEvent::Lost(failure) => return Err(failure),
+                    ServiceEvent::Finished(_) | ServiceEvent::Died => {}
                 }
             }
         }
@@ -315,18 +315,18 @@ impl<'a> Crew<'a> {
         Ok(())
     }
 
-    fn say_go(&self, service: ServiceId, reborn: bool) -> Result<(), FlightFailure> {
+    fn say_go(&self, service: ServiceId, restarted: bool) -> Result<(), FlightFailure> {
         let block = self.page.control_block();
         block.cells[service.index()].gone.store(0, Ordering::SeqCst);
         let start_ns = block.start_ns.load(Ordering::Acquire);
-        self.say(service, &ToService::Go { reborn, start_ns })
+        self.say(service, &ToService::Go { restarted, start_ns })
     }
 
     /// Whether somebody is dead, on the way back, or has samples to catch up with.
     #[must_use]
     #[inline]
     pub fn needs_care(&self) -> bool {
-        let is_well = |member: &CrewMember| matches!(member.phase, Phase::Flying | Phase::Finished);
+        let is_well = |member: &ManagedService| matches!(member.phase, Phase::Flying | Phase::Finished);
         !self.members.iter().all(is_well)
     }
 
@@ -359,7 +359,7 @@ impl<'a> Crew<'a> {
     }
 
     /// Waits up to `limit` for something to happen and tells what did.
-    pub fn watch(&mut self, limit: Duration) -> Vec<CrewEvent> {
+    pub fn watch(&mut self, limit: Duration) -> Vec<ServiceEvent> {
         let timeout = Timespec {
             tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
             tv_nsec: i64::from(limit.subsec_nanos()),
@@ -368,7 +368,7 @@ impl<'a> Crew<'a> {
             .filter(|&at| !self.members[at].process.is_gone)
             .collect();
         let services = living.iter().map(|&at| &self.members[at].process);
-        let processes = services.chain(&self.spare.process);
+        let processes = services.chain(&self.standby.process);
         let mut files: Vec<PollFd<'_>> = processes
             .flat_map(|process| [process.channel.as_fd(), process.death.as_fd()])
             .map(|file| PollFd::from_borrowed_fd(file, PollFlags::IN))
@@ -386,16 +386,16 @@ impl<'a> Crew<'a> {
             .filter(|(_, pair)| has_called(pair))
             .map(|(&at, _)| at)
             .collect();
-        let spare_has_called = pairs.next().is_some_and(has_called);
+        let standby_has_called = pairs.next().is_some_and(has_called);
         let mut events: Vec<_> = called.into_iter().flat_map(|at| self.listen(at)).collect();
-        if spare_has_called {
-            events.extend(self.listen_to_spare());
+        if standby_has_called {
+            events.extend(self.listen_to_standby());
         }
         events
     }
 
     /// What a process has said, and its end if it has ended.
-    fn listen(&mut self, at: usize) -> Vec<CrewEvent> {
+    fn listen(&mut self, at: usize) -> Vec<ServiceEvent> {
         let mut events = Vec::new();
         for _ in 0..MESSAGES_AT_A_LOOK {
             match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
@@ -413,7 +413,7 @@ impl<'a> Crew<'a> {
                 // A program may have handed its end of the line on to one that outlives it.
                 Ok(None) if !self.members[at].process.has_ended() => break,
                 Ok(None) | Err(ControlError::Closed) => {
-                    events.extend(self.bury(at));
+                    events.extend(self.reap(at));
                     break;
                 }
                 Err(error) if self.is_external_service(at) => {
@@ -425,7 +425,7 @@ impl<'a> Crew<'a> {
                     break;
                 }
                 Err(error) => {
-                    events.push(CrewEvent::Lost(FlightFailure::GaveUp {
+                    events.push(ServiceEvent::Lost(FlightFailure::GaveUp {
                         service: self.members[at].name.to_owned(),
                         reason: error.to_string(),
                     }));
@@ -442,7 +442,7 @@ impl<'a> Crew<'a> {
     }
 
     /// Wakes everybody to look again, whatever has become of their wake-ups.
-    pub fn rouse(&self) {
+    pub fn wake_all(&self) {
         self.doorbells.iter().for_each(Doorbell::ring);
         self.page.control_block().cells.iter().for_each(Cell::ring);
     }
@@ -454,7 +454,7 @@ impl<'a> Crew<'a> {
 
     /// Tells everybody to stop, waits until all are gone, and kills who does not go.
     pub fn stop(&mut self) {
-        self.spare.end();
+        self.standby.end();
         if self.members.is_empty() {
             return;
         }
@@ -464,7 +464,7 @@ impl<'a> Crew<'a> {
             // Who is gone already need not be told, and who takes no messages is killed below.
             let _ = member.process.channel.try_send(&ToService::Stop);
         }
-        self.rouse();
+        self.wake_all();
         let deadline = Instant::now() + STOP_LIMIT;
         while self.members.iter().any(|member| !member.process.is_gone) {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -482,19 +482,19 @@ impl<'a> Crew<'a> {
         }
     }
 
-    /// Tells a service something. One that is gone is found so when the crew is watched.
+    /// Tells a service something. One that is gone is found so when the supervisor is watched.
     fn say(&self, service: ServiceId, message: &ToService) -> Result<(), FlightFailure> {
         tell(&self.members[service.index()].process, message)
     }
 }
 
-impl Drop for Crew<'_> {
+impl Drop for Supervisor<'_> {
     fn drop(&mut self) {
         self.stop();
     }
 }
 
-/// Tells a process something. One that is gone is found so when the crew is watched, and one that has not read anything
+/// Tells a process something. One that is gone is found so when the supervisor is watched, and one that has not read anything
 /// for so long that its line is full is killed.
 fn tell(process: &Process, message: &ToService) -> Result<(), FlightFailure> {
     match process.channel.try_send(message) {
