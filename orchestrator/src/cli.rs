@@ -59,8 +59,8 @@ pub enum Command {
     /// largest are kept: no peak is lost. Of a log that was never completed, what is whole is shown.
     ///
     /// A flight of one of the paper's figures is drawn as that figure too, as SVG beside the page.
-    #[command(after_help = Report::EXAMPLES)]
-    Report(Report),
+    #[command(after_help = ReportArguments::EXAMPLES)]
+    ReportArguments(ReportArguments),
     /// Write the samples of a log as JSON lines, or those of one topic as a table (CSV), for other programs; or a copy for viewers.
     ///
     /// Numbers are read back to the bit; those that are not finite are the words NaN, inf and -inf.
@@ -162,15 +162,15 @@ pub enum Command {
     ///
     /// Its time begins with it: times in `[vehicle]` and `[cameras]` count from there. Writes run.mcap, which holds the truth,
     /// host.mcap, which says when it began, and summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.
-    #[command(after_help = World::EXAMPLES)]
-    World(World),
+    #[command(after_help = HilSimulator::EXAMPLES)]
+    World(HilSimulator),
     /// Print the distance of the true position from the path while the vehicle followed it.
     ///
     /// The error is the distance of the true position from the point at which the path was at that time, at every tick: not
     /// the controller's z1, which rests on an estimate. The truth is that of the flight's own log, or of the log of `gerono world`.
     /// Parts: 5 s before the scenario's first event (a fan, a change), from there to the last part, the last part, all.
-    #[command(after_help = Truth::EXAMPLES)]
-    Truth(Truth),
+    #[command(after_help = TruthArguments::EXAMPLES)]
+    TruthArguments(TruthArguments),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not

@@ -7,16 +7,16 @@
 //! * [`schedule`]: who steps when, and which sample is due where, computable by everyone;
 //! * [`digest`]: the digest of an experiment, by which two flights are the same;
 //! * [`flight_phase`]: from disarmed to disarmed, one table;
-//! * [`gate`]: which sample of an input a service uses: the last one that can be true;
+//! * [`input_validator`]: which sample of an input a service uses: the last one that can be true;
 //! * [`noise`]: random numbers as functions of seed, stream and tick;
 //! * [`rotation`]: the conventions of attitude.
 //!
 //! Nothing in this crate does input or output.
 
 pub mod digest;
+pub mod finiteness;
 pub mod flight_phase;
-pub mod gate;
-pub mod glance;
+pub mod input_validator;
 mod moment;
 pub mod noise;
 mod ports;

@@ -2,7 +2,7 @@
 
 use zerocopy::FromBytes;
 
-use crate::glance::Glance;
+use crate::finiteness::FinitenessCheck;
 use crate::moment::Now;
 use crate::sample::{Header, Sample};
 
@@ -137,9 +137,9 @@ impl SampleKind {
     #[must_use]
     #[inline]
     pub fn first_non_finite_field(&self, bytes: &[u8]) -> Option<&'static str> {
-        let mut glance = Glance::default();
-        glance.take_in(bytes);
-        if glance.is_surely_finite() {
+        let mut check = FinitenessCheck::default();
+        check.take_in(bytes);
+        if check.is_surely_finite() {
             None
         } else {
             (self.first_non_finite_field)(bytes)

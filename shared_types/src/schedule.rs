@@ -12,14 +12,14 @@
 mod edge;
 mod edge_fault;
 mod operator;
-mod presence;
+mod outage_schedule;
 
 use std::sync::Arc;
 
 pub use edge::Edge;
-pub use edge_fault::{Alteration, Draws, EdgeFault, EdgeFaultKind, Loss};
+pub use edge_fault::{Corruption, Draws, EdgeFault, EdgeFaultKind, Loss};
 pub use operator::OperatorPlan;
-pub use presence::{Fate, Outage, Presence};
+pub use outage_schedule::{Outage, OutageKind, OutageSchedule};
 
 use crate::sample::Header;
 use crate::wiring::{InputSpec, ServiceId, Topic};
@@ -295,8 +295,8 @@ impl Schedule {
 
     /// At which ticks a service steps.
     #[must_use]
-    pub fn steps(&self, service: ServiceId) -> Presence {
-        Presence::new(
+    pub fn steps(&self, service: ServiceId) -> OutageSchedule {
+        OutageSchedule::new(
             self.service_rate(service),
             Arc::clone(&self.outages[service.index()]),
         )
@@ -304,14 +304,14 @@ impl Schedule {
 
     /// At which ticks a topic is published.
     #[must_use]
-    pub fn publications(&self, topic: Topic) -> Presence {
+    pub fn publications(&self, topic: Topic) -> OutageSchedule {
         if self.world_is_real && topic == Topic::VehicleTruth {
-            return Presence::never();
+            return OutageSchedule::never();
         }
         let outages = topic
             .publisher()
             .map(|publisher| Arc::clone(&self.outages[publisher.index()]));
-        Presence::new(self.topic_rate(topic), outages.unwrap_or_default())
+        OutageSchedule::new(self.topic_rate(topic), outages.unwrap_or_default())
     }
 
     /// How often a service steps, were there no outages.
@@ -351,7 +351,7 @@ impl Schedule {
             published: if self.reads(service, input) {
                 self.publications(topic)
             } else {
-                Presence::never()
+                OutageSchedule::never()
             },
             consumed: self.steps(service),
             faults: Arc::clone(&self.edge_faults[service.index()][input]),
@@ -445,7 +445,7 @@ pub struct Publication {
     /// The topic that is published.
     pub topic: Topic,
     /// When it is published.
-    pub ticks: Presence,
+    pub ticks: OutageSchedule,
     tick_ns: u64,
 }
 

@@ -30,8 +30,8 @@ use super::ring::Members;
 use crate::arguments::BenchLaboratory;
 use command_line::failure::Failure;
 use command_line::output::{print, write_json};
-use hil_simulator::cameras::Cameras;
-use hil_simulator::line::Line;
+use hil_simulator::cameras::CameraSender;
+use hil_simulator::receiver_input::ReceiverInput;
 use live::{LiveRun, PATIENCE, Question};
 use metrics::summary::timing::{Quantiles, histogram};
 use supervisor::FlightFailure;
@@ -139,7 +139,7 @@ fn receivers_end(scenario: &Scenario) -> Result<Target> {
 /// Time from the writing of so many bytes at one end until they have been read at the other, by another thread that waits
 /// for them.
 fn bare_hop(target: Target, length: usize) -> Result<Quantiles> {
-    let mut line = Line::open(&target).map_err(FlightFailure::setup)?;
+    let mut line = ReceiverInput::open(&target).map_err(FlightFailure::setup)?;
     let mut port = Port::open(target).map_err(FlightFailure::setup)?;
     let mut times = histogram();
     let begins_ns = monotonic_ns() + 10_000_000;
@@ -265,9 +265,9 @@ struct Tilts {
 
 /// The cameras and the receiver.
 struct Here {
-    cameras: Cameras,
+    cameras: CameraSender,
     noise: Noise,
-    line: Line,
+    line: ReceiverInput,
     receiver: Receiver,
     link: RcLink,
     /// What the last frame asked for: the rate about the x axis, rad/s, and whether motors may turn.
@@ -280,9 +280,9 @@ impl Here {
         let link = scenario.rc_output.clone().ok_or_else(missing)?;
         let transmitter = link.transmitter.as_ref().ok_or_else(missing)?;
         Ok(Self {
-            cameras: Cameras::open(system, stated, 1, 0).map_err(FlightFailure::setup)?,
+            cameras: CameraSender::open(system, stated, 1, 0).map_err(FlightFailure::setup)?,
             noise: Noise::new(1, Stream::CameraNoise),
-            line: Line::open(&receivers_end(scenario)?).map_err(FlightFailure::setup)?,
+            line: ReceiverInput::open(&receivers_end(scenario)?).map_err(FlightFailure::setup)?,
             receiver: Receiver::new(&link, transmitter).ok_or_else(missing)?,
             link,
             asked: (0.0, false),
@@ -340,7 +340,7 @@ impl Here {
     /// Sends what the cameras see; when, ns.
     fn show(&mut self, number: u32, height: f64, roll: f64) -> u64 {
         let mut draws = self.noise.at(u64::from(number));
-        // Cameras that see the same twice are taken for frozen.
+        // CameraSender that see the same twice are taken for frozen.
         let position = Vector3::new(0.0, 0.0, -height) + draws.normal3() * 1e-5;
         let attitude = exp(&(Vector3::new(roll, 0.0, 0.0) + draws.normal3() * 1e-5));
         let seen = MocapPose {

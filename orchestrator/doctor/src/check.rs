@@ -5,7 +5,7 @@ use serde::Serialize;
 /// How good something is for a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Verdict {
+pub enum CheckOutcome {
     /// As it should be.
     Green,
     /// It flies, but not as well as it could or as it was asked to.
@@ -14,7 +14,7 @@ pub enum Verdict {
     Red,
 }
 
-impl Verdict {
+impl CheckOutcome {
     /// As people and programs read it.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -32,7 +32,7 @@ pub struct Check {
     /// What.
     pub name: &'static str,
     /// How good it is.
-    pub verdict: Verdict,
+    pub verdict: CheckOutcome,
     /// What was found, with the number that the verdict rests on.
     pub figure: String,
     /// What to do about it, unless it is good.
@@ -46,7 +46,7 @@ impl Check {
     pub fn green(name: &'static str, figure: impl Into<String>) -> Self {
         Self {
             name,
-            verdict: Verdict::Green,
+            verdict: CheckOutcome::Green,
             figure: figure.into(),
             fix: None,
         }
@@ -56,7 +56,7 @@ impl Check {
     #[must_use]
     pub fn yellow(name: &'static str, figure: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
-            verdict: Verdict::Yellow,
+            verdict: CheckOutcome::Yellow,
             fix: Some(fix.into()),
             ..Self::green(name, figure)
         }
@@ -66,7 +66,7 @@ impl Check {
     #[must_use]
     pub fn red(name: &'static str, figure: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
-            verdict: Verdict::Red,
+            verdict: CheckOutcome::Red,
             ..Self::yellow(name, figure, fix)
         }
     }
@@ -127,8 +127,10 @@ mod tests {
     #[test]
     fn red_is_worst() {
         assert_eq!(
-            [Verdict::Yellow, Verdict::Red, Verdict::Green].iter().max(),
-            Some(&Verdict::Red)
+            [CheckOutcome::Yellow, CheckOutcome::Red, CheckOutcome::Green]
+                .iter()
+                .max(),
+            Some(&CheckOutcome::Red)
         );
     }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::check::{Check, bytes};
-use super::host::{Host, Space};
+use super::host::{HostFacts, Space};
 use super::needs::Needs;
 
 /// What is written to measure, bytes.
@@ -35,7 +35,7 @@ pub fn nearest_folder(runs: &Path) -> PathBuf {
 
 /// Whether a flight's log fits.
 #[must_use]
-pub fn space(host: &Host, folder: &Path, needs: &Needs) -> Check {
+pub fn space(host: &HostFacts, folder: &Path, needs: &Needs) -> Check {
     const NAME: &str = "disk space";
     let fix = "remove old runs, or name a folder on another disk with `--out` (and here with `--runs`)";
     let Space { free, .. } = match host.space(folder) {
@@ -134,7 +134,7 @@ fn nameless(folder: &Path) -> io::Result<File> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Verdict::{Green, Red, Yellow};
+    use super::super::CheckOutcome::{Green, Red, Yellow};
     use super::super::host::fake;
     use super::*;
 

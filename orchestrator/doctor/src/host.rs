@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Where the doctor looks: the files of this machine, or those of a test.
-pub struct Host {
+pub struct HostFacts {
     root: PathBuf,
     space: Box<SpaceOf>,
 }
@@ -27,7 +27,7 @@ pub const CAP_IPC_LOCK: u32 = 14;
 /// Number of the capability to set priorities.
 pub const CAP_SYS_NICE: u32 = 23;
 
-impl Host {
+impl HostFacts {
     /// This machine.
     #[must_use]
     pub fn this() -> Self {
@@ -126,14 +126,14 @@ pub fn shown_cores(cores: &[u32]) -> String {
 
 /// A machine of a test: its files, and space of all its file systems.
 #[cfg(test)]
-pub(super) fn fake(files: &[(&str, &str)], space: Option<Space>) -> (tempfile::TempDir, Host) {
+pub(super) fn fake(files: &[(&str, &str)], space: Option<Space>) -> (tempfile::TempDir, HostFacts) {
     let folder = tempfile::tempdir().unwrap();
     for (path, text) in files {
         let path = folder.path().join(path);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, text).unwrap();
     }
-    let host = Host {
+    let host = HostFacts {
         root: folder.path().to_owned(),
         space: Box::new(move |_| space.ok_or_else(|| io::Error::from(io::ErrorKind::NotFound))),
     };
@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn this_machine_shows_what_the_system_tells_otherwise() {
         let allowed = runtime::deployment::allowed_cores();
-        let shown: Vec<_> = Host::this()
+        let shown: Vec<_> = HostFacts::this()
             .allowed_cores()
             .iter()
             .map(|&core| core as usize)

@@ -1,6 +1,6 @@
 //! Whether this machine is fit for a flight: what is good, what is poor, what would not work, and how to mend it.
 //!
-//! A check is a function of what a [`Host`] shows (files of /proc and /sys, free space) and of what the flight needs
+//! A check is a function of what a [`HostFacts`] shows (files of /proc and /sys, free space) and of what the flight needs
 //! ([`Needs`]), or of a measurement; it returns a [`Check`] and changes nothing. Measurements are made apart from
 //! their judgement: [`wake_up::measure`], [`disk::measure`].
 //!
@@ -23,13 +23,13 @@ pub mod runs;
 pub mod scheduling;
 pub mod wake_up;
 
-pub use check::{Check, Verdict};
-pub use host::Host;
+pub use check::{Check, CheckOutcome};
+pub use host::HostFacts;
 pub use needs::Needs;
 
 /// Everything that can be told without measuring, in the order in which it is shown.
 #[must_use]
-pub fn examine(host: &Host, needs: &Needs) -> Vec<Check> {
+pub fn examine(host: &HostFacts, needs: &Needs) -> Vec<Check> {
     vec![
         memory::shared(host, needs),
         memory::locked(host, needs),

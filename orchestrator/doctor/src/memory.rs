@@ -5,7 +5,7 @@ use std::path::Path;
 use runtime::deployment::{LOCKED_MEMORY, Setting};
 
 use super::check::{Check, bytes};
-use super::host::{CAP_IPC_LOCK, Host};
+use super::host::{CAP_IPC_LOCK, HostFacts};
 use super::needs::Needs;
 
 /// How often a run's need is to fit into free shared memory for a comfortable flight: runs may be several.
@@ -13,7 +13,7 @@ const COMFORTABLE: u64 = 4;
 
 /// Whether there is room for the samples.
 #[must_use]
-pub fn shared(host: &Host, needs: &Needs) -> Check {
+pub fn shared(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "shared memory";
     let fix = "mount a larger one: `mount -o remount,size=256M /dev/shm`; in a container start it with --shm-size=256m; \
                or remove what fills it";
@@ -41,7 +41,7 @@ pub fn shared(host: &Host, needs: &Needs) -> Check {
 
 /// Whether memory may be locked.
 #[must_use]
-pub fn locked(host: &Host, needs: &Needs) -> Check {
+pub fn locked(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "locked memory";
     let fix = Setting::LockMemory.fix();
     let limit = host.limit("Max locked memory");
@@ -73,7 +73,7 @@ pub fn locked(host: &Host, needs: &Needs) -> Check {
 
 /// Whether the system makes large pages of small ones behind everyone's back, which stops who uses them.
 #[must_use]
-pub fn huge_pages(host: &Host) -> Check {
+pub fn huge_pages(host: &HostFacts) -> Check {
     const NAME: &str = "huge pages";
     let choices = host.text("sys/kernel/mm/transparent_hugepage/enabled");
     let chosen = choices
@@ -92,7 +92,7 @@ pub fn huge_pages(host: &Host) -> Check {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Verdict::{self, Green, Red, Yellow};
+    use super::super::CheckOutcome::{self, Green, Red, Yellow};
     use super::super::host::{Space, fake};
     use super::*;
 
@@ -121,7 +121,7 @@ mod tests {
         assert_eq!(shared(&host, &needs).verdict, Red);
     }
 
-    fn locked_verdict(limit: &str, capabilities: &str, needs: &Needs) -> Verdict {
+    fn locked_verdict(limit: &str, capabilities: &str, needs: &Needs) -> CheckOutcome {
         let limits = format!("Max locked memory         65536              {limit}      bytes\n");
         let status = format!("CapEff:\t{capabilities}\n");
         let (_folder, host) = fake(

@@ -3,7 +3,7 @@
 use runtime::deployment::Setting;
 
 use super::check::Check;
-use super::host::{Host, shown_cores};
+use super::host::{HostFacts, shown_cores};
 use super::needs::Needs;
 
 /// Clock sources that are read without the kernel's help.
@@ -19,7 +19,7 @@ const QUICK_CLOCKS: [&str; 5] = [
 const COARSE_CLOCKS: [&str; 2] = ["jiffies", "refined-jiffies"];
 
 /// The cores that a run may use: the allowed ones, and isolated ones, which nobody is given without asking.
-fn usable_cores(host: &Host) -> Vec<u32> {
+fn usable_cores(host: &HostFacts) -> Vec<u32> {
     let mut cores = host.allowed_cores();
     cores.extend(host.cores("isolated"));
     cores.sort_unstable();
@@ -29,7 +29,7 @@ fn usable_cores(host: &Host) -> Vec<u32> {
 
 /// Whether there are cores enough, and those that the scenario states.
 #[must_use]
-pub fn cores(host: &Host, needs: &Needs) -> Check {
+pub fn cores(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "cores";
     let usable = usable_cores(host);
     let missing: Vec<u32> = needs
@@ -56,7 +56,7 @@ pub fn cores(host: &Host, needs: &Needs) -> Check {
 
 /// Whether the stated cores are kept free of other work.
 #[must_use]
-pub fn isolation(host: &Host, needs: &Needs) -> Check {
+pub fn isolation(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "isolation of cores";
     let isolated = host.cores("isolated");
     let tickless = host.cores("nohz_full");
@@ -87,7 +87,7 @@ pub fn isolation(host: &Host, needs: &Needs) -> Check {
 
 /// Whether the cores run at full speed at once.
 #[must_use]
-pub fn governor(host: &Host) -> Check {
+pub fn governor(host: &HostFacts) -> Check {
     const NAME: &str = "frequency governor";
     let governor_of = |core: &u32| {
         let file = format!("sys/devices/system/cpu/cpu{core}/cpufreq/scaling_governor");
@@ -108,7 +108,7 @@ pub fn governor(host: &Host) -> Check {
 
 /// Whether the clock is quick to read.
 #[must_use]
-pub fn clock_source(host: &Host) -> Check {
+pub fn clock_source(host: &HostFacts) -> Check {
     const NAME: &str = "clock source";
     const FOLDER: &str = "sys/devices/system/clocksource/clocksource0";
     let Some(current) = host.text(&format!("{FOLDER}/current_clocksource")) else {
@@ -146,13 +146,18 @@ pub fn clock_source(host: &Host) -> Check {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Verdict::{self, Green, Red, Yellow};
+    use super::super::CheckOutcome::{self, Green, Red, Yellow};
     use super::super::host::fake;
     use super::*;
 
     const CPU: &str = "sys/devices/system/cpu";
 
-    fn judged(check: impl Fn(&Host, &Needs) -> Check, allowed: &str, isolated: &str, needs: &Needs) -> Check {
+    fn judged(
+        check: impl Fn(&HostFacts, &Needs) -> Check,
+        allowed: &str,
+        isolated: &str,
+        needs: &Needs,
+    ) -> Check {
         let status = format!("Cpus_allowed_list:\t{allowed}\n");
         let file = format!("{CPU}/isolated");
         let (_folder, host) = fake(&[("proc/self/status", &status), (&file, isolated)], None);
@@ -181,7 +186,7 @@ mod tests {
             ("0", "", &[], [Yellow, Yellow]),
             ("", "", &[], [Yellow, Yellow]),
         ] {
-            let found: [Verdict; 2] = [false, true]
+            let found: [CheckOutcome; 2] = [false, true]
                 .map(|is_strict| judged(cores, allowed, isolated, &on(stated, is_strict)).verdict);
             assert_eq!(found, verdicts, "{allowed} {isolated} {stated:?}");
         }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use super::check::{Check, Verdict};
+use super::check::{Check, CheckOutcome};
 use super::wake_up::{Lateness, microseconds};
 
 /// Width of the text, characters: that of the smallest terminal.
@@ -15,22 +15,22 @@ const FIGURE_COLUMN: usize = 30;
 
 /// Everything that was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Report {
+pub struct MachineReport {
     /// The worst verdict.
-    pub verdict: Verdict,
+    pub verdict: CheckOutcome,
     /// The checks.
     pub checks: Vec<Check>,
     /// How late wake-ups were.
     pub wake_ups: Lateness,
 }
 
-impl Report {
+impl MachineReport {
     /// Of these checks.
     #[must_use]
     pub fn new(checks: Vec<Check>, wake_ups: Lateness) -> Self {
         let worst = checks.iter().map(|check| check.verdict).max();
         Self {
-            verdict: worst.unwrap_or(Verdict::Green),
+            verdict: worst.unwrap_or(CheckOutcome::Green),
             checks,
             wake_ups,
         }
@@ -54,9 +54,9 @@ impl Report {
 
     fn conclusion(&self) -> &'static str {
         match self.verdict {
-            Verdict::Green => "This machine is fit for the flight.",
-            Verdict::Yellow => "This machine flies; what is yellow makes it worse than it could be.",
-            Verdict::Red => "This machine is not fit for the flight: fix what is red first.",
+            CheckOutcome::Green => "This machine is fit for the flight.",
+            CheckOutcome::Yellow => "This machine flies; what is yellow makes it worse than it could be.",
+            CheckOutcome::Red => "This machine is not fit for the flight: fix what is red first.",
         }
     }
 }
@@ -76,12 +76,12 @@ fn table(wake_ups: &Lateness) -> String {
 }
 
 /// The word of a verdict, seven characters wide, in its colour.
-fn coloured(verdict: Verdict, is_coloured: bool) -> String {
+fn coloured(verdict: CheckOutcome, is_coloured: bool) -> String {
     let word = format!("{:<7}", verdict.name());
     let colour = match verdict {
-        Verdict::Green => 32,
-        Verdict::Yellow => 33,
-        Verdict::Red => 31,
+        CheckOutcome::Green => 32,
+        CheckOutcome::Yellow => 33,
+        CheckOutcome::Red => 31,
     };
     if is_coloured {
         format!("\u{1b}[{colour}m{word}\u{1b}[0m")
@@ -114,7 +114,7 @@ fn wrapped(text: &str, column: usize) -> String {
 mod tests {
     use super::*;
 
-    fn report(verdict: Verdict) -> Report {
+    fn report(verdict: CheckOutcome) -> MachineReport {
         let long = "a figure that is rather longer than what a line of a terminal of eighty characters holds";
         let checks = vec![
             Check::green("cores", "this process may use 0, 1"),
@@ -134,19 +134,19 @@ mod tests {
             p99_9: 0.012_345,
             max: 0.123_456,
         };
-        Report::new(checks, wake_ups)
+        MachineReport::new(checks, wake_ups)
     }
 
     #[test]
     fn the_worst_check_is_the_verdict() {
-        for verdict in [Verdict::Green, Verdict::Yellow, Verdict::Red] {
+        for verdict in [CheckOutcome::Green, CheckOutcome::Yellow, CheckOutcome::Red] {
             assert_eq!(report(verdict).verdict, verdict);
         }
     }
 
     #[test]
     fn the_words_are_there_without_colours_and_every_line_fits() {
-        let text = report(Verdict::Red).text(false);
+        let text = report(CheckOutcome::Red).text(false);
         assert!(!text.contains('\u{1b}'), "{text}");
         for piece in [
             "green   cores",
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn colours_change_nothing_but_colours() {
-        let report = report(Verdict::Yellow);
+        let report = report(CheckOutcome::Yellow);
         let mut coloured = report.text(true);
         for code in ["\u{1b}[32m", "\u{1b}[33m", "\u{1b}[0m"] {
             assert!(coloured.contains(code));
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn programs_get_the_same() {
-        let json = serde_json::to_value(report(Verdict::Red)).unwrap();
+        let json = serde_json::to_value(report(CheckOutcome::Red)).unwrap();
         assert_eq!(json["verdict"], "red");
         assert_eq!(json["checks"][0]["verdict"], "green");
         assert_eq!(json["checks"][0].get("fix"), None);

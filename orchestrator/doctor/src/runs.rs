@@ -64,7 +64,7 @@ fn names(places: &[PathBuf]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Verdict::{Green, Red, Yellow};
+    use super::super::CheckOutcome::{Green, Red, Yellow};
     use super::*;
 
     #[test]

@@ -3,7 +3,7 @@
 use runtime::deployment::{FIFO_PRIORITY, Setting};
 
 use super::check::Check;
-use super::host::{CAP_SYS_NICE, Host};
+use super::host::{CAP_SYS_NICE, HostFacts};
 use super::needs::Needs;
 
 /// Share of a core below which real-time work is held back while it does no wrong.
@@ -11,7 +11,7 @@ const LEAST_SHARE: f64 = 0.5;
 
 /// Whether a real-time priority may be had.
 #[must_use]
-pub fn priority(host: &Host, needs: &Needs) -> Check {
+pub fn priority(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "real-time priority";
     let fix = Setting::Priority.fix();
     let limit = host.limit("Max realtime priority");
@@ -41,7 +41,7 @@ pub fn priority(host: &Host, needs: &Needs) -> Check {
 
 /// How much of a core real-time work may take before it is held back.
 #[must_use]
-pub fn throttling(host: &Host, needs: &Needs) -> Check {
+pub fn throttling(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "real-time throttling";
     let fix = "sysctl -w kernel.sched_rt_runtime_us=950000";
     let number = |name: &str| -> Option<i64> { host.text(&format!("proc/sys/kernel/{name}"))?.parse().ok() };
@@ -69,7 +69,7 @@ pub fn throttling(host: &Host, needs: &Needs) -> Check {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Verdict::{self, Green, Red, Yellow};
+    use super::super::CheckOutcome::{self, Green, Red, Yellow};
     use super::super::host::fake;
     use super::*;
 
@@ -90,7 +90,7 @@ mod tests {
         [unstated, indifferent, asking, insisting]
     }
 
-    fn priority_verdict(limit: &str, capabilities: &str, needs: &Needs) -> Verdict {
+    fn priority_verdict(limit: &str, capabilities: &str, needs: &Needs) -> CheckOutcome {
         let limits = format!("Max realtime priority     0                    {limit}\n");
         let status = format!("CapEff:\t{capabilities}\n");
         let (_folder, host) = fake(

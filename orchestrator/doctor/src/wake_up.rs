@@ -132,7 +132,7 @@ pub fn microseconds(time: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Verdict::{Green, Red, Yellow};
+    use super::super::CheckOutcome::{Green, Red, Yellow};
     use super::*;
 
     #[test]

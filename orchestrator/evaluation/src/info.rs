@@ -13,7 +13,7 @@ use shared_types::{Header, Topic};
 use metrics::loss::Loss;
 use metrics::stretch::Metrics;
 use metrics::summary::{FlightSummary, RunFacts, Summary};
-use metrics::tracker::Source;
+use metrics::tracker::StateSource;
 use run_log::run_folder::summary_text_beside;
 use run_log::{FORMAT_VERSION, LogReadError, LogReader, Recovery, host_log_beside, inspect, is_whole};
 
@@ -64,7 +64,7 @@ pub struct Judged {
     /// How it was lost, if it was.
     pub lost: Option<Loss>,
     /// Who told where it was.
-    pub source: Source,
+    pub source: StateSource,
     /// How far it was from its path; none if it never flew along it.
     pub metrics: Option<Metrics>,
 }

@@ -13,7 +13,7 @@ use kuva::prelude::{Layout, LinePlot, Plot, TickFormat};
 use curve::Curve;
 pub use curve::Span;
 pub(crate) use curve::label;
-use metrics::tracker::Source;
+use metrics::tracker::StateSource;
 use run_log::LogReadError;
 use scenario::Unflyable;
 
@@ -91,7 +91,7 @@ fn draw(curves: &[Curve], span: Span) -> String {
         .with_width(WIDTH)
         .with_height(HEIGHT)
         .with_x_label("time, s")
-        .with_y_label(if curves.iter().all(|curve| curve.source == Source::Truth) {
+        .with_y_label(if curves.iter().all(|curve| curve.source == StateSource::Truth) {
             "distance from the path, m"
         } else {
             "distance from the path, as estimated, m"

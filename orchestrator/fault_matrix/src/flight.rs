@@ -8,7 +8,7 @@ use scenario::Scenario;
 use shared_types::digest::ExperimentDigest;
 use shared_types::{Schedule, Topic};
 
-use super::plan::Cell;
+use super::plan::MatrixCell;
 use super::undisturbed::{NotFlown, Undisturbed};
 use command_line::interrupt::Interrupt;
 use metrics::loss::{Loss, LossWatch};
@@ -21,7 +21,7 @@ use supervisor::{FlightFailure, Outcome, in_process, lock_step};
 
 /// What a flight came to.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Flown {
+pub struct FlightResult {
     /// What the fault did; nothing if it was not reached.
     pub report: Option<FaultReport>,
     /// How the vehicle was lost, if it was.
@@ -58,16 +58,16 @@ pub enum Way {
 /// # Errors
 /// [`NotFlown`]. What a fault does to the vehicle is no error, but an interrupt is one.
 pub fn fly(
-    cell: &Cell,
+    cell: &MatrixCell,
     way: Way,
     undisturbed: &Undisturbed,
     interrupt: &Interrupt,
-) -> Result<Flown, NotFlown> {
+) -> Result<FlightResult, NotFlown> {
     let scenario = &cell.scenario;
     let schedule = supervisor::schedule_of(scenario).map_err(FlightFailure::from)?;
     let with_digest = matches!(way, Way::Processes | Way::InProcess { with_digest: true });
     let tracker = Tracker::new(&schedule, scenario.flight.is_some());
-    let mut onlooker = Observer {
+    let mut observer = Observer {
         loss: LossWatch::new(scenario, tracker.source()),
         tracker,
         watch: FaultWatch::new(vec![cell.watched.clone()], &[], &schedule),
@@ -75,8 +75,8 @@ pub fn fly(
         digest: with_digest.then(ExperimentDigest::default),
     };
     let outcome = match way {
-        Way::InProcess { .. } => in_this_process(scenario, &mut onlooker, interrupt),
-        Way::Processes => as_processes(scenario, &mut onlooker, interrupt),
+        Way::InProcess { .. } => in_this_process(scenario, &mut observer, interrupt),
+        Way::Processes => as_processes(scenario, &mut observer, interrupt),
     };
     let ended = match outcome? {
         Some(Outcome::Completed) => None,
@@ -85,17 +85,17 @@ pub fn fly(
         Some(Outcome::Failed(failure)) => return Err(failure.into()),
         Some(Outcome::Interrupted { signal }) => return Err(NotFlown::Interrupted(signal)),
     };
-    Ok(onlooker.finish(&schedule, ended))
+    Ok(observer.finish(&schedule, ended))
 }
 
 /// How the flight ended; nothing if a service panicked, which is how it would die as a process.
 fn in_this_process(
     scenario: &Scenario,
-    onlooker: &mut Observer,
+    observer: &mut Observer,
     interrupt: &Interrupt,
 ) -> Result<Option<Outcome>, FlightFailure> {
-    // What it leaves half done is its own; the onlooker has had whole ticks.
-    let flight = AssertUnwindSafe(|| in_process::fly(scenario, onlooker, interrupt));
+    // What it leaves half done is its own; the observer has had whole ticks.
+    let flight = AssertUnwindSafe(|| in_process::fly(scenario, observer, interrupt));
     match catch_unwind(flight) {
         Ok(ending) => Ok(Some(ending?.outcome)),
         Err(_) => Ok(None),
@@ -104,11 +104,11 @@ fn in_this_process(
 
 fn as_processes(
     scenario: &Scenario,
-    onlooker: &mut Observer,
+    observer: &mut Observer,
     interrupt: &Interrupt,
 ) -> Result<Option<Outcome>, FlightFailure> {
     let deployment = Deployment::default();
-    let ending = lock_step::fly(scenario, &deployment, onlooker, interrupt, &mut Unrecorded)?;
+    let ending = lock_step::fly(scenario, &deployment, observer, interrupt, &mut Unrecorded)?;
     Ok(Some(ending.outcome))
 }
 
@@ -128,11 +128,11 @@ impl Observer {
         self.watch.observe_moment(moment, undisturbed);
     }
 
-    fn finish(mut self, schedule: &Schedule, ended: Option<Ended>) -> Flown {
+    fn finish(mut self, schedule: &Schedule, ended: Option<Ended>) -> FlightResult {
         if let Some(moment) = self.tracker.last() {
             self.observe(&moment);
         }
-        Flown {
+        FlightResult {
             report: self.watch.finish(schedule).pop(),
             loss: self.loss.loss().cloned(),
             ended,

@@ -1,22 +1,22 @@
 //! The fault matrix: every service and every edge of the wiring, every kind of fault, at several moments.
 //!
-//! * [`trouble`]: the kinds of faults and what is wrong with which topic;
-//! * [`moments`]: when they begin, unless told;
+//! * [`fault_kind`]: the kinds of faults and what is wrong with which topic;
+//! * [`injection_times`]: when they begin, unless told;
 //! * [`plan`]: the flights: a scenario for every cell;
 //! * [`flight`]: flying them, each a function of its scenario alone;
 //! * [`undisturbed`]: the flight without a fault, by which the others are judged;
-//! * [`verdict`]: judging them;
+//! * [`survival`]: judging them;
 //! * [`report`], [`table`]: showing it.
 
+pub mod fault_kind;
 pub mod flight;
-pub mod moments;
+pub mod injection_times;
 pub mod plan;
 pub mod report;
+pub mod survival;
 pub mod table;
-pub mod trouble;
 pub mod truth;
 pub mod undisturbed;
-pub mod verdict;
 
 /// How long a fault lasts unless told, s: after so long the last frame is still good enough, and a little later it is
 /// not.

@@ -4,8 +4,8 @@ use scenario::{EdgeName, Problem, Scenario, Target};
 use serde::Serialize;
 use shared_types::ServiceId;
 
-use super::moments;
-use super::trouble::Trouble;
+use super::fault_kind::MatrixFault;
+use super::injection_times;
 use metrics::summary::faults::PlannedFault;
 
 /// The services that can fail: all but the plant, which is the vehicle itself.
@@ -16,11 +16,11 @@ pub fn services() -> impl Iterator<Item = ServiceId> {
 
 /// What befalls whom.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Case {
+pub struct MatrixCase {
     /// Whom.
     pub target: Target,
     /// What.
-    pub trouble: Trouble,
+    pub trouble: MatrixFault,
 }
 
 /// When faults begin, how long they last, and how long is flown after them, s.
@@ -36,9 +36,9 @@ pub struct Times {
 
 /// One flight of the matrix.
 #[derive(Clone, Debug)]
-pub struct Cell {
+pub struct MatrixCell {
     /// What befalls whom; nothing in an undisturbed flight.
-    pub case: Option<Case>,
+    pub case: Option<MatrixCase>,
     /// When it begins, or would, s.
     pub moment: f64,
     /// What is flown: the scenario to its end, or until some time after the fault.
@@ -49,15 +49,15 @@ pub struct Cell {
 
 /// All cases of these services and edges and kinds, the services first.
 #[must_use]
-pub fn cases(services: &[ServiceId], edges: &[EdgeName], troubles: &[Trouble]) -> Vec<Case> {
+pub fn cases(services: &[ServiceId], edges: &[EdgeName], faults: &[MatrixFault]) -> Vec<MatrixCase> {
     let services = services.iter().copied().map(Target::Service);
     let edges = edges.iter().copied().map(Target::Edge);
     let targets: Vec<Target> = services.chain(edges).collect();
     targets
         .into_iter()
         .flat_map(|target| {
-            let fitting = troubles.iter().filter(move |trouble| trouble.befalls(target));
-            fitting.map(move |&trouble| Case { target, trouble })
+            let fitting = faults.iter().filter(move |trouble| trouble.befalls(target));
+            fitting.map(move |&trouble| MatrixCase { target, trouble })
         })
         .collect()
 }
@@ -66,25 +66,30 @@ pub fn cases(services: &[ServiceId], edges: &[EdgeName], troubles: &[Trouble]) -
 ///
 /// # Errors
 /// What of it cannot be flown, in the scenario's terms.
-pub fn cells(scenario: &Scenario, cases: &[Case], times: &Times) -> Result<Vec<Cell>, Problem> {
+pub fn cells(scenario: &Scenario, cases: &[MatrixCase], times: &Times) -> Result<Vec<MatrixCell>, Problem> {
     let rows = std::iter::once(None).chain(cases.iter().copied().map(Some));
     rows.flat_map(|case| times.moments.iter().map(move |&moment| (case, moment)))
         .map(|(case, moment)| cell(scenario, case, moment, times))
         .collect()
 }
 
-fn cell(plain: &Scenario, case: Option<Case>, moment: f64, times: &Times) -> Result<Cell, Problem> {
+fn cell(
+    plain: &Scenario,
+    case: Option<MatrixCase>,
+    moment: f64,
+    times: &Times,
+) -> Result<MatrixCell, Problem> {
     let mut scenario = plain.clone();
-    if let Some(Case { target, trouble }) = case {
+    if let Some(MatrixCase { target, trouble }) = case {
         scenario.fault = vec![trouble.fault(target, plain, moment, times.lasts)];
         // Before the flight is cut: what is planned for later than its new end shall not be a problem.
         if let Some(problem) = scenario.problems().into_iter().next() {
             return Err(problem);
         }
     }
-    let end = moments::on_tick(plain, moment + times.lasts + times.after);
+    let end = injection_times::on_tick(plain, moment + times.lasts + times.after);
     scenario.duration = scenario.duration.min(end);
-    Ok(Cell {
+    Ok(MatrixCell {
         case,
         moment,
         watched: PlannedFault {
@@ -93,7 +98,7 @@ fn cell(plain: &Scenario, case: Option<Case>, moment: f64, times: &Times) -> Res
                 .first()
                 .map_or_else(|| "nothing".to_owned(), ToString::to_string),
             from: scenario.tick_of(moment),
-            until: Some(scenario.tick_of(moments::on_tick(plain, moment + times.lasts))),
+            until: Some(scenario.tick_of(injection_times::on_tick(plain, moment + times.lasts))),
         },
         scenario,
     })
@@ -116,7 +121,7 @@ mod tests {
     fn the_whole_matrix_has_every_service_but_the_plant_and_every_edge_in_all_ways() {
         let services: Vec<_> = services().collect();
         let edges: Vec<_> = EdgeName::all().collect();
-        let cases = cases(&services, &edges, &Trouble::ALL);
+        let cases = cases(&services, &edges, &MatrixFault::ALL);
         assert_eq!(cases.len(), 3 * (ServiceId::ALL.len() - 1) + 6 * edges.len());
         assert!(
             cases
@@ -146,9 +151,9 @@ mod tests {
             moments: vec![20.5],
             ..times()
         };
-        let case = Case {
+        let case = MatrixCase {
             target: Target::Service(ServiceId::Controller),
-            trouble: Trouble::Freeze,
+            trouble: MatrixFault::Freeze,
         };
         let problem = cells(&scenario(0.001, 20.0), &[case], &late).unwrap_err();
         assert_eq!(problem.key.to_string(), "fault.0.at");

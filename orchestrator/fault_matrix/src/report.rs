@@ -4,16 +4,16 @@
 
 use serde::Serialize;
 
-use super::flight::Flown;
-use super::plan::{Cell, Times};
-use super::verdict::{Loss, Verdict, judge};
+use super::flight::FlightResult;
+use super::plan::{MatrixCell, Times};
+use super::survival::{MatrixLoss, Survival, judge};
 use super::{BESIDE, DELAY, FRACTION, RANGE, SURVIVES};
 use metrics::SETTLED;
 use metrics::summary::faults::FaultReport;
 
 /// The whole of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Report {
+pub struct MatrixReport {
     /// Name of the scenario.
     pub scenario: String,
     /// Its seed.
@@ -82,7 +82,7 @@ pub struct Row {
     /// The kind of fault; none in the undisturbed flight.
     pub fault: Option<&'static str>,
     /// The worst of its verdicts.
-    pub worst: Verdict,
+    pub worst: Survival,
     /// One for every moment.
     pub cells: Vec<CellReport>,
 }
@@ -93,20 +93,26 @@ pub struct CellReport {
     /// When the fault began, s.
     pub moment: f64,
     /// What became of the vehicle.
-    pub verdict: Verdict,
+    pub verdict: Survival,
     /// Why it is lost, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub why: Option<Loss>,
+    pub why: Option<MatrixLoss>,
     /// What the fault did; none if the flight ended before it began.
     pub report: Option<FaultReport>,
 }
 
 /// Makes the report of cells and what they came to, in their order.
 #[must_use]
-pub fn report(scenario: &str, seed: u64, times: Times, cells: &[Cell], flown: &[Flown]) -> Report {
+pub fn report(
+    scenario: &str,
+    seed: u64,
+    times: Times,
+    cells: &[MatrixCell],
+    flown: &[FlightResult],
+) -> MatrixReport {
     let judged: Vec<_> = cells.iter().zip(flown).collect();
     let rows: Vec<Row> = judged.chunks(times.moments.len().max(1)).map(row).collect();
-    Report {
+    MatrixReport {
         scenario: scenario.to_owned(),
         seed,
         times,
@@ -118,7 +124,7 @@ pub fn report(scenario: &str, seed: u64, times: Times, cells: &[Cell], flown: &[
     }
 }
 
-fn row(cells: &[(&Cell, &Flown)]) -> Row {
+fn row(cells: &[(&MatrixCell, &FlightResult)]) -> Row {
     let case = cells.first().and_then(|(cell, _)| cell.case);
     let reports: Vec<CellReport> = cells
         .iter()
@@ -136,7 +142,7 @@ fn row(cells: &[(&Cell, &Flown)]) -> Row {
     Row {
         target: case.map(|case| case.target.to_string()),
         fault: case.map(|case| case.trouble.name()),
-        worst: worst.unwrap_or(Verdict::Survived),
+        worst: worst.unwrap_or(Survival::Survived),
         cells: reports,
     }
 }
@@ -146,9 +152,9 @@ fn count(rows: &[Row]) -> Counts {
     let disturbed = rows.iter().filter(|row| row.fault.is_some());
     for cell in disturbed.flat_map(|row| &row.cells) {
         *match cell.verdict {
-            Verdict::Survived => &mut counts.survived,
-            Verdict::Degraded => &mut counts.degraded,
-            Verdict::Lost => &mut counts.lost,
+            Survival::Survived => &mut counts.survived,
+            Survival::Degraded => &mut counts.degraded,
+            Survival::Lost => &mut counts.lost,
         } += 1;
         let detection = cell.report.as_ref().and_then(|report| report.detection);
         counts.noticed += usize::from(detection.is_some());

@@ -2,19 +2,19 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use super::report::{CellReport, Report, Row};
+use super::report::{CellReport, MatrixReport, Row};
 use super::{BESIDE, SURVIVES};
-use evaluation::reproduce::table::Sheet;
+use evaluation::reproduce::table::TextTable;
 use metrics::SETTLED;
 use metrics::summary::faults::{BEFORE, Detection};
 
 /// The table: a line for every target and kind.
 #[must_use]
-pub fn sheet(report: &Report) -> Sheet {
+pub fn sheet(report: &MatrixReport) -> TextTable {
     let mut header = vec!["what fails".to_owned(), "how".to_owned()];
     header.extend(report.times.moments.iter().map(|moment| format!("at {moment} s")));
     header.extend(["peak ‖p − pd‖, m", "back after, s", "noticed after, s"].map(str::to_owned));
-    Sheet {
+    TextTable {
         header,
         lines: report.rows.iter().map(line).collect(),
     }
@@ -33,7 +33,7 @@ pub fn key() -> String {
 
 /// How many faults came to what.
 #[must_use]
-pub fn counts(report: &Report) -> String {
+pub fn counts(report: &MatrixReport) -> String {
     let counts = report.counts;
     let all = counts.survived + counts.degraded + counts.lost;
     format!(
@@ -44,7 +44,7 @@ pub fn counts(report: &Report) -> String {
 
 /// What was flown, in a line.
 #[must_use]
-pub fn title(report: &Report) -> String {
+pub fn title(report: &MatrixReport) -> String {
     let moments: Vec<_> = report.times.moments.iter().map(f64::to_string).collect();
     format!(
         "{}, seed {}: faults of {} s at {} s",
@@ -57,7 +57,7 @@ pub fn title(report: &Report) -> String {
 
 /// The whole report as a Markdown document.
 #[must_use]
-pub fn markdown(report: &Report) -> String {
+pub fn markdown(report: &MatrixReport) -> String {
     let mut text = format!(
         "# {}\n\n{}\n{}\n\n{}\n",
         title(report),
@@ -71,7 +71,7 @@ pub fn markdown(report: &Report) -> String {
     text
 }
 
-impl Display for Report {
+impl Display for MatrixReport {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             formatter,
@@ -89,7 +89,7 @@ impl Display for Report {
 }
 
 /// What else is to be said: of numbers that are not finite, and of the comparison with processes.
-fn remarks(report: &Report) -> Vec<String> {
+fn remarks(report: &MatrixReport) -> Vec<String> {
     let mut lines = Vec::new();
     for row in &report.rows {
         for cell in &row.cells {

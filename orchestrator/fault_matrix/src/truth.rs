@@ -71,7 +71,7 @@ pub struct Truth {
 type Span = [u64; 2];
 
 /// What a flight has published.
-struct Flown {
+struct FlightResult {
     references: Vec<PathReference>,
     adaptations: Vec<ControlAdaptation>,
     /// When the vehicle flew along the path, by the flight's clock, ns.
@@ -100,7 +100,7 @@ impl Shift {
 /// # Errors
 /// [`TruthError`].
 pub fn compare(flight: &Path, world: Option<&Path>, last: f64) -> Result<Truth, TruthError> {
-    let flown = Flown::read(flight)?;
+    let flown = FlightResult::read(flight)?;
     let shift = match world {
         None => Shift(0),
         Some(world) => Shift(start_of(flight)?.wrapping_sub(start_of(world)?).cast_signed()),
@@ -121,7 +121,7 @@ pub fn compare(flight: &Path, world: Option<&Path>, last: f64) -> Result<Truth, 
     })
 }
 
-impl Flown {
+impl FlightResult {
     fn read(flight: &Path) -> Result<Self, TruthError> {
         let mut reader = LogReader::open(flight)?;
         let (mut references, mut adaptations) = (Vec::new(), Vec::new());
@@ -240,10 +240,10 @@ fn add_each(statistics: &mut [Statistics; 3], values: &[f64; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use evaluation::reproduce::flight::Source;
+    use evaluation::reproduce::flight::ScenarioSource;
 
     fn spans(on_path: [f64; 2], last: f64) -> Vec<(&'static str, [f64; 2])> {
-        let scenario = Source::FIG7.load(&[], 1).unwrap();
+        let scenario = ScenarioSource::FIG7.load(&[], 1).unwrap();
         parts(&scenario, on_path.map(nanoseconds), last)
             .into_iter()
             .map(|(name, span, _)| (name, span.map(seconds)))

@@ -28,8 +28,8 @@ use shared_types::samples::{RcFrame, VehicleTruth};
 use vehicle_model::lag::{Lag, between};
 use zerocopy::FromZeros;
 
-use super::line::{Line, LineError};
-use super::silence::Silence;
+use super::link_loss_timer::LinkLossTimer;
+use super::receiver_input::{ReceiverInput, ReceiverInputError};
 
 pub use vehicle_model::rotors::Rotors;
 
@@ -44,7 +44,7 @@ const PRESSURE: f64 = 101_325.0;
 /// What Betaflight's motors do.
 #[derive(Debug)]
 pub struct Betaflight {
-    line: Line,
+    line: ReceiverInput,
     sensors: UdpSocket,
     rotors: Rotors,
     /// T_max/4, N.
@@ -54,7 +54,7 @@ pub struct Betaflight {
     /// What it asks of its motors, and what they do, 0 to 1.
     asked: [f64; 4],
     motors: [f64; 4],
-    silence: Silence,
+    silence: LinkLossTimer,
     packets: u64,
 }
 
@@ -62,14 +62,15 @@ impl Betaflight {
     /// Takes the place of the simulator that it expects, for the vehicle of a scenario.
     ///
     /// # Errors
-    /// [`LineError`] if somebody else has that place.
-    pub fn open(scenario: &Scenario, rotors: Rotors) -> Result<Self, LineError> {
+    /// [`ReceiverInputError`] if somebody else has that place.
+    pub fn open(scenario: &Scenario, rotors: Rotors) -> Result<Self, ReceiverInputError> {
         let actuators = scenario.vehicle.actuators.clone().unwrap_or_default();
-        let line = Line::open(&Target::Udp(MOTORS_AT.into()))?;
-        let sensors = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|source| LineError::Socket {
-            at: SENSORS_AT.into(),
-            source,
-        })?;
+        let line = ReceiverInput::open(&Target::Udp(MOTORS_AT.into()))?;
+        let sensors =
+            UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|source| ReceiverInputError::Socket {
+                at: SENSORS_AT.into(),
+                source,
+            })?;
         Ok(Self {
             line,
             sensors,
@@ -78,7 +79,7 @@ impl Betaflight {
             share: Lag::new(actuators.thrust_lag).gone(scenario.schedule.tick),
             asked: [0.0; 4],
             motors: [0.0; 4],
-            silence: Silence::default(),
+            silence: LinkLossTimer::default(),
             packets: 0,
         })
     }

@@ -1,4 +1,4 @@
-//! Cameras that see the vehicle and send its poses over the network, as one of three systems.
+//! CameraSender that see the vehicle and send its poses over the network, as one of three systems.
 //!
 //! A pose is sent a stated time after its exposure. Its stamp is what the system stamps: Motive the exposure, a VRPN server
 //! the making of the message, Vicon's stream nothing.
@@ -44,9 +44,9 @@ pub enum CamerasError {
     },
 }
 
-/// Cameras and the system that they belong to.
+/// CameraSender and the system that they belong to.
 #[derive(Debug)]
-pub struct Cameras {
+pub struct CameraSender {
     system: CaptureSystem,
     server: Server,
     calibration: Calibration,
@@ -67,7 +67,7 @@ struct Capture {
     pose: Option<CapturePose>,
 }
 
-impl Cameras {
+impl CameraSender {
     /// The system that a scenario states, served where the flight looks for it: every `period` ticks it captures, and sends
     /// `latency_ns` later.
     ///

@@ -9,22 +9,22 @@
 //! Nothing of it is shared with the flight but the scenario. It simulates the same plant, by the system's clock: tick k begins
 //! k·h after the first, and what has not arrived by then does not act in it.
 //!
-//! * [`mod@line`]: where frames arrive;
+//! * [`mod@receiver_input`]: where frames arrive;
 //! * [`radio`]: what the newest of them that has reached the motors asks for;
-//! * [`onboard`]: what flies by it: the scenario's own rate loop, or [`betaflight`], a flight controller's real firmware;
+//! * [`autopilot`]: what flies by it: the scenario's own rate loop, or [`betaflight`], a flight controller's real firmware;
 //! * [`cameras`]: poses, sent when a real system would have them ready;
 //! * [`record`]: what truly happened, on the disk.
 //!
 //! Failure policy: what cannot be had at the start is an error that names the fix. Later nothing is: who is not there is not
-//! heard, and a vehicle that has not heard who flies it for [`silence::LOST_AFTER_NS`] lets its motors rest.
+//! heard, and a vehicle that has not heard who flies it for [`link_loss_timer::LOST_AFTER_NS`] lets its motors rest.
 
+pub mod autopilot;
 pub mod betaflight;
 pub mod cameras;
-pub mod line;
-pub mod onboard;
+pub mod link_loss_timer;
 pub mod radio;
+pub mod receiver_input;
 pub mod record;
-pub mod silence;
 mod vehicle;
 
 use hdrhistogram::Histogram;
@@ -32,10 +32,10 @@ use runtime::flight_clock::{FlightClock, monotonic_ns};
 use scenario::Scenario;
 use shared_types::service::{BuildError, seconds};
 
-use self::cameras::Cameras;
-use self::onboard::{Heard, Onboard};
-use self::record::{Moment, Record};
-use self::vehicle::Vehicle;
+use self::autopilot::{Autopilot, AutopilotCommands};
+use self::cameras::CameraSender;
+use self::record::{Record, RecordedTick};
+use self::vehicle::SimulatedVehicle;
 use command_line::interrupt::Interrupt;
 use run_log::LogError;
 
@@ -76,7 +76,7 @@ impl Timing {
 
 /// What a world came to.
 #[derive(Clone, Debug)]
-pub struct Report {
+pub struct HilReport {
     /// Ticks that were simulated.
     pub ticks: u64,
     /// How much later than due they were, ns.
@@ -84,21 +84,21 @@ pub struct Report {
     /// Poses that were sent.
     pub poses: u64,
     /// What was heard on board.
-    pub heard: Heard,
+    pub heard: AutopilotCommands,
     /// The signal that ended it, if one did.
     pub signal: Option<i32>,
 }
 
 /// A laboratory that is none.
-pub struct World {
+pub struct HilSimulator {
     clock: FlightClock,
-    vehicle: Vehicle,
-    onboard: Onboard,
-    cameras: Cameras,
+    vehicle: SimulatedVehicle,
+    onboard: Autopilot,
+    cameras: CameraSender,
     record: Record,
 }
 
-impl World {
+impl HilSimulator {
     /// The vehicle of a scenario, by a clock, with what connects it to a flight.
     ///
     /// # Errors
@@ -106,13 +106,13 @@ impl World {
     pub fn new(
         scenario: &Scenario,
         clock: FlightClock,
-        onboard: Onboard,
-        cameras: Cameras,
+        onboard: Autopilot,
+        cameras: CameraSender,
         record: Record,
     ) -> Result<Self, BuildError> {
         Ok(Self {
             clock,
-            vehicle: Vehicle::new(scenario)?,
+            vehicle: SimulatedVehicle::new(scenario)?,
             onboard,
             cameras,
             record,
@@ -126,7 +126,7 @@ impl World {
     ///
     /// # Panics
     /// Never: the histogram is made for all latenesses that are counted.
-    pub fn run(mut self, ticks: u64, interrupt: &Interrupt) -> Result<Report, LogError> {
+    pub fn run(mut self, ticks: u64, interrupt: &Interrupt) -> Result<HilReport, LogError> {
         let mut lateness_ns =
             Histogram::new_with_bounds(1000, LATEST_NS, 3).expect("the bounds of a histogram");
         let mut simulated = 0;
@@ -140,7 +140,7 @@ impl World {
         }
         let heard = self.onboard.heard();
         self.record.finish()?;
-        Ok(Report {
+        Ok(HilReport {
             ticks: simulated,
             lateness_ns,
             poses: self.cameras.sent(),
@@ -170,6 +170,6 @@ impl World {
             self.cameras
                 .take(pose, self.clock.start_ns + pose.capture_time_ns);
         }
-        self.record.keep(Moment { truth, pose, frame });
+        self.record.keep(RecordedTick { truth, pose, frame });
     }
 }

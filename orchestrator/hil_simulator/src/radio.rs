@@ -1,16 +1,16 @@
 //! From bytes that arrive to the frame that acts on the motors.
 //!
 //! A frame acts a stated time after its last byte has arrived, as the air and the flight controller need it. Who hears
-//! nothing for [`LOST_AFTER_NS`](super::silence::LOST_AFTER_NS) lets the motors rest, as receivers do.
+//! nothing for [`LOST_AFTER_NS`](super::link_loss_timer::LOST_AFTER_NS) lets the motors rest, as receivers do.
 
 use std::collections::VecDeque;
 
-use radio_link::receiver::{Command, Heard, Receiver};
+use radio_link::receiver::{Command, ReceivedCommands, Receiver};
 use scenario::{RcLink, Transmitter};
 use shared_types::samples::RcFrame;
 use zerocopy::FromZeros;
 
-use super::silence::Silence;
+use super::link_loss_timer::LinkLossTimer;
 
 /// A receiver, and its frames on their way to the motors.
 #[derive(Debug)]
@@ -20,7 +20,7 @@ pub struct Radio {
     latency_ns: u64,
     /// Frames and when they begin to act, oldest first.
     coming: VecDeque<(u64, RcFrame)>,
-    silence: Silence,
+    silence: LinkLossTimer,
     /// Frames so far, by which they are told apart.
     count: u64,
 }
@@ -34,7 +34,7 @@ impl Radio {
             receiver: Receiver::new(link, transmitter)?,
             latency_ns,
             coming: VecDeque::new(),
-            silence: Silence::default(),
+            silence: LinkLossTimer::default(),
             count: 0,
         })
     }
@@ -73,7 +73,7 @@ impl Radio {
 
     /// What has arrived since the start.
     #[must_use]
-    pub fn heard(&self) -> Heard {
+    pub fn heard(&self) -> ReceivedCommands {
         self.receiver.heard()
     }
 
@@ -107,7 +107,7 @@ fn frame_of(command: &Command, link: &RcLink, seq: u64) -> RcFrame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::silence::LOST_AFTER_NS;
+    use crate::link_loss_timer::LOST_AFTER_NS;
     use radio_link::encoder::Encoder;
     use radio_link::frame::Frame;
     use radio_link::sticks::Sticks;

@@ -16,7 +16,7 @@ use run_log::{Compression, HostLogWriter, LogError, Manifest, RunLogWriter, flig
 
 /// What there was at a tick: the truth, a pose if cameras looked, a frame if one began to act.
 #[derive(Clone, Debug)]
-pub struct Moment {
+pub struct RecordedTick {
     /// The truth.
     pub truth: VehicleTruth,
     /// What cameras saw.
@@ -28,7 +28,7 @@ pub struct Moment {
 /// Keeps moments. What cannot be written is told when it is finished.
 #[derive(Debug)]
 pub struct Record {
-    moments: Sender<Moment>,
+    moments: Sender<RecordedTick>,
     writer: JoinHandle<Result<(), LogError>>,
 }
 
@@ -43,7 +43,7 @@ impl Record {
         host.finish()?;
         let manifest = Manifest::new(scenario);
         let mut log = RunLogWriter::create(&folder.run_log(), &manifest, Compression::Zstd)?;
-        let (moments, received) = channel::<Moment>();
+        let (moments, received) = channel::<RecordedTick>();
         let writer = std::thread::spawn(move || {
             for moment in received {
                 write(&mut log, &moment)?;
@@ -54,7 +54,7 @@ impl Record {
     }
 
     /// Keeps a moment.
-    pub fn keep(&self, moment: Moment) {
+    pub fn keep(&self, moment: RecordedTick) {
         // A writer that has failed takes nothing any more, and says why at the end.
         let _kept = self.moments.send(moment);
     }
@@ -72,7 +72,7 @@ impl Record {
     }
 }
 
-fn write(log: &mut RunLogWriter, moment: &Moment) -> Result<(), LogError> {
+fn write(log: &mut RunLogWriter, moment: &RecordedTick) -> Result<(), LogError> {
     let header = moment.truth.header;
     log.write(Topic::VehicleTruth, moment.truth.as_bytes())?;
     if let Some(pose) = &moment.pose {

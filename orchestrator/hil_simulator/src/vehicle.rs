@@ -8,14 +8,14 @@ use shared_types::{Header, Now, ServiceId};
 use zerocopy::{FromZeros, IntoBytes};
 
 /// The plant of a scenario.
-pub(super) struct Vehicle {
+pub(super) struct SimulatedVehicle {
     plant: Box<dyn ErasedService>,
     /// The frame that acts, with the header of the tick from which on it does.
     frame: Option<RcFrame>,
     captures: u64,
 }
 
-impl Vehicle {
+impl SimulatedVehicle {
     pub(super) fn new(scenario: &Scenario) -> Result<Self, BuildError> {
         Ok(Self {
             plant: registry::build(ServiceId::Plant, scenario).map_err(|error| error.to_string())?,

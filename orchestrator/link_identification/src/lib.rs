@@ -50,7 +50,7 @@ pub enum IdentifyError {
 /// What thrust and rates are measured by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
-pub enum Source {
+pub enum FrameSource {
     /// The poses that the cameras captured.
     #[default]
     Poses,
@@ -81,7 +81,7 @@ impl Calibration {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
     /// What was measured by.
-    pub source: Source,
+    pub source: FrameSource,
     /// Mass that accelerations were multiplied with, kg; only with poses.
     pub mass: Option<f64>,
     /// Thrust, roll, pitch and yaw.
@@ -94,7 +94,7 @@ pub struct Gatherer {
     link: RcLink,
     model: Model,
     mass: f64,
-    source: Source,
+    source: FrameSource,
     frames: Vec<Frame>,
     poses: Vec<Pose>,
     truths: Vec<Truth>,
@@ -105,7 +105,7 @@ impl Gatherer {
     ///
     /// # Errors
     /// [`IdentifyError::NoLink`].
-    pub fn new(scenario: &Scenario, source: Source, mass: Option<f64>) -> Result<Self, IdentifyError> {
+    pub fn new(scenario: &Scenario, source: FrameSource, mass: Option<f64>) -> Result<Self, IdentifyError> {
         Ok(Self {
             link: scenario.rc_output.clone().ok_or(IdentifyError::NoLink)?,
             model: scenario.model.clone().unwrap_or_default(),
@@ -125,11 +125,11 @@ impl Gatherer {
                 let acts_at = seconds(frame.header.stamp_ns) + self.model.radio_latency;
                 self.frames.push(Frame::new(&frame, &self.link, acts_at));
             }
-            (Topic::MocapPose, Source::Poses) => {
+            (Topic::MocapPose, FrameSource::Poses) => {
                 let pose = read::<MocapPose>(bytes);
                 self.poses.extend(pose.tracked.is_set().then(|| Pose::new(&pose)));
             }
-            (Topic::VehicleTruth, Source::Truth) => {
+            (Topic::VehicleTruth, FrameSource::Truth) => {
                 self.truths.push(Truth::new(&read::<VehicleTruth>(bytes)));
             }
             _ => {}
@@ -149,14 +149,14 @@ impl Gatherer {
         ];
         let history = History::new(&self.frames, lags);
         let points = match self.source {
-            Source::Poses if self.poses.is_empty() => {
+            FrameSource::Poses if self.poses.is_empty() => {
                 return Err(IdentifyError::NothingMeasured("mocap/pose", "truth"));
             }
-            Source::Truth if self.truths.is_empty() => {
+            FrameSource::Truth if self.truths.is_empty() => {
                 return Err(IdentifyError::NothingMeasured("vehicle/truth", "poses"));
             }
-            Source::Poses => measured::by_poses(&self.poses, self.mass, &history),
-            Source::Truth => measured::by_truth(&self.truths, &history),
+            FrameSource::Poses => measured::by_poses(&self.poses, self.mass, &history),
+            FrameSource::Truth => measured::by_truth(&self.truths, &history),
         };
         let stated = |stick: usize| match stick {
             0 => [self.link.thrust_offset, self.link.thrust_slope],
@@ -164,7 +164,7 @@ impl Gatherer {
         };
         Ok(Identification {
             source: self.source,
-            mass: (self.source == Source::Poses).then_some(self.mass),
+            mass: (self.source == FrameSource::Poses).then_some(self.mass),
             sticks: [0, 1, 2, 3].map(|stick| Calibration {
                 stick: STICKS[stick],
                 stated: stated(stick),
@@ -178,7 +178,7 @@ impl Gatherer {
 ///
 /// # Errors
 /// [`IdentifyError`].
-pub fn identify(log: &Path, source: Source, mass: Option<f64>) -> Result<Identification, IdentifyError> {
+pub fn identify(log: &Path, source: FrameSource, mass: Option<f64>) -> Result<Identification, IdentifyError> {
     let mut reader = LogReader::open(log)?;
     let mut gatherer = Gatherer::new(&reader.manifest().scenario, source, mass)?;
     while let Some(logged) = reader.next_sample()? {

@@ -31,7 +31,7 @@ const TRUE: [[f64; 2]; 4] = [
 ];
 
 /// Flies a scenario with the vehicle that is otherwise.
-fn flown(name: &str, changes: &[&str], source: Source) -> Identification {
+fn flown(name: &str, changes: &[&str], source: FrameSource) -> Identification {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../scenarios/{name}.toml"));
     let sets: Vec<String> = OTHERWISE.iter().chain(changes).map(ToString::to_string).collect();
     let scenario = scenario_file::load(&path, &sets, None).unwrap();
@@ -45,7 +45,7 @@ fn flown(name: &str, changes: &[&str], source: Source) -> Identification {
 
 #[test]
 fn figure_7_gives_its_calibration_back_by_its_truth() {
-    let found = flown("fig7", &["duration=45.0"], Source::Truth);
+    let found = flown("fig7", &["duration=45.0"], FrameSource::Truth);
     for (calibration, [offset, slope]) in found.sticks.iter().zip(TRUE) {
         let fit = calibration.usable().unwrap();
         let name = calibration.stick;
@@ -64,7 +64,7 @@ fn figure_7_gives_its_calibration_back_by_its_truth() {
 
 #[test]
 fn the_poses_of_figure_7_give_the_sticks_back_that_moved_and_say_which_did_not() {
-    let found = flown("fig7", &["duration=45.0"], Source::Poses);
+    let found = flown("fig7", &["duration=45.0"], FrameSource::Poses);
     let [thrust, roll, pitch, yaw] = found.sticks;
     for (calibration, [offset, slope]) in [roll, pitch].iter().zip([TRUE[1], TRUE[2]]) {
         let fit = calibration.usable().unwrap();
@@ -83,7 +83,7 @@ fn the_poses_of_a_flight_up_and_down_give_the_thrust_back() {
         "path.curve={lissajous={center=[0.0, 0.0, -1.5], amplitude=[0.0, 0.0, 0.25], frequency=[1.0, 1.0, 4.0]}}",
         "vehicle.fan.force=0.0",
     ];
-    let found = flown("fig7", &bob, Source::Poses);
+    let found = flown("fig7", &bob, FrameSource::Poses);
     let fit = found.sticks[0].usable().unwrap_or_else(|| panic!("{found:?}"));
     let [offset, slope] = TRUE[0];
     assert!((fit.slope / slope - 1.0).abs() < 0.1, "{fit:?}");
@@ -101,9 +101,9 @@ fn a_flight_without_channels_and_one_without_poses_are_refused() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../scenarios/{name}.toml"));
         scenario_file::load(&path, &[], None).unwrap()
     };
-    let refused = Gatherer::new(&load("fig1"), Source::Poses, None);
+    let refused = Gatherer::new(&load("fig1"), FrameSource::Poses, None);
     assert!(matches!(refused, Err(IdentifyError::NoLink)));
-    let empty = Gatherer::new(&load("fig7"), Source::Poses, None)
+    let empty = Gatherer::new(&load("fig7"), FrameSource::Poses, None)
         .unwrap()
         .finish();
     assert!(matches!(

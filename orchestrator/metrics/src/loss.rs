@@ -11,7 +11,7 @@ use serde::Serialize;
 use shared_types::FlightPhase;
 use shared_types::service::seconds;
 
-use super::tracker::{Moment, Source, Vehicle};
+use super::tracker::{Moment, StateSource, Vehicle};
 
 /// Height above the ground that a vehicle must have had for a touch to count, m: rounding and a bounce at lift-off do not.
 const LIFTED: f64 = 0.05;
@@ -52,7 +52,7 @@ pub struct Loss {
     /// What it exceeded, in the same unit; none where any value is too large.
     pub limit: Option<f64>,
     /// Who told where the vehicle was.
-    pub source: Source,
+    pub source: StateSource,
 }
 
 /// Watches for the loss of the vehicle.
@@ -61,7 +61,7 @@ pub struct LossWatch {
     limits: Judge,
     /// Cosine of the largest tilt.
     least_upright: f64,
-    source: Source,
+    source: StateSource,
     ground: Option<Ground>,
     /// Distance from the path when it first was known, m.
     distance_at_start: Option<f64>,
@@ -86,7 +86,7 @@ struct Ground {
 impl LossWatch {
     /// For a flight of `scenario` of which `source` tells where the vehicle is.
     #[must_use]
-    pub fn new(scenario: &Scenario, source: Source) -> Self {
+    pub fn new(scenario: &Scenario, source: StateSource) -> Self {
         let limits = scenario.limits_of_loss();
         let ground = scenario.flight.as_ref().map(|flight| Ground {
             height: scenario.vehicle.initial.position[2],
@@ -99,7 +99,7 @@ impl LossWatch {
             least_upright: libm::cos(limits.tilt_max),
             source,
             // In a laboratory nobody knows where the ground is to within the estimate's errors.
-            ground: ground.filter(|_| source == Source::Truth),
+            ground: ground.filter(|_| source == StateSource::Truth),
             distance_at_start: None,
             has_arrived: false,
             has_settled: false,
@@ -187,7 +187,7 @@ impl LossWatch {
 impl Loss {
     /// A service computed a number that is not finite at this time, s.
     #[must_use]
-    pub fn not_finite(time: f64, source: Source) -> Self {
+    pub fn not_finite(time: f64, source: StateSource) -> Self {
         Self {
             reason: Reason::NotFinite,
             time,
@@ -211,8 +211,8 @@ impl Display for Loss {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
         let value = self.value.unwrap_or(f64::NAN);
         let estimated = match self.source {
-            Source::Truth => "",
-            Source::Estimate => ", as estimated",
+            StateSource::Truth => "",
+            StateSource::Estimate => ", as estimated",
         };
         match (self.reason, self.limit) {
             (Reason::LeftPath, limit) => {

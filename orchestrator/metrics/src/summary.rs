@@ -22,7 +22,7 @@ use self::restart::Restart;
 use crate::loss::{Loss, LossWatch};
 use crate::read;
 use crate::stretch::{Metrics, Stretch};
-use crate::tracker::{Moment, Source, Tracker};
+use crate::tracker::{Moment, StateSource, Tracker};
 pub use at_bound::AtBound;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 pub use flight::FlightPhaseBegin;
@@ -121,7 +121,7 @@ pub struct Summary {
     /// How the vehicle was lost; none if it was not.
     pub lost: Option<Loss>,
     /// Who told where the vehicle was: the truth, or in a laboratory the estimator.
-    pub source: Source,
+    pub source: StateSource,
     /// How far the vehicle was from its path in all of the flight; none if it never flew along it.
     pub metrics: Option<Metrics>,
     /// atanh(δ/(k1 σmax)): what the theorem bounds the distance from the path by ultimately, m; none of another controller

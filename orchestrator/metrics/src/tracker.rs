@@ -15,14 +15,14 @@ use run_log::{LogReadError, LogReader};
 /// Who tells where the vehicle was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Source {
+pub enum StateSource {
     /// `vehicle/truth`.
     Truth,
     /// `vehicle/state`, where nobody knows the truth.
     Estimate,
 }
 
-impl Source {
+impl StateSource {
     /// That of a flight of this schedule.
     #[must_use]
     pub fn of(schedule: &Schedule) -> Self {
@@ -117,7 +117,7 @@ impl Moment {
 /// In a tick of the log the vehicle comes before its path. So they are compared when the vehicle comes next, or at the end.
 #[derive(Clone, Debug)]
 pub struct Tracker {
-    source: Source,
+    source: StateSource,
     /// Whether references tell of phases; a flight without them is flown from its start.
     has_phases: bool,
     clock: PathClock,
@@ -129,7 +129,7 @@ impl Tracker {
     #[must_use]
     pub fn new(schedule: &Schedule, has_phases: bool) -> Self {
         Self {
-            source: Source::of(schedule),
+            source: StateSource::of(schedule),
             has_phases,
             clock: PathClock::default(),
             vehicle: None,
@@ -138,7 +138,7 @@ impl Tracker {
 
     /// Who tells where the vehicle is.
     #[must_use]
-    pub fn source(&self) -> Source {
+    pub fn source(&self) -> StateSource {
         self.source
     }
 
@@ -146,11 +146,11 @@ impl Tracker {
     #[inline]
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) -> Option<Moment> {
         match (topic, self.source) {
-            (Topic::VehicleTruth, Source::Truth) => {
+            (Topic::VehicleTruth, StateSource::Truth) => {
                 let truth = read::<VehicleTruth>(bytes);
                 self.exchange(Vehicle::from(&truth))
             }
-            (Topic::VehicleState, Source::Estimate) => {
+            (Topic::VehicleState, StateSource::Estimate) => {
                 let state = read::<VehicleState>(bytes);
                 // One that is not tracked repeats an old one, or guesses.
                 state

@@ -7,7 +7,7 @@ use comfy_table::{Table, presets};
 use motion_capture::conventions::axes;
 use motion_capture::feed::Feed;
 use motion_capture::figures::Moments;
-use motion_capture::transport::{Address, Source};
+use motion_capture::transport::{Address, CaptureSource};
 use motion_capture::wire::{CapturePose, Frame, WireBody};
 use nalgebra::{Matrix3, Vector3};
 use runtime::flight_clock::monotonic_ns;
@@ -40,7 +40,7 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
         Some(_) => Some(Feed::new(system, &stated).map_err(bad)?),
         None => None,
     };
-    let mut source = Source::open(&address).map_err(Failure::trouble)?;
+    let mut source = CaptureSource::open(&address).map_err(Failure::trouble)?;
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let mut heard = Heard::default();
     let signal = listen(
@@ -112,7 +112,7 @@ fn stated(system: CaptureSystem, arguments: &MocapProbe) -> MotionCapture {
 /// Listens for some seconds; returns the signal that ended it before.
 fn listen(
     seconds: f64,
-    source: &mut Source,
+    source: &mut CaptureSource,
     interrupt: &Interrupt,
     take: &mut dyn FnMut(&Frame, u64),
 ) -> Option<i32> {
@@ -136,7 +136,7 @@ fn listen(
 }
 
 /// Until something has arrived or is due.
-fn sleep(source: &Source, end_ns: u64) {
+fn sleep(source: &CaptureSource, end_ns: u64) {
     let now_ns = monotonic_ns();
     let due_ns = source.due_ns().unwrap_or(end_ns).min(end_ns);
     let sleep_ns = due_ns.saturating_sub(now_ns).min(SLEEP_NS);
@@ -246,7 +246,7 @@ impl Heard {
         frames / seconds(self.last_ns - self.first_ns).max(1e-9)
     }
 
-    fn describe(&self, source: &Source) -> String {
+    fn describe(&self, source: &CaptureSource) -> String {
         let counts = source.counts();
         let mut text = format!(
             "packets {}, frames {}, malformed {}, from strangers {}, connections {}, failures {}\n",

@@ -8,16 +8,16 @@
 //! with it, a service goes on with it behind a gap in the log, and otherwise it must be what the replayed service knows.
 
 mod checkpoints;
+mod comparator;
 mod compare;
 pub mod diff;
+mod environment;
 mod history;
-mod judge;
-mod machine;
+mod recorded_steps;
 mod scope;
 mod service_process;
-mod station;
+mod service_replay;
 mod stepper;
-mod workshop;
 
 use std::error::Error;
 use std::path::Path;
@@ -27,13 +27,13 @@ use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId};
 
 pub use compare::{Comparison, Difference};
+use environment::ReplayEnvironment;
 use history::History;
-use machine::Machine;
+use recorded_steps::RecordedSteps;
 use scope::Scope;
 pub use service_process::ProcessFailure;
-use station::Station;
+use service_replay::ServiceReplay;
 use stepper::{InThisProcess, Stepper};
-use workshop::Workshop;
 
 use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
@@ -207,21 +207,21 @@ pub fn replay(
     }
     let scope = Scope::of(options, &schedule)?;
     let wanted = |service: &ServiceId| options.services.is_empty() || options.services.contains(service);
-    // Dropped after the stations, whose processes are in it.
-    let workshop = options
+    // Dropped after the replays, whose processes are in it.
+    let environment = options
         .in_processes
         .as_ref()
-        .map(|interrupt| Workshop::open(scenario, &schedule, interrupt))
+        .map(|interrupt| ReplayEnvironment::open(scenario, &schedule, interrupt))
         .transpose()?;
-    let station = |service| -> Result<Station, ReplayError> {
-        let stepper: Box<dyn Stepper> = match &workshop {
-            Some(workshop) => Box::new(workshop.start(service)?),
+    let replay = |service| -> Result<ServiceReplay, ReplayError> {
+        let stepper: Box<dyn Stepper> = match &environment {
+            Some(environment) => Box::new(environment.start(service)?),
             None => {
                 let service = registry::build(service, scenario).map_err(ReplayError::Scenario)?;
                 Box::new(InThisProcess::new(service, &schedule))
             }
         };
-        Ok(Station::new(service, &schedule, stepper, scope))
+        Ok(ServiceReplay::new(service, &schedule, stepper, scope))
     };
     let mut replayed: Vec<_> = schedule.order().iter().copied().filter(wanted).collect();
     let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
@@ -230,20 +230,20 @@ pub fn replay(
     let is_external_service = |service: &ServiceId| recorded.program_of(*service).is_some();
     let external_services = replayed.iter().copied().filter(is_external_service).collect();
     replayed.retain(|service| !seen(service) && !is_external_service(service));
-    let stations: Vec<_> = replayed.into_iter().map(station).collect::<Result<_, _>>()?;
-    let is_asked_for = |topic| stations.iter().any(|station| station.is_about(topic));
+    let replays: Vec<_> = replayed.into_iter().map(replay).collect::<Result<_, _>>()?;
+    let is_asked_for = |topic| replays.iter().any(|replay| replay.is_about(topic));
     let mut flight = Replay {
         not_again,
         external_services,
-        source: Source {
+        source: LogSource {
             reader,
             history: History::of(is_asked_for),
             read_until: 0,
             ends: None,
             breaks_off: false,
         },
-        stations,
-        machine: Machine::beside(log, scope.first)?,
+        replays,
+        recorded_steps: RecordedSteps::beside(log, scope.first)?,
         starts: Vec::new(),
         ends_before: 0,
         scope,
@@ -262,11 +262,11 @@ fn schedule_of(scenario: &Scenario) -> Result<Schedule, ReplayError> {
 struct Replay<'a> {
     schedule: &'a Schedule,
     scope: Scope,
-    stations: Vec<Station>,
+    replays: Vec<ServiceReplay>,
     not_again: Option<&'static str>,
     external_services: Vec<ServiceId>,
-    source: Source,
-    machine: Machine,
+    source: LogSource,
+    recorded_steps: RecordedSteps,
     starts: Vec<Start>,
     /// The first tick that the log has no more.
     ends_before: u64,
@@ -275,10 +275,10 @@ struct Replay<'a> {
 impl Replay<'_> {
     /// Lets the services begin with the newest that they are recorded to have known by the first tick that is compared.
     fn begin(&mut self) -> Result<(), ReplayError> {
-        for station in &mut self.stations {
-            let service = station.service();
-            if let Some((next_tick, state)) = self.machine.start_of(service)? {
-                station.begin_with(next_tick, state, &self.source.history)?;
+        for replay in &mut self.replays {
+            let service = replay.service();
+            if let Some((next_tick, state)) = self.recorded_steps.start_of(service)? {
+                replay.begin_with(next_tick, state, &self.source.history)?;
                 let time = seconds(self.schedule.time_ns(next_tick));
                 self.starts.push(Start { service, time });
             }
@@ -292,16 +292,16 @@ impl Replay<'_> {
             if self.source.is_exhausted_before(tick) {
                 break;
             }
-            for station in &mut self.stations {
-                let service = station.service();
+            for replay in &mut self.replays {
+                let service = replay.service();
                 let history = &self.source.history;
-                if self.machine.is_of_real_time() {
-                    let steps = self.machine.take_to(service, tick)?;
-                    let checkpoints = self.machine.checkpoints(service, tick);
-                    station.step_as_recorded(tick, &steps, history, checkpoints)?;
+                if self.recorded_steps.is_of_real_time() {
+                    let steps = self.recorded_steps.take_to(service, tick)?;
+                    let checkpoints = self.recorded_steps.checkpoints(service, tick);
+                    replay.step_as_recorded(tick, &steps, history, checkpoints)?;
                 } else {
-                    let checkpoints = self.machine.checkpoints(service, tick);
-                    station.step_as_scheduled(tick, history, checkpoints)?;
+                    let checkpoints = self.recorded_steps.checkpoints(service, tick);
+                    replay.step_as_scheduled(tick, history, checkpoints)?;
                 }
             }
             self.ends_before = tick + 1;
@@ -310,8 +310,8 @@ impl Replay<'_> {
                 progress.tick(tick);
             }
         }
-        for station in &mut self.stations {
-            station.settle(&self.source.history)?;
+        for replay in &mut self.replays {
+            replay.settle(&self.source.history)?;
         }
         Ok(())
     }
@@ -324,7 +324,7 @@ impl Replay<'_> {
 
     /// Whether samples are missing between others that the replayed steps may have seen or published.
     fn lacks_samples(&self) -> bool {
-        let begins = self.stations.iter().map(Station::begins_at).min();
+        let begins = self.replays.iter().map(ServiceReplay::begins_at).min();
         let replayed = begins.unwrap_or_default()..=self.scope.last;
         let recovery = self.source.reader.recovery();
         recovery.is_some_and(|recovery| recovery.lacks_samples_in(&replayed))
@@ -332,10 +332,10 @@ impl Replay<'_> {
 
     /// The first service and step after which it did not know what is recorded.
     fn first_checkpoint(&self) -> Option<CheckpointDifference> {
-        let different = self.stations.iter().filter_map(|station| {
-            let tick = station.jury().first_different_after?;
+        let different = self.replays.iter().filter_map(|replay| {
+            let tick = replay.comparator().first_different_after?;
             Some(CheckpointDifference {
-                service: station.service(),
+                service: replay.service(),
                 tick,
                 time: seconds(self.schedule.time_ns(tick)),
             })
@@ -344,28 +344,28 @@ impl Replay<'_> {
     }
 
     fn finish(self) -> Replayed {
-        let sum = |count: fn(&Station) -> u64| self.stations.iter().map(count).sum();
+        let sum = |count: fn(&ServiceReplay) -> u64| self.replays.iter().map(count).sum();
         Replayed {
-            in_real_time: self.machine.is_of_real_time(),
-            steps: sum(|station| station.steps),
-            steps_without_inputs: sum(|station| station.steps_without_inputs),
-            resumptions: sum(|station| station.resumptions),
-            checkpoints: sum(|station| station.jury().checkpoints),
-            checkpoints_different: sum(|station| station.jury().checkpoints_different),
+            in_real_time: self.recorded_steps.is_of_real_time(),
+            steps: sum(|replay| replay.steps),
+            steps_without_inputs: sum(|replay| replay.steps_without_inputs),
+            resumptions: sum(|replay| replay.resumptions),
+            checkpoints: sum(|replay| replay.comparator().checkpoints),
+            checkpoints_different: sum(|replay| replay.comparator().checkpoints_different),
             first_checkpoint: self.first_checkpoint(),
-            strange_checkpoints: self.machine.strange_checkpoints(),
+            strange_checkpoints: self.recorded_steps.strange_checkpoints(),
             lacks_samples: self.lacks_samples(),
             starts: self.starts,
             not_again: self.not_again,
             external_services: self.external_services,
-            comparisons: self.stations.into_iter().flat_map(Station::finish).collect(),
+            comparisons: self.replays.into_iter().flat_map(ServiceReplay::finish).collect(),
             log_ends: self.source.ends,
         }
     }
 }
 
 /// The recorded samples, read as far as they are needed.
-struct Source {
+struct LogSource {
     reader: LogReader,
     history: History,
     /// All samples of ticks before this one have been read.
@@ -376,7 +376,7 @@ struct Source {
     breaks_off: bool,
 }
 
-impl Source {
+impl LogSource {
     fn read_to(&mut self, tick: u64) -> Result<(), ReplayError> {
         while self.read_until <= tick {
             match self.reader.next_sample() {

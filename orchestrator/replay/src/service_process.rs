@@ -20,8 +20,8 @@ pub use failure::ProcessFailure;
 pub(super) use ports::{InputPort, OutputPort};
 
 use super::ReplayError;
+use super::comparator::Comparator;
 use super::history::History;
-use super::judge::Jury;
 use super::stepper::{Step, Stepper};
 use command_line::interrupt::Interrupt;
 use supervisor::supervision::process::Process;
@@ -40,7 +40,7 @@ fn timespec(duration: Duration) -> Timespec {
     }
 }
 
-/// What the jury is to hear of, in its order.
+/// What the comparator is to hear of, in its order.
 enum Told {
     /// A step; whether it was finished in the flight, and whether it is compared.
     Step {
@@ -203,8 +203,8 @@ impl ServiceProcess {
     }
 
     /// Lets the process do the steps that have been told, once it has done those before.
-    fn hand_over(&mut self, jury: &mut Jury, history: &History) -> Result<(), ProcessFailure> {
-        self.collect(jury, history)?;
+    fn hand_over(&mut self, comparator: &mut Comparator, history: &History) -> Result<(), ProcessFailure> {
+        self.collect(comparator, history)?;
         if !self.orders.is_empty() {
             let orders = std::mem::take(&mut self.orders);
             let tells_state = std::mem::take(&mut self.tells_state);
@@ -214,8 +214,8 @@ impl ServiceProcess {
         Ok(())
     }
 
-    /// Lets the jury hear what has come of the steps that the process was doing.
-    fn collect(&mut self, jury: &mut Jury, history: &History) -> Result<(), ProcessFailure> {
+    /// Lets the comparator hear what has come of the steps that the process was doing.
+    fn collect(&mut self, comparator: &mut Comparator, history: &History) -> Result<(), ProcessFailure> {
         if self.under_way.is_empty() {
             return Ok(());
         }
@@ -233,7 +233,7 @@ impl ServiceProcess {
                     if !not_finite.contains(&place) {
                         let hear = |output: usize, bytes: &[u8]| {
                             if is_compared {
-                                jury.hear(output, bytes, is_finished, history);
+                                comparator.hear(output, bytes, is_finished, history);
                             }
                         };
                         self.listen(tick, hear)?;
@@ -242,9 +242,9 @@ impl ServiceProcess {
                     self.compared = Some(tick);
                 }
                 Told::State { tick, recorded } => {
-                    jury.hear_state(tick, state.as_deref().unwrap_or_default(), &recorded);
+                    comparator.hear_state(tick, state.as_deref().unwrap_or_default(), &recorded);
                 }
-                Told::EndOfTick => jury.end_tick(history),
+                Told::EndOfTick => comparator.end_tick(history),
             }
         }
         Ok(())
@@ -276,17 +276,27 @@ impl Stepper for ServiceProcess {
         self.memory = Memory::BeforeLast;
     }
 
-    fn resume(&mut self, state: &[u8], jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
+    fn resume(
+        &mut self,
+        state: &[u8],
+        comparator: &mut Comparator,
+        history: &History,
+    ) -> Result<(), ReplayError> {
         self.make_ready()?;
-        self.hand_over(jury, history)?;
+        self.hand_over(comparator, history)?;
         self.memory = Memory::AfterLast;
         let state = state.to_vec();
         Ok(self.say(&ToService::Know { state })?)
     }
 
-    fn step(&mut self, step: &Step<'_>, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
+    fn step(
+        &mut self,
+        step: &Step<'_>,
+        comparator: &mut Comparator,
+        history: &History,
+    ) -> Result<(), ReplayError> {
         if self.orders.len() == BATCH {
-            self.hand_over(jury, history)?;
+            self.hand_over(comparator, history)?;
         }
         self.make_ready()?;
         let order = self.order(step).map_err(|error| self.gave_up(&error))?;
@@ -299,28 +309,33 @@ impl Stepper for ServiceProcess {
         Ok(())
     }
 
-    fn compare_state(&mut self, tick: u64, recorded: &[u8], _jury: &mut Jury) {
+    fn compare_state(&mut self, tick: u64, recorded: &[u8], _comparator: &mut Comparator) {
         self.tells_state = true;
         let recorded = recorded.to_vec();
         self.told.push(Told::State { tick, recorded });
     }
 
-    fn end_tick(&mut self, tick: u64, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
+    fn end_tick(
+        &mut self,
+        tick: u64,
+        comparator: &mut Comparator,
+        history: &History,
+    ) -> Result<(), ReplayError> {
         if let Some(Told::Step { .. } | Told::State { .. }) = self.told.last() {
             self.told.push(Told::EndOfTick);
         }
         // What the service knows it tells after the last step of a batch.
         let next = tick + 1;
         if self.tells_state || next >= self.batch_begins + BATCH as u64 {
-            self.hand_over(jury, history)?;
+            self.hand_over(comparator, history)?;
             self.batch_begins = next;
         }
         Ok(())
     }
 
-    fn finish(&mut self, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
-        self.hand_over(jury, history)?;
-        Ok(self.collect(jury, history)?)
+    fn finish(&mut self, comparator: &mut Comparator, history: &History) -> Result<(), ReplayError> {
+        self.hand_over(comparator, history)?;
+        Ok(self.collect(comparator, history)?)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Who does the steps of a service in a replay. Whoever it is: the [`Station`](super::station::Station) says what they see.
+//! Who does the steps of a service in a replay. Whoever it is: the [`ServiceReplay`](super::service_replay::ServiceReplay) says what they see.
 
 use host::owned_sample::OwnedSample;
 use host::step::{self, Slots, Timetable, Views};
@@ -7,8 +7,8 @@ use shared_types::service::ErasedService;
 use shared_types::{Now, Schedule};
 
 use super::ReplayError;
+use super::comparator::Comparator;
 use super::history::History;
-use super::judge::Jury;
 
 /// A step that is to be done.
 pub(super) struct Step<'a> {
@@ -20,7 +20,7 @@ pub(super) struct Step<'a> {
     pub(super) as_recorded: [Option<u64>; MAX_PORTS],
     /// Whether all that it had to publish was published in the flight.
     pub(super) is_finished: bool,
-    /// Whether the jury is to hear of it.
+    /// Whether the comparator is to hear of it.
     pub(super) is_compared: bool,
 }
 
@@ -33,20 +33,35 @@ pub(super) trait Stepper {
     fn go_back(&mut self);
 
     /// The next step shall know this.
-    fn resume(&mut self, state: &[u8], jury: &mut Jury, history: &History) -> Result<(), ReplayError>;
+    fn resume(
+        &mut self,
+        state: &[u8],
+        comparator: &mut Comparator,
+        history: &History,
+    ) -> Result<(), ReplayError>;
 
-    /// Does a step. The jury hears, sooner or later, what comes of it; of what is not finite nothing, for it was never
+    /// Does a step. The comparator hears, sooner or later, what comes of it; of what is not finite nothing, for it was never
     /// published.
-    fn step(&mut self, step: &Step<'_>, jury: &mut Jury, history: &History) -> Result<(), ReplayError>;
+    fn step(
+        &mut self,
+        step: &Step<'_>,
+        comparator: &mut Comparator,
+        history: &History,
+    ) -> Result<(), ReplayError>;
 
-    /// Lets the jury compare, sooner or later, what the service knows after the step at `tick`, which was told just before.
-    fn compare_state(&mut self, tick: u64, recorded: &[u8], jury: &mut Jury);
+    /// Lets the comparator compare, sooner or later, what the service knows after the step at `tick`, which was told just before.
+    fn compare_state(&mut self, tick: u64, recorded: &[u8], comparator: &mut Comparator);
 
     /// All steps of a tick have been told. Called for every tick, so that nothing is put off for too long.
-    fn end_tick(&mut self, tick: u64, jury: &mut Jury, history: &History) -> Result<(), ReplayError>;
+    fn end_tick(
+        &mut self,
+        tick: u64,
+        comparator: &mut Comparator,
+        history: &History,
+    ) -> Result<(), ReplayError>;
 
-    /// All steps have been told: returns when the jury has heard of all of them.
-    fn finish(&mut self, jury: &mut Jury, history: &History) -> Result<(), ReplayError>;
+    /// All steps have been told: returns when the comparator has heard of all of them.
+    fn finish(&mut self, comparator: &mut Comparator, history: &History) -> Result<(), ReplayError>;
 }
 
 /// A service in this process, which does its steps at once.
@@ -85,12 +100,22 @@ impl Stepper for InThisProcess {
         self.service.restore(&self.before_last);
     }
 
-    fn resume(&mut self, state: &[u8], _jury: &mut Jury, _history: &History) -> Result<(), ReplayError> {
+    fn resume(
+        &mut self,
+        state: &[u8],
+        _comparator: &mut Comparator,
+        _history: &History,
+    ) -> Result<(), ReplayError> {
         self.service.restore(state);
         Ok(())
     }
 
-    fn step(&mut self, step: &Step<'_>, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
+    fn step(
+        &mut self,
+        step: &Step<'_>,
+        comparator: &mut Comparator,
+        history: &History,
+    ) -> Result<(), ReplayError> {
         self.service.save(&mut self.before_last);
         let tick = step.now.tick;
         let mut slots = Slots::default();
@@ -106,25 +131,30 @@ impl Stepper for InThisProcess {
         if done.is_ok() && step.is_compared {
             for (output, slot) in slots.iter().enumerate() {
                 if let Some(bytes) = slot.bytes.as_deref() {
-                    jury.hear(output, bytes, step.is_finished, history);
+                    comparator.hear(output, bytes, step.is_finished, history);
                 }
             }
         }
         Ok(())
     }
 
-    fn compare_state(&mut self, tick: u64, recorded: &[u8], jury: &mut Jury) {
+    fn compare_state(&mut self, tick: u64, recorded: &[u8], comparator: &mut Comparator) {
         let mut state = vec![0; self.service.state_size()];
         self.service.save(&mut state);
-        jury.hear_state(tick, &state, recorded);
+        comparator.hear_state(tick, &state, recorded);
     }
 
-    fn end_tick(&mut self, _tick: u64, jury: &mut Jury, history: &History) -> Result<(), ReplayError> {
-        jury.end_tick(history);
+    fn end_tick(
+        &mut self,
+        _tick: u64,
+        comparator: &mut Comparator,
+        history: &History,
+    ) -> Result<(), ReplayError> {
+        comparator.end_tick(history);
         Ok(())
     }
 
-    fn finish(&mut self, _jury: &mut Jury, _history: &History) -> Result<(), ReplayError> {
+    fn finish(&mut self, _comparator: &mut Comparator, _history: &History) -> Result<(), ReplayError> {
         Ok(())
     }
 }

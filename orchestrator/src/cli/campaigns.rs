@@ -11,7 +11,7 @@ use super::flight::ScenarioArguments;
 use super::values::service;
 use command_line::values::ValueError;
 use evaluation::reproduce::figures::Figure;
-use fault_matrix::{plan, trouble::Troubles};
+use fault_matrix::{fault_kind::MatrixFaults, plan};
 
 /// Arguments of `gerono reproduce`.
 #[derive(Debug, Args)]
@@ -50,8 +50,8 @@ pub struct Faults {
     pub after: f64,
     /// Which faults: off (off-warm, off-cold), freeze, delay, intermittent, stuck, wrong, garbage (garbage-in-range,
     /// garbage-any-bits) [default: all].
-    #[arg(long = "fault", value_delimiter = ',', value_name = "KIND,…", value_parser = str::parse::<Troubles>)]
-    pub faults: Vec<Troubles>,
+    #[arg(long = "fault", value_delimiter = ',', value_name = "KIND,…", value_parser = str::parse::<MatrixFaults>)]
+    pub faults: Vec<MatrixFaults>,
     /// Which services, and no edges unless they are named too [default: all but the plant].
     #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = failing_service)]
     pub services: Vec<ServiceId>,

@@ -86,7 +86,7 @@ pub struct Plot {
 
 /// Arguments of `gerono report`.
 #[derive(Debug, Args)]
-pub struct Report {
+pub struct ReportArguments {
     /// The logs (run.mcap), or the folders that hold them.
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
@@ -95,7 +95,7 @@ pub struct Report {
     pub output: PathBuf,
 }
 
-impl Report {
+impl ReportArguments {
     /// What `gerono report --help` shows.
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono report runs/fig1-1 -o report\n  \

@@ -43,7 +43,7 @@ pub struct RcIdentify {
     pub log: PathBuf,
     /// What thrust and rates are measured by.
     #[arg(long, value_enum, default_value_t)]
-    pub from: link_identification::Source,
+    pub from: link_identification::FrameSource,
     /// Mass of the vehicle, kg [default: the scenario's].
     #[arg(long, value_name = "KG", value_parser = mass)]
     pub mass: Option<f64>,

@@ -1,7 +1,7 @@
 //! What several commands are given.
 
 use command_line::values::ValueError;
-use doctor::Host;
+use doctor::HostFacts;
 use shared_types::ServiceId;
 
 pub(super) fn service_process(name: &str) -> Result<String, ValueError> {
@@ -21,7 +21,7 @@ pub(super) fn service(name: &str) -> Result<ServiceId, ValueError> {
 /// A core that this machine has.
 pub(super) fn core(text: &str) -> Result<usize, ValueError> {
     let core: usize = text.parse().map_err(|_| ValueError::NoNumber)?;
-    let cores = Host::this().cores("present");
+    let cores = HostFacts::this().cores("present");
     // A system that does not tell refuses by itself.
     if cores.is_empty() || cores.iter().any(|&known| known as usize == core) {
         return Ok(core);

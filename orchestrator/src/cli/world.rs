@@ -9,7 +9,7 @@ use command_line::values::between;
 
 /// Arguments of `gerono world`.
 #[derive(Debug, Args)]
-pub struct World {
+pub struct HilSimulator {
     /// The vehicle, and what the flight will look for.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
@@ -43,7 +43,7 @@ pub struct World {
     pub quiet: bool,
 }
 
-impl World {
+impl HilSimulator {
     pub(super) const EXAMPLES: &str = "Example, in three terminals:\n  \
         gerono world scenarios/laboratory_simulated.toml --out runs/world\n  \
         gerono run scenarios/laboratory_simulated.toml --host realtime --out runs/flight\n  \
@@ -54,7 +54,7 @@ impl World {
 
 /// Arguments of `gerono truth`.
 #[derive(Debug, Args)]
-pub struct Truth {
+pub struct TruthArguments {
     /// The log of the flight (run.mcap), or the folder that holds it.
     pub flight: PathBuf,
     /// The log of the world that it was flown in, or the folder that holds it [default: the flight's own truth].
@@ -68,7 +68,7 @@ pub struct Truth {
     pub json: bool,
 }
 
-impl Truth {
+impl TruthArguments {
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono truth runs/fig7-1\n  \
         gerono truth runs/flight --world runs/world --last 10";

@@ -2,7 +2,7 @@
 
 use shared_types::ExternalServices;
 
-use super::conclusion::Flown;
+use super::conclusion::FlightResult;
 use super::{Failure, host_record, run_log};
 use crate::cli::{Attach, Host};
 use command_line::exit::Exit;
@@ -44,7 +44,7 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
         .from_tick(flight.first_tick());
     let ending = real_time::take_over(flight, &mut sink, &people, &mut record).map_err(Failure::trouble)?;
     let ending = ending.with_record(record.finish());
-    let flown = Flown {
+    let flown = FlightResult {
         name: NAME,
         host: Host::Realtime,
         folder: &folder,

@@ -11,7 +11,7 @@ use supervisor::recording_sink::RecordingSink;
 use supervisor::{Ending, FlightFailure, Outcome};
 
 /// A flight that is over.
-pub(super) struct Flown<'a> {
+pub(super) struct FlightResult<'a> {
     pub(super) name: &'a str,
     pub(super) host: Host,
     /// Where its results go.
@@ -20,7 +20,7 @@ pub(super) struct Flown<'a> {
     pub(super) quiet: bool,
 }
 
-impl Flown<'_> {
+impl FlightResult<'_> {
     /// Closes the log, keeps the summary and shows it; the exit code of the command that flew.
     pub(super) fn conclude(&self, sink: RecordingSink<'_>, ending: Ending) -> Result<Exit, Failure> {
         let log_lost = matches!(&ending.outcome, Outcome::Failed(FlightFailure::Log(_)));

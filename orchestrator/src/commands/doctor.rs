@@ -8,8 +8,8 @@ use crate::cli::Doctor;
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 use command_line::progress;
-use doctor::report::Report;
-use doctor::{Host, Needs, Verdict, disk, examine, runs, wake_up};
+use doctor::report::MachineReport;
+use doctor::{CheckOutcome, HostFacts, Needs, disk, examine, runs, wake_up};
 use live::run_root;
 
 /// `gerono doctor`.
@@ -33,8 +33,8 @@ pub fn doctor(arguments: &Doctor) -> Result<Exit, Failure> {
         print_as_it_is(report.text(is_coloured));
     }
     Ok(match report.verdict {
-        Verdict::Green | Verdict::Yellow => Exit::Success,
-        Verdict::Red => Exit::Unfit,
+        CheckOutcome::Green | CheckOutcome::Yellow => Exit::Success,
+        CheckOutcome::Red => Exit::Unfit,
     })
 }
 
@@ -51,8 +51,8 @@ fn needs(arguments: &Doctor) -> Result<Needs, Failure> {
 }
 
 /// Looks and measures; `None` if somebody has asked for the end.
-fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<Report> {
-    let host = Host::this();
+fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<MachineReport> {
+    let host = HostFacts::this();
     let stopped = || interrupt.signal().is_some();
     let mut checks = examine(&host, needs);
     checks.extend([runs::live(&live::runs::all()), runs::dead(&run_root::find())]);
@@ -72,5 +72,5 @@ fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<Re
         stopped,
     )?;
     checks.push(wake_up::judge(&lateness, needs));
-    Some(Report::new(checks, lateness))
+    Some(MachineReport::new(checks, lateness))
 }

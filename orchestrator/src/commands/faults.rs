@@ -9,11 +9,11 @@ use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 use command_line::progress;
 use evaluation::reproduce::parallel;
-use fault_matrix::flight::{Flown, Way, fly};
-use fault_matrix::plan::{self, Case, Cell, Times};
-use fault_matrix::trouble::Trouble;
+use fault_matrix::fault_kind::MatrixFault;
+use fault_matrix::flight::{FlightResult, Way, fly};
+use fault_matrix::plan::{self, MatrixCase, MatrixCell, Times};
 use fault_matrix::undisturbed::{NotFlown, Undisturbed};
-use fault_matrix::{moments, report, table};
+use fault_matrix::{injection_times, report, table};
 use run_log::run_folder::RunFolder;
 
 /// `gerono faults`.
@@ -64,7 +64,7 @@ fn times(arguments: &Faults, scenario: &Scenario) -> Result<Times, Failure> {
     let count = if arguments.quick { 1 } else { fault_matrix::MOMENTS };
     let mut moments = arguments.moments.clone();
     if moments.is_empty() {
-        moments = moments::spread(scenario, count, lasts + after);
+        moments = injection_times::spread(scenario, count, lasts + after);
     }
     moments.sort_by(f64::total_cmp);
     moments.dedup();
@@ -92,7 +92,7 @@ fn check_time(scenario: &Scenario, name: &str, time: f64) -> Result<(), Failure>
         return Err(Failure::bad_input(format!("{name}: {time} s is no time {least}")));
     }
     if scenario.tick_of(time) == u64::MAX {
-        let near = moments::on_tick(scenario, time);
+        let near = injection_times::on_tick(scenario, time);
         let tick = scenario.schedule.tick;
         return Err(Failure::bad_input(format!(
             "{name}: {time} s is not a whole number of base ticks of {tick} s; {near} is one"
@@ -102,12 +102,12 @@ fn check_time(scenario: &Scenario, name: &str, time: f64) -> Result<(), Failure>
 }
 
 /// What shall befall whom, as asked for. Who names services only wants no edges, and the other way round.
-fn cases(arguments: &Faults) -> Result<Vec<Case>, Failure> {
-    let troubles: Vec<Trouble> = if arguments.faults.is_empty() {
-        Trouble::ALL.to_vec()
+fn cases(arguments: &Faults) -> Result<Vec<MatrixCase>, Failure> {
+    let faults: Vec<MatrixFault> = if arguments.faults.is_empty() {
+        MatrixFault::ALL.to_vec()
     } else {
-        let asked = |trouble: &Trouble| arguments.faults.iter().any(|group| group.0.contains(trouble));
-        Trouble::ALL.into_iter().filter(asked).collect()
+        let asked = |trouble: &MatrixFault| arguments.faults.iter().any(|group| group.0.contains(trouble));
+        MatrixFault::ALL.into_iter().filter(asked).collect()
     };
     let is_narrowed = !arguments.services.is_empty() || !arguments.edges.is_empty();
     let services: Vec<ServiceId> = plan::services()
@@ -116,7 +116,7 @@ fn cases(arguments: &Faults) -> Result<Vec<Case>, Failure> {
     let edges: Vec<EdgeName> = EdgeName::all()
         .filter(|edge| !is_narrowed || arguments.edges.contains(edge))
         .collect();
-    let cases = plan::cases(&services, &edges, &troubles);
+    let cases = plan::cases(&services, &edges, &faults);
     if cases.is_empty() {
         let reason = "nothing is left to fail: services can be off or freeze, edges all else, and the plant flies on; \
                       leave out --fault, --service or --edge";
@@ -129,9 +129,9 @@ fn cases(arguments: &Faults) -> Result<Vec<Case>, Failure> {
 fn fly_all(
     arguments: &Faults,
     scenario: &Scenario,
-    cells: &[Cell],
+    cells: &[MatrixCell],
     interrupt: &Interrupt,
-) -> Result<(Vec<Flown>, Vec<String>), NotFlown> {
+) -> Result<(Vec<FlightResult>, Vec<String>), NotFlown> {
     let ends = cells.iter().map(|cell| cell.scenario.duration);
     let undisturbed = Undisturbed::fly(scenario, ends.fold(0.0, f64::max), interrupt)?;
     let flown = fly_in_process(cells, arguments.processes, &undisturbed, interrupt)?;
@@ -145,11 +145,11 @@ fn fly_all(
 
 /// Flies all cells on all cores, with a bar of flights where somebody looks.
 fn fly_in_process(
-    cells: &[Cell],
+    cells: &[MatrixCell],
     with_digest: bool,
     undisturbed: &Undisturbed,
     interrupt: &Interrupt,
-) -> Result<Vec<Flown>, NotFlown> {
+) -> Result<Vec<FlightResult>, NotFlown> {
     let bar = progress::flights(cells.len());
     let flown = parallel::map(cells, parallel::cores(), |cell| {
         let flown = fly(cell, Way::InProcess { with_digest }, undisturbed, interrupt);
@@ -162,8 +162,8 @@ fn fly_in_process(
 
 /// Flies all cells as processes, one after the other, and says which came to anything else.
 fn compare(
-    cells: &[Cell],
-    expected: &[Flown],
+    cells: &[MatrixCell],
+    expected: &[FlightResult],
     undisturbed: &Undisturbed,
     interrupt: &Interrupt,
 ) -> Vec<String> {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use comfy_table::{Table, presets};
 use radio_link::channel_map::ChannelMap;
 use radio_link::link::RadioLink;
-use radio_link::sender::{Report, Sender};
+use radio_link::sender::{LinkReport, Sender};
 use radio_link::sticks::Sticks;
 use scenario::{RadioProtocol, RcLink, Scenario};
 use shared_types::service::nanoseconds;
@@ -131,7 +131,7 @@ fn line(link: RadioProtocol, stick: usize, channel: usize, travel: f64, code: u1
     )
 }
 
-fn summary(report: &Report) -> String {
+fn summary(report: &LinkReport) -> String {
     let counts = &report.counts;
     let late = |quantile| report.lateness_ns.value_at_quantile(quantile) as f64 * 1e-6;
     format!(

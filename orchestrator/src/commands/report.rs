@@ -1,7 +1,7 @@
 //! `gerono report`: logs as one page, and the paper's figures.
 
 use super::{Failure, log_path, note, print};
-use crate::cli::Report;
+use crate::cli::ReportArguments;
 use command_line::exit::Exit;
 use evaluation::report::{self, ReportError};
 
@@ -9,7 +9,7 @@ use evaluation::report::{self, ReportError};
 ///
 /// # Errors
 /// [`Failure`]; a log that breaks off is none, as long as it holds a sample.
-pub fn report(arguments: &Report) -> Result<(), Failure> {
+pub fn report(arguments: &ReportArguments) -> Result<(), Failure> {
     let logs: Vec<_> = arguments.logs.iter().map(|path| log_path(path)).collect();
     let written = report::write(&logs, &arguments.output).map_err(|error| {
         let exit = match error {

@@ -9,11 +9,11 @@ use command_line::interrupt::Interrupt;
 use command_line::progress;
 use evaluation::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
 use evaluation::reproduce::figures::Figure;
-use evaluation::reproduce::flight::{Job, Logbook};
+use evaluation::reproduce::flight::{FlightResults, Job};
 use evaluation::reproduce::known_gaps::KnownGaps;
 use evaluation::reproduce::pages::{FlightPage, PageError};
 use evaluation::reproduce::plan::Plan;
-use evaluation::reproduce::report::{self, Report};
+use evaluation::reproduce::report::{self, ReproductionReport};
 use evaluation::reproduce::traces::{Tracer, Traces};
 use evaluation::reproduce::{QUICK_SEEDS, SEEDS, ablation, gallery, observability, parallel, seeds, table};
 use run_log::run_folder::RunFolder;
@@ -47,16 +47,16 @@ pub fn reproduce(arguments: &Reproduce) -> Result<Exit, Failure> {
 fn show_ablation(seeds: &[u64], folder: &RunFolder, interrupt: &Interrupt) -> Result<Exit, Failure> {
     let mut plan = Plan::default();
     plan.add_ablation(seeds);
-    let logbook = fly(&plan.jobs().map_err(refused)?, interrupt);
+    let results = fly(&plan.jobs().map_err(refused)?, interrupt);
     if let Some(signal) = interrupt.signal() {
         return Ok(Exit::Signal(signal));
     }
-    let lines = ablation::table(&logbook, seeds);
-    let sheet = table::ablation(&lines);
+    let lines = ablation::table(&results, seeds);
+    let table = table::ablation(&lines);
     write_json(&folder.path().join("ablation.json"), &lines)?;
-    write(&folder.path().join("ablation.md"), &sheet.markdown())?;
+    write(&folder.path().join("ablation.md"), &table.markdown())?;
     print(format!(
-        "The eight of Figs. 3 to 6 without parts of the design, {} seeds from {} on, medians\n{sheet}\n",
+        "The eight of Figs. 3 to 6 without parts of the design, {} seeds from {} on, medians\n{table}\n",
         seeds.len(),
         seeds[0],
     ));
@@ -82,7 +82,7 @@ fn show_figures(
         plan.add_observability(seeds);
     }
     let jobs = plan.jobs().map_err(refused)?;
-    let logbook = fly(&jobs, interrupt);
+    let results = fly(&jobs, interrupt);
     let (drawn, pages) = draw(&figures, &jobs, folder.path(), interrupt)?;
     if let Some(signal) = interrupt.signal() {
         return Ok(Exit::Signal(signal));
@@ -91,19 +91,19 @@ fn show_figures(
     let gaps = KnownGaps::committed();
     let judged = figures
         .iter()
-        .map(|&figure| report::judge(figure, &logbook, seeds, &gaps));
-    let report = Report {
+        .map(|&figure| report::judge(figure, &results, seeds, &gaps));
+    let report = ReproductionReport {
         seeds: seeds.to_vec(),
         laboratories: report::laboratories(),
         figures: judged.collect(),
-        observability: with_observability.then(|| observability::table(&logbook, seeds)),
+        observability: with_observability.then(|| observability::table(&results, seeds)),
     };
     write_json(&folder.path().join("reproduce.json"), &report)?;
-    let sheet = table::figures(&report.figures);
-    write(&folder.path().join("figures.md"), &sheet.markdown())?;
+    let table = table::figures(&report.figures);
+    write(&folder.path().join("figures.md"), &table.markdown())?;
     if let Some(observability) = &report.observability {
-        let sheet = table::observability(observability);
-        write(&folder.path().join("observability.md"), &sheet.markdown())?;
+        let table = table::observability(observability);
+        write(&folder.path().join("observability.md"), &table.markdown())?;
     }
     write(
         &folder.path().join("index.html"),
@@ -133,11 +133,11 @@ fn figures(arguments: &Reproduce) -> Vec<Figure> {
 }
 
 /// Flies all jobs on all cores, with a bar of flights where somebody looks.
-fn fly(jobs: &[Job], interrupt: &Interrupt) -> Logbook {
+fn fly(jobs: &[Job], interrupt: &Interrupt) -> FlightResults {
     let bar = progress::flights(jobs.len());
-    let logbook = Logbook::fly(jobs, parallel::cores(), interrupt, || bar.inc(1));
+    let results = FlightResults::fly(jobs, parallel::cores(), interrupt, || bar.inc(1));
     bar.finish_and_clear();
-    logbook
+    results
 }
 
 /// Draws what belongs to the figures, of the first seed in the first laboratory, and writes a page of the first flight of each;

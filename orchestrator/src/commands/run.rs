@@ -6,7 +6,7 @@ use runtime::deployment::Scheduler;
 use scenario::Scenario;
 use shared_types::ServiceId;
 
-use super::conclusion::Flown;
+use super::conclusion::FlightResult;
 use super::{Failure, host_record, load, run_log, scenario_name, schedule_of};
 use crate::cli::{DeploymentArguments, Host, Run};
 use command_line::exit::Exit;
@@ -68,7 +68,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     };
     let mut sink = RecordingSink::new(&scenario, &schedule, Some(log), &mut progress);
     let ending = fly(arguments, &scenario, &folder, &mut sink, &people);
-    let flown = Flown {
+    let flown = FlightResult {
         name: &name,
         host: arguments.host,
         folder: &folder,

@@ -3,7 +3,7 @@
 use comfy_table::{Table, presets};
 
 use super::{Failure, log_path, print};
-use crate::cli::Truth as Arguments;
+use crate::cli::TruthArguments as Arguments;
 use fault_matrix::truth::{self, Truth};
 
 /// `gerono truth`.

@@ -10,16 +10,16 @@ use serde::Serialize;
 use shared_types::service::{nanoseconds, seconds};
 
 use super::{Failure, load, print, scenario_name, schedule_of, write_result};
-use crate::cli::World as Arguments;
+use crate::cli::HilSimulator as Arguments;
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
+use hil_simulator::autopilot::Autopilot;
 use hil_simulator::betaflight::{Betaflight, Rotors};
-use hil_simulator::cameras::Cameras;
-use hil_simulator::line::Line;
-use hil_simulator::onboard::Onboard;
+use hil_simulator::cameras::CameraSender;
 use hil_simulator::radio::Radio;
+use hil_simulator::receiver_input::ReceiverInput;
 use hil_simulator::record::Record;
-use hil_simulator::{Report, Timing, World};
+use hil_simulator::{HilReport, HilSimulator, Timing};
 use run_log::run_folder::RunFolder;
 
 /// From the making of the world to its first tick.
@@ -45,7 +45,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
     let clock = FlightClock::starting_in(COUNTDOWN, nanoseconds(scenario.schedule.tick));
     let record = Record::begin(&folder, &scenario, clock.start_ns).map_err(Failure::not_written)?;
-    let world = World::new(&scenario, clock, onboard, cameras, record);
+    let world = HilSimulator::new(&scenario, clock, onboard, cameras, record);
     let world = world.map_err(Failure::bad_input)?;
     if !arguments.quiet {
         print(introduction(arguments, &scenario, &timing));
@@ -63,7 +63,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     Ok(Exit::Success)
 }
 
-fn cameras(scenario: &Scenario, timing: &Timing) -> Result<Cameras, Failure> {
+fn cameras(scenario: &Scenario, timing: &Timing) -> Result<CameraSender, Failure> {
     let Some((system, stated)) = scenario.capture_system() else {
         let key: Key = ["motion_capture", "source"].into_iter().collect();
         let reason = "the scenario's flight simulates the world itself";
@@ -85,17 +85,17 @@ fn cameras(scenario: &Scenario, timing: &Timing) -> Result<Cameras, Failure> {
         reason = "a whole number of ticks, at least 1"
     )]
     let period = period as u64;
-    Cameras::open(system, stated, period, nanoseconds(timing.capture_latency)).map_err(Failure::trouble)
+    CameraSender::open(system, stated, period, nanoseconds(timing.capture_latency)).map_err(Failure::trouble)
 }
 
-fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Result<Onboard, Failure> {
+fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Result<Autopilot, Failure> {
     if arguments.betaflight {
         let rotors = Rotors {
             arm: arguments.rotor_arm,
             torque_per_thrust: arguments.rotor_torque,
         };
         let betaflight = Betaflight::open(scenario, rotors).map_err(Failure::trouble)?;
-        return Ok(Onboard::Betaflight(betaflight));
+        return Ok(Autopilot::Betaflight(betaflight));
     }
 
     let link = scenario.rc_output.as_ref();
@@ -113,8 +113,8 @@ fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Resul
             "state `crsf`, `sbus`, `multi`, `msp` or `mavlink`",
         ));
     };
-    let line = Line::open(&target).map_err(Failure::trouble)?;
-    Ok(Onboard::RateLoop(line, Box::new(radio)))
+    let line = ReceiverInput::open(&target).map_err(Failure::trouble)?;
+    Ok(Autopilot::RateLoop(line, Box::new(radio)))
 }
 
 fn refused(key: Key, reason: &str, fix: &str) -> Failure {
@@ -162,7 +162,7 @@ struct Summary {
 }
 
 impl Summary {
-    fn of(report: &Report, tick_ns: u64) -> Self {
+    fn of(report: &HilReport, tick_ns: u64) -> Self {
         let late = |quantile| seconds(report.lateness_ns.value_at_quantile(quantile));
         Self {
             seconds: seconds(report.ticks * tick_ns),

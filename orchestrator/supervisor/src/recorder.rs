@@ -7,7 +7,7 @@ use runtime::ports::PortError;
 use runtime::shared_page::ControlBlock;
 use runtime::watchdog::{self, Work};
 use shared_types::ExternalServices;
-use shared_types::schedule::Presence;
+use shared_types::schedule::OutageSchedule;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use super::FlightFailure;
@@ -28,7 +28,7 @@ pub struct Recorder {
 
 struct Feed {
     topic: Topic,
-    rate: Presence,
+    rate: OutageSchedule,
     archive: Archive,
     subscription: Subscription,
 }

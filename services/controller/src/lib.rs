@@ -11,14 +11,14 @@
 //! * [`offset`]: what δ makes the vehicle hang below the path;
 //! * [`rates`]: the law for a vehicle that takes body rates, rolled out over the hold of a command;
 //! * [`yaw`]: the yaw law (28);
-//! * [`commander`]: both, from hold to hold;
-//! * [`fallback`]: what is commanded when the vehicle's state is too old for the law;
-//! * [`reckoning`]: where the vehicle is by now, from the last good state and the commands since;
-//! * [`transfer`]: commands that pass over to the law's without a jump;
+//! * [`rate_controller`]: both, from hold to hold;
+//! * [`failsafe`]: what is commanded when the vehicle's state is too old for the law;
+//! * [`dead_reckoning`]: where the vehicle is by now, from the last good state and the commands since;
+//! * [`bumpless_transfer`]: commands that pass over to the law's without a jump;
 //! * [`safety`]: the three of them together, by the age of the state;
 //! * [`references`]: which reference the law flies by;
 //! * [`phase`]: what the phase of the flight leaves to the controller;
-//! * [`pilot`]: what is commanded, by the law or something safer;
+//! * [`control_supervisor`]: what is commanded, by the law or something safer;
 //! * [`observer`]: a mass observer of another kind, to compare with;
 //! * [`service`]: the law and its estimators as a service of the flight.
 //!
@@ -28,9 +28,11 @@
 //! Where it differs from the paper: k1 d²σ(z1)/dt² and d³γ/dt³ contain the unknown acceleration as well, and
 //! both are part of W here, which the paper leaves to the reader.
 
-pub mod commander;
+pub mod bumpless_transfer;
+pub mod control_supervisor;
+pub mod dead_reckoning;
 pub mod errors;
-pub mod fallback;
+pub mod failsafe;
 pub mod law;
 pub mod lyapunov;
 pub mod observer;
@@ -38,17 +40,15 @@ pub mod offset;
 pub mod parameter_vector;
 pub mod parameters;
 pub mod phase;
-pub mod pilot;
 pub mod projection;
+pub mod rate_controller;
 pub mod rates;
-pub mod reckoning;
 pub mod references;
 pub mod regressor;
 pub mod safety;
 pub mod saturation;
 pub mod service;
 pub mod signals;
-pub mod transfer;
 pub mod yaw;
 pub mod zeta_rate;
 

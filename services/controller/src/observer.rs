@@ -28,12 +28,12 @@ pub struct MassObserver {
     /// θ̄, estimate of 1/m, 1/kg.
     pub theta: f64,
     /// What it saw and what was commanded at its previous step, if there was one.
-    pub previous: Option<Sight>,
+    pub previous: Option<ObserverSample>,
 }
 
 /// What the observer needs of a moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sight {
+pub struct ObserverSample {
     /// v in {I}, m/s.
     pub velocity_world: Vector3<f64>,
     /// r3 = R e3 in {I}.
@@ -42,7 +42,7 @@ pub struct Sight {
     pub thrust: f64,
 }
 
-impl Sight {
+impl ObserverSample {
     /// Stands for a moment that was not seen.
     pub const NOTHING: Self = Self {
         velocity_world: Vector3::new(0.0, 0.0, 0.0),
@@ -63,7 +63,7 @@ impl MassObserver {
     }
 
     /// Moves on by `elapsed` seconds to what is seen now.
-    pub fn step(&mut self, now: Sight, elapsed: f64) {
+    pub fn step(&mut self, now: ObserverSample, elapsed: f64) {
         if let Some(before) = self.previous {
             let (gamma, thrust) = (self.gain, before.thrust);
             let r3 = (before.thrust_axis_world + now.thrust_axis_world) * 0.5;
@@ -100,7 +100,7 @@ mod tests {
             let thrust = mass * GRAVITY * (1.0 + 0.2 * libm::sin(3.0 * time));
             let r3 = attitude(time).column(2).into_owned();
             observer.step(
-                Sight {
+                ObserverSample {
                     velocity_world: velocity,
                     thrust_axis_world: r3,
                     thrust,
@@ -142,14 +142,14 @@ mod tests {
     #[test]
     fn a_hold_without_thrust_teaches_nothing() {
         let mut observer = MassObserver::new(0.1, 0.25);
-        let sight = Sight {
+        let sight = ObserverSample {
             velocity_world: Vector3::zeros(),
             thrust_axis_world: Vector3::z(),
             thrust: 0.0,
         };
         observer.step(sight, 0.022);
         observer.step(
-            Sight {
+            ObserverSample {
                 velocity_world: Vector3::z(),
                 ..sight
             },

@@ -14,7 +14,7 @@ use shared_types::samples::PathReference;
 
 /// What a phase leaves to the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Duty {
+pub enum ControlMode {
     /// The motors rest.
     Rest,
     /// The motors idle.
@@ -27,11 +27,11 @@ pub enum Duty {
 
 /// What the phases of a flight leave to the controller.
 #[derive(Clone, Copy, Debug)]
-pub struct Duties {
+pub struct ControlModes {
     has_phases: bool,
 }
 
-impl Duties {
+impl ControlModes {
     /// Those of a scenario's flight.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
@@ -43,20 +43,20 @@ impl Duties {
     /// What the last good reference leaves to the controller.
     #[must_use]
     #[inline]
-    pub fn of(self, reference: Option<&PathReference>) -> Duty {
+    pub fn of(self, reference: Option<&PathReference>) -> ControlMode {
         if !self.has_phases {
-            return Duty::Fly;
+            return ControlMode::Fly;
         }
         let Some(reference) = reference else {
-            return Duty::Rest;
+            return ControlMode::Rest;
         };
         match FlightPhase::from_code(reference.phase) {
-            FlightPhase::Disarmed => Duty::Rest,
-            FlightPhase::Armed => Duty::Idle,
+            FlightPhase::Disarmed => ControlMode::Rest,
+            FlightPhase::Armed => ControlMode::Idle,
             FlightPhase::TakeOff | FlightPhase::Fly | FlightPhase::Land if reference.airborne.is_set() => {
-                Duty::Fly
+                ControlMode::Fly
             }
-            FlightPhase::TakeOff | FlightPhase::Fly | FlightPhase::Land => Duty::FlyUntaught,
+            FlightPhase::TakeOff | FlightPhase::Fly | FlightPhase::Land => ControlMode::FlyUntaught,
         }
     }
 }

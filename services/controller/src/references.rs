@@ -6,7 +6,7 @@
 //! a path that moves is a repetition of old news, and makes nothing young.
 
 use scenario::{EdgeName, Scenario};
-use shared_types::gate::{Gate, GateState, LARGEST, Verdict, is_of_the_past};
+use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity, is_of_the_past};
 use shared_types::samples::PathReference;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Input, Now, ServiceId, Topic};
@@ -19,13 +19,13 @@ const MOVES: f64 = 1e-6;
 /// The input of references.
 #[derive(Clone, Debug)]
 pub struct References {
-    patience: Option<Patience>,
-    gate: Gate<PathReference>,
+    patience: Option<AgeLimits>,
+    gate: InputValidator<PathReference>,
 }
 
 /// How old a reference may be, ns.
 #[derive(Clone, Copy, Debug)]
-struct Patience {
+struct AgeLimits {
     /// The oldest that it is while nothing fails.
     ordinary: u64,
     /// The oldest that it is carried on to.
@@ -39,11 +39,11 @@ impl References {
         let (topic, service) = (Topic::PathReference, ServiceId::Controller);
         let safety = scenario.safety_of(topic, service);
         Self {
-            patience: safety.map(|safety| Patience {
+            patience: safety.map(|safety| AgeLimits {
                 ordinary: EdgeName::of(topic, service).map_or(0, |edge| scenario.ordinary_age_ns(edge)),
                 most: nanoseconds(safety.max_age),
             }),
-            gate: Gate::default(),
+            gate: InputValidator::default(),
         }
     }
 
@@ -53,13 +53,13 @@ impl References {
         let has_policy = self.patience.is_some();
         self.gate.look(input, LARGEST, |reference, held| {
             if !has_policy {
-                Verdict::Good
+                Validity::Good
             } else if !is_of_the_past(reference, now) {
-                Verdict::Refused
+                Validity::Refused
             } else if held.is_some_and(|held| held.gamma == reference.gamma && held.gamma_dot.abs() > MOVES) {
-                Verdict::Mute
+                Validity::NothingNew
             } else {
-                Verdict::Good
+                Validity::Good
             }
         });
     }
@@ -78,7 +78,7 @@ impl References {
         let target = Reference::from(reference);
         let age_ns = self.gate.age_ns(now).unwrap_or(0);
         match self.patience {
-            Some(Patience { ordinary, most }) if age_ns > ordinary => {
+            Some(AgeLimits { ordinary, most }) if age_ns > ordinary => {
                 let carried = target.ahead(seconds(age_ns.min(most).saturating_sub(ordinary)));
                 if age_ns > most { carried.at_rest() } else { carried }
             }

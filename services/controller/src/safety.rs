@@ -10,19 +10,19 @@ use shared_types::samples::VehicleState;
 use shared_types::service::seconds;
 use shared_types::{Now, ServiceId, Topic};
 
-use crate::fallback::{DESCENT, Leveller, Stage, Stages};
-use crate::reckoning::{Believed, Commanded, Reckoned, Reckoner};
-use crate::transfer::Transfer;
+use crate::bumpless_transfer::Transfer;
+use crate::dead_reckoning::{Commanded, DeadReckoning, ModelEstimate, Reckoned};
+use crate::failsafe::{DESCENT, FailsafeStage, FailsafeStages, Leveler};
 
 /// The policy for the vehicle's state, and what it remembers.
 #[derive(Clone, Copy, Debug)]
 pub struct Safety {
-    stages: Stages,
+    stages: FailsafeStages,
     recover_ns: u64,
     /// The oldest that the state is while nothing fails, ns.
     ordinary_age_ns: u64,
-    reckoner: Reckoner,
-    leveller: Leveller,
+    dead_reckoning: DeadReckoning,
+    leveller: Leveler,
     /// The vehicle as reckoned.
     pub reckoned: Reckoned,
     /// The way back to the law.
@@ -33,14 +33,14 @@ impl Safety {
     /// What a scenario that has been checked states for the state of the vehicle.
     #[must_use]
     pub fn new(scenario: &Scenario, stated: &InputSafety) -> Self {
-        let reckoner = Reckoner::new(scenario);
+        let dead_reckoning = DeadReckoning::new(scenario);
         let edge = EdgeName::of(Topic::VehicleState, ServiceId::Controller);
         Self {
-            stages: Stages::new(stated),
+            stages: FailsafeStages::new(stated),
             recover_ns: stated.recover_ns(),
             ordinary_age_ns: edge.map_or(0, |edge| scenario.ordinary_age_ns(edge)),
-            reckoner,
-            leveller: Leveller::new(reckoner.inertia, scenario.command_hold()),
+            dead_reckoning,
+            leveller: Leveler::new(dead_reckoning.inertia, scenario.command_hold()),
             reckoned: Reckoned::NOTHING,
             transfer: Transfer::NONE,
         }
@@ -48,9 +48,9 @@ impl Safety {
 
     /// The stage of a state's age, ns. Without a last command there is none to hold: the vehicle levels out instead.
     #[must_use]
-    pub fn stage(&self, age_ns: u64, last: Option<&Commanded>) -> Stage {
+    pub fn stage(&self, age_ns: u64, last: Option<&Commanded>) -> FailsafeStage {
         match self.stages.at(age_ns) {
-            Stage::Hold if last.is_none() => Stage::Level,
+            FailsafeStage::Hold if last.is_none() => FailsafeStage::Level,
             stage => stage,
         }
     }
@@ -63,35 +63,35 @@ impl Safety {
         is_new: bool,
         age_ns: u64,
         last: Option<&Commanded>,
-        believed: &Believed,
+        estimate: &ModelEstimate,
     ) {
         let hover = Commanded {
-            thrust: believed.mass * GRAVITY,
+            thrust: estimate.mass * GRAVITY,
             ..Commanded::NOTHING
         };
         let last = last.unwrap_or(&hover);
         if is_new || !self.reckoned.has_begun.is_set() {
-            self.reckoned = self.reckoner.begin(state, last, believed);
+            self.reckoned = self.dead_reckoning.begin(state, last, estimate);
             let late_ns = age_ns.saturating_sub(self.ordinary_age_ns);
-            self.pass(late_ns, last, believed);
+            self.pass(late_ns, last, estimate);
         } else {
-            self.pass(now.elapsed_ns, last, believed);
+            self.pass(now.elapsed_ns, last, estimate);
         }
     }
 
-    fn pass(&mut self, elapsed_ns: u64, last: &Commanded, believed: &Believed) {
+    fn pass(&mut self, elapsed_ns: u64, last: &Commanded, estimate: &ModelEstimate) {
         if elapsed_ns > 0 {
             self.reckoned = self
-                .reckoner
-                .advanced(&self.reckoned, last, believed, seconds(elapsed_ns));
+                .dead_reckoning
+                .advanced(&self.reckoned, last, estimate, seconds(elapsed_ns));
         }
     }
 
     /// The state for the law: the last good one, or if that is later than it should be the reckoned one.
     #[must_use]
-    pub fn state_for_law(&self, state: &VehicleState, age_ns: u64, believed: &Believed) -> VehicleState {
+    pub fn state_for_law(&self, state: &VehicleState, age_ns: u64, estimate: &ModelEstimate) -> VehicleState {
         if age_ns > self.ordinary_age_ns {
-            self.reckoned.state(state, believed)
+            self.reckoned.state(state, estimate)
         } else {
             *state
         }
@@ -99,12 +99,17 @@ impl Safety {
 
     /// What is commanded in a stage without the law.
     #[must_use]
-    pub fn command(&self, stage: Stage, last: Option<&Commanded>, believed: &Believed) -> Commanded {
+    pub fn command(
+        &self,
+        stage: FailsafeStage,
+        last: Option<&Commanded>,
+        estimate: &ModelEstimate,
+    ) -> Commanded {
         match stage {
-            Stage::Law | Stage::Hold => last.copied().unwrap_or(Commanded::NOTHING),
-            Stage::Level => self.leveller.command(&self.reckoned, believed, 0.0),
-            Stage::Descend => self.leveller.command(&self.reckoned, believed, DESCENT),
-            Stage::Failsafe => Commanded::NOTHING,
+            FailsafeStage::Nominal | FailsafeStage::Hold => last.copied().unwrap_or(Commanded::NOTHING),
+            FailsafeStage::Level => self.leveller.command(&self.reckoned, estimate, 0.0),
+            FailsafeStage::Descend => self.leveller.command(&self.reckoned, estimate, DESCENT),
+            FailsafeStage::Failsafe => Commanded::NOTHING,
         }
     }
 
@@ -115,13 +120,13 @@ impl Safety {
     pub fn pass_over(
         &mut self,
         now: &Now,
-        before: Stage,
+        before: FailsafeStage,
         last: Option<&Commanded>,
         law: &Commanded,
     ) -> Commanded {
         self.transfer = match (before, last) {
-            (Stage::Law, _) => self.transfer.advanced(now.elapsed_ns),
-            (Stage::Failsafe, _) | (_, None) => Transfer::NONE,
+            (FailsafeStage::Nominal, _) => self.transfer.advanced(now.elapsed_ns),
+            (FailsafeStage::Failsafe, _) | (_, None) => Transfer::NONE,
             (_, Some(last)) => Transfer::new(last, law, self.recover_ns),
         };
         self.transfer.command(law)

@@ -3,7 +3,7 @@
 //! The estimators η̂, b̂ and ŵ step by the explicit Euler method: the estimates of a step are those of the
 //! previous step plus the elapsed time times that step's rates, and the law uses them as they are then.
 //!
-//! Commands are thrust and torque, or with `controller.rates` thrust and body rates ([`crate::commander`]).
+//! Commands are thrust and torque, or with `controller.rates` thrust and body rates ([`crate::rate_controller`]).
 //!
 //! When it cannot or should not do so:
 //! * a state or reference that cannot be true is refused and counted, and the last good one stays in its place;
@@ -23,23 +23,23 @@
 
 use nalgebra::Vector3;
 use scenario::Scenario;
-use shared_types::gate::{GateState, StateGate, StateGateState};
+use shared_types::input_validator::{GateState, StateGateState, StateValidator};
 use shared_types::sample::Flag;
 use shared_types::samples::{ControlAdaptation, PathReference};
 use shared_types::wiring::{ControllerInputs, ControllerOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
 
-use crate::commander::Memory;
-use crate::fallback::Stage;
-use crate::observer::Sight;
+use crate::bumpless_transfer::Transfer;
+use crate::control_supervisor::{ControlInput, ControlSupervisor, Telemetry};
+use crate::dead_reckoning::{Commanded, Reckoned};
+use crate::failsafe::FailsafeStage;
+use crate::observer::ObserverSample;
 use crate::parameter_vector::ParameterVector;
 use crate::parameters::Parameters;
-use crate::phase::{Duties, Duty};
-use crate::pilot::{Course, Pilot, Telemetry};
-use crate::reckoning::{Commanded, Reckoned};
+use crate::phase::{ControlMode, ControlModes};
+use crate::rate_controller::RateControllerState;
 use crate::references::References;
 use crate::signals::{EstimateRates, Estimates};
-use crate::transfer::Transfer;
 
 shared_types::sample! {
     /// The estimators after a step, and where they are going.
@@ -94,12 +94,12 @@ shared_types::sample! {
 /// The adaptive control law as a service of the flight.
 #[derive(Clone, Debug)]
 pub struct ControllerService {
-    pilot: Pilot,
+    supervisor: ControlSupervisor,
     /// Rates of the estimates since the last step.
     rates: EstimateRates,
-    states: StateGate,
+    states: StateValidator,
     references: References,
-    duties: Duties,
+    modes: ControlModes,
 }
 
 impl ControllerService {
@@ -108,11 +108,11 @@ impl ControllerService {
     pub fn new(scenario: &Scenario) -> Self {
         let safety = scenario.safety_of(Topic::VehicleState, ServiceId::Controller);
         Self {
-            pilot: Pilot::new(scenario),
+            supervisor: ControlSupervisor::new(scenario),
             rates: EstimateRates::ZERO,
-            states: StateGate::new(safety.map(scenario::InputSafety::policy)),
+            states: StateValidator::new(safety.map(scenario::InputSafety::policy)),
             references: References::new(scenario),
-            duties: Duties::new(scenario),
+            modes: ControlModes::new(scenario),
         }
     }
 }
@@ -126,46 +126,47 @@ impl Service for ControllerService {
     #[inline]
     fn step(&mut self, now: &Now, inputs: &ControllerInputs<'_>, outputs: &mut ControllerOutputs<'_>) {
         let Self {
-            pilot,
+            supervisor,
             rates,
             states,
             references,
-            duties,
+            modes,
         } = self;
-        let advanced = pilot.estimates.advanced(rates, now.elapsed());
+        let advanced = supervisor.estimates.advanced(rates, now.elapsed());
         if advanced.is_finite() {
-            pilot.estimates = advanced;
+            supervisor.estimates = advanced;
         }
         *rates = EstimateRates::ZERO;
         if let Some(adaptation) = outputs.adaptation.due() {
-            write_adaptation(adaptation, &pilot.parameters, &pilot.estimates);
-            adaptation.observer_mass_estimate = pilot.observer.map_or(0.0, |observer| 1.0 / observer.theta);
+            write_adaptation(adaptation, &supervisor.parameters, &supervisor.estimates);
+            adaptation.observer_mass_estimate =
+                supervisor.observer.map_or(0.0, |observer| 1.0 / observer.theta);
         }
         let is_new = states.look(now, &inputs.state);
         references.look(now, &inputs.reference);
         let mut command = Commanded::NOTHING;
         let (mut learns, mut is_nonsense) = (false, false);
-        let duty = duties.of(references.held());
-        if matches!(duty, Duty::Rest | Duty::Idle) {
-            pilot.stand_by(duty);
+        let mode = modes.of(references.held());
+        if matches!(mode, ControlMode::Rest | ControlMode::Idle) {
+            supervisor.stand_by(mode);
         } else if let (Some(state), Some(reference)) = (states.held(), references.held()) {
-            let course = Course {
+            let input = ControlInput {
                 state,
                 is_new,
                 age_ns: states.age_ns(now).unwrap_or(0),
                 reference,
                 target: references.target(now, reference),
-                teaches: duty == Duty::Fly,
+                teaches: mode == ControlMode::Fly,
             };
             let telemetry = Telemetry {
                 errors: outputs.errors.due(),
                 rates,
             };
-            let flown = pilot.fly(now, &course, telemetry);
+            let flown = supervisor.fly(now, &input, telemetry);
             command = flown.command;
             (learns, is_nonsense) = (flown.learns, flown.is_nonsense);
             if outputs.command.due().is_some() {
-                pilot.last = Some(command);
+                supervisor.last = Some(command);
             }
         }
         if is_nonsense {
@@ -174,22 +175,28 @@ impl Service for ControllerService {
         if let Some(adaptation) = outputs.adaptation.due() {
             adaptation.resting = (!learns).into();
             adaptation.inputs_refused = states.refused().saturating_add(references.refused());
-            adaptation.stage = pilot.stage.code();
+            adaptation.stage = supervisor.stage.code();
         }
         if let Some(due) = outputs.command.due() {
             due.thrust = command.thrust;
             due.torque_body = command.torque_body;
             due.rates_body = command.rates_body;
-            due.mode = pilot.mode();
+            due.mode = supervisor.mode();
         }
     }
 
     fn save(&self) -> ControllerState {
-        let Self { pilot, rates, .. } = self;
-        let Pilot { estimates, .. } = pilot;
-        let memory = pilot.commander.map_or(Memory::NONE, |commander| commander.memory);
-        let seen = pilot.observer.and_then(|observer| observer.previous);
-        let sight = seen.unwrap_or(Sight::NOTHING);
+        let Self {
+            supervisor, rates, ..
+        } = self;
+        let ControlSupervisor { estimates, .. } = supervisor;
+        let memory = supervisor
+            .rate_controller
+            .map_or(RateControllerState::NONE, |rate_controller| {
+                rate_controller.memory
+            });
+        let seen = supervisor.observer.and_then(|observer| observer.previous);
+        let sight = seen.unwrap_or(ObserverSample::NOTHING);
         let (references, reference) = self.references.save();
         ControllerState {
             eta_hat: estimates.eta,
@@ -200,26 +207,28 @@ impl Service for ControllerService {
             w_hat_rate: rates.w.into(),
             artificial_omega: memory.artificial_omega.into(),
             yaw_integral: memory.yaw_integral,
-            observer_theta: pilot.observer.map_or(0.0, |observer| observer.theta),
+            observer_theta: supervisor.observer.map_or(0.0, |observer| observer.theta),
             observer_velocity_world: sight.velocity_world.into(),
             observer_thrust_axis_world: sight.thrust_axis_world.into(),
             observer_thrust: sight.thrust,
             states: self.states.save(),
             reference,
             references,
-            last: pilot.last.unwrap_or(Commanded::NOTHING),
-            reckoned: pilot.safety.map_or(Reckoned::NOTHING, |safety| safety.reckoned),
-            transfer: pilot.safety.map_or(Transfer::NONE, |safety| safety.transfer),
+            last: supervisor.last.unwrap_or(Commanded::NOTHING),
+            reckoned: supervisor
+                .safety
+                .map_or(Reckoned::NOTHING, |safety| safety.reckoned),
+            transfer: supervisor.safety.map_or(Transfer::NONE, |safety| safety.transfer),
             observer_has_seen: seen.is_some().into(),
-            has_last: pilot.last.is_some().into(),
-            stage: pilot.stage.code(),
+            has_last: supervisor.last.is_some().into(),
+            stage: supervisor.stage.code(),
             pad0: [0; 5],
         }
     }
 
     fn restore(&mut self, state: &ControllerState) {
-        let pilot = &mut self.pilot;
-        pilot.estimates = Estimates {
+        let supervisor = &mut self.supervisor;
+        supervisor.estimates = Estimates {
             eta: state.eta_hat,
             disturbance_world: Vector3::from(state.disturbance_hat_world),
             w: ParameterVector::from(state.w_hat),
@@ -231,20 +240,20 @@ impl Service for ControllerService {
         };
         self.states.restore(&state.states);
         self.references.restore(&state.references, &state.reference);
-        pilot.last = state.has_last.is_set().then_some(state.last);
-        pilot.stage = Stage::from_code(state.stage);
-        if let Some(safety) = &mut pilot.safety {
+        supervisor.last = state.has_last.is_set().then_some(state.last);
+        supervisor.stage = FailsafeStage::from_code(state.stage);
+        if let Some(safety) = &mut supervisor.safety {
             (safety.reckoned, safety.transfer) = (state.reckoned, state.transfer);
         }
-        if let Some(commander) = &mut pilot.commander {
-            commander.memory = Memory {
+        if let Some(rate_controller) = &mut supervisor.rate_controller {
+            rate_controller.memory = RateControllerState {
                 artificial_omega: state.artificial_omega.into(),
                 yaw_integral: state.yaw_integral,
             };
         }
-        if let Some(observer) = &mut pilot.observer {
+        if let Some(observer) = &mut supervisor.observer {
             observer.theta = state.observer_theta;
-            observer.previous = state.observer_has_seen.is_set().then(|| Sight {
+            observer.previous = state.observer_has_seen.is_set().then(|| ObserverSample {
                 velocity_world: state.observer_velocity_world.into(),
                 thrust_axis_world: state.observer_thrust_axis_world.into(),
                 thrust: state.observer_thrust,

@@ -19,15 +19,15 @@
 //! * [`commands`]: what thrust and rates follow, and when;
 //! * [`motion`]: the nominal state and its step;
 //! * [`error_state`]: the transition of its error, and the noise that enters;
-//! * [`belief`]: nominal state and covariance together: propagation and the use of a pose;
+//! * [`filter_state`]: nominal state and covariance together: propagation and the use of a pose;
 //! * [`scatter`]: the noise of the cameras, if it is more than stated;
 //! * [`filter`]: which captures are used, when the filter starts anew, prediction.
 
 pub mod attitude;
-pub mod belief;
 pub mod commands;
 pub mod error_state;
 pub mod filter;
+pub mod filter_state;
 pub mod motion;
 pub mod scatter;
 mod state;

@@ -6,7 +6,7 @@
 //! * with a policy the state no longer counts as tracked when the last good one is too old.
 
 use scenario::{Problem, Scenario};
-use shared_types::gate::{Gate, GateState, LARGEST, Verdict};
+use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity};
 use shared_types::samples::MocapPose;
 use shared_types::service::nanoseconds;
 use shared_types::wiring::{EstimatorInputs, EstimatorOutputs};
@@ -14,7 +14,7 @@ use shared_types::{Now, Service, ServiceId, Topic};
 use zerocopy::FromZeros;
 
 use crate::kalman::{KalmanFilter, KalmanState};
-use crate::source::{Estimate, Source, as_captured, is_pose};
+use crate::source::{Estimate, EstimateSource, as_captured, is_pose};
 
 shared_types::sample! {
     /// Everything that the next step depends on besides its inputs.
@@ -33,10 +33,10 @@ shared_types::sample! {
 /// The estimator as a service.
 #[derive(Clone, Debug)]
 pub struct EstimatorService {
-    source: Source,
+    source: EstimateSource,
     last: Estimate,
     /// Captures of ideal cameras.
-    captures: Gate<MocapPose>,
+    captures: InputValidator<MocapPose>,
     /// Age up to which such a capture is good, ns.
     max_age_ns: u64,
 }
@@ -50,11 +50,13 @@ impl EstimatorService {
     pub fn new(scenario: &Scenario) -> Result<Self, Problem> {
         Ok(Self {
             source: match &scenario.estimator {
-                None => Source::IdealCapture,
-                Some(estimator) => Source::Kalman(Box::new(KalmanFilter::new(scenario, &estimator.kalman)?)),
+                None => EstimateSource::IdealCapture,
+                Some(estimator) => {
+                    EstimateSource::Kalman(Box::new(KalmanFilter::new(scenario, &estimator.kalman)?))
+                }
             },
             last: Estimate::UNMEASURED,
-            captures: Gate::default(),
+            captures: InputValidator::default(),
             max_age_ns: scenario
                 .safety_of(Topic::MocapPose, ServiceId::Estimator)
                 .map_or(u64::MAX, |safety| nanoseconds(safety.max_age)),
@@ -66,9 +68,9 @@ impl EstimatorService {
     fn take(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
         self.captures.look(&inputs.pose, LARGEST, |capture, _| {
             if !capture.tracked.is_set() || is_pose(capture) {
-                Verdict::Good
+                Validity::Good
             } else {
-                Verdict::Refused
+                Validity::Refused
             }
         });
         let is_too_old = self.captures.age_ns(now).is_some_and(|age| age > self.max_age_ns);
@@ -93,8 +95,8 @@ impl Service for EstimatorService {
     /// first one that is a level attitude at the origin, at rest.
     fn step(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
         match &mut self.source {
-            Source::IdealCapture => self.take(now, inputs, outputs),
-            Source::Kalman(filter) => {
+            EstimateSource::IdealCapture => self.take(now, inputs, outputs),
+            EstimateSource::Kalman(filter) => {
                 if let Some(frame) = inputs.frame.fresh() {
                     filter.hear(now.time_ns, frame);
                 }
@@ -117,8 +119,8 @@ impl Service for EstimatorService {
         EstimatorState {
             last: self.last,
             kalman: match &self.source {
-                Source::IdealCapture => KalmanState::new_zeroed(),
-                Source::Kalman(filter) => filter.save(),
+                EstimateSource::IdealCapture => KalmanState::new_zeroed(),
+                EstimateSource::Kalman(filter) => filter.save(),
             },
             capture,
             captures,
@@ -128,7 +130,7 @@ impl Service for EstimatorService {
     fn restore(&mut self, state: &EstimatorState) {
         self.last = state.last;
         self.captures.restore(&state.captures, &state.capture);
-        if let Source::Kalman(filter) = &mut self.source {
+        if let EstimateSource::Kalman(filter) = &mut self.source {
             filter.restore(&state.kalman);
         }
     }

@@ -1,6 +1,6 @@
 //! What a state may rest on.
 
-use shared_types::gate::LARGEST;
+use shared_types::input_validator::LARGEST;
 use shared_types::rotation::{defect, from_row_major};
 use shared_types::sample::Field;
 use shared_types::samples::{MocapPose, VehicleState};
@@ -68,7 +68,7 @@ pub fn is_pose(capture: &MocapPose) -> bool {
 
 /// How the state is made from what the cameras saw.
 #[derive(Clone, Debug)]
-pub enum Source {
+pub enum EstimateSource {
     /// Takes captures as they are: pose and velocities are exact, and the state speaks of their exposure.
     ///
     /// A capture without velocities is of no use to it; cameras that measure none need a filter.

@@ -84,7 +84,7 @@ impl EdgeStore {
             return InputView::default();
         };
         let fresh = self.edge.is_fresh(tick, due);
-        let Some(alteration) = self.edge.alteration(due) else {
+        let Some(corruption) = self.edge.corruption(due) else {
             return InputView {
                 bytes: Some(sample.bytes()),
                 fresh,
@@ -96,7 +96,7 @@ impl EdgeStore {
             .repeated_by(due)
             .and_then(|tick| self.samples.get(&tick));
         let altered = self.altered.bytes_mut();
-        alteration.alter(due, repeated.map(OwnedSample::bytes), altered);
+        corruption.alter(due, repeated.map(OwnedSample::bytes), altered);
         InputView {
             bytes: Some(altered),
             fresh,

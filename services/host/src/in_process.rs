@@ -2,7 +2,7 @@
 
 use std::ops::{ControlFlow, Range};
 
-use shared_types::glance::Glance;
+use shared_types::finiteness::FinitenessCheck;
 use shared_types::schedule::{Edge, MAX_PORTS, Publication};
 use shared_types::service::{ErasedService, InputView, header_of};
 use shared_types::{Schedule, ServiceId, Topic};
@@ -48,8 +48,8 @@ pub enum FlightError<E> {
 pub struct InProcess {
     schedule: Schedule,
     /// In the order of a tick.
-    stations: Vec<Station>,
-    /// Of each output of each station, in their order.
+    services: Vec<ServiceSlot>,
+    /// Of each output of each slot, in their order.
     histories: Vec<History>,
     /// Places of the histories, in the order of the log.
     published: Vec<usize>,
@@ -59,7 +59,7 @@ pub struct InProcess {
 }
 
 /// A service, when it steps, and where its inputs come from.
-struct Station {
+struct ServiceSlot {
     service: Box<dyn ErasedService>,
     /// The service's state before its first step.
     newborn: Vec<u8>,
@@ -123,15 +123,15 @@ impl InProcess {
         let histories: Vec<_> = outputs
             .map(|output| History::new(output.topic, &schedule))
             .collect();
-        let stations: Vec<_> = services
+        let services: Vec<_> = services
             .into_iter()
-            .map(|service| Station::new(service, &schedule, &histories))
+            .map(|service| ServiceSlot::new(service, &schedule, &histories))
             .collect();
         let mut published: Vec<_> = (0..histories.len()).collect();
         published.sort_by_key(|&place| histories[place].publication.topic);
         Self {
-            has_stores: stations.iter().any(|station| station.has_stores),
-            stations,
+            has_stores: services.iter().any(|slot| slot.has_stores),
+            services,
             histories,
             published,
             schedule,
@@ -150,18 +150,18 @@ impl InProcess {
     /// # Panics
     /// Never: there is one of each.
     pub fn service_mut(&mut self, service: ServiceId) -> &mut dyn ErasedService {
-        let station = self
-            .stations
+        let slot = self
+            .services
             .iter_mut()
-            .find(|station| station.timetable.service == service);
-        station.expect("one of each service").service.as_mut()
+            .find(|slot| slot.timetable.service == service);
+        slot.expect("one of each service").service.as_mut()
     }
 
     /// Puts a service in the place of its predecessor.
     pub fn replace(&mut self, service: Box<dyn ErasedService>) {
-        for station in &mut self.stations {
-            if station.timetable.service == service.id() {
-                station.service = service;
+        for slot in &mut self.services {
+            if slot.timetable.service == service.id() {
+                slot.service = service;
                 return;
             }
         }
@@ -186,10 +186,10 @@ impl InProcess {
 
     #[inline]
     fn step_services(&mut self, tick: u64) -> Result<(), NonFinite> {
-        for station in &mut self.stations {
-            if station.timetable.steps.occurs_at(tick) {
-                let (others, own) = Others::beside(&mut self.histories, &station.own);
-                station.step(&others, own, tick);
+        for slot in &mut self.services {
+            if slot.timetable.steps.occurs_at(tick) {
+                let (others, own) = Others::beside(&mut self.histories, &slot.own);
+                slot.step(&others, own, tick);
             }
         }
         self.examine(tick)?;
@@ -202,13 +202,13 @@ impl InProcess {
     /// Examines what was published at a tick, all of it at once.
     #[inline]
     fn examine(&self, tick: u64) -> Result<(), NonFinite> {
-        let mut glance = Glance::default();
+        let mut check = FinitenessCheck::default();
         for history in &self.histories {
             if history.publication.is_due(tick) {
-                glance.take_in(history.bytes(tick));
+                check.take_in(history.bytes(tick));
             }
         }
-        if glance.is_surely_finite() {
+        if check.is_surely_finite() {
             Ok(())
         } else {
             self.examine_each(tick)
@@ -218,12 +218,12 @@ impl InProcess {
     /// Who has stepped on a number that is not finite comes after the one who made it.
     #[cold]
     fn examine_each(&self, tick: u64) -> Result<(), NonFinite> {
-        for station in &self.stations {
-            for history in &self.histories[station.own.clone()] {
+        for slot in &self.services {
+            for history in &self.histories[slot.own.clone()] {
                 let publication = &history.publication;
                 if publication.is_due(tick) {
                     let bytes = history.bytes(tick);
-                    station.timetable.examine(tick, publication.topic, bytes)?;
+                    slot.timetable.examine(tick, publication.topic, bytes)?;
                 }
             }
         }
@@ -233,10 +233,10 @@ impl InProcess {
     /// Lets every input with planned faults keep what was published at a tick.
     #[cold]
     fn keep_published(&mut self, tick: u64) {
-        for station in &mut self.stations {
-            if station.has_stores {
-                let (others, _) = Others::beside(&mut self.histories, &station.own);
-                station.keep_published(&others, tick, |_| true);
+        for slot in &mut self.services {
+            if slot.has_stores {
+                let (others, _) = Others::beside(&mut self.histories, &slot.own);
+                slot.keep_published(&others, tick, |_| true);
             }
         }
     }
@@ -264,17 +264,17 @@ struct Others<'a> {
 }
 
 impl<'a> Others<'a> {
-    /// The histories beside those of one station, and those.
+    /// The histories beside those of one slot, and those.
     #[inline]
     fn beside(histories: &'a mut [History], own: &Range<usize>) -> (Self, &'a mut [History]) {
         let (rest, after) = histories.split_at_mut(own.end);
-        let (before, of_station) = rest.split_at_mut(own.start);
+        let (before, of_slot) = rest.split_at_mut(own.start);
         let others = Self {
             before,
             after,
             first_after: own.end,
         };
-        (others, of_station)
+        (others, of_slot)
     }
 
     #[inline]
@@ -286,8 +286,8 @@ impl<'a> Others<'a> {
     }
 }
 
-impl Station {
-    /// The station of a service whose outputs are among `histories`, as are its inputs.
+impl ServiceSlot {
+    /// The slot of a service whose outputs are among `histories`, as are its inputs.
     fn new(service: Box<dyn ErasedService>, schedule: &Schedule, histories: &[History]) -> Self {
         let timetable = Timetable::new(schedule, service.id());
         let mut newborn = vec![0; service.state_size()];

@@ -1,6 +1,6 @@
 //! One step of a service, the same in every host.
 
-use shared_types::schedule::{Edge, Fate, MAX_PORTS, OperatorPlan, Presence, Publication, Rate};
+use shared_types::schedule::{Edge, MAX_PORTS, OperatorPlan, OutageKind, OutageSchedule, Publication, Rate};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, Schedule, ServiceId, Topic};
 
@@ -33,7 +33,7 @@ pub struct Timetable {
     /// The service.
     pub service: ServiceId,
     /// When it steps.
-    pub steps: Presence,
+    pub steps: OutageSchedule,
     /// Its inputs, in the order of the wiring table.
     pub inputs: Vec<Edge>,
     /// Its outputs, in the order of the wiring table.
@@ -109,7 +109,7 @@ impl Timetable {
     #[must_use]
     pub fn forgets_between(&self, previous: u64, tick: u64) -> bool {
         let mut outages = self.steps.outages_between(previous, tick);
-        outages.any(|outage| outage.fate == Fate::DiesAndForgets)
+        outages.any(|outage| outage.fate == OutageKind::DiesAndForgets)
     }
 
     /// Whether the service's process is to die after its step at `tick`, before the one at `next`, if any.
@@ -120,7 +120,7 @@ impl Timetable {
             return false;
         }
         let mut outages = self.steps.outages_between(tick, next.unwrap_or(u64::MAX));
-        outages.any(|outage| outage.fate != Fate::Frozen)
+        outages.any(|outage| outage.fate != OutageKind::Frozen)
     }
 
     /// Whether the service begins anew with its step at `tick`.

@@ -8,9 +8,9 @@
 //! is lost is sought again, meanwhile services see no poses or receivers no frames, and what the scenario's
 //! `[safety]` says happens. Whoever takes a dead process's place does not find out for the first time that something is missing.
 
-mod cameras;
-mod recorded_cameras;
-mod transmitter;
+mod motion_capture_driver;
+mod radio_link_driver;
+mod recorded_captures;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -20,9 +20,9 @@ use runtime::shared_page::SharedPage;
 use scenario::Scenario;
 use shared_types::service::{Built, ErasedService};
 
-use cameras::Cameras;
-use recorded_cameras::RecordedCameras;
-use transmitter::Transmitter;
+use motion_capture_driver::MotionCaptureDriver;
+use radio_link_driver::RadioLinkDriver;
+use recorded_captures::RecordedCaptures;
 
 /// Connects step logic to what a scenario says is in the laboratory, or puts something real in its place. The error says what
 /// cannot be had, with the fix.
@@ -36,7 +36,11 @@ pub fn motion_capture(_: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc
     let (system, stated) = scenario
         .capture_system()
         .ok_or("no motion-capture system is stated")?;
-    Ok(Box::new(Cameras::open(system, stated, Arc::clone(page))?))
+    Ok(Box::new(MotionCaptureDriver::open(
+        system,
+        stated,
+        Arc::clone(page),
+    )?))
 }
 
 /// The captures of a recorded flight in place of the plant.
@@ -45,7 +49,7 @@ pub fn motion_capture(_: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc
 /// As [`Connect`].
 pub fn recorded_captures(_: Box<dyn ErasedService>, scenario: &Scenario, _: &Arc<SharedPage>) -> Built {
     let recording = scenario.recorded_captures().ok_or("no recording is stated")?;
-    Ok(Box::new(RecordedCameras::open(Path::new(recording))?))
+    Ok(Box::new(RecordedCaptures::open(Path::new(recording))?))
 }
 
 /// A radio link behind the transmitter.
@@ -54,7 +58,7 @@ pub fn recorded_captures(_: Box<dyn ErasedService>, scenario: &Scenario, _: &Arc
 /// As [`Connect`].
 pub fn radio_link(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
     let link = scenario.rc_output.as_ref().ok_or("no radio link is stated")?;
-    Ok(Box::new(Transmitter::open(service, link, Arc::clone(page))?))
+    Ok(Box::new(RadioLinkDriver::open(service, link, Arc::clone(page))?))
 }
 
 /// Whether the flight is under way: another process was this service before.

@@ -23,7 +23,7 @@ use crate::conventions::{Calibration, WorldPose};
 use crate::figures::Figures;
 use crate::wire::{CapturePose, Frame, LONGEST_NAME, Name, Stamp, WireBody};
 use numbering::{Numbering, Order};
-use track::{Tracks, Verdict};
+use track::{PoseDecision, Tracks};
 
 /// How much later than its arrival a pose may claim to be made, ns: an error of the clock's estimate.
 const FUTURE_NS: u64 = 1_000_000;
@@ -310,14 +310,14 @@ impl Feed {
         }
         let (position, rotation) = pose;
         let counter = match self.tracks.vehicle(&position, &rotation, captured_ns) {
-            Verdict::Follows => return Some(pose),
-            Verdict::Settled => {
+            PoseDecision::Follows => return Some(pose),
+            PoseDecision::Settled => {
                 self.counts.settled += 1;
                 return Some(pose);
             }
-            Verdict::Unsettled => &mut self.counts.unsettled,
-            Verdict::Jumped => &mut self.counts.jumped,
-            Verdict::Exchanged => &mut self.counts.exchanged,
+            PoseDecision::Unsettled => &mut self.counts.unsettled,
+            PoseDecision::Jumped => &mut self.counts.jumped,
+            PoseDecision::Exchanged => &mut self.counts.exchanged,
         };
         *counter += 1;
         None

@@ -4,8 +4,8 @@
 //! from another machine than the stated server. That is no protection against a machine in the same network that
 //! writes a false sender: see docs/motion_capture.md for what the laboratory's network is trusted for.
 //!
-//! [`Source::poll`] makes a bounded number of system calls and returns; [`Source::descriptors`] are what to wait on, and
-//! [`Source::due_ns`] when to poll even if nothing came.
+//! [`CaptureSource::poll`] makes a bounded number of system calls and returns; [`CaptureSource::descriptors`] are what to wait on, and
+//! [`CaptureSource::due_ns`] when to poll even if nothing came.
 
 mod natnet;
 mod source_filter;
@@ -110,7 +110,7 @@ pub struct WireCounts {
 
 /// A capture system as seen from here.
 #[derive(Debug)]
-pub enum Source {
+pub enum CaptureSource {
     /// Vicon Tracker's UDP object stream.
     ViconUdp(vicon_udp::ViconUdp),
     /// A VRPN server.
@@ -119,8 +119,8 @@ pub enum Source {
     Natnet(Box<natnet::Natnet>),
 }
 
-impl Source {
-    /// Opens the sockets; a server that is not there yet is waited for in [`Source::poll`].
+impl CaptureSource {
+    /// Opens the sockets; a server that is not there yet is waited for in [`CaptureSource::poll`].
     ///
     /// # Errors
     /// A socket cannot be had.

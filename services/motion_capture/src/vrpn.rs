@@ -33,7 +33,7 @@ const LONGEST_MESSAGE: usize = 64 * 1024;
 
 /// A pose as it travels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Report {
+pub struct PoseReport {
     /// Number of the sensor.
     pub sensor: i32,
     /// Position, m.
@@ -136,9 +136,9 @@ impl Decoder {
             self.frame.clear();
             let message = &self.buffer[from..from + length];
             match read(message, &mut self.senders, &mut self.pose_type, &mut self.frame)? {
-                Message::Pose => sink(&self.frame),
-                Message::NoPose => self.refused += 1,
-                Message::Other => {}
+                VrpnMessage::Pose => sink(&self.frame),
+                VrpnMessage::NoPose => self.refused += 1,
+                VrpnMessage::Other => {}
             }
             from += length;
         }
@@ -164,7 +164,7 @@ fn message_length(bytes: &[u8]) -> Result<Option<usize>, WireError> {
 }
 
 /// What a message was.
-enum Message {
+enum VrpnMessage {
     /// A pose, which the frame now holds.
     Pose,
     /// Of a pose's type, but with numbers that are none.
@@ -179,7 +179,7 @@ fn read(
     senders: &mut [Name],
     pose_type: &mut Option<i32>,
     frame: &mut Frame,
-) -> Result<Message, WireError> {
+) -> Result<VrpnMessage, WireError> {
     let mut cursor = Cursor::new(message);
     let length = cursor.u32_be("a message's length")?;
     let seconds = cursor.u32_be("a message's time")?;
@@ -205,12 +205,12 @@ fn read(
         }
         kind if Some(kind) == *pose_type => {
             let Some(index) = sender_index else {
-                return Ok(Message::Other);
+                return Ok(VrpnMessage::Other);
             };
             let report = report(&mut payload)?;
             let pose = CapturePose::from_quaternion(report.position, report.quaternion);
             let (Ok(pose), true) = (pose, microseconds < 1_000_000) else {
-                return Ok(Message::NoPose);
+                return Ok(VrpnMessage::NoPose);
             };
             let at_ns = i64::from(seconds) * 1_000_000_000 + i64::from(microseconds) * 1000;
             frame.is_complete = false;
@@ -223,11 +223,11 @@ fn read(
                 number: report.sensor,
                 pose: Some(pose),
             })?;
-            return Ok(Message::Pose);
+            return Ok(VrpnMessage::Pose);
         }
         _ => {}
     }
-    Ok(Message::Other)
+    Ok(VrpnMessage::Other)
 }
 
 fn described_name(payload: &mut Cursor<'_>) -> Result<Name, WireError> {
@@ -236,7 +236,7 @@ fn described_name(payload: &mut Cursor<'_>) -> Result<Name, WireError> {
     Name::new(payload.slice(length, "a name")?)
 }
 
-fn report(payload: &mut Cursor<'_>) -> Result<Report, WireError> {
+fn report(payload: &mut Cursor<'_>) -> Result<PoseReport, WireError> {
     let sensor = payload.i32_be("a sensor")?;
     payload.skip(1, 4, "a sensor")?;
     let mut numbers = [0.0; 7];
@@ -244,7 +244,7 @@ fn report(payload: &mut Cursor<'_>) -> Result<Report, WireError> {
         *number = payload.f64_be("a pose")?;
     }
     let [x, y, z, quaternion @ ..] = numbers;
-    Ok(Report {
+    Ok(PoseReport {
         sensor,
         position: [x, y, z],
         quaternion,

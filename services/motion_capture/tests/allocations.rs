@@ -10,8 +10,8 @@ use motion_capture::feed::Feed;
 use motion_capture::natnet::{Decoder, Received, ServerInfo, Version};
 use motion_capture::sender;
 use motion_capture::sender::server::quaternion;
-use motion_capture::transport::{Address, Source};
-use motion_capture::vrpn::{self, COOKIE, Report};
+use motion_capture::transport::{Address, CaptureSource};
+use motion_capture::vrpn::{self, COOKIE, PoseReport};
 use motion_capture::wire::{CapturePose, Frame};
 use nalgebra::{Matrix3, Vector3};
 use scenario::{CaptureSystem, MotionCapture};
@@ -46,7 +46,7 @@ fn a_stream_of_vrpn_is_read_without_an_allocation() {
     let stream: Vec<Vec<u8>> = (0..FRAMES)
         .map(|number| {
             let pose = pose(CaptureSystem::Vrpn, number);
-            let report = Report {
+            let report = PoseReport {
                 sensor: 0,
                 position: pose.position.into(),
                 quaternion: quaternion(&pose.capture_from_markers),
@@ -130,7 +130,7 @@ fn datagrams_are_received_without_an_allocation() {
         server: to,
         interface: Ipv4Addr::LOCALHOST,
     };
-    let mut source = Source::open(&address).unwrap();
+    let mut source = CaptureSource::open(&address).unwrap();
     let mut feed = feed(CaptureSystem::ViconUdp);
     let plan = sender::server::Plan {
         system: CaptureSystem::ViconUdp,

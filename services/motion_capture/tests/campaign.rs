@@ -9,7 +9,7 @@ use std::net::Ipv4Addr;
 use motion_capture::feed::{Feed, VehiclePose};
 use motion_capture::natnet::{RigidBody, ServerInfo, Times, Version};
 use motion_capture::vicon_udp::{NAME_LENGTH, Object};
-use motion_capture::vrpn::{COOKIE, Report};
+use motion_capture::vrpn::{COOKIE, PoseReport};
 use motion_capture::wire::Frame;
 use motion_capture::{natnet, sender, vicon_udp, vrpn};
 use nalgebra::Vector3;
@@ -131,7 +131,7 @@ impl Wire {
                 sender::vicon_udp::frame(frame as u32, &objects, &mut bytes);
             }
             Self::Vrpn(_) => {
-                let report = Report {
+                let report = PoseReport {
                     sensor: 0,
                     position: position.into(),
                     quaternion: quaternion(angles),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use motion_capture::natnet::{Received, RigidBody, ServerInfo, Times, Version};
 use motion_capture::vicon_udp::{NAME_LENGTH, Object};
-use motion_capture::vrpn::{COOKIE, Report};
+use motion_capture::vrpn::{COOKIE, PoseReport};
 use motion_capture::wire::{Frame, MOST_BODIES};
 use motion_capture::{natnet, sender, vicon_udp, vrpn};
 use nalgebra::{Quaternion, UnitQuaternion};
@@ -47,7 +47,7 @@ fn padded(name: &str) -> [u8; NAME_LENGTH] {
     bytes
 }
 
-fn stream(reports: &[(i32, Report)], names: &[String]) -> Vec<u8> {
+fn stream(reports: &[(i32, PoseReport)], names: &[String]) -> Vec<u8> {
     let mut bytes = COOKIE.to_vec();
     for (number, name) in names.iter().enumerate() {
         sender::vrpn::sender(number as i32, name, &mut bytes);
@@ -128,9 +128,9 @@ proptest! {
         poses in prop::collection::vec((0i32..5, coordinates(), quaternion(), 0i32..4), 0..20),
         cuts in prop::collection::vec(1usize..100, 1..50),
     ) {
-        let sent: Vec<(i32, Report)> = poses
+        let sent: Vec<(i32, PoseReport)> = poses
             .iter()
-            .map(|(sender, position, quaternion, sensor)| (*sender % names.len() as i32, Report { sensor: *sensor, position: *position, quaternion: *quaternion }))
+            .map(|(sender, position, quaternion, sensor)| (*sender % names.len() as i32, PoseReport { sensor: *sensor, position: *position, quaternion: *quaternion }))
             .collect();
         let bytes = stream(&sent, &names);
         let mut decoder = vrpn::Decoder::new();
@@ -214,7 +214,7 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         rotation: [0.1, -0.2, 3.0],
     };
     sender::vicon_udp::frame(77, &[object("quad"), object("wand")], &mut vicon);
-    let report = Report {
+    let report = PoseReport {
         sensor: 0,
         position: [0.1, -0.2, 1.5],
         quaternion: [0.0, 0.6, 0.0, 0.8],
@@ -335,12 +335,12 @@ fn numbers_that_state_more_than_there_is_are_errors() {
 
 #[test]
 fn a_server_that_sends_zeros_for_what_it_does_not_see_stays_connected() {
-    let none = Report {
+    let none = PoseReport {
         sensor: 0,
         position: [0.0; 3],
         quaternion: [0.0; 4],
     };
-    let seen = Report {
+    let seen = PoseReport {
         quaternion: [0.0, 0.0, 0.0, 1.0],
         ..none
     };

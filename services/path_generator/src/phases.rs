@@ -13,7 +13,7 @@
 //!   the lightest vehicle needs. It then leads the vehicle from where that is to the path, as in a take-off.
 //!
 //! What leads the vehicle is a parameter that moves along something: along the path by the timing law, along straight
-//! [lines](crate::lines) like time. A landing brings the parameter to rest, wherever it is, and a descent begins there.
+//! [lines](crate::transition_segments) like time. A landing brings the parameter to rest, wherever it is, and a descent begins there.
 //!
 //! Failure policy: while it is not known where the vehicle is, everything stands still and no condition of motion comes
 //! to hold. An arming is good for one take-off: after a landing, or a take-off that was given up, the operator arms anew.
@@ -29,9 +29,9 @@ use shared_types::{Now, ServiceId, Topic};
 use zerocopy::FromZeros;
 
 use crate::curve::CurvePoint;
-use crate::lines::{DESCENT_BEGIN, Descent, Leg};
-use crate::pace::{Pace, Stop};
+use crate::speed_profile::{SpeedProfile, Stop};
 use crate::timing_law::PathRates;
+use crate::transition_segments::{DESCENT_BEGIN, Descent, Leg};
 
 /// By how much a vehicle has risen that carries itself, m.
 pub const LIFTED: f64 = 0.05;
@@ -95,7 +95,7 @@ shared_types::sample! {
 
 /// What the path generator sees at a step.
 #[derive(Clone, Copy, Debug)]
-pub struct Sight<'a> {
+pub struct PhaseInput<'a> {
     /// The last good state, if it is known where the vehicle is.
     pub vehicle: Option<&'a VehicleState>,
     /// How old it is, ns.
@@ -112,9 +112,9 @@ pub struct Sight<'a> {
 
 /// What leads the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Lead {
-    /// The path, at a pace.
-    Path(Pace),
+pub enum PathRateCommand {
+    /// The path, at a profile.
+    Path(SpeedProfile),
     /// The path, with γ̇, γ̈ and γ⃛ as stated.
     PathAt([f64; 3]),
     /// A line: its point, and its parameter with how that moves.
@@ -159,7 +159,7 @@ impl Phases {
     }
 
     /// Goes on to now, with what is seen then.
-    pub fn advance(&mut self, now: &Now, sight: &Sight<'_>) {
+    pub fn advance(&mut self, now: &Now, sight: &PhaseInput<'_>) {
         let elapsed = now.elapsed();
         let memory = &mut self.memory;
         memory.along += elapsed * memory.along_rate;
@@ -186,7 +186,7 @@ impl Phases {
 
     /// What leads the vehicle now; `known` tells whether it is known where that is.
     #[must_use]
-    pub fn lead(&mut self, now: &Now, known: bool) -> Lead {
+    pub fn lead(&mut self, now: &Now, known: bool) -> PathRateCommand {
         let is_led = !matches!(self.phase(), FlightPhase::Disarmed | FlightPhase::Armed);
         let rates = match (is_led && known, self.memory.stopping.is_set()) {
             (false, _) => [0.0; 3],
@@ -200,16 +200,16 @@ impl Phases {
         match self.line_point() {
             Some(point) => {
                 self.memory.along_rate = rates[0];
-                Lead::Line(point, self.memory.along, PathRates::stated(rates))
+                PathRateCommand::Line(point, self.memory.along, PathRates::stated(rates))
             }
             None if is_led && !self.memory.stopping.is_set() => {
                 let since = now.time_ns.saturating_sub(self.memory.began_ns);
-                Lead::Path(Pace::from_rest(
+                PathRateCommand::Path(SpeedProfile::from_rest(
                     shared_types::service::seconds(since),
                     self.stated.transition_time,
                 ))
             }
-            None => Lead::PathAt(rates),
+            None => PathRateCommand::PathAt(rates),
         }
     }
 
@@ -243,7 +243,7 @@ impl Phases {
     }
 
     /// Goes from one line to the next where one has come to its end.
-    fn go_along(&mut self, elapsed: f64, sight: &Sight<'_>) {
+    fn go_along(&mut self, elapsed: f64, sight: &PhaseInput<'_>) {
         let at_end = self.leg().is_some_and(|leg| self.memory.along >= leg.duration());
         if at_end && !self.memory.stopping.is_set() {
             self.memory.waited += elapsed;
@@ -260,7 +260,7 @@ impl Phases {
         }
     }
 
-    fn conditions(&self, now: &Now, sight: &Sight<'_>) -> Conditions {
+    fn conditions(&self, now: &Now, sight: &PhaseInput<'_>) -> Conditions {
         let Operator { armed, land, killed } = now.operator;
         let memory = &self.memory;
         let action = sight.frame.map_or(RcFrame::ACTION_NONE, |frame| frame.action);
@@ -290,7 +290,7 @@ impl Phases {
         }
     }
 
-    fn is_ready(&self, sight: &Sight<'_>) -> bool {
+    fn is_ready(&self, sight: &PhaseInput<'_>) -> bool {
         let [oldest_state, oldest_frame] = self.fresh_ns;
         let sees = sight.vehicle.is_some_and(|vehicle| {
             vehicle.tracked.is_set()
@@ -306,7 +306,7 @@ impl Phases {
         sees && is_heard
     }
 
-    fn enter(&mut self, now: &Now, phase: FlightPhase, sight: &Sight<'_>) {
+    fn enter(&mut self, now: &Now, phase: FlightPhase, sight: &PhaseInput<'_>) {
         let before = self.phase();
         self.memory.phase = phase.code();
         self.memory.began_ns = now.time_ns;

@@ -6,7 +6,7 @@
 //! Failure policy: while it is not known where the vehicle is, the path stands still: γ̇ = γ̈ = 0 from that step on, in
 //! both modes, and the reference says so. When the vehicle is seen again, the timing law starts γ̇ from 0, as at the
 //! start of a flight; trajectory tracking goes on at full speed from where it stood.
-//! * A state that cannot be true is refused and counted ([`StateGate`]); the last good one stays in its place.
+//! * A state that cannot be true is refused and counted ([`StateValidator`]); the last good one stays in its place.
 //! * Without a policy the vehicle is known while that one is `tracked`, however old it is.
 //! * With one it is known until the last good state, which was tracked, is too old.
 //!
@@ -14,7 +14,9 @@
 
 use nalgebra::Vector3;
 use scenario::{EdgeName, PathMode, Scenario};
-use shared_types::gate::{Gate, GateState, LARGEST, StateGate, StateGateState, Verdict, is_of_the_past};
+use shared_types::input_validator::{
+    GateState, InputValidator, LARGEST, StateGateState, StateValidator, Validity, is_of_the_past,
+};
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::Input;
@@ -24,8 +26,8 @@ use zerocopy::FromZeros;
 
 use crate::bump::TransitionError;
 use crate::curve::{Curve, CurveError, CurvePoint};
-use crate::pace::Pace;
-use crate::phases::{Lead, Phases, PhasesMemory, Sight};
+use crate::phases::{PathRateCommand, PhaseInput, Phases, PhasesMemory};
+use crate::speed_profile::SpeedProfile;
 use crate::timing_law::{PathRates, TimingLaw};
 
 shared_types::sample! {
@@ -76,24 +78,24 @@ enum Mover {
 /// The path generator's step logic.
 #[derive(Clone, Debug)]
 pub struct PathGeneratorService {
-    states: StateGate,
+    states: StateValidator,
     /// The oldest that a state is while nothing fails, ns.
     ordinary_age_ns: u64,
-    leader: Leader,
+    leader: PathLeader,
     /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
     yaws: Vec<(u64, f64)>,
 }
 
 /// What leads the vehicle.
 #[derive(Clone, Debug)]
-struct Leader {
+struct PathLeader {
     curve: Curve,
     mover: Mover,
     motion: PathMotion,
     /// `None` where the vehicle is in the air from the start.
     phases: Option<Phases>,
     /// Looked at by the phases only.
-    frames: Gate<RcFrame>,
+    frames: InputValidator<RcFrame>,
 }
 
 /// What the vehicle is led by at a step.
@@ -112,7 +114,7 @@ impl PathGeneratorService {
     pub fn new(scenario: &Scenario) -> Result<Self, PathGeneratorError> {
         let path = &scenario.path;
         let curve = Curve::new(&path.curve)?;
-        let leader = Leader {
+        let leader = PathLeader {
             curve,
             mover: Mover::new(path)?,
             motion: PathMotion {
@@ -121,7 +123,7 @@ impl PathGeneratorService {
                 gamma_ddot: 0.0,
             },
             phases: Phases::new(scenario),
-            frames: Gate::default(),
+            frames: InputValidator::default(),
         };
         Ok(Self {
             leader,
@@ -132,7 +134,7 @@ impl PathGeneratorService {
                         .map(|step| (scenario.tick_of(step.at), step.yaw)),
                 )
                 .collect(),
-            states: StateGate::new(
+            states: StateValidator::new(
                 scenario
                     .safety_of(Topic::VehicleState, ServiceId::PathGenerator)
                     .map(scenario::InputSafety::policy),
@@ -149,12 +151,12 @@ impl PathGeneratorService {
     }
 }
 
-impl Leader {
+impl PathLeader {
     /// Where the path is, moved on by how the vehicle follows it; it stands still where that is not known.
-    fn along_path(&mut self, vehicle: Option<&VehicleState>, pace: &Pace) -> Led {
+    fn along_path(&mut self, vehicle: Option<&VehicleState>, profile: &SpeedProfile) -> Led {
         let point = self.curve.at(self.motion.gamma);
         let rates = match vehicle {
-            Some(vehicle) => self.mover.rates(vehicle, &point, self.motion.gamma_dot, pace),
+            Some(vehicle) => self.mover.rates(vehicle, &point, self.motion.gamma_dot, profile),
             None => PathRates::steady(0.0),
         };
         self.motion.take(&rates);
@@ -175,17 +177,17 @@ impl Leader {
         vehicle_age_ns: Option<u64>,
     ) -> Led {
         let Some(phases) = &mut self.phases else {
-            return self.along_path(vehicle, &Pace::FULL);
+            return self.along_path(vehicle, &SpeedProfile::FULL);
         };
         self.frames.look(frame, LARGEST, |frame, _| {
             if frame.is_whole() && is_of_the_past(frame, now) {
-                Verdict::Good
+                Validity::Good
             } else {
-                Verdict::Refused
+                Validity::Refused
             }
         });
         let path = self.curve.at(self.motion.gamma);
-        let sight = Sight {
+        let sight = PhaseInput {
             vehicle,
             vehicle_age_ns: vehicle_age_ns.unwrap_or(u64::MAX),
             frame: self.frames.held(),
@@ -195,8 +197,8 @@ impl Leader {
         };
         phases.advance(now, &sight);
         match phases.lead(now, vehicle.is_some()) {
-            Lead::Path(pace) => self.along_path(vehicle, &pace),
-            Lead::PathAt(rates) => {
+            PathRateCommand::Path(profile) => self.along_path(vehicle, &profile),
+            PathRateCommand::PathAt(rates) => {
                 let rates = PathRates::stated(rates);
                 self.motion.take(&rates);
                 Led {
@@ -205,7 +207,7 @@ impl Leader {
                     rates,
                 }
             }
-            Lead::Line(point, gamma, rates) => {
+            PathRateCommand::Line(point, gamma, rates) => {
                 self.motion.take(&PathRates::steady(0.0));
                 Led { point, gamma, rates }
             }
@@ -230,7 +232,13 @@ impl Mover {
     }
 
     /// How γ moves with the vehicle at `vehicle` and the path at `point`.
-    fn rates(&self, vehicle: &VehicleState, point: &CurvePoint, gamma_dot: f64, pace: &Pace) -> PathRates {
+    fn rates(
+        &self,
+        vehicle: &VehicleState,
+        point: &CurvePoint,
+        gamma_dot: f64,
+        profile: &SpeedProfile,
+    ) -> PathRates {
         match self {
             Self::TimingLaw(law) => {
                 let p = Vector3::from(vehicle.position_world);
@@ -238,10 +246,10 @@ impl Mover {
                 let p_dot = world_from_body * Vector3::from(vehicle.velocity_body); // (1)
                 let z1 = p - point.position; // (7)
                 let z1_dot = p_dot - point.derivative1 * gamma_dot;
-                law.paced(pace, &z1, &z1_dot, gamma_dot)
+                law.paced(profile, &z1, &z1_dot, gamma_dot)
             }
             Self::Trajectory { speed } => {
-                PathRates::stated([pace.value, pace.rate, pace.acceleration].map(|w| w * speed))
+                PathRates::stated([profile.value, profile.rate, profile.acceleration].map(|w| w * speed))
             }
         }
     }

@@ -8,7 +8,7 @@
 //! γ⃛  = vd (ψ″ (‖z1‖˙)² + ψ′ ‖z1‖¨) − k4 (γ̈ − γ̈d)  =  c0 + c1 ‖z1‖¨
 //! ```
 //!
-//! From rest the path comes to its speed by a [`Pace`] w: vd is w(t) vd then, and
+//! From rest the path comes to its speed by a [`SpeedProfile`] w: vd is w(t) vd then, and
 //!
 //! ```text
 //! γ̈d = ẇ vd ψ + w vd ψ′ ‖z1‖˙
@@ -21,7 +21,7 @@
 use nalgebra::Vector3;
 
 use crate::bump::{Bump, TransitionError};
-use crate::pace::Pace;
+use crate::speed_profile::SpeedProfile;
 
 /// How γ moves at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,14 +88,20 @@ impl TimingLaw {
     /// The law at z1 = p − pd(γ) (7), ż1 = ṗ − pd′γ̇ and γ̇.
     #[must_use]
     pub fn rates(&self, z1: &Vector3<f64>, z1_dot: &Vector3<f64>, gamma_dot: f64) -> PathRates {
-        self.paced(&Pace::FULL, z1, z1_dot, gamma_dot)
+        self.paced(&SpeedProfile::FULL, z1, z1_dot, gamma_dot)
     }
 
     /// The law of a path on its way from rest.
     #[must_use]
-    pub fn paced(&self, pace: &Pace, z1: &Vector3<f64>, z1_dot: &Vector3<f64>, gamma_dot: f64) -> PathRates {
+    pub fn paced(
+        &self,
+        profile: &SpeedProfile,
+        z1: &Vector3<f64>,
+        z1_dot: &Vector3<f64>,
+        gamma_dot: f64,
+    ) -> PathRates {
         let Self { speed, k4, bump } = *self;
-        let [vd, vd_dot, vd_ddot] = [pace.value, pace.rate, pace.acceleration].map(|w| w * speed);
+        let [vd, vd_dot, vd_ddot] = [profile.value, profile.rate, profile.acceleration].map(|w| w * speed);
         let z1_norm = z1.norm();
         let psi = bump.at(z1_norm);
         let z1_norm_dot = if psi.is_flat() {
@@ -158,8 +164,8 @@ mod tests {
             let rates = |time: f64, gamma: f64, gamma_dot: f64| {
                 let [p, p_dot, _] = vehicle(time, phase, distance);
                 let point = eight.at(gamma);
-                let pace = Pace::from_rest(since_start + time, 2.0);
-                law.paced(&pace, &(p - point.position), &(p_dot - point.derivative1 * gamma_dot), gamma_dot)
+                let profile = SpeedProfile::from_rest(since_start + time, 2.0);
+                law.paced(&profile, &(p - point.position), &(p_dot - point.derivative1 * gamma_dot), gamma_dot)
             };
             let now = rates(0.0, gamma, gamma_dot);
             // γ̈ is a function of (t, γ, γ̇), which move by (1, γ̇, γ̈).

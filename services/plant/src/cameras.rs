@@ -13,14 +13,14 @@ pub use imperfect::Imperfect;
 
 /// The cameras.
 #[derive(Clone, Debug)]
-pub enum Cameras {
+pub enum CameraModel {
     /// They see the body always, at once, without noise, and measure its velocities too.
     Ideal,
     /// They see poses, with noise, and not always.
     Imperfect(Box<Imperfect>),
 }
 
-impl Cameras {
+impl CameraModel {
     /// The cameras of a scenario.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {

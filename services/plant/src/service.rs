@@ -22,7 +22,7 @@ use zerocopy::FromZeros;
 
 use crate::actuators::{Actuators, Drive, ideal_wrench};
 use crate::air::{Air, Gusts, Wind};
-use crate::cameras::Cameras;
+use crate::cameras::CameraModel;
 use crate::changes::Changes;
 use crate::dynamics::Dynamics;
 use crate::ground::Ground;
@@ -62,7 +62,7 @@ pub struct PlantService {
     actuators: Actuators,
     air: Option<Air>,
     ground: Option<Ground>,
-    cameras: Cameras,
+    cameras: CameraModel,
     /// Of the centre of mass.
     motion: Motion,
     /// The last frame that was whole; a vehicle with a rate loop remembers its own.
@@ -82,7 +82,7 @@ impl PlantService {
             actuators: Actuators::new(scenario),
             air: Air::new(scenario),
             ground: Ground::new(scenario),
-            cameras: Cameras::new(scenario),
+            cameras: CameraModel::new(scenario),
             received: None,
         }
     }
@@ -212,8 +212,8 @@ impl Service for PlantService {
         if let Some(pose) = outputs.pose.due() {
             // Only cameras that see the past ask where the velocity comes from.
             let acceleration_world = match self.cameras {
-                Cameras::Ideal => Vector3::zeros(),
-                Cameras::Imperfect(_) => self.origin_acceleration(&acted, now),
+                CameraModel::Ideal => Vector3::zeros(),
+                CameraModel::Imperfect(_) => self.origin_acceleration(&acted, now),
             };
             self.cameras.capture(&origin, &acceleration_world, now, pose);
         }

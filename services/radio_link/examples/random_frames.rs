@@ -13,7 +13,7 @@ use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use radio_link::frame::Frame;
-use radio_link::mavlink::{AttitudeTarget, Message, Sender};
+use radio_link::mavlink::{AttitudeTarget, MavlinkPacket, Sender};
 use radio_link::{ChannelCodes, crsf, mavlink, msp, multi, sbus};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -98,7 +98,7 @@ fn random_frame(
         }
         "override" => {
             let channels = channels(random, 0, u16::MAX);
-            let message = Message::RcOverride {
+            let message = MavlinkPacket::RcOverride {
                 target: [1, 1],
                 channels,
             };
@@ -114,13 +114,16 @@ fn random_frame(
             };
             let [x, y, z] = target.rates_body.map(f32::to_bits);
             let carried = words([target.time_ms, x, y, z, target.thrust.to_bits()]);
-            (mavlink_bytes(&Message::AttitudeTarget(target), sequence), carried)
+            (
+                mavlink_bytes(&MavlinkPacket::AttitudeTarget(target), sequence),
+                carried,
+            )
         }
         link => return Err(format!("there is no link {link}").into()),
     })
 }
 
-fn mavlink_bytes(message: &Message, sequence: u8) -> Vec<u8> {
+fn mavlink_bytes(message: &MavlinkPacket, sequence: u8) -> Vec<u8> {
     let sender = Sender {
         system: 255,
         component: 190,

@@ -4,7 +4,7 @@ use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 
 use crate::channel_map::{ChannelMap, Travels, Units};
 use crate::frame::Frame;
-use crate::mavlink::{AttitudeTarget, Message, Sender};
+use crate::mavlink::{AttitudeTarget, MavlinkPacket, Sender};
 use crate::sticks::Sticks;
 use crate::{crsf, mavlink, msp, multi, sbus};
 
@@ -84,7 +84,7 @@ impl Encoder {
             Format::Msp => frame.push(&msp::encode(&codes)),
             Format::Mavlink(format) => {
                 let message = match format.message {
-                    MavlinkMessage::RcOverride => Message::RcOverride {
+                    MavlinkMessage::RcOverride => MavlinkPacket::RcOverride {
                         target: format.target,
                         channels: codes,
                     },
@@ -153,7 +153,7 @@ impl MavlinkFormat {
         sticks: &Sticks,
         travels: &Travels,
         now_ns: u64,
-    ) -> Message {
+    ) -> MavlinkPacket {
         let began = *self.began_ns.get_or_insert(now_ns);
         let rate = |axis: usize| {
             if sticks.failsafe {
@@ -162,7 +162,7 @@ impl MavlinkFormat {
                 (self.rate_slope[axis] * map.travel(sticks.codes[axis + 1])) as f32
             }
         };
-        Message::AttitudeTarget(AttitudeTarget {
+        MavlinkPacket::AttitudeTarget(AttitudeTarget {
             time_ms: (now_ns.saturating_sub(began) / 1_000_000) as u32,
             rates_body: [0, 1, 2].map(rate),
             thrust: ((travels[map.stick_channels()[0]] + 1.0) / 2.0).clamp(0.0, 1.0) as f32,
@@ -172,10 +172,10 @@ impl MavlinkFormat {
 
     /// Appends a message, and a heartbeat when one is due.
     #[inline]
-    fn push(&mut self, message: &Message, now_ns: u64, frame: &mut Frame) {
+    fn push(&mut self, message: &MavlinkPacket, now_ns: u64, frame: &mut Frame) {
         if now_ns >= self.heartbeat_at_ns {
             self.heartbeat_at_ns = now_ns + HEARTBEAT_NS;
-            mavlink::encode(&Message::Heartbeat, self.sender, self.next(), frame);
+            mavlink::encode(&MavlinkPacket::Heartbeat, self.sender, self.next(), frame);
         }
         let sequence = self.next();
         mavlink::encode(message, self.sender, sequence, frame);

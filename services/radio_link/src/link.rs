@@ -34,7 +34,7 @@ struct Loss {
 
 /// What a link does about the newest sticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Verdict {
+struct LinkAssessment {
     sticks: Sticks,
     /// Whether the link's own failsafe is used as well.
     own_failsafe: bool,
@@ -44,16 +44,16 @@ impl Loss {
     /// Sticks that are lost, or that nobody has renewed, let the motors rest; after a while the link's own failsafe is
     /// used. Where nobody renews them ours cannot act any more, so there is no while.
     #[inline]
-    fn judge(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> Verdict {
+    fn judge(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> LinkAssessment {
         let Some((sticks, put_at_ns)) = newest else {
-            return Verdict {
+            return LinkAssessment {
                 sticks: Sticks::AT_REST,
                 own_failsafe: false,
             };
         };
         if now_ns.saturating_sub(put_at_ns) > self.silence_after_ns {
             self.since_ns.get_or_insert(put_at_ns);
-            return Verdict {
+            return LinkAssessment {
                 sticks: Sticks::AT_REST,
                 own_failsafe: true,
             };
@@ -62,7 +62,7 @@ impl Loss {
             self.since_ns = None;
         }
         let since = sticks.is_lost.then(|| *self.since_ns.get_or_insert(now_ns));
-        Verdict {
+        LinkAssessment {
             sticks,
             own_failsafe: since.is_some_and(|since| now_ns.saturating_sub(since) >= self.silence_after_ns),
         }

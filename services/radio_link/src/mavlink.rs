@@ -32,7 +32,7 @@ pub struct Sender {
 
 /// A message that carries a command, or says that we are there.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Message {
+pub enum MavlinkPacket {
     /// `HEARTBEAT` of a controller on the ground.
     Heartbeat,
     /// `SET_ATTITUDE_TARGET` without an attitude.
@@ -92,7 +92,7 @@ const TARGET_AT: usize = 16;
 
 /// Appends a message to a frame.
 #[inline]
-pub fn encode(message: &Message, sender: Sender, sequence: u8, frame: &mut Frame) {
+pub fn encode(message: &MavlinkPacket, sender: Sender, sequence: u8, frame: &mut Frame) {
     let (kind, payload) = payload_of(message);
     let payload = &payload[..kind.length];
     // The payload loses the zeros at its end, all but its first byte.
@@ -119,15 +119,15 @@ pub fn encode(message: &Message, sender: Sender, sequence: u8, frame: &mut Frame
 }
 
 #[inline]
-fn payload_of(message: &Message) -> (Kind, [u8; LONGEST]) {
+fn payload_of(message: &MavlinkPacket) -> (Kind, [u8; LONGEST]) {
     let mut payload = [0; LONGEST];
     let kind = match message {
-        Message::Heartbeat => {
+        MavlinkPacket::Heartbeat => {
             // Custom mode; a ground station (6) without an autopilot (8), mode 0, active (4), version 3.
             payload[4..9].copy_from_slice(&[6, 8, 0, 4, 3]);
             HEARTBEAT
         }
-        Message::AttitudeTarget(target) => {
+        MavlinkPacket::AttitudeTarget(target) => {
             payload[..4].copy_from_slice(&target.time_ms.to_le_bytes());
             // The attitude means nothing, but autopilots want it to be one.
             payload[4..8].copy_from_slice(&1.0_f32.to_le_bytes());
@@ -140,7 +140,7 @@ fn payload_of(message: &Message) -> (Kind, [u8; LONGEST]) {
             payload[36..].copy_from_slice(&[system, component, IGNORE_ATTITUDE]);
             SET_ATTITUDE_TARGET
         }
-        Message::RcOverride { target, channels } => {
+        MavlinkPacket::RcOverride { target, channels } => {
             for (index, channel) in channels.iter().enumerate() {
                 let at = 2 * index + if index < 8 { 0 } else { 2 };
                 payload[at..at + 2].copy_from_slice(&channel.to_le_bytes());
@@ -156,7 +156,7 @@ fn payload_of(message: &Message) -> (Kind, [u8; LONGEST]) {
 ///
 /// # Errors
 /// [`DecodeError`] if none of ours begins there.
-pub fn decode(bytes: &[u8]) -> Result<(Message, Sender, u8, usize), DecodeError> {
+pub fn decode(bytes: &[u8]) -> Result<(MavlinkPacket, Sender, u8, usize), DecodeError> {
     let shorter_than = |wanted| DecodeError::Length {
         wanted,
         found: bytes.len(),
@@ -193,10 +193,10 @@ pub fn decode(bytes: &[u8]) -> Result<(Message, Sender, u8, usize), DecodeError>
     Ok((message_of(kind, &payload), sender, header[4], end + 2))
 }
 
-fn message_of(kind: Kind, payload: &[u8; LONGEST]) -> Message {
+fn message_of(kind: Kind, payload: &[u8; LONGEST]) -> MavlinkPacket {
     let number = |at: usize| f32::from_le_bytes([0, 1, 2, 3].map(|byte| payload[at + byte]));
     match kind.id {
-        id if id == SET_ATTITUDE_TARGET.id => Message::AttitudeTarget(AttitudeTarget {
+        id if id == SET_ATTITUDE_TARGET.id => MavlinkPacket::AttitudeTarget(AttitudeTarget {
             time_ms: u32::from_le_bytes([0, 1, 2, 3].map(|byte| payload[byte])),
             rates_body: [0, 4, 8].map(|offset| number(RATES_AT + offset)),
             thrust: number(RATES_AT + 12),
@@ -208,12 +208,12 @@ fn message_of(kind: Kind, payload: &[u8; LONGEST]) -> Message {
                 let at = 2 * index + if index < 8 { 0 } else { 2 };
                 *channel = u16::from_le_bytes([payload[at], payload[at + 1]]);
             }
-            Message::RcOverride {
+            MavlinkPacket::RcOverride {
                 target: [payload[TARGET_AT], payload[TARGET_AT + 1]],
                 channels,
             }
         }
-        _ => Message::Heartbeat,
+        _ => MavlinkPacket::Heartbeat,
     }
 }
 

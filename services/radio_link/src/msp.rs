@@ -44,7 +44,7 @@ pub fn request(command: u8) -> [u8; 6] {
 
 /// Who a frame is from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sense {
+pub enum Direction {
     /// To the flight controller.
     Request,
     /// From it.
@@ -55,16 +55,16 @@ pub enum Sense {
 
 /// A frame as it was received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Message<'a> {
+pub struct MspMessage<'a> {
     /// Who it is from.
-    pub sense: Sense,
+    pub sense: Direction,
     /// What it is about.
     pub command: u8,
     /// What it carries.
     pub payload: &'a [u8],
 }
 
-impl Message<'_> {
+impl MspMessage<'_> {
     /// The pulses of the first sixteen channels, µs, and how many there are; 0 beyond them.
     #[must_use]
     pub fn channels(&self) -> (ChannelCodes, usize) {
@@ -82,7 +82,7 @@ impl Message<'_> {
 ///
 /// # Errors
 /// [`DecodeError`] if they are none.
-pub fn decode(bytes: &[u8]) -> Result<Message<'_>, DecodeError> {
+pub fn decode(bytes: &[u8]) -> Result<MspMessage<'_>, DecodeError> {
     let mut receiver = Receiver::default();
     for (at, &byte) in bytes.iter().enumerate() {
         let is_last = at + 1 == bytes.len();
@@ -93,7 +93,7 @@ pub fn decode(bytes: &[u8]) -> Result<Message<'_>, DecodeError> {
             (Step::Broken, true) if at >= 5 => return Err(DecodeError::CheckSum),
             (Step::Broken | Step::Whole(_), _) => return Err(DecodeError::Mark { at, found: byte }),
         };
-        return Ok(Message {
+        return Ok(MspMessage {
             sense,
             command: bytes[4],
             payload: &bytes[5..bytes.len() - 1],
@@ -127,7 +127,7 @@ pub enum Step<'a> {
     /// Nothing yet.
     Unfinished,
     /// The last byte of a frame.
-    Whole(Message<'a>),
+    Whole(MspMessage<'a>),
     /// A byte that cannot follow the ones before, all of which are forgotten.
     Broken,
 }
@@ -157,11 +157,11 @@ impl Receiver {
         if check_sum(&self.bytes[3..at]) != byte {
             return Step::Broken;
         }
-        Step::Whole(Message {
+        Step::Whole(MspMessage {
             sense: match self.bytes[2] {
-                b'<' => Sense::Request,
-                b'>' => Sense::Answer,
-                _ => Sense::Refusal,
+                b'<' => Direction::Request,
+                b'>' => Direction::Answer,
+                _ => Direction::Refusal,
             },
             command: self.bytes[4],
             payload: &self.bytes[5..at],

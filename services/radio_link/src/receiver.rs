@@ -8,7 +8,7 @@ use scenario::{RadioProtocol, RcLink, Transmitter};
 
 use crate::channel_map::{ChannelMap, Units};
 use crate::encoder::Encoder;
-use crate::mavlink::Message;
+use crate::mavlink::MavlinkPacket;
 use crate::{ChannelCodes, DecodeError, crsf, mavlink, msp, multi, sbus};
 
 /// Bytes of an unfinished frame that are kept: more than any frame has.
@@ -42,7 +42,7 @@ impl Command {
 
 /// What has arrived since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Heard {
+pub struct ReceivedCommands {
     /// Frames that asked for something.
     pub frames: u64,
     /// Bytes that belong to no frame.
@@ -57,7 +57,7 @@ pub struct Receiver {
     units: Units,
     rate_slope: [f64; 3],
     bytes: Vec<u8>,
-    heard: Heard,
+    heard: ReceivedCommands,
 }
 
 /// What the first bytes are.
@@ -85,7 +85,7 @@ impl Receiver {
             units: encoder.units(),
             rate_slope: link.rate_slope,
             bytes: Vec::with_capacity(KEPT),
-            heard: Heard::default(),
+            heard: ReceivedCommands::default(),
         })
     }
 
@@ -115,7 +115,7 @@ impl Receiver {
 
     /// What has arrived since the start.
     #[must_use]
-    pub fn heard(&self) -> Heard {
+    pub fn heard(&self) -> ReceivedCommands {
         self.heard
     }
 
@@ -129,7 +129,7 @@ impl Receiver {
             RadioProtocol::Msp => fixed(bytes, msp::LENGTH, |frame| {
                 let message = msp::decode(frame)?;
                 let (codes, _) = message.channels();
-                if message.sense == msp::Sense::Request && message.command == msp::SET_RAW_RC {
+                if message.sense == msp::Direction::Request && message.command == msp::SET_RAW_RC {
                     Ok((codes, false))
                 } else {
                     let (at, found) = (4, message.command);
@@ -178,11 +178,13 @@ fn fixed(
 
 fn of_mavlink(bytes: &[u8]) -> First {
     match mavlink::decode(bytes) {
-        Ok((Message::RcOverride { channels, .. }, _, _, length)) => First::Channels(length, channels, false),
-        Ok((Message::AttitudeTarget(target), _, _, length)) => {
+        Ok((MavlinkPacket::RcOverride { channels, .. }, _, _, length)) => {
+            First::Channels(length, channels, false)
+        }
+        Ok((MavlinkPacket::AttitudeTarget(target), _, _, length)) => {
             First::Rates(length, target.rates_body.map(f64::from), f64::from(target.thrust))
         }
-        Ok((Message::Heartbeat, _, _, length)) => First::Other(length),
+        Ok((MavlinkPacket::Heartbeat, _, _, length)) => First::Other(length),
         Err(DecodeError::Length { .. }) => First::Unfinished,
         Err(_) => First::Noise,
     }

@@ -31,7 +31,7 @@ pub fn monotonic_ns() -> u64 {
 
 /// What a sender has done, when it has ended.
 #[derive(Clone, Debug)]
-pub struct Report {
+pub struct LinkReport {
     /// What became of the frames.
     pub counts: Counts,
     /// Frames that were not sent, so that the receiver's failsafe acts.
@@ -79,7 +79,7 @@ pub struct Condition {
 #[derive(Debug)]
 pub struct Sender {
     shared: Arc<Shared>,
-    thread: JoinHandle<Report>,
+    thread: JoinHandle<LinkReport>,
 }
 
 impl Sender {
@@ -123,7 +123,7 @@ impl Sender {
     ///
     /// # Errors
     /// If the thread has panicked.
-    pub fn stop(self) -> std::thread::Result<Report> {
+    pub fn stop(self) -> std::thread::Result<LinkReport> {
         self.shared.stop.store(true, Ordering::Release);
         self.thread.join()
     }
@@ -147,7 +147,7 @@ impl Pace {
     }
 }
 
-fn send_until_stopped(mut link: RadioLink, period_ns: u64, shared: &Shared) -> Report {
+fn send_until_stopped(mut link: RadioLink, period_ns: u64, shared: &Shared) -> LinkReport {
     let mut lateness_ns = Histogram::new_with_bounds(1, LONGEST_NS, 3).expect("the bounds are in order");
     let mut pace = Pace {
         period_ns,
@@ -176,7 +176,7 @@ fn send_until_stopped(mut link: RadioLink, period_ns: u64, shared: &Shared) -> R
         shared.is_open.store(link.port().is_open(), Ordering::Relaxed);
         pace.advance(monotonic_ns());
     }
-    Report {
+    LinkReport {
         counts: link.port().counts(),
         silent: link.silent(),
         left_out: pace.left_out,

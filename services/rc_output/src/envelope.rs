@@ -12,7 +12,7 @@ pub const LIMITS: usize = 7;
 
 /// What the limits are asked about.
 #[derive(Clone, Copy, Debug)]
-pub struct Situation<'a> {
+pub struct EnvelopeInput<'a> {
     /// The last good state.
     pub state: Option<&'a VehicleState>,
     /// Whether it is recent.
@@ -41,7 +41,7 @@ impl Envelope {
 
     /// Each limit with its code, its action, and whether it is exceeded; `None` where it is not stated.
     #[must_use]
-    pub fn exceeded(&self, situation: &Situation<'_>) -> [Option<(u8, Action, bool)>; LIMITS] {
+    pub fn exceeded(&self, situation: &EnvelopeInput<'_>) -> [Option<(u8, Action, bool)>; LIMITS] {
         let (stated, state, command) = (&self.stated, situation.state, situation.command);
         let of_state = |exceeds: &dyn Fn(&VehicleState) -> bool| state.is_some_and(exceeds);
         let of_command = |exceeds: &dyn Fn(&ControlCommand) -> bool| command.is_some_and(exceeds);

@@ -23,7 +23,7 @@ use shared_types::sample::Flag;
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
 use shared_types::service::nanoseconds;
 
-use crate::envelope::{Envelope, LIMITS, Situation};
+use crate::envelope::{Envelope, EnvelopeInput, LIMITS};
 
 shared_types::sample! {
     /// What the guard remembers.
@@ -49,7 +49,7 @@ shared_types::sample! {
 
 /// What the guard is asked about.
 #[derive(Clone, Copy, Debug)]
-pub struct Case<'a> {
+pub struct GuardInput<'a> {
     /// The command that would be sent.
     pub command: Option<&'a ControlCommand>,
     /// The last good state of the vehicle.
@@ -62,7 +62,7 @@ pub struct Case<'a> {
 
 /// What the guard says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Ruling {
+pub struct GuardDecision {
     /// Whether commands are sent.
     pub passes: bool,
     /// The limit that acts.
@@ -132,7 +132,7 @@ impl Guard {
     }
 
     /// What may be sent now.
-    pub fn rule(&mut self, now: &Now, case: &Case<'_>) -> Ruling {
+    pub fn rule(&mut self, now: &Now, case: &GuardInput<'_>) -> GuardDecision {
         if now.operator.killed && self.memory.action != RcFrame::ACTION_KILL {
             self.kill(RcFrame::LIMIT_NONE);
         }
@@ -145,10 +145,10 @@ impl Guard {
             self.memory.passes = true.into();
         }
         if is_killed || !self.memory.passes.is_set() {
-            return self.ruling(None);
+            return self.decision(None);
         }
         let warned = self.check(now, case);
-        self.ruling(warned)
+        self.decision(warned)
     }
 
     /// The command as it may be sent.
@@ -159,7 +159,7 @@ impl Guard {
     }
 
     /// Checks the limits and takes their actions; returns the limit that is only warned of.
-    fn check(&mut self, now: &Now, case: &Case<'_>) -> Option<u8> {
+    fn check(&mut self, now: &Now, case: &GuardInput<'_>) -> Option<u8> {
         let envelope = self.envelope.as_ref()?;
         let moving = case
             .command
@@ -168,7 +168,7 @@ impl Guard {
         if !self.memory.moves.is_set() {
             return None;
         }
-        let situation = Situation {
+        let situation = EnvelopeInput {
             state: case.state,
             state_is_fresh: case.state_is_fresh,
             command: moving,
@@ -200,7 +200,7 @@ impl Guard {
         (self.memory.limit, self.memory.action) = (limit, RcFrame::ACTION_KILL);
     }
 
-    fn ruling(&self, warned: Option<u8>) -> Ruling {
+    fn decision(&self, warned: Option<u8>) -> GuardDecision {
         let GuardMemory {
             limit,
             action,
@@ -211,7 +211,7 @@ impl Guard {
             Some(limit) if action == RcFrame::ACTION_NONE => (limit, RcFrame::ACTION_WARN),
             _ => (limit, action),
         };
-        Ruling {
+        GuardDecision {
             passes: passes.is_set() && action != RcFrame::ACTION_KILL,
             limit,
             action,

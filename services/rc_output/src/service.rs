@@ -1,13 +1,15 @@
 //! The step function of the transmitter.
 
 use scenario::Scenario;
-use shared_types::gate::{Gate, GateState, StateGate, StateGateState, Verdict, is_of_the_past};
+use shared_types::input_validator::{
+    GateState, InputValidator, StateGateState, StateValidator, Validity, is_of_the_past,
+};
 use shared_types::samples::{ControlCommand, RcFrame};
 use shared_types::service::nanoseconds;
 use shared_types::wiring::{RcOutputInputs, RcOutputOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
 
-use crate::guard::{Case, Guard, GuardMemory};
+use crate::guard::{Guard, GuardInput, GuardMemory};
 use crate::link::Link;
 
 shared_types::sample! {
@@ -32,9 +34,9 @@ shared_types::sample! {
 #[derive(Clone, Debug)]
 pub struct RcOutputService {
     link: Link,
-    patience: Option<Patience>,
-    commands: Gate<ControlCommand>,
-    states: StateGate,
+    patience: Option<AgeLimits>,
+    commands: InputValidator<ControlCommand>,
+    states: StateValidator,
     guard: Guard,
     /// Ages up to which commands and states are recent, ns.
     fresh_ns: [u64; 2],
@@ -43,7 +45,7 @@ pub struct RcOutputService {
 
 /// How old a command may be.
 #[derive(Clone, Copy, Debug)]
-struct Patience {
+struct AgeLimits {
     max_age_ns: u64,
     failsafe_ns: u64,
 }
@@ -55,12 +57,12 @@ impl RcOutputService {
         let safety = scenario.safety_of(Topic::ControlCommand, ServiceId::RcOutput);
         Self {
             link: Link::new(scenario.rc_output.as_ref()),
-            patience: safety.map(|safety| Patience {
+            patience: safety.map(|safety| AgeLimits {
                 max_age_ns: nanoseconds(safety.max_age),
                 failsafe_ns: safety.failsafe.map_or(u64::MAX, nanoseconds),
             }),
-            commands: Gate::default(),
-            states: StateGate::new(
+            commands: InputValidator::default(),
+            states: StateValidator::new(
                 scenario
                     .safety_of(Topic::VehicleState, ServiceId::RcOutput)
                     .map(scenario::InputSafety::policy),
@@ -87,7 +89,7 @@ impl RcOutputService {
     /// What the frame of this step is to carry, and its stage.
     fn choose(&self, now: &Now, inputs: &RcOutputInputs<'_>) -> (Option<&ControlCommand>, u8) {
         let (held, age) = (self.commands.held(), self.commands.age_ns(now));
-        let is_older_than = |most: fn(Patience) -> u64| {
+        let is_older_than = |most: fn(AgeLimits) -> u64| {
             let most = self.patience.map_or(u64::MAX, most);
             age.is_some_and(|age| age > most)
         };
@@ -105,15 +107,15 @@ impl RcOutputService {
 }
 
 /// Whether a command can be meant, its numbers being finite.
-fn judge(command: &ControlCommand, now: &Now, has_patience: bool) -> Verdict {
+fn judge(command: &ControlCommand, now: &Now, has_patience: bool) -> Validity {
     let has_mode = matches!(
         command.mode,
         ControlCommand::MODE_TORQUE | ControlCommand::MODE_RATES | ControlCommand::MODE_FAILSAFE
     );
     if has_mode && (!has_patience || is_of_the_past(command, now)) {
-        Verdict::Good
+        Validity::Good
     } else {
-        Verdict::Refused
+        Validity::Refused
     }
 }
 
@@ -136,9 +138,9 @@ impl Service for RcOutputService {
         let inputs_are_fresh = command_is_fresh && (state_is_fresh || !needs_state);
         let (command, stage) = self.choose(now, inputs);
         let command = command.copied();
-        let ruling = self.guard.rule(
+        let decision = self.guard.rule(
             now,
-            &Case {
+            &GuardInput {
                 command: command.as_ref(),
                 state: self.states.held(),
                 state_is_fresh,
@@ -149,13 +151,13 @@ impl Service for RcOutputService {
             return;
         };
         let sent = command
-            .filter(|_| ruling.passes)
+            .filter(|_| decision.passes)
             .map(|command| self.guard.limited(&command));
         self.link.transmit(sent.as_ref(), frame);
         if !frame.failsafe.is_set() && sent.zip(command).is_some_and(|(sent, asked)| sent != asked) {
             frame.saturated = true.into();
         }
-        (frame.limit, frame.action) = (ruling.limit, ruling.action);
+        (frame.limit, frame.action) = (decision.limit, decision.action);
         frame.inputs_fresh = inputs_are_fresh.into();
         frame.stage = if frame.failsafe.is_set() {
             RcFrame::STAGE_FAILSAFE

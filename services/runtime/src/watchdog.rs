@@ -101,12 +101,12 @@ impl WorkCell {
 
 /// Notices that the work at a desk does not end.
 #[derive(Debug, Default)]
-struct Patience {
+struct WorkLimits {
     seen: u64,
     looks: u32,
 }
 
-impl Patience {
+impl WorkLimits {
     /// Looks at a desk; the work that has taken too long, if it has.
     fn look(&mut self, desk: &WorkCell) -> Option<Work> {
         let now = desk.0.load(Ordering::Relaxed);
@@ -171,7 +171,7 @@ pub fn watch_service(
     tell: impl Fn(String) + Send + 'static,
     is_alone: impl Fn() -> bool + Send + 'static,
 ) -> std::io::Result<()> {
-    let mut patience = Patience::default();
+    let mut patience = WorkLimits::default();
     start(move || {
         if let Some(work) = patience.look(&DESK) {
             tell(work.complaint());
@@ -188,7 +188,7 @@ pub fn watch_service(
 /// # Errors
 /// If the system has no thread left.
 pub fn watch_orchestrator(give_up: impl Fn(Work) + Send + 'static) -> std::io::Result<()> {
-    let mut patience = Patience::default();
+    let mut patience = WorkLimits::default();
     start(move || {
         if let Some(work) = patience.look(&DESK) {
             give_up(work);
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn work_that_does_not_end_is_noticed_after_as_many_looks_and_named() {
-        let (desk, mut patience) = (WorkCell::new(), Patience::default());
+        let (desk, mut patience) = (WorkCell::new(), WorkLimits::default());
         for work in Work::ALL {
             desk.begin(work as u8);
             // The first look sees that it is another piece of work.
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn another_piece_of_the_same_work_and_rest_are_no_work_that_does_not_end() {
-        let (desk, mut patience) = (WorkCell::new(), Patience::default());
+        let (desk, mut patience) = (WorkCell::new(), WorkLimits::default());
         for _ in 0..3 * LOOKS {
             desk.begin(Work::Step as u8);
             assert_eq!(patience.look(&desk), None);

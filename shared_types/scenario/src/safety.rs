@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use shared_types::gate::Policy;
+use shared_types::input_validator::Policy;
 
 use super::{EdgeName, Scenario};
 use shared_types::service::nanoseconds;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Alteration, EdgeFault, EdgeFaultKind, Presence};
+use super::{Corruption, EdgeFault, EdgeFaultKind, OutageSchedule};
 use crate::wiring::Topic;
 
 /// An input of a service as the schedule sees it.
@@ -12,8 +12,8 @@ pub struct Edge {
     pub topic: Topic,
     /// Transport latency, ticks.
     pub latency: u64,
-    pub(super) published: Presence,
-    pub(super) consumed: Presence,
+    pub(super) published: OutageSchedule,
+    pub(super) consumed: OutageSchedule,
     /// In the order of time, apart from each other.
     pub(super) faults: Arc<[EdgeFault]>,
 }
@@ -63,9 +63,9 @@ impl Edge {
 
     /// What the sample that was published at `due` holds instead, if it does.
     #[must_use]
-    pub fn alteration(&self, due: u64) -> Option<&Alteration> {
+    pub fn corruption(&self, due: u64) -> Option<&Corruption> {
         match self.fault_at(due + self.latency).map(|fault| &fault.kind) {
-            Some(EdgeFaultKind::Altered(alteration)) => Some(alteration),
+            Some(EdgeFaultKind::Altered(corruption)) => Some(corruption),
             _ => None,
         }
     }
@@ -75,7 +75,7 @@ impl Edge {
     #[must_use]
     pub fn repeated_by(&self, due: u64) -> Option<u64> {
         let fault = self.fault_at(due + self.latency)?;
-        let EdgeFaultKind::Altered(Alteration::Repeated) = fault.kind else {
+        let EdgeFaultKind::Altered(Corruption::Repeated) = fault.kind else {
             return None;
         };
         self.due_sample(self.step_before(fault.from)?)
@@ -85,7 +85,7 @@ impl Edge {
     /// first sample that repeats them, where a last one arrived in time for no step before the fault.
     pub fn needed_again(&self, due: u64) -> impl Iterator<Item = u64> {
         let repeating = self.faults.iter().filter(move |fault| {
-            matches!(fault.kind, EdgeFaultKind::Altered(Alteration::Repeated))
+            matches!(fault.kind, EdgeFaultKind::Altered(Corruption::Repeated))
                 && fault.until > due + self.latency
         });
         repeating
@@ -196,7 +196,7 @@ mod tests {
             (1..30u64).prop_map(EdgeFaultKind::Late),
             prop_oneof![Just(1.0), 0.1..1.0]
                 .prop_map(move |fraction| EdgeFaultKind::Lost(Loss { fraction, draws })),
-            Just(EdgeFaultKind::Altered(Alteration::Repeated)),
+            Just(EdgeFaultKind::Altered(Corruption::Repeated)),
         ]
     }
 
@@ -208,7 +208,7 @@ mod tests {
             kinds in [fault(), fault(), fault()],
         ) -> Edge {
             let [published, consumed] =
-                rates.map(|(period, phase)| Presence::new(Rate { period, phase }, Arc::default()));
+                rates.map(|(period, phase)| OutageSchedule::new(Rate { period, phase }, Arc::default()));
             let ends: Vec<_> = ends.into_iter().collect();
             let faults = ends
                 .chunks_exact(2)
@@ -236,7 +236,7 @@ mod tests {
     fn the_first_sample_may_be_late() {
         let every_tick = || {
             let rate = Rate { period: 1, phase: 0 };
-            Presence::new(rate, Arc::default())
+            OutageSchedule::new(rate, Arc::default())
         };
         let late = EdgeFault {
             from: 0,

@@ -2,7 +2,7 @@
 //!
 //! A fault befalls the samples that would arrive while it lasts. That they are late or lost changes which sample is
 //! due, and is asked here like all else of the schedule; what they hold instead is for hosts to hand out
-//! ([`Alteration`]). What was published stays as it was.
+//! ([`Corruption`]). What was published stays as it was.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub enum EdgeFaultKind {
     /// Some never arrive.
     Lost(Loss),
     /// They hold something else.
-    Altered(Alteration),
+    Altered(Corruption),
 }
 
 /// Which samples never arrive: of each a function of seed, edge and tick.
@@ -45,7 +45,7 @@ pub struct Loss {
 
 /// What samples hold instead of what was published; their headers stay.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Alteration {
+pub enum Corruption {
     /// What the last sample before the fault held.
     Repeated,
     /// Of these numbers (their bytes), x becomes `scale`·x + `bias`.
@@ -120,7 +120,7 @@ impl Draws {
     }
 }
 
-impl Alteration {
+impl Corruption {
     /// Alters `sample`, which was published at `tick`; `repeated` is the last one before the fault.
     ///
     /// # Panics
@@ -178,21 +178,21 @@ mod tests {
 
     const DRAWS: Draws = Draws { seed: 3, edge: 4 };
 
-    fn altered(alteration: &Alteration, tick: u64) -> VehicleState {
+    fn altered(corruption: &Corruption, tick: u64) -> VehicleState {
         let mut sample = VehicleState::new_zeroed();
         (sample.header.tick, sample.position_world, sample.thrust) = (tick, [1.0, 2.0, 3.0], 2.0);
         let mut repeated = sample;
         (repeated.header.tick, repeated.thrust) = (tick - 1, 1.0);
-        alteration.alter(tick, Some(repeated.as_bytes()), sample.as_mut_bytes());
+        corruption.alter(tick, Some(repeated.as_bytes()), sample.as_mut_bytes());
         assert_eq!(sample.header.tick, tick, "the header stays");
         sample
     }
 
     #[test]
     fn samples_hold_what_the_fault_says() {
-        assert_eq!(altered(&Alteration::Repeated, 7).thrust, 1.0);
+        assert_eq!(altered(&Corruption::Repeated, 7).thrust, 1.0);
         let numbers = Topic::VehicleState.find_numbers("position_world.1").unwrap();
-        let scaled = Alteration::Scaled {
+        let scaled = Corruption::Scaled {
             numbers,
             scale: 3.0,
             bias: 0.5,
@@ -205,7 +205,7 @@ mod tests {
     fn garbage_is_a_function_of_the_sample_and_stays_in_its_range() {
         let members = Topic::VehicleState.members();
         let numbers: Vec<_> = members.iter().filter_map(|member| member.numbers(None)).collect();
-        let random = Alteration::Random {
+        let random = Corruption::Random {
             numbers: numbers.into(),
             range: 0.1,
             draws: DRAWS,
@@ -216,7 +216,7 @@ mod tests {
         let numbers = garbage.position_world.iter().chain(&garbage.world_from_body);
         assert!(numbers.clone().all(|number| number.abs() <= 0.1), "{garbage:?}");
         assert!(numbers.clone().any(|number| number.abs() > 0.05), "{garbage:?}");
-        let noise = altered(&Alteration::Noise(DRAWS), 7);
+        let noise = altered(&Corruption::Noise(DRAWS), 7);
         assert_ne!(noise.position_world, garbage.position_world);
     }
 

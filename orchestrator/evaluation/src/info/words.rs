@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::{Info, Judged, State, TopicInfo};
 use command_line::terminal::printable;
-use metrics::tracker::Source;
+use metrics::tracker::StateSource;
 
 impl Display for State {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
@@ -121,8 +121,8 @@ fn write_judged(formatter: &mut Formatter<'_>, judged: &Judged) -> Result {
     }
     if let Some(metrics) = &judged.metrics {
         let estimated = match judged.source {
-            Source::Truth => "",
-            Source::Estimate => ", as estimated",
+            StateSource::Truth => "",
+            StateSource::Estimate => ", as estimated",
         };
         writeln!(
             formatter,

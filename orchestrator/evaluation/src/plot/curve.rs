@@ -7,7 +7,7 @@ use shared_types::service::seconds;
 
 use super::downsample::Extremes;
 use super::{COLUMNS, FLOOR, PlotError};
-use metrics::tracker::{Moment, Source, Tracker};
+use metrics::tracker::{Moment, StateSource, Tracker};
 use run_log::LogReader;
 
 /// Which part of a flight is drawn, s.
@@ -31,7 +31,7 @@ impl Span {
 pub(super) struct Curve {
     pub(super) label: String,
     pub(super) scenario: Scenario,
-    pub(super) source: Source,
+    pub(super) source: StateSource,
     /// Parts that are drawn in one go: between them nothing was to be followed.
     pub(super) stretches: Vec<Vec<(f64, f64)>>,
 }

@@ -22,14 +22,14 @@ pub(super) struct Drawn {
 pub(super) fn name_in_the_paper(flown: &Scenario) -> Option<String> {
     let recipes = Figure::ALL
         .into_iter()
-        .flat_map(|figure| figure.experiment().recipes);
-    let mut names = recipes.filter_map(|recipe| {
-        let stated = recipe.load(Column::Baseline, flown.seed).ok()?;
+        .flat_map(|figure| figure.experiment().specifications);
+    let mut names = recipes.filter_map(|specification| {
+        let stated = specification.load(Column::Baseline, flown.seed).ok()?;
         let stated = Scenario {
             duration: flown.duration,
             ..stated.experiment()
         };
-        (stated == *flown).then_some(recipe.name)
+        (stated == *flown).then_some(specification.name)
     });
     names.next()
 }
@@ -56,12 +56,12 @@ pub(super) fn drawn<'a>(of_the_paper: impl Iterator<Item = &'a (String, Traces)>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reproduce::flight::{Recipe, Source};
+    use crate::reproduce::flight::{FlightSpecification, ScenarioSource};
 
     #[test]
     fn a_flight_of_the_paper_is_known_by_its_scenario_whatever_its_seed_and_length() {
-        let recipe = Recipe::plain(Source::FIG7);
-        let mut scenario = recipe.load(Column::Baseline, 7).unwrap().experiment();
+        let specification = FlightSpecification::plain(ScenarioSource::FIG7);
+        let mut scenario = specification.load(Column::Baseline, 7).unwrap().experiment();
         scenario.duration = 35.0;
         assert_eq!(name_in_the_paper(&scenario).as_deref(), Some("fig7"));
         scenario.vehicle.mass *= 2.0;

@@ -17,7 +17,7 @@ use crate::plot::label;
 use crate::reproduce::traces::{Tracer, Traces};
 use metrics::read;
 use metrics::summary::{self, FlightSummary, Summary};
-use metrics::tracker::{Moment, Source, Tracker};
+use metrics::tracker::{Moment, StateSource, Tracker};
 use run_log::{LogReadError, LogReader};
 
 /// What is shown of a flight.
@@ -199,8 +199,8 @@ impl Gatherer {
         ];
         // Of a laboratory the truth is not known, of all others the estimate is not shown beside it.
         let untold = match self.tracker.source() {
-            Source::Truth => Topic::VehicleState,
-            Source::Estimate => Topic::VehicleTruth,
+            StateSource::Truth => Topic::VehicleState,
+            StateSource::Estimate => Topic::VehicleTruth,
         };
         let tables = tables.into_iter().filter(|(topic, _)| *topic != untold);
         (

@@ -16,7 +16,7 @@ use metrics::loss::Loss;
 use metrics::stretch::Metrics;
 use metrics::summary::faults::FaultReport;
 use metrics::summary::{Phase, TopicCount};
-use metrics::tracker::Source;
+use metrics::tracker::StateSource;
 
 /// The page with marks `{{name}}` where the parts belong.
 const PAGE: &str = include_str!("assets/page.html");
@@ -50,7 +50,7 @@ struct PageFlight<'a> {
     flown: f64,
     bound: Option<f64>,
     lost: Option<LostInWords<'a>>,
-    source: Source,
+    source: StateSource,
     metrics: Option<&'a Metrics>,
     broken: Option<&'a str>,
     scenario: String,

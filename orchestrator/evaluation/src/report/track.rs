@@ -7,7 +7,7 @@ use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::service::seconds;
 
 use super::encoding::base64;
-use metrics::tracker::{Moment, Source};
+use metrics::tracker::{Moment, StateSource};
 
 /// How many points of the way are kept.
 const MOST_PLACES: u64 = 2_000;
@@ -36,10 +36,10 @@ pub(super) struct PageTrack {
 impl Track {
     /// For a flight of this schedule.
     pub(super) fn new(schedule: &Schedule) -> Self {
-        let source = Source::of(schedule);
+        let source = StateSource::of(schedule);
         let samples = schedule.sample_count(source.topic());
         Self {
-            is_estimated: source == Source::Estimate,
+            is_estimated: source == StateSource::Estimate,
             stride: samples.div_ceil(MOST_PLACES).max(1),
             seen: 0,
             numbers: Vec::new(),

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::column::Column;
-use super::flight::{Logbook, Recipe, Source};
+use super::flight::{FlightResults, FlightSpecification, ScenarioSource};
 use super::measure::Measured;
 use super::row::median;
 
@@ -66,7 +66,7 @@ const VARIANTS: [Variant; 10] = [
 
 /// What a design comes to: medians over the seeds, in the baseline laboratory.
 #[derive(Clone, Debug, Serialize)]
-pub struct Line {
+pub struct AblationRow {
     /// What is left out.
     pub variant: &'static str,
     /// How it is left out.
@@ -86,29 +86,29 @@ pub struct Line {
 }
 
 /// The flights that the table is made of.
-pub fn recipes() -> impl Iterator<Item = Recipe> {
+pub fn specifications() -> impl Iterator<Item = FlightSpecification> {
     VARIANTS
         .into_iter()
-        .map(|variant| Recipe::changed(variant.name, Source::FIG3_6, variant.settings))
+        .map(|variant| FlightSpecification::changed(variant.name, ScenarioSource::FIG3_6, variant.settings))
 }
 
 /// The table of the flights flown.
 #[must_use]
-pub fn table(logbook: &Logbook, seeds: &[u64]) -> Vec<Line> {
-    VARIANTS.map(|variant| line(variant, logbook, seeds)).into()
+pub fn table(results: &FlightResults, seeds: &[u64]) -> Vec<AblationRow> {
+    VARIANTS.map(|variant| line(variant, results, seeds)).into()
 }
 
-fn line(variant: Variant, logbook: &Logbook, seeds: &[u64]) -> Line {
+fn line(variant: Variant, results: &FlightResults, seeds: &[u64]) -> AblationRow {
     let flown: Result<Vec<Measured>, String> = seeds
         .iter()
-        .map(|&seed| logbook.flown(Column::Baseline, seed).of(variant.name).cloned())
+        .map(|&seed| results.flown(Column::Baseline, seed).of(variant.name).cloned())
         .collect();
     let all = |value: fn(&Measured) -> f64| {
         let values = flown.as_ref().ok()?.iter().map(value);
         Some(values.collect::<Vec<_>>())
     };
     let middle = |value| all(value).map(|values| median(&values));
-    Line {
+    AblationRow {
         variant: variant.name,
         settings: variant.settings,
         rmse: middle(|measured| 1e2 * measured.error.rmse()),
@@ -127,20 +127,20 @@ mod tests {
 
     #[test]
     fn every_variant_differs_from_the_design_and_can_be_flown() {
-        let designed = Source::FIG3_6.load(&[], 101).unwrap();
-        for recipe in recipes().skip(1) {
+        let designed = ScenarioSource::FIG3_6.load(&[], 101).unwrap();
+        for specification in specifications().skip(1) {
             assert_ne!(
-                recipe.load(Column::Baseline, 101).unwrap(),
+                specification.load(Column::Baseline, 101).unwrap(),
                 designed,
                 "{}",
-                recipe.name
+                specification.name
             );
         }
     }
 
     #[test]
     fn a_variant_that_cannot_fly_says_so_in_its_line() {
-        let lines = table(&Logbook::default(), &[101]);
+        let lines = table(&FlightResults::default(), &[101]);
         assert_eq!(lines.len(), VARIANTS.len());
         assert!(
             lines

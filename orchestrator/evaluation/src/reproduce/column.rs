@@ -126,11 +126,11 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reproduce::flight::Source;
+    use crate::reproduce::flight::ScenarioSource;
 
     #[test]
     fn doubled_noise_and_latencies_are_believed_and_nothing_else_changes() {
-        let baseline = Source::FIG3_6.load(&[], 1).unwrap();
+        let baseline = ScenarioSource::FIG3_6.load(&[], 1).unwrap();
         let mut wanted = baseline.clone();
         for latency in wanted.schedule.latency.values_mut() {
             *latency *= 2.0;
@@ -141,12 +141,12 @@ mod tests {
         let kalman = &mut wanted.estimator.as_mut().unwrap().kalman;
         (kalman.position_deviation, kalman.attitude_deviation) = (6e-4, 4e-3);
         let settings = Column::Doubled.settings(&baseline);
-        assert_eq!(Source::FIG3_6.load(&settings, 1).unwrap(), wanted);
+        assert_eq!(ScenarioSource::FIG3_6.load(&settings, 1).unwrap(), wanted);
     }
 
     #[test]
     fn a_wrong_model_is_one_whose_truth_changes_and_whose_beliefs_do_not() {
-        let baseline = Source::FIG3_6.load(&[], 1).unwrap();
+        let baseline = ScenarioSource::FIG3_6.load(&[], 1).unwrap();
         let mut wanted = baseline.clone();
         wanted
             .schedule
@@ -158,12 +158,12 @@ mod tests {
         actuators.thrust_factor = 1.05;
         actuators.frame_loss = 0.05;
         let settings = Column::WrongModel.settings(&baseline);
-        assert_eq!(Source::FIG3_6.load(&settings, 1).unwrap(), wanted);
+        assert_eq!(ScenarioSource::FIG3_6.load(&settings, 1).unwrap(), wanted);
     }
 
     #[test]
     fn an_ideal_flight_has_nothing_to_be_worse_in() {
-        let ideal = Source::FIG1.load(&[], 1).unwrap();
+        let ideal = ScenarioSource::FIG1.load(&[], 1).unwrap();
         for column in Column::ALL {
             assert!(column.settings(&ideal).is_empty(), "{column:?}");
         }

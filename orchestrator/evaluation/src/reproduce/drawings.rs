@@ -257,10 +257,12 @@ mod tests {
     #[test]
     fn every_drawing_is_made_of_flights_of_its_figure() {
         for drawing in DRAWINGS {
-            let recipes = drawing.figure.experiment().recipes;
+            let specifications = drawing.figure.experiment().specifications;
             for flight in drawing.flights {
                 assert!(
-                    recipes.iter().any(|recipe| recipe.name == *flight),
+                    specifications
+                        .iter()
+                        .any(|specification| specification.name == *flight),
                     "{}: {flight}",
                     drawing.file
                 );

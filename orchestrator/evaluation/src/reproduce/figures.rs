@@ -13,7 +13,7 @@ mod tracking;
 use std::str::FromStr;
 
 use super::column::Column;
-use super::flight::{Flown, Recipe};
+use super::flight::{FlightSpecification, SeedResults};
 use super::row::{LEAST_SEEDS, Row};
 use command_line::values::ValueError;
 
@@ -46,7 +46,7 @@ pub struct Experiment {
     /// What is shown.
     pub title: &'static str,
     /// The flights.
-    pub recipes: Vec<Recipe>,
+    pub specifications: Vec<FlightSpecification>,
     /// The numbers.
     pub rows: Vec<Row>,
 }
@@ -155,7 +155,7 @@ const PAPER_MODE: [&str; 2] = ["controller.delta=0.1", "controller.remove_offset
 
 /// How many times larger one value is than another.
 fn ratio(
-    flown: &Flown<'_>,
+    flown: &SeedResults<'_>,
     larger: &str,
     smaller: &str,
     value: fn(&super::measure::Measured) -> f64,
@@ -180,10 +180,14 @@ mod tests {
     #[test]
     fn every_flight_of_every_figure_can_be_flown_in_every_laboratory() {
         for figure in Figure::ALL {
-            for recipe in figure.experiment().recipes {
+            for specification in figure.experiment().specifications {
                 for &column in figure.columns() {
-                    if let Err(error) = recipe.load(column, 101) {
-                        panic!("{}, {column:?}: {:?}", recipe.name, miette::Report::from(error));
+                    if let Err(error) = specification.load(column, 101) {
+                        panic!(
+                            "{}, {column:?}: {:?}",
+                            specification.name,
+                            miette::Report::from(error)
+                        );
                     }
                 }
             }
@@ -192,13 +196,15 @@ mod tests {
 
     #[test]
     fn flights_of_one_name_are_one_flight() {
-        let mut known: BTreeMap<String, Recipe> = BTreeMap::new();
-        for recipe in Figure::ALL
+        let mut known: BTreeMap<String, FlightSpecification> = BTreeMap::new();
+        for specification in Figure::ALL
             .into_iter()
-            .flat_map(|figure| figure.experiment().recipes)
+            .flat_map(|figure| figure.experiment().specifications)
         {
-            let first = known.entry(recipe.name.clone()).or_insert_with(|| recipe.clone());
-            assert_eq!(*first, recipe);
+            let first = known
+                .entry(specification.name.clone())
+                .or_insert_with(|| specification.clone());
+            assert_eq!(*first, specification);
         }
     }
 

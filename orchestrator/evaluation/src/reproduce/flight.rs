@@ -19,7 +19,7 @@ pub const LEAST_PROGRESS: f64 = 0.95;
 
 /// A committed scenario, as it was when the program was built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Source {
+pub struct ScenarioSource {
     /// Its file's name, without the extension.
     pub name: &'static str,
     text: &'static str,
@@ -27,7 +27,7 @@ pub struct Source {
 
 macro_rules! sources {
     ($($constant:ident = $name:literal),+ $(,)?) => {
-        impl Source {
+        impl ScenarioSource {
             $(
                 #[doc = concat!("`scenarios/", $name, ".toml`.")]
                 pub const $constant: Self = Self {
@@ -53,7 +53,7 @@ sources! {
     TRAJECTORY_TRACKING = "trajectory_tracking",
 }
 
-impl Source {
+impl ScenarioSource {
     /// The scenario with these settings and this seed.
     ///
     /// # Errors
@@ -66,25 +66,25 @@ impl Source {
 
 /// A flight but for laboratory and seed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Recipe {
+pub struct FlightSpecification {
     /// What the flight is called; equal names are equal flights.
     pub name: String,
     /// The scenario.
-    pub source: Source,
+    pub source: ScenarioSource,
     /// What is changed of it.
     pub settings: Vec<String>,
 }
 
-impl Recipe {
+impl FlightSpecification {
     /// A scenario as it stands.
     #[must_use]
-    pub fn plain(source: Source) -> Self {
+    pub fn plain(source: ScenarioSource) -> Self {
         Self::changed(source.name, source, &[])
     }
 
     /// A scenario with changes, under another name.
     #[must_use]
-    pub fn changed(name: impl Into<String>, source: Source, settings: &[&str]) -> Self {
+    pub fn changed(name: impl Into<String>, source: ScenarioSource, settings: &[&str]) -> Self {
         Self {
             name: name.into(),
             source,
@@ -117,7 +117,7 @@ pub struct Job {
 
 /// What all flights came to, or why one came to nothing.
 #[derive(Debug, Default)]
-pub struct Logbook(BTreeMap<(Column, u64, String), Result<Measured, NotMeasured>>);
+pub struct FlightResults(BTreeMap<(Column, u64, String), Result<Measured, NotMeasured>>);
 
 /// Why a flight came to nothing.
 #[derive(Debug, thiserror::Error)]
@@ -136,7 +136,7 @@ pub enum NotMeasured {
     Waited(f64),
 }
 
-impl Logbook {
+impl FlightResults {
     /// Flies all jobs on so many threads, and calls `flown` after each.
     ///
     /// Every flight is a function of its scenario alone; neither the number of threads nor the order matters.
@@ -155,9 +155,9 @@ impl Logbook {
 
     /// The flights of a laboratory and a seed.
     #[must_use]
-    pub fn flown(&self, column: Column, seed: u64) -> Flown<'_> {
-        Flown {
-            logbook: self,
+    pub fn flown(&self, column: Column, seed: u64) -> SeedResults<'_> {
+        SeedResults {
+            results: self,
             column,
             seed,
         }
@@ -166,20 +166,20 @@ impl Logbook {
 
 /// The flights of one laboratory and one seed.
 #[derive(Clone, Copy, Debug)]
-pub struct Flown<'a> {
-    logbook: &'a Logbook,
+pub struct SeedResults<'a> {
+    results: &'a FlightResults,
     column: Column,
     seed: u64,
 }
 
-impl Flown<'_> {
+impl SeedResults<'_> {
     /// What the flight of a name came to.
     ///
     /// # Errors
     /// Why it came to nothing, as a note of the table.
     pub fn of(&self, name: &str) -> Result<&Measured, String> {
         let key = (self.column, self.seed, name.to_owned());
-        match self.logbook.0.get(&key) {
+        match self.results.0.get(&key) {
             Some(Ok(measured)) => Ok(measured),
             Some(Err(reason)) => Err(format!("seed {}, {name}: {reason}", self.seed)),
             None => Err(format!("seed {}, {name}: not flown", self.seed)),
@@ -210,12 +210,12 @@ mod tests {
 
     fn jobs() -> Vec<Job> {
         let short = ["duration=3.0", "vehicle.change=[]", "path.initial_gamma_dot=1.0"];
-        let recipe = Recipe::changed("short", Source::FIG3_6, &short);
+        let specification = FlightSpecification::changed("short", ScenarioSource::FIG3_6, &short);
         [1, 2, 3]
             .map(|seed| Job {
-                name: recipe.name.clone(),
+                name: specification.name.clone(),
                 column: Column::Baseline,
-                scenario: recipe.load(Column::Baseline, seed).unwrap(),
+                scenario: specification.load(Column::Baseline, seed).unwrap(),
             })
             .into()
     }
@@ -223,10 +223,11 @@ mod tests {
     #[test]
     fn what_flights_come_to_does_not_depend_on_the_number_of_threads() {
         let jobs = jobs();
-        let one = Logbook::fly(&jobs, 1, &Interrupt::never(), || ());
-        let three = Logbook::fly(&jobs, 3, &Interrupt::never(), || ());
+        let one = FlightResults::fly(&jobs, 1, &Interrupt::never(), || ());
+        let three = FlightResults::fly(&jobs, 3, &Interrupt::never(), || ());
         for job in &jobs {
-            let of = |logbook: &Logbook| logbook.flown(job.column, job.scenario.seed).of("short").cloned();
+            let of =
+                |results: &FlightResults| results.flown(job.column, job.scenario.seed).of("short").cloned();
             assert!(of(&one).is_ok());
             assert_eq!(of(&one), of(&three));
         }
@@ -234,16 +235,20 @@ mod tests {
 
     #[test]
     fn a_flight_that_was_not_flown_says_so() {
-        let logbook = Logbook::default();
-        let reason = logbook.flown(Column::Baseline, 7).of("fig9").unwrap_err();
+        let results = FlightResults::default();
+        let reason = results.flown(Column::Baseline, 7).of("fig9").unwrap_err();
         assert_eq!(reason, "seed 7, fig9: not flown");
     }
 
     #[test]
     fn a_path_that_waits_is_not_a_good_flight() {
         // The vehicle is 50 m away at first and needs most of the flight to come near.
-        let recipe = Recipe::changed("far", Source::FIG2_FAR, &["duration=21.0", "vehicle.change=[]"]);
-        let scenario = recipe.load(Column::Baseline, 1).unwrap();
+        let specification = FlightSpecification::changed(
+            "far",
+            ScenarioSource::FIG2_FAR,
+            &["duration=21.0", "vehicle.change=[]"],
+        );
+        let scenario = specification.load(Column::Baseline, 1).unwrap();
         let reason = measure(&scenario, &Interrupt::never()).unwrap_err().to_string();
         assert!(reason.contains("% of its way"), "{reason}");
     }

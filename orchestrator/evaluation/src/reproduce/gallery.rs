@@ -2,7 +2,7 @@
 
 use super::drawings::Drawing;
 use super::pages::FlightPage;
-use super::report::{FigureReport, Report, RowReport, Verdict};
+use super::report::{FigureReport, ReproductionReport, RowReport, Verdict};
 use super::table::{cell_text, notes, observability_header, observability_lines};
 
 const STYLE: &str = "
@@ -18,7 +18,7 @@ code { white-space: pre-wrap; }
 
 /// The page.
 #[must_use]
-pub fn page(report: &Report, drawings: &[Drawing], pages: &[FlightPage]) -> String {
+pub fn page(report: &ReproductionReport, drawings: &[Drawing], pages: &[FlightPage]) -> String {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Gerono: the paper's figures</title>\n\
          <style>{STYLE}</style>\n<h1>The paper's figures, flown again</h1>\n"
@@ -53,7 +53,7 @@ pub fn page(report: &Report, drawings: &[Drawing], pages: &[FlightPage]) -> Stri
     html
 }
 
-fn laboratories(report: &Report) -> String {
+fn laboratories(report: &ReproductionReport) -> String {
     let seeds: Vec<_> = report.seeds.iter().map(u64::to_string).collect();
     let mut html = format!(
         "<p>Seeds {}, none of which was used for tuning. Numbers are median, worst over the seeds.</p>\n<dl>\n",
@@ -110,7 +110,7 @@ fn row(row: &RowReport) -> String {
     )
 }
 
-fn observability(report: &Report) -> String {
+fn observability(report: &ReproductionReport) -> String {
     let Some(observability) = &report.observability else {
         return String::new();
     };
@@ -142,7 +142,7 @@ mod tests {
     use super::*;
     use crate::reproduce::drawings::DRAWINGS;
     use crate::reproduce::figures::Figure;
-    use crate::reproduce::flight::Logbook;
+    use crate::reproduce::flight::FlightResults;
     use crate::reproduce::known_gaps::KnownGaps;
     use crate::reproduce::report::{judge, laboratories};
 
@@ -150,11 +150,11 @@ mod tests {
     fn the_page_shows_every_number_drawing_and_flight_of_its_figures_and_no_other() {
         let gaps = KnownGaps::default();
         let figures = [Figure::Fig1, Figure::Fig3To6];
-        let report = Report {
+        let report = ReproductionReport {
             seeds: vec![101],
             laboratories: laboratories(),
             figures: figures
-                .map(|figure| judge(figure, &Logbook::default(), &[101], &gaps))
+                .map(|figure| judge(figure, &FlightResults::default(), &[101], &gaps))
                 .into(),
             observability: None,
         };

@@ -48,7 +48,7 @@ impl KnownGaps {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reproduce::row::Bar;
+    use crate::reproduce::row::AcceptanceLimit;
 
     #[test]
     fn every_known_gap_is_that_of_a_number_with_a_bar_and_lies_beyond_it() {
@@ -58,7 +58,7 @@ mod tests {
             let row = rows.iter().find(|row| row.quantity == gap.quantity);
             let row = row.unwrap_or_else(|| panic!("no `{}` in figure {}", gap.quantity, gap.figure));
             let bar = row.bar.for_median().expect("only what has a bar can miss it");
-            assert!(!matches!(row.bar, Bar::Shown));
+            assert!(!matches!(row.bar, AcceptanceLimit::Shown));
             assert!(!row.bar.keeps(gap.worst, bar), "{}: no gap", gap.quantity);
             assert!(figure.columns().contains(&gap.column));
             assert!(gap.why.len() > 20, "{}: say why", gap.quantity);

@@ -19,7 +19,7 @@ use metrics::loss::{Loss, LossWatch};
 use metrics::path_clock::Demand;
 use metrics::read;
 use metrics::statistics::Statistics;
-use metrics::tracker::Source;
+use metrics::tracker::StateSource;
 
 /// What a flight came to; SI units.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -84,7 +84,7 @@ impl Meter {
             windows: Windows::new(scenario),
             nominal_way: scenario.path.speed * JUDGED.min(scenario.duration),
             latest: Latest::new(schedule, scenario.flight.is_some()),
-            loss: LossWatch::new(scenario, Source::of(schedule)),
+            loss: LossWatch::new(scenario, StateSource::of(schedule)),
             has_observer: scenario.controller.observer_gain.is_some(),
             judged_gamma: None,
             measured: Measured::default(),

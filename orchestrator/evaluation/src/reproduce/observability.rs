@@ -6,8 +6,8 @@
 use serde::Serialize;
 
 use super::column::Column;
-use super::figures::fig10::{Cell, CellCurve, PRIOR_ERROR, WINDS};
-use super::flight::{Logbook, Recipe};
+use super::figures::fig10::{CellCurve, PRIOR_ERROR, ReportCell, WINDS};
+use super::flight::{FlightResults, FlightSpecification};
 use super::row::median;
 use metrics::statistics::Statistics;
 
@@ -20,12 +20,12 @@ pub struct Observability {
     /// The seeds flown, in the baseline laboratory.
     pub seeds: Vec<u64>,
     /// Its lines.
-    pub lines: Vec<Line>,
+    pub lines: Vec<ObservabilityRow>,
 }
 
 /// The errors of one kind of flight.
 #[derive(Clone, Debug, Serialize)]
-pub struct Line {
+pub struct ObservabilityRow {
     /// What was flown.
     pub curve: &'static str,
     /// Prior less true mass, g.
@@ -40,12 +40,12 @@ pub struct Line {
     pub frozen: f64,
 }
 
-fn cells() -> impl Iterator<Item = Cell> {
+fn cells() -> impl Iterator<Item = ReportCell> {
     CellCurve::ALL.into_iter().flat_map(|curve| {
         [-PRIOR_ERROR, 0.0, PRIOR_ERROR]
             .into_iter()
             .flat_map(move |prior_error| {
-                WINDS.map(|wind| Cell {
+                WINDS.map(|wind| ReportCell {
                     curve,
                     prior_error,
                     wind,
@@ -55,8 +55,8 @@ fn cells() -> impl Iterator<Item = Cell> {
 }
 
 /// The flights that the table is made of.
-pub fn recipes() -> impl Iterator<Item = Recipe> {
-    cells().map(|cell| cell.recipe())
+pub fn specifications() -> impl Iterator<Item = FlightSpecification> {
+    cells().map(|cell| cell.specification())
 }
 
 /// The seeds that are flown for the table, of those that are asked for.
@@ -67,18 +67,18 @@ pub fn seeds(asked: &[u64]) -> &[u64] {
 
 /// The table of the flights flown.
 #[must_use]
-pub fn table(logbook: &Logbook, asked: &[u64]) -> Observability {
+pub fn table(results: &FlightResults, asked: &[u64]) -> Observability {
     let seeds = seeds(asked);
     let lines = cells().map(|cell| {
         let grams = |error: fn(&super::measure::Measured) -> &Statistics| {
             let flown = seeds.iter().map(|&seed| {
-                let flown = logbook.flown(Column::Baseline, seed);
+                let flown = results.flown(Column::Baseline, seed);
                 let measured = flown.of(&cell.name())?;
                 Ok::<_, String>(1e3 * error(measured).rmse())
             });
             flown.collect::<Result<Vec<_>, _>>().ok().map(|all| median(&all))
         };
-        Line {
+        ObservabilityRow {
             curve: cell.curve.name(),
             prior_error: 1e3 * cell.prior_error,
             wind: cell.wind,
@@ -99,11 +99,12 @@ mod tests {
 
     #[test]
     fn every_kind_of_flight_has_its_line_and_can_be_flown() {
-        let names: std::collections::BTreeSet<_> = recipes().map(|recipe| recipe.name).collect();
+        let names: std::collections::BTreeSet<_> =
+            specifications().map(|specification| specification.name).collect();
         assert_eq!(names.len(), 27);
-        for recipe in recipes() {
-            recipe.load(Column::Baseline, 101).unwrap();
+        for specification in specifications() {
+            specification.load(Column::Baseline, 101).unwrap();
         }
-        assert_eq!(table(&Logbook::default(), &[101]).lines.len(), 27);
+        assert_eq!(table(&FlightResults::default(), &[101]).lines.len(), 27);
     }
 }

@@ -34,7 +34,7 @@ pub enum PageError {
     Log(#[from] LogError),
     /// The page cannot be written.
     #[error(transparent)]
-    Report(#[from] ReportError),
+    ReproductionReport(#[from] ReportError),
 }
 
 /// The page of a figure's flight.
@@ -146,9 +146,11 @@ mod tests {
             .into_iter()
             .map(|figure| {
                 let page = FlightPage::of(figure).unwrap();
-                let recipes = figure.experiment().recipes;
+                let specifications = figure.experiment().specifications;
                 assert!(
-                    recipes.iter().any(|recipe| recipe.name == page.flight),
+                    specifications
+                        .iter()
+                        .any(|specification| specification.name == page.flight),
                     "{page:?}"
                 );
                 page.link()

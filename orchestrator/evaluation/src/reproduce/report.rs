@@ -6,14 +6,14 @@ use serde::Serialize;
 
 use super::column::Column;
 use super::figures::Figure;
-use super::flight::{Logbook, Source};
+use super::flight::{FlightResults, ScenarioSource};
 use super::known_gaps::KnownGaps;
 use super::observability::Observability;
-use super::row::{Bar, Row, median};
+use super::row::{AcceptanceLimit, Row, median};
 
 /// The whole of it.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct ReproductionReport {
     /// The seeds flown.
     pub seeds: Vec<u64>,
     /// What was changed of every scenario in each laboratory, as it comes out for Figs. 3 to 6.
@@ -56,14 +56,14 @@ pub struct RowReport {
     /// What the paper reports.
     pub paper: &'static str,
     /// What it must reach.
-    pub bar: Bar,
+    pub bar: AcceptanceLimit,
     /// One for every laboratory.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<ReportCell>,
 }
 
 /// A number of a figure in a laboratory.
 #[derive(Clone, Debug, Serialize)]
-pub struct Cell {
+pub struct ReportCell {
     /// The laboratory.
     pub column: Column,
     /// Seed by seed; none if a flight came to nothing.
@@ -105,7 +105,7 @@ impl Verdict {
     }
 }
 
-impl Report {
+impl ReproductionReport {
     /// Whether any number regressed.
     #[must_use]
     pub fn has_regressed(&self) -> bool {
@@ -126,7 +126,9 @@ impl Report {
 /// Never: a committed scenario loads, which a test proves.
 #[must_use]
 pub fn laboratories() -> Vec<Laboratory> {
-    let scenario = Source::FIG3_6.load(&[], 1).expect("the scenario is in order");
+    let scenario = ScenarioSource::FIG3_6
+        .load(&[], 1)
+        .expect("the scenario is in order");
     Column::ALL
         .map(|column| Laboratory {
             column,
@@ -138,12 +140,12 @@ pub fn laboratories() -> Vec<Laboratory> {
 
 /// Judges a figure by its flights.
 #[must_use]
-pub fn judge(figure: Figure, logbook: &Logbook, seeds: &[u64], gaps: &KnownGaps) -> FigureReport {
+pub fn judge(figure: Figure, results: &FlightResults, seeds: &[u64], gaps: &KnownGaps) -> FigureReport {
     let experiment = figure.experiment();
     let rows = experiment.rows.iter().map(|row| {
         let cells = figure.columns().iter().map(|&column| {
             let values = figure.seeds(seeds).iter().map(|&seed| {
-                let value = (row.value)(&logbook.flown(column, seed))?;
+                let value = (row.value)(&results.flown(column, seed))?;
                 let shown = value * row.unit.per_si();
                 if shown.is_finite() {
                     Ok(shown)
@@ -183,7 +185,7 @@ struct Limits<'a> {
 }
 
 /// Judges a number by its values.
-fn cell(column: Column, row: &Row, values: &[Result<f64, String>], limits: Limits<'_>) -> Cell {
+fn cell(column: Column, row: &Row, values: &[Result<f64, String>], limits: Limits<'_>) -> ReportCell {
     let Limits { gap, least_seeds } = limits;
     let failure = values.iter().find_map(|value| value.as_ref().err());
     let good: Vec<f64> = values
@@ -194,7 +196,7 @@ fn cell(column: Column, row: &Row, values: &[Result<f64, String>], limits: Limit
     let (median, worst) = (median(&good), row.bar.worst(&good));
     let is_known = gap.is_some_and(|(limit, _)| row.bar.keeps(worst, limit));
     let verdict = match row.bar {
-        Bar::Shown if is_whole => None,
+        AcceptanceLimit::Shown if is_whole => None,
         bar if is_whole && bar.is_reached(median, worst) => Some(Verdict::Reached),
         _ if is_whole && is_known => Some(Verdict::KnownGap),
         // The worst of few seeds must keep its limit as the worst of many; their median need not.
@@ -213,7 +215,7 @@ fn cell(column: Column, row: &Row, values: &[Result<f64, String>], limits: Limit
         }
         _ => String::new(),
     };
-    Cell {
+    ReportCell {
         column,
         values: values.iter().map(|value| value.as_ref().ok().copied()).collect(),
         median: is_whole.then_some(median),
@@ -228,7 +230,7 @@ mod tests {
     use super::*;
     use crate::reproduce::row::Unit;
 
-    fn row(bar: Bar) -> Row {
+    fn row(bar: AcceptanceLimit) -> Row {
         Row {
             quantity: "test",
             paper: "",
@@ -238,19 +240,19 @@ mod tests {
         }
     }
 
-    fn judged(bar: Bar, values: &[f64], limit: Option<f64>, least_seeds: usize) -> Cell {
+    fn judged(bar: AcceptanceLimit, values: &[f64], limit: Option<f64>, least_seeds: usize) -> ReportCell {
         let values: Vec<_> = values.iter().copied().map(Ok).collect();
         let gap = limit.map(|limit| (limit, "a reason"));
         cell(Column::Baseline, &row(bar), &values, Limits { gap, least_seeds })
     }
 
-    fn verdict(bar: Bar, values: &[f64], limit: Option<f64>) -> Option<Verdict> {
+    fn verdict(bar: AcceptanceLimit, values: &[f64], limit: Option<f64>) -> Option<Verdict> {
         judged(bar, values, limit, 1).verdict
     }
 
     #[test]
     fn a_bar_of_a_median_is_not_applied_to_few_seeds_but_the_limit_of_the_worst_is() {
-        let of_few = |values: &[f64]| judged(Bar::AtMost(1.0), values, None, 5);
+        let of_few = |values: &[f64]| judged(AcceptanceLimit::AtMost(1.0), values, None, 5);
         let cell = of_few(&[1.4]);
         assert_eq!(cell.verdict, Some(Verdict::NotJudged));
         assert_eq!(
@@ -261,29 +263,29 @@ mod tests {
         assert_eq!(of_few(&[0.9, 0.8]).verdict, Some(Verdict::Reached));
         assert_eq!(of_few(&[0.9, 1.6]).verdict, Some(Verdict::Regressed));
         assert_eq!(of_few(&[1.1; 5]).verdict, Some(Verdict::Regressed));
-        let of_two = judged(Bar::AtLeast(6.0), &[5.0, 4.5], None, 5);
+        let of_two = judged(AcceptanceLimit::AtLeast(6.0), &[5.0, 4.5], None, 5);
         assert_eq!(of_two.verdict, Some(Verdict::NotJudged));
     }
 
     #[test]
     fn a_number_is_reached_or_a_known_gap_or_regressed() {
-        let at_most = Bar::AtMost(1.0);
+        let at_most = AcceptanceLimit::AtMost(1.0);
         assert_eq!(verdict(at_most, &[0.9, 1.4], None), Some(Verdict::Regressed));
         assert_eq!(verdict(at_most, &[0.5, 1.4], None), Some(Verdict::Reached));
         assert_eq!(verdict(at_most, &[0.1, 1.6], None), Some(Verdict::Regressed));
         assert_eq!(verdict(at_most, &[0.1, 1.6], Some(1.7)), Some(Verdict::KnownGap));
         assert_eq!(verdict(at_most, &[0.1, 1.8], Some(1.7)), Some(Verdict::Regressed));
         assert_eq!(verdict(at_most, &[0.5, 0.6], Some(1.7)), Some(Verdict::Reached));
-        let at_least = Bar::AtLeast(6.0);
+        let at_least = AcceptanceLimit::AtLeast(6.0);
         assert_eq!(verdict(at_least, &[6.5, 5.5], None), Some(Verdict::Reached));
         assert_eq!(verdict(at_least, &[6.5, 3.9], None), Some(Verdict::Regressed));
         assert_eq!(verdict(at_least, &[6.5, 3.9], Some(3.5)), Some(Verdict::KnownGap));
-        assert_eq!(verdict(Bar::Shown, &[6.5, 3.9], None), None);
+        assert_eq!(verdict(AcceptanceLimit::Shown, &[6.5, 3.9], None), None);
     }
 
     #[test]
     fn a_flight_that_came_to_nothing_regresses_whatever_the_others_did() {
-        for bar in [Bar::Shown, Bar::AtMost(1.0)] {
+        for bar in [AcceptanceLimit::Shown, AcceptanceLimit::AtMost(1.0)] {
             let values = [Ok(0.1), Err("seed 3: lost".to_owned()), Ok(0.1)];
             let limits = Limits {
                 gap: Some((2.0, "a reason")),
@@ -300,8 +302,8 @@ mod tests {
     #[test]
     fn a_figure_without_flights_has_regressed() {
         let gaps = KnownGaps::default();
-        let figure = judge(Figure::Fig1, &Logbook::default(), &[101], &gaps);
-        let report = Report {
+        let figure = judge(Figure::Fig1, &FlightResults::default(), &[101], &gaps);
+        let report = ReproductionReport {
             seeds: vec![101],
             laboratories: laboratories(),
             figures: vec![figure],

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::flight::Flown;
+use super::flight::SeedResults;
 
 /// How much worse than the bar's median the worst seed may be.
 pub const WORST_FACTOR: f64 = 1.5;
@@ -20,15 +20,15 @@ pub struct Row {
     /// In what it is shown.
     pub unit: Unit,
     /// What it must reach, in `unit`.
-    pub bar: Bar,
+    pub bar: AcceptanceLimit,
     /// From the flights of a laboratory and a seed to the number, in SI units.
-    pub value: fn(&Flown<'_>) -> Result<f64, String>,
+    pub value: fn(&SeedResults<'_>) -> Result<f64, String>,
 }
 
 /// What a number must reach.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Bar {
+pub enum AcceptanceLimit {
     /// Nothing: it is shown.
     Shown,
     /// The median over the seeds is at most this, the worst at most [`WORST_FACTOR`] times.
@@ -62,7 +62,7 @@ pub enum Unit {
     Count,
 }
 
-impl Bar {
+impl AcceptanceLimit {
     /// The value that a median must keep.
     #[must_use]
     pub fn for_median(self) -> Option<f64> {
@@ -184,19 +184,19 @@ mod tests {
         ) {
             let worst = median + beyond;
             prop_assert_eq!(
-                Bar::AtMost(bar).is_reached(median, worst),
+                AcceptanceLimit::AtMost(bar).is_reached(median, worst),
                 median <= bar && worst <= 1.5 * bar
             );
             // The same upside down.
             prop_assert_eq!(
-                Bar::AtLeast(1.0 / bar).is_reached(1.0 / median, 1.0 / worst),
+                AcceptanceLimit::AtLeast(1.0 / bar).is_reached(1.0 / median, 1.0 / worst),
                 1.0 / median >= 1.0 / bar && 1.0 / worst >= 1.0 / bar / 1.5
             );
         }
 
         #[test]
         fn the_worst_value_is_no_better_than_any(values in proptest::collection::vec(0.0..1.0f64, 1..30)) {
-            for bar in [Bar::AtMost(0.5), Bar::AtLeast(0.5)] {
+            for bar in [AcceptanceLimit::AtMost(0.5), AcceptanceLimit::AtLeast(0.5)] {
                 let worst = bar.worst(&values);
                 prop_assert!(values.iter().all(|&value| bar.keeps(value, worst)));
                 prop_assert!(values.contains(&worst));
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn what_is_not_a_number_reaches_nothing() {
-        for bar in [Bar::AtMost(1.0), Bar::AtLeast(1.0)] {
+        for bar in [AcceptanceLimit::AtMost(1.0), AcceptanceLimit::AtLeast(1.0)] {
             assert!(!bar.is_reached(f64::NAN, f64::NAN));
         }
     }

@@ -7,7 +7,7 @@ use comfy_table::{Table, presets};
 use super::ablation;
 use super::column::Column;
 use super::observability::Observability;
-use super::report::{Cell, FigureReport, Report, RowReport, Verdict};
+use super::report::{FigureReport, ReportCell, ReproductionReport, RowReport, Verdict};
 
 /// Four significant digits, which is more than the seeds agree on.
 #[must_use]
@@ -28,7 +28,7 @@ pub fn number(value: Option<f64>) -> String {
     format!("{value:.decimals$}")
 }
 
-impl Display for Report {
+impl Display for ReproductionReport {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         let seeds = match self.seeds.as_slice() {
             [first, .., last] => format!("seeds {first} to {last}"),
@@ -63,14 +63,14 @@ impl Display for Report {
 
 /// A table, before anyone has decided what it looks like.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sheet {
+pub struct TextTable {
     /// Names of the columns; a part after a line feed explains.
     pub header: Vec<String>,
     /// Cells, line by line.
     pub lines: Vec<Vec<String>>,
 }
 
-impl Sheet {
+impl TextTable {
     /// As Markdown, for documents.
     #[must_use]
     pub fn markdown(&self) -> String {
@@ -85,7 +85,7 @@ impl Sheet {
 }
 
 /// As people read it on a terminal.
-impl Display for Sheet {
+impl Display for TextTable {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         let mut table = Table::new();
         table.load_style(presets::UTF8_FULL_CONDENSED);
@@ -97,13 +97,13 @@ impl Display for Sheet {
 
 /// The numbers of the figures with their verdicts.
 #[must_use]
-pub fn figures(figures: &[FigureReport]) -> Sheet {
+pub fn figures(figures: &[FigureReport]) -> TextTable {
     let mut header = ["figure", "quantity", "paper", "bar"].map(str::to_owned).to_vec();
     header.extend(Column::ALL.map(|column| format!("{}\nmedian, worst", column.name())));
     let rows = figures
         .iter()
         .flat_map(|figure| figure.rows.iter().map(|row| row_cells(figure, row)));
-    Sheet {
+    TextTable {
         header,
         lines: rows.collect(),
     }
@@ -128,7 +128,7 @@ fn row_cells(figure: &FigureReport, row: &RowReport) -> Vec<String> {
 
 /// Median, worst and verdict.
 #[must_use]
-pub fn cell_text(cell: &Cell) -> String {
+pub fn cell_text(cell: &ReportCell) -> String {
     let verdict = cell.verdict.map_or("", Verdict::name);
     let values = if cell.values.len() > 1 {
         format!("{}, {}", number(cell.median), number(cell.worst))
@@ -166,8 +166,8 @@ impl Display for Observability {
 
 /// The table of what the mass estimate can know.
 #[must_use]
-pub fn observability(observability: &Observability) -> Sheet {
-    Sheet {
+pub fn observability(observability: &Observability) -> TextTable {
+    TextTable {
         header: observability_header().map(str::to_owned).to_vec(),
         lines: observability_lines(observability).map(Vec::from).collect(),
     }
@@ -202,7 +202,7 @@ pub fn observability_lines(observability: &Observability) -> impl Iterator<Item 
 
 /// The table of what each part of the design is worth.
 #[must_use]
-pub fn ablation(lines: &[ablation::Line]) -> Sheet {
+pub fn ablation(lines: &[ablation::AblationRow]) -> TextTable {
     let header = [
         "design",
         "RMSE, worst seed, cm",
@@ -210,7 +210,7 @@ pub fn ablation(lines: &[ablation::Line]) -> Sheet {
         "peak after the coins, cm",
         "body rates, rad/s",
     ];
-    let cells = |line: &ablation::Line| {
+    let cells = |line: &ablation::AblationRow| {
         let errors = if line.note.is_empty() {
             format!("{}, {}", number(line.rmse), number(line.worst_rmse))
         } else {
@@ -224,7 +224,7 @@ pub fn ablation(lines: &[ablation::Line]) -> Sheet {
             number(line.rates),
         ]
     };
-    Sheet {
+    TextTable {
         header: header.map(str::to_owned).to_vec(),
         lines: lines.iter().map(cells).collect(),
     }
@@ -235,13 +235,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sheet_in_markdown_has_a_rule_below_its_head() {
-        let sheet = Sheet {
+    fn a_table_in_markdown_has_a_rule_below_its_head() {
+        let table = TextTable {
             header: vec!["here\nmedian".to_owned(), "bar".to_owned()],
             lines: vec![vec!["1".to_owned(), "≤ 2".to_owned()]],
         };
         assert_eq!(
-            sheet.markdown(),
+            table.markdown(),
             "| here: median | bar |\n| --- | --- |\n| 1 | ≤ 2 |\n"
         );
     }

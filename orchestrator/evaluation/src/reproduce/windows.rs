@@ -74,11 +74,11 @@ impl Windows {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reproduce::flight::Source;
+    use crate::reproduce::flight::ScenarioSource;
 
     #[test]
     fn windows_lie_where_the_scenario_puts_its_events() {
-        let windows = Windows::new(&Source::FIG3_6.load(&[], 1).unwrap());
+        let windows = Windows::new(&ScenarioSource::FIG3_6.load(&[], 1).unwrap());
         assert_eq!(windows.judged, 60_000..=80_000);
         assert_eq!(windows.ultimate, 75_000..=80_000);
         assert_eq!(windows.before, Some(25_000..=30_000));
@@ -88,7 +88,7 @@ mod tests {
 
     #[test]
     fn the_yaw_is_steady_a_while_after_each_step() {
-        let windows = Windows::new(&Source::FIG11.load(&[], 1).unwrap());
+        let windows = Windows::new(&ScenarioSource::FIG11.load(&[], 1).unwrap());
         for (tick, is_stepping, is_steady) in [
             (0, false, false),
             (9_999, false, false),
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn a_flight_without_events_has_nothing_before_one() {
-        let windows = Windows::new(&Source::FIG10.load(&[], 1).unwrap());
+        let windows = Windows::new(&ScenarioSource::FIG10.load(&[], 1).unwrap());
         assert_eq!((windows.before, windows.transient), (None, None));
     }
 }

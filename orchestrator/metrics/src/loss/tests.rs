@@ -19,7 +19,7 @@ fn loss_of(limits: Option<Judge>, distances: &[f64]) -> Option<Loss> {
         judge: limits,
         ..scenario(0.01, 10.0)
     };
-    let mut watch = LossWatch::new(&flown, Source::Truth);
+    let mut watch = LossWatch::new(&flown, StateSource::Truth);
     for (&distance, step) in distances.iter().zip(0..) {
         watch.observe(&moment(step, Some(distance), FlightPhase::Fly));
     }
@@ -67,7 +67,7 @@ fn a_vehicle_tips_over_once_it_has_been_upright_near_its_path_and_never_with_a_l
             judge: limits,
             ..scenario(0.01, 10.0)
         };
-        let mut watch = LossWatch::new(&flown, Source::Truth);
+        let mut watch = LossWatch::new(&flown, StateSource::Truth);
         tilts.iter().for_each(|&tilt| watch.observe(&tilted_by(tilt)));
         watch.loss().cloned()
     };
@@ -76,7 +76,7 @@ fn a_vehicle_tips_over_once_it_has_been_upright_near_its_path_and_never_with_a_l
     assert_eq!(loss.to_string(), "tipped over by 92°, more than 90°");
     assert_eq!(watch(None, &[3.1, 2.0, 1.5]), None, "it starts upside down");
     assert_eq!(watch(None, &[3.1, 1.5, 2.0]).unwrap().reason, Reason::TippedOver);
-    let mut far = LossWatch::new(&scenario(0.01, 10.0), Source::Truth);
+    let mut far = LossWatch::new(&scenario(0.01, 10.0), StateSource::Truth);
     for tilt in [0.1, 1.6] {
         far.observe(&Moment {
             distance: Some(0.6),
@@ -93,7 +93,7 @@ fn a_vehicle_tips_over_once_it_has_been_upright_near_its_path_and_never_with_a_l
 
 #[test]
 fn a_vehicle_whose_place_is_no_number_is_lost() {
-    let mut watch = LossWatch::new(&scenario(0.01, 10.0), Source::Truth);
+    let mut watch = LossWatch::new(&scenario(0.01, 10.0), StateSource::Truth);
     let mut nowhere = moment(7, None, FlightPhase::Fly);
     nowhere.vehicle.position_world[1] = f64::NAN;
     watch.observe(&nowhere);
@@ -105,7 +105,7 @@ fn a_vehicle_whose_place_is_no_number_is_lost() {
 }
 
 /// A vehicle that rises to 1 m and comes down at such a speed in a phase.
-fn touching(phase: FlightPhase, speed: f64, source: Source) -> Option<Loss> {
+fn touching(phase: FlightPhase, speed: f64, source: StateSource) -> Option<Loss> {
     let mut flown = scenario(0.01, 10.0);
     flown.flight = Some(Flight::default());
     let mut watch = LossWatch::new(&flown, source);
@@ -120,19 +120,19 @@ fn touching(phase: FlightPhase, speed: f64, source: Source) -> Option<Loss> {
 
 #[test]
 fn the_ground_is_touched_softly_in_a_landing_and_not_at_all_in_flight() {
-    assert_eq!(touching(FlightPhase::Land, 0.5, Source::Truth), None);
-    let hard = touching(FlightPhase::Land, 1.4, Source::Truth).unwrap();
+    assert_eq!(touching(FlightPhase::Land, 0.5, StateSource::Truth), None);
+    let hard = touching(FlightPhase::Land, 1.4, StateSource::Truth).unwrap();
     assert_eq!((hard.reason, hard.limit), (Reason::HitGround, Some(1.3)));
     assert_eq!(
         hard.to_string(),
         "hit the ground at 1.40 m/s, faster than 1.30 m/s"
     );
-    let killed = touching(FlightPhase::Disarmed, 4.0, Source::Truth).unwrap();
+    let killed = touching(FlightPhase::Disarmed, 4.0, StateSource::Truth).unwrap();
     assert_eq!(killed.reason, Reason::HitGround);
-    let soft = touching(FlightPhase::Fly, 0.1, Source::Truth).unwrap();
+    let soft = touching(FlightPhase::Fly, 0.1, StateSource::Truth).unwrap();
     assert_eq!(soft.to_string(), "touched the ground in flight, at 0.10 m/s");
     assert_eq!(
-        touching(FlightPhase::Fly, 4.0, Source::Estimate),
+        touching(FlightPhase::Fly, 4.0, StateSource::Estimate),
         None,
         "nobody knows the ground"
     );
@@ -142,7 +142,7 @@ fn the_ground_is_touched_softly_in_a_landing_and_not_at_all_in_flight() {
 fn a_vehicle_that_stands_on_the_ground_does_not_touch_it() {
     let mut flown = scenario(0.01, 10.0);
     flown.flight = Some(Flight::default());
-    let mut watch = LossWatch::new(&flown, Source::Truth);
+    let mut watch = LossWatch::new(&flown, StateSource::Truth);
     for step in 0..10 {
         let mut here = moment(step, None, FlightPhase::Fly);
         here.vehicle.position_world[2] = 0.0;
@@ -153,7 +153,7 @@ fn a_vehicle_that_stands_on_the_ground_does_not_touch_it() {
 
 #[test]
 fn what_is_only_estimated_says_so() {
-    let mut watch = LossWatch::new(&scenario(0.01, 10.0), Source::Estimate);
+    let mut watch = LossWatch::new(&scenario(0.01, 10.0), StateSource::Estimate);
     watch.observe(&moment(0, Some(1.0), FlightPhase::Fly));
     watch.observe(&moment(1, Some(7.0), FlightPhase::Fly));
     assert!(watch.loss().unwrap().to_string().ends_with("as estimated"));

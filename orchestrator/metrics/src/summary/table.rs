@@ -8,7 +8,7 @@ use super::faults::{BEFORE, faults_in_words};
 use super::flight;
 use super::{AgainstBound, Outcome, Phase, Summary, TopicCount};
 use crate::stretch::Metrics;
-use crate::tracker::Source;
+use crate::tracker::StateSource;
 use crate::{SETTLED, ULTIMATE_WINDOW};
 
 /// Columns that nothing exceeds.
@@ -127,7 +127,7 @@ impl Summary {
         for estimate in &self.at_bound {
             writeln!(formatter, "{}", wrapped(&estimate.to_string()))?;
         }
-        if self.source == Source::Estimate {
+        if self.source == StateSource::Estimate {
             let text = "Distances are estimated: in a laboratory nobody knows where the vehicle truly is.";
             writeln!(formatter, "{}", wrapped(text))?;
         }
@@ -236,11 +236,11 @@ const ROWS: [Row; 17] = [
     }),
 ];
 
-fn write_columns(formatter: &mut Formatter<'_>, columns: &[Column<'_>], source: Source) -> Result {
+fn write_columns(formatter: &mut Formatter<'_>, columns: &[Column<'_>], source: StateSource) -> Result {
     const { assert!(ULTIMATE_WINDOW == 5.0 && SETTLED == 0.02, "the rows name them") };
     let name = match source {
-        Source::Truth => "distance from path",
-        Source::Estimate => "estimated distance",
+        StateSource::Truth => "distance from path",
+        StateSource::Estimate => "estimated distance",
     };
     write_row(formatter, name, columns.iter().map(|column| column.head.clone()))?;
     for (name, of) in ROWS {

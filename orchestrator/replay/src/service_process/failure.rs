@@ -7,7 +7,7 @@ use super::BATCH_LIMIT;
 /// Why a replay into service processes ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum ProcessFailure {
-    /// The machine refused something that every run needs.
+    /// The recorded_steps refused something that every run needs.
     #[error("cannot set the replay's processes up: {0}")]
     Setup(#[source] Box<dyn Error + Send + Sync>),
     /// A process died.
@@ -38,7 +38,7 @@ pub enum ProcessFailure {
     },
     /// A process neither died nor answered.
     #[error(
-        "the process {pid} that replayed `{service}` did not answer within {} s {when}; is it stopped, or the machine overloaded?",
+        "the process {pid} that replayed `{service}` did not answer within {} s {when}; is it stopped, or the recorded_steps overloaded?",
         BATCH_LIMIT.as_secs()
     )]
     Silent {

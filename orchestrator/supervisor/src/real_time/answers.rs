@@ -9,7 +9,7 @@ use shared_types::service::{Operator, seconds};
 use super::Flight;
 use live::snapshot::ServiceSnapshot;
 use live::{Answer, Question, Snapshot};
-use metrics::tracker::{Source, Vehicle, newest_distance};
+use metrics::tracker::{StateSource, Vehicle, newest_distance};
 
 /// Age of the vehicle's state with which nobody arms, s.
 const STALE: f64 = 0.1;
@@ -156,9 +156,9 @@ impl Flight<'_> {
 
     /// Distance of the vehicle from the path, m: the true one, or in a laboratory the estimated one.
     fn position_error(&self) -> Option<f64> {
-        let vehicle = match Source::of(self.schedule) {
-            Source::Truth => Vehicle::from(&self.recorder.newest::<VehicleTruth>()?),
-            Source::Estimate => {
+        let vehicle = match StateSource::of(self.schedule) {
+            StateSource::Truth => Vehicle::from(&self.recorder.newest::<VehicleTruth>()?),
+            StateSource::Estimate => {
                 let state = self.recorder.newest::<VehicleState>()?;
                 Vehicle::from(&Some(state).filter(|state| state.tracked.is_set())?)
             }

@@ -7,7 +7,7 @@
 use std::sync::atomic::Ordering;
 
 use runtime::shared_page::ControlBlock;
-use shared_types::schedule::Presence;
+use shared_types::schedule::OutageSchedule;
 use shared_types::{Schedule, ServiceId};
 
 use crate::supervision::Activity;
@@ -22,7 +22,7 @@ pub struct Heartbeats {
 }
 
 struct Pulse {
-    steps: Presence,
+    steps: OutageSchedule,
     /// 1 + the last tick that it had stepped when it was looked at last.
     steps_until: u64,
     /// The tick at which that was new, or since which the service flies.
@@ -73,7 +73,7 @@ impl Heartbeats {
 }
 
 impl Pulse {
-    fn new(steps: Presence) -> Self {
+    fn new(steps: OutageSchedule) -> Self {
         Self {
             steps,
             steps_until: 0,
@@ -132,7 +132,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use shared_types::schedule::{Fate, Outage, Rate};
+    use shared_types::schedule::{Outage, OutageKind, Rate};
 
     const LIMIT: u64 = 250;
 
@@ -140,7 +140,7 @@ mod tests {
 
     fn pulse(outages: Vec<Outage>) -> Pulse {
         let rate = Rate { period: 22, phase: 0 };
-        Pulse::new(Presence::new(rate, Arc::from(outages)))
+        Pulse::new(OutageSchedule::new(rate, Arc::from(outages)))
     }
 
     impl Pulse {
@@ -180,7 +180,7 @@ mod tests {
         let outage = Outage {
             from: 1000,
             until: 5000,
-            fate: Fate::Frozen,
+            fate: OutageKind::Frozen,
         };
         let mut pulse = pulse(vec![outage]);
         assert!(!pulse.hangs_asleep(999, 991, true));

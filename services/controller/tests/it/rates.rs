@@ -1,7 +1,7 @@
 //! The law for a vehicle that takes body rates, against a vehicle with lags that is seen without error.
 
-use controller::commander::Commander;
 use controller::offset::hanging_offset;
+use controller::rate_controller::RateController;
 use controller::{Acting, Estimates, Measured, Parameters, Reference};
 use nalgebra::Vector3;
 use scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
@@ -89,14 +89,14 @@ fn resting_reference() -> Reference {
     }
 }
 
-/// Flies towards a point and tells how far from it the vehicle was in the last seconds, and what it believed.
+/// Flies towards a point and tells how far from it the vehicle was in the last seconds, and what it estimate.
 fn flown(scenario: &Scenario, rig: &mut Rig, seconds: f64, last: f64, yaw: f64) -> (f64, Estimates) {
-    let mut commander = Commander::new(scenario, scenario.controller.rates.as_ref().unwrap());
+    let mut rate_controller = RateController::new(scenario, scenario.controller.rates.as_ref().unwrap());
     let parameters = Parameters::from(scenario);
     let mut estimates = Estimates::from(&scenario.controller.initial);
     let (mut time, mut farthest) = (0.0, 0.0_f64);
     while time < seconds {
-        let command = commander.command(
+        let command = rate_controller.command(
             &parameters,
             &rig.motion,
             &rig.acting(),
@@ -127,9 +127,9 @@ fn the_paper_s_delta_flies_at_the_radio_s_rate_and_hangs_by_the_known_offset() {
         rig.motion.position_world
     );
     let seen = Vector3::z() * GRAVITY + rig.disturbance;
-    let believed = Vector3::z() * GRAVITY + estimates.disturbance_world;
+    let estimate = Vector3::z() * GRAVITY + estimates.disturbance_world;
     // Mass and vertical disturbance are not told apart, the rest is.
-    assert!((seen - believed).xy().norm() < 0.02, "{believed}");
+    assert!((seen - estimate).xy().norm() < 0.02, "{estimate}");
 }
 
 #[test]
@@ -148,13 +148,13 @@ fn the_roll_out_asks_for_less_of_the_body_rates() {
     };
     let [rolled_out, latched] = [RateCommand::default(), latched].map(|rates| {
         let scenario = scenario(0.1, true, rates);
-        let mut commander = Commander::new(&scenario, scenario.controller.rates.as_ref().unwrap());
+        let mut rate_controller = RateController::new(&scenario, scenario.controller.rates.as_ref().unwrap());
         let parameters = Parameters::from(&scenario);
         let estimates = Estimates::from(&scenario.controller.initial);
         let mut rig = Rig::new([0.3, 0.0, 0.0], [0.0; 3]);
         let mut squares = 0.0;
         for _ in 0..50 {
-            let command = commander.command(
+            let command = rate_controller.command(
                 &parameters,
                 &rig.motion,
                 &rig.acting(),
@@ -201,11 +201,11 @@ fn the_vehicle_turns_to_the_desired_yaw_without_leaving_its_place() {
 #[test]
 fn the_first_step_of_the_roll_out_is_the_law_itself() {
     let scenario = scenario(0.25, false, RateCommand::default());
-    let mut commander = Commander::new(&scenario, &RateCommand::default());
+    let mut rate_controller = RateController::new(&scenario, &RateCommand::default());
     let rig = Rig::new([0.1, 0.2, 0.3], [0.1, -0.2, 0.0]);
     let parameters = Parameters::from(&scenario);
     let estimates = Estimates::from(&scenario.controller.initial);
-    let command = commander.command(
+    let command = rate_controller.command(
         &parameters,
         &rig.motion,
         &rig.acting(),
@@ -227,12 +227,12 @@ fn there_is_nothing_to_learn_on_the_ground_or_beyond_the_link_s_thrust() {
     scenario.controller.initial.mass = 0.5;
     let estimates = Estimates::from(&scenario.controller.initial);
     let telling = |depth: f64, thrust: f64| {
-        let mut commander = Commander::new(&scenario, &RateCommand::default());
+        let mut rate_controller = RateController::new(&scenario, &RateCommand::default());
         let rig = Rig {
             thrust,
             ..Rig::new([0.0, 0.0, depth], [0.0; 3])
         };
-        commander
+        rate_controller
             .command(
                 &parameters,
                 &rig.motion,

@@ -208,7 +208,7 @@ fn the_law_comes_back_without_a_jump_from_every_stage_in_which_something_is_comm
                 last = twins.step(tick, &state(seen), &reference(tick));
             }
             assert_ne!(last.adaptation.stage, ControlAdaptation::STAGE_LAW);
-            // The vehicle is elsewhere than it was, by as much as is believed.
+            // The vehicle is elsewhere than it was, by as much as is estimate.
             let moved = |tick| {
                 let mut state = state(tick);
                 state.position_world[1] += 0.05;

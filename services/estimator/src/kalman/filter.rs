@@ -2,11 +2,11 @@
 //!
 //! Failure policy, by what happens to the captures:
 //! * those that scatter more than stated are believed less: [`scatter`](super::scatter);
-//! * one that is older than the belief, or a repetition, changes nothing;
+//! * one that is older than the state, or a repetition, changes nothing;
 //! * one too far from what is believed ([`gate`](Kalman::gate)) is looked at again as if the vehicle had missed a
 //!   frame, by which it may have turned otherwise than believed;
-//! * one too far also then is looked at as if the belief were less sure of everything, for the first tenth of a second: a
-//!   wrong model shows as innovations that are too large, and to refuse them would leave the belief to that model;
+//! * one too far also then is looked at as if the state were less sure of everything, for the first tenth of a second: a
+//!   wrong model shows as innovations that are too large, and to refuse them would leave the state to that model;
 //! * one too far also then, as after a jump, is refused and counted; when all have been refused
 //!   for [`restart_after`](Kalman::restart_after), the newest one is believed instead and the filter starts anew;
 //! * one that is no pose at all, or from the future, is refused and counted, and never started from;
@@ -28,9 +28,9 @@ use shared_types::samples::{MocapPose, RcFrame};
 use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
-use super::belief::{Belief, Innovation, MEASURED, Pose, PoseNoise, ProcessModel};
 use super::commands::{CAPACITY, CommandHistory};
 use super::error_state::ProcessNoise;
+use super::filter_state::{FilterState, Innovation, MEASURED, Pose, PoseNoise, ProcessModel};
 use super::motion::{Actuation, VehicleModel};
 use super::scatter::Scatter;
 use crate::source::{Estimate, is_pose};
@@ -43,10 +43,10 @@ const LANDED_AFTER_NS: u64 = 300_000_000;
 /// Speed below which it hardly moves, m/s.
 const HARDLY: f64 = 0.1;
 
-/// How many times as large the covariance of the belief may be taken to be before a capture is refused.
+/// How many times as large the covariance of the state may be taken to be before a capture is refused.
 const LESS_SURE: [f64; 2] = [4.0, 16.0];
 
-/// For how long after a capture was used it may be, ns. Later the belief is unsure enough that a jump of centimetres
+/// For how long after a capture was used it may be, ns. Later the state is unsure enough that a jump of centimetres
 /// could be taken for a speed.
 const LESS_SURE_FOR_NS: u64 = 100_000_000;
 
@@ -57,7 +57,7 @@ pub enum Outcome {
     Ignored,
     /// The filter starts from it.
     Started,
-    /// It has corrected the belief, from which it differed by so much: the whitened innovation.
+    /// It has corrected the state, from which it differed by so much: the whitened innovation.
     Used(SVector<f64, MEASURED>),
     /// It cannot be true.
     Refused,
@@ -98,11 +98,11 @@ pub(super) struct Memory {
     pub scatter: Scatter,
 }
 
-/// A belief and what it rests on.
+/// A state and what it rests on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Track {
     /// What is believed, at the time of the last capture that was looked at.
-    pub belief: Belief,
+    pub state: FilterState,
     /// When a capture was used last, ns since the start of the flight.
     pub used_at_ns: u64,
     /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
@@ -151,7 +151,7 @@ impl KalmanFilter {
 
     /// Takes note of a frame that has been sent.
     ///
-    /// If the history is full, as in a long while without captures, the belief is carried on to where its second
+    /// If the history is full, as in a long while without captures, the state is carried on to where its second
     /// command begins, so that none is forgotten before it has been used; older captures then come too late.
     pub fn hear(&mut self, now_ns: u64, frame: &RcFrame) {
         if !frame.is_whole() || !self.can_be_sent(frame) {
@@ -162,7 +162,7 @@ impl KalmanFilter {
         if history.is_full() {
             let second_begins = history.commands()[1].acts_from_ns.min(now_ns);
             if let Some(track) = track.as_mut().filter(|_| !is_lost) {
-                track.belief.propagate(second_begins, &self.process, history);
+                track.state.propagate(second_begins, &self.process, history);
             }
             history.forget_oldest();
         }
@@ -196,44 +196,44 @@ impl KalmanFilter {
         let Some(mut track) = self.memory.track else {
             return self.start_from(now_ns, exposure_ns, &pose);
         };
-        if exposure_ns <= track.belief.time_ns {
+        if exposure_ns <= track.state.time_ns {
             return Outcome::Ignored;
         }
         if self.is_lost(now_ns) {
-            return if track.belief.stands {
+            return if track.state.stands {
                 self.start_from(now_ns, exposure_ns, &pose)
             } else {
-                self.restart(now_ns, exposure_ns, &pose, &track.belief)
+                self.restart(now_ns, exposure_ns, &pose, &track.state)
             };
         }
         let history = &mut self.memory.history;
-        let turn_if_missed = history.turn_if_missed(track.belief.time_ns, exposure_ns);
-        track.belief.propagate(exposure_ns, &self.process, history);
+        let turn_if_missed = history.turn_if_missed(track.state.time_ns, exposure_ns);
+        track.state.propagate(exposure_ns, &self.process, history);
         history.forget_before(exposure_ns);
-        if track.belief.stands {
-            return self.stand(now_ns, exposure_ns, &pose, &track.belief);
+        if track.state.stands {
+            return self.stand(now_ns, exposure_ns, &pose, &track.state);
         }
-        let (residual, stated) = (track.belief.residual(&pose), self.pose_noise);
+        let (residual, stated) = (track.state.residual(&pose), self.pose_noise);
         let scatter = &mut self.memory.scatter;
-        scatter.observe(&residual, &track.belief.covariance, stated);
-        let doubtful = track.belief.less_sure_of_attitude(turn_if_missed);
+        scatter.observe(&residual, &track.state.covariance, stated);
+        let doubtful = track.state.less_sure_of_attitude(turn_if_missed);
         let is_recent = now_ns.saturating_sub(track.used_at_ns) <= LESS_SURE_FOR_NS;
         let less_sure = LESS_SURE.into_iter().filter(|_| is_recent);
-        let likely = [track.belief, doubtful]
+        let likely = [track.state, doubtful]
             .into_iter()
             .chain(less_sure.map(|times| doubtful.less_sure(times)))
-            .find_map(|belief| {
-                self.likely(&belief, residual)
-                    .map(|innovation| (belief, innovation))
+            .find_map(|state| {
+                self.likely(&state, residual)
+                    .map(|innovation| (state, innovation))
             });
         if let Some((believed, innovation)) = likely {
-            track.belief = believed;
-            track.belief.correct(&innovation, self.noise());
-            if !track.belief.is_sound() {
+            track.state = believed;
+            track.state.correct(&innovation, self.noise());
+            if !track.state.is_sound() {
                 return self.start_from(now_ns, exposure_ns, &pose);
             }
-            if self.has_landed(&track.belief) {
-                return self.stand(now_ns, exposure_ns, &pose, &track.belief);
+            if self.has_landed(&track.state) {
+                return self.stand(now_ns, exposure_ns, &pose, &track.state);
             }
             track.used_at_ns = now_ns;
             track.refused_since_ns = None;
@@ -242,7 +242,7 @@ impl KalmanFilter {
         }
         let refused_since_ns = *track.refused_since_ns.get_or_insert(exposure_ns);
         if exposure_ns - refused_since_ns >= self.restart_after_ns {
-            return self.restart(now_ns, exposure_ns, &pose, &track.belief);
+            return self.restart(now_ns, exposure_ns, &pose, &track.state);
         }
         self.memory.track = Some(track);
         self.refuse()
@@ -254,8 +254,8 @@ impl KalmanFilter {
     }
 
     /// How a pose differs from what is believed, unless it is too far from it.
-    fn likely(&self, belief: &Belief, residual: SVector<f64, MEASURED>) -> Option<Innovation> {
-        let innovation = belief.innovation(residual, self.noise());
+    fn likely(&self, state: &FilterState, residual: SVector<f64, MEASURED>) -> Option<Innovation> {
+        let innovation = state.innovation(residual, self.noise());
         innovation.filter(|innovation| innovation.squared_distance() <= self.gate)
     }
 
@@ -264,12 +264,12 @@ impl KalmanFilter {
     #[must_use]
     pub fn estimate(&self, now_ns: u64) -> Option<Estimate> {
         let track = self.memory.track.as_ref().filter(|_| !self.is_lost(now_ns))?;
-        let (mut belief, vehicle) = (track.belief, &self.process.vehicle);
+        let (mut state, vehicle) = (track.state, &self.process.vehicle);
         if self.prediction {
             let acts_from_ns = now_ns.saturating_add(self.radio_latency_ns);
-            belief.propagate(acts_from_ns, &self.process, &self.memory.history);
+            state.propagate(acts_from_ns, &self.process, &self.memory.history);
         }
-        Some(estimate_of(&belief, vehicle))
+        Some(estimate_of(&state, vehicle))
     }
 
     /// Whether a capture has been used recently enough.
@@ -294,8 +294,8 @@ impl KalmanFilter {
 
     /// What is believed at the time of the last capture that was looked at; `None` before the first.
     #[must_use]
-    pub fn belief(&self) -> Option<&Belief> {
-        self.memory.track.as_ref().map(|track| &track.belief)
+    pub fn state(&self) -> Option<&FilterState> {
+        self.memory.track.as_ref().map(|track| &track.state)
     }
 
     /// Whether the vehicle was seen once, but too long ago.
@@ -312,38 +312,38 @@ impl KalmanFilter {
 
     fn start_from(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose) -> Outcome {
         let actuation = Actuation::settled(self.memory.history.acting(exposure_ns));
-        let belief = if self.has_ground && self.process.vehicle.is_held(&actuation) {
-            Belief::standing(exposure_ns, pose, self.noise(), actuation)
+        let state = if self.has_ground && self.process.vehicle.is_held(&actuation) {
+            FilterState::standing(exposure_ns, pose, self.noise(), actuation)
         } else {
-            Belief::from_pose(exposure_ns, pose, self.noise(), actuation)
+            FilterState::from_pose(exposure_ns, pose, self.noise(), actuation)
         };
-        self.start(now_ns, belief)
+        self.start(now_ns, state)
     }
 
     /// Starts from a capture of a vehicle that stands on the ground.
-    fn stand(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &Belief) -> Outcome {
-        let belief = Belief::standing(exposure_ns, pose, self.noise(), last.nominal.actuation);
-        self.start(now_ns, belief)
+    fn stand(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &FilterState) -> Outcome {
+        let state = FilterState::standing(exposure_ns, pose, self.noise(), last.nominal.actuation);
+        self.start(now_ns, state)
     }
 
     /// Whether a vehicle that flew stands on the ground again.
-    fn has_landed(&self, belief: &Belief) -> bool {
+    fn has_landed(&self, state: &FilterState) -> bool {
         let rests_since_ns = self.memory.rests_since_ns.filter(|_| self.has_ground);
-        rests_since_ns.is_some_and(|since| belief.time_ns >= since.saturating_add(LANDED_AFTER_NS))
-            && belief.nominal.velocity_world.norm() < HARDLY
+        rests_since_ns.is_some_and(|since| state.time_ns >= since.saturating_add(LANDED_AFTER_NS))
+            && state.nominal.velocity_world.norm() < HARDLY
     }
 
-    fn restart(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &Belief) -> Outcome {
+    fn restart(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &FilterState) -> Outcome {
         let history = &self.memory.history;
-        let belief = last.restarted(exposure_ns, pose, self.noise(), &self.process, history);
-        self.start(now_ns, belief)
+        let state = last.restarted(exposure_ns, pose, self.noise(), &self.process, history);
+        self.start(now_ns, state)
     }
 
-    fn start(&mut self, now_ns: u64, belief: Belief) -> Outcome {
-        self.memory.history.forget_before(belief.time_ns);
+    fn start(&mut self, now_ns: u64, state: FilterState) -> Outcome {
+        self.memory.history.forget_before(state.time_ns);
         self.memory.scatter.innovation = SVector::zeros();
         self.memory.track = Some(Track {
-            belief,
+            state,
             used_at_ns: now_ns,
             refused_since_ns: None,
         });
@@ -373,16 +373,16 @@ fn pose_of(capture: &MocapPose) -> Option<Pose> {
     is_pose(capture).then_some(pose)
 }
 
-fn estimate_of(belief: &Belief, vehicle: &VehicleModel) -> Estimate {
-    let nominal = &belief.nominal;
-    let variances = belief.covariance.fixed_view::<3, 3>(0, 0).diagonal();
+fn estimate_of(state: &FilterState, vehicle: &VehicleModel) -> Estimate {
+    let nominal = &state.nominal;
+    let variances = state.covariance.fixed_view::<3, 3>(0, 0).diagonal();
     Estimate {
-        state_time_ns: belief.time_ns,
+        state_time_ns: state.time_ns,
         position_world: nominal.position_world.into(),
         world_from_body: to_row_major(&nominal.world_from_body),
         velocity_body: nominal.world_from_body.tr_mul(&nominal.velocity_world).into(),
         angular_velocity_body: (nominal.actuation.rates_body + nominal.rate_bias_body).into(),
-        acceleration_world: if belief.stands {
+        acceleration_world: if state.stands {
             [0.0; 3]
         } else {
             vehicle.acceleration(nominal).into()

@@ -16,7 +16,7 @@ const LIFTING: f64 = 0.5;
 
 /// What the vehicle is believed to be doing: the mean of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Nominal {
+pub struct NominalState {
     /// p, position in {I}, m.
     pub position_world: Vector3<f64>,
     /// v, linear velocity in {I}, m/s.
@@ -89,7 +89,7 @@ impl VehicleModel {
 
     /// v̇ = g e3 − (T/m) R e3 + d in {I}, m/s².
     #[must_use]
-    pub fn acceleration(&self, state: &Nominal) -> Vector3<f64> {
+    pub fn acceleration(&self, state: &NominalState) -> Vector3<f64> {
         let specific_thrust = state.actuation.thrust / self.mass;
         acceleration(&state.world_from_body, specific_thrust, &state.disturbance_world)
     }
@@ -99,7 +99,7 @@ impl VehicleModel {
     /// Thrust and rates enter by their exact means over the step. The transition is the derivative of the step
     /// itself, to second order in the angle that the body turns by.
     #[must_use]
-    pub fn stepped(&self, state: &Nominal, command: &Command, h: f64) -> (Nominal, Transition) {
+    pub fn stepped(&self, state: &NominalState, command: &Command, h: f64) -> (NominalState, Transition) {
         let target = Actuation::settled(command);
         let start = &state.actuation;
 
@@ -114,7 +114,7 @@ impl VehicleModel {
         let (position_world, velocity_world) =
             travelled(&state.position_world, &state.velocity_world, &acceleration, h);
 
-        let nominal = Nominal {
+        let nominal = NominalState {
             position_world,
             velocity_world,
             world_from_body: state.world_from_body * turn,
@@ -160,7 +160,7 @@ mod tests {
         [-bound..bound, -bound..bound, -bound..bound].prop_map(Vector3::from)
     }
 
-    fn nominal() -> impl Strategy<Value = Nominal> {
+    fn nominal() -> impl Strategy<Value = NominalState> {
         (
             vector(1.0),
             vector(2.0),
@@ -180,7 +180,7 @@ mod tests {
                     thrust,
                     rates_body,
                 )| {
-                    Nominal {
+                    NominalState {
                         position_world,
                         velocity_world,
                         world_from_body: exp(&theta),
@@ -204,9 +204,9 @@ mod tests {
         [POSITION, VELOCITY, ATTITUDE, RATE_BIAS, DISTURBANCE].map(|row| error.fixed_rows::<3>(row).into())
     }
 
-    fn moved(state: &Nominal, error: &ErrorVector) -> Nominal {
+    fn moved(state: &NominalState, error: &ErrorVector) -> NominalState {
         let [position, velocity, theta, rate_bias, disturbance] = parts(error);
-        Nominal {
+        NominalState {
             position_world: state.position_world + position,
             velocity_world: state.velocity_world + velocity,
             world_from_body: state.world_from_body * exp(&theta),
@@ -216,7 +216,7 @@ mod tests {
         }
     }
 
-    fn difference(to: &Nominal, from: &Nominal) -> ErrorVector {
+    fn difference(to: &NominalState, from: &NominalState) -> ErrorVector {
         let mut error = ErrorVector::zeros();
         for (row, part) in [
             (POSITION, to.position_world - from.position_world),
@@ -255,7 +255,7 @@ mod tests {
 
         #[test]
         fn in_free_fall_a_step_is_the_parabola(state in nominal(), h in 1e-4..0.02f64) {
-            let state = Nominal { actuation: Actuation { thrust: 0.0, ..state.actuation }, ..state };
+            let state = NominalState { actuation: Actuation { thrust: 0.0, ..state.actuation }, ..state };
             let rest = Command { acts_from_ns: 0, thrust: 0.0, rates_body: [0.0; 3] };
             let (end, _) = VehicleModel::new(&Model::default()).stepped(&state, &rest, h);
             let acceleration = state.disturbance_world + Vector3::new(0.0, 0.0, GRAVITY);

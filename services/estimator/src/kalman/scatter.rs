@@ -15,8 +15,8 @@
 
 use nalgebra::SVector;
 
-use super::belief::{MEASURED, PoseNoise};
 use super::error_state::{ATTITUDE, Covariance, POSITION};
+use super::filter_state::{MEASURED, PoseNoise};
 
 /// Captures over which the mean runs.
 const CAPTURES: f64 = 20.0;

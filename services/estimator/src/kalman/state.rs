@@ -5,17 +5,17 @@ use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::sample::Flag;
 use zerocopy::FromZeros;
 
-use super::belief::{Belief, PoseNoise};
 use super::commands::{CAPACITY, Command, CommandHistory};
 use super::error_state::{Covariance, ERRORS};
 use super::filter::{KalmanFilter, Memory, Track};
-use super::motion::{Actuation, Nominal};
+use super::filter_state::{FilterState, PoseNoise};
+use super::motion::{Actuation, NominalState};
 use super::scatter::Scatter;
 
 shared_types::sample! {
     /// What the filter remembers from step to step.
     pub struct KalmanState {
-        /// The time that the belief speaks of, ns since the start of the flight.
+        /// The time that the state speaks of, ns since the start of the flight.
         pub time_ns: u64,
         /// When a capture was used last, ns since the start of the flight.
         pub used_at_ns: u64,
@@ -49,7 +49,7 @@ shared_types::sample! {
         pub command_count: u64,
         /// Captures refused since the start of the flight.
         pub captures_refused: u32,
-        /// Whether there is a belief.
+        /// Whether there is a state.
         pub started: Flag,
         /// Whether the last capture looked at was refused.
         pub refusing: Flag,
@@ -103,11 +103,11 @@ impl KalmanFilter {
 }
 
 fn save_track(track: &Track, state: &mut KalmanState) {
-    let nominal = &track.belief.nominal;
+    let nominal = &track.state.nominal;
     state.started = true.into();
-    state.time_ns = track.belief.time_ns;
+    state.time_ns = track.state.time_ns;
     state.used_at_ns = track.used_at_ns;
-    state.stands = track.belief.stands.into();
+    state.stands = track.state.stands.into();
     state.refusing = track.refused_since_ns.is_some().into();
     state.refused_since_ns = track.refused_since_ns.unwrap_or(0);
     state.position_world = nominal.position_world.into();
@@ -119,14 +119,14 @@ fn save_track(track: &Track, state: &mut KalmanState) {
     state.rates_body = nominal.actuation.rates_body.into();
     state
         .covariance
-        .copy_from_slice(track.belief.covariance.as_slice());
+        .copy_from_slice(track.state.covariance.as_slice());
 }
 
 fn restored_track(state: &KalmanState) -> Track {
     Track {
-        belief: Belief {
+        state: FilterState {
             time_ns: state.time_ns,
-            nominal: Nominal {
+            nominal: NominalState {
                 position_world: state.position_world.into(),
                 velocity_world: state.velocity_world.into(),
                 world_from_body: from_row_major(&state.world_from_body),

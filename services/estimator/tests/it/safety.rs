@@ -172,7 +172,7 @@ proptest! {
     #[test]
     fn whatever_bits_come_the_state_is_finite_and_restart_changes_nothing(garbage in bits()) {
         for sections in [IDEAL, POLICY, FILTER] {
-            let (mut steady, mut restarted) = (service(sections), service(sections));
+            let (mut steady, mut other) = (service(sections), service(sections));
             for (tick, (bits, keep, is_good)) in (0..).step_by(3).zip(&garbage) {
                 let all = [*is_good].repeat(keep.len());
                 let keep = if *is_good { &all } else { keep };
@@ -180,8 +180,8 @@ proptest! {
                 let heard = sample(bits, &frame(tick), keep);
                 let state = step(&mut steady, tick, (&capture, true), Some(&heard));
                 prop_assert!(state.is_finite(), "{:?}", state);
-                restarted = restarted(&restarted, sections);
-                let again = step(&mut restarted, tick, (&capture, true), Some(&heard));
+                other = restarted(&other, sections);
+                let again = step(&mut other, tick, (&capture, true), Some(&heard));
                 prop_assert_eq!(again.as_bytes(), state.as_bytes());
             }
         }

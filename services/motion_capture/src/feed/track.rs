@@ -35,7 +35,7 @@ pub struct Bounds {
 
 /// What a pose is to a track.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Verdict {
+pub(super) enum PoseDecision {
     /// It follows.
     Follows,
     /// It is the last of those by which the track was laid.
@@ -60,7 +60,7 @@ struct Place {
 struct Candidate {
     newest: Place,
     since_ns: u64,
-    verdict: Verdict,
+    verdict: PoseDecision,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,7 +116,7 @@ impl Tracks {
         position: &Vector3<f64>,
         rotation: &Matrix3<f64>,
         at_ns: u64,
-    ) -> Verdict {
+    ) -> PoseDecision {
         let place = Place {
             position: *position,
             rotation: *rotation,
@@ -132,7 +132,7 @@ impl Tracks {
         {
             self.believed = Some(place);
             self.candidate = None;
-            return Verdict::Follows;
+            return PoseDecision::Follows;
         }
         let candidate = Candidate {
             newest: place,
@@ -141,20 +141,22 @@ impl Tracks {
         };
         let lasts_ns = at_ns.saturating_sub(candidate.since_ns);
         // One pose follows nothing, however short the time is.
-        if candidate.verdict != Verdict::Exchanged && continued.is_some() && lasts_ns >= self.bounds.settle_ns
+        if candidate.verdict != PoseDecision::Exchanged
+            && continued.is_some()
+            && lasts_ns >= self.bounds.settle_ns
         {
             self.believed = Some(place);
             self.candidate = None;
-            return Verdict::Settled;
+            return PoseDecision::Settled;
         }
         self.candidate = Some(candidate);
         candidate.verdict
     }
 
     /// What a pose is that follows neither the track nor the pose before.
-    fn verdict_of_first(&self, place: &Place) -> Verdict {
+    fn verdict_of_first(&self, place: &Place) -> PoseDecision {
         let Some(believed) = &self.believed else {
-            return Verdict::Unsettled;
+            return PoseDecision::Unsettled;
         };
         let own = (believed.position - place.position).norm();
         let is_others = self.others.iter().any(|other| {
@@ -163,9 +165,9 @@ impl Tracks {
                 && (other.place.position - place.position).norm() < EXCHANGE_FACTOR * own
         });
         if is_others {
-            Verdict::Exchanged
+            PoseDecision::Exchanged
         } else {
-            Verdict::Jumped
+            PoseDecision::Jumped
         }
     }
 

@@ -9,7 +9,7 @@ use shared_types::rotation::roll_pitch_yaw;
 
 use crate::natnet::{RigidBody, ServerInfo, Times, Version, message};
 use crate::vicon_udp::{NAME_LENGTH, Object};
-use crate::vrpn::{COOKIE, Report};
+use crate::vrpn::{COOKIE, PoseReport};
 use crate::wire::CapturePose;
 
 /// Ticks a second of the clock that a `NatNet` server stamps with.
@@ -189,8 +189,8 @@ fn object(name: &str, pose: &CapturePose) -> Object {
     }
 }
 
-fn report(pose: &CapturePose) -> Report {
-    Report {
+fn report(pose: &CapturePose) -> PoseReport {
+    PoseReport {
         sensor: 0,
         position: pose.position.into(),
         quaternion: quaternion(&pose.capture_from_markers),

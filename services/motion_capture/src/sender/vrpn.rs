@@ -1,6 +1,6 @@
 //! The stream of a VRPN server.
 
-use crate::vrpn::{HEAD, POSE_TYPE, Report, SENDER_DESCRIPTION, TYPE_DESCRIPTION};
+use crate::vrpn::{HEAD, POSE_TYPE, PoseReport, SENDER_DESCRIPTION, TYPE_DESCRIPTION};
 
 /// Number that [`types`] gives the messages that hold poses.
 const POSES: i32 = 4;
@@ -16,7 +16,7 @@ pub fn types(stream: &mut Vec<u8>) {
 }
 
 /// Appends a pose of a sender at a time, s and µs.
-pub fn report(time: [u32; 2], sender: i32, report: &Report, stream: &mut Vec<u8>) {
+pub fn report(time: [u32; 2], sender: i32, report: &PoseReport, stream: &mut Vec<u8>) {
     let mut payload = Vec::with_capacity(64);
     payload.extend(report.sensor.to_be_bytes());
     payload.extend(report.sensor.to_be_bytes());

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::*;
 use crate::natnet::{RigidBody, ServerInfo, Times, Version, message};
 use crate::vicon_udp::Object;
-use crate::vrpn::{COOKIE, Report};
+use crate::vrpn::{COOKIE, PoseReport};
 use crate::wire::WireBody;
 use crate::{sender, vicon_udp};
 
@@ -22,7 +22,7 @@ fn address(system: CaptureSystem, port: u16) -> Address {
 }
 
 /// Polls until a frame has come that fits; `between` is done before each poll.
-fn until(source: &mut Source, mut between: impl FnMut(), fits: impl Fn(&Frame) -> bool) -> Frame {
+fn until(source: &mut CaptureSource, mut between: impl FnMut(), fits: impl Fn(&Frame) -> bool) -> Frame {
     let began = Instant::now();
     let mut found = None;
     while found.is_none() {
@@ -59,7 +59,7 @@ fn datagrams_of_the_server_are_taken_and_those_of_strangers_counted() {
     let mut address = address(CaptureSystem::ViconUdp, 0);
     let vicon = super::vicon_udp::ViconUdp::open(&address).unwrap();
     let port = vicon.port();
-    let mut source = Source::ViconUdp(vicon);
+    let mut source = CaptureSource::ViconUdp(vicon);
     let mut datagram = Vec::new();
     sender::vicon_udp::frame(1, &[object(b"quad")], &mut datagram);
     // All of 127.0.0.0/8 is this machine.
@@ -75,12 +75,12 @@ fn datagrams_of_the_server_are_taken_and_those_of_strangers_counted() {
     assert_eq!((counts.packets, counts.frames, counts.malformed), (2, 1, 1));
 
     address.interface = Ipv4Addr::new(192, 0, 2, 1);
-    let error = Source::open(&address).unwrap_err();
+    let error = CaptureSource::open(&address).unwrap_err();
     assert!(error.to_string().contains("`interface`"), "{error}");
 }
 
 /// Polls until so many packets of strangers are counted, and no more are.
-fn await_foreign(source: &mut Source, count: u64) {
+fn await_foreign(source: &mut CaptureSource, count: u64) {
     let began = Instant::now();
     while source.counts().foreign < count {
         assert!(began.elapsed() < WATCHDOG, "{:?}", source.counts());
@@ -94,7 +94,7 @@ fn a_flood_of_strangers_takes_neither_the_room_nor_the_turn_of_the_server() {
     const FLOOD: u64 = 3000;
     let vicon = super::vicon_udp::ViconUdp::open(&address(CaptureSystem::ViconUdp, 0)).unwrap();
     let port = vicon.port();
-    let mut source = Source::ViconUdp(vicon);
+    let mut source = CaptureSource::ViconUdp(vicon);
     let stranger = UdpSocket::bind("127.0.0.2:0").unwrap();
     let server = UdpSocket::bind("127.0.0.1:0").unwrap();
     // More than the buffer of a socket holds.
@@ -121,7 +121,7 @@ fn greeted(listener: &TcpListener) -> TcpStream {
 }
 
 fn send_pose(stream: &mut TcpStream, x: f64) {
-    let report = Report {
+    let report = PoseReport {
         sensor: 0,
         position: [x, 0.0, 1.0],
         quaternion: [0.0, 0.0, 0.0, 1.0],
@@ -139,7 +139,7 @@ fn send_pose(stream: &mut TcpStream, x: f64) {
 fn a_connection_is_made_again_after_every_way_in_which_it_can_end() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = listener.local_addr().unwrap().port();
-    let mut source = Source::open(&address(CaptureSystem::Vrpn, port)).unwrap();
+    let mut source = CaptureSource::open(&address(CaptureSystem::Vrpn, port)).unwrap();
     let server = std::thread::spawn(move || {
         send_pose(&mut greeted(&listener), 1.0);
         // The server ends; then somebody who is no server; then one that loses its senses.
@@ -173,7 +173,7 @@ fn nobody_there_is_asked_again_and_again_but_not_in_every_poll() {
         .local_addr()
         .unwrap()
         .port();
-    let mut source = Source::open(&address(CaptureSystem::Vrpn, port)).unwrap();
+    let mut source = CaptureSource::open(&address(CaptureSystem::Vrpn, port)).unwrap();
     for poll in 0..30_000 {
         source.poll(poll * 1_000_000, &mut |_| ());
     }
@@ -211,7 +211,7 @@ fn natnet_flight(multicast: Option<[u8; 4]>) {
     };
     let frame = sender::natnet::frame(info.version, 1, &[body], &times);
     let port = server.local_addr().unwrap().port();
-    let mut source = Source::open(&address(CaptureSystem::Natnet, port)).unwrap();
+    let mut source = CaptureSource::open(&address(CaptureSystem::Natnet, port)).unwrap();
     let serve = || {
         let mut question = [0; 64];
         while let Ok((_, client)) = server.recv_from(&mut question) {

@@ -85,7 +85,7 @@ proptest! {
             (proptest::collection::vec(any::<u8>(), size_of::<VehicleState>()), any::<[bool; 5]>()), 1..30),
     ) {
         for scenario in [scenario(paper_path()), with_policy(None), with_policy(Some(0.1))] {
-            let (mut steady, mut restarted) = (generator(&scenario), generator(&scenario));
+            let (mut steady, mut other) = (generator(&scenario), generator(&scenario));
             for (tick, (bytes, keep)) in (0..).zip(&states) {
                 let good = state(tick);
                 let mut sample = VehicleState::read_from_bytes(bytes).unwrap();
@@ -109,8 +109,8 @@ proptest! {
                 }
                 let reference = step_at(&mut steady, tick, Some(&sample));
                 prop_assert!(reference.is_finite(), "{:?}", reference);
-                restarted = restarted(&restarted, &scenario);
-                let again = step_at(&mut restarted, tick, Some(&sample));
+                other = restarted(&other, &scenario);
+                let again = step_at(&mut other, tick, Some(&sample));
                 prop_assert_eq!(again.as_bytes(), reference.as_bytes());
             }
         }

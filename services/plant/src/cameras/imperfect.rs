@@ -1,4 +1,4 @@
-//! Cameras with noise, a shaky trigger, lost frames, hidden markers and markers taken for others.
+//! CameraModel with noise, a shaky trigger, lost frames, hidden markers and markers taken for others.
 //!
 //! ```text
 //! te = t − j                                                   j ~ U(0, jitter)

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use radio_link::frame::Frame;
-use radio_link::mavlink::{AttitudeTarget, Message, Sender};
+use radio_link::mavlink::{AttitudeTarget, MavlinkPacket, Sender};
 use radio_link::{ChannelCodes, DecodeError, crsf, mavlink, msp, multi, sbus};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -15,31 +15,31 @@ fn sender() -> impl Strategy<Value = Sender> {
     (any::<u8>(), any::<u8>()).prop_map(|(system, component)| Sender { system, component })
 }
 
-fn message() -> impl Strategy<Value = Message> {
+fn message() -> impl Strategy<Value = MavlinkPacket> {
     let number = -1e3_f32..1e3;
     let target = any::<[u8; 2]>();
     prop_oneof![
-        Just(Message::Heartbeat),
+        Just(MavlinkPacket::Heartbeat),
         (target, any::<ChannelCodes>())
-            .prop_map(|(target, channels)| Message::RcOverride { target, channels }),
+            .prop_map(|(target, channels)| MavlinkPacket::RcOverride { target, channels }),
         (
             any::<u32>(),
             proptest::array::uniform3(number),
             0.0..=1.0_f32,
             any::<[u8; 2]>()
         )
-            .prop_map(|(time_ms, rates_body, thrust, target)| Message::AttitudeTarget(
-                AttitudeTarget {
+            .prop_map(
+                |(time_ms, rates_body, thrust, target)| MavlinkPacket::AttitudeTarget(AttitudeTarget {
                     time_ms,
                     rates_body,
                     thrust,
                     target,
-                }
-            )),
+                })
+            ),
     ]
 }
 
-fn mavlink_frame(message: &Message, sender: Sender, sequence: u8) -> Frame {
+fn mavlink_frame(message: &MavlinkPacket, sender: Sender, sequence: u8) -> Frame {
     let mut frame = Frame::default();
     mavlink::encode(message, sender, sequence, &mut frame);
     frame
@@ -99,7 +99,7 @@ proptest! {
     fn msp_carries_every_pulse(channels in any::<ChannelCodes>()) {
         let frame = msp::encode(&channels);
         let message = msp::decode(&frame).unwrap();
-        prop_assert_eq!((message.sense, message.command), (msp::Sense::Request, msp::SET_RAW_RC));
+        prop_assert_eq!((message.sense, message.command), (msp::Direction::Request, msp::SET_RAW_RC));
         prop_assert_eq!(message.channels(), (channels, 16));
     }
 

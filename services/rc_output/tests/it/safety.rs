@@ -154,13 +154,13 @@ proptest! {
             proptest::collection::vec(any::<u8>(), size_of::<ControlCommand>()), 1..12),
     ) {
         for sections in [&[RADIO][..], &[RADIO, POLICY], &[], &[POLICY]] {
-            let (mut steady, mut restarted) = (service(sections), service(sections));
+            let (mut steady, mut other) = (service(sections), service(sections));
             for (tick, bytes) in (0..).step_by(17).zip(&commands) {
                 let command = ControlCommand::read_from_bytes(bytes).unwrap();
                 let frame = step(&mut steady, tick, Some(&command));
                 prop_assert!(frame.is_finite(), "{:?}", frame);
-                restarted = restarted(&restarted, sections);
-                let again = step(&mut restarted, tick, Some(&command));
+                other = restarted(&other, sections);
+                let again = step(&mut other, tick, Some(&command));
                 prop_assert_eq!(again.as_bytes(), frame.as_bytes());
             }
         }

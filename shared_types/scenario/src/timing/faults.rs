@@ -2,7 +2,9 @@
 
 use super::SERVICES;
 use crate::{EdgeName, Fault, FaultKind, FaultState, Scenario, Target};
-use shared_types::schedule::{Alteration, Draws, EdgeFault, EdgeFaultKind, Fate, Loss, MAX_PORTS, Outage};
+use shared_types::schedule::{
+    Corruption, Draws, EdgeFault, EdgeFaultKind, Loss, MAX_PORTS, Outage, OutageKind,
+};
 use shared_types::wiring::{ServiceId, Topic};
 
 impl Scenario {
@@ -51,9 +53,9 @@ impl Scenario {
     fn outage(&self, fault: &Fault) -> Option<Outage> {
         let [from, until] = self.ticks_of(fault);
         let fate = match (fault.kind, fault.state) {
-            (FaultKind::Freeze, _) => Fate::Frozen,
-            (FaultKind::Off, FaultState::Warm) => Fate::Dies,
-            (FaultKind::Off, FaultState::Cold) => Fate::DiesAndForgets,
+            (FaultKind::Freeze, _) => OutageKind::Frozen,
+            (FaultKind::Off, FaultState::Warm) => OutageKind::Dies,
+            (FaultKind::Off, FaultState::Cold) => OutageKind::DiesAndForgets,
             _ => return None,
         };
         Some(Outage { from, until, fate })
@@ -68,15 +70,15 @@ impl Scenario {
                 fraction: fault.fraction?,
                 draws,
             }),
-            FaultKind::Stuck => EdgeFaultKind::Altered(Alteration::Repeated),
-            FaultKind::Wrong => EdgeFaultKind::Altered(Alteration::Scaled {
+            FaultKind::Stuck => EdgeFaultKind::Altered(Corruption::Repeated),
+            FaultKind::Wrong => EdgeFaultKind::Altered(Corruption::Scaled {
                 numbers: topic.find_numbers(fault.field.as_deref()?)?,
                 scale: fault.scale.unwrap_or(1.0),
                 bias: fault.bias.unwrap_or(0.0),
             }),
             FaultKind::Garbage => EdgeFaultKind::Altered(match fault.range {
-                None => Alteration::Noise(draws),
-                Some(range) => Alteration::Random {
+                None => Corruption::Noise(draws),
+                Some(range) => Corruption::Random {
                     numbers: topic
                         .members()
                         .iter()

@@ -4,9 +4,9 @@
 //! along in the same flight, from the same prior. A frozen estimate keeps the prior's error by definition.
 
 use super::{Experiment, PAPER_MODE};
-use crate::reproduce::flight::{Flown, Recipe, Source};
+use crate::reproduce::flight::{FlightSpecification, ScenarioSource, SeedResults};
 use crate::reproduce::measure::Measured;
-use crate::reproduce::row::{Bar, Row, Unit};
+use crate::reproduce::row::{AcceptanceLimit, Row, Unit};
 
 /// True mass in `fig10.toml`, kg.
 const MASS: f64 = 0.2;
@@ -19,7 +19,7 @@ pub const WINDS: [f64; 3] = [-0.85, 0.0, 0.85];
 
 /// A flight of the table over prior, wind and curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell {
+pub struct ReportCell {
     /// What is flown.
     pub curve: CellCurve,
     /// Prior less true mass, kg.
@@ -63,7 +63,7 @@ impl CellCurve {
     }
 }
 
-impl Cell {
+impl ReportCell {
     /// What the flight is called.
     #[must_use]
     pub fn name(&self) -> String {
@@ -77,19 +77,19 @@ impl Cell {
 
     /// The flight.
     #[must_use]
-    pub fn recipe(&self) -> Recipe {
+    pub fn specification(&self) -> FlightSpecification {
         let mass = format!("controller.initial.mass={:?}", MASS + self.prior_error);
         let wind = format!("vehicle.disturbance=[0.0, 0.0, {:?}]", self.wind);
         let mut settings = vec![mass.as_str(), wind.as_str()];
         settings.extend(self.curve.setting());
-        Recipe::changed(self.name(), Source::FIG10, &settings)
+        FlightSpecification::changed(self.name(), ScenarioSource::FIG10, &settings)
     }
 }
 
 /// The flights that are judged.
-fn judged() -> impl Iterator<Item = Cell> {
+fn judged() -> impl Iterator<Item = ReportCell> {
     [-PRIOR_ERROR, PRIOR_ERROR].into_iter().flat_map(|prior_error| {
-        WINDS.map(|wind| Cell {
+        WINDS.map(|wind| ReportCell {
             curve: CellCurve::Bob,
             prior_error,
             wind,
@@ -98,14 +98,14 @@ fn judged() -> impl Iterator<Item = Cell> {
 }
 
 /// The worst flight's number, where the largest is the worst.
-fn largest(flown: &Flown<'_>, value: fn(&Measured) -> f64) -> Result<f64, String> {
+fn largest(flown: &SeedResults<'_>, value: fn(&Measured) -> f64) -> Result<f64, String> {
     judged().try_fold(0.0, |largest: f64, cell| {
         Ok(largest.max(value(flown.of(&cell.name())?)))
     })
 }
 
 /// The worst flight's number, where the smallest is the worst.
-fn smallest(flown: &Flown<'_>, value: fn(&Measured) -> f64) -> Result<f64, String> {
+fn smallest(flown: &SeedResults<'_>, value: fn(&Measured) -> f64) -> Result<f64, String> {
     judged().try_fold(f64::INFINITY, |smallest: f64, cell| {
         Ok(smallest.min(value(flown.of(&cell.name())?)))
     })
@@ -114,31 +114,35 @@ fn smallest(flown: &Flown<'_>, value: fn(&Measured) -> f64) -> Result<f64, Strin
 const PAPER: &str = "fig10, paper mode";
 
 pub(super) fn experiment() -> Experiment {
-    let mut recipes: Vec<_> = judged().map(|cell| cell.recipe()).collect();
-    recipes.push(Recipe::changed(PAPER, Source::FIG10, &PAPER_MODE));
+    let mut specifications: Vec<_> = judged().map(|cell| cell.specification()).collect();
+    specifications.push(FlightSpecification::changed(
+        PAPER,
+        ScenarioSource::FIG10,
+        &PAPER_MODE,
+    ));
     Experiment {
         title: "the mass under a steady vertical wind, after 45 s: priors ±15 g, bz −0.85, 0, 0.85 m/s², the worst of the six",
-        recipes,
+        specifications,
         rows: vec![
             Row {
                 quantity: "RMSE of m̂",
                 paper: "2.2",
                 unit: Unit::Gram,
-                bar: Bar::AtMost(2.2),
+                bar: AcceptanceLimit::AtMost(2.2),
                 value: |flown| largest(flown, |measured| measured.mass_error.rmse()),
             },
             Row {
                 quantity: "I&I observer: RMSE of m̂",
                 paper: "17.3",
                 unit: Unit::Gram,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| largest(flown, |measured| measured.observer_mass_error.rmse()),
             },
             Row {
                 quantity: "I&I observer's RMSE against ours",
                 paper: "7.9",
                 unit: Unit::Times,
-                bar: Bar::AtLeast(5.0),
+                bar: AcceptanceLimit::AtLeast(5.0),
                 value: |flown| {
                     let observer = largest(flown, |measured| measured.observer_mass_error.rmse())?;
                     Ok(observer / largest(flown, |measured| measured.mass_error.rmse())?)
@@ -148,7 +152,7 @@ pub(super) fn experiment() -> Experiment {
                 quantity: "I&I observer's RMSE against ours, flight by flight",
                 paper: "",
                 unit: Unit::Times,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| {
                     smallest(flown, |measured| {
                         measured.observer_mass_error.rmse() / measured.mass_error.rmse()
@@ -159,14 +163,14 @@ pub(super) fn experiment() -> Experiment {
                 quantity: "a frozen estimate's RMSE against ours",
                 paper: "",
                 unit: Unit::Times,
-                bar: Bar::AtLeast(1.5),
+                bar: AcceptanceLimit::AtLeast(1.5),
                 value: |flown| smallest(flown, |measured| PRIOR_ERROR / measured.mass_error.rmse()),
             },
             Row {
                 quantity: "paper mode, prior +15 g, bz 0.85: RMSE of m̂",
                 paper: "2.2",
                 unit: Unit::Gram,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(PAPER)?.mass_error.rmse()),
             },
         ],
@@ -181,7 +185,7 @@ mod tests {
     #[test]
     fn a_cells_flight_has_the_prior_and_the_wind_that_it_names() {
         for cell in judged() {
-            let scenario = cell.recipe().load(Column::Baseline, 101).unwrap();
+            let scenario = cell.specification().load(Column::Baseline, 101).unwrap();
             let prior_error = scenario.controller.initial.mass - scenario.vehicle.mass;
             assert!((prior_error - cell.prior_error).abs() < 1e-12);
             assert_eq!(scenario.vehicle.disturbance, [0.0, 0.0, cell.wind]);

@@ -1,8 +1,8 @@
 //! Fig. 11: steps of the desired yaw on the tilted eight.
 
 use super::{Experiment, PAPER_MODE};
-use crate::reproduce::flight::{Recipe, Source};
-use crate::reproduce::row::{Bar, Row, Unit};
+use crate::reproduce::flight::{FlightSpecification, ScenarioSource};
+use crate::reproduce::row::{AcceptanceLimit, Row, Unit};
 
 const OURS: &str = "fig11";
 const PAPER: &str = "fig11, paper mode";
@@ -10,44 +10,44 @@ const PAPER: &str = "fig11, paper mode";
 pub(super) fn experiment() -> Experiment {
     Experiment {
         title: "yaw steps 0 → π/4 → 0 on the eight",
-        recipes: vec![
-            Recipe::plain(Source::FIG11),
-            Recipe::changed(PAPER, Source::FIG11, &PAPER_MODE),
+        specifications: vec![
+            FlightSpecification::plain(ScenarioSource::FIG11),
+            FlightSpecification::changed(PAPER, ScenarioSource::FIG11, &PAPER_MODE),
         ],
         rows: vec![
             Row {
                 quantity: "yaw RMSE, steady",
                 paper: "10",
                 unit: Unit::Milliradian,
-                bar: Bar::AtMost(3.0),
+                bar: AcceptanceLimit::AtMost(3.0),
                 value: |flown| Ok(flown.of(OURS)?.yaw_error.rmse()),
             },
             Row {
                 quantity: "position RMSE",
                 paper: "",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(0.4),
+                bar: AcceptanceLimit::AtMost(0.4),
                 value: |flown| Ok(flown.of(OURS)?.error.rmse()),
             },
             Row {
                 quantity: "largest position error in 10 s after a yaw step",
                 paper: "",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(1.0),
+                bar: AcceptanceLimit::AtMost(1.0),
                 value: |flown| Ok(flown.of(OURS)?.error_while_yawing.max()),
             },
             Row {
                 quantity: "paper mode: yaw RMSE, steady",
                 paper: "10",
                 unit: Unit::Milliradian,
-                bar: Bar::AtMost(10.0),
+                bar: AcceptanceLimit::AtMost(10.0),
                 value: |flown| Ok(flown.of(PAPER)?.yaw_error.rmse()),
             },
             Row {
                 quantity: "paper mode: position RMSE",
                 paper: "",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(1.8),
+                bar: AcceptanceLimit::AtMost(1.8),
                 value: |flown| Ok(flown.of(PAPER)?.error.rmse()),
             },
         ],

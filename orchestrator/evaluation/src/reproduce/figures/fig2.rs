@@ -1,17 +1,21 @@
 //! Fig. 2: simulation, starts 8.15, 26.58 and 51.40 m away, with 0, 0.1 and 0.2 kg added at 30 s.
 
 use super::Experiment;
-use crate::reproduce::flight::{Recipe, Source};
-use crate::reproduce::row::{Bar, Row, Unit};
+use crate::reproduce::flight::{FlightSpecification, ScenarioSource};
+use crate::reproduce::row::{AcceptanceLimit, Row, Unit};
 
 /// How near to the theorem's bound ‖z1‖ comes after a far start, cm.
 const NEAR_THE_BOUND: f64 = 1.85;
 
 pub(super) fn experiment() -> Experiment {
-    let sources = [Source::FIG2_NEAR, Source::FIG2_MIDDLE, Source::FIG2_FAR];
+    let sources = [
+        ScenarioSource::FIG2_NEAR,
+        ScenarioSource::FIG2_MIDDLE,
+        ScenarioSource::FIG2_FAR,
+    ];
     Experiment {
         title: "simulation: starts up to 51.40 m away, up to 0.2 kg added at 30 s",
-        recipes: sources.map(Recipe::plain).into(),
+        specifications: sources.map(FlightSpecification::plain).into(),
         rows: vec![
             row("largest ‖z1‖ in the last 5 s, from 8.15 m", |flown| {
                 Ok(flown.of("fig2_near")?.error_ultimate.max())
@@ -28,13 +32,13 @@ pub(super) fn experiment() -> Experiment {
 
 fn row(
     quantity: &'static str,
-    value: fn(&crate::reproduce::flight::Flown<'_>) -> Result<f64, String>,
+    value: fn(&crate::reproduce::flight::SeedResults<'_>) -> Result<f64, String>,
 ) -> Row {
     Row {
         quantity,
         paper: "1.67",
         unit: Unit::Centimetre,
-        bar: Bar::AtMost(NEAR_THE_BOUND),
+        bar: AcceptanceLimit::AtMost(NEAR_THE_BOUND),
         value,
     }
 }

@@ -1,8 +1,8 @@
 //! Figs. 3 to 6: the tilted eight in the laboratory, with coins laid on the vehicle at 30 s.
 
 use super::{Experiment, PAPER_MODE};
-use crate::reproduce::flight::{Recipe, Source};
-use crate::reproduce::row::{Bar, Row, Unit};
+use crate::reproduce::flight::{FlightSpecification, ScenarioSource};
+use crate::reproduce::row::{AcceptanceLimit, Row, Unit};
 
 pub(super) const OURS: &str = "fig3_6";
 const PAPER: &str = "fig3_6, paper mode";
@@ -17,87 +17,87 @@ const NOISE: [&str; 2] = [
 pub(super) fn experiment() -> Experiment {
     Experiment {
         title: "the eight in the laboratory, 40 g of coins laid on at 30 s",
-        recipes: vec![
-            Recipe::plain(Source::FIG3_6),
-            Recipe::changed(PAPER, Source::FIG3_6, &PAPER_MODE),
-            Recipe::changed(NOISY, Source::FIG3_6, &NOISE),
+        specifications: vec![
+            FlightSpecification::plain(ScenarioSource::FIG3_6),
+            FlightSpecification::changed(PAPER, ScenarioSource::FIG3_6, &PAPER_MODE),
+            FlightSpecification::changed(NOISY, ScenarioSource::FIG3_6, &NOISE),
         ],
         rows: vec![
             Row {
                 quantity: "RMSE",
                 paper: "2.3",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(0.4),
+                bar: AcceptanceLimit::AtMost(0.4),
                 value: |flown| Ok(flown.of(OURS)?.error.rmse()),
             },
             Row {
                 quantity: "SD",
                 paper: "0.1",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(OURS)?.error.deviation()),
             },
             Row {
                 quantity: "largest error",
                 paper: "5.0",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(1.0),
+                bar: AcceptanceLimit::AtMost(1.0),
                 value: |flown| Ok(flown.of(OURS)?.error.max()),
             },
             Row {
                 quantity: "peak after the coins",
                 paper: "",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(6.0),
+                bar: AcceptanceLimit::AtMost(6.0),
                 value: |flown| Ok(flown.of(OURS)?.error_transient.max()),
             },
             Row {
                 quantity: "m̂ at the end",
                 paper: "230, error 15",
                 unit: Unit::Gram,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(OURS)?.mass_estimate.mean()),
             },
             Row {
                 quantity: "frames at a limit of the link",
                 paper: "",
                 unit: Unit::Count,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(OURS)?.saturated_frames as f64),
             },
             Row {
                 quantity: "paper mode: RMSE",
                 paper: "2.3",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(1.8),
+                bar: AcceptanceLimit::AtMost(1.8),
                 value: |flown| Ok(flown.of(PAPER)?.error.rmse()),
             },
             Row {
                 quantity: "paper mode: SD",
                 paper: "0.1",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(PAPER)?.error.deviation()),
             },
             Row {
                 quantity: "paper mode: largest error",
                 paper: "5.0",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(PAPER)?.error.max()),
             },
             Row {
                 quantity: "noise ×10 not told: RMSE",
                 paper: "",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(1.0),
+                bar: AcceptanceLimit::AtMost(1.0),
                 value: |flown| Ok(flown.of(NOISY)?.error.rmse()),
             },
             Row {
                 quantity: "noise ×10 not told: peak after the coins",
                 paper: "",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(10.0),
+                bar: AcceptanceLimit::AtMost(10.0),
                 value: |flown| Ok(flown.of(NOISY)?.error_transient.max()),
             },
         ],

@@ -1,9 +1,9 @@
 //! Fig. 7: hover in the jet of a fan that is switched on at 30 s, with the estimators on.
 
 use super::{Experiment, PAPER_MODE};
-use crate::reproduce::flight::{Recipe, Source};
+use crate::reproduce::flight::{FlightSpecification, ScenarioSource};
 use crate::reproduce::measure::Measured;
-use crate::reproduce::row::{Bar, Row, Unit};
+use crate::reproduce::row::{AcceptanceLimit, Row, Unit};
 
 pub(super) const OURS: &str = "fig7";
 const PAPER: &str = "fig7, paper mode";
@@ -14,58 +14,58 @@ const PUSH: f64 = 0.9;
 pub(super) fn experiment() -> Experiment {
     Experiment {
         title: "hover in the jet of a fan, on from 30 s",
-        recipes: vec![
-            Recipe::plain(Source::FIG7),
-            Recipe::changed(PAPER, Source::FIG7, &PAPER_MODE),
+        specifications: vec![
+            FlightSpecification::plain(ScenarioSource::FIG7),
+            FlightSpecification::changed(PAPER, ScenarioSource::FIG7, &PAPER_MODE),
         ],
         rows: vec![
             Row {
                 quantity: "RMSE before",
                 paper: "1.7",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(OURS)?.error_before.rmse()),
             },
             Row {
                 quantity: "RMSE",
                 paper: "1.7",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(0.4),
+                bar: AcceptanceLimit::AtMost(0.4),
                 value: |flown| Ok(flown.of(OURS)?.error.rmse()),
             },
             Row {
                 quantity: "SD",
                 paper: "0.3",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(OURS)?.error.deviation()),
             },
             Row {
                 quantity: "peak after the fan",
                 paper: "",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(OURS)?.error_transient.max()),
             },
             Row {
                 quantity: "mean b̂y over 10 s",
                 paper: "0.9",
                 unit: Unit::MetrePerSecondSquared,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(estimated_push(flown.of(OURS)?)),
             },
             Row {
                 quantity: "its distance from 0.9 m/s²",
                 paper: "",
                 unit: Unit::Percent,
-                bar: Bar::AtMost(5.0),
+                bar: AcceptanceLimit::AtMost(5.0),
                 value: |flown| Ok((estimated_push(flown.of(OURS)?) / PUSH - 1.0).abs()),
             },
             Row {
                 quantity: "its distance from the true mean",
                 paper: "",
                 unit: Unit::Percent,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| {
                     let measured = flown.of(OURS)?;
                     Ok((estimated_push(measured) / measured.disturbance[1].mean() - 1.0).abs())
@@ -75,14 +75,14 @@ pub(super) fn experiment() -> Experiment {
                 quantity: "roll",
                 paper: "−0.1",
                 unit: Unit::Radian,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(OURS)?.roll.mean()),
             },
             Row {
                 quantity: "paper mode: RMSE",
                 paper: "1.7",
                 unit: Unit::Centimetre,
-                bar: Bar::AtMost(1.8),
+                bar: AcceptanceLimit::AtMost(1.8),
                 value: |flown| Ok(flown.of(PAPER)?.error.rmse()),
             },
         ],

@@ -5,8 +5,8 @@
 //! Λb = 6 where the estimators are on.
 
 use super::{Experiment, fig7, ratio};
-use crate::reproduce::flight::{Recipe, Source};
-use crate::reproduce::row::{Bar, Row, Unit};
+use crate::reproduce::flight::{FlightSpecification, ScenarioSource};
+use crate::reproduce::row::{AcceptanceLimit, Row, Unit};
 
 const OFF: &str = "fig8";
 const SOFT_OFF: &str = "fig8, k1 = k2 = 0.87";
@@ -25,60 +25,60 @@ pub(super) fn experiment() -> Experiment {
     ];
     Experiment {
         title: "the same with the estimators off",
-        recipes: vec![
-            Recipe::plain(Source::FIG7),
-            Recipe::plain(Source::FIG8),
-            Recipe::changed(SOFT_OFF, Source::FIG8, &soft),
-            Recipe::changed(SOFT_ON, Source::FIG7, &soft_on),
+        specifications: vec![
+            FlightSpecification::plain(ScenarioSource::FIG7),
+            FlightSpecification::plain(ScenarioSource::FIG8),
+            FlightSpecification::changed(SOFT_OFF, ScenarioSource::FIG8, &soft),
+            FlightSpecification::changed(SOFT_ON, ScenarioSource::FIG7, &soft_on),
         ],
         rows: vec![
             Row {
                 quantity: "RMSE, estimators off",
                 paper: "",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(OFF)?.error.rmse()),
             },
             Row {
                 quantity: "off against on (Fig. 7)",
                 paper: "22.7",
                 unit: Unit::Times,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| ratio(flown, OFF, fig7::OURS, |measured| measured.error.rmse()),
             },
             Row {
                 quantity: "k1 = k2 = 0.87: RMSE, estimators off",
                 paper: "38.6",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(SOFT_OFF)?.error.rmse()),
             },
             Row {
                 quantity: "k1 = k2 = 0.87: its distance from the paper's",
                 paper: "",
                 unit: Unit::Percent,
-                bar: Bar::AtMost(10.0),
+                bar: AcceptanceLimit::AtMost(10.0),
                 value: |flown| Ok((flown.of(SOFT_OFF)?.error.rmse() / PAPER_RMSE - 1.0).abs()),
             },
             Row {
                 quantity: "k1 = k2 = 0.87: SD, estimators off",
                 paper: "20.6",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(SOFT_OFF)?.error.deviation()),
             },
             Row {
                 quantity: "k1 = k2 = 0.87: RMSE, estimators on",
                 paper: "1.7",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(SOFT_ON)?.error.rmse()),
             },
             Row {
                 quantity: "k1 = k2 = 0.87: off against on",
                 paper: "22.7",
                 unit: Unit::Times,
-                bar: Bar::AtLeast(15.0),
+                bar: AcceptanceLimit::AtLeast(15.0),
                 value: |flown| ratio(flown, SOFT_OFF, SOFT_ON, |measured| measured.error.rmse()),
             },
         ],

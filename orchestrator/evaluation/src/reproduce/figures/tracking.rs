@@ -1,8 +1,8 @@
 //! The paper's claim that path following converges more smoothly than trajectory tracking, side by side.
 
 use super::{Experiment, ratio};
-use crate::reproduce::flight::{Recipe, Source};
-use crate::reproduce::row::{Bar, Row, Unit};
+use crate::reproduce::flight::{FlightSpecification, ScenarioSource};
+use crate::reproduce::row::{AcceptanceLimit, Row, Unit};
 
 const TRACKING: &str = "trajectory_tracking";
 const FOLLOWING: &str = "trajectory_tracking, path.mode=following";
@@ -13,84 +13,84 @@ const FOLLOWING_AFAR: &str = "trajectory_tracking, path.mode=following, 0.68 m a
 const AFAR: &str = "vehicle.initial.position=[0.4, 0.2, -0.8]";
 
 pub(super) fn experiment() -> Experiment {
-    let source = Source::TRAJECTORY_TRACKING;
+    let source = ScenarioSource::TRAJECTORY_TRACKING;
     Experiment {
         title: "the eight from rest on its beginning: following, and a path that does not wait",
-        recipes: vec![
-            Recipe::plain(source),
-            Recipe::changed(FOLLOWING, source, &["path.mode=following"]),
-            Recipe::changed(TRACKING_AFAR, source, &[AFAR]),
-            Recipe::changed(FOLLOWING_AFAR, source, &["path.mode=following", AFAR]),
+        specifications: vec![
+            FlightSpecification::plain(source),
+            FlightSpecification::changed(FOLLOWING, source, &["path.mode=following"]),
+            FlightSpecification::changed(TRACKING_AFAR, source, &[AFAR]),
+            FlightSpecification::changed(FOLLOWING_AFAR, source, &["path.mode=following", AFAR]),
         ],
         rows: vec![
             Row {
                 quantity: "following: peak thrust",
                 paper: "",
                 unit: Unit::Newton,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(FOLLOWING)?.thrust.max()),
             },
             Row {
                 quantity: "tracking: peak thrust",
                 paper: "",
                 unit: Unit::Newton,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(TRACKING)?.thrust.max()),
             },
             Row {
                 quantity: "peak thrust, tracking against following",
                 paper: "smoother",
                 unit: Unit::Times,
-                bar: Bar::AtLeast(1.0),
+                bar: AcceptanceLimit::AtLeast(1.0),
                 value: |flown| ratio(flown, TRACKING, FOLLOWING, |measured| measured.thrust.max()),
             },
             Row {
                 quantity: "following: peak body rate",
                 paper: "",
                 unit: Unit::RadianPerSecond,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(FOLLOWING)?.rate_ever.max()),
             },
             Row {
                 quantity: "tracking: peak body rate",
                 paper: "",
                 unit: Unit::RadianPerSecond,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(TRACKING)?.rate_ever.max()),
             },
             Row {
                 quantity: "peak body rate, tracking against following",
                 paper: "smoother",
                 unit: Unit::Times,
-                bar: Bar::AtLeast(1.0),
+                bar: AcceptanceLimit::AtLeast(1.0),
                 value: |flown| ratio(flown, TRACKING, FOLLOWING, |measured| measured.rate_ever.max()),
             },
             Row {
                 quantity: "following: peak error",
                 paper: "",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(FOLLOWING)?.error_ever.max()),
             },
             Row {
                 quantity: "tracking: peak error",
                 paper: "",
                 unit: Unit::Centimetre,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| Ok(flown.of(TRACKING)?.error_ever.max()),
             },
             Row {
                 quantity: "peak error, tracking against following",
                 paper: "smoother",
                 unit: Unit::Times,
-                bar: Bar::AtLeast(1.0),
+                bar: AcceptanceLimit::AtLeast(1.0),
                 value: |flown| ratio(flown, TRACKING, FOLLOWING, |measured| measured.error_ever.max()),
             },
             Row {
                 quantity: "from 0.68 m away: peak thrust, tracking against following",
                 paper: "smoother",
                 unit: Unit::Times,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| {
                     ratio(flown, TRACKING_AFAR, FOLLOWING_AFAR, |measured| {
                         measured.thrust.max()
@@ -101,7 +101,7 @@ pub(super) fn experiment() -> Experiment {
                 quantity: "from 0.68 m away: peak body rate, tracking against following",
                 paper: "smoother",
                 unit: Unit::Times,
-                bar: Bar::Shown,
+                bar: AcceptanceLimit::Shown,
                 value: |flown| {
                     ratio(flown, TRACKING_AFAR, FOLLOWING_AFAR, |measured| {
                         measured.rate_ever.max()

@@ -35,9 +35,9 @@ pub fn matched_flight(seed: u64) -> Rig {
 
 /// Normalised squared error of what is believed: of 15 degrees of freedom if the filter is right.
 pub fn squared_error(rig: &Rig) -> f64 {
-    let belief = rig.filter.belief().unwrap();
-    let error = rig.truth_at(belief.time_ns).error_of(belief);
-    error.dot(&belief.covariance.cholesky().unwrap().solve(&error))
+    let state = rig.filter.state().unwrap();
+    let error = rig.truth_at(state.time_ns).error_of(state);
+    error.dot(&state.covariance.cholesky().unwrap().solve(&error))
 }
 
 /// The mean of squared errors lies where that of a χ² variable of `freedom` does in 999 of 1000 cases.
@@ -109,9 +109,9 @@ fn the_covariance_stays_symmetric_and_positive_definite() {
     let mut rig = Rig::new(world, &Kalman::default(), &Model::default());
     while rig.tick < 2500 {
         rig.step(restless_pilot(5));
-        if let Some(belief) = rig.filter.belief() {
-            assert_eq!(belief.covariance, belief.covariance.transpose());
-            assert!(belief.covariance.cholesky().is_some(), "at tick {}", rig.tick);
+        if let Some(state) = rig.filter.state() {
+            assert_eq!(state.covariance, state.covariance.transpose());
+            assert!(state.covariance.cholesky().is_some(), "at tick {}", rig.tick);
         }
     }
 }

@@ -81,12 +81,12 @@ fn a_restart_keeps_disturbance_and_rate_bias() {
         truth.rate_bias_body = nalgebra::Vector3::new(0.1, 0.2, -0.1);
     });
     outcomes(&mut rig, 1305);
-    let before = *rig.filter.belief().unwrap();
+    let before = *rig.filter.state().unwrap();
     assert!(matches!(
         rig.step(pilot_on_the_eight).outcome,
         Some(Outcome::Started)
     ));
-    let after = rig.filter.belief().unwrap();
+    let after = rig.filter.state().unwrap();
     assert_eq!(after.nominal.disturbance_world, before.nominal.disturbance_world);
     assert_eq!(after.nominal.rate_bias_body, before.nominal.rate_bias_body);
     assert!(before.nominal.disturbance_world.norm() > 0.5 && before.nominal.rate_bias_body.norm() > 0.1);
@@ -154,7 +154,7 @@ fn a_repeated_an_older_and_an_unseen_capture_change_nothing() {
     let before = rig.filter.save();
     let now_ns = rig.now_ns();
     let mut capture = MocapPose {
-        capture_time_ns: rig.filter.belief().unwrap().time_ns,
+        capture_time_ns: rig.filter.state().unwrap().time_ns,
         world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         tracked: true.into(),
         ..MocapPose::new_zeroed()
@@ -192,7 +192,7 @@ fn a_capture_from_the_future_and_one_that_is_no_pose_are_refused_and_never_start
     assert!(matches!(filter.see(5 * TICK_NS - 1, &good), Outcome::Refused));
     assert!(matches!(filter.see(10 * TICK_NS, &reflected), Outcome::Refused));
     assert!(matches!(filter.see(10 * TICK_NS, &far), Outcome::Refused));
-    assert!(filter.belief().is_none() && filter.captures_refused() == 3);
+    assert!(filter.state().is_none() && filter.captures_refused() == 3);
     assert!(matches!(filter.see(10 * TICK_NS, &good), Outcome::Started));
 }
 

@@ -148,7 +148,7 @@ fn a_vehicle_on_the_ground_is_where_it_is_seen_however_it_is_carried_about() {
 #[test]
 fn a_vehicle_that_has_come_down_stands_once_its_motors_rest() {
     let mut lift = Lift::new(MASS);
-    let stands = |lift: &Lift| lift.filter.belief().unwrap().stands;
+    let stands = |lift: &Lift| lift.filter.state().unwrap().stands;
     lift.go_on(1_000, None, |lift| assert!(lift.tick == 0 || stands(lift)));
     lift.go_on(500, Some(1.2 * WEIGHT), |_| {});
     assert!(!stands(&lift) && lift.height > 0.1);

@@ -52,10 +52,10 @@ fn a_mass_a_fifth_off_and_a_steady_wind_are_taken_up_by_the_disturbance() {
     let errors = root_mean_squares(&mut rig, 2000, 6000);
     assert_below(errors, [0.6e-3, 15e-3, 2.3e-3]);
     // The same acceleration, explained otherwise: d = v̇ − g e3 + (T/m̂) R e3.
-    let belief = rig.filter.belief().unwrap();
-    let truth = rig.truth_at(belief.time_ns);
+    let state = rig.filter.state().unwrap();
+    let truth = rig.truth_at(state.time_ns);
     let difference = truth.world_from_body.column(2) * (truth.thrust * (1.0 / 0.2 - 1.0 / 0.24));
-    let missed = (belief.nominal.disturbance_world - (wind + difference)).norm();
+    let missed = (state.nominal.disturbance_world - (wind + difference)).norm();
     assert!(
         missed < 0.5 && difference.norm() > 0.15 * GRAVITY,
         "{missed} of {}",

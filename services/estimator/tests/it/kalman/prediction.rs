@@ -110,7 +110,7 @@ fn a_stated_capture_latency_takes_the_place_of_the_stamps() {
         stamped.step(restless_pilot(1));
         timed.step_with_wrong_stamps(restless_pilot(1));
     }
-    assert_eq!(stamped.filter.belief(), timed.filter.belief());
+    assert_eq!(stamped.filter.state(), timed.filter.state());
 }
 
 #[test]
@@ -126,7 +126,7 @@ fn a_first_capture_long_after_the_first_frames_starts_from_the_thrust_that_acts(
     };
     let started = loop {
         if let Some(Outcome::Started) = rig.step(|_, _| steady).outcome {
-            break rig.filter.belief().unwrap();
+            break rig.filter.state().unwrap();
         }
     };
     assert_eq!(started.nominal.actuation.thrust, steady.thrust);

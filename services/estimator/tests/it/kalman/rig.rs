@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use estimator::Estimate;
 use estimator::kalman::attitude::log;
-use estimator::kalman::belief::Belief;
 use estimator::kalman::error_state::{ATTITUDE, DISTURBANCE, ErrorVector, POSITION, RATE_BIAS, VELOCITY};
+use estimator::kalman::filter_state::FilterState;
 use estimator::kalman::{KalmanFilter, Outcome};
 use nalgebra::{Matrix3, Vector3};
 use scenario::{Curve, GRAVITY, Hover, Kalman, Model, Path, RcLink, Scenario, Vehicle};
@@ -383,9 +383,9 @@ impl Truth {
         }
     }
 
-    /// The error of a belief: true minus nominal.
-    pub fn error_of(&self, belief: &Belief) -> ErrorVector {
-        let nominal = &belief.nominal;
+    /// The error of a state: true minus nominal.
+    pub fn error_of(&self, state: &FilterState) -> ErrorVector {
+        let nominal = &state.nominal;
         let mut error = ErrorVector::zeros();
         for (row, part) in [
             (POSITION, self.position_world - nominal.position_world),

@@ -3,13 +3,13 @@
 use serde::Serialize;
 
 use super::SURVIVES;
-use super::flight::{Ended, Flown};
+use super::flight::{Ended, FlightResult};
 use metrics::loss::Reason;
 
 /// What became of the vehicle. The worst comes last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum Survival {
     /// It strayed no farther than [`SURVIVES`] times the bound.
     Survived,
     /// It did, and came back inside the bound for good.
@@ -18,7 +18,7 @@ pub enum Verdict {
     Lost,
 }
 
-impl Verdict {
+impl Survival {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Survived, Self::Degraded, Self::Lost];
 
@@ -35,7 +35,7 @@ impl Verdict {
 
 /// Why a vehicle is lost.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Loss {
+pub struct MatrixLoss {
     /// In short.
     pub reason: &'static str,
     /// What else is known of it.
@@ -43,7 +43,7 @@ pub struct Loss {
     pub details: Option<String>,
 }
 
-impl Loss {
+impl MatrixLoss {
     fn new(reason: &'static str) -> Self {
         Self {
             reason,
@@ -54,32 +54,32 @@ impl Loss {
 
 /// The verdict on a flight, and for one that is lost why.
 #[must_use]
-pub fn judge(flown: &Flown) -> (Verdict, Option<Loss>) {
+pub fn judge(flown: &FlightResult) -> (Survival, Option<MatrixLoss>) {
     if let Some(loss) = loss(flown) {
-        return (Verdict::Lost, Some(loss));
+        return (Survival::Lost, Some(loss));
     }
     let share = flown.report.as_ref().and_then(|report| report.largest_share);
     let verdict = if share.is_some_and(|share| share <= SURVIVES) {
-        Verdict::Survived
+        Survival::Survived
     } else {
-        Verdict::Degraded
+        Survival::Degraded
     };
     (verdict, None)
 }
 
-fn loss(flown: &Flown) -> Option<Loss> {
+fn loss(flown: &FlightResult) -> Option<MatrixLoss> {
     match &flown.ended {
         Some(Ended::NotFinite(words)) => {
-            return Some(Loss {
+            return Some(MatrixLoss {
                 reason: "not finite",
                 details: Some(words.clone()),
             });
         }
-        Some(Ended::Died) => return Some(Loss::new("a service died")),
+        Some(Ended::Died) => return Some(MatrixLoss::new("a service died")),
         None => {}
     }
     if let Some(loss) = &flown.loss {
-        return Some(Loss {
+        return Some(MatrixLoss {
             reason: match loss.reason {
                 Reason::LeftPath => "left the path",
                 Reason::TippedOver => "tipped over",
@@ -91,10 +91,10 @@ fn loss(flown: &Flown) -> Option<Loss> {
     }
     let report = flown.report.as_ref();
     let Some((report, share)) = report.and_then(|report| Some((report, report.largest_share?))) else {
-        return Some(Loss::new("it is not known where the vehicle was"));
+        return Some(MatrixLoss::new("it is not known where the vehicle was"));
     };
     let is_back = share <= SURVIVES || report.back_after.is_some();
-    (!is_back).then(|| Loss::new("did not come back"))
+    (!is_back).then(|| MatrixLoss::new("did not come back"))
 }
 
 #[cfg(test)]
@@ -103,8 +103,8 @@ mod tests {
     use metrics::summary::faults::{FaultReport, Reactions};
 
     /// A flight whose error was 4 cm at most before the fault.
-    fn flown(peak: f64, back_after: Option<f64>) -> Flown {
-        Flown {
+    fn flown(peak: f64, back_after: Option<f64>) -> FlightResult {
+        FlightResult {
             report: Some(FaultReport {
                 fault: String::new(),
                 begins: 1.0,
@@ -128,28 +128,28 @@ mod tests {
     #[test]
     fn a_vehicle_survives_is_degraded_or_lost_by_how_far_it_strayed_and_whether_it_came_back() {
         for (peak, back_after, verdict) in [
-            (0.059, Some(0.0), Verdict::Survived),
-            (0.059, None, Verdict::Survived),
-            (0.061, Some(3.0), Verdict::Degraded),
-            (0.061, None, Verdict::Lost),
-            (4.9, Some(3.0), Verdict::Degraded),
+            (0.059, Some(0.0), Survival::Survived),
+            (0.059, None, Survival::Survived),
+            (0.061, Some(3.0), Survival::Degraded),
+            (0.061, None, Survival::Lost),
+            (4.9, Some(3.0), Survival::Degraded),
         ] {
             let (judged, why) = judge(&flown(peak, back_after));
             assert_eq!(judged, verdict, "{peak} {back_after:?}");
-            assert_eq!(why.is_some(), verdict == Verdict::Lost);
+            assert_eq!(why.is_some(), verdict == Survival::Lost);
         }
     }
 
     #[test]
     fn a_vehicle_that_is_lost_or_whose_flight_the_fault_ended_is_lost_however_near_it_was() {
         let near = flown(0.01, Some(0.0));
-        let tipped = Flown {
+        let tipped = FlightResult {
             loss: Some(metrics::loss::Loss {
                 reason: Reason::TippedOver,
                 time: 1.05,
                 value: Some(1.6),
                 limit: Some(1.5),
-                source: metrics::tracker::Source::Truth,
+                source: metrics::tracker::StateSource::Truth,
             }),
             ..near.clone()
         };
@@ -157,13 +157,13 @@ mod tests {
             Ended::NotFinite("`plant` computed a number that is not finite".to_owned()),
             Ended::Died,
         ]
-        .map(|ended| Flown {
+        .map(|ended| FlightResult {
             ended: Some(ended),
             ..near.clone()
         });
-        let unseen = Flown { report: None, ..near };
+        let unseen = FlightResult { report: None, ..near };
         for lost in [tipped, not_finite, died, unseen] {
-            assert_eq!(judge(&lost).0, Verdict::Lost, "{lost:?}");
+            assert_eq!(judge(&lost).0, Survival::Lost, "{lost:?}");
         }
     }
 }

@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use radio_link::link::RadioLink;
-use radio_link::sender::{Condition, Report, Sender};
+use radio_link::sender::{Condition, LinkReport, Sender};
 use radio_link::sticks::Sticks;
 use runtime::shared_page::SharedPage;
 use scenario::RcLink;
@@ -22,7 +22,7 @@ use run_log::LinkFigures;
 
 /// The transmitter's step logic, and who sends what it says. Dropping it lets the motors rest, unless another process
 /// will go on.
-pub(super) struct Transmitter {
+pub(super) struct RadioLinkDriver {
     service: Box<dyn ErasedService>,
     /// There until it is stopped.
     sender: Option<Sender>,
@@ -31,7 +31,7 @@ pub(super) struct Transmitter {
     page: Arc<SharedPage>,
 }
 
-impl Transmitter {
+impl RadioLinkDriver {
     /// Opens the link of a scenario that has been checked, and begins to send.
     ///
     /// # Errors
@@ -68,7 +68,7 @@ impl Transmitter {
     }
 }
 
-impl ErasedService for Transmitter {
+impl ErasedService for RadioLinkDriver {
     fn id(&self) -> ServiceId {
         self.service.id()
     }
@@ -100,7 +100,7 @@ impl ErasedService for Transmitter {
     }
 }
 
-impl Drop for Transmitter {
+impl Drop for RadioLinkDriver {
     fn drop(&mut self) {
         let Some(sender) = self.sender.take() else { return };
         if !self.is_broken {
@@ -133,7 +133,7 @@ fn in_flight(condition: &Condition) -> LinkFigures {
     }
 }
 
-fn at_the_end(report: &Report) -> LinkFigures {
+fn at_the_end(report: &LinkReport) -> LinkFigures {
     let late = |quantile| seconds(report.lateness_ns.value_at_quantile(quantile));
     let counts = &report.counts;
     LinkFigures {
@@ -205,7 +205,7 @@ mod tests {
         };
         let page = Arc::new(SharedPage::create().unwrap());
         let service = Box::new(Says(thrusts.to_vec()));
-        let mut transmitter = Transmitter::open(service, &link, Arc::clone(&page)).unwrap();
+        let mut transmitter = RadioLinkDriver::open(service, &link, Arc::clone(&page)).unwrap();
         for _ in thrusts {
             let mut frame = RcFrame::new_zeroed();
             let mut outputs = [OutputSlot {

@@ -7,26 +7,26 @@ use shared_types::samples::{ControlCommand, ControlErrors, PathReference, Vehicl
 use shared_types::{Now, ServiceId, Topic, rotation};
 use zerocopy::FromZeros;
 
-use crate::commander::{Commander, Memory};
-use crate::fallback::Stage;
+use crate::bumpless_transfer::Transfer;
+use crate::dead_reckoning::{Commanded, ModelEstimate, Reckoned};
+use crate::failsafe::FailsafeStage;
 use crate::law::{Evaluation, evaluate};
-use crate::observer::{MassObserver, Sight};
+use crate::observer::{MassObserver, ObserverSample};
 use crate::parameters::Parameters;
-use crate::phase::Duty;
-use crate::reckoning::{Believed, Commanded, Reckoned};
+use crate::phase::ControlMode;
+use crate::rate_controller::{RateController, RateControllerState};
 use crate::safety::Safety;
 use crate::signals::{Acting, EstimateRates, Estimates, Measured, Reference};
-use crate::transfer::Transfer;
 
 /// Makes commands of states and references.
 #[derive(Clone, Debug)]
-pub struct Pilot {
+pub struct ControlSupervisor {
     /// Gains and bounds.
     pub parameters: Parameters,
     /// η̂, b̂ and ŵ.
     pub estimates: Estimates,
     /// Makes commands of body rates; `None` commands torque.
-    pub commander: Option<Commander>,
+    pub rate_controller: Option<RateController>,
     /// Estimates the mass in another way, unheard.
     pub observer: Option<MassObserver>,
     /// What is done about old states; `None` flies by them however old they are.
@@ -34,12 +34,12 @@ pub struct Pilot {
     /// The last command that was published.
     pub last: Option<Commanded>,
     /// The stage of the last step.
-    pub stage: Stage,
+    pub stage: FailsafeStage,
 }
 
 /// What is flown by.
 #[derive(Clone, Copy, Debug)]
-pub struct Course<'a> {
+pub struct ControlInput<'a> {
     /// The last good state.
     pub state: &'a VehicleState,
     /// Whether it came in this step.
@@ -65,7 +65,7 @@ pub struct Telemetry<'a> {
 
 /// What is commanded.
 #[derive(Clone, Copy, Debug)]
-pub struct Flown {
+pub struct ControlOutput {
     /// The command.
     pub command: Commanded,
     /// Whether the motion teaches something, so that the estimates learn.
@@ -76,7 +76,7 @@ pub struct Flown {
     thrust: Option<f64>,
 }
 
-impl Flown {
+impl ControlOutput {
     /// Something else than what the law says.
     fn without_law(command: Commanded) -> Self {
         Self {
@@ -88,8 +88,8 @@ impl Flown {
     }
 }
 
-impl Pilot {
-    /// The pilot of a scenario that has been checked, with its initial estimates.
+impl ControlSupervisor {
+    /// The supervisor of a scenario that has been checked, with its initial estimates.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let controller = &scenario.controller;
@@ -97,48 +97,53 @@ impl Pilot {
         Self {
             parameters: Parameters::from(scenario),
             estimates: Estimates::from(&controller.initial),
-            commander: controller
+            rate_controller: controller
                 .rates
                 .as_ref()
-                .map(|rates| Commander::new(scenario, rates)),
+                .map(|rates| RateController::new(scenario, rates)),
             observer: controller
                 .observer_gain
                 .map(|gain| MassObserver::new(gain, controller.initial.mass)),
             safety: safety.map(|safety| Safety::new(scenario, safety)),
             last: None,
-            stage: Stage::Law,
+            stage: FailsafeStage::Nominal,
         }
     }
 
     /// What is commanded.
     #[inline]
-    pub fn fly(&mut self, now: &Now, course: &Course<'_>, mut telemetry: Telemetry<'_>) -> Flown {
+    pub fn fly(
+        &mut self,
+        now: &Now,
+        input: &ControlInput<'_>,
+        mut telemetry: Telemetry<'_>,
+    ) -> ControlOutput {
         let mut flown = if self.safety.is_some() {
-            self.fly_by_age(now, course, &mut telemetry)
+            self.command_by_age(now, input, &mut telemetry)
         } else {
-            self.stage = Stage::Law;
-            self.fly_by_law(course.state, course, &mut telemetry)
+            self.stage = FailsafeStage::Nominal;
+            self.command_by_law(input.state, input, &mut telemetry)
         };
-        if !course.teaches {
+        if !input.teaches {
             (flown.learns, flown.thrust) = (false, None);
         }
         if !flown.learns {
             *telemetry.rates = EstimateRates::ZERO;
         }
-        self.observe(course.state, flown.thrust, now.elapsed());
+        self.observe(input.state, flown.thrust, now.elapsed());
         flown
     }
 
     /// Commands nothing, and begins anew with the next flight: only the estimates are kept.
-    pub fn stand_by(&mut self, duty: Duty) {
-        self.stage = if duty == Duty::Rest {
-            Stage::Failsafe
+    pub fn stand_by(&mut self, mode: ControlMode) {
+        self.stage = if mode == ControlMode::Rest {
+            FailsafeStage::Failsafe
         } else {
-            Stage::Law
+            FailsafeStage::Nominal
         };
         self.last = None;
-        if let Some(commander) = &mut self.commander {
-            commander.memory = Memory::NONE;
+        if let Some(rate_controller) = &mut self.rate_controller {
+            rate_controller.memory = RateControllerState::NONE;
         }
         if let Some(observer) = &mut self.observer {
             observer.interrupt();
@@ -149,34 +154,39 @@ impl Pilot {
     }
 
     /// What is commanded by the age of the state.
-    fn fly_by_age(&mut self, now: &Now, course: &Course<'_>, telemetry: &mut Telemetry<'_>) -> Flown {
+    fn command_by_age(
+        &mut self,
+        now: &Now,
+        input: &ControlInput<'_>,
+        telemetry: &mut Telemetry<'_>,
+    ) -> ControlOutput {
         let before = self.stage;
         let Some(mut safety) = self.safety else {
-            return self.fly_by_law(course.state, course, telemetry);
+            return self.command_by_law(input.state, input, telemetry);
         };
-        let Course {
+        let ControlInput {
             state,
             is_new,
             age_ns,
             ..
-        } = *course;
-        let believed = Believed::new(&self.parameters, &self.estimates);
+        } = *input;
+        let estimate = ModelEstimate::new(&self.parameters, &self.estimates);
         let last = self.last;
-        safety.reckon(now, state, is_new, age_ns, last.as_ref(), &believed);
+        safety.reckon(now, state, is_new, age_ns, last.as_ref(), &estimate);
         self.stage = safety.stage(age_ns, last.as_ref());
-        if self.stage != Stage::Law {
+        if self.stage != FailsafeStage::Nominal {
             safety.transfer = Transfer::NONE;
-            let command = safety.command(self.stage, last.as_ref(), &believed);
+            let command = safety.command(self.stage, last.as_ref(), &estimate);
             self.safety = Some(safety);
-            return Flown::without_law(command);
+            return ControlOutput::without_law(command);
         }
-        let state = safety.state_for_law(state, age_ns, &believed);
-        if before != Stage::Law
-            && let Some(commander) = &mut self.commander
+        let state = safety.state_for_law(state, age_ns, &estimate);
+        if before != FailsafeStage::Nominal
+            && let Some(rate_controller) = &mut self.rate_controller
         {
-            commander.memory.artificial_omega = state.angular_velocity_body.into();
+            rate_controller.memory.artificial_omega = state.angular_velocity_body.into();
         }
-        let mut flown = self.fly_by_law(&state, course, telemetry);
+        let mut flown = self.command_by_law(&state, input, telemetry);
         if !flown.is_nonsense {
             flown.command = safety.pass_over(now, before, last.as_ref(), &flown.command);
             if safety.transfer.is_under_way() {
@@ -189,13 +199,13 @@ impl Pilot {
 
     /// The law's command, and all else that it says; if that are no finite numbers, the last command.
     #[inline]
-    fn fly_by_law(
+    fn command_by_law(
         &mut self,
         state: &VehicleState,
-        course: &Course<'_>,
+        input: &ControlInput<'_>,
         telemetry: &mut Telemetry<'_>,
-    ) -> Flown {
-        let flown = self.ask_law(state, course, telemetry);
+    ) -> ControlOutput {
+        let flown = self.evaluate_law(state, input, telemetry);
         let errors = telemetry.errors.as_deref();
         // That of the rates is seen when they act.
         if flown.command.is_finite() & errors.is_none_or(Field::is_finite) {
@@ -205,36 +215,41 @@ impl Pilot {
     }
 
     #[cold]
-    fn hold(&mut self, telemetry: &mut Telemetry<'_>) -> Flown {
+    fn hold(&mut self, telemetry: &mut Telemetry<'_>) -> ControlOutput {
         if let Some(errors) = &mut telemetry.errors {
             **errors = ControlErrors {
                 header: errors.header,
                 ..ControlErrors::new_zeroed()
             };
         }
-        if let Some(commander) = &mut self.commander {
-            commander.memory.artificial_omega = Vector3::zeros();
+        if let Some(rate_controller) = &mut self.rate_controller {
+            rate_controller.memory.artificial_omega = Vector3::zeros();
         }
-        self.stage = Stage::Hold;
-        Flown {
+        self.stage = FailsafeStage::Hold;
+        ControlOutput {
             is_nonsense: true,
-            ..Flown::without_law(self.last.unwrap_or(Commanded::NOTHING))
+            ..ControlOutput::without_law(self.last.unwrap_or(Commanded::NOTHING))
         }
     }
 
     #[inline]
-    fn ask_law(&mut self, state: &VehicleState, course: &Course<'_>, telemetry: &mut Telemetry<'_>) -> Flown {
-        let Course {
+    fn evaluate_law(
+        &mut self,
+        state: &VehicleState,
+        input: &ControlInput<'_>,
+        telemetry: &mut Telemetry<'_>,
+    ) -> ControlOutput {
+        let ControlInput {
             reference, target, ..
-        } = course;
+        } = input;
         let mut measured = Measured::from(state);
         let tracked = state.tracked.is_set();
         let z1 = Vector3::from(state.position_world) - target.position_world;
-        let Some(commander) = &mut self.commander else {
+        let Some(rate_controller) = &mut self.rate_controller else {
             measured.position_world += self.parameters.offset(&measured.world_from_body);
             let law = evaluate(&self.parameters, &measured, target, &self.estimates);
             telemetry.tell(&law, &z1);
-            return Flown {
+            return ControlOutput {
                 command: Commanded {
                     thrust: law.thrust,
                     torque_body: law.torque.into(),
@@ -245,7 +260,7 @@ impl Pilot {
                 thrust: tracked.then_some(law.thrust),
             };
         };
-        let output = commander.command(
+        let output = rate_controller.command(
             &self.parameters,
             &measured,
             &Acting::from(state),
@@ -254,7 +269,7 @@ impl Pilot {
             reference.yaw,
         );
         telemetry.tell(&output.law, &z1);
-        Flown {
+        ControlOutput {
             command: Commanded {
                 thrust: output.thrust,
                 rates_body: output.rates_body.into(),
@@ -269,8 +284,8 @@ impl Pilot {
     /// The mode of the commands of this step.
     #[must_use]
     pub fn mode(&self) -> u32 {
-        match (self.stage, &self.commander) {
-            (Stage::Failsafe, _) => ControlCommand::MODE_FAILSAFE,
+        match (self.stage, &self.rate_controller) {
+            (FailsafeStage::Failsafe, _) => ControlCommand::MODE_FAILSAFE,
             (_, Some(_)) => ControlCommand::MODE_RATES,
             (_, None) => ControlCommand::MODE_TORQUE,
         }
@@ -284,7 +299,7 @@ impl Pilot {
         };
         if let Some(thrust) = thrust.filter(|_| elapsed > 0.0) {
             let world_from_body = rotation::from_row_major(&state.world_from_body);
-            let now = Sight {
+            let now = ObserverSample {
                 velocity_world: world_from_body * Vector3::from(state.velocity_body),
                 thrust_axis_world: world_from_body.column(2).into(),
                 thrust,

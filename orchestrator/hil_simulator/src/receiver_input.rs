@@ -13,7 +13,7 @@ use rustix::fs::{Mode, OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::ioctl_tiocnxcl;
 
-/// Silence after which a serial line is taken for free, ns.
+/// LinkLossTimer after which a serial line is taken for free, ns.
 const FREE_AFTER_NS: u64 = 50_000_000;
 
 /// Most that is read at once, bytes.
@@ -21,7 +21,7 @@ const PIECE: usize = 4096;
 
 /// Why frames cannot arrive there.
 #[derive(Debug, thiserror::Error)]
-pub enum LineError {
+pub enum ReceiverInputError {
     /// There is something already where the device should be.
     #[error(
         "there is something at {} already; give a path that is free as `rc_output.transmitter.device`, or remove what a world \
@@ -51,7 +51,7 @@ pub enum LineError {
 
 /// Where frames arrive.
 #[derive(Debug)]
-pub enum Line {
+pub enum ReceiverInput {
     /// A pseudo-terminal under the name of a serial device.
     Serial(Serial),
     /// A TCP server, and who has connected last.
@@ -70,13 +70,13 @@ pub struct Serial {
     heard_ns: u64,
 }
 
-impl Line {
+impl ReceiverInput {
     /// Opens the end of a link that a transmitter will look for.
     ///
     /// # Errors
-    /// [`LineError`].
-    pub fn open(target: &Target) -> Result<Self, LineError> {
-        let failed = |at: SocketAddr| move |source| LineError::Socket { at, source };
+    /// [`ReceiverInputError`].
+    pub fn open(target: &Target) -> Result<Self, ReceiverInputError> {
+        let failed = |at: SocketAddr| move |source| ReceiverInputError::Socket { at, source };
         match target {
             Target::Serial { path, .. } => Serial::open(path).map(Self::Serial),
             Target::Tcp(at) => {
@@ -156,8 +156,8 @@ impl Line {
 }
 
 impl Serial {
-    fn open(path: &Path) -> Result<Self, LineError> {
-        let terminal = |error: rustix::io::Errno| LineError::Terminal(error.into());
+    fn open(path: &Path) -> Result<Self, ReceiverInputError> {
+        let terminal = |error: rustix::io::Errno| ReceiverInputError::Terminal(error.into());
         let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
         let receiver = openpt(flags).map_err(terminal)?;
         grantpt(&receiver).map_err(terminal)?;
@@ -168,8 +168,8 @@ impl Serial {
         let transmitter = rustix::fs::open(&device, flags, Mode::empty()).map_err(terminal)?;
         let device = PathBuf::from(device.to_string_lossy().into_owned());
         symlink(&device, path).map_err(|source| match source.kind() {
-            ErrorKind::AlreadyExists => LineError::Taken(path.to_owned()),
-            _ => LineError::Name {
+            ErrorKind::AlreadyExists => ReceiverInputError::Taken(path.to_owned()),
+            _ => ReceiverInputError::Name {
                 path: path.to_owned(),
                 source,
             },
@@ -215,7 +215,7 @@ mod tests {
     }
 
     /// Listens until so many bytes have come.
-    fn heard(line: &mut Line, count: usize) -> Vec<u8> {
+    fn heard(line: &mut ReceiverInput, count: usize) -> Vec<u8> {
         let mut heard = Vec::new();
         let give_up_ns = monotonic_ns() + 10_000_000_000;
         while heard.len() < count && monotonic_ns() < give_up_ns {
@@ -235,7 +235,7 @@ mod tests {
             Target::Tcp(free_address()),
             Target::Udp(free_address()),
         ] {
-            let mut line = Line::open(&target).unwrap();
+            let mut line = ReceiverInput::open(&target).unwrap();
             let mut port = Port::open(target).unwrap();
             let frame = [0xc8, 10, 13, 3, 0];
             for _ in 0..2 {
@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn who_waits_is_woken_by_what_comes_and_by_the_time() {
         let target = Target::Udp(free_address());
-        let mut line = Line::open(&target).unwrap();
+        let mut line = ReceiverInput::open(&target).unwrap();
         let mut port = Port::open(target).unwrap();
         port.send(&[1], monotonic_ns());
         let mut arrivals = Vec::new();
@@ -262,7 +262,7 @@ mod tests {
     #[test]
     fn a_client_that_is_gone_makes_room_for_the_next() {
         let target = Target::Tcp(free_address());
-        let mut line = Line::open(&target).unwrap();
+        let mut line = ReceiverInput::open(&target).unwrap();
         for byte in 0..3 {
             let mut port = Port::open(target.clone()).unwrap();
             port.send(&[byte], monotonic_ns());
@@ -274,7 +274,7 @@ mod tests {
     fn a_line_is_free_again_for_the_successor_of_who_had_it_for_himself() {
         let folder = tempfile::tempdir().unwrap();
         let target = serial(&folder.path().join("radio"));
-        let mut line = Line::open(&target).unwrap();
+        let mut line = ReceiverInput::open(&target).unwrap();
         for byte in 0..2 {
             let mut port = Port::open(target.clone()).unwrap();
             port.send(&[byte], monotonic_ns());
@@ -298,7 +298,7 @@ mod tests {
             (serial(&folder.path().join("no/radio")), "a folder of yours"),
             (Target::Tcp(address), "give a free port"),
         ] {
-            let shown = Line::open(&target).unwrap_err().to_string();
+            let shown = ReceiverInput::open(&target).unwrap_err().to_string();
             assert!(shown.contains(piece), "{shown}");
         }
         assert!(taken.exists(), "what was there stays");

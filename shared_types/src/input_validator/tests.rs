@@ -16,8 +16,8 @@ fn now(number: u64) -> Now {
     }
 }
 
-fn gate(jump: Option<f64>) -> StateGate {
-    StateGate::new(Some(Policy {
+fn gate(jump: Option<f64>) -> StateValidator {
+    StateValidator::new(Some(Policy {
         max_age_ns: 30_000_000,
         jump,
     }))
@@ -36,7 +36,7 @@ fn state(number: u64, start: f64) -> VehicleState {
     state
 }
 
-fn look(gate: &mut StateGate, number: u64, state: &VehicleState) -> bool {
+fn look(gate: &mut StateValidator, number: u64, state: &VehicleState) -> bool {
     let input = Input::from_view(InputView {
         bytes: Some(state.as_bytes()),
         fresh: true,
@@ -44,14 +44,14 @@ fn look(gate: &mut StateGate, number: u64, state: &VehicleState) -> bool {
     gate.look(&now(number), &input)
 }
 
-fn held(gate: &StateGate) -> VehicleState {
+fn held(gate: &StateValidator) -> VehicleState {
     gate.save().held
 }
 
 #[test]
 fn a_number_of_no_flight_is_refused_with_and_without_a_policy_and_the_last_good_sample_stays() {
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 2e9] {
-        for mut gate in [StateGate::new(None), gate(None)] {
+        for mut gate in [StateValidator::new(None), gate(None)] {
             assert!(look(&mut gate, 1, &state(1, 0.0)));
             let mut garbage = state(2, 0.0);
             garbage.acceleration_world[1] = value;
@@ -64,7 +64,7 @@ fn a_number_of_no_flight_is_refused_with_and_without_a_policy_and_the_last_good_
 
 #[test]
 fn without_a_policy_every_finite_state_is_good() {
-    let mut gate = StateGate::new(None);
+    let mut gate = StateValidator::new(None);
     let mut odd = state(1, 5e8);
     odd.tracked = false.into();
     odd.world_from_body = [7.0; 9];

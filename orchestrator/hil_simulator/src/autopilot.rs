@@ -3,21 +3,21 @@
 use shared_types::samples::{RcFrame, VehicleTruth};
 
 use super::betaflight::Betaflight;
-use super::line::Line;
 use super::radio::Radio;
+use super::receiver_input::ReceiverInput;
 
 /// What flies on board.
 #[derive(Debug)]
-pub enum Onboard {
+pub enum Autopilot {
     /// The scenario's own rate loop, behind a receiver.
-    RateLoop(Line, Box<Radio>),
+    RateLoop(ReceiverInput, Box<Radio>),
     /// Betaflight, which has the receiver, in a process of its own.
     Betaflight(Betaflight),
 }
 
 /// What it has heard.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Heard {
+pub struct AutopilotCommands {
     /// Frames or packets that asked for something.
     pub frames: u64,
     /// Bytes that belonged to none.
@@ -26,7 +26,7 @@ pub struct Heard {
     pub losses: u64,
 }
 
-impl Onboard {
+impl Autopilot {
     /// Listens until a time has come, ns of `CLOCK_MONOTONIC`.
     pub(super) fn listen_until(&mut self, until_ns: u64) {
         match self {
@@ -54,16 +54,16 @@ impl Onboard {
 
     /// What it has heard.
     #[must_use]
-    pub fn heard(&self) -> Heard {
+    pub fn heard(&self) -> AutopilotCommands {
         match self {
-            Self::RateLoop(_, radio) => Heard {
+            Self::RateLoop(_, radio) => AutopilotCommands {
                 frames: radio.heard().frames,
                 skipped: radio.heard().skipped,
                 losses: radio.losses(),
             },
             Self::Betaflight(betaflight) => {
                 let [frames, losses] = betaflight.counts();
-                Heard {
+                AutopilotCommands {
                     frames,
                     skipped: 0,
                     losses,

@@ -1,17 +1,17 @@
 //! Whether a vehicle still hears who flies it.
 
-/// Silence after which a vehicle takes who flies it for lost and lets its motors rest, ns.
+/// LinkLossTimer after which a vehicle takes who flies it for lost and lets its motors rest, ns.
 pub const LOST_AFTER_NS: u64 = 500_000_000;
 
 /// Since when nothing has been heard.
 #[derive(Debug, Default)]
-pub(super) struct Silence {
+pub(super) struct LinkLossTimer {
     /// When something was heard last, ns of `CLOCK_MONOTONIC`; `None` before the first, and once it has been missed.
     heard_at_ns: Option<u64>,
     losses: u64,
 }
 
-impl Silence {
+impl LinkLossTimer {
     /// Something was heard.
     pub(super) fn ends_at(&mut self, now_ns: u64) {
         self.heard_at_ns = Some(now_ns);

@@ -4,7 +4,7 @@
 //! * a sample is judged once, when it is new. One that cannot be true is refused and counted, and the last good
 //!   one stays in its place;
 //! * a number that is not finite can never be true, nor in most samples one above [`LARGEST`]; what else cannot be, each service
-//!   says by itself, and of a vehicle's state [`StateGate`] does;
+//!   says by itself, and of a vehicle's state [`StateValidator`] does;
 //! * a sample may also say nothing new. Then it is not counted, but the last good one goes on growing old;
 //! * what was refused, however often, is no reason to refuse what comes next: no gate stays shut for ever.
 
@@ -15,18 +15,18 @@ use zerocopy::FromZeros;
 use crate::sample::{Flag, Sample};
 use crate::service::{Input, Now};
 
-pub use state::{Policy, StateGate, StateGateState};
+pub use state::{Policy, StateGateState, StateValidator};
 
 /// Magnitude above which a number is not one of a flight, SI units; powers and products of several stay finite.
 pub const LARGEST: f64 = 1e9;
 
 /// What a sample is good for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum Validity {
     /// It can be true and says something new.
     Good,
     /// It says nothing new.
-    Mute,
+    NothingNew,
     /// It cannot be true.
     Refused,
 }
@@ -47,13 +47,13 @@ crate::sample! {
 
 /// An input with its last good sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gate<T> {
+pub struct InputValidator<T> {
     memory: GateState,
     /// All zero before the first good sample.
     held: T,
 }
 
-impl<T: Sample> Default for Gate<T> {
+impl<T: Sample> Default for InputValidator<T> {
     fn default() -> Self {
         Self {
             memory: GateState::new_zeroed(),
@@ -62,7 +62,7 @@ impl<T: Sample> Default for Gate<T> {
     }
 }
 
-impl<T: Sample> Gate<T> {
+impl<T: Sample> InputValidator<T> {
     /// Judges the newest sample if it is new; `judge` is asked of numbers up to the magnitude `largest` only, with the
     /// last good sample beside it. Returns the verdict on a new sample.
     #[inline]
@@ -70,8 +70,8 @@ impl<T: Sample> Gate<T> {
         &mut self,
         input: &Input<'_, T>,
         largest: f64,
-        judge: impl FnOnce(&T, Option<&T>) -> Verdict,
-    ) -> Option<Verdict> {
+        judge: impl FnOnce(&T, Option<&T>) -> Validity,
+    ) -> Option<Validity> {
         let newest = input.newest()?;
         let number = newest.header().seq.wrapping_add(1);
         if input.fresh().is_none() && number == self.memory.judged {
@@ -81,12 +81,12 @@ impl<T: Sample> Gate<T> {
         let verdict = if newest.is_within(largest) {
             judge(newest, self.held())
         } else {
-            Verdict::Refused
+            Validity::Refused
         };
         match verdict {
-            Verdict::Good => (self.held, self.memory.has_held) = (*newest, true.into()),
-            Verdict::Mute => {}
-            Verdict::Refused => self.refuse(),
+            Validity::Good => (self.held, self.memory.has_held) = (*newest, true.into()),
+            Validity::NothingNew => {}
+            Validity::Refused => self.refuse(),
         }
         Some(verdict)
     }

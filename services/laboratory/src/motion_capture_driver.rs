@@ -11,7 +11,7 @@ use std::sync::atomic::Ordering;
 
 use motion_capture::feed::{Feed, Health, VehiclePose};
 use motion_capture::figures::Second;
-use motion_capture::transport::{Address, Source};
+use motion_capture::transport::{Address, CaptureSource};
 use runtime::flight_clock::monotonic_ns;
 use runtime::shared_page::SharedPage;
 use scenario::{CaptureSystem, MotionCapture};
@@ -26,10 +26,10 @@ use run_log::CaptureFigures;
 const RETRY_NS: u64 = 500_000_000;
 
 /// The cameras of a laboratory.
-pub(super) struct Cameras {
+pub(super) struct MotionCaptureDriver {
     address: Address,
     /// None while it cannot be had again.
-    source: Option<Source>,
+    source: Option<CaptureSource>,
     retry_at_ns: u64,
     feed: Feed,
     hand: Hand,
@@ -38,7 +38,7 @@ pub(super) struct Cameras {
     page: Arc<SharedPage>,
 }
 
-impl Cameras {
+impl MotionCaptureDriver {
     /// Begins to listen. A server that is not there yet is waited for in flight.
     ///
     /// # Errors
@@ -49,7 +49,7 @@ impl Cameras {
         page: Arc<SharedPage>,
     ) -> Result<Self, BuildError> {
         let address = Address::new(system, stated)?;
-        let source = match Source::open(&address) {
+        let source = match CaptureSource::open(&address) {
             Ok(source) => Some(source),
             Err(_) if is_under_way(&page) => None,
             Err(error) => return Err(error.into()),
@@ -70,7 +70,7 @@ impl Cameras {
         self.hand.advance(tick_ns);
         if self.source.is_none() && now_ns >= self.retry_at_ns {
             self.retry_at_ns = now_ns + RETRY_NS;
-            self.source = Source::open(&self.address).ok();
+            self.source = CaptureSource::open(&self.address).ok();
         }
         let Self {
             source: Some(source),
@@ -92,7 +92,11 @@ impl Cameras {
 
     fn figures(&self, start_ns: u64) -> CaptureFigures {
         let counts = self.feed.counts();
-        let wire = self.source.as_ref().map(Source::counts).unwrap_or_default();
+        let wire = self
+            .source
+            .as_ref()
+            .map(CaptureSource::counts)
+            .unwrap_or_default();
         let second = self.feed.figures().last().copied().unwrap_or_default();
         let Second {
             rate,
@@ -140,7 +144,7 @@ impl Cameras {
     }
 }
 
-impl ErasedService for Cameras {
+impl ErasedService for MotionCaptureDriver {
     fn id(&self) -> ServiceId {
         ServiceId::Plant
     }

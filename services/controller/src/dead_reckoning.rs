@@ -21,8 +21,8 @@ use vehicle_model::integrator::travelled;
 use vehicle_model::lag::{Lag, between};
 use vehicle_model::rigid_body::{self, Motion, angular_acceleration, free_fall};
 
-use crate::commander::link_limits;
 use crate::parameters::Parameters;
+use crate::rate_controller::link_limits;
 use crate::signals::Estimates;
 
 /// Longest step of the reckoning, s, and most steps at once: a longer while is reckoned in longer steps.
@@ -30,7 +30,7 @@ const STEP: f64 = 0.002;
 const MOST_STEPS: f64 = 200.0;
 /// How the push fades away.
 const PUSH_FADES: Lag = Lag::new(0.5);
-/// Largest body rate that is believed, each component, rad/s.
+/// Largest body rate that is estimate, each component, rad/s.
 const FASTEST_TURN: f64 = 50.0;
 
 shared_types::sample! {
@@ -76,14 +76,14 @@ impl Commanded {
 
 /// What thrust and gravity do to a vehicle, as the estimates say.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Believed {
+pub struct ModelEstimate {
     /// m̂, kg.
     pub mass: f64,
     /// b̂ in {I}, m/s².
     pub disturbance_world: Vector3<f64>,
 }
 
-impl Believed {
+impl ModelEstimate {
     /// What the projected estimates say.
     #[must_use]
     pub fn new(parameters: &Parameters, estimates: &Estimates) -> Self {
@@ -102,7 +102,7 @@ impl Believed {
 
 /// How the vehicle follows commands.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reckoner {
+pub struct DeadReckoning {
     /// Diagonal of J, kg m².
     pub inertia: Vector3<f64>,
     actuation: Actuation,
@@ -121,8 +121,8 @@ enum Actuation {
     },
 }
 
-impl Reckoner {
-    /// The reckoner of a scenario that has been checked.
+impl DeadReckoning {
+    /// The dead_reckoning of a scenario that has been checked.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let model = scenario.model.clone().unwrap_or_default();
@@ -144,12 +144,12 @@ impl Reckoner {
 
     /// The vehicle in a state that was measured, flying by what was commanded last.
     #[must_use]
-    pub fn begin(&self, state: &VehicleState, last: &Commanded, believed: &Believed) -> Reckoned {
+    pub fn begin(&self, state: &VehicleState, last: &Commanded, estimate: &ModelEstimate) -> Reckoned {
         let r = rotation::from_row_major(&state.world_from_body);
         let (thrust, push) = match self.actuation {
             Actuation::Torque => (last.thrust, Vector3::zeros()),
             Actuation::Rates { .. } => {
-                let explained = believed.acceleration(&r, state.thrust);
+                let explained = estimate.acceleration(&r, state.thrust);
                 (state.thrust, Vector3::from(state.acceleration_world) - explained)
             }
         };
@@ -171,7 +171,7 @@ impl Reckoner {
         &self,
         before: &Reckoned,
         command: &Commanded,
-        believed: &Believed,
+        estimate: &ModelEstimate,
         elapsed: f64,
     ) -> Reckoned {
         let count = libm::ceil(elapsed / STEP).clamp(1.0, MOST_STEPS);
@@ -186,7 +186,7 @@ impl Reckoner {
             (thrust, omega) = self.followed(command, thrust, &omega_before, h);
             let turned = r * rotation::exp(&((omega_before + omega) * (0.5 * h)));
             let middle = (r + turned) * 0.5;
-            let acceleration = believed.acceleration(&middle, thrust) + push;
+            let acceleration = estimate.acceleration(&middle, thrust) + push;
             let (position_world, velocity_world) =
                 travelled(&motion.position_world, &motion.velocity_world, &acceleration, h);
             motion = Motion {
@@ -273,10 +273,10 @@ impl Reckoned {
 
     /// The reckoned vehicle in the words of a state, which rests on no measurement; `last` has what is not reckoned.
     #[must_use]
-    pub fn state(&self, last: &VehicleState, believed: &Believed) -> VehicleState {
+    pub fn state(&self, last: &VehicleState, estimate: &ModelEstimate) -> VehicleState {
         let motion = self.motion();
         let acceleration =
-            believed.acceleration(&motion.world_from_body, self.thrust) + Vector3::from(self.push_world);
+            estimate.acceleration(&motion.world_from_body, self.thrust) + Vector3::from(self.push_world);
         VehicleState {
             position_world: self.position_world,
             world_from_body: self.world_from_body,
@@ -312,8 +312,8 @@ pub(crate) mod tests {
         .unwrap()
     }
 
-    fn believed() -> Believed {
-        Believed {
+    fn estimate() -> ModelEstimate {
+        ModelEstimate {
             mass: MASS,
             disturbance_world: Vector3::new(0.1, 0.0, -0.2),
         }
@@ -346,13 +346,13 @@ pub(crate) mod tests {
             attitude in vector(0.5), velocity in vector(1.0), omega in vector(1.0), rates in vector(2.0),
             thrust in 1.0..3.0f64, rates_mode in any::<bool>(),
         ) {
-            let reckoner = Reckoner::new(&scenario(rates_mode));
+            let dead_reckoning = DeadReckoning::new(&scenario(rates_mode));
             let command = command(thrust, rates);
-            let start = reckoner.begin(&state(attitude, velocity, omega), &command, &believed());
-            let whole = reckoner.advanced(&start, &command, &believed(), 0.1);
+            let start = dead_reckoning.begin(&state(attitude, velocity, omega), &command, &estimate());
+            let whole = dead_reckoning.advanced(&start, &command, &estimate(), 0.1);
             let mut parts = start;
             for _ in 0..100 {
-                parts = reckoner.advanced(&parts, &command, &believed(), 0.001);
+                parts = dead_reckoning.advanced(&parts, &command, &estimate(), 0.001);
             }
             let distance = (Vector3::from(whole.position_world) - Vector3::from(parts.position_world)).norm();
             prop_assert!(distance < 5e-4, "{} m", distance);
@@ -365,21 +365,21 @@ pub(crate) mod tests {
             velocity in vector(1e3), omega in vector(1e3), rates in vector(1e9), thrust in -1e9..1e9f64,
             elapsed in 1e-3..1e4f64, rates_mode in any::<bool>(),
         ) {
-            let reckoner = Reckoner::new(&scenario(rates_mode));
+            let dead_reckoning = DeadReckoning::new(&scenario(rates_mode));
             let command = command(thrust, rates);
-            let start = reckoner.begin(&state([0.3, 0.2, 0.1], velocity, omega), &command, &believed());
-            let end = reckoner.advanced(&start, &command, &believed(), elapsed);
+            let start = dead_reckoning.begin(&state([0.3, 0.2, 0.1], velocity, omega), &command, &estimate());
+            let end = dead_reckoning.advanced(&start, &command, &estimate(), elapsed);
             prop_assert!(shared_types::sample::Field::is_finite(&end), "{:?}", end);
             prop_assert!(rotation::defect(&rotation::from_row_major(&end.world_from_body)) < 1e-6);
         }
     }
 
     #[test]
-    fn rates_and_thrust_follow_as_the_lags_that_are_believed() {
-        let reckoner = Reckoner::new(&scenario(true));
+    fn rates_and_thrust_follow_as_the_lags_that_are_estimate() {
+        let dead_reckoning = DeadReckoning::new(&scenario(true));
         let command = command(2.5, [1.0, 0.0, 0.0]);
-        let start = reckoner.begin(&state([0.0; 3], [0.0; 3], [0.0; 3]), &command, &believed());
-        let after = reckoner.advanced(&start, &command, &believed(), 0.02);
+        let start = dead_reckoning.begin(&state([0.0; 3], [0.0; 3], [0.0; 3]), &command, &estimate());
+        let after = dead_reckoning.advanced(&start, &command, &estimate(), 0.02);
         assert!((after.angular_velocity_body[0] - (1.0 - libm::exp(-1.0))).abs() < 1e-12);
         assert!((after.thrust - (2.5 - 0.6 * libm::exp(-0.02 / 0.03))).abs() < 1e-12);
     }
@@ -387,13 +387,13 @@ pub(crate) mod tests {
     /// What the filter saw of the acceleration is what the vehicle is reckoned to have, and fades.
     #[test]
     fn what_the_estimates_do_not_explain_pushes_on_for_a_while() {
-        let reckoner = Reckoner::new(&scenario(true));
+        let dead_reckoning = DeadReckoning::new(&scenario(true));
         let mut pushed = state([0.0; 3], [0.0; 3], [0.0; 3]);
         pushed.thrust = MASS * (GRAVITY - 0.2);
         pushed.acceleration_world = [0.6, 0.0, 0.0];
         let hover = command(pushed.thrust, [0.0; 3]);
-        let start = reckoner.begin(&pushed, &hover, &believed());
-        let [soon, late] = [0.01, 3.0].map(|time| reckoner.advanced(&start, &hover, &believed(), time));
+        let start = dead_reckoning.begin(&pushed, &hover, &estimate());
+        let [soon, late] = [0.01, 3.0].map(|time| dead_reckoning.advanced(&start, &hover, &estimate(), time));
         assert!((soon.velocity_world[0] - 0.006).abs() < 1e-4, "{soon:?}");
         // b̂ of 0.1 m/s² for 3 s, and 0.5 m/s² for half a second.
         assert!((late.velocity_world[0] - 0.55).abs() < 0.02, "{late:?}");

@@ -17,14 +17,14 @@ use run_log::LogReader;
 use run_log::run_folder::log_meant_by;
 
 /// The cameras of a recorded flight.
-pub(super) struct RecordedCameras {
+pub(super) struct RecordedCaptures {
     /// Captures that have seen the vehicle, as they were published.
     captures: Vec<MocapPose>,
     /// How many of them are behind this flight.
     passed: usize,
 }
 
-impl RecordedCameras {
+impl RecordedCaptures {
     /// Reads the captures of a log, or of the log in a run's folder.
     ///
     /// # Errors
@@ -44,7 +44,7 @@ impl RecordedCameras {
     }
 }
 
-impl ErasedService for RecordedCameras {
+impl ErasedService for RecordedCaptures {
     fn id(&self) -> ServiceId {
         ServiceId::Plant
     }
@@ -96,7 +96,7 @@ mod tests {
     }
 
     /// When what is handed on at a time was exposed, ns.
-    fn handed_on_at(cameras: &mut RecordedCameras, time_ns: u64) -> Option<u64> {
+    fn handed_on_at(cameras: &mut RecordedCaptures, time_ns: u64) -> Option<u64> {
         let mut pose = MocapPose::new_zeroed();
         let mut outputs = [
             OutputSlot { bytes: None },
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn each_capture_is_handed_on_once_when_it_was_published_and_of_several_the_newest() {
-        let mut cameras = RecordedCameras {
+        let mut cameras = RecordedCaptures {
             captures: [10, 20, 30, 40].map(published_at).to_vec(),
             passed: 0,
         };

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::curve::CurvePoint;
-use crate::pace::{MOST_CURVED, STEEPEST, Step};
+use crate::speed_profile::{MOST_CURVED, STEEPEST, Step};
 
 /// Largest acceleration on a leg, m/s².
 const ACCELERATION: f64 = 1.0;

@@ -11,7 +11,7 @@ use super::compare::Comparison;
 use super::history::History;
 
 /// Compares what the steps of a service publish, and what it knows after some of them, with what was recorded.
-pub(super) struct Jury {
+pub(super) struct Comparator {
     judges: Vec<Judge>,
     /// How often what it knows was compared.
     pub(super) checkpoints: u64,
@@ -20,7 +20,7 @@ pub(super) struct Jury {
     pub(super) first_different_after: Option<u64>,
 }
 
-impl Jury {
+impl Comparator {
     /// One judge a topic that the service publishes, in the order of the wiring table.
     pub(super) fn new(topics: impl IntoIterator<Item = Topic>) -> Self {
         Self {

@@ -20,7 +20,7 @@ use live::run_root::RunRoot;
 use supervisor::supervision::process::Process;
 
 /// The place of a replay into service processes. To be dropped after those.
-pub(super) struct Workshop<'a> {
+pub(super) struct ReplayEnvironment<'a> {
     schedule: &'a Schedule,
     scenario: Scenario,
     page: SharedPage,
@@ -33,7 +33,7 @@ pub(super) struct Workshop<'a> {
     root: RunRoot,
 }
 
-impl<'a> Workshop<'a> {
+impl<'a> ReplayEnvironment<'a> {
     /// Makes the place and joins it. Whoever raises `interrupt` ends the replay.
     pub(super) fn open(
         scenario: &Scenario,
@@ -44,7 +44,7 @@ impl<'a> Workshop<'a> {
         let doorbells = ServiceId::ALL.iter().map(|_| Doorbell::create());
         Ok(Self {
             schedule,
-            // A replay is not in a hurry: it asks nothing of the machine.
+            // A replay is not in a hurry: it asks nothing of the recorded_steps.
             scenario: scenario.experiment(),
             page: SharedPage::create().map_err(setup)?,
             checkpoints: Checkpoints::create().map_err(setup)?,

@@ -3,7 +3,7 @@
 //! The command is the law's plus an offset, which is what the last command differs from the law's at the return, and
 //! decays linearly to zero. Thrust, torque and rates are continuous whatever the law has found when it came back.
 
-use crate::reckoning::Commanded;
+use crate::dead_reckoning::Commanded;
 
 shared_types::sample! {
     /// A transfer under way; all zero if there is none.

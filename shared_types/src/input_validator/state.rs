@@ -12,7 +12,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Gate, GateState, LARGEST, Verdict, is_of_the_past};
+use super::{GateState, InputValidator, LARGEST, Validity, is_of_the_past};
 use crate::rotation::{defect, from_row_major};
 use crate::sample::{Field, Flag};
 use crate::samples::VehicleState;
@@ -45,9 +45,9 @@ crate::sample! {
 
 /// An input of states with its last good one.
 #[derive(Clone, Debug)]
-pub struct StateGate {
+pub struct StateValidator {
     policy: Option<Policy>,
-    gate: Gate<VehicleState>,
+    gate: InputValidator<VehicleState>,
     suspect: Option<VehicleState>,
 }
 
@@ -60,13 +60,13 @@ pub struct Policy {
     pub jump: Option<f64>,
 }
 
-impl StateGate {
+impl StateValidator {
     /// A gate before the first state.
     #[must_use]
     pub fn new(policy: Option<Policy>) -> Self {
         Self {
             policy,
-            gate: Gate::default(),
+            gate: InputValidator::default(),
             suspect: None,
         }
     }
@@ -80,10 +80,10 @@ impl StateGate {
             suspect,
         } = self;
         let verdict = gate.look(input, LARGEST, |state, held| match policy {
-            None => Verdict::Good,
+            None => Validity::Good,
             Some(policy) => policy.judge(now, state, held, suspect),
         });
-        verdict == Some(Verdict::Good)
+        verdict == Some(Validity::Good)
     }
 
     /// The last good state.
@@ -147,23 +147,23 @@ impl Policy {
         state: &VehicleState,
         held: Option<&VehicleState>,
         suspect: &mut Option<VehicleState>,
-    ) -> Verdict {
+    ) -> Validity {
         if !is_of_the_past(state, now) || !is_in_range(state) {
-            return Verdict::Refused;
+            return Validity::Refused;
         }
         let Some(held) = held.filter(|_| state.tracked.is_set()) else {
             return if state.tracked.is_set() {
-                Verdict::Good
+                Validity::Good
             } else {
-                Verdict::Mute
+                Validity::NothingNew
             };
         };
         if state.state_time_ns == held.state_time_ns {
-            return Verdict::Mute;
+            return Validity::NothingNew;
         }
         if self.leads_to(held, state) {
             *suspect = None;
-            return Verdict::Good;
+            return Validity::Good;
         }
         let is_lost = now.time_ns.saturating_sub(held.header.stamp_ns) > self.max_age_ns;
         let agrees = suspect.is_some_and(|suspect| {
@@ -171,10 +171,10 @@ impl Policy {
         });
         if is_lost && agrees {
             *suspect = None;
-            return Verdict::Good;
+            return Validity::Good;
         }
         *suspect = Some(*state);
-        Verdict::Refused
+        Validity::Refused
     }
 
     /// Whether a vehicle that was at `earlier` can be at `later`.

@@ -8,12 +8,12 @@ use scenario::{Fault, FaultKind, FaultState, Scenario, Target};
 use serde::Serialize;
 use shared_types::Topic;
 
-use super::{DELAY, FRACTION, RANGE, moments};
+use super::{DELAY, FRACTION, RANGE, injection_times};
 
 /// A kind of fault, as the matrix knows them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(into = "&'static str")]
-pub enum Trouble {
+pub enum MatrixFault {
     /// A service dies and comes back with what it knew.
     OffWarm,
     /// A service dies and comes back as at the start of the flight.
@@ -34,7 +34,7 @@ pub enum Trouble {
     Garbage,
 }
 
-impl Trouble {
+impl MatrixFault {
     /// All of them, those of services first.
     pub const ALL: [Self; 9] = [
         Self::OffWarm,
@@ -95,7 +95,9 @@ impl Trouble {
         }
         match self {
             Self::OffCold => fault.state = FaultState::Cold,
-            Self::Delay => fault.by = Some(moments::on_tick(scenario, DELAY).max(scenario.schedule.tick)),
+            Self::Delay => {
+                fault.by = Some(injection_times::on_tick(scenario, DELAY).max(scenario.schedule.tick))
+            }
             Self::Intermittent => fault.fraction = Some(FRACTION),
             Self::GarbageInRange => fault.range = Some(RANGE),
             Self::Wrong => {
@@ -112,8 +114,8 @@ impl Trouble {
     }
 }
 
-impl From<Trouble> for &'static str {
-    fn from(trouble: Trouble) -> Self {
+impl From<MatrixFault> for &'static str {
+    fn from(trouble: MatrixFault) -> Self {
         trouble.name()
     }
 }
@@ -146,19 +148,19 @@ impl Error {
 
 /// One or more kinds of faults, by a name on the command line: `off` and `garbage` mean two each.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Troubles(pub Vec<Trouble>);
+pub struct MatrixFaults(pub Vec<MatrixFault>);
 
-impl FromStr for Troubles {
+impl FromStr for MatrixFaults {
     type Err = ValueError;
 
     fn from_str(name: &str) -> Result<Self, ValueError> {
-        let all = Trouble::ALL.into_iter();
+        let all = MatrixFault::ALL.into_iter();
         let of_name: Vec<_> = all
             .filter(|trouble| trouble.name() == name || trouble.kind().name() == name)
             .collect();
         if of_name.is_empty() {
             let names = FaultKind::ALL.map(FaultKind::name).into_iter();
-            let mut names: Vec<_> = names.chain(Trouble::ALL.map(Trouble::name)).collect();
+            let mut names: Vec<_> = names.chain(MatrixFault::ALL.map(MatrixFault::name)).collect();
             names.sort_unstable();
             names.dedup();
             return Err(ValueError::Unknown {
@@ -183,7 +185,10 @@ mod tests {
             let plain = scenario(tick, 22.0);
             let services = services().map(Target::Service);
             for target in services.chain(EdgeName::all().map(Target::Edge)) {
-                for trouble in Trouble::ALL.into_iter().filter(|trouble| trouble.befalls(target)) {
+                for trouble in MatrixFault::ALL
+                    .into_iter()
+                    .filter(|trouble| trouble.befalls(target))
+                {
                     let mut scenario = plain.clone();
                     scenario.fault = vec![trouble.fault(target, &scenario, 11.0, 2.2)];
                     assert_eq!(scenario.problems(), [], "{target}, {}", trouble.name());
@@ -196,14 +201,17 @@ mod tests {
     fn a_kind_that_a_scenario_knows_means_all_that_the_matrix_makes_of_it() {
         assert_eq!(
             "off".parse(),
-            Ok(Troubles(vec![Trouble::OffWarm, Trouble::OffCold]))
+            Ok(MatrixFaults(vec![MatrixFault::OffWarm, MatrixFault::OffCold]))
         );
-        assert_eq!("off-cold".parse(), Ok(Troubles(vec![Trouble::OffCold])));
+        assert_eq!("off-cold".parse(), Ok(MatrixFaults(vec![MatrixFault::OffCold])));
         assert_eq!(
             "garbage".parse(),
-            Ok(Troubles(vec![Trouble::GarbageInRange, Trouble::Garbage]))
+            Ok(MatrixFaults(vec![
+                MatrixFault::GarbageInRange,
+                MatrixFault::Garbage
+            ]))
         );
-        let unknown = "dealy".parse::<Troubles>().unwrap_err().to_string();
+        let unknown = "dealy".parse::<MatrixFaults>().unwrap_err().to_string();
         assert!(unknown.contains("did you mean `delay`"), "{unknown}");
     }
 }

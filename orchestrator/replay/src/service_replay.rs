@@ -8,15 +8,15 @@ use shared_types::{Now, Schedule, ServiceId, Topic};
 
 use super::ReplayError;
 use super::checkpoints::RecordedCheckpoints;
+use super::comparator::Comparator;
 use super::compare::Comparison;
 use super::history::{History, KEPT};
-use super::judge::Jury;
-use super::machine::{RecordedStep, Seen};
+use super::recorded_steps::{RecordedStep, Seen};
 use super::scope::Scope;
 use super::stepper::{Step, Stepper};
 
 /// A service that does its steps again.
-pub(super) struct Station {
+pub(super) struct ServiceReplay {
     stepper: Box<dyn Stepper>,
     timetable: Timetable,
     /// Ticks of the last step and of the one before it.
@@ -32,14 +32,14 @@ pub(super) struct Station {
     stores: [Option<EdgeStore>; MAX_PORTS],
     /// Of each input, the next sample that its store wants.
     next_stored: [u64; MAX_PORTS],
-    jury: Jury,
+    comparator: Comparator,
     pub(super) steps: u64,
     pub(super) steps_without_inputs: u64,
     /// How often it went on from a recorded checkpoint because what the service knew could not be known otherwise.
     pub(super) resumptions: u64,
 }
 
-impl Station {
+impl ServiceReplay {
     pub(super) fn new(
         service: ServiceId,
         schedule: &Schedule,
@@ -60,7 +60,7 @@ impl Station {
             begins_at: 0,
             stores,
             next_stored: [0; MAX_PORTS],
-            jury: Jury::new(timetable.outputs.iter().map(|output| output.topic)),
+            comparator: Comparator::new(timetable.outputs.iter().map(|output| output.topic)),
             timetable,
             steps: 0,
             steps_without_inputs: 0,
@@ -77,7 +77,7 @@ impl Station {
     ) -> Result<(), ReplayError> {
         self.last = next_tick.checked_sub(1);
         self.begins_at = next_tick;
-        self.stepper.resume(state, &mut self.jury, history)
+        self.stepper.resume(state, &mut self.comparator, history)
     }
 
     pub(super) fn service(&self) -> ServiceId {
@@ -96,18 +96,18 @@ impl Station {
         self.begins_at
     }
 
-    /// What was found by now. It is all once the station has settled.
-    pub(super) fn jury(&self) -> &Jury {
-        &self.jury
+    /// What was found by now. It is all once the replay has settled.
+    pub(super) fn comparator(&self) -> &Comparator {
+        &self.comparator
     }
 
     /// Returns when all steps have been compared.
     pub(super) fn settle(&mut self, history: &History) -> Result<(), ReplayError> {
-        self.stepper.finish(&mut self.jury, history)
+        self.stepper.finish(&mut self.comparator, history)
     }
 
     pub(super) fn finish(self) -> impl Iterator<Item = Comparison> {
-        self.jury.into_comparisons()
+        self.comparator.into_comparisons()
     }
 
     /// Does the step at `tick`, if there is one, on the samples that the schedule has due.
@@ -121,7 +121,7 @@ impl Station {
             self.step_on_due(tick, history, checkpoints)?;
             self.compare_state(tick, checkpoints);
         }
-        self.stepper.end_tick(tick, &mut self.jury, history)
+        self.stepper.end_tick(tick, &mut self.comparator, history)
     }
 
     fn step_on_due(
@@ -190,7 +190,7 @@ impl Station {
         if !steps.is_empty() {
             self.compare_state(tick, checkpoints);
         }
-        self.stepper.end_tick(tick, &mut self.jury, history)
+        self.stepper.end_tick(tick, &mut self.comparator, history)
     }
 
     fn do_again(
@@ -227,7 +227,7 @@ impl Station {
         let Some(state) = previous.and_then(|previous| checkpoints.after(previous)) else {
             return Ok(false);
         };
-        self.stepper.resume(state, &mut self.jury, history)?;
+        self.stepper.resume(state, &mut self.comparator, history)?;
         self.last = previous;
         self.is_lost = false;
         self.resumptions += 1;
@@ -313,7 +313,7 @@ impl Station {
             is_finished,
             is_compared,
         };
-        self.stepper.step(&step, &mut self.jury, history)?;
+        self.stepper.step(&step, &mut self.comparator, history)?;
         self.steps += u64::from(is_compared);
         Ok(true)
     }
@@ -325,7 +325,7 @@ impl Station {
             && self.scope.checkpoints
             && !self.is_lost
         {
-            self.stepper.compare_state(tick, recorded, &mut self.jury);
+            self.stepper.compare_state(tick, recorded, &mut self.comparator);
         }
     }
 

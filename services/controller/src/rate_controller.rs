@@ -11,7 +11,7 @@ use crate::yaw::YawLaw;
 
 /// Makes commands of thrust and body rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Commander {
+pub struct RateController {
     roll_out: RollOut,
     yaw: YawLaw,
     /// Least and largest thrust that the link carries, N.
@@ -19,19 +19,19 @@ pub struct Commander {
     /// Thrust below which the lightest vehicle cannot be flying, N.
     airborne_thrust: f64,
     /// What is kept from hold to hold.
-    pub memory: Memory,
+    pub memory: RateControllerState,
 }
 
 /// What is kept from hold to hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Memory {
+pub struct RateControllerState {
     /// The artificial ω at the end of the last hold, rad/s.
     pub artificial_omega: Vector3<f64>,
     /// Integral term of the yaw law, rad/s.
     pub yaw_integral: f64,
 }
 
-impl Memory {
+impl RateControllerState {
     /// What there is to remember before the first hold.
     pub const NONE: Self = Self {
         artificial_omega: Vector3::new(0.0, 0.0, 0.0),
@@ -41,7 +41,7 @@ impl Memory {
 
 /// A command of thrust and body rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Command {
+pub struct RateCommandOutput {
     /// T, N, before the limits of the link.
     pub thrust: f64,
     /// T as the link will carry it, N.
@@ -54,8 +54,8 @@ pub struct Command {
     pub is_telling: bool,
 }
 
-impl Commander {
-    /// The commander of a scenario that has been checked, for commands of body rates.
+impl RateController {
+    /// The rate_controller of a scenario that has been checked, for commands of body rates.
     #[must_use]
     pub fn new(scenario: &Scenario, rates: &RateCommand) -> Self {
         let model = scenario.model.clone().unwrap_or_default();
@@ -65,7 +65,7 @@ impl Commander {
             yaw: YawLaw::new(rates, rate_limits[2]),
             thrust_limits,
             airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
-            memory: Memory::NONE,
+            memory: RateControllerState::NONE,
         }
     }
 
@@ -78,7 +78,7 @@ impl Commander {
         reference: &Reference,
         estimates: &Estimates,
         yaw: f64,
-    ) -> Command {
+    ) -> RateCommandOutput {
         let memory = self.memory;
         let yaw = self.yaw.command(
             &measured.world_from_body,
@@ -95,13 +95,13 @@ impl Commander {
             acting,
         };
         let output = self.roll_out.command(parameters, &start);
-        self.memory = Memory {
+        self.memory = RateControllerState {
             artificial_omega: output.artificial_omega,
             yaw_integral: yaw.integral,
         };
         let [least, largest] = self.thrust_limits;
         let is_within = (least..=largest).contains(&output.first.thrust);
-        Command {
+        RateCommandOutput {
             thrust: output.thrust,
             limited_thrust: output.thrust.clamp(least, largest),
             rates_body: output.rates_body,

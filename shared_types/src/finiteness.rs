@@ -1,4 +1,4 @@
-//! Whether all numbers of samples are finite, at a glance: by their sum, in a few instructions, where to ask each number
+//! Whether all numbers of samples are finite, at a check: by their sum, in a few instructions, where to ask each number
 //! takes hundreds.
 
 use zerocopy::FromBytes;
@@ -6,13 +6,13 @@ use zerocopy::FromBytes;
 /// How many sums run side by side: an addition does not have to wait for the one before.
 const LANES: usize = 4;
 
-/// A glance at samples.
+/// A check at samples.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Glance {
+pub struct FinitenessCheck {
     sums: [f64; LANES],
 }
 
-impl Glance {
+impl FinitenessCheck {
     /// Takes a sample in.
     ///
     /// # Panics
@@ -47,12 +47,12 @@ mod tests {
     use proptest::prelude::*;
     use zerocopy::IntoBytes;
 
-    fn glance_at(samples: &[Vec<f64>]) -> Glance {
-        let mut glance = Glance::default();
+    fn check_at(samples: &[Vec<f64>]) -> FinitenessCheck {
+        let mut check = FinitenessCheck::default();
         for sample in samples {
-            glance.take_in(sample.as_bytes());
+            check.take_in(sample.as_bytes());
         }
-        glance
+        check
     }
 
     proptest! {
@@ -64,7 +64,7 @@ mod tests {
             other in (0..8usize, 0..40usize),
             opposite in any::<bool>(),
         ) {
-            prop_assert!(glance_at(&samples).is_surely_finite());
+            prop_assert!(check_at(&samples).is_surely_finite());
             let count = samples.len();
             let mut put = |(sample, place): (usize, usize), number: f64| {
                 let sample = &mut samples[sample % count];
@@ -75,7 +75,7 @@ mod tests {
                 put(other, -number);
             }
             put((sample, place), number);
-            prop_assert!(!glance_at(&samples).is_surely_finite());
+            prop_assert!(!check_at(&samples).is_surely_finite());
         }
     }
 }

@@ -29,8 +29,8 @@ pub(super) struct RecordedStep {
 
 /// What was recorded beside a flight's log, read as far as it is needed. Of one tick there are several steps where a process
 /// died in its step and the one that took its place did it again.
-pub(super) struct Machine {
-    /// None if there is no record of the machine.
+pub(super) struct RecordedSteps {
+    /// None if there is no record of the recorded_steps.
     source: Option<HostReader>,
     services: [OfService; ServiceId::ALL.len()],
     has_steps: bool,
@@ -48,19 +48,19 @@ struct OfService {
     has_strange_checkpoints: bool,
 }
 
-impl Machine {
+impl RecordedSteps {
     /// What is beside the flight's log `log`.
     pub(super) fn beside(log: &Path, begins_by: u64) -> Result<Self, ReplayError> {
         let source = host_log_beside(log).map(|path| HostReader::open(&path));
-        let mut machine = Self {
+        let mut recorded_steps = Self {
             source: source.transpose()?,
             services: Default::default(),
             has_steps: false,
             begins_by,
         };
         // A flight in simulated time has none, and so little else that all of it may be kept.
-        while !machine.has_steps && machine.read_one()? {}
-        Ok(machine)
+        while !recorded_steps.has_steps && recorded_steps.read_one()? {}
+        Ok(recorded_steps)
     }
 
     /// Whether the flight was flown in real time.

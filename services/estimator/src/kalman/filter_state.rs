@@ -11,7 +11,7 @@ use super::error_state::{
     ATTITUDE, Covariance, DISTURBANCE, ERRORS, ErrorVector, POSITION, ProcessNoise, RATE_BIAS, VELOCITY,
     add_to_diagonal, is_symmetric, symmetrized,
 };
-use super::motion::{Actuation, Nominal, VehicleModel};
+use super::motion::{Actuation, NominalState, VehicleModel};
 
 /// Longest step of the propagation, ns.
 const LONGEST_STEP_NS: u64 = 2_000_000;
@@ -73,11 +73,11 @@ pub struct ProcessModel {
 
 /// The state of the vehicle at a time, and how well it is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Belief {
+pub struct FilterState {
     /// The time that it speaks of, ns since the start of the flight.
     pub time_ns: u64,
     /// The mean.
-    pub nominal: Nominal,
+    pub nominal: NominalState,
     /// P, covariance of the error of the mean.
     pub covariance: Covariance,
     /// Whether the ground holds the vehicle, so that it neither moves nor turns whatever it is told.
@@ -111,7 +111,7 @@ impl Innovation {
     }
 }
 
-impl Belief {
+impl FilterState {
     /// What the first pose tells: at rest, undisturbed, and sure of neither.
     #[must_use]
     pub fn from_pose(time_ns: u64, pose: &Pose, noise: PoseNoise, actuation: Actuation) -> Self {
@@ -133,7 +133,7 @@ impl Belief {
         }
         Self {
             time_ns,
-            nominal: Nominal {
+            nominal: NominalState {
                 position_world: pose.position_world,
                 velocity_world: Vector3::zeros(),
                 world_from_body: orthonormalized(&pose.world_from_body),
@@ -150,12 +150,12 @@ impl Belief {
     #[must_use]
     pub fn standing(time_ns: u64, pose: &Pose, noise: PoseNoise, actuation: Actuation) -> Self {
         const VARIANCE: f64 = STANDING_VELOCITY_DEVIATION * STANDING_VELOCITY_DEVIATION;
-        let mut belief = Self::from_pose(time_ns, pose, noise, actuation);
-        let mut velocity = belief.covariance.fixed_view_mut::<3, 3>(VELOCITY, VELOCITY);
+        let mut state = Self::from_pose(time_ns, pose, noise, actuation);
+        let mut velocity = state.covariance.fixed_view_mut::<3, 3>(VELOCITY, VELOCITY);
         velocity.fill_with_identity();
         velocity *= VARIANCE;
-        belief.stands = true;
-        belief
+        state.stands = true;
+        state
     }
 
     /// What a pose tells to one who had lost the vehicle: as the first one, but ω_bias and d are kept, with what
@@ -175,20 +175,20 @@ impl Belief {
             let h = seconds(segment.to_ns - segment.from_ns);
             actuation = process.vehicle.actuated(&actuation, &segment.command, h);
         }
-        let mut belief = Self::from_pose(time_ns, pose, noise, actuation);
-        belief.nominal.rate_bias_body = self.nominal.rate_bias_body;
-        belief.nominal.disturbance_world = self.nominal.disturbance_world;
+        let mut state = Self::from_pose(time_ns, pose, noise, actuation);
+        state.nominal.rate_bias_body = self.nominal.rate_bias_body;
+        state.nominal.disturbance_world = self.nominal.disturbance_world;
         let slow = self.covariance.fixed_view::<SLOW, SLOW>(RATE_BIAS, RATE_BIAS);
-        belief
+        state
             .covariance
             .fixed_view_mut::<SLOW, SLOW>(RATE_BIAS, RATE_BIAS)
             .copy_from(&slow);
         let gone = seconds(time_ns.saturating_sub(self.time_ns));
-        process.noise.add_drift_to(&mut belief.covariance, gone);
-        belief
+        process.noise.add_drift_to(&mut state.covariance, gone);
+        state
     }
 
-    /// Carries the belief on to a later time, under the commands that act until then. A vehicle that stands does so until
+    /// Carries the state on to a later time, under the commands that act until then. A vehicle that stands does so until
     /// its thrust may lift it.
     pub fn propagate(&mut self, to_ns: u64, process: &ProcessModel, history: &CommandHistory) {
         if to_ns <= self.time_ns {
@@ -227,20 +227,20 @@ impl Belief {
             .all(|variance| variance.is_finite() && *variance > 0.0)
     }
 
-    /// The same belief, less sure of the attitude by a standard deviation of `turn` (rad) about every axis.
+    /// The same state, less sure of the attitude by a standard deviation of `turn` (rad) about every axis.
     #[must_use]
     pub fn less_sure_of_attitude(&self, turn: f64) -> Self {
-        let mut belief = *self;
-        add_to_diagonal(&mut belief.covariance, ATTITUDE, ATTITUDE, turn * turn);
-        belief
+        let mut state = *self;
+        add_to_diagonal(&mut state.covariance, ATTITUDE, ATTITUDE, turn * turn);
+        state
     }
 
-    /// The same belief, less sure of everything: its covariance so many times as large.
+    /// The same state, less sure of everything: its covariance so many times as large.
     #[must_use]
     pub fn less_sure(&self, times: f64) -> Self {
-        let mut belief = *self;
-        belief.covariance *= times;
-        belief
+        let mut state = *self;
+        state.covariance *= times;
+        state
     }
 
     /// The residual of a pose: (p_measured − p, log RᵀR_measured). It depends on the nominal state alone.
@@ -267,7 +267,7 @@ impl Belief {
         })
     }
 
-    /// Corrects the belief by a pose.
+    /// Corrects the state by a pose.
     pub fn correct(&mut self, innovation: &Innovation, noise: PoseNoise) {
         // K = P Hᵀ Z⁻¹, by Kᵀ = Z⁻¹ (P Hᵀ)ᵀ (275).
         let gain = innovation

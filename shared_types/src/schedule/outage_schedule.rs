@@ -12,12 +12,12 @@ pub struct Outage {
     /// First tick after it; [`u64::MAX`] if it never ends.
     pub until: u64,
     /// What becomes of the service meanwhile.
-    pub fate: Fate,
+    pub fate: OutageKind,
 }
 
 /// What becomes of a service in a planned outage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fate {
+pub enum OutageKind {
     /// It does not step, and goes on as if no time had passed for its state.
     Frozen,
     /// Its process dies; another goes on from the state before.
@@ -28,7 +28,7 @@ pub enum Fate {
 
 /// The ticks of a rate at which a service, or what it publishes, is there.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Presence {
+pub struct OutageSchedule {
     /// The rate, were there no outages.
     pub rate: Rate,
     /// In the order of time, apart from each other.
@@ -37,7 +37,7 @@ pub struct Presence {
     is_always: bool,
 }
 
-impl Presence {
+impl OutageSchedule {
     /// The ticks of `rate` but for `outages`, which are in the order of time and apart from each other.
     #[must_use]
     pub fn new(rate: Rate, outages: Arc<[Outage]>) -> Self {
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn presence() -> impl Strategy<Value = Presence> {
+    fn schedule() -> impl Strategy<Value = OutageSchedule> {
         let outages = proptest::collection::btree_set(0..100u64, 0..6);
         (1..7u64, 0..9u64, outages, any::<bool>()).prop_map(|(period, phase, ends, for_ever)| {
             let ends: Vec<_> = ends.into_iter().collect();
@@ -171,28 +171,28 @@ mod tests {
                 .map(|pair| Outage {
                     from: pair[0],
                     until: pair[1],
-                    fate: Fate::Frozen,
+                    fate: OutageKind::Frozen,
                 })
                 .collect();
             if let Some(last) = outages.last_mut().filter(|_| for_ever) {
                 last.until = u64::MAX;
             }
-            Presence::new(Rate { period, phase }, outages.into())
+            OutageSchedule::new(Rate { period, phase }, outages.into())
         })
     }
 
     proptest! {
         #[test]
-        fn all_questions_agree_with_a_look_at_every_tick(presence in presence(), tick in 0..120u64) {
+        fn all_questions_agree_with_a_look_at_every_tick(schedule in schedule(), tick in 0..120u64) {
             let is_there = |tick: &u64| {
-                let is_out = presence.outages().iter().any(|outage| (outage.from..outage.until).contains(tick));
-                presence.rate.occurs_at(*tick) && !is_out
+                let is_out = schedule.outages().iter().any(|outage| (outage.from..outage.until).contains(tick));
+                schedule.rate.occurs_at(*tick) && !is_out
             };
-            prop_assert_eq!(presence.occurs_at(tick), is_there(&tick));
-            prop_assert_eq!(presence.last_at_or_before(tick), (0..=tick).rev().find(is_there));
+            prop_assert_eq!(schedule.occurs_at(tick), is_there(&tick));
+            prop_assert_eq!(schedule.last_at_or_before(tick), (0..=tick).rev().find(is_there));
             let first = (tick..200).find(is_there);
-            prop_assert_eq!(presence.first_at_or_after(tick), first);
-            prop_assert_eq!(presence.count_before(tick), (0..tick).filter(is_there).count() as u64);
+            prop_assert_eq!(schedule.first_at_or_after(tick), first);
+            prop_assert_eq!(schedule.count_before(tick), (0..tick).filter(is_there).count() as u64);
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! | stage | what is commanded |
 //! | --- | --- |
-//! | law | what the law says, on a state that is reckoned on ([`crate::reckoning`]) if it is later than it should be |
+//! | law | what the law says, on a state that is reckoned on ([`crate::dead_reckoning`]) if it is later than it should be |
 //! | hold | the last command again: for a tenth of a second nothing is better |
 //! | level | the vehicle levels out and stops to rise and to sink |
 //! | descend | level, it sinks at [`DESCENT`] |
@@ -23,7 +23,7 @@ use shared_types::samples::ControlAdaptation;
 use shared_types::service::nanoseconds;
 use vehicle_model::rigid_body::gyroscopic_torque;
 
-use crate::reckoning::{Believed, Commanded, Reckoned};
+use crate::dead_reckoning::{Commanded, ModelEstimate, Reckoned};
 
 /// At what speed the vehicle descends, m/s.
 pub const DESCENT: f64 = 0.3;
@@ -41,9 +41,9 @@ const MOST_THRUST: f64 = 1.5;
 
 /// By what commands are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stage {
-    /// The law.
-    Law,
+pub enum FailsafeStage {
+    /// The law, on a recent state.
+    Nominal,
     /// The last command.
     Hold,
     /// Level, neither rising nor sinking.
@@ -54,12 +54,12 @@ pub enum Stage {
     Failsafe,
 }
 
-impl Stage {
+impl FailsafeStage {
     /// The stage as telemetry says it.
     #[must_use]
     pub fn code(self) -> u8 {
         match self {
-            Self::Law => ControlAdaptation::STAGE_LAW,
+            Self::Nominal => ControlAdaptation::STAGE_LAW,
             Self::Hold => ControlAdaptation::STAGE_HOLD,
             Self::Level => ControlAdaptation::STAGE_LEVEL,
             Self::Descend => ControlAdaptation::STAGE_DESCEND,
@@ -74,52 +74,53 @@ impl Stage {
         stages
             .into_iter()
             .find(|stage| stage.code() == code)
-            .unwrap_or(Self::Law)
+            .unwrap_or(Self::Nominal)
     }
 }
 
 /// From which ages on which stage is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stages {
+pub struct FailsafeStages {
     /// Each stage that there is after the law with the age above which it is, ns, in their order.
-    begins: [(Stage, Option<u64>); 4],
+    begins: [(FailsafeStage, Option<u64>); 4],
 }
 
-impl Stages {
+impl FailsafeStages {
     /// The stages that a scenario states.
     #[must_use]
     pub fn new(safety: &InputSafety) -> Self {
         let [hold, level, descend, failsafe] = safety.ages().map(|(_, age)| age.map(nanoseconds));
         Self {
             begins: [
-                (Stage::Hold, hold),
-                (Stage::Level, level),
-                (Stage::Descend, descend),
-                (Stage::Failsafe, failsafe),
+                (FailsafeStage::Hold, hold),
+                (FailsafeStage::Level, level),
+                (FailsafeStage::Descend, descend),
+                (FailsafeStage::Failsafe, failsafe),
             ],
         }
     }
 
     /// The stage of an age, ns.
     #[must_use]
-    pub fn at(&self, age_ns: u64) -> Stage {
-        let begun = |&&(_, begins): &&(Stage, Option<u64>)| begins.is_some_and(|begins| age_ns > begins);
+    pub fn at(&self, age_ns: u64) -> FailsafeStage {
+        let begun =
+            |&&(_, begins): &&(FailsafeStage, Option<u64>)| begins.is_some_and(|begins| age_ns > begins);
         self.begins
             .iter()
             .rfind(begun)
-            .map_or(Stage::Law, |&(stage, _)| stage)
+            .map_or(FailsafeStage::Nominal, |&(stage, _)| stage)
     }
 }
 
 /// Makes commands that level the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Leveller {
+pub struct Leveler {
     inertia: Vector3<f64>,
     /// Gain of the torque on the body rates, 1/s.
     turning: f64,
 }
 
-impl Leveller {
+impl Leveler {
     /// For a vehicle with J = Diag(`inertia`) (kg m²) and commands that are held for `hold` seconds.
     #[must_use]
     pub fn new(inertia: Vector3<f64>, hold: f64) -> Self {
@@ -131,7 +132,7 @@ impl Leveller {
 
     /// The command that levels a vehicle and makes it sink at `sink` m/s.
     #[must_use]
-    pub fn command(&self, vehicle: &Reckoned, believed: &Believed, sink: f64) -> Commanded {
+    pub fn command(&self, vehicle: &Reckoned, estimate: &ModelEstimate, sink: f64) -> Commanded {
         let motion = vehicle.motion();
         let omega = motion.angular_velocity_body;
         let n = motion.world_from_body.row(2).transpose(); // Rᵀ e3
@@ -139,10 +140,10 @@ impl Leveller {
         let turning = self.inertia.component_mul(&(rates - omega)) * self.turning;
         let torque = turning + gyroscopic_torque(&self.inertia, &omega);
         let braking = BRAKING * (motion.velocity_world.z - sink);
-        let pull = GRAVITY + believed.disturbance_world.z + braking;
-        let thrust = believed.mass * pull / n.z.max(LEAST_UPRIGHTNESS);
+        let pull = GRAVITY + estimate.disturbance_world.z + braking;
+        let thrust = estimate.mass * pull / n.z.max(LEAST_UPRIGHTNESS);
         Commanded {
-            thrust: thrust.clamp(0.0, MOST_THRUST * believed.mass * GRAVITY),
+            thrust: thrust.clamp(0.0, MOST_THRUST * estimate.mass * GRAVITY),
             torque_body: torque.into(),
             rates_body: rates.into(),
         }
@@ -152,14 +153,14 @@ impl Leveller {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reckoning::Reckoner;
-    use crate::reckoning::tests::scenario;
+    use crate::dead_reckoning::DeadReckoning;
+    use crate::dead_reckoning::tests::scenario;
     use proptest::prelude::*;
     use shared_types::rotation;
     use shared_types::samples::VehicleState;
     use zerocopy::FromZeros;
 
-    const BELIEVED: Believed = Believed {
+    const BELIEVED: ModelEstimate = ModelEstimate {
         mass: 0.2,
         disturbance_world: Vector3::new(0.0, 0.0, 0.3),
     };
@@ -171,8 +172,8 @@ mod tests {
             turns in [-2.0..2.0f64, -2.0..2.0f64, -2.0..2.0f64], sink in prop_oneof![Just(0.0), Just(DESCENT)],
             rates in any::<bool>(), hold in prop_oneof![Just(0.001), Just(0.022)],
         ) {
-            let reckoner = Reckoner::new(&scenario(rates));
-            let leveller = Leveller::new(reckoner.inertia, hold);
+            let dead_reckoning = DeadReckoning::new(&scenario(rates));
+            let leveller = Leveler::new(dead_reckoning.inertia, hold);
             let (sine, cosine) = libm::sincos(direction);
             let tilted = rotation::exp(&(Vector3::new(cosine, sine, 0.0) * tilt));
             let attitude = tilted * rotation::exp(&(Vector3::z() * yaw));
@@ -181,11 +182,11 @@ mod tests {
             state.velocity_body = attitude.tr_mul(&Vector3::new(0.5, 0.0, vertical)).into();
             (state.angular_velocity_body, state.thrust) = (turns, 1.9);
             state.acceleration_world = (Vector3::z() * (GRAVITY + 0.3) - attitude.column(2) * (1.9 / 0.2)).into();
-            let mut vehicle = reckoner.begin(&state, &Commanded::NOTHING, &BELIEVED);
+            let mut vehicle = dead_reckoning.begin(&state, &Commanded::NOTHING, &BELIEVED);
             let mut time = 0.0;
             while time < 5.0 {
                 let command = leveller.command(&vehicle, &BELIEVED, sink);
-                vehicle = reckoner.advanced(&vehicle, &command, &BELIEVED, hold);
+                vehicle = dead_reckoning.advanced(&vehicle, &command, &BELIEVED, hold);
                 time += hold;
             }
             let r = rotation::from_row_major(&vehicle.world_from_body);
@@ -200,23 +201,23 @@ mod tests {
             descend: Some(0.3),
             ..InputSafety::new(0.1)
         };
-        let stages = Stages::new(&safety);
+        let stages = FailsafeStages::new(&safety);
         let at = |time: f64| stages.at(nanoseconds(time));
-        assert_eq!([at(0.0), at(0.1)], [Stage::Law; 2]);
-        assert_eq!([at(0.101), at(0.3)], [Stage::Hold; 2]);
-        assert_eq!([at(0.301), at(1e3)], [Stage::Descend; 2]);
+        assert_eq!([at(0.0), at(0.1)], [FailsafeStage::Nominal; 2]);
+        assert_eq!([at(0.101), at(0.3)], [FailsafeStage::Hold; 2]);
+        assert_eq!([at(0.301), at(1e3)], [FailsafeStage::Descend; 2]);
     }
 
     #[test]
     fn a_stage_is_known_by_its_code() {
         for stage in [
-            Stage::Law,
-            Stage::Hold,
-            Stage::Level,
-            Stage::Descend,
-            Stage::Failsafe,
+            FailsafeStage::Nominal,
+            FailsafeStage::Hold,
+            FailsafeStage::Level,
+            FailsafeStage::Descend,
+            FailsafeStage::Failsafe,
         ] {
-            assert_eq!(Stage::from_code(stage.code()), stage);
+            assert_eq!(FailsafeStage::from_code(stage.code()), stage);
         }
     }
 }

@@ -58,7 +58,7 @@ impl Step {
 
 /// w, the share of its speed with which a path goes, from 0 at rest to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pace {
+pub struct SpeedProfile {
     /// w.
     pub value: f64,
     /// ẇ, 1/s.
@@ -67,7 +67,7 @@ pub struct Pace {
     pub acceleration: f64,
 }
 
-impl Pace {
+impl SpeedProfile {
     /// Full speed.
     pub const FULL: Self = Self {
         value: 1.0,
@@ -75,7 +75,7 @@ impl Pace {
         acceleration: 0.0,
     };
 
-    /// The pace some seconds after the start, when full speed is reached `duration` seconds after it.
+    /// The profile some seconds after the start, when full speed is reached `duration` seconds after it.
     #[must_use]
     pub fn from_rest(since_start: f64, duration: f64) -> Self {
         let step = Step::at(since_start / duration);
@@ -190,15 +190,15 @@ mod tests {
     }
 
     #[test]
-    fn a_pace_goes_from_rest_to_full() {
+    fn a_profile_goes_from_rest_to_full() {
         assert_eq!(
-            Pace::from_rest(0.0, 2.0),
-            Pace {
+            SpeedProfile::from_rest(0.0, 2.0),
+            SpeedProfile {
                 value: 0.0,
                 rate: 0.0,
                 acceleration: 0.0
             }
         );
-        assert_eq!(Pace::from_rest(2.0, 2.0), Pace::FULL);
+        assert_eq!(SpeedProfile::from_rest(2.0, 2.0), SpeedProfile::FULL);
     }
 }
