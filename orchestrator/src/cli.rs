@@ -60,7 +60,7 @@ pub enum Command {
     ///
     /// A flight of one of the paper's figures is drawn as that figure too, as SVG beside the page.
     #[command(after_help = ReportArguments::EXAMPLES)]
-    ReportArguments(ReportArguments),
+    Report(ReportArguments),
     /// Write the samples of a log as JSON lines, or those of one topic as a table (CSV), for other programs; or a copy for viewers.
     ///
     /// Numbers are read back to the bit; those that are not finite are the words NaN, inf and -inf.
@@ -170,7 +170,7 @@ pub enum Command {
     /// the controller's z1, which rests on an estimate. The truth is that of the flight's own log, or of the log of `gerono world`.
     /// Parts: 5 s before the scenario's first event (a fan, a change), from there to the last part, the last part, all.
     #[command(after_help = TruthArguments::EXAMPLES)]
-    TruthArguments(TruthArguments),
+    Truth(TruthArguments),
     /// Remove what dead runs have left in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not

@@ -17,7 +17,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
         Command::Plot(arguments) => logs::plot(&arguments).map(|()| Exit::Success),
-        Command::ReportArguments(arguments) => report::report(&arguments).map(|()| Exit::Success),
+        Command::Report(arguments) => report::report(&arguments).map(|()| Exit::Success),
         Command::Export(arguments) => logs::export(&arguments).map(|()| Exit::Success),
         Command::Info(arguments) => logs::info(&arguments).map(|()| Exit::Success),
         Command::Recover(arguments) => logs::recover(&arguments).map(|()| Exit::Success),
@@ -38,7 +38,7 @@ fn main() -> ExitCode {
         Command::Attach(arguments) => attach::attach(&arguments),
         Command::Top(arguments) => top::top(&arguments),
         Command::World(arguments) => world::world(&arguments),
-        Command::TruthArguments(arguments) => truth::truth(&arguments).map(|()| Exit::Success),
+        Command::Truth(arguments) => truth::truth(&arguments).map(|()| Exit::Success),
         Command::Clean => clean::clean().map(|()| Exit::Success),
         Command::Schema => {
             generated::schema();
