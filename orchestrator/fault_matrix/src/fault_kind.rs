@@ -96,7 +96,7 @@ impl MatrixFault {
         match self {
             Self::OffCold => fault.state = FaultState::Cold,
             Self::Delay => {
-                fault.by = Some(injection_times::on_tick(scenario, DELAY).max(scenario.schedule.tick))
+                fault.by = Some(injection_times::on_tick(scenario, DELAY).max(scenario.schedule.tick));
             }
             Self::Intermittent => fault.fraction = Some(FRACTION),
             Self::GarbageInRange => fault.range = Some(RANGE),
