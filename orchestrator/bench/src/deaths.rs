@@ -39,6 +39,7 @@ const NEAR_NS: u64 = 100_000_000;
 struct Measured {
     deaths: usize,
     /// Services that flew again.
+    #[serde(rename = "rebirths")]
     restarts: usize,
     /// From the moment when a death was noticed until another process flew, s.
     back_after: Option<Quantiles>,
