@@ -27,7 +27,7 @@ fn services_end_with_a_killed_orchestrator_and_the_next_run_sweeps_up() {
     let place = Place::new();
     let (child, _) = fly(&place, "killed");
     let orchestrator = child.id();
-    let processes = until("a spare process beside the services", || {
+    let processes = until("a standby process beside the services", || {
         Some(processes_of(orchestrator)).filter(|processes| processes.len() > ServiceId::ALL.len())
     });
     signal(orchestrator, Signal::KILL);

@@ -48,7 +48,9 @@ fn deaths_of_spares(place: &Place, out: &str) -> Vec<String> {
     let record = std::fs::read(place.path(out).join("host.mcap")).unwrap();
     let events = mcap::MessageStream::new(&record).unwrap().map(Result::unwrap);
     let texts = events.map(|event| String::from_utf8_lossy(&event.data).into_owned());
-    texts.filter(|text| text.contains("a spare process: ")).collect()
+    texts
+        .filter(|text| text.contains("a standby process: "))
+        .collect()
 }
 
 fn with_crashes(mut command: Command, crashes: &[String]) -> Command {

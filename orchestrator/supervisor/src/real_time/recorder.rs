@@ -27,7 +27,7 @@ pub struct Recorder {
     /// Samples that wait for their tick to be written, by tick and topic.
     waiting: BTreeMap<(u64, Topic), OwnedSample>,
     /// Of each topic, memory of samples that have been written.
-    standby: [Vec<OwnedSample>; Topic::ALL.len()],
+    spare: [Vec<OwnedSample>; Topic::ALL.len()],
     /// Ticks before this one have been written.
     written_until: u64,
 }
@@ -51,7 +51,7 @@ impl Recorder {
         Self {
             feeds: subscriptions.into_iter().map(feed).collect(),
             waiting: BTreeMap::new(),
-            standby: Default::default(),
+            spare: Default::default(),
             written_until: first_tick,
         }
     }
@@ -160,8 +160,8 @@ impl Recorder {
                 }
                 feed.received += 1;
                 let topic = feed.subscription.topic;
-                let standby = self.standby[topic.index()].pop();
-                let mut sample = standby.unwrap_or_else(|| OwnedSample::of(topic));
+                let spare = self.spare[topic.index()].pop();
+                let mut sample = spare.unwrap_or_else(|| OwnedSample::of(topic));
                 sample.bytes_mut().copy_from_slice(bytes);
                 let earlier = self.waiting.insert((tick, topic), sample);
                 debug_assert!(earlier.is_none(), "one sample a topic and tick");
@@ -179,7 +179,7 @@ impl Recorder {
             while let Some(entry) = self.waiting.first_entry().filter(|entry| entry.key().0 <= ending) {
                 let ((_, topic), sample) = entry.remove_entry();
                 sink.sample(topic, sample.bytes())?;
-                self.standby[topic.index()].push(sample);
+                self.spare[topic.index()].push(sample);
             }
             // The clock ends a flight in real time, not the sink.
             let _ = sink.end_tick(ending)?;
