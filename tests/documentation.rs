@@ -8,8 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use clap::Parser;
-use command_line::exit::Exit;
+use clap::{CommandFactory, Parser};
 use common::{Place, scenario, succeed};
 use orchestrator::cli::Cli;
 use run_log::{
@@ -163,25 +162,37 @@ fn the_picture_is_what_the_command_prints() {
     assert_same("README.md", pictures[0], &printed);
 }
 
-/// All of the summary but its first line, which tells the wall time, is a function of the scenario.
+/// Flies a scenario, and compares the summary in a document with the printed one. All of it but the first line, which
+/// tells the wall time, is a function of the scenario.
+fn assert_summary(place: &Place, name: &str, document: &str) {
+    let scenario = scenario(name);
+    let path = scenario.to_str().unwrap();
+    let arguments = ["run", path, "--host", "inprocess", "--out", "out"];
+    let printed = String::from_utf8(succeed(&mut place.gerono(&arguments)).stdout).unwrap();
+    let (_, printed) = printed.split_once("completed").unwrap();
+    let (printed, _) = printed.split_once("results:").unwrap();
+    let text = read(document);
+    let shown = blocks(section(&text, &format!("summary: {name}")), "text")[0];
+    let (_, shown) = shown.split_once('\n').unwrap();
+    assert_same(document, shown, &format!("completed{printed}"));
+}
+
+#[test]
+fn the_flight_of_another_vehicle_is_as_its_page_says() {
+    assert_summary(&Place::new(), "another_vehicle", "docs/another_vehicle.md");
+}
+
+#[test]
+fn the_rules_of_tuning_are_those_of_the_program() {
+    let document = read("docs/tuning.md");
+    assert_same("docs/tuning.md", section(&document, "rules"), &tuning::table());
+}
+
 #[test]
 fn the_summary_and_the_digest_in_the_readme_are_those_of_fig_1() {
     let place = Place::new();
-    let fig1 = scenario("fig1");
-    let arguments = [
-        "run",
-        fig1.to_str().unwrap(),
-        "--host",
-        "inprocess",
-        "--out",
-        "out",
-    ];
-    let printed = String::from_utf8(succeed(&mut place.gerono(&arguments)).stdout).unwrap();
-    let (_, printed) = printed.split_once('\n').unwrap();
-    let (printed, _) = printed.split_once("results:").unwrap();
+    assert_summary(&place, "fig1", "README.md");
     let readme = read("README.md");
-    let shown = blocks(section(&readme, "summary: fig1"), "text")[0];
-    assert_same("README.md", shown.split_once('\n').unwrap().1, printed);
 
     let digest = succeed(&mut place.gerono(&["digest", "out"])).stdout;
     let digest = String::from_utf8(digest).unwrap();
@@ -226,16 +237,29 @@ fn every_command_shown_is_one_that_the_program_takes() {
 }
 
 #[test]
-fn the_exit_codes_in_the_readme_are_those_of_the_help() {
-    let numbers = |text: &str| -> BTreeSet<u32> {
-        let words = text.split(|character: char| !character.is_ascii_digit());
-        words.filter_map(|word| word.parse().ok()).collect()
+fn the_page_of_commands_is_their_help() {
+    let document = read("docs/commands.md");
+    let (help, codes) = manual::pages::commands(Cli::command());
+    for (name, text) in [("commands", help), ("exit codes", codes)] {
+        assert_same("docs/commands.md", section(&document, name), &text);
+    }
+}
+
+#[test]
+fn a_shell_is_offered_scenarios_keys_and_topics() {
+    let place = Place::new();
+    std::fs::write(place.path("mine.toml"), "").unwrap();
+    std::fs::write(place.path("notes.txt"), "").unwrap();
+    let offered = |words: &[&str]| {
+        let mut command = place.gerono(&["--", "gerono"]);
+        command.args(words).env("COMPLETE", "fish");
+        String::from_utf8(succeed(&mut command).stdout).unwrap()
     };
-    let readme = read("README.md");
-    let (_, table) = readme.split_once("## Exit codes").unwrap();
-    let (table, _) = table.split_once("\n## ").unwrap();
-    let codes: Vec<_> = rows(table).into_iter().map(|row| row[0]).collect();
-    assert_eq!(numbers(&codes.join(" ")), numbers(Exit::HELP));
+    assert_eq!(offered(&["run", "m"]), "mine.toml\n");
+    let keys = offered(&["run", "mine.toml", "--set", "controller.k"]);
+    assert_eq!(keys.lines().count(), 3, "{keys}");
+    assert!(keys.starts_with("controller.k1=\t"), "{keys}");
+    assert!(offered(&["export", "run", "--topic", "vehicle/t"]).contains("vehicle/truth"));
 }
 
 /// A crate of the workspace: its folder, and the crates of the workspace that it uses, tests aside.

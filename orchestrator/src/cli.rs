@@ -11,8 +11,8 @@ mod world;
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand};
-use clap_complete::Shell;
+use clap::builder::PossibleValuesParser;
+use clap::{Args, Parser, Subcommand};
 
 pub use self::campaigns::*;
 pub use self::doctor::*;
@@ -28,7 +28,7 @@ pub use mocap_tools::arguments::*;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
 #[derive(Debug, Parser)]
-#[command(name = "gerono", version, propagate_version = true, after_help = Exit::HELP)]
+#[command(name = "gerono", version, propagate_version = true, after_help = Exit::help())]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -178,11 +178,18 @@ pub enum Command {
     Clean,
     /// Print the JSON Schema of scenario files; editors complete and check them with it.
     Schema,
-    /// Print the completion script of a shell: `gerono completions bash > /etc/bash_completion.d/gerono`.
+    /// Print the completion script of a shell, for example for `source <(gerono completions bash)` in ~/.bashrc.
+    ///
+    /// It completes commands and options, scenario files, the keys of `--set`, topics and services.
     Completions {
         /// The shell.
-        shell: Shell,
+        #[arg(value_parser = PossibleValuesParser::new(manual::completion::shells()))]
+        shell: String,
     },
+    /// Print the man page, or write one for each command.
+    ///
+    /// `gerono man | man -l -` shows it without installing it.
+    Man(ManArguments),
     /// Run one service; only `gerono run` can start it.
     #[command(hide = true)]
     Service {
@@ -214,4 +221,12 @@ pub enum Command {
         /// The core.
         core: usize,
     },
+}
+
+/// Arguments of `gerono man`.
+#[derive(Debug, Args)]
+pub struct ManArguments {
+    /// Write gerono.1, gerono-run.1 and so on into this folder, such as ~/.local/share/man/man1.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }

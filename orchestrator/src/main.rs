@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use command_line::exit::Exit;
 use live::Question;
 use orchestrator::cli::{Cli, Command, Operate, RcCommand};
@@ -13,6 +13,7 @@ use orchestrator::commands::{
 use runtime::shared_page::Request;
 
 fn main() -> ExitCode {
+    manual::completion::answer(Cli::command);
     let result = match Cli::parse().command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
@@ -44,10 +45,8 @@ fn main() -> ExitCode {
             generated::schema();
             Ok(Exit::Success)
         }
-        Command::Completions { shell } => {
-            generated::completions(shell);
-            Ok(Exit::Success)
-        }
+        Command::Completions { shell } => generated::completions(&shell).map(|()| Exit::Success),
+        Command::Man(arguments) => generated::man(&arguments).map(|()| Exit::Success),
         Command::Service { name, .. } => service::service(&name).map(|()| Exit::Success),
         Command::Postmortem(arguments) => postmortem::postmortem(&arguments),
         Command::Load { core } => bench::load(core).map(|()| Exit::Success),

@@ -36,10 +36,45 @@ impl Exit {
         matches!(code, Some(0 | 9))
     }
 
-    /// What `gerono help` says about exit codes.
-    pub const HELP: &str = "Exit codes: 0 done; 1 trouble with the machine, or a log that is not whole (`gerono recover`); 2 wrong command line or scenario, nothing was \
-        started; 3 the flight failed; 4 the results could not be written; 5 a figure regressed; 6 the machine is not fit for the flight (`gerono doctor`); 7 a live run refused what it was asked for; 8 a replay or two logs are not identical; 9 the vehicle was lost; 129, 130 or 143 ended by \
-        the end of the terminal, Ctrl-C or SIGTERM, the log complete up to there.";
+    /// Each code with its meaning, for help and manual.
+    pub const MEANINGS: [(&str, &str); 11] = [
+        ("0", "done"),
+        (
+            "1",
+            "trouble with the machine, or a log that is incomplete or damaged (`gerono recover`)",
+        ),
+        ("2", "wrong command line or scenario; nothing was started"),
+        (
+            "3",
+            "the flight failed: a service died, gave up, or computed a number that is not finite; `gerono faults --processes`: processes flew other bytes",
+        ),
+        ("4", "the results could not be written"),
+        ("5", "`gerono reproduce`: a number of a figure regressed"),
+        ("6", "`gerono doctor`: the machine is not fit for the flight"),
+        (
+            "7",
+            "`gerono arm`, `disarm`, `kill`, `stop`: the live run refused",
+        ),
+        (
+            "8",
+            "`gerono replay`: a step differs from the log or could not be compared; `gerono diff`: the logs differ",
+        ),
+        (
+            "9",
+            "the vehicle was lost: too far from its path, tipped over, or on the ground; the flight was flown to its end",
+        ),
+        (
+            "129, 130, 143",
+            "ended by the end of the terminal, Ctrl-C or SIGTERM; the log is complete up to there",
+        ),
+    ];
+
+    /// Exit codes as `gerono help` shows them.
+    #[must_use]
+    pub fn help() -> String {
+        let codes = Self::MEANINGS.map(|(code, meaning)| format!("  {code}: {meaning}"));
+        format!("Exit codes:\n{}", codes.join("\n"))
+    }
 }
 
 impl From<Exit> for ExitCode {

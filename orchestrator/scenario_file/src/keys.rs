@@ -76,6 +76,20 @@ pub fn key_table(section: &str) -> String {
     table
 }
 
+/// Keys that can be written without choosing a name, with their descriptions; positions in arrays are 0.
+#[must_use]
+pub fn keys_for_completion() -> Vec<(String, String)> {
+    let keys = all().into_iter();
+    let writable = keys.filter(|info| !info.key.segments().iter().any(|segment| segment == ANY_NAME));
+    writable
+        .map(|info| {
+            let segments = info.key.segments().iter();
+            let first = |segment: &String| if segment == ANY_POSITION { "0" } else { segment }.to_owned();
+            (segments.map(first).collect::<Key>().to_string(), info.description)
+        })
+        .collect()
+}
+
 /// Whether a key is this one, or a number inside its value.
 fn is_of(key: &Key, pattern: &Key) -> bool {
     let (key, pattern) = (key.segments(), pattern.segments());

@@ -21,7 +21,7 @@ use scenario::Scenario;
 use toml::de::DeTable;
 
 pub use error::{Finding, ScenarioError};
-pub use keys::key_table;
+pub use keys::{key_table, keys_for_completion};
 use sources::Sources;
 
 /// Reads a scenario file, with the values of `sets` (such as `controller.k1=5`) and the seed in place of the

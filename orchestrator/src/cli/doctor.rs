@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use manual::completion::setting;
 
 use command_line::values::between;
 
@@ -12,7 +13,7 @@ pub struct Doctor {
     /// The scenario that is to be flown [default: a minute at 1 kHz that asks for nothing].
     pub scenario: Option<PathBuf>,
     /// Change a value of the scenario, for example `--set deployment.core=1`; may be given several times.
-    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", requires = "scenario")]
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", add = setting(), requires = "scenario")]
     pub sets: Vec<String>,
     /// How long to measure wake-ups, s; the longer, the more of what is rare is seen.
     #[arg(long, value_name = "T", default_value = "3", value_parser = between(0.01, 3600.0, "s"))]

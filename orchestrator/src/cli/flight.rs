@@ -5,6 +5,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::Args;
+use manual::completion::{scenario_file, setting};
 use runtime::crash::{Crash, CrashPlace};
 use scenario::suggest::known_names;
 use shared_types::ServiceId;
@@ -19,12 +20,13 @@ use supervisor::supervision::restart_policy::PerService;
 #[derive(Debug, Args)]
 pub struct ScenarioArguments {
     /// The scenario file.
+    #[arg(add = scenario_file())]
     pub scenario: PathBuf,
     /// Seed of every random draw, in place of the scenario's.
     #[arg(long, allow_negative_numbers = true)]
     pub seed: Option<u64>,
     /// Change a value of the scenario, for example `--set controller.k1=5`; may be given several times.
-    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", add = setting())]
     pub sets: Vec<String>,
 }
 

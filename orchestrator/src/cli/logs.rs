@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use manual::completion::setting;
 use scenario::suggest::known_names;
 use shared_types::ServiceId;
 use shared_types::Topic;
@@ -25,11 +26,11 @@ pub struct Replay {
     /// The log, or the folder of a run.
     pub log: PathBuf,
     /// Which services [default: all].
-    #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = service)]
+    #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = service, add = manual::completion::service())]
     pub services: Vec<ServiceId>,
     /// Change a value of the scenario, for example `--set controller.k1=5`: what would have been published on these
     /// inputs? May be given several times; a difference is then no failure.
-    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", add = setting())]
     pub sets: Vec<String>,
     /// Compare from this time of the flight on, s. Each service begins with the newest that it is recorded to have known by
     /// then [default: the beginning].
@@ -118,7 +119,7 @@ pub struct Export {
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub every: u64,
     /// Write only this topic.
-    #[arg(long, value_name = "TOPIC", value_parser = topic)]
+    #[arg(long, value_name = "TOPIC", value_parser = topic, add = manual::completion::topic())]
     pub topic: Option<Topic>,
     /// Write a table with a column for every member, and for every element of an array: `position_world[0]`.
     #[arg(long, requires = "topic")]
@@ -168,7 +169,7 @@ pub struct Recover {
     #[arg(allow_negative_numbers = true, long, requires = "scenario")]
     pub seed: Option<u64>,
     /// What was changed of the scenario when it was flown; may be given several times.
-    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", requires = "scenario")]
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", add = setting(), requires = "scenario")]
     pub sets: Vec<String>,
 }
 

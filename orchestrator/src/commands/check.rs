@@ -4,6 +4,7 @@ use comfy_table::{Table, presets};
 use scenario::Scenario;
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
+use tuning::digits;
 
 use super::{Failure, load, print, schedule_of};
 use crate::cli::Check;
@@ -62,26 +63,41 @@ fn table(header: &[&str]) -> Table {
     table
 }
 
-/// The gains that a scenario need not state, and where they come from.
+/// The gains that a scenario need not state with their origin, and the rules between gains and vehicle.
 fn gains(scenario: &Scenario) -> String {
-    if scenario.program_of(ServiceId::Controller).is_some() {
+    let findings = tuning::findings(scenario);
+    if findings.is_empty() {
         return String::new();
     }
     let origin = |stated: Option<f64>| if stated.is_some() { "stated" } else { "follows" };
     let controller = &scenario.controller;
+    let mut table = table(&["gains and vehicle (docs/tuning.md)", "is", "limit"]);
+    for finding in findings {
+        let sign = if finding.rule.is_upper_limit() {
+            "≤"
+        } else {
+            "≥"
+        };
+        table.add_row([
+            finding.rule.quantity().to_owned(),
+            digits(finding.value),
+            format!("{sign} {}{}", digits(finding.limit), finding.rule.unit()),
+        ]);
+    }
     format!(
-        "β = {:?} ({}), Λw = {:?} ({}; at most {:.2e})\n",
+        "β = {:?} ({}), Λw = {:?} ({})
+{table}
+",
         scenario.beta(),
         origin(controller.beta),
         scenario.lambda_inertia(),
         origin(controller.lambda_inertia),
-        scenario.lambda_inertia_limit(),
     )
 }
 
 /// What is dubious about a scenario that can be flown, a line each.
 fn warnings(scenario: &Scenario) -> String {
-    let warnings = scenario.warnings().into_iter();
+    let warnings = tuning::warnings(scenario).into_iter();
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
 }
 

@@ -1,12 +1,9 @@
-//! What is generated from the code: the JSON Schema of scenarios, completions for shells.
-
-use std::io;
+//! What is generated from the code: the JSON Schema of scenarios, completions for shells, man pages.
 
 use clap::CommandFactory;
-use clap_complete::Shell;
 
-use super::print;
-use crate::cli::Cli;
+use super::{Failure, print};
+use crate::cli::{Cli, ManArguments};
 
 /// `gerono schema`.
 pub fn schema() {
@@ -14,6 +11,27 @@ pub fn schema() {
 }
 
 /// `gerono completions`.
-pub fn completions(shell: Shell) {
-    clap_complete::generate(shell, &mut Cli::command(), "gerono", &mut io::stdout());
+///
+/// # Errors
+/// [`Failure`] for an unknown shell.
+pub fn completions(shell: &str) -> Result<(), Failure> {
+    let script = manual::completion::script(shell).map_err(Failure::bad_input)?;
+    print(String::from_utf8_lossy(&script));
+    Ok(())
+}
+
+/// `gerono man`.
+///
+/// # Errors
+/// [`Failure`] if the pages cannot be written.
+pub fn man(arguments: &ManArguments) -> Result<(), Failure> {
+    let command = Cli::command();
+    match &arguments.out {
+        Some(folder) => manual::pages::write_man_pages(command, folder).map_err(Failure::not_written),
+        None => {
+            let page = manual::pages::man_page(command).map_err(Failure::not_written)?;
+            print(String::from_utf8_lossy(&page));
+            Ok(())
+        }
+    }
 }

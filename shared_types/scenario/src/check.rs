@@ -20,7 +20,6 @@ mod radio_link;
 mod safety;
 mod sections;
 mod vehicle;
-mod warnings;
 
 use std::f64::consts::TAU;
 

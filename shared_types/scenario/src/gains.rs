@@ -57,7 +57,8 @@ impl Scenario {
     }
 
     /// The β that follows from a smallest moment of inertia, kg m².
-    pub(super) fn beta_for(&self, inertia: f64) -> f64 {
+    #[must_use]
+    pub fn beta_for(&self, inertia: f64) -> f64 {
         rounded(self.torque_step() * self.controller.damping() / (DAMPED_A_STEP * inertia))
     }
 
@@ -69,7 +70,8 @@ impl Scenario {
     }
 
     /// The Λw that follows from the other gains.
-    pub(super) fn default_lambda_inertia(&self) -> f64 {
+    #[must_use]
+    pub fn default_lambda_inertia(&self) -> f64 {
         rounded(SHARE_OF_LIMIT * self.lambda_inertia_limit())
     }
 
@@ -116,7 +118,8 @@ impl Scenario {
 
 impl Controller {
     /// k3 σmax, the largest that k3 σ(z3) becomes about an axis.
-    pub(super) fn damping(&self) -> f64 {
+    #[must_use]
+    pub fn damping(&self) -> f64 {
         self.k3 * self.sigma_max
     }
 }

@@ -1,0 +1,239 @@
+//! Rules between the gains of the adaptive law and the vehicle that it flies.
+//!
+//! A scenario that breaks one can be flown and probably should not be: `gerono check` shows each rule's value and limit
+//! and warns with the gain that follows. docs/tuning.md explains the rules and prints [`table`].
+//!
+//! The law is linear near the path. With λ = k2 σmax its loops are, from the inside out,
+//!
+//! * angular velocity: ω follows what the law asks for at the rate k3 σmax/(βJ);
+//! * attitude: the thrust axis follows u at the rate g/|δ|;
+//! * position and velocity: two poles, k1 σmax and k2 σmax;
+//! * learning: b̂ and, along the thrust axis, η̂ with the gain λm T², T = m g: s² + λ s + Λb + λm T².
+
+mod rule;
+
+use scenario::{GRAVITY, Key, Problem, Scenario, Vector};
+use shared_types::ServiceId;
+
+pub use rule::{Rule, table};
+
+/// A rule applied to a scenario: the value that the scenario gives it and the limit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// The rule.
+    pub rule: Rule,
+    /// Place in the scenario of the number that the rule is about.
+    pub key: Key,
+    /// Left side of the rule's relation, in the rule's unit.
+    pub value: f64,
+    /// Right side, in the same unit.
+    pub limit: f64,
+    fix: String,
+}
+
+impl Finding {
+    /// Whether the scenario keeps the rule.
+    #[must_use]
+    pub fn is_kept(&self) -> bool {
+        if self.rule.is_upper_limit() {
+            self.value <= self.limit
+        } else {
+            self.value >= self.limit
+        }
+    }
+
+    /// The rule as a warning, with the fix.
+    #[must_use]
+    pub fn warning(&self) -> Problem {
+        let (rule, bound) = (
+            self.rule,
+            if self.rule.is_upper_limit() {
+                "most"
+            } else {
+                "least"
+            },
+        );
+        let reason = format!(
+            "{} is {}{}, and should be at {bound} {}: {}",
+            rule.quantity(),
+            digits(self.value),
+            rule.unit(),
+            digits(self.limit),
+            rule.consequence()
+        );
+        Problem::new(self.key.clone(), reason, self.fix.clone())
+    }
+}
+
+/// Every rule that applies to a scenario without [`problems`](Scenario::problems), from the inner loop to the outer;
+/// none if the controller is an external service.
+#[must_use]
+pub fn findings(scenario: &Scenario) -> Vec<Finding> {
+    if scenario.program_of(ServiceId::Controller).is_some() {
+        return Vec::new();
+    }
+    let inertias = inertias(scenario);
+    let of_inertias = inertias
+        .iter()
+        .flat_map(|(key, inertia)| angular_velocity(scenario, key, *inertia));
+    of_inertias
+        .chain([inertia_learning(scenario), attitude(scenario)])
+        .chain(disturbance_learning(scenario))
+        .chain(thrust_reserve(scenario))
+        .collect()
+}
+
+/// The rules that a scenario breaks, as warnings.
+#[must_use]
+pub fn warnings(scenario: &Scenario) -> Vec<Problem> {
+    let broken = findings(scenario)
+        .into_iter()
+        .filter(|finding| !finding.is_kept());
+    broken.map(|finding| finding.warning()).collect()
+}
+
+/// β serves vehicles within a range of J: about a factor of 80.
+fn angular_velocity(scenario: &Scenario, key: &Key, [x, y, z]: Vector) -> [Finding; 2] {
+    let (beta, damping) = (scenario.beta(), scenario.controller.damping());
+    let (least, largest) = (x.min(y).min(z), x.max(y));
+    let fix = format!(
+        "set `controller.beta` to {:?}, or state this inertia in `controller.initial.inertia` and leave `controller.beta` out",
+        scenario.beta_for(least)
+    );
+    [
+        Finding {
+            rule: Rule::AngularVelocityStep,
+            key: key.clone(),
+            value: scenario.torque_step() * damping / (beta * least),
+            limit: 1.0,
+            fix: fix.clone(),
+        },
+        Finding {
+            rule: Rule::AngularVelocityRate,
+            key: key.clone(),
+            value: damping / (beta * largest),
+            limit: attitude_rate(scenario) / 4.0,
+            fix,
+        },
+    ]
+}
+
+fn inertia_learning(scenario: &Scenario) -> Finding {
+    let limit = scenario.lambda_inertia_limit();
+    Finding {
+        rule: Rule::InertiaLearning,
+        key: controller("lambda_inertia"),
+        value: scenario.lambda_inertia(),
+        limit,
+        fix: format!(
+            "leave it out, and {:?} follows from the other gains, or give at most {limit:.2e}",
+            scenario.default_lambda_inertia()
+        ),
+    }
+}
+
+fn attitude(scenario: &Scenario) -> Finding {
+    let law = &scenario.controller;
+    let limit = 2.0 * law.k1.max(law.k2) * law.sigma_max;
+    Finding {
+        rule: Rule::AttitudeRate,
+        key: controller("delta"),
+        value: attitude_rate(scenario),
+        limit,
+        fix: format!(
+            "set it to {} or less, or lower k1 and k2",
+            digits(0.98 * GRAVITY / limit)
+        ),
+    }
+}
+
+/// Damping of what is learned; where the law commands torque at the base tick nothing between it and the vehicle is
+/// late, and it bears less.
+fn disturbance_learning(scenario: &Scenario) -> Option<Finding> {
+    let law = &scenario.controller;
+    law.rates.as_ref()?;
+    let velocity_rate = law.k2 * law.sigma_max;
+    let thrust = masses(scenario).fold(0.0, f64::max) * GRAVITY;
+    let disturbance = law.lambda_disturbance.into_iter().fold(0.0, f64::max);
+    let mass = law.lambda_mass * thrust * thrust;
+    // Where the damping is 0.71.
+    let good = velocity_rate * velocity_rate / 2.0;
+    let (key, fix) = if disturbance > good || mass == 0.0 {
+        let fix = format!("set its elements to at most {}", digits(good));
+        ("lambda_disturbance", fix)
+    } else {
+        let fix = format!("set it to {}", digits((good - disturbance) / (thrust * thrust)));
+        ("lambda_mass", fix)
+    };
+    (disturbance + mass > 0.0).then(|| Finding {
+        rule: Rule::LearningDamping,
+        key: controller(key),
+        value: velocity_rate / (2.0 * (disturbance + mass).sqrt()),
+        limit: 0.35,
+        fix,
+    })
+}
+
+fn thrust_reserve(scenario: &Scenario) -> Option<Finding> {
+    let actuators = scenario.vehicle.actuators.as_ref()?;
+    let heaviest = masses(scenario).fold(0.0, f64::max) * GRAVITY;
+    let limit = 1.1;
+    Some(Finding {
+        rule: Rule::ThrustReserve,
+        key: Key::root().then("vehicle").then("actuators").then("thrust_max"),
+        value: actuators.thrust_max / heaviest,
+        limit,
+        fix: format!(
+            "fly with motors of at least {} N, or a lighter load",
+            digits(limit * heaviest)
+        ),
+    })
+}
+
+fn attitude_rate(scenario: &Scenario) -> f64 {
+    GRAVITY / scenario.controller.delta.abs()
+}
+
+/// The masses that the vehicle has in the course of the flight, kg.
+fn masses(scenario: &Scenario) -> impl Iterator<Item = f64> + '_ {
+    let vehicle = &scenario.vehicle;
+    let changed = vehicle.change.iter().filter_map(|change| change.mass);
+    std::iter::once(vehicle.mass).chain(changed)
+}
+
+/// The moments of inertia that the torque acts on, and their places: those of the vehicle, or with body rates those of
+/// the model whose artificial ω the torque drives.
+fn inertias(scenario: &Scenario) -> Vec<(Key, Vector)> {
+    let root = Key::root();
+    if scenario.controller.rates.is_some() {
+        let model = scenario.model.clone().unwrap_or_default();
+        return vec![(root.then("model").then("size"), model.inertia())];
+    }
+    let vehicle = root.then("vehicle");
+    let changes = scenario.vehicle.change.iter().enumerate();
+    let changes = changes.filter_map(|(index, change)| {
+        let at = vehicle.then("change").then(index).then("inertia");
+        change.inertia.map(|inertia| (at, inertia))
+    });
+    std::iter::once((vehicle.then("inertia"), scenario.vehicle.inertia))
+        .chain(changes)
+        .collect()
+}
+
+fn controller(key: &str) -> Key {
+    Key::root().then("controller").then(key)
+}
+
+/// A number with the three digits that a gain needs.
+#[must_use]
+pub fn digits(value: f64) -> String {
+    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+    if (1e-3..1e6).contains(&rounded.abs()) {
+        format!("{rounded}")
+    } else {
+        format!("{rounded:e}")
+    }
+}
+
+#[cfg(test)]
+mod tests;

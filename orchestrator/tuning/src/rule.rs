@@ -1,0 +1,101 @@
+//! The rules, as the manual and `gerono check` show them.
+
+/// A relation between gains and vehicle that a good flight keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rule {
+    /// Share of z3 that one step of the sampled law takes away.
+    AngularVelocityStep,
+    /// Rate of the angular velocity loop beside that of the attitude loop around it.
+    AngularVelocityRate,
+    /// Λw beside what k3 damps in a step.
+    InertiaLearning,
+    /// Rate of the attitude loop beside those of position and velocity.
+    AttitudeRate,
+    /// Damping of the loop that learns b̂ and η̂.
+    LearningDamping,
+    /// Largest thrust beside the heaviest weight of the flight.
+    ThrustReserve,
+}
+
+impl Rule {
+    /// All rules, from the inner loop to the outer.
+    pub const ALL: [Self; 6] = [
+        Self::AngularVelocityStep,
+        Self::AngularVelocityRate,
+        Self::InertiaLearning,
+        Self::AttitudeRate,
+        Self::LearningDamping,
+        Self::ThrustReserve,
+    ];
+
+    /// Name of the rule's left side.
+    #[must_use]
+    pub fn quantity(self) -> &'static str {
+        match self {
+            Self::AngularVelocityStep => "the share of z3 that a step removes",
+            Self::AngularVelocityRate => "the rate of the angular velocity loop",
+            Self::InertiaLearning => "Λw",
+            Self::AttitudeRate => "the rate of the attitude loop",
+            Self::LearningDamping => "the damping of the learning loop",
+            Self::ThrustReserve => "thrust over weight",
+        }
+    }
+
+    /// The rule as a formula, with the limit as a number or a symbol.
+    #[must_use]
+    pub fn relation(self) -> &'static str {
+        match self {
+            Self::AngularVelocityStep => "h k3 σmax / (β Jmin) ≤ 1",
+            Self::AngularVelocityRate => "k3 σmax / (β Jmax) ≥ g / (4 |δ|)",
+            Self::InertiaLearning => "Λw ≤ 27 k3 σmax / (2 h β² ω̄² (ω̄ + κ)³)",
+            Self::AttitudeRate => "g / |δ| ≥ 2 max(k1, k2) σmax",
+            Self::LearningDamping => "k2 σmax / (2 √(Λb + λm (m g)²)) ≥ 0.35",
+            Self::ThrustReserve => "Tmax / (m g) ≥ 1.1",
+        }
+    }
+
+    /// Unit of both sides, with a space before it; empty for a ratio.
+    #[must_use]
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::AngularVelocityRate | Self::AttitudeRate => " 1/s",
+            _ => "",
+        }
+    }
+
+    /// Effect of breaking the rule.
+    #[must_use]
+    pub fn consequence(self) -> &'static str {
+        match self {
+            Self::AngularVelocityStep => "above 2 the loop diverges",
+            Self::AngularVelocityRate => "slower, it swings with the attitude loop",
+            Self::InertiaLearning => {
+                "above, a step learns more than k3 damps, and a vehicle that starts tilted may be lost"
+            }
+            Self::AttitudeRate => "slower, the position loop waits for the attitude",
+            Self::LearningDamping => {
+                "below, estimates and vehicle oscillate with the delays of cameras and radio"
+            }
+            Self::ThrustReserve => "below, the vehicle sinks while the mass estimate learns",
+        }
+    }
+
+    /// Whether the left side must not exceed the right one, rather than reach it.
+    #[must_use]
+    pub fn is_upper_limit(self) -> bool {
+        matches!(self, Self::AngularVelocityStep | Self::InertiaLearning)
+    }
+}
+
+/// The rules as a Markdown table.
+#[must_use]
+pub fn table() -> String {
+    let mut table = "| quantity | rule | otherwise |\n| --- | --- | --- |\n".to_owned();
+    for rule in Rule::ALL {
+        let cells = [rule.quantity(), rule.relation(), rule.consequence()];
+        // A bar would end the cell.
+        let cells = cells.map(|cell| cell.replace('|', "\\|"));
+        table += &format!("| {} |\n", cells.join(" | "));
+    }
+    table
+}
