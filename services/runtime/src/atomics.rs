@@ -1,3 +1,3 @@
-//! The atomics of [`crate::seqlock`], in whose place loom puts its own.
+//! Atomics of [`crate::seqlock`]; loom replaces them by its own.
 
 pub use std::sync::atomic::{AtomicU64, Ordering, fence};

@@ -1,13 +1,13 @@
-//! Checkpoints: what a service knew after its last step, where its death cannot reach it.
+//! Checkpoints: the state of a service after its last steps, kept outside of its process.
 //!
-//! They live in an anonymous file that the orchestrator makes and every service inherits, and writing one costs a copy.
-//! Two read them: who is born after a death goes on from the newest, and now and then the orchestrator takes a snapshot
-//! for its record of the machine, from which replays begin. Nobody holds a service up by that.
+//! They live in an anonymous file that the orchestrator makes and every service inherits. Writing one costs a copy.
+//! They have two readers. A restarted service goes on from the newest one. The orchestrator takes a snapshot now and
+//! then for its record of the steps, from which replays begin. Readers never hold up a service.
 //!
-//! Each service has two slots and writes the older one ([`Pair`]). So a service that dies while it writes leaves the other:
-//! a process that is killed has done all the stores that come before the one it was killed at. And a reader that copies a slot
-//! beside a living writer looks at its tick before and after: no tick comes back to a slot, so that one which is still
-//! there says that nothing was written meanwhile.
+//! Each service has two slots and writes the older one ([`Pair`]). If the service dies while it writes, the other slot
+//! is whole: a killed process has done all the stores before the one that it was killed at. A reader that copies a slot
+//! beside a living writer compares the slot's tick before and after the copy. No tick returns to a slot, so an
+//! unchanged tick proves that the copy is not torn.
 
 use std::os::fd::{BorrowedFd, OwnedFd};
 
@@ -23,24 +23,24 @@ pub const CAPACITY: usize = 16 * 1024;
 
 const _: () = assert!(CAPACITY.is_multiple_of(WORD));
 
-/// Of each service, 1 + the tick of the first step that its state does not know of is what the seqlock calls a tick.
+/// Checkpoints of all services. The seqlock's tick is 1 + the tick of the first step that the state does not include.
 type Table = [Pair<{ CAPACITY / WORD }>; ServiceId::ALL.len()];
 
-/// A mapping of all services' checkpoints.
+/// Mapping of all services' checkpoints.
 #[derive(Debug)]
 pub struct Checkpoints(SharedFile);
 
-/// A checkpoint as it is read.
+/// Checkpoint as a reader gets it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Checkpoint {
-    /// Tick of the first step that the state does not know of.
+    /// Tick of the first step that the state does not include.
     pub next_tick: u64,
     /// The state.
     pub state: Vec<u8>,
 }
 
 impl Checkpoint {
-    /// Lets a service go on from here, unless it is to begin anew with its next step; whether it does.
+    /// Restores the state of a service, unless its next step is a cold start. Returns whether it did.
     pub fn resume(&self, service: &mut dyn ErasedService, timetable: &Timetable) -> bool {
         let next = timetable.steps.first_at_or_after(self.next_tick);
         let goes_on = !next.is_some_and(|next| timetable.begins_anew_at(next));
@@ -52,7 +52,7 @@ impl Checkpoint {
 }
 
 impl Checkpoints {
-    /// Makes room for a run's checkpoints.
+    /// Makes the file of a run's checkpoints.
     ///
     /// # Errors
     /// If the system has no memory or no file descriptor left.
@@ -60,7 +60,7 @@ impl Checkpoints {
         SharedFile::create("gerono-checkpoints", size_of::<Table>()).map(Self)
     }
 
-    /// Maps checkpoints that were inherited.
+    /// Maps inherited checkpoints.
     ///
     /// # Errors
     /// If the file does not hold them.
@@ -68,15 +68,16 @@ impl Checkpoints {
         SharedFile::open(file, size_of::<Table>()).map(Self)
     }
 
-    /// The file, to be inherited by a service.
+    /// Returns the file that a service inherits.
     #[must_use]
     pub fn file(&self) -> BorrowedFd<'_> {
         self.0.file()
     }
 
-    /// Keeps the state of `service` that `save` hands over, as that before its step at `next_tick`.
+    /// Writes the state of `service` that `save` hands over, as the state before its step at `next_tick`.
     ///
-    /// To be called by one process at a time for a service: by its own.
+    /// Only one process at a time may call this for a service: the process of that service. Two writers would choose
+    /// the same slot, and their words would mix.
     ///
     /// # Panics
     /// If the state is larger than [`CAPACITY`].
@@ -85,15 +86,17 @@ impl Checkpoints {
         self.slots(service).write(next_tick, save);
     }
 
-    /// The newest whole checkpoint of a service, if there is one. To be called when its process is dead, or by
-    /// that process itself: then [`snapshot`](Self::snapshot) cannot fail.
+    /// Returns the newest whole checkpoint of a service, if there is one.
+    ///
+    /// Call it when the service's process is dead, or from that process: then no writer overwrites the slot, and
+    /// [`snapshot`](Self::snapshot) cannot fail.
     #[must_use]
     pub fn newest(&self, service: ServiceId) -> Option<Checkpoint> {
         self.snapshot(service)
     }
 
-    /// The newest checkpoint of a service, taken beside its process, which does not notice. `None` if there is none, or
-    /// if the service has written two more while this one was copied; then there is another one to ask for.
+    /// Copies the newest checkpoint of a service beside its running process, which does not notice. Returns `None` if
+    /// there is none, or if the service wrote two more during the copy; the caller may try again.
     #[must_use]
     pub fn snapshot(&self, service: ServiceId) -> Option<Checkpoint> {
         let (next_tick, state) = self.slots(service).snapshot()?;
@@ -125,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_checkpoint_is_read_and_only_by_whom_it_belongs_to() {
+    fn a_service_reads_its_newest_checkpoint_and_no_other_service_does() {
         let checkpoints = Checkpoints::create().unwrap();
         assert_eq!(checkpoints.newest(ME), None);
         for next_tick in 0..5 {
@@ -174,7 +177,7 @@ mod tests {
 
     #[test]
     fn a_snapshot_beside_a_service_that_never_rests_is_never_torn() {
-        // No multiple of a word.
+        // Not a multiple of a word.
         const LENGTH: usize = 1021;
         let checkpoints = Checkpoints::create().unwrap();
         let is_enough = AtomicBool::new(false);
@@ -196,7 +199,7 @@ mod tests {
                     continue;
                 };
                 let is_whole = state.len() == LENGTH && state.iter().all(|&byte| byte == next_tick as u8);
-                // The writer ends before anything is said of it: a panic would wait for it for ever.
+                // Stops the writer before the panic: the scope would wait for it for ever.
                 if !is_whole || next_tick < newest {
                     is_enough.store(true, Ordering::Relaxed);
                     panic!("torn at {next_tick}, after {newest}");

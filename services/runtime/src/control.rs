@@ -1,5 +1,5 @@
-//! The control channel: the orchestrator's line to each service, a `SOCK_SEQPACKET` socket that the service
-//! inherits. Its end means that the orchestrator is gone.
+//! Control channel between the orchestrator and each service: a `SOCK_SEQPACKET` socket that the service inherits. A
+//! closed channel means that the orchestrator is gone.
 //!
 //! A message is one packet of JSON, so that a service in another language needs no more than a JSON parser.
 
@@ -18,12 +18,12 @@ use crate::deployment::Scheduler;
 use crate::watchdog;
 use host::step::NonFinite;
 
-/// A step that is to be done, and what it sees. Inputs are told by a bit each, in the order of the wiring table.
+/// Order to execute a step, with its inputs: one bit per input, in the order of the wiring table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StepOrder {
-    /// Its moment.
+    /// Time of the step.
     pub now: Now,
-    /// What the service knows before it.
+    /// State of the service before it.
     pub memory: Memory,
     /// Inputs that give it a sample: the one that the port holds.
     pub seen: u32,
@@ -33,15 +33,15 @@ pub struct StepOrder {
     pub fresh: u32,
 }
 
-/// What a service knows before a step of a replay.
+/// State of a service before a step of a replay.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Memory {
-    /// What it knew after its last step.
+    /// The state after its last step.
     #[default]
     AfterLast,
-    /// What it knew before its last step.
+    /// The state before its last step.
     BeforeLast,
-    /// What it knew before its first step.
+    /// The initial state.
     Newborn,
 }
 
@@ -61,26 +61,26 @@ pub const FIRST_DOORBELL_FD: i32 = 8;
 /// Largest message, bytes; a scenario is far below.
 pub(crate) const MESSAGE_LIMIT: usize = 128 * 1024;
 
-/// What the orchestrator says to a service.
+/// Message of the orchestrator to a service.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToService {
-    /// The first message: what to fly and where.
+    /// The first message: the scenario and the run.
     Start(Box<Start>),
-    /// To a spare process: take the place of a service that has died.
+    /// To a standby process: take the role of a service that has died.
     Become(Role),
-    /// Nothing is left of whoever was this service before: make its ports.
+    /// No ports of the predecessor are left: make the ports.
     MakePorts,
-    /// Everyone is ready: fly.
+    /// All services are ready: fly.
     Go {
-        /// Whether another process has flown before this one and died: go on from its last checkpoint.
+        /// `true` if this process replaces one that flew and died: go on from its last checkpoint.
         #[serde(rename = "reborn")]
         restarted: bool,
         /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; else 0.
         start_ns: u64,
     },
-    /// To an external service in simulated time: connect all ports to those of a service that was born again, and say so.
+    /// To an external service in simulated time: connect all ports to those of a restarted service, and confirm it.
     Connect {
-        /// Number of the birth.
+        /// Number of the restart.
         birth: u32,
     },
     /// A sample that a restarted service may have missed.
@@ -90,14 +90,14 @@ pub enum ToService {
         /// The sample.
         bytes: Vec<u8>,
     },
-    /// In a replay: do these steps. What they see has been published.
+    /// In a replay: execute these steps. Their inputs have been published.
     Steps {
         /// The steps, at most [`crate::replaying::BATCH`].
         orders: Vec<StepOrder>,
-        /// Whether to tell then what the service knows.
+        /// `true` if the service is to report its state after them.
         tells_state: bool,
     },
-    /// In a replay: know this before the next step.
+    /// In a replay: take this state before the next step.
     Know {
         /// The state of the service.
         state: Vec<u8>,
@@ -106,7 +106,7 @@ pub enum ToService {
     Stop,
 }
 
-/// What a process needs to know to take part in a run.
+/// Data by which a process takes part in a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start {
     /// The resolved scenario.
@@ -117,84 +117,84 @@ pub struct Start {
     pub core: Option<usize>,
     /// How the core is shared.
     pub scheduler: Scheduler,
-    /// Which service it is; a spare process is told later.
+    /// Role of the process; a standby process learns it later.
     pub role: Option<Role>,
-    /// What its steps follow.
+    /// Host of its steps.
     pub host: Host,
 }
 
-/// What says when a service steps, and what each step sees.
+/// Host: it decides when a service steps and which samples each step sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Host {
     /// The schedule ([`crate::lock_step`]).
     LockStep,
     /// The system's clock ([`crate::real_time`]).
     RealTime,
-    /// A log, by the orchestrator's word ([`crate::replaying`]).
+    /// A log, by the orchestrator's orders ([`crate::replaying`]).
     Replay,
 }
 
 impl Start {
-    /// The run's place: the folder of its bookkeeping.
+    /// Returns the run's place: the folder of its bookkeeping.
     #[must_use]
     pub fn place(&self) -> &Path {
         self.iceoryx2_configuration.parent().unwrap_or(Path::new(""))
     }
 }
 
-/// Which service a process is.
+/// Role of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Role {
     /// The service.
     pub service: ServiceId,
-    /// Where the process shall kill itself, for tests.
+    /// Place where the process is to kill itself, for tests.
     pub crash: Option<Crash>,
 }
 
-/// What a service says to the orchestrator.
+/// Message of a service to the orchestrator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToOrchestrator {
     /// An external service's program is about to be started.
     Deployed {
-        /// What could not be had of the deployment that was asked for, in words.
+        /// Parts of the requested deployment that the system refused, in words.
         warnings: Vec<String>,
     },
     /// All ports are made.
     Ready {
-        /// What could not be had of the deployment that was asked for, in words.
+        /// Parts of the requested deployment that the system refused, in words.
         #[serde(default)]
         warnings: Vec<String>,
-        /// Of an external_service the ids of its receivers, hexadecimal, in the order of its inputs. Services make theirs known
-        /// themselves.
+        /// Ids of the receivers of an external service, hexadecimal, in the order of its inputs. Other services publish
+        /// theirs in the control block.
         #[serde(default)]
         receivers: Vec<String>,
     },
-    /// An external service is connected to a service that was born again.
+    /// An external service is connected to a restarted service.
     Connected {
-        /// Number of the birth.
+        /// Number of the restart.
         birth: u32,
     },
-    /// A restarted service gets all its inputs by its ports.
+    /// A restarted service gets all its inputs through its ports.
     CaughtUp,
     /// All steps of the flight are done.
     Finished,
-    /// In a replay: the steps of one message are done, and what came of them is published.
+    /// In a replay: the steps of one message are done, and their outputs are published.
     Stepped {
-        /// The places of those among them that computed a number that is not finite, of which nothing is published.
+        /// Places of those steps that computed a number that is not finite; their outputs are not published.
         not_finite: Vec<usize>,
-        /// What the service knows after the last of them, if that was asked for.
+        /// State of the service after the last of them, if it was asked for.
         state: Option<Vec<u8>>,
     },
-    /// A number that is not finite came up; the service has stopped.
+    /// A number that is not finite occurred; the service has stopped.
     NonFinite(NonFinite),
     /// The service cannot go on.
     Failed {
-        /// Why, in words.
+        /// The reason, in words.
         reason: String,
     },
 }
 
-/// Why a message could not be exchanged.
+/// Failure to exchange a message.
 #[derive(Debug, thiserror::Error)]
 pub enum ControlError {
     /// The other side is gone.
@@ -233,7 +233,7 @@ impl Channel {
         Self(file)
     }
 
-    /// The same end once more.
+    /// Duplicates this end.
     ///
     /// # Errors
     /// If no file descriptor is left.
@@ -258,7 +258,7 @@ impl Channel {
         }
     }
 
-    /// Sends a message if there is room for it now; tells whether there was.
+    /// Sends a message if there is room for it now. Returns whether there was.
     ///
     /// # Errors
     /// [`ControlError`].
@@ -270,7 +270,7 @@ impl Channel {
         }
     }
 
-    /// Whether the other side is gone. Takes nothing.
+    /// Returns whether the other end is closed. Takes no message.
     #[must_use]
     pub fn is_closed(&self) -> bool {
         let flags = RecvFlags::DONTWAIT | RecvFlags::PEEK;
@@ -278,7 +278,7 @@ impl Channel {
         matches!(looked, Ok((0, 0)) | Err(rustix::io::Errno::CONNRESET))
     }
 
-    /// Whether the other side is gone, also if something that it has said was not read yet.
+    /// Returns whether the other end is closed, even if some of its messages have not been read yet.
     #[must_use]
     pub fn is_hung_up(&self) -> bool {
         let mut file = [PollFd::new(&self.0, PollFlags::empty())];
@@ -310,7 +310,7 @@ impl Channel {
         let mut buffer = vec![0; MESSAGE_LIMIT];
         let mut receive = || rustix::io::retry_on_intr(|| rustix::net::recv(&self.0, &mut *buffer, flags));
         let received = match receive() {
-            // The other side has ended without having read everything; what it had said before is still to be had.
+            // The other end was closed before it read everything; its last messages can still be received.
             Err(rustix::io::Errno::CONNRESET) => receive(),
             received => received,
         };
@@ -333,7 +333,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_closed_end_is_noticed_by_the_other() {
+    fn a_closed_end_is_found_by_the_other() {
         let (mine, theirs) = Channel::pair().unwrap();
         drop(theirs);
         assert!(matches!(
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_gone_is_noticed_beside_what_it_has_said() {
+    fn a_closed_end_is_found_before_its_messages_are_read() {
         let (mine, theirs) = Channel::pair().unwrap();
         let theirs = Channel::inherited(theirs);
         mine.send(&ToService::Stop).unwrap();
@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_words_of_one_that_has_not_read_everything_are_heard() {
+    fn the_last_messages_of_an_end_that_has_not_read_everything_arrive() {
         let (mine, theirs) = Channel::pair().unwrap();
         mine.send(&ToService::MakePorts).unwrap();
         let last_words = ToOrchestrator::Failed {

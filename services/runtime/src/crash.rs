@@ -1,15 +1,15 @@
-//! Crash points: a service that kills itself at a chosen tick and place, to show that no place is a bad one.
+//! Crash points: a service kills itself at a chosen tick and place, to test that a death at any place is survived.
 
 use rustix::process::{Signal, getpid, kill_process};
 use serde::{Deserialize, Serialize};
 
-/// A place in the life of a service process.
+/// Place in the life of a service process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CrashPlace {
     /// On start, before the ports are made.
     BeforePorts,
-    /// On start, when the ports are made and nobody has been told.
+    /// On start, when the ports are made and the orchestrator does not know it yet.
     AfterPorts,
     /// In recovery, before the first step.
     Recovering,
@@ -23,7 +23,7 @@ pub enum CrashPlace {
     AfterPublishing,
     /// In the middle of writing the checkpoint.
     Checkpointing,
-    /// When the checkpoint is written and nobody has been woken.
+    /// When the checkpoint is written and no consumer has been woken.
     BeforeWaking,
 }
 
@@ -41,7 +41,7 @@ impl CrashPlace {
         Self::BeforeWaking,
     ];
 
-    /// What it is called on the command line.
+    /// Returns its name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -58,27 +58,27 @@ impl CrashPlace {
     }
 }
 
-/// Where a process shall kill itself.
+/// Tick and place at which a process is to kill itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Crash {
-    /// Tick of the step, or of the first step after it that there is; of no meaning on start.
+    /// Tick of the step, or of the first step after it that there is; without meaning on start.
     pub tick: u64,
     /// The place.
     pub place: CrashPlace,
 }
 
-/// The crash that a process has been told to have, if any.
+/// Crash that a process has been told to have, if any.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CrashPoint(Option<Crash>);
 
 impl CrashPoint {
-    /// A point for a crash.
+    /// Makes a crash point.
     #[must_use]
     pub fn new(crash: Option<Crash>) -> Self {
         Self(crash)
     }
 
-    /// Says that the process is at `place` of the step at `tick`: it may not return.
+    /// Kills the process if it is to die at `place` of the step at `tick`.
     #[inline]
     pub fn pass(&self, place: CrashPlace, tick: u64) {
         if let Some(crash) = self.0
@@ -93,6 +93,6 @@ impl CrashPoint {
 /// Kills this process.
 #[cold]
 pub fn die() {
-    // Nothing can be done about a failure, and there is none: a process may always kill itself.
+    // A process may always kill itself; a failure could not be handled.
     let _ = kill_process(getpid(), Signal::KILL);
 }

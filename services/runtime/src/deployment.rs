@@ -1,4 +1,4 @@
-//! Where and how a process runs: its core, its scheduler, its memory, its fate when its parent dies.
+//! Deployment of a process: its core, its scheduler, its memory, and its end when its parent dies.
 #![expect(
     unsafe_code,
     reason = "the scheduler of a thread can only be set by a call of libc"
@@ -16,14 +16,14 @@ pub use memory::LOCKED_MEMORY;
 pub use settings::{Refusal, Setting, apply};
 pub use switches::spare_switches;
 
-/// How a core is shared.
+/// Scheduler of a process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Scheduler {
     /// The system's ordinary, fair scheduler.
     #[default]
     Fair,
-    /// `SCHED_BATCH`: fair as well, but who is woken waits for its turn. For a ring that always sleeps, in
-    /// which a woken consumer would push its producer off the core just before that sleeps.
+    /// `SCHED_BATCH`: fair as well, but a woken process waits for its turn. For a ring that always sleeps, in which a
+    /// woken consumer would push its producer off the core just before the producer sleeps.
     Batch,
     /// `SCHED_FIFO`: above everything else on the core. Needs a privilege.
     Fifo,
@@ -32,7 +32,7 @@ pub enum Scheduler {
 /// `SCHED_FIFO` priority of services unless one is stated: above ordinary work, below the kernel's own threads.
 pub const FIFO_PRIORITY: u32 = 20;
 
-/// The cores that this process may use.
+/// Returns the cores that this process may use.
 #[must_use]
 pub fn allowed_cores() -> Vec<usize> {
     let Ok(set) = rustix::thread::sched_getaffinity(None) else {
@@ -41,7 +41,7 @@ pub fn allowed_cores() -> Vec<usize> {
     (0..CpuSet::MAX_CPU).filter(|&core| set.is_set(core)).collect()
 }
 
-/// Lets this thread run on these cores only.
+/// Restricts this thread to these cores.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -71,8 +71,8 @@ pub fn use_scheduler(scheduler: Scheduler) -> std::io::Result<()> {
 /// Shortest time slice that the system gives, ns.
 const SHORTEST_SLICE_NS: u64 = 100_000;
 
-/// Lets this thread of the fair scheduler have its core for short whiles only, in return for which it need not wait until
-/// another one's while is over when it wakes; since Linux 6.12, before it changes nothing. Everyone may.
+/// Gives this thread of the fair scheduler short time slices. In return it need not wait for the end of another
+/// thread's slice when it wakes. It has no effect before Linux 6.12 and needs no privilege.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -80,8 +80,8 @@ pub fn use_short_slices() -> std::io::Result<()> {
     use_slice(SHORTEST_SLICE_NS)
 }
 
-/// Lets this thread of the fair scheduler have its core for `nanoseconds` at a time, from 0.1 ms to 100 ms; since
-/// Linux 6.12, before it changes nothing. Everyone may.
+/// Gives this thread of the fair scheduler time slices of `nanoseconds`, from 0.1 ms to 100 ms. It has no effect before
+/// Linux 6.12 and needs no privilege.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -92,10 +92,10 @@ pub fn use_slice(nanoseconds: u64) -> std::io::Result<()> {
     done(unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) })
 }
 
-/// For how long this thread of the fair scheduler has its core at a time, ns.
+/// Returns the time slice of this thread of the fair scheduler, ns.
 ///
 /// # Errors
-/// If the system does not permit to ask.
+/// If the system refuses the query.
 pub fn slice() -> std::io::Result<u64> {
     Ok(scheduling_attributes()?.sched_runtime)
 }
@@ -118,7 +118,7 @@ pub fn use_fifo(priority: u32) -> std::io::Result<()> {
     set_policy(libc::SCHED_FIFO, i32::try_from(priority).unwrap_or(i32::MAX))
 }
 
-/// A limit after it has been raised as far as everyone may; `None` is no limit.
+/// Raises a limit as far as every process may, and returns it; `None` is no limit.
 fn raised_limit(resource: Resource) -> Option<u64> {
     let limit = rustix::process::getrlimit(resource);
     let raised = Rlimit {
@@ -137,7 +137,7 @@ fn set_policy(policy: i32, sched_priority: i32) -> std::io::Result<()> {
     done(unsafe { libc::sched_setscheduler(0, policy, &raw const parameters) }.into())
 }
 
-/// What a call of libc says that answers 0 once it is done.
+/// Result of a call of libc that returns 0 on success.
 fn done(answer: libc::c_long) -> std::io::Result<()> {
     if answer == 0 {
         Ok(())
@@ -154,7 +154,7 @@ pub fn call_process(name: &str) -> std::io::Result<()> {
     Ok(rustix::thread::set_name(&std::ffi::CString::new(name)?)?)
 }
 
-/// Lets the system kill this process when the thread that started it ends.
+/// Makes the system kill this process when the thread that started it ends.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -164,7 +164,7 @@ pub fn die_with_parent() -> std::io::Result<()> {
     ))?)
 }
 
-/// Takes [`die_with_parent`] back.
+/// Undoes [`die_with_parent`].
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -172,11 +172,11 @@ pub fn outlive_parent() -> std::io::Result<()> {
     Ok(rustix::process::set_parent_process_death_signal(None)?)
 }
 
-/// Lets every signal that ends a process end this one, at once.
+/// Restores the default action of every signal that ends a process.
 ///
-/// Rust's runtime handles SIGSEGV and SIGBUS to tell of a stack that has overflowed. When another process sends one of
-/// them, its handler returns, once, and what it has interrupted goes on: iceoryx2 takes a sleep of a blocked send that
-/// was cut short for a failure, and the sample reaches only a part of its receivers.
+/// Rust's runtime handles SIGSEGV and SIGBUS to report a stack overflow. When another process sends one of them, the
+/// handler returns, once, and the interrupted call goes on. iceoryx2 takes an interrupted sleep of a blocked send for a
+/// failure, and the sample reaches only a part of its receivers.
 pub fn die_by_signals() {
     for signal in [libc::SIGSEGV, libc::SIGBUS] {
         // SAFETY: the default action is no handler, and nothing else in this process changes it.
@@ -184,7 +184,7 @@ pub fn die_by_signals() {
     }
 }
 
-/// Of the allowed cores the one that has been idlest over a few hundredths of a second.
+/// Returns the core of `allowed` that was idle longest over a few hundredths of a second.
 #[must_use]
 pub fn idlest(allowed: &[usize]) -> Option<usize> {
     let before = idle_ticks();
@@ -203,11 +203,11 @@ pub fn idlest(allowed: &[usize]) -> Option<usize> {
     allowed
         .iter()
         .copied()
-        // The last of equals: interrupts tend to land on the first.
+        // The last of equals: interrupts tend to occur on the first.
         .max_by_key(|&core| idle(core).map_or(0, |(after, before)| after.saturating_sub(before)))
 }
 
-/// Idle time of each core so far, in the system's ticks.
+/// Returns the idle time of each core so far, in the system's ticks.
 fn idle_ticks() -> Vec<Option<u64>> {
     let text = std::fs::read_to_string("/proc/stat").unwrap_or_default();
     let mut ticks = Vec::new();

@@ -1,4 +1,4 @@
-//! File descriptors that a process hands to one that it starts, by number.
+//! File descriptors that a process hands, by number, to a process that it starts.
 #![expect(
     unsafe_code,
     reason = "inherited file descriptors are taken over by their numbers"
@@ -9,7 +9,7 @@ use std::process::Command;
 
 use command_fds::{CommandFdExt, FdMapping};
 
-/// Lets the process that `command` starts inherit copies of `files`, numbered from `first` on.
+/// Makes the process that `command` starts inherit copies of `files`, numbered from `first` on.
 ///
 /// # Errors
 /// If no file descriptor is left.
@@ -27,21 +27,21 @@ pub fn hand_on<'a>(
     Ok(())
 }
 
-/// Takes over an inherited descriptor; everything that is started from here closes it.
+/// Takes over an inherited descriptor and marks it close-on-exec.
 ///
 /// # Errors
-/// If there is none of this number.
+/// If no descriptor has this number.
 pub fn inherited(number: RawFd) -> std::io::Result<OwnedFd> {
-    // SAFETY: only looks whether the number is open.
+    // SAFETY: the number is only checked for being open.
     let borrowed = unsafe { BorrowedFd::borrow_raw(number) };
     rustix::io::fcntl_setfd(borrowed, rustix::io::FdFlags::CLOEXEC)?;
     // SAFETY: the number is open, and by the contract with the parent nothing else in this process owns it.
     Ok(unsafe { OwnedFd::from_raw_fd(number) })
 }
 
-/// Closes all descriptors from `first` on: those that were inherited though nobody handed them over.
+/// Closes all descriptors from `first` on that were inherited without being handed over.
 ///
-/// To be called before this process has opened any of its own.
+/// Call it before this process opens any descriptor: it would be closed too.
 ///
 /// # Errors
 /// If the system is older than Linux 5.9.

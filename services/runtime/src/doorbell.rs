@@ -1,7 +1,7 @@
 //! Doorbells: eventfds that the orchestrator makes and all services inherit, so that they survive a restart.
 //!
-//! They never block: an external program has them too, and one that fills the counter of a bell must not stop the
-//! process that rings it.
+//! They never block. An external service has them too, and if it fills the counter of a doorbell, the process that
+//! rings must not stop.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
@@ -9,7 +9,7 @@ use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 
 use crate::flight_clock::deadline;
 
-/// A service's doorbell. Whoever publishes for the service rings it; a ring is a hint, never data.
+/// Doorbell of a service. A publisher rings it after it has published for the service; a ring is a hint, never data.
 #[derive(Debug)]
 pub struct Doorbell(OwnedFd);
 
@@ -28,33 +28,33 @@ impl Doorbell {
         Self(file)
     }
 
-    /// Wakes whoever sleeps on the doorbell.
+    /// Wakes the sleeper on the doorbell.
     #[inline]
     pub fn ring(&self) {
-        // The only failure is a full counter, and that wakes the sleeper as well.
+        // The only failure is a full counter, which wakes the sleeper as well.
         let _ = rustix::io::write(&self.0, &1u64.to_ne_bytes());
     }
 
-    /// Sleeps until somebody rings, or returns at once if somebody has; takes all rings back.
+    /// Sleeps until a ring, or returns at once if one is pending; clears all rings.
     #[inline]
     pub fn sleep(&self) {
-        // An interrupted sleep is a ring like any other: everything is looked at again.
+        // An interrupted sleep is like a ring: the caller checks all its conditions again.
         let _ = poll(&mut [PollFd::new(&self.0, PollFlags::IN)], None);
         self.take_back();
     }
 
-    /// Sleeps as [`Self::sleep`] does, but no longer than this, ns.
+    /// Sleeps as [`Self::sleep`] does, but at most this long, ns.
     #[inline]
     pub fn sleep_up_to(&self, limit_ns: u64) {
         let limit = deadline(limit_ns);
         let mut file = [PollFd::new(&self.0, PollFlags::IN)];
-        // As above, an interruption is a ring.
+        // As above, an interruption is like a ring.
         if poll(&mut file, Some(&limit)).is_ok_and(|rung| rung > 0) {
             self.take_back();
         }
     }
 
-    /// Takes all rings back. Without one, nothing happens.
+    /// Clears all rings. Without a ring it has no effect.
     #[inline]
     fn take_back(&self) {
         let _ = rustix::io::read(&self.0, &mut [0u8; 8]);
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_counter_stops_nobody_and_counts_as_rung() {
+    fn a_full_counter_blocks_no_ring_and_wakes_the_sleeper() {
         let doorbell = Doorbell::create().unwrap();
         rustix::io::write(&doorbell, &(u64::MAX - 1).to_ne_bytes()).unwrap();
         doorbell.ring();
@@ -83,7 +83,7 @@ mod tests {
         assert_eq!(
             nothing,
             Err(rustix::io::Errno::AGAIN),
-            "both sleeps took all rings back"
+            "both sleeps cleared all rings"
         );
     }
 

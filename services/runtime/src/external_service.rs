@@ -1,9 +1,9 @@
-//! An external service: a program of one's own that flies in place of a service, in whatever language.
+//! External service: an external program that flies in place of a service, in any language.
 //!
-//! The process that `gerono run` starts for the service reads its start message and deploys itself as every service does,
-//! writes an manifest, which says all that the program needs to know, and becomes the program. From then on the two
-//! speak as docs/process_contract.md says: in the orchestrator's own messages, without the shared page, the checkpoints
-//! and the step records, which are a matter between processes of one build.
+//! The process that `gerono run` starts for the service reads its start message and deploys itself as every service
+//! does. It writes a launch manifest with all that the program needs to know, and becomes the program. From then on the
+//! orchestrator and the program speak as docs/process_contract.md says: in the orchestrator's usual messages, without
+//! the control block, the checkpoints and the step records, which only processes of one build share.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -24,19 +24,19 @@ use crate::descriptors::hand_on;
 use crate::doorbell::Doorbell;
 use crate::ports::{LAYOUT_ATTRIBUTE, consumer_buffer};
 
-/// Version of the contract with external services; raised when programs that keep the one before would go wrong.
+/// Version of the contract with external services; raised by a change that breaks programs of the version before.
 pub const CONTRACT: u32 = 1;
 
-/// Names, in the environment of an external service, the service in whose place it flies: so that people and the orchestrator know it
-/// again among processes.
+/// Environment variable that names the service in whose place an external service flies. People and the orchestrator
+/// recognise its process by it.
 pub const SERVICE_VARIABLE: &str = "GERONO_SERVICE";
 
-/// File descriptor of the manifest in an external service.
-const INVITATION_FD: i32 = CONTROL_FD + 1;
+/// File descriptor of the launch manifest in an external service.
+const MANIFEST_FD: i32 = CONTROL_FD + 1;
 /// File descriptor of the first service's doorbell in an external service, behind the lock of the run's place.
-const FIRST_BELL_FD: i32 = INVITATION_FD + 2;
+const FIRST_BELL_FD: i32 = MANIFEST_FD + 2;
 
-/// What a program needs to know to fly in place of a service.
+/// Launch manifest: the data that a program needs to fly in place of a service.
 #[derive(Debug, Serialize)]
 pub struct LaunchManifest {
     contract: u32,
@@ -63,7 +63,7 @@ struct Stream {
     #[serde(rename = "type")]
     type_name: &'static str,
     size: usize,
-    /// Those of the iceoryx2 service.
+    /// Attributes of the iceoryx2 service.
     attributes: BTreeMap<&'static str, String>,
     msg: String,
     period: u64,
@@ -85,9 +85,9 @@ struct OutputStream {
     bells: Vec<i32>,
 }
 
-/// What an external service inherits.
+/// Descriptors that an external service inherits.
 pub struct Belongings<'a> {
-    /// The line to the orchestrator.
+    /// The control channel.
     pub channel: &'a Channel,
     /// The file of the lock of the run's place, without the lock.
     pub lock: BorrowedFd<'a>,
@@ -96,15 +96,15 @@ pub struct Belongings<'a> {
 }
 
 impl LaunchManifest {
-    /// The manifest to fly in place of `service`.
+    /// Makes the launch manifest of a program in place of `service`.
     ///
     /// # Errors
-    /// If the path of the run's place is no text.
+    /// If the path of the run's place is not valid text.
     pub fn new(service: ServiceId, start: &Start, schedule: &Schedule) -> Result<Self, String> {
         let configuration = &start.iceoryx2_configuration;
         let configuration = configuration.to_str().ok_or_else(|| {
             format!(
-                "{} is no text, which a program could be told; let XDG_RUNTIME_DIR or TMPDIR be one",
+                "{} is not valid text and cannot be passed to a program; set XDG_RUNTIME_DIR or TMPDIR to a text path",
                 configuration.display()
             )
         })?;
@@ -148,7 +148,7 @@ impl LaunchManifest {
         })
     }
 
-    /// As a file that is read from its beginning.
+    /// Writes it to a file that is read from its beginning.
     fn file(&self) -> std::io::Result<OwnedFd> {
         let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
         let mut file = std::fs::File::from(rustix::fs::memfd_create("gerono-manifest", flags)?);
@@ -180,7 +180,7 @@ fn bell_of(service: ServiceId) -> i32 {
     FIRST_BELL_FD + i32::try_from(service.index()).expect("few services")
 }
 
-/// Becomes the program of `words`, started in `folder`. Returns only if that cannot be: why, in words.
+/// Becomes the program of `words`, started in `folder`. Returns only on failure: the reason, in words.
 #[must_use]
 pub fn become_program(
     words: &[String],
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn an_manifest_tells_of_every_input_and_output() {
+    fn a_manifest_names_every_input_and_output() {
         let manifest = manifest();
         let names = |kind: &str| -> Vec<String> {
             let streams = manifest[kind].as_array().unwrap().iter();
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn commands_ring_at_the_radio_link_and_telemetry_at_nobody() {
+    fn commands_ring_the_radio_link_and_telemetry_rings_no_service() {
         let manifest = manifest();
         let bells = |output: usize| manifest["outputs"][output]["bells"].clone();
         assert_eq!(bells(0), serde_json::json!([bell_of(ServiceId::RcOutput)]));

@@ -1,4 +1,4 @@
-//! The clock of a flight in real time: base ticks on `CLOCK_MONOTONIC`, the same for all processes of a run.
+//! Clock of a flight in real time: base ticks on `CLOCK_MONOTONIC`, the same for all processes of a run.
 
 use std::time::Duration;
 
@@ -7,17 +7,17 @@ use rustix::time::{ClockId, Timespec, clock_gettime};
 
 const NANOSECONDS: u64 = 1_000_000_000;
 
-/// Tells at which time a tick begins, and which tick it is.
+/// Conversion between ticks and times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlightClock {
-    /// When tick 0 begins, ns of `CLOCK_MONOTONIC`.
+    /// Time at which tick 0 begins, ns of `CLOCK_MONOTONIC`.
     pub start_ns: u64,
     /// Length of a tick, ns.
     pub tick_ns: u64,
 }
 
 impl FlightClock {
-    /// A clock whose tick 0 begins after `delay`.
+    /// Makes a clock whose tick 0 begins after `delay`.
     #[must_use]
     pub fn starting_in(delay: Duration, tick_ns: u64) -> Self {
         let delay_ns = u64::try_from(delay.as_nanos()).unwrap_or(u64::MAX);
@@ -27,21 +27,21 @@ impl FlightClock {
         }
     }
 
-    /// Time since tick 0 began, ns; 0 before.
+    /// Returns the time since tick 0 began, ns; 0 before.
     #[must_use]
     #[inline]
     pub fn elapsed_ns(&self) -> u64 {
         monotonic_ns().saturating_sub(self.start_ns)
     }
 
-    /// The tick that has begun last; 0 also before the start.
+    /// Returns the tick that began last; 0 also before the start.
     #[must_use]
     #[inline]
     pub fn tick(&self) -> u64 {
         self.elapsed_ns() / self.tick_ns
     }
 
-    /// When a tick begins, ns of `CLOCK_MONOTONIC`.
+    /// Returns the time at which a tick begins, ns of `CLOCK_MONOTONIC`.
     #[must_use]
     #[inline]
     pub fn begins_at(&self, tick: u64) -> u64 {
@@ -49,7 +49,7 @@ impl FlightClock {
     }
 }
 
-/// A time of `CLOCK_MONOTONIC`, or the length of a wait, in ns, as the system's sleeps want it.
+/// Converts a time of `CLOCK_MONOTONIC`, or a duration, in ns, to the type of the system's sleeps.
 #[must_use]
 #[inline]
 pub fn deadline(at_ns: u64) -> Timespec {
@@ -59,7 +59,7 @@ pub fn deadline(at_ns: u64) -> Timespec {
     }
 }
 
-/// `CLOCK_MONOTONIC`, ns.
+/// Returns the time of `CLOCK_MONOTONIC`, ns.
 #[must_use]
 #[inline]
 pub fn monotonic_ns() -> u64 {
@@ -67,10 +67,10 @@ pub fn monotonic_ns() -> u64 {
     now.tv_sec.cast_unsigned() * NANOSECONDS + now.tv_nsec.cast_unsigned()
 }
 
-/// Sleeps until a time of `CLOCK_MONOTONIC` has come, ns, or a signal arrives.
+/// Sleeps until a time of `CLOCK_MONOTONIC`, ns, or until a signal arrives.
 #[inline]
 pub fn nap_until(at_ns: u64) {
-    // Whoever needs the time to have come looks at the clock.
+    // A caller that needs the time to have passed reads the clock again.
     let _interrupted = clock_nanosleep_absolute(ClockId::Monotonic, &deadline(at_ns));
 }
 

@@ -1,4 +1,4 @@
-//! Why a service's flight ends early.
+//! Errors that end a service's flight early.
 
 use host::step::NonFinite;
 use shared_types::{ServiceId, Topic};
@@ -7,16 +7,16 @@ use crate::control::ControlError;
 use crate::ports::PortError;
 use crate::wait::Interrupted;
 
-/// Why a flight ended before its last tick.
+/// Reason for the end of a flight before its last tick.
 #[derive(Debug, thiserror::Error)]
 pub enum FlightError {
-    /// A number that is not finite came up.
+    /// A number that is not finite occurred.
     #[error(transparent)]
     NonFinite(#[from] NonFinite),
     /// A port failed.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// A sample other than the one that was due came: the publisher and this service disagree.
+    /// A sample arrived that was not the due one: the publisher and this service disagree.
     #[error(
         "at tick {tick} the sample {got} of `{topic}` came where {due} was due: a sample was lost, or `{}` published \
          what was not due", .topic.publisher().map_or("nobody", ServiceId::name)
@@ -26,12 +26,12 @@ pub enum FlightError {
         tick: u64,
         /// The topic.
         topic: Topic,
-        /// Tick of the sample that was due.
+        /// Tick of the due sample.
         due: u64,
-        /// Tick of the sample that came.
+        /// Tick of the sample that arrived.
         got: u64,
     },
-    /// The line to the orchestrator failed.
+    /// The control channel failed.
     #[error(transparent)]
     Control(#[from] ControlError),
     /// The run ends.

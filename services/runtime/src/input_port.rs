@@ -1,11 +1,11 @@
-//! An input of a service in lock-step, also of one that is born again in flight.
+//! Input of a service in lock step, also of a restarted one.
 //!
-//! A restarted service may have missed samples: those that were published while nobody listened. It gets them from
-//! the orchestrator, which has recorded them, and its port gives the rest; at first it takes whatever comes from
-//! either. From the first sample at the port on all later ones come there: as soon as that is no later than what
-//! is due, nothing can be missing any more and samples are read in shared memory again.
+//! A restarted service may have missed samples that were published while no process listened. The orchestrator has
+//! recorded them and sends them; the port gives the later ones. At first the service accepts samples from both. All
+//! samples after the port's first one come through the port. Once the due sample is not earlier than that one, none can
+//! be missing any more, and samples are read in shared memory again.
 //!
-//! An edge with planned faults takes every sample at once and keeps what may still be due ([`EdgeStore`]).
+//! An edge with planned faults takes every sample at once and keeps those that may still be due ([`EdgeStore`]).
 
 use shared_types::ServiceId;
 use shared_types::schedule::Edge;
@@ -15,25 +15,25 @@ use crate::flight_error::FlightError;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
 use host::edge_store::EdgeStore;
 
-/// An input.
+/// Input of a service.
 pub struct InputPort {
     /// Place of the input in the wiring table.
     pub index: usize,
     /// The input as the schedule sees it.
     pub edge: Edge,
-    /// Who publishes the topic.
+    /// Publisher of the topic.
     pub publisher: ServiceId,
     receiver: Box<dyn Receiver>,
     kept: Option<Kept>,
 }
 
-/// What is kept of an input beside the sample that its port holds: of a service that was born again, and of an edge
-/// with planned faults.
+/// Samples that are kept beside the one that the port holds: of a restarted service, and of an edge with planned
+/// faults.
 struct Kept {
     samples: EdgeStore,
-    /// Whether samples may be missing that only the orchestrator has.
+    /// `true` while samples may be missing that only the orchestrator has.
     is_restarted: bool,
-    /// Tick of the first sample that came by the port.
+    /// Tick of the first sample that came through the port.
     first_at_port: Option<u64>,
 }
 
@@ -48,7 +48,7 @@ impl Kept {
 }
 
 impl InputPort {
-    /// An input that reads from a port.
+    /// Makes an input that reads from a port.
     #[must_use]
     pub fn new(index: usize, edge: Edge, publisher: ServiceId, receiver: Box<dyn Receiver>) -> Self {
         Self {
@@ -60,18 +60,18 @@ impl InputPort {
         }
     }
 
-    /// The port.
+    /// Returns the port.
     pub fn receiver(&mut self) -> &mut dyn Receiver {
         self.receiver.as_mut()
     }
 
-    /// Says that the service is born again.
+    /// Marks the service as restarted.
     ///
-    /// What has come by the port until now is thrown away, because there may be gaps in it: a publisher does not
-    /// wait for a receiver that is not connected or not known yet. From now on there are none.
+    /// Samples at the port until now are discarded, because they may have gaps: a publisher does not wait for a
+    /// receiver that is not connected or not known yet. From now on there are none.
     ///
     /// # Errors
-    /// That of the port.
+    /// The error of the port.
     pub fn expect_missed(&mut self) -> Result<(), PortError> {
         while self.receiver.receive()? {}
         self.kept = Some(Kept::new(&self.edge, true));
@@ -85,17 +85,18 @@ impl InputPort {
         }
     }
 
-    /// Whether all samples come by the port.
+    /// Returns whether all samples come through the port.
     #[must_use]
     #[inline]
     pub fn has_caught_up(&self) -> bool {
         self.kept.as_ref().is_none_or(|kept| !kept.is_restarted)
     }
 
-    /// Takes samples until the one of tick `due` is here, for the step at `tick`; `false` if it has not come yet.
+    /// Takes samples until the one of tick `due` is here, for the step at `tick`. Returns `false` if it has not come
+    /// yet.
     ///
     /// # Errors
-    /// [`FlightError::Lost`] or that of the port.
+    /// [`FlightError::Lost`] or the error of the port.
     #[inline]
     pub fn advance(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
         if self.kept.is_some() {
@@ -105,7 +106,8 @@ impl InputPort {
                 self.advance_restarted(tick, due)
             };
         }
-        // A publisher that repeats old samples without a pause does not keep the service from seeing that the run ends.
+        // Bounded: a publisher that repeats old samples without a pause must not keep the service from seeing the end
+        // of the run.
         for _ in 0..=RECORDER_BUFFER {
             if let Some(got) = self.held_tick() {
                 if got == due {
@@ -122,7 +124,7 @@ impl InputPort {
         Ok(false)
     }
 
-    /// The sample of tick `due` once it is here, for the step at `tick`.
+    /// Returns the sample of tick `due` for the step at `tick`, once it is here.
     #[must_use]
     #[inline]
     pub fn view(&mut self, tick: u64, due: u64) -> InputView<'_> {
@@ -135,8 +137,8 @@ impl InputPort {
         }
     }
 
-    /// Until nothing can be missing any more, all that the port has is taken, also when what is due came from the
-    /// orchestrator: a port that nobody empties makes its publisher wait.
+    /// Takes all samples of the port until none can be missing any more, even if the orchestrator gave the due one: a
+    /// full port would block its publisher.
     #[cold]
     fn advance_restarted(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
         let Some(kept) = &mut self.kept else {
@@ -155,15 +157,15 @@ impl InputPort {
             return Ok(true);
         }
         if kept.is_restarted {
-            // What is due comes before the port's first sample: only the orchestrator can give it.
+            // The due sample is earlier than the port's first: only the orchestrator has it.
             return Ok(false);
         }
-        // What was taken is used up: the next one is at the port.
+        // The kept samples are used up: the next one is at the port.
         self.kept = None;
         self.advance(tick, due)
     }
 
-    /// Keeps all that has come, whatever is due: where samples are late or lost, others come before they are.
+    /// Keeps all samples that have come: with late or lost samples, later ones may come before the due one.
     #[cold]
     fn advance_among_faults(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
         let Some(kept) = &mut self.kept else {
@@ -219,7 +221,7 @@ mod tests {
 
     use super::*;
 
-    /// A port that has these ticks to give.
+    /// Port that has samples of these ticks.
     struct Port {
         coming: VecDeque<u64>,
         held: Option<VehicleState>,
@@ -273,8 +275,8 @@ mod tests {
     }
 
     proptest! {
-        // The service died before its step at `next`; its port gives what was published after `first`, at first
-        // perhaps again what a restarted publisher repeats; the orchestrator gives what it has, some of it late.
+        // The service died before its step at `next`. Its port gives the samples after `first`, perhaps preceded by
+        // those that a restarted publisher repeats. The orchestrator gives the recorded ones, some of them late.
         #[test]
         fn a_restarted_service_sees_every_sample_once_wherever_it_comes_from(
             next in 10..20u64, joins_later in 0..10u64, repeats in 0..5u64, late in 0..12u64,
@@ -285,8 +287,8 @@ mod tests {
             let mut told = next;
             for due in next..end {
                 while !input.advance(due, due).unwrap() {
-                    // What the port did not give the orchestrator must.
-                    prop_assert!(due < first, "{due} should have come by the port from {first} on");
+                    // A sample that the port did not give must come from the orchestrator.
+                    prop_assert!(due < first, "{due} should have come through the port from {first} on");
                     input.take_missed(sample(told).as_bytes());
                     told += 1;
                 }
@@ -301,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn what_came_before_a_restart_is_thrown_away() {
+    fn samples_from_before_a_restart_are_discarded() {
         let mut input = input([3, 4, 9]);
         input.expect_missed().unwrap();
         assert!(!input.advance(5, 5).unwrap());
@@ -311,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn repeated_samples_are_passed_over_and_a_gap_is_an_error() {
+    fn repeated_samples_are_skipped_and_a_gap_is_an_error() {
         let mut input = input([3, 4, 3, 4, 5, 7]);
         for due in 3..6 {
             assert!(input.advance(due, due).unwrap());

@@ -1,9 +1,8 @@
-//! An input of a service in real time: the latest samples that have come, of which a step sees the newest that is due.
+//! Input queue of a service in real time: the latest samples, of which a step sees the newest due one.
 //!
-//! Nothing is waited for and nothing is missed aloud: a newer sample takes the place of an older one. Some are kept
-//! nevertheless, because the newest to have come is not always due: samples of simulated cameras and radios are
-//! still under way for some ticks, and the controller joins two inputs of one tick while the next one of the first
-//! has already come.
+//! A step never waits for a lost sample: newer samples overwrite older ones. A few are kept, because the newest one is
+//! not always due. Samples of simulated cameras and radios take some ticks on their way, and the controller joins two
+//! inputs of one tick while the next sample of the first has already come.
 
 use shared_types::schedule::Edge;
 use shared_types::service::{InputView, header_of};
@@ -13,35 +12,35 @@ use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
 use host::edge_store::EdgeStore;
 use host::owned_sample::OwnedSample;
 
-/// Samples that are kept beside those that are under way.
+/// Samples that are kept beside those that are on their way.
 const SPARE: u64 = 4;
 
-/// The latest samples of an input.
+/// Latest samples of an input.
 pub struct InputQueue {
     /// The input as the schedule sees it.
     pub edge: Edge,
     /// Place of the input in the wiring table.
     pub index: usize,
-    /// Who publishes the topic.
+    /// Publisher of the topic.
     pub publisher: ServiceId,
     receiver: Box<dyn Receiver>,
     slots: Vec<Slot>,
-    /// Where the next sample is written.
+    /// Place of the next sample.
     next: usize,
     newest: Option<u64>,
     /// Tick of the sample that the step before saw.
     seen: Option<u64>,
-    /// Where faults are planned: all samples that may be due.
+    /// With planned faults: all samples that may be due.
     store: Option<EdgeStore>,
 }
 
-/// A sample that has come, and its tick.
+/// A sample and its tick.
 struct Slot {
     tick: Option<u64>,
     sample: OwnedSample,
 }
 
-/// What a step sees of an input.
+/// Input as a step sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Delivery<'a> {
     /// The sample.
@@ -51,7 +50,7 @@ pub struct Delivery<'a> {
 }
 
 impl InputQueue {
-    /// An empty queue of an input, filled from a port.
+    /// Makes an empty queue of an input, filled from a port.
     #[must_use]
     pub fn new(
         schedule: &Schedule,
@@ -83,49 +82,49 @@ impl InputQueue {
     /// Connects to all publishers that exist by now.
     ///
     /// # Errors
-    /// That of the port.
+    /// The error of the port.
     pub fn connect(&mut self) -> Result<(), PortError> {
         self.receiver.connect()
     }
 
-    /// Whether the step at `tick` is to wait for a sample of its own tick.
+    /// Returns whether the step at `tick` waits for a sample of its own tick.
     #[must_use]
     #[inline]
     pub fn is_awaited(&self, tick: u64) -> bool {
         self.edge.due_sample(tick) == Some(tick)
     }
 
-    /// Whether any sample has come.
+    /// Returns whether any sample has come.
     #[must_use]
     #[inline]
     pub fn has_any(&self) -> bool {
         self.newest.is_some()
     }
 
-    /// Takes what has come; tells whether the sample of `tick` or a newer one has.
+    /// Takes new samples. Returns whether the sample of `tick` or a newer one has come.
     ///
     /// # Errors
-    /// That of the port.
+    /// The error of the port.
     #[inline]
     pub fn has_come(&mut self, tick: u64) -> Result<bool, PortError> {
         self.collect()?;
         Ok(self.newest >= Some(tick))
     }
 
-    /// Takes what has come.
+    /// Takes new samples.
     ///
     /// # Errors
-    /// That of the port.
+    /// The error of the port.
     #[inline]
     pub fn collect(&mut self) -> Result<(), PortError> {
-        // A publisher that is faster than this does not keep the step from beginning.
+        // Bounded: a publisher that is faster than this must not keep the step from beginning.
         for _ in 0..RECORDER_BUFFER {
             if !self.receiver.receive()? {
                 break;
             }
             let bytes = self.receiver.held().expect("just received");
             let tick = header_of(bytes).tick;
-            // One that was born again may repeat its last words.
+            // A restarted publisher may repeat its last samples.
             if self.newest.is_some_and(|newest| tick <= newest) {
                 continue;
             }
@@ -142,7 +141,7 @@ impl InputQueue {
         Ok(())
     }
 
-    /// The newest sample that is due at the step at `tick`.
+    /// Returns the newest sample that is due at the step at `tick`.
     #[inline]
     pub fn deliver(&mut self, tick: u64) -> Option<Delivery<'_>> {
         let due = self.edge.due_sample(tick)?;
@@ -186,7 +185,7 @@ mod tests {
     use shared_types::{Header, Topic};
     use zerocopy::{FromZeros, IntoBytes};
 
-    /// A port on which samples of given ticks have come.
+    /// Port with samples of given ticks.
     #[derive(Default)]
     struct Port {
         coming: VecDeque<RcFrame>,
@@ -275,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn what_one_that_was_born_again_repeats_is_passed_over() {
+    fn repeated_samples_of_a_restarted_publisher_are_skipped() {
         let mut queue = queue([3, 4, 3, 4, 5]);
         assert_eq!(delivered(&mut queue, 5), Some((4, true)));
         assert_eq!(delivered(&mut queue, 6), Some((5, true)));

@@ -1,4 +1,4 @@
-//! From a service that has joined the run to one that flies: its ports, the start, what a dead predecessor knew.
+//! Launch of a service that has joined the run: its ports, its start, and the state of a dead predecessor.
 
 use std::os::fd::BorrowedFd;
 use std::sync::Arc;
@@ -23,24 +23,24 @@ use crate::wait::Waiter;
 use crate::watchdog::{self, Work};
 use host::step::Timetable;
 
-/// What a service has that knows its role and may make its ports.
+/// Parts of a service that knows its role and may make its ports.
 pub struct Launch<'a> {
-    /// When everybody steps.
+    /// Schedule of all steps.
     pub schedule: &'a Schedule,
     /// The topics that it publishes or consumes.
     pub topics: &'a Topics,
-    /// Where it keeps what it knows.
+    /// Checkpoints of the run.
     pub checkpoints: &'a Checkpoints,
-    /// Where it tells of its steps in real time.
+    /// Step records of the run, in real time.
     pub step_log: &'a StepLog,
-    /// Where it shall die.
+    /// Place where it is to die.
     pub crash: CrashPoint,
-    /// What it could not have of its deployment.
+    /// Refused parts of its deployment.
     pub warnings: Vec<String>,
 }
 
 impl Launch<'_> {
-    /// Flies in lock-step once everybody is ready, and stays until the run has ended.
+    /// Flies in lock step once all services are ready, and stays until the run has ended.
     ///
     /// # Errors
     /// [`ProcessError`].
@@ -77,7 +77,7 @@ impl Launch<'_> {
         stay_until_the_end(context.waiter.channel())
     }
 
-    /// Does the steps of a replay, as the orchestrator tells them.
+    /// Executes the steps of a replay, as the orchestrator orders them.
     ///
     /// # Errors
     /// [`ProcessError`].
@@ -91,7 +91,8 @@ impl Launch<'_> {
         Ok(())
     }
 
-    /// Flies in real time once everybody is ready, and stays until the run has ended. `lock` is that of the run's place.
+    /// Flies in real time once all services are ready, and stays until the run has ended. `lock` is that of the run's
+    /// place.
     ///
     /// # Errors
     /// [`ProcessError`].
@@ -150,14 +151,14 @@ impl Launch<'_> {
         };
         real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut context)?;
         watchdog::rest();
-        // What it has connected in a laboratory comes to rest with its last step.
+        // Hardware that it is connected to in a laboratory stops with its last step.
         drop(service);
         stay_until_the_end(context.orchestrator_watchdog.channel())
     }
 }
 
-/// Says that all ports are made and waits for the start: whether another process has flown before this one; none if
-/// the run ends.
+/// Reports that all ports are made and waits for the start. Returns whether another process has flown before this one;
+/// `None` if the run ends.
 fn await_go(channel: &Channel, warnings: Vec<String>) -> Result<Option<bool>, ProcessError> {
     let receivers = Vec::new();
     channel.send(&ToOrchestrator::Ready { warnings, receivers })?;
@@ -167,7 +168,7 @@ fn await_go(channel: &Channel, warnings: Vec<String>) -> Result<Option<bool>, Pr
     })
 }
 
-/// Takes what the dead predecessor knew; the tick after the last one that it kept.
+/// Restores the state of the dead predecessor. Returns the tick after the last one that the state includes.
 fn go_on(
     service: &mut dyn ErasedService,
     schedule: &Schedule,
@@ -186,12 +187,12 @@ fn go_on(
     Ok(first_tick)
 }
 
-/// Says that all steps are done, and waits: the last samples stay mapped until everyone has read them.
+/// Reports that all steps are done, and waits: the last samples stay mapped until all consumers have read them.
 fn stay_until_the_end(channel: &Channel) -> Result<(), ProcessError> {
     channel.send(&ToOrchestrator::Finished)?;
     loop {
         match channel.receive::<ToService>() {
-            // Nothing is missing any more.
+            // No sample is missing any more.
             Ok(ToService::Missed { .. }) => {}
             Ok(_) | Err(ControlError::Closed) => return Ok(()),
             Err(error) => return Err(error.into()),

@@ -1,26 +1,44 @@
-//! The frame every service runs in. It knows no control theory.
+//! Frame in which every service runs. It contains no control theory.
 //!
-//! A service's step logic ([`shared_types::Service`]) is pure; hosts decide which samples are delivered by
-//! now, and they must agree to the byte:
+//! A service's step logic ([`shared_types::Service`]) is pure. Hosts decide which samples are delivered at a step, and
+//! they must agree to the byte:
 //! * [`host::in_process`]: all services in one thread, no shared memory: sweeps, tests, and the reference that the
 //!   others must equal;
 //! * [`lock_step`]: one process per service, simulated time, no sample ever lost;
 //! * [`real_time`]: one process per service, the system's clock, the newest sample wins;
-//! * [`replaying`]: one process per service, told by the orchestrator, step by step, what a log has recorded.
+//! * [`replaying`]: one process per service, which executes recorded steps in the orchestrator's order.
 //!
-//! Under them lie [`ports`] (iceoryx2, in bytes), [`shared_memory`] (what there is of it, and what the dead were making), [`wait`] (yield once, then block on a doorbell),
-//! [`shared_page`] (the words by which the processes of a run coordinate their waiting), [`checkpoints`] (what a
-//! service knew, for whoever is born after its death; both are a [`shared_file`]), [`input_port`] (an input, also after a restart),
-//! [`input_queue`] (an input in real time), [`output_ports`] (a service's
-//! outputs), [`orchestrator_watchdog`] (when the orchestrator is gone), [`take_over`] (how another one takes its place), [`flight_clock`] (ticks on the system's clock),
-//! [`seqlock`] (records that are copied beside their writer), [`step_log`] (what every step in real time was made of), [`status_cell`] (how what is connected to a service fares), [`control`] (the orchestrator's line to each service),
-//! [`crash`] (deaths at chosen places), [`deployment`] (core, scheduler, parent's death), [`watchdog`] (work that takes too long), [`untrusted`] (samples of external programs), [`descriptors`] (what a started
-//! process inherits), [`external_service`] (a program of one's own in place of a service) and [`process`] and [`launch`] (what
-//! `gerono service NAME` runs).
+//! Ports and inputs:
+//! * [`ports`]: iceoryx2 ports, in bytes;
+//! * [`input_port`]: an input in lock step, also after a restart;
+//! * [`input_queue`]: an input in real time;
+//! * [`output_ports`]: a service's outputs;
+//! * [`untrusted`]: samples of external services.
 //!
-//! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the
-//! control channel closes, or when its parent dies; a number that is not finite is stopped at the service
-//! that made it and never published.
+//! Shared memory and coordination:
+//! * [`shared_page`]: control block, by whose words the processes of a run coordinate;
+//! * [`wait`]: yield, then sleep on a [`doorbell`];
+//! * [`wait_policy`]: yield or sleep;
+//! * [`checkpoints`]: states of the services, for restarts;
+//! * [`step_log`]: record of every step in real time;
+//! * [`status_cell`]: status of a service's hardware;
+//! * [`seqlock`]: records that are copied beside their writer;
+//! * [`shared_file`]: memory of all of these;
+//! * [`shared_memory`]: named shared memory of a run, and its leftovers.
+//!
+//! Processes:
+//! * [`process`] and [`launch`]: work of `gerono service NAME`;
+//! * [`control`]: control channel between the orchestrator and each service;
+//! * [`deployment`]: core, scheduler, memory, death of the parent;
+//! * [`descriptors`]: inherited file descriptors;
+//! * [`external_service`]: an external program in place of a service;
+//! * [`flight_clock`]: ticks on the system's clock;
+//! * [`orchestrator_watchdog`] and [`take_over`]: loss of the orchestrator, and another one that takes over;
+//! * [`watchdog`]: work that takes too long;
+//! * [`crash`]: deaths at chosen places, for tests.
+//!
+//! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the control channel
+//! closes, or when its parent dies. A service stops at a number that is not finite and never publishes it.
 
 mod atomics;
 pub mod checkpoints;

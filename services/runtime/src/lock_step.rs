@@ -1,12 +1,12 @@
-//! The lock-step host of one service: waits for exactly the samples that the schedule says are due.
+//! Lock-step host of one service: it waits for exactly the samples that the schedule says are due.
 //!
-//! Results cannot depend on how the processes are scheduled: a step begins only when the due sample of every
-//! input is here, and later ones stay in their buffers. No sample is lost; publishers run ahead at most as
-//! far as the schedule lets them.
+//! Results cannot depend on the scheduling of the processes: a step begins only when the due sample of every input is
+//! here, and later samples stay in their buffers. No sample is lost; publishers run ahead at most as far as the
+//! schedule permits.
 //!
-//! Every ten ticks the service's state is kept outside of the process. One that is born after a death goes on
-//! from there: it gets what it has missed, does again what was not kept, and publishes it again; consumers pass over
-//! what they have had. Steps are functions, so that a death cannot be seen in what was published.
+//! Every ten ticks the service writes a checkpoint. A process that is started after a death goes on from there. It gets
+//! the samples that it has missed, repeats the steps since the checkpoint, and publishes their outputs again; consumers
+//! skip the samples that they have had. Steps are pure functions, so a death leaves no trace in the published samples.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -27,8 +27,8 @@ use crate::wait::Waiter;
 use crate::watchdog::{self, Work};
 use host::step::{self, Slots, Timetable, Views};
 
-/// Ticks of which at most the steps are done again after a death. A checkpoint is a copy of some kilobytes, a twentieth of
-/// the time of a tick in which each service keeps one; ten ticks of steps take less than it takes to start a process.
+/// Most ticks whose steps are repeated after a death. A checkpoint is a copy of some kilobytes and takes a twentieth of
+/// a tick in which each service writes one; ten ticks of steps take less than the start of a process.
 const CHECKPOINT_PERIOD: u64 = 10;
 
 /// A service's ports.
@@ -37,12 +37,12 @@ pub struct ServicePorts {
     page: Arc<SharedPage>,
     inputs: Vec<InputPort>,
     outputs: OutputPorts,
-    /// Where a restarted service gets what it has missed.
+    /// Source of the samples that a restarted service has missed.
     missed: Option<Channel>,
-    /// Whether a fault is planned, or a service was born again. Then publishers may run ahead, or repeat themselves, until
-    /// buffers are full, and a service that waits for one input must not let the publisher of another one wait.
+    /// `true` if a fault is planned, or a service was restarted. Then publishers may run ahead, or repeat samples,
+    /// until buffers are full, and a service that waits for one input must not make the publisher of another one wait.
     takes_all: bool,
-    /// How many births of others the ports are connected to.
+    /// Restarts of other services whose ports are connected.
     restarts_seen: u32,
 }
 
@@ -93,8 +93,8 @@ impl ServicePorts {
         })
     }
 
-    /// Lets publishers wait for the service when its buffers are full. Before, they fly on without it: who is born
-    /// again must not hold anybody up until it flies.
+    /// Makes publishers wait for the service when its buffers are full. Before, they fly on without it: a restarted
+    /// service must not hold up others until it flies.
     pub fn make_known(&mut self) {
         let receivers = &self.page.control_block().cells[self.id.index()].receivers;
         for input in &mut self.inputs {
@@ -102,7 +102,7 @@ impl ServicePorts {
         }
     }
 
-    /// Connects all ports to those of the others that exist by now.
+    /// Connects all ports to those of the other services that exist by now.
     ///
     /// # Errors
     /// [`PortError`].
@@ -113,7 +113,7 @@ impl ServicePorts {
         self.outputs.connect()
     }
 
-    /// Says that the service is born again in flight, and where it gets what it has missed.
+    /// Marks the service as restarted, with the source of the samples that it has missed.
     ///
     /// # Errors
     /// [`PortError`].
@@ -123,9 +123,10 @@ impl ServicePorts {
         Ok(())
     }
 
-    /// Connects to the ports of services that were born again meanwhile, and says so: until then they do not fly.
+    /// Connects to the ports of restarted services and confirms it: until then they do not fly.
     #[inline]
     fn greet(&mut self) -> Result<(), PortError> {
+        // Acquire: the new ports exist before the orchestrator counts the restart.
         let births = self.page.control_block().births.load(Ordering::Acquire);
         if births == self.restarts_seen {
             return Ok(());
@@ -134,6 +135,8 @@ impl ServicePorts {
         self.takes_all = true;
         self.connect()?;
         let cell = &self.page.control_block().cells[self.id.index()];
+        // Release: connected before confirmed. The restarted service flies once all have confirmed; a confirmation that
+        // came first would let it publish to a consumer without a connection, which would lose the sample.
         cell.restarts_seen.store(births, Ordering::Release);
         Ok(())
     }
@@ -152,7 +155,7 @@ impl ServicePorts {
         Ok(is_here)
     }
 
-    /// Takes of every input what is not later than what is due.
+    /// Takes of every input the samples that are not later than the due one.
     #[cold]
     fn make_room(&mut self, tick: u64) -> Result<(), FlightError> {
         for input in &mut self.inputs {
@@ -178,7 +181,7 @@ impl ServicePorts {
         Ok(())
     }
 
-    /// Tells the orchestrator once that nothing can be missing any more.
+    /// Reports to the orchestrator, once, that no sample can be missing any more.
     #[cold]
     fn catch_up(&mut self) -> Result<(), FlightError> {
         if self.inputs.iter().all(InputPort::has_caught_up)
@@ -190,15 +193,15 @@ impl ServicePorts {
     }
 }
 
-/// What a service flies with beside its step logic.
+/// Context in which a service flies.
 pub struct ServiceContext<'a> {
     /// Its ports.
     pub ports: &'a mut ServicePorts,
     /// Its place in the ring.
     pub waiter: &'a mut Waiter,
-    /// Where it keeps what it knows.
+    /// Checkpoints of the run.
     pub checkpoints: &'a Checkpoints,
-    /// Where it shall die.
+    /// Place where it is to die.
     pub crash: CrashPoint,
 }
 
@@ -244,7 +247,7 @@ pub fn fly(
     Ok(())
 }
 
-/// Which checkpoint a step at `tick` is for.
+/// Returns the checkpoint period that a step at `tick` belongs to.
 fn period_of(tick: u64) -> u64 {
     tick / CHECKPOINT_PERIOD
 }
@@ -292,7 +295,7 @@ impl ServiceContext<'_> {
         Ok(())
     }
 
-    /// Keeps what the service knows before its step at `next_tick`.
+    /// Writes the checkpoint of the service before its step at `next_tick`.
     #[inline]
     fn keep(&self, service: &dyn ErasedService, next_tick: u64) {
         self.checkpoints.write(service.id(), next_tick, |keep| {

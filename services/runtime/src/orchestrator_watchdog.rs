@@ -1,9 +1,9 @@
-//! What a service does in real time once the orchestrator is gone.
+//! Orchestrator watchdog: the reaction of a service in real time to the loss of the orchestrator.
 //!
-//! The orchestrator says now and then that it lives. Whoever has not heard of it for [`SILENCE_NS`] looks at its line:
-//! one that is only stopped or slow still holds the other end. If it is gone, the services land the vehicle, or fly on
-//! to the end of the scenario, as that says; without phases there is nothing to land, and they end. Meanwhile they look
-//! for somebody who takes its place.
+//! The orchestrator renews a time in the control block. A service that sees it unchanged for [`SILENCE_NS`] checks its
+//! control channel: an orchestrator that is only stopped or slow still holds the other end. If it is gone, the services
+//! land the vehicle or fly on to the end of the scenario, as the scenario says. Without flight phases they cannot land,
+//! and end. Meanwhile they look for an orchestrator that takes over.
 
 use std::sync::atomic::Ordering;
 
@@ -13,25 +13,25 @@ use crate::control::Channel;
 use crate::shared_page::ControlBlock;
 use crate::take_over::HandOver;
 
-/// Silence of the orchestrator after which a service looks whether it is gone, ns.
+/// Silence of the orchestrator after which a service checks whether it is gone, ns.
 pub const SILENCE_NS: u64 = 500_000_000;
 
-/// How long a landing without the orchestrator may take, ns.
+/// Longest landing without the orchestrator, ns.
 const LANDING_NS: u64 = 60_000_000_000;
 
-/// A service's view of whether the orchestrator is there.
+/// Watchdog of one service over the orchestrator.
 #[derive(Debug)]
 pub struct OrchestratorWatchdog {
     channel: Channel,
     hand_over: HandOver,
     then: Then,
-    /// When it was found to be gone, ns of `CLOCK_MONOTONIC`.
+    /// When the orchestrator was found to be gone, ns of `CLOCK_MONOTONIC`.
     alone_since: Option<u64>,
-    /// When to look again, ns of `CLOCK_MONOTONIC`.
+    /// Time of the next check, ns of `CLOCK_MONOTONIC`.
     look_at: u64,
 }
 
-/// What follows the loss of the orchestrator.
+/// Reaction to the loss of the orchestrator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Then {
     End,
@@ -40,7 +40,8 @@ enum Then {
 }
 
 impl OrchestratorWatchdog {
-    /// For a flight of `scenario` by an orchestrator at the other end of `channel`; who takes its place gets `hand_over`.
+    /// Makes the watchdog for a flight of `scenario` by an orchestrator at the other end of `channel`. An orchestrator
+    /// that takes over gets `hand_over`.
     #[must_use]
     pub fn new(scenario: &Scenario, channel: Channel, hand_over: HandOver) -> Self {
         let wanted = scenario.real_time.unwrap_or_default().orchestrator_loss;
@@ -57,23 +58,24 @@ impl OrchestratorWatchdog {
         }
     }
 
-    /// Whether the vehicle is to land because the orchestrator is gone.
+    /// Returns whether the vehicle is to land because the orchestrator is gone.
     #[must_use]
     #[inline]
     pub fn is_to_land(&self) -> bool {
         self.alone_since.is_some() && self.then == Then::Land
     }
 
-    /// The line to the orchestrator, or to whoever has taken its place.
+    /// Returns the control channel to the orchestrator, or to the one that has taken over.
     #[must_use]
     pub fn channel(&self) -> &Channel {
         &self.channel
     }
 
-    /// Looks whether the orchestrator is there, `now` in ns of `CLOCK_MONOTONIC`; whether the service is to end because
-    /// it is not.
+    /// Checks for the orchestrator at time `now`, ns of `CLOCK_MONOTONIC`. Returns whether the service is to end
+    /// because the orchestrator is gone.
     #[inline]
     pub fn has_ended(&mut self, block: &ControlBlock, now: u64) -> bool {
+        // Relaxed: a time and nothing else. An old value only makes the check of the channel come earlier.
         let alive = block.orchestrator_alive_ns.load(Ordering::Relaxed);
         if now.saturating_sub(alive) < SILENCE_NS || now < self.look_at {
             return false;
@@ -152,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_alone_lands_flies_on_or_ends_as_the_scenario_says() {
+    fn an_orphaned_service_lands_flies_on_or_ends_as_the_scenario_says() {
         let block = ControlBlock::default();
         let mut landing = alone(OrchestratorLoss::Land, true);
         assert!(!landing.is_to_land());
@@ -163,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn an_orchestrator_that_is_silent_but_there_is_not_lost() {
+    fn a_silent_orchestrator_with_an_open_channel_is_not_lost() {
         let (_orchestrator, service) = Channel::pair().unwrap();
         let mut flight = OrchestratorWatchdog::new(
             &scenario(),
@@ -175,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_takes_over_ends_the_loneliness() {
+    fn a_take_over_ends_the_landing_of_an_orphaned_service() {
         let place = tempfile::tempdir().unwrap();
         let mut flight = alone(OrchestratorLoss::Land, true);
         flight.hand_over = hand_over(place.path());
@@ -193,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_looks_while_the_orchestrator_says_that_it_lives() {
+    fn the_channel_is_not_checked_while_the_orchestrator_is_alive() {
         let mut flight = alone(OrchestratorLoss::Land, false);
         let block = ControlBlock::default();
         block

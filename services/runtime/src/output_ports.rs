@@ -1,4 +1,4 @@
-//! A service's outputs: where its samples are written, and who is waiting for them.
+//! Outputs of a service: the places of its samples, and their consumers.
 
 use shared_types::schedule::Publication;
 use shared_types::wiring::OutputSpec;
@@ -8,7 +8,7 @@ use crate::crash::{CrashPlace, CrashPoint};
 use crate::ports::{PortError, Sender, TopicPorts, Topics};
 use host::step::{self, Slots};
 
-/// The outputs that the wiring table gives a service.
+/// Outputs that the wiring table gives a service.
 pub struct OutputPorts {
     outputs: Vec<OutputPort>,
     consumers: Vec<ServiceId>,
@@ -23,7 +23,7 @@ impl OutputPorts {
     /// Makes a publisher of each topic with `sender_of`.
     ///
     /// # Errors
-    /// That of `sender_of`.
+    /// The error of `sender_of`.
     pub fn open(
         topics: &Topics,
         id: ServiceId,
@@ -42,7 +42,7 @@ impl OutputPorts {
         })
     }
 
-    /// Who looks at any of what is published, each once.
+    /// Returns the consumers of any output, each once.
     #[must_use]
     #[inline]
     pub fn consumers(&self) -> &[ServiceId] {
@@ -59,8 +59,8 @@ impl OutputPorts {
             .try_for_each(|output| output.sender.connect())
     }
 
-    /// Places for the samples that are due at `tick`, written where they are used: a copy of what was just written would
-    /// wait until the samples' memory has come from the recorder's core.
+    /// Loans places for the samples that are due at `tick`. The step writes in place: to copy a sample just written, it
+    /// would wait for the loaned memory to come from the recorder's core.
     ///
     /// # Errors
     /// [`PortError`].
@@ -76,7 +76,7 @@ impl OutputPorts {
         Ok(())
     }
 
-    /// Publishes nothing of what has been loaned.
+    /// Returns the loaned samples without publishing them.
     #[cold]
     pub fn take_back(&mut self) {
         for output in &mut self.outputs {
@@ -84,7 +84,7 @@ impl OutputPorts {
         }
     }
 
-    /// Publishes what has been loaned at `tick`.
+    /// Publishes the samples that were loaned at `tick`.
     ///
     /// # Errors
     /// [`PortError`].

@@ -1,9 +1,9 @@
-//! iceoryx2 ports, seen as bytes: a host moves samples of every topic with the same code.
+//! iceoryx2 ports in bytes: a host moves samples of every topic with the same code.
 //!
-//! Samples travel without a copy: an output is written in loaned shared memory, an input is read there and
-//! held until a newer one takes its place. In lock-step delivery is lossless for the run's own receivers; any other
-//! subscriber (somebody looking at the flight) loses samples instead of blocking it. In real time nobody is waited
-//! for: in a full buffer the newest sample takes the place of the oldest.
+//! Samples travel without a copy: an output is written in loaned shared memory, an input is read there and held until a
+//! newer one replaces it. In lock step, delivery is lossless for the receivers of the run; any other subscriber (an
+//! observer of the flight) loses samples instead of blocking it. In real time, publishers wait for no receiver: in a
+//! full buffer the newest sample replaces the oldest.
 
 mod run_node;
 mod topic;
@@ -25,7 +25,7 @@ pub use typed::Wire;
 /// Places of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
 pub const RECORDER_BUFFER: usize = 1024;
 
-/// Subscribers of a topic beside the run's own: for people who look at a flight with other tools.
+/// Subscribers of a topic beside those of the run: for people who watch a flight with other tools.
 const OBSERVERS: usize = 2;
 
 /// Samples that a subscriber may hold.
@@ -34,7 +34,7 @@ pub const MAX_BORROWED: usize = 2;
 /// Samples that a publisher may be writing.
 pub const MAX_LOANED: usize = 2;
 
-/// Most subscribers of a topic: its consumers, the recorder, and people who look on.
+/// Returns the largest number of subscribers of a topic: its consumers, the recorder, and observers.
 #[must_use]
 pub fn max_subscribers(topic: Topic) -> usize {
     topic.consumers().count() + 1 + OBSERVERS
@@ -46,7 +46,7 @@ pub(crate) const LAYOUT_ATTRIBUTE: &str = "layout";
 /// An error of iceoryx2, which has one type for each operation.
 type Cause = Box<dyn Error + Send + Sync>;
 
-/// Why a port cannot be made or used.
+/// Failure to make or use a port.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
     /// The run's iceoryx2 configuration cannot be loaded.
@@ -54,10 +54,10 @@ pub enum PortError {
     Configuration {
         /// The file.
         path: PathBuf,
-        /// What iceoryx2 says.
+        /// The error of iceoryx2.
         source: Cause,
     },
-    /// The process cannot take part in the run.
+    /// The process cannot join the run.
     #[error("cannot join the run's shared memory: {0}")]
     Node(#[source] Cause),
     /// The topic cannot be made or opened.
@@ -65,17 +65,17 @@ pub enum PortError {
     Open {
         /// The topic.
         topic: Topic,
-        /// What iceoryx2 says.
+        /// The error of iceoryx2.
         source: Cause,
     },
-    /// The topic is there, with samples of another layout.
+    /// The topic exists with samples of another layout.
     #[error(
         "cannot open the topic `{topic}`: {source}: it carries another type; all processes of a run must come from one build"
     )]
     OtherLayout {
         /// The topic.
         topic: Topic,
-        /// What iceoryx2 says.
+        /// The error of iceoryx2.
         source: PublishSubscribeOpenError,
     },
     /// A port of the topic cannot be made.
@@ -83,7 +83,7 @@ pub enum PortError {
     Create {
         /// The topic.
         topic: Topic,
-        /// What iceoryx2 says.
+        /// The error of iceoryx2.
         source: Cause,
     },
     /// A sample could not be loaned, sent or received.
@@ -91,7 +91,7 @@ pub enum PortError {
     Transport {
         /// The topic.
         topic: Topic,
-        /// What iceoryx2 says.
+        /// The error of iceoryx2.
         source: Cause,
     },
     /// The run is ending while a receiver's buffer is full.
@@ -99,11 +99,11 @@ pub enum PortError {
     Stopping,
 }
 
-/// The topics that a service has opened, each once.
+/// Topics that a service has opened, each once.
 pub struct Topics([Option<Box<dyn TopicPorts>>; Topic::ALL.len()]);
 
 impl Topics {
-    /// Opens all topics that a service publishes or looks at. The dead that it follows may still have their ports.
+    /// Opens all topics that a service publishes or consumes. Its dead predecessor may still have ports of them.
     ///
     /// # Errors
     /// [`PortError::Open`].
@@ -140,10 +140,10 @@ impl Topics {
         Ok(topics)
     }
 
-    /// A topic that the service publishes or looks at.
+    /// Returns a topic that the service publishes or consumes.
     ///
     /// # Panics
-    /// If it is not.
+    /// If the service has not opened it.
     #[must_use]
     pub fn of(&self, topic: Topic) -> &dyn TopicPorts {
         let ports = self.0[topic.index()].as_deref();
@@ -151,31 +151,31 @@ impl Topics {
     }
 }
 
-/// Places of a consumer's buffer of a topic.
+/// Returns the places of a consumer's buffer of a topic.
 pub(crate) fn consumer_buffer(schedule: &Schedule, topic: Topic) -> usize {
     usize::try_from(schedule.buffer_size(topic)).map_or(RECORDER_BUFFER, |size| size.min(RECORDER_BUFFER))
 }
 
-/// What becomes of a sample for which a receiver has no room.
+/// Treatment of a sample for which a receiver has no room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delivery {
-    /// Its publisher waits until there is.
+    /// The publisher waits for room.
     Lossless,
-    /// It takes the place of the oldest that has not been received.
+    /// The sample replaces the oldest one that has not been received.
     NewestWins,
 }
 
-/// A topic that has been opened, ready to make ports of it.
+/// Opened topic, ready to make its ports.
 pub trait TopicPorts {
-    /// Makes the publisher. `page` tells which receivers it waits for when their buffers are full, and when the
-    /// run is ending and it shall wait for nobody; by the `doorbells` it wakes whom it waits for.
+    /// Makes the publisher. `page` says which receivers it waits for when their buffers are full, and when the run ends
+    /// and it waits for none. It wakes the receivers by the `doorbells`.
     ///
     /// # Errors
     /// [`PortError::Create`].
     fn sender(&self, page: Arc<SharedPage>, doorbells: Arc<[Doorbell]>)
     -> Result<Box<dyn Sender>, PortError>;
 
-    /// Makes the publisher of a topic in which the newest sample wins. It waits for nobody.
+    /// Makes the publisher of a topic in which the newest sample wins. It waits for no receiver.
     ///
     /// # Errors
     /// [`PortError::Create`].
@@ -194,18 +194,18 @@ pub trait TopicPorts {
     fn recorder(&self, places: usize) -> Result<Box<dyn Receiver>, PortError>;
 }
 
-/// A publisher, in bytes.
+/// Publisher, in bytes.
 pub trait Sender {
-    /// Loans the place of the next sample. Its content is that of some earlier sample.
+    /// Loans the place of the next sample. It holds the content of some earlier sample.
     ///
     /// # Errors
     /// [`PortError::Transport`].
     fn loan(&mut self) -> Result<&mut [u8], PortError>;
 
-    /// Gives the place of the next sample back, if it has been loaned.
+    /// Returns the place of the next sample, if it has been loaned.
     fn take_back(&mut self);
 
-    /// Sends the loaned sample, waiting for the run's own receivers.
+    /// Sends the loaned sample, and waits for the receivers of the run.
     ///
     /// # Errors
     /// [`PortError::Transport`], or [`PortError::Stopping`] if the run ends while a buffer is full.
@@ -218,7 +218,7 @@ pub trait Sender {
     fn connect(&mut self) -> Result<(), PortError>;
 }
 
-/// A subscriber, in bytes.
+/// Subscriber, in bytes.
 pub trait Receiver {
     /// Takes the next sample, if there is one; it replaces the held one.
     ///
@@ -226,10 +226,10 @@ pub trait Receiver {
     /// [`PortError::Transport`].
     fn receive(&mut self) -> Result<bool, PortError>;
 
-    /// The sample held.
+    /// Returns the held sample.
     fn held(&self) -> Option<&[u8]>;
 
-    /// The port's id, by which publishers know the run's own receivers.
+    /// Returns the port's id, by which publishers recognise the receivers of the run.
     fn id(&self) -> u128;
 
     /// Connects to all publishers that exist by now.

@@ -1,7 +1,7 @@
-//! What a service process does: join the run, make its ports, say that it is ready, fly, wait for the end.
+//! Life of a service process: join the run, make its ports, report ready, fly, wait for the end.
 //!
-//! A **spare** process does what every service needs before it knows which one it is to be: it has loaded, joined the
-//! run and built all services when one dies whose place it takes.
+//! A **standby process** does all that every service needs before it has a role: when a service dies, it has loaded,
+//! joined the run and built all services.
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
@@ -30,17 +30,17 @@ use crate::step_log::StepLog;
 use crate::wait::Waiter;
 use crate::watchdog;
 
-/// What a process is called that waits for a service to die.
+/// Name of a standby process.
 pub const SPARE: &str = "spare";
 
-/// Timer slack of services in real time unless one is stated, s: the least that there is.
+/// Timer slack of services in real time unless one is stated, s: the system's minimum.
 const SHARPEST: f64 = 1e-9;
 
-/// Runs a process that `gerono run` has spawned, from its first message to its last: a service, or a spare process
-/// that waits for one to die and then takes its place. `name` is what the system calls the process meanwhile.
+/// Runs a process that `gerono run` has spawned, from its first message to its last: a service, or a standby process
+/// that waits for a service to die and then takes its place. `name` is the system's name of the process meanwhile.
 ///
-/// `build` makes the step logic of a role. In real time `connect` connects it to what the scenario says is in the
-/// laboratory, before the service is ready; it is asked of nobody who is not a service yet.
+/// `build` makes the step logic of a role. In real time `connect` connects it to the hardware of the laboratory that
+/// the scenario names, before the service is ready; it is not called before the process has a role.
 ///
 /// # Errors
 /// [`ProcessError`].
@@ -50,23 +50,24 @@ pub fn run(
     connect: impl FnOnce(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built,
 ) -> Result<(), ProcessError> {
     let inherited = Inherited::take()?;
-    // What iceoryx2 and the shell left open in the orchestrator is nothing to its services, and less to programs in their
-    // place. An older system leaves it open.
+    // Descriptors that iceoryx2 and the shell left open in the orchestrator must not reach its services, and still less
+    // external programs. A system that is too old for the call leaves them open.
     let _ = descriptors::close_from(
         FIRST_DOORBELL_FD + i32::try_from(ServiceId::ALL.len()).expect("few services"),
     );
     deployment::die_with_parent()?;
     deployment::die_by_signals();
     deployment::call_process(name)?;
-    // A program that was given capabilities is closed to its own user, whose `gerono kill` must come to the shared page. It
-    // has the same capabilities, without which the kernel lets nobody in.
+    // The kernel closes a program with capabilities to other processes of its user, so that `gerono kill` could not
+    // reach the control block. Dumpable opens it again. It needs the same capabilities, without which the kernel
+    // refuses the access.
     rustix::process::set_dumpable_behavior(DumpableBehavior::Dumpable).map_err(std::io::Error::from)?;
-    // Anything else has ended it before it began.
+    // Any other message has ended it before it began.
     let ToService::Start(start) = inherited.channel.receive()? else {
         return Ok(());
     };
     let channel = inherited.channel.try_clone()?;
-    // In a replay it is the service itself that does steps again.
+    // In a replay the restarted service itself repeats its steps.
     if let Some(role) = start.role
         && start.host != Host::Replay
         && let Some(program) = start.scenario.program_of(role.service)
@@ -84,7 +85,8 @@ pub fn run(
     report(&channel, result)
 }
 
-/// Becomes the program that flies in place of a service. It does not outlive the orchestrator: nobody could take it over.
+/// Becomes the program that flies in place of a service. It does not outlive the orchestrator, because no other
+/// orchestrator could take it over.
 fn write_manifest(
     program: &[String],
     service: ServiceId,
@@ -97,7 +99,8 @@ fn write_manifest(
     inherited.channel.send(&ToOrchestrator::Deployed { warnings })?;
     let folder = start.scenario.programs.as_ref();
     let folder = folder.and_then(|programs| programs.folder.as_deref());
-    // The file of the lock, opened anew: to unlock the one that the others hold gives the run's place away.
+    // A separate open file of the lock: an unlock through the inherited one would release the lock of all other
+    // processes and give away the run's place.
     let lock = std::fs::File::open(format!("/proc/self/fd/{LOCK_FD}"))?;
     let belongings = Belongings {
         channel: &inherited.channel,
@@ -113,7 +116,7 @@ fn schedule_of(start: &Start) -> Result<Schedule, ProcessError> {
     schedule.map_err(|problems| ProcessError::Scenario(Unflyable(problems).into()))
 }
 
-/// Makes what is needed to fly, and flies. Who has no role yet makes what every role needs and waits for one.
+/// Makes what a flight needs, and flies. A process without a role makes what every role needs and waits for one.
 fn live(
     inherited: Inherited,
     start: &Start,
@@ -132,12 +135,12 @@ fn live(
     let line = Arc::new(channel.try_clone()?);
     let heard = Arc::clone(&line);
     let tell = move |reason| {
-        // Who does not listen is gone or hangs as well.
+        // An orchestrator that does not receive is gone or hangs as well.
         let _ = line.try_send(&ToOrchestrator::Failed { reason });
     };
     watchdog::watch_service(tell, move || heard.is_hung_up())?;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
-    // A spare process stays off the services' core until it is one of them.
+    // A standby process stays off the services' core until it has a role.
     let deployed = start.role.map(|role| deploy(role.service, start));
     if deployed.is_none() {
         prepare_spare(start);
@@ -190,7 +193,7 @@ fn live(
     }
 }
 
-/// Lets the process use the machine as the scenario and the command line say, as far as the system permits.
+/// Applies the scenario's and the command line's deployment, as far as the system permits.
 fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
     let stated = start.scenario.deployment_of(id);
     let of_the_run = start.core.and_then(|core| u32::try_from(core).ok());
@@ -198,7 +201,7 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
     let settings = ServiceDeployment {
         core: stated.core.or(of_the_run),
         priority: stated.priority.or(fifo),
-        // The system may end sleeps late to save power: by 50 µs unless it is told otherwise.
+        // The system may end sleeps late to save power: by 50 µs by default.
         timer_slack: stated
             .timer_slack
             .or((start.host == Host::RealTime).then_some(SHARPEST)),
@@ -208,19 +211,19 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
     let may_not = |setting| refusals.iter().any(|refusal| refusal.setting == setting);
     let scheduler = match (settings.priority, start.scheduler) {
         (Some(_), _) if !may_not(Setting::Priority) => Scheduler::Fifo,
-        // It needs no privilege; a sandbox that refuses it costs a little time and nothing else.
+        // It needs no privilege; a sandbox that refuses it costs only a little time.
         (None, Scheduler::Batch) if deployment::use_scheduler(Scheduler::Batch).is_ok() => Scheduler::Batch,
         _ => Scheduler::Fair,
     };
     if start.host == Host::RealTime && scheduler == Scheduler::Fair {
-        // Only later now and then, beside others who work for long, if it is refused.
+        // If it is refused, the service is only late now and then, beside other loads that run for long.
         let _ = deployment::use_short_slices();
     }
     (scheduler, refusals.iter().map(ToString::to_string).collect())
 }
 
-/// Locks the memory of a spare process before it is needed, if any service has its memory locked: every page is touched,
-/// for which a birth has no time. What is not permitted, the services tell.
+/// Locks the memory of a standby process in advance, if any service has its memory locked: every page is touched, and a
+/// restart has no time for that. The services report a refusal.
 fn prepare_spare(start: &Start) {
     let locks = |id| start.scenario.deployment_of(id).lock_memory == Some(true);
     let settings = ServiceDeployment {
@@ -230,7 +233,7 @@ fn prepare_spare(start: &Start) {
     let _told_by_the_services = deployment::apply(&settings);
 }
 
-/// Tells the orchestrator how it went, if it is still there.
+/// Reports the result to the orchestrator, if it still exists.
 fn report(channel: &Channel, result: Result<(), ProcessError>) -> Result<(), ProcessError> {
     let Err(error) = result else { return Ok(()) };
     let message = match &error {
@@ -240,11 +243,11 @@ fn report(channel: &Channel, result: Result<(), ProcessError>) -> Result<(), Pro
             reason: error.to_string(),
         },
     };
-    // Once told, the orchestrator reports it; an error that nobody can be told ends the process.
+    // Once told, the orchestrator reports it; otherwise the error ends the process.
     channel.send(&message).or(Err(error))
 }
 
-/// What the orchestrator hands to a service, by number.
+/// Descriptors that the orchestrator hands to a service, by number.
 struct Inherited {
     channel: Channel,
     page: SharedPage,

@@ -1,4 +1,4 @@
-//! Why a service process ends early.
+//! Errors that end a service process early.
 
 use shared_types::service::BuildError;
 
@@ -6,10 +6,10 @@ use crate::control::ControlError;
 use crate::flight_error::FlightError;
 use crate::ports::PortError;
 
-/// Why a service process could not do its work, if there was no orchestrator left to be told.
+/// Failure of a service process that no orchestrator was left to receive.
 #[derive(Debug, thiserror::Error)]
 pub enum ProcessError {
-    /// Nobody has handed the process its descriptors.
+    /// The process did not inherit its descriptors.
     #[error(
         "a service is started by `gerono run`, which hands it a control channel; it cannot be started by hand"
     )]
@@ -20,10 +20,10 @@ pub enum ProcessError {
     /// A port could not be made.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// The scenario does not make a service or schedule.
+    /// The scenario gives no service or schedule.
     #[error("the scenario cannot be flown: {0}")]
     Scenario(BuildError),
-    /// What is to be connected to the service in a laboratory cannot be used.
+    /// The hardware that is to be connected to the service in a laboratory cannot be used.
     #[error(transparent)]
     Connection(BuildError),
     /// The program that is to fly in place of the service cannot be started.

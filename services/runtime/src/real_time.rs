@@ -1,14 +1,14 @@
-//! The real-time host of one service: the clock says when to step, and the newest sample wins.
+//! Real-time host of one service: the clock says when to step, and the newest sample wins.
 //!
-//! The schedule is that of lock-step, with ticks on `CLOCK_MONOTONIC`. A step begins when its tick does, and for inputs
-//! that are published at the same tick, as soon as they have come: the chain from the capture to the radio frame runs
-//! at the beginning of a tick, each service woken by the one before. Whoever waits in vain flies, after a grace, with
-//! what it has, and at once where whom it waits for is known to be dead; whoever wakes too late leaves out the steps
-//! whose time has passed. So a flight in which nothing is late is the flight of lock-step, sample by sample, and else
-//! every deviation is in the records of the steps ([`crate::step_log`]), from which they can be done again.
+//! The schedule is that of lock step, with ticks on `CLOCK_MONOTONIC`. A step begins when its tick does, and for inputs
+//! of the same tick as soon as they have come. The chain from the capture to the radio frame runs at the beginning of a
+//! tick, each service woken by the one before. A service whose inputs are late steps, after a grace time, with the
+//! latest ones it has, and at once if the publisher is known to be dead. A service that wakes too late leaves out the
+//! steps whose time has passed. A flight without delays is thus the flight of lock step, sample by sample. Every
+//! deviation is in the records of the steps ([`crate::step_log`]), from which they can be executed again.
 //!
-//! The simulated world is the exception: it leaves out no step, since its time does not stand still, and makes up for
-//! those that it could not do in time. The real world of a laboratory needs nobody who does that for it.
+//! The simulated plant is the exception. It leaves out no step, since its time does not stand still, and catches up
+//! with steps that were late. The real plant of a laboratory needs no such step.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
@@ -37,18 +37,18 @@ use crate::wait::announcement;
 use crate::watchdog::{self, Work};
 use host::step::{self, Slots, Timetable, Views};
 
-/// Longest sleep before somebody looks whether the run is to end, ns.
+/// Longest sleep between two checks for the end of the run, ns.
 const LONGEST_SLEEP_NS: u64 = 100_000_000;
 
-/// A service's ports in real time.
+/// Ports of a service in real time.
 pub struct RealTimePorts {
     queues: Vec<InputQueue>,
     outputs: OutputPorts,
 }
 
 impl RealTimePorts {
-    /// Makes the ports that the wiring table gives a service. What `external_services` publish is refused unless it may be there by
-    /// the clock of `page`.
+    /// Makes the ports that the wiring table gives a service. Samples of `external_services` are refused if they cannot
+    /// exist yet by the clock of `page`.
     ///
     /// # Errors
     /// [`PortError`].
@@ -76,7 +76,7 @@ impl RealTimePorts {
         Ok(Self { queues, outputs })
     }
 
-    /// Connects all ports to those of the others that exist by now.
+    /// Connects all ports to those of the other services that exist by now.
     ///
     /// # Errors
     /// [`PortError`].
@@ -86,7 +86,7 @@ impl RealTimePorts {
     }
 }
 
-/// What comes of an external program, as far as it may be there by the flight's clock.
+/// Admits samples of an external service as far as they can exist by the flight's clock.
 fn within_clock(
     receiver: Box<dyn Receiver>,
     schedule: &Schedule,
@@ -95,7 +95,7 @@ fn within_clock(
 ) -> UntrustedReceiver {
     let publication = schedule.publication(topic);
     let (page, tick_ns) = (Arc::clone(page), schedule.tick_ns());
-    // When the flight begins is known only later than which ports there are.
+    // The start of the flight is known only after the ports are made.
     let clock_tick = move || {
         let start_ns = page.control_block().start_ns.load(Ordering::Acquire);
         FlightClock { start_ns, tick_ns }.tick()
@@ -103,28 +103,29 @@ fn within_clock(
     UntrustedReceiver::new(receiver, &publication).within_clock(publication, schedule.last_tick(), clock_tick)
 }
 
-/// What a service flies with in real time beside its step logic.
+/// Context in which a service flies in real time.
 pub struct ServiceContext<'a> {
     /// Its ports.
     pub ports: RealTimePorts,
-    /// The words that the run shares.
+    /// The run's control block.
     pub page: Arc<SharedPage>,
-    /// The doorbells of all services, by which external services wake others and are woken: they know nothing of the words.
+    /// Doorbells of all services, by which external services wake others and are woken: they do not have the control
+    /// block.
     pub doorbells: Arc<[Doorbell]>,
-    /// Which services are external_services.
+    /// Set of external services.
     pub external_services: ExternalServices,
-    /// Where it keeps what it knows.
+    /// Checkpoints of the run.
     pub checkpoints: &'a Checkpoints,
-    /// Where it tells of its steps.
+    /// Step records of the run.
     pub step_log: &'a StepLog,
     /// The flight's clock.
     pub clock: FlightClock,
-    /// How long a step waits beyond the begin of its tick for inputs of that tick, ns: half of the service's period if
-    /// that is longer, and never longer than to its next.
+    /// Grace time: how long a step waits after the beginning of its tick for inputs of that tick, ns. Half of the
+    /// service's period if that is longer, and never beyond its next step.
     pub grace_ns: u64,
-    /// What it does once the orchestrator is gone.
+    /// Its watchdog over the orchestrator.
     pub orchestrator_watchdog: OrchestratorWatchdog,
-    /// Where it shall die.
+    /// Place where it is to die.
     pub crash: CrashPoint,
 }
 
@@ -133,7 +134,7 @@ fn bits_of(operator: Operator) -> u64 {
     u64::from(armed) | u64::from(land) << 1 | u64::from(killed) << 2
 }
 
-/// Whether what a service is about to publish says that the vehicle rests disarmed.
+/// Returns whether a service is about to publish that the vehicle is disarmed and at rest.
 #[cold]
 fn tells_of_rest(timetable: &Timetable, slots: &Slots<'_>) -> bool {
     let mut outputs = timetable.outputs.iter().zip(slots);
@@ -143,7 +144,7 @@ fn tells_of_rest(timetable: &Timetable, slots: &Slots<'_>) -> bool {
     reference.is_some_and(|reference| reference.phase == PathReference::PHASE_DISARMED)
 }
 
-/// Flies a service from now to its last step; with `checkpoint` as it was after an earlier one.
+/// Flies a service from now to its last step. With a `checkpoint` it goes on from that state.
 ///
 /// # Errors
 /// [`FlightError`].
@@ -153,7 +154,7 @@ pub fn fly(
     checkpoint: Option<&Checkpoint>,
     context: &mut ServiceContext<'_>,
 ) -> Result<(), FlightError> {
-    // Whoever it follows may have died in the middle of publishing.
+    // Its predecessor may have died while it published.
     context.step_log.finish_for_the_dead(service.id());
     watchdog::take_off();
     let timetable = Timetable::new(schedule, service.id());
@@ -172,7 +173,8 @@ pub fn fly(
             due <= tick && tick <= schedule.last_tick() && timetable.steps.occurs_at(tick),
             "a step of the schedule, and none that is past"
         );
-        // Also who is woken by an input wakes with the tick: with its memory in the caches again it is a fifth faster then.
+        // A service that an input will wake also wakes with the tick: its memory is then in the caches, and the step
+        // takes a fifth less time.
         context.sleep_until(service.id(), context.clock.begins_at(tick))?;
         watchdog::work(Work::Step);
         let late_inputs = context.await_inputs(&timetable, tick)?;
@@ -206,8 +208,9 @@ pub fn fly(
 }
 
 impl ServiceContext<'_> {
-    /// The step to do next, of those from `due` on: the newest whose time has come, or else the first to come; and how
-    /// many are left out. None is left out that is the newest to publish something.
+    /// Returns the next step to execute, of those from `due` on, and the number of steps to leave out before it: the
+    /// newest step whose time has come, or else the first to come. A step that is the newest to publish an output is
+    /// never left out.
     fn step_to_do(&self, timetable: &Timetable, due: u64, last_tick: u64) -> (u64, u64) {
         if timetable.makes_up {
             return (due, 0);
@@ -237,7 +240,7 @@ impl ServiceContext<'_> {
         self.page.control_block().stopping.load(Ordering::Relaxed) != 0
     }
 
-    /// Sleeps until a time has come.
+    /// Sleeps until a time.
     fn sleep_until(&self, service: ServiceId, at_ns: u64) -> Result<(), FlightError> {
         watchdog::rest();
         loop {
@@ -257,10 +260,10 @@ impl ServiceContext<'_> {
         }
     }
 
-    /// Sleeps until the bell has been rung more often than `rung` times, or a time has come.
+    /// Sleeps until the bell has been rung more often than `rung` times, or until a time.
     #[inline]
     fn doze(&self, service: ServiceId, rung: u32, until_ns: u64) {
-        // Rung meanwhile, interrupted or timed out: in any case everything is looked at again.
+        // Rung, interrupted or timed out: the caller checks everything again in any case.
         let _ = futex::wait_bitset(
             &self.cell(service).bell,
             futex::Flags::empty(),
@@ -270,7 +273,7 @@ impl ServiceContext<'_> {
         );
     }
 
-    /// Waits for the inputs that are published at the tick of the step, up to the grace; which of them are late.
+    /// Waits for the inputs that are published at the tick of the step, up to the grace time. Returns the late ones.
     #[inline]
     fn await_inputs(&mut self, timetable: &Timetable, tick: u64) -> Result<u64, FlightError> {
         let service = timetable.service;
@@ -291,7 +294,7 @@ impl ServiceContext<'_> {
         Ok(late)
     }
 
-    /// Waits for one input; `false` if it is late.
+    /// Waits for one input. Returns `false` if it is late.
     #[inline]
     fn await_input(
         &mut self,
@@ -307,8 +310,13 @@ impl ServiceContext<'_> {
         let announced = announcement(publisher);
         self.cell(service).waiting_for.store(announced, Ordering::Relaxed);
         let has_come = loop {
+            // The count before the look: a ring after this load changes the word, and the futex does not sleep on it.
+            // Read after
+            // the look, the count could include the ring for a sample that the look has missed.
             let rung = self.cell(service).bell.load(Ordering::SeqCst);
-            // Announcement before, the look after: pairs with the fence in `wake`.
+            // The announcement comes before the look: pairs with the fence in `wake`. Without both fences the publisher
+            // could miss the announcement while this service misses the sample, and the step would begin late without
+            // need.
             fence(Ordering::SeqCst);
             if self.ports.queues[place].has_come(tick)? {
                 break true;
@@ -331,8 +339,8 @@ impl ServiceContext<'_> {
         Ok(has_come)
     }
 
-    /// Whether an input's publisher is dead and something of it has come that one can fly on. Whoever has only just been
-    /// born has nothing, and waits.
+    /// Returns whether an input's publisher is dead and has left a sample to fly on. A service that has only just been
+    /// restarted has none, and waits.
     #[inline]
     fn need_not_wait_for(&self, publisher: ServiceId, place: usize) -> bool {
         let is_gone = self.cell(publisher).gone.load(Ordering::Relaxed) != 0;
@@ -370,9 +378,12 @@ impl ServiceContext<'_> {
         outputs.loan(tick, &mut slots)?;
         timetable.step_at(service, &now, &views, &mut slots)?;
         if self.orchestrator_watchdog.is_to_land() && tells_of_rest(timetable, &slots) {
-            // The vehicle is down, and nobody is there to end the run.
+            // The vehicle is down, and no orchestrator is there to end the run.
             self.page.control_block().stopping.store(1, Ordering::Relaxed);
         }
+        // Order of crash safety: record, publish, finish the record, checkpoint. A death at any place then leaves no
+        // published
+        // sample without a record of its inputs, and no state that includes an unrecorded step. Replays need both.
         self.crash.pass(CrashPlace::AfterStep, tick);
         self.step_log.begin(service.id(), record);
         outputs.send(tick, self.crash)?;
@@ -385,7 +396,7 @@ impl ServiceContext<'_> {
         Ok(())
     }
 
-    /// What the operator asks for, or whoever takes the place of people once the orchestrator is gone.
+    /// Returns the request of the operator, and a landing once the orchestrator is gone.
     #[inline]
     fn operator(&self, planned: Operator) -> Operator {
         let asked = self.page.control_block().operator(planned);
@@ -398,7 +409,8 @@ impl ServiceContext<'_> {
     /// Wakes those services that sleep for a publication of this one, and external services in any case.
     #[inline]
     fn wake(&self, service: ServiceId) {
-        // Publications before, announcements after: pairs with the fence in `await_input`.
+        // The publications come before the loads of the announcements: pairs with the fence in `await_input`, which
+        // says why.
         fence(Ordering::SeqCst);
         let mine = announcement(service);
         for &consumer in self.ports.outputs.consumers() {
@@ -411,8 +423,8 @@ impl ServiceContext<'_> {
         }
     }
 
-    /// Keeps what the service knows before its step at `next_tick`: after the step was told, so that none is ever known
-    /// and untold.
+    /// Writes the checkpoint of the service before its step at `next_tick`. Call it after the step's record is
+    /// finished: a death in between must not leave a step that is in the state and in no record.
     #[inline]
     fn keep(&self, service: &dyn ErasedService, next_tick: u64) {
         self.checkpoints.write(service.id(), next_tick, |keep| {

@@ -1,10 +1,11 @@
-//! The host of one service in a replay: the orchestrator says which steps there are and what each of them sees.
+//! Host of one service in a replay: the orchestrator says which steps there are and which samples each of them sees.
 //!
-//! The ports are made as for a flight, of topics that nobody has beside this service and the orchestrator, which publishes the
-//! recorded samples on the inputs' and receives what comes of them on the outputs'. Steps come in batches: what they see
-//! has been published before they are told, what they publish finds room, and so nobody waits within a batch.
+//! The ports are made as for a flight, of topics that only this service and the orchestrator open. The orchestrator
+//! publishes the recorded samples of the inputs and receives the outputs. Steps come in batches. Their inputs are
+//! published before they are ordered, and their outputs find room, so no process waits within a batch.
 //!
-//! A number that is not finite is not published here either. But it does not end the replay: the log says what came next.
+//! A number that is not finite is not published here either. But it does not end the replay: the log says what came
+//! next.
 
 use shared_types::service::{ErasedService, InputView};
 use shared_types::{Schedule, ServiceId};
@@ -16,11 +17,12 @@ use crate::output_ports::OutputPorts;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver, Topics};
 use host::step::{Slots, Timetable, Views};
 
-/// Most steps of a batch. The samples of two have room: those that the service is at, and those that are published meanwhile.
+/// Most steps of a batch. The samples of two batches have room: the one in progress, and the one that is published
+/// meanwhile.
 pub const BATCH: usize = 256;
 const _: () = assert!(2 * BATCH <= RECORDER_BUFFER);
 
-/// A service's ports in a replay.
+/// Ports of a service in a replay.
 pub struct ReplayPorts {
     /// In the order of the wiring table.
     receivers: Vec<Box<dyn Receiver>>,
@@ -54,7 +56,7 @@ impl ReplayPorts {
     }
 }
 
-/// What a step sees. Takes the samples that it is the first to see.
+/// Returns the inputs of a step. Takes the samples that it is the first to see.
 fn views<'a>(
     receivers: &'a mut [Box<dyn Receiver>],
     service: ServiceId,
@@ -67,7 +69,7 @@ fn views<'a>(
         if has(order.next) && !receiver.receive()? {
             return Err(PortError::Transport {
                 topic: spec.topic,
-                source: format!("what the step at tick {} sees has not come", order.now.tick).into(),
+                source: format!("an input of the step at tick {} has not come", order.now.tick).into(),
             });
         }
         if has(order.seen) {
@@ -80,7 +82,7 @@ fn views<'a>(
     Ok(views)
 }
 
-/// Does the steps that the orchestrator tells, until it says that the replay ends.
+/// Executes the steps that the orchestrator orders, until it ends the replay.
 ///
 /// # Errors
 /// [`FlightError`].
@@ -113,14 +115,14 @@ pub fn obey(
     }
 }
 
-/// A service whose steps are done again.
+/// Service whose steps are executed again.
 struct Replaying<'a> {
     service: &'a mut dyn ErasedService,
     timetable: Timetable,
     ports: &'a mut ReplayPorts,
-    /// What it knew before its first step.
+    /// Its initial state.
     newborn: Vec<u8>,
-    /// What it knew before its last step.
+    /// Its state before its last step.
     before_last: Vec<u8>,
 }
 
@@ -131,7 +133,7 @@ impl Replaying<'_> {
         state
     }
 
-    /// Does the steps of a batch; the places of those that computed a number that is not finite.
+    /// Executes the steps of a batch. Returns the places of those that computed a number that is not finite.
     fn do_all(&mut self, orders: &[StepOrder]) -> Result<Vec<usize>, PortError> {
         let mut not_finite = Vec::new();
         for (place, order) in orders.iter().enumerate() {
@@ -142,7 +144,7 @@ impl Replaying<'_> {
         Ok(not_finite)
     }
 
-    /// Does a step and publishes what comes of it; `false` if that is not finite.
+    /// Executes a step and publishes its outputs. Returns `false` if one is not finite.
     fn step(&mut self, order: &StepOrder) -> Result<bool, PortError> {
         match order.memory {
             Memory::AfterLast => {}

@@ -1,59 +1,59 @@
-//! The order in which processes that yield get their core.
+//! Order in which yielding processes get their core.
 //!
-//! A fair scheduler gives the core to those who do nothing but yield by turns, in an order that stays: that of their
-//! deadlines, each of which moves on by one time slice with a yield. In the order of the ring one yield hands on the turn.
-//! In another one it takes up to four, and the order in which processes wake is not the ring's.
+//! A fair scheduler gives the core by turns to processes that only yield, in a fixed order: that of their deadlines,
+//! each of which moves on by one time slice with a yield. In the order of the ring, one yield passes on the turn. In
+//! another order it takes up to four, and the order in which processes wake is not the ring's.
 //!
-//! So whoever has yielded in vain a few times yields with a slice of another length once, by which it comes to another
-//! place among the others. Nobody needs to know where that is: those who come to their places stop yielding in vain, and
-//! once all have, the order stays. Five processes find it within some hundred rounds.
+//! So a process that has wasted a few yields yields once with a slice of another length, which moves it to another
+//! place among the others. No process needs to know its place: those in their right places waste no more yields, and
+//! once all are right, the order stays. Five processes find it within some hundred rounds.
 //!
-//! Slices can be chosen since Linux 6.12. Where they cannot, or where a sandbox refuses it, the order stays as it is.
+//! Slices can be chosen since Linux 6.12. On older systems, or in a sandbox that refuses it, the order stays as it is.
 
 use shared_types::ServiceId;
 
 use crate::deployment::{self, Scheduler};
 
-/// Yields in vain before another place is tried. Others move as well: whoever moves at once is in their way.
+/// Wasted yields before another place is tried. Processes that all move at once would be in each other's way.
 const PATIENCE: u32 = 4;
 
-/// A process's place in the order.
+/// Place of a process in the order.
 #[derive(Debug)]
 pub struct RingOrder {
     /// Length of the process's slice, ns; none if it cannot be chosen.
     usual_slice: Option<u64>,
-    in_vain: u32,
+    wasted: u32,
     draws: Draws,
 }
 
 impl RingOrder {
-    /// The place at which `me` begins under `scheduler`. Under `SCHED_FIFO` the order in which processes begin is strict
-    /// and nobody changes places.
+    /// Returns the initial place of `me` under `scheduler`. Under `SCHED_FIFO` the order is strict and processes do not
+    /// change places.
     #[must_use]
     pub fn new(me: ServiceId, scheduler: Scheduler) -> Self {
         let is_fair = scheduler != Scheduler::Fifo;
         Self {
             usual_slice: is_fair.then(deployment::slice).and_then(Result::ok),
-            in_vain: 0,
+            wasted: 0,
             draws: Draws::new(me),
         }
     }
 
-    /// Yields, and comes to another place by it if that has been in vain often enough.
+    /// Yields. After enough wasted yields it also moves to another place.
     #[inline]
     pub fn yield_core(&mut self) {
-        if self.in_vain < PATIENCE {
+        if self.wasted < PATIENCE {
             rustix::thread::sched_yield();
         } else {
-            self.in_vain = 0;
+            self.wasted = 0;
             self.change_place();
         }
     }
 
-    /// Says that the last yield was in vain.
+    /// Counts the last yield as wasted.
     #[inline]
     pub fn was_in_vain(&mut self) {
-        self.in_vain += 1;
+        self.wasted += 1;
     }
 
     #[cold]
@@ -69,7 +69,7 @@ impl RingOrder {
     }
 }
 
-/// Numbers that are spread evenly, and differently for each process. Nothing that is computed depends on them.
+/// Evenly spread numbers, different for each process. No result depends on them.
 #[derive(Debug)]
 struct Draws {
     last: u64,
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_has_changed_places_has_the_slice_of_all_again() {
+    fn a_process_that_has_changed_places_has_the_usual_slice_again() {
         let mut order = RingOrder::new(ServiceId::Controller, Scheduler::Fair);
         let usual = deployment::slice().unwrap();
         assert_eq!(order.usual_slice, Some(usual));
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn under_fifo_nobody_changes_places() {
+    fn under_fifo_no_process_changes_places() {
         let mut order = RingOrder::new(ServiceId::Controller, Scheduler::Fifo);
         for _ in 0..10 * PATIENCE {
             order.was_in_vain();

@@ -1,10 +1,9 @@
-//! Records that one process writes and others copy beside it, without ever holding it up, nor being taken in by a half
-//! written one.
+//! Records that one process writes and others copy meanwhile, without holding up the writer and without torn copies.
 //!
-//! Sequence locks of words, as in Boehm, "Can Seqlocks Get Along With Programming Language Memory Models?" (2012): every word
-//! is atomic, so that a copy beside a writer is no data race, and fences order the words between the accesses to the words
-//! that say which record it is. `services/runtime/loom` looks at every interleaving of these functions: it includes this
-//! file, with loom's atomics in `crate::atomics`.
+//! They are sequence locks of words, as in Boehm, "Can Seqlocks Get Along With Programming Language Memory Models?"
+//! (2012). Every word is atomic, so a copy beside a writer is no data race. Fences order the words between the accesses
+//! to the words that identify the record. `services/runtime/loom` checks every interleaving of these functions: it
+//! includes this file, with loom's atomics in `crate::atomics`.
 
 use crate::atomics::{AtomicU64, Ordering, fence};
 
@@ -13,13 +12,13 @@ pub const WORD: usize = 8;
 
 const SLOTS: usize = 2;
 
-/// A record of some bytes with a tick, of which the one before stays until the next is whole: a writer that dies
-/// leaves the other.
+/// Record of some bytes with a tick. The previous record stays until the next one is whole: a writer that dies leaves
+/// it.
 #[repr(C)]
 #[derive(Debug)]
 pub struct Pair<const WORDS: usize>([Slot<WORDS>; SLOTS]);
 
-/// One of the two.
+/// One of the two slots.
 #[repr(C, align(64))]
 #[derive(Debug)]
 struct Slot<const WORDS: usize> {
@@ -31,40 +30,44 @@ struct Slot<const WORDS: usize> {
 }
 
 impl<const WORDS: usize> Pair<WORDS> {
-    /// Writes the record of a tick in place of the older one. `save` hands its bytes over, once. No tick comes back.
+    /// Writes the record of a tick over the older one. `save` hands its bytes over, once. A tick must never return.
     ///
-    /// To be called by one process at a time.
+    /// Only one process at a time may call this.
     ///
     /// # Panics
     /// If there are more bytes than words for them.
     #[inline]
     pub fn write(&self, tick: u64, save: impl FnOnce(&mut dyn FnMut(&[u8]))) {
-        // Only this process writes them.
+        // Relaxed: only this process writes the ticks.
         let [first, second] = self.0.each_ref().map(|slot| slot.tick.load(Ordering::Relaxed));
         let slot = &self.0[usize::from(first > second)];
         slot.tick.store(0, Ordering::Relaxed);
-        // The tick is taken back before anything of the record is written. Pairs with the fence in `snapshot`: a reader that has
-        // read a word of what follows sees there that the tick is not the one of before.
+        // The tick is invalidated before any word of the record is written. Pairs with the fence in `snapshot`: a
+        // reader that has read a word of the new record sees that the tick has changed. Without the fence, new words
+        // could become visible under the old tick, and a reader would take a torn record.
         fence(Ordering::Release);
         save(&mut |bytes| slot.store(bytes));
-        // The record before, the tick after: a reader of this tick reads this record, or a later one.
+        // Release: the words become visible before the tick. A reader of this tick reads this record or a later one,
+        // and never words of the record before.
         slot.tick.store(tick + 1, Ordering::Release);
     }
 
-    /// Copies the newer record and tells its tick. `None` if there is none, or if two more were written meanwhile.
+    /// Copies the newer record and returns it with its tick. Returns `None` if there is none, or if two more were
+    /// written meanwhile.
     pub fn snapshot(&self) -> Option<(u64, Vec<u8>)> {
-        // What is read of the record comes after its tick: pairs with the last store of `write`.
+        // Acquire: the words are read after the tick. Pairs with the last store of `write`.
         let ticks = self.0.each_ref().map(|slot| slot.tick.load(Ordering::Acquire));
         let newer = usize::from(ticks[1] > ticks[0]);
         let (slot, tick) = (&self.0[newer], ticks[newer]);
         let record = (tick.checked_sub(1)?, slot.load()?);
-        // The copy before, the tick after: what was overwritten meanwhile is not taken. Pairs with the fence in `write`.
+        // The words are read before the second load of the tick, so an overwritten copy is discarded. Pairs with the
+        // fence in `write`. An acquire load alone would not do: it orders later reads, not earlier ones.
         fence(Ordering::Acquire);
         (slot.tick.load(Ordering::Relaxed) == tick).then_some(record)
     }
 }
 
-/// Empty ones, for tests: where memory is shared it is mapped, all zeros.
+/// Empty records, for tests: shared memory is mapped and all zeros.
 impl<const WORDS: usize> Default for Pair<WORDS> {
     fn default() -> Self {
         Self(std::array::from_fn(|_| Slot {
@@ -83,7 +86,7 @@ impl<const WORDS: usize> Slot<WORDS> {
             "a record of {} bytes has no room",
             bytes.len()
         );
-        // Compilers do not unroll loops of atomic stores by themselves: eight at a time take half as long.
+        // Compilers do not unroll loops of atomic stores: eight at a time take half as long.
         let (blocks, rest) = bytes.as_chunks::<{ 8 * WORD }>();
         let (places, _) = self.words.as_chunks::<8>();
         for (place, block) in places.iter().zip(blocks) {
@@ -100,7 +103,8 @@ impl<const WORDS: usize> Slot<WORDS> {
         self.length.store(bytes.len() as u64, Ordering::Relaxed);
     }
 
-    /// A copy, which means nothing unless the tick is the same before and after; `None` if its length cannot be.
+    /// Copies the record. The copy is valid only if the tick is the same before and after. Returns `None` for an
+    /// impossible length, which a torn read can produce.
     fn load(&self) -> Option<Vec<u8>> {
         let length = usize::try_from(self.length.load(Ordering::Relaxed)).ok();
         let length = length.filter(|&length| length <= WORDS * WORD)?;
@@ -113,11 +117,11 @@ impl<const WORDS: usize> Slot<WORDS> {
     }
 }
 
-/// The latest of a sequence of records, of which a reader that is too slow misses some.
+/// Ring of the latest records. A reader that is too slow misses some.
 #[repr(C, align(64))]
 #[derive(Debug)]
 pub struct Ring<const WORDS: usize, const DEPTH: usize> {
-    /// Records that are whole, each at its number modulo the depth.
+    /// Number of whole records; record n is at n modulo the depth.
     written: AtomicU64,
     /// 1 + the number of the last record that was begun.
     begun: AtomicU64,
@@ -134,10 +138,10 @@ impl<const WORDS: usize, const DEPTH: usize> Default for Ring<WORDS, DEPTH> {
     }
 }
 
-/// What a reader finds in a [`Ring`].
+/// Answer to a look-up in a [`Ring`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found<const WORDS: usize> {
-    /// The record of the number that it asked for.
+    /// The record that was asked for.
     Record([u64; WORDS]),
     /// That record is not whole yet.
     Nothing,
@@ -146,30 +150,34 @@ pub enum Found<const WORDS: usize> {
 }
 
 impl<const WORDS: usize, const DEPTH: usize> Ring<WORDS, DEPTH> {
-    /// Writes the next record. Readers have it only once it is [finished](Self::finish).
+    /// Writes the next record. Readers get it only once it is [finished](Self::finish).
     ///
-    /// To be called by one process at a time, as [`Self::finish`].
+    /// Only one process at a time may call this and [`Self::finish`].
     #[inline]
     pub fn begin(&self, record: [u64; WORDS]) {
         let number = self.written.load(Ordering::Relaxed);
-        // A reader of a word of what follows sees in `found` that the records before are whole, of which this one
-        // takes the place of the oldest: pairs with the fence there.
+        // Pairs with the fence in `found`: a reader that has read a word of the new record sees there that all records
+        // before it are whole, so that the oldest one is being overwritten. Without the fence it could take a torn
+        // record for the oldest.
         fence(Ordering::Release);
         for (place, word) in self.slot(number).iter().zip(record) {
             place.store(word, Ordering::Relaxed);
         }
+        // Release: pairs with the acquire load in `finish_for_the_dead`, which must not publish a record whose words
+        // are missing.
         self.begun.store(number + 1, Ordering::Release);
     }
 
-    /// Changes one word of the record that was begun, and lets readers have it.
+    /// Changes one word of the begun record and publishes the record to readers.
     #[inline]
     pub fn finish(&self, word: usize, value: u64) {
         let number = self.written.load(Ordering::Relaxed);
         self.slot(number)[word].store(value, Ordering::Relaxed);
+        // Release: the words become visible before the count. A reader of the count reads a whole record.
         self.written.store(number + 1, Ordering::Release);
     }
 
-    /// Lets readers have a record that was begun by a process that has died since.
+    /// Publishes a record that a dead process had begun.
     pub fn finish_for_the_dead(&self) {
         let number = self.written.load(Ordering::Relaxed);
         if self.begun.load(Ordering::Acquire) == number + 1 {
@@ -177,18 +185,18 @@ impl<const WORDS: usize, const DEPTH: usize> Ring<WORDS, DEPTH> {
         }
     }
 
-    /// How many records are whole.
+    /// Returns the number of whole records.
     pub fn written(&self) -> u64 {
         self.written.load(Ordering::Acquire)
     }
 
-    /// Looks for the record of a number.
+    /// Looks up a record by its number.
     pub fn found(&self, number: u64) -> Found<WORDS> {
         let written = self.written.load(Ordering::Acquire);
         if number >= written {
             return Found::Nothing;
         }
-        // The oldest is just being overwritten when the ring is full.
+        // In a full ring the oldest record may be half overwritten.
         let oldest = (written + 1).saturating_sub(DEPTH as u64);
         if number < oldest {
             return Found::Overwritten(oldest);

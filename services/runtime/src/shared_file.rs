@@ -1,12 +1,11 @@
-//! Memory that the processes of a run share: an anonymous file that the orchestrator makes and every service
-//! inherits.
+//! Memory that the processes of a run share: an anonymous file that the orchestrator makes and every service inherits.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 use memmap2::MmapRaw;
 use rustix::fs::{MemfdFlags, SealFlags};
 
-/// A mapping of such a file, all zeros at first.
+/// Mapping of such a file, all zeros at first.
 #[derive(Debug)]
 pub struct SharedFile {
     file: OwnedFd,
@@ -21,15 +20,16 @@ impl SharedFile {
     pub fn create(name: &str, size: usize) -> std::io::Result<Self> {
         let file = rustix::fs::memfd_create(name, MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING)?;
         rustix::fs::ftruncate(&file, size as u64)?;
-        // To shrink it would take pages away from under every process that has mapped it.
+        // Seals before the file is handed on: a process that could shrink it would take mapped pages away from all
+        // others, which would die of SIGBUS at the next access.
         rustix::fs::fcntl_add_seals(&file, SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL)?;
         Self::open(file, size)
     }
 
-    /// Maps a file that was inherited.
+    /// Maps an inherited file.
     ///
     /// # Errors
-    /// If the file is not of `size` bytes, as it is in this version.
+    /// If the file is not of `size` bytes.
     pub fn open(file: OwnedFd, size: usize) -> std::io::Result<Self> {
         let found = rustix::fs::fstat(&file)?.st_size;
         if u64::try_from(found).ok() != Some(size as u64) {
@@ -41,13 +41,13 @@ impl SharedFile {
         Ok(Self { file, mapping })
     }
 
-    /// The file, to be inherited by a service.
+    /// Returns the file that a service inherits.
     #[must_use]
     pub fn file(&self) -> BorrowedFd<'_> {
         self.file.as_fd()
     }
 
-    /// Where the memory begins: at a page's beginning, for as long as this lives.
+    /// Returns the address of the memory. It is page-aligned and valid as long as `self` lives.
     #[must_use]
     #[inline]
     pub fn as_mut_ptr(&self) -> *mut u8 {
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nobody_who_has_the_file_can_change_its_size() {
+    fn no_holder_of_the_file_can_change_its_size() {
         let shared = SharedFile::create("gerono-test", 5000).unwrap();
         for size in [0, 4096, 9000] {
             assert_eq!(
@@ -72,7 +72,7 @@ mod tests {
         assert_eq!(
             more,
             Err(rustix::io::Errno::PERM),
-            "nobody can make it read-only either"
+            "it cannot be made read-only either"
         );
     }
 }

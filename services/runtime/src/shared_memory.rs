@@ -1,7 +1,8 @@
-//! The named shared memory of a run, as the system shows it; and what somebody died in the middle of making.
+//! Named shared memory of a run, and its unfinished leftovers of dead processes.
 //!
-//! Such memory has a name and no size yet. iceoryx2 (0.10) takes it for memory that is about to be finished, and whoever opens it
-//! waits for that without an end. Whoever is at work on it has it open until it has a size; so nobody is if nobody has it open.
+//! A leftover has a name and no size yet. iceoryx2 (0.10) takes it for memory that is about to be finished, and a
+//! process that opens it waits without an end. The process that makes such memory has it open until it has a size. So
+//! memory without a size that no process has open will not be finished.
 
 use std::error::Error;
 use std::fs;
@@ -11,13 +12,13 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// Where Linux keeps named shared memory.
+/// Folder of named shared memory in Linux.
 pub const FOLDER: &str = "/dev/shm";
 
-/// How long work takes at most unless it waits for something that was only begun.
+/// Longest time that the work takes unless it waits for unfinished memory.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// The shared memory of this user whose names begin with a run's prefix.
+/// Returns the shared memory of this user whose names begin with a run's prefix.
 #[must_use]
 pub fn of(prefix: &str) -> Vec<PathBuf> {
     let mine = |entry: &fs::DirEntry| {
@@ -30,24 +31,24 @@ pub fn of(prefix: &str) -> Vec<PathBuf> {
     entries.filter(mine).map(|entry| entry.path()).collect()
 }
 
-/// Bytes that are free where shared memory is, if the system tells.
+/// Returns the free bytes of the shared memory, if the system tells.
 #[must_use]
 pub fn free_bytes() -> Option<u64> {
     let found = rustix::fs::statvfs(FOLDER).ok()?;
     Some(found.f_bavail * found.f_frsize)
 }
 
-/// Least room with which segments and descriptors can be made: what fails with more has failed for another reason.
+/// Least room in which segments and descriptors can be made: a failure with more room has another reason.
 const LEAST_BYTES: u64 = 1 << 20;
 const LEAST_DESCRIPTORS: usize = 16;
 
-/// What iceoryx2 says of something that failed, which does not tell why, with what the machine lacks and the fix.
+/// Adds to an error of iceoryx2, which does not tell the reason, the resource that the machine lacks and the fix.
 #[must_use]
 pub fn explained(source: impl Error + Send + Sync + 'static) -> Box<dyn Error + Send + Sync> {
     let lack = lack_of_descriptors().or_else(lack_of_memory);
     let lack = lack.unwrap_or_else(|| {
         format!(
-            "{FOLDER} and descriptors are there; another program may have damaged the run's shared memory"
+            "{FOLDER} and descriptors are available; another program may have damaged the run's shared memory"
         )
     });
     Box::new(Explained {
@@ -83,8 +84,8 @@ fn lack_of_memory() -> Option<String> {
     })
 }
 
-/// Takes the shared memory of a run from other users, where it is open to them: iceoryx2 (0.10) makes the counter of its nodes
-/// for all users of a machine. To be called by each process that has joined the run; the first does it.
+/// Closes the shared memory of a run to other users: iceoryx2 (0.10) makes the counter of its nodes accessible to all
+/// users of a machine. Each process calls it after it has joined the run; the first one does the work.
 ///
 /// # Errors
 /// If the system refuses.
@@ -93,7 +94,7 @@ pub fn close_to_others(prefix: &str) -> io::Result<()> {
     let is_open = |path: &PathBuf| fs::symlink_metadata(path).is_ok_and(|found| found.mode() & OTHERS != 0);
     for open in of(prefix).into_iter().filter(is_open) {
         match close(&open) {
-            // Another process of the run is doing it, or has removed it.
+            // Another process of the run is closing it, or has removed it.
             Err(error) if matches!(error.kind(), ErrorKind::AlreadyExists | ErrorKind::NotFound) => {}
             result => result?,
         }
@@ -101,7 +102,7 @@ pub fn close_to_others(prefix: &str) -> io::Result<()> {
     Ok(())
 }
 
-/// Lets a copy take the place of shared memory: another user who has opened that meanwhile keeps what nobody uses.
+/// Replaces shared memory by a copy. Another user who has opened the original keeps memory that no process uses.
 fn close(open: &Path) -> io::Result<()> {
     let mut copy = open.to_owned().into_os_string();
     copy.push(".closed");
@@ -114,21 +115,22 @@ fn close(open: &Path) -> io::Result<()> {
     fs::rename(copy, open)
 }
 
-/// Removes what nobody will finish of a run's shared memory; whoever waits for it finds then that it is not there.
+/// Removes unfinished memory of a run that no process will finish. A process that waits for it then finds that it does
+/// not exist.
 pub fn remove_unfinished(prefix: &str) {
     let is_empty = |path: &PathBuf| {
         let metadata = fs::symlink_metadata(path);
         metadata.is_ok_and(|metadata| metadata.is_file() && metadata.len() == 0)
     };
     for unfinished in of(prefix).into_iter().filter(is_empty) {
-        if !somebody_has_open(&unfinished) {
-            // Somebody else may have removed it meanwhile.
+        if !is_open_anywhere(&unfinished) {
+            // Another process may have removed it meanwhile.
             let _removed = fs::remove_file(unfinished);
         }
     }
 }
 
-/// Does `work` that opens what the dead have made, and lets it not wait for what they had only begun.
+/// Does `work` that opens the memory of dead processes, without waiting for memory that they had only begun.
 pub fn without_waiting_for_the_unfinished(prefix: &str, work: impl FnOnce()) {
     std::thread::scope(|scope| {
         let (is_done, done) = mpsc::channel::<()>();
@@ -142,8 +144,8 @@ pub fn without_waiting_for_the_unfinished(prefix: &str, work: impl FnOnce()) {
     });
 }
 
-/// Whether any process that may be looked into has a file open.
-fn somebody_has_open(file: &Path) -> bool {
+/// Returns whether any process that this user may inspect has a file open.
+fn is_open_anywhere(file: &Path) -> bool {
     let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
     let mut descriptors = processes
         .filter_map(|process| fs::read_dir(process.path().join("fd")).ok())
@@ -159,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_open_to_others_is_copied_to_where_they_cannot_reach_it() {
+    fn memory_open_to_others_is_replaced_by_a_private_copy() {
         let prefix = format!("gerono_open_{}_", std::process::id());
         let [open, closed] = ["open", "closed"].map(|name| Path::new(FOLDER).join(format!("{prefix}{name}")));
         for (path, mode) in [(&open, 0o666), (&closed, 0o600)] {
@@ -187,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_has_no_size_and_nobody_at_work_is_removed() {
+    fn only_memory_without_size_and_without_an_open_file_is_removed() {
         let prefix = format!("gerono_unfinished_{}_", std::process::id());
         let path = |name: &str| Path::new(FOLDER).join(format!("{prefix}{name}"));
         let [abandoned, finished, begun] = ["abandoned", "finished", "begun"].map(path);
@@ -207,6 +209,6 @@ mod tests {
             fs::remove_file(path).unwrap();
         }
         assert_eq!(are_there, [false, true, true, true]);
-        assert!(!is_there, "nobody is at work any more");
+        assert!(!is_there, "no process has it open any more");
     }
 }

@@ -1,7 +1,7 @@
-//! One page of shared words by which the processes of a run coordinate their waiting.
+//! Control block: one page of shared words by which the processes of a run coordinate their waiting.
 //!
-//! It carries no data of the experiment: losing or corrupting it can only cost time or end the run. The
-//! orchestrator makes it as an anonymous file that every service inherits.
+//! It carries no data of the experiment: losing or corrupting it can only cost time or end the run. The orchestrator
+//! makes it as an anonymous file that every service inherits.
 #![expect(
     unsafe_code,
     reason = "a page shared by several processes can only be reached by mapping it"
@@ -19,55 +19,56 @@ use shared_types::{ServiceId, Topic};
 use crate::shared_file::SharedFile;
 use crate::status_cell::StatusCell;
 
-/// What the page holds. All words begin as 0.
+/// Contents of the page. All words begin as 0.
 #[repr(C)]
 #[derive(Debug, Default)]
 pub struct ControlBlock {
-    /// In real time, what people ask for: the bits of [`Request`]. First, and the bits stay as they are: `gerono kill` of
-    /// another build finds it here ([`ask_in`]).
+    /// In real time, requests of the operator: the bits of [`Request`]. The word stays first and its bits keep their
+    /// meaning, so that `gerono kill` of another build finds it here ([`ask_in`]).
     requests: AtomicU32,
-    /// Not 0 when the run is to end: nobody shall wait any longer.
+    /// Not 0 when the run is to end and all waits are to stop. Relaxed accesses suffice: it publishes no other data,
+    /// and the orchestrator rings the doorbells after it.
     pub stopping: AtomicU32,
-    /// Not 0 while yielding does not pay and everyone shall block at once; see [`crate::wait_policy::BLOCK_ALWAYS`].
+    /// Not 0 while yielding does not pay and every service blocks at once; see [`crate::wait_policy::BLOCK_ALWAYS`].
     pub block_only: AtomicU32,
-    /// Yields that gave the core away for nothing or for too long, since the last verdict.
+    /// Yields that gave the core away for nothing or for too long, since the last decision of the wait policy.
     pub misses: AtomicU32,
-    /// How often a service was born again: whoever sees that it has grown connects to the new ports.
+    /// Number of restarts so far. A service that sees it grow connects to the new ports.
     pub births: AtomicU32,
-    /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; set before anybody flies.
+    /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; set before the first service flies.
     pub start_ns: AtomicU64,
-    /// In real time, when the orchestrator was last seen to live, ns of `CLOCK_MONOTONIC`.
+    /// In real time, when the orchestrator was last alive, ns of `CLOCK_MONOTONIC`.
     pub orchestrator_alive_ns: AtomicU64,
     /// One cell a service.
     pub cells: [Cell; ServiceId::ALL.len()],
     /// The recorder's receivers.
     pub recorder: [ReceiverId; Topic::ALL.len()],
-    /// What each service tells of what is connected to it in a laboratory.
+    /// Status of the hardware that each service is connected to in a laboratory.
     pub notices: [StatusCell; ServiceId::ALL.len()],
 }
 
-/// A service's words, on a cache line of their own.
+/// Words of one service, on separate cache lines so that services do not slow each other down.
 #[repr(C, align(64))]
 #[derive(Debug, Default)]
 pub struct Cell {
     /// 0, or 1 + the index of the service whose publication this service sleeps for.
     pub waiting_for: AtomicU32,
-    /// Counts what the service was woken for in real time; it sleeps on this word.
+    /// Wake-ups of the service in real time; the service sleeps on this word.
     pub bell: AtomicU32,
-    /// How many of the births this service has seen, and is connected to what came of them.
+    /// Restarts that this service has seen; it is connected to their ports.
     pub restarts_seen: AtomicU32,
-    /// Not 0 from the moment when the service's death is noticed until another process flies in its place: in real time
-    /// nobody waits for it meanwhile.
+    /// Not 0 from the time when the service's death is noticed until its replacement flies: in real time no service
+    /// waits for it meanwhile.
     pub gone: AtomicU32,
     /// 1 + the last tick that the service has stepped, 0 before the first.
     pub steps_until: AtomicU64,
     /// Steps.
     pub steps: AtomicU64,
-    /// Waits that ended without sleeping.
+    /// Waits that ended without sleep.
     pub yields: AtomicU64,
-    /// Waits that slept.
+    /// Waits that ended in sleep.
     pub blocks: AtomicU64,
-    /// The service's receivers, by which publishers know whom to wait for.
+    /// The service's receivers, by which publishers recognise the receivers that they wait for.
     pub receivers: [ReceiverId; MAX_PORTS],
 }
 
@@ -81,14 +82,16 @@ const _: () = assert!(
     "no two services write the same cache line"
 );
 
-/// Id of a receiver of the run, or 0. Each is written by one process and read by others at any time: who reads it
-/// while it changes sees an id that nobody has.
+/// Id of a receiver of the run, or 0. One process writes it and others read it at any time.
+///
+/// The halves are stored one by one with relaxed order. A reader in between sees an id that no receiver has, and takes
+/// it for a receiver outside of the run.
 #[repr(C)]
 #[derive(Debug, Default)]
 pub struct ReceiverId([AtomicU64; 2]);
 
 impl ReceiverId {
-    /// Makes the receiver known.
+    /// Publishes the id of a receiver.
     pub fn store(&self, id: u128) {
         self.0[0].store(id as u64, Ordering::Relaxed);
         self.0[1].store((id >> 64) as u64, Ordering::Relaxed);
@@ -101,17 +104,17 @@ impl ReceiverId {
     }
 }
 
-/// What people ask of a flight in real time, at any moment. It outlives every service.
+/// Request of the operator to a flight in real time. It outlives every service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Request {
     /// The motors may turn.
     Arm,
-    /// The motors shall rest, in the air too; until somebody arms again.
+    /// The motors stop, in the air too, until the next arming.
     Disarm,
-    /// The vehicle shall come down, and rest disarmed.
+    /// The vehicle lands and is disarmed.
     Land,
-    /// The motors shall rest, now and for ever.
+    /// The motors stop at once, for the rest of the run.
     Kill,
 }
 
@@ -120,7 +123,7 @@ const DISARMED: u32 = 2;
 const LAND: u32 = 4;
 const KILLED: u32 = 8;
 
-/// Whose a receiver is.
+/// Owner of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// A service's.
@@ -130,7 +133,7 @@ pub enum Owner {
 }
 
 impl ControlBlock {
-    /// Whose a receiver is, if it is one of the run's own.
+    /// Returns the owner of a receiver, if the receiver belongs to the run.
     #[must_use]
     pub fn owner(&self, id: u128) -> Option<Owner> {
         let has = |receivers: &[ReceiverId]| receivers.iter().any(|receiver| receiver.load() == id);
@@ -142,12 +145,12 @@ impl ControlBlock {
         }
     }
 
-    /// Takes a request. The newest of [`Request::Arm`] and [`Request::Disarm`] counts; the others are for ever.
+    /// Adds a request. The newest of [`Request::Arm`] and [`Request::Disarm`] counts; the others are permanent.
     pub fn ask(&self, request: Request) {
         add(&self.requests, request);
     }
 
-    /// What the operator asks for, by plan and by request.
+    /// Returns what the operator asks for, by plan and by request.
     #[must_use]
     #[inline]
     pub fn operator(&self, planned: Operator) -> Operator {
@@ -160,7 +163,7 @@ impl ControlBlock {
         }
     }
 
-    /// Lets nobody wait for the receivers of a service any longer.
+    /// Removes the receivers of a service, so that no publisher waits for them any longer.
     pub fn forget_receivers(&self, service: ServiceId) {
         for receiver in &self.cells[service.index()].receivers {
             receiver.store(0);
@@ -168,7 +171,10 @@ impl ControlBlock {
     }
 }
 
-/// Adds a request to those that were made before.
+/// Adds a request to the earlier ones.
+///
+/// One atomic read-modify-write: with a separate load and store, a kill of another process between the two would be
+/// lost.
 fn add(requests: &AtomicU32, request: Request) {
     let change = |bits: u32| match request {
         Request::Arm => bits & !DISARMED | ARMED,
@@ -181,7 +187,7 @@ fn add(requests: &AtomicU32, request: Request) {
     let _ = requests.fetch_update(Ordering::AcqRel, Ordering::Acquire, update);
 }
 
-/// Takes a request in the page of another process's run, whatever build that is of.
+/// Adds a request to the page of another process's run, of whatever build.
 ///
 /// # Errors
 /// If the file cannot be mapped.
@@ -203,24 +209,26 @@ impl Cell {
     /// Wakes the service from its sleep in real time.
     #[inline]
     pub fn ring(&self) {
+        // Count first, wake second: a service that read the older count before this does not fall asleep, because the
+        // futex compares the count. In the other order a wake-up between its look and its sleep would be lost.
         self.bell.fetch_add(1, Ordering::SeqCst);
-        // It fails for no word that is mapped.
+        // The call cannot fail for a mapped word.
         let _ = futex::wake(&self.bell, futex::Flags::empty(), 1);
     }
 
-    /// Adds one to a count that only this process writes.
+    /// Adds one to a count that only this process writes: a load and a store suffice, without a locked instruction.
     #[inline]
     pub fn count(counter: &AtomicU64) {
         counter.store(counter.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
     }
 }
 
-/// A mapping of the shared page.
+/// Mapping of the shared page.
 #[derive(Debug)]
 pub struct SharedPage(SharedFile);
 
 impl SharedPage {
-    /// What the system calls the file: `/memfd:` and this.
+    /// Name of the file in the system: `/memfd:` and this.
     pub const NAME: &str = "gerono-page";
 
     /// Makes a page for a run.
@@ -239,13 +247,13 @@ impl SharedPage {
         SharedFile::open(file, size_of::<ControlBlock>()).map(Self)
     }
 
-    /// The file, to be inherited by a service.
+    /// Returns the file that a service inherits.
     #[must_use]
     pub fn file(&self) -> BorrowedFd<'_> {
         self.0.file()
     }
 
-    /// The words.
+    /// Returns the words.
     #[must_use]
     #[inline]
     pub fn control_block(&self) -> &ControlBlock {
@@ -263,7 +271,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arming_is_taken_back_and_killing_is_not() {
+    fn disarming_revokes_arming_and_a_kill_is_permanent() {
         let block = ControlBlock::default();
         assert_eq!(block.operator(Operator::default()), Operator::default());
         block.ask(Request::Arm);
@@ -275,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_is_taken_by_the_file_alone() {
+    fn a_request_needs_only_the_file_of_the_page() {
         let page = SharedPage::create().unwrap();
         ask_in(page.file(), Request::Kill).unwrap();
         assert!(page.control_block().operator(Operator::FLYING).killed);
@@ -284,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn who_disarms_overrides_the_plan() {
+    fn a_request_to_disarm_overrides_the_plan() {
         let block = ControlBlock::default();
         block.ask(Request::Disarm);
         assert_eq!(block.operator(Operator::FLYING), Operator::default());

@@ -1,25 +1,27 @@
-//! A few numbers that one process tells and others look at, at any time: how what is connected to a service fares.
+//! Status cell: a few numbers that one process writes and others read at any time, such as the state of connected
+//! hardware.
 //!
-//! Neither waits for the other. Who looks while they change sees some of before beside some of after: they are for
-//! people, and each is whole.
+//! Neither side waits for the other. A reader during a write may see old numbers beside new ones. Each number is whole,
+//! because it is one atomic word. People read the numbers one by one, so the cell needs no sequence lock, and relaxed
+//! order suffices.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
 
-/// Numbers of a notice, of 8 bytes each.
+/// Numbers of a status cell, of 8 bytes each.
 pub const LENGTH: usize = 32;
 
 /// Bytes of a number.
 const WORD: usize = size_of::<u64>();
 
-/// The numbers. All are 0 until somebody tells others.
+/// The numbers. All are 0 before the first write.
 #[repr(C, align(64))]
 #[derive(Debug, Default)]
 pub struct StatusCell([AtomicU64; LENGTH]);
 
 impl StatusCell {
-    /// Tells a record of whole words in place of the one before.
+    /// Writes a record of whole words over the one before.
     #[inline]
     pub fn tell<T: IntoBytes + Immutable>(&self, record: &T) {
         const { assert!(size_of::<T>() <= LENGTH * WORD && size_of::<T>().is_multiple_of(WORD)) };
@@ -29,7 +31,7 @@ impl StatusCell {
         }
     }
 
-    /// The record that was told last; all zero before the first.
+    /// Returns the record that was written last; all zero before the first.
     #[must_use]
     pub fn look<T: IntoBytes + FromBytes>(&self) -> T {
         let mut record = <T as FromZeros>::new_zeroed();
@@ -46,11 +48,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_told_last_is_seen_and_before_that_nothing() {
-        let notice = StatusCell::default();
-        assert_eq!(notice.look::<[f64; 3]>(), [0.0; 3]);
-        notice.tell(&[1.0, -2.0, 3.5]);
-        notice.tell(&[4.0, 5.0]);
-        assert_eq!(notice.look::<[f64; 3]>(), [4.0, 5.0, 3.5]);
+    fn the_last_record_is_read_and_zeros_before_the_first() {
+        let cell = StatusCell::default();
+        assert_eq!(cell.look::<[f64; 3]>(), [0.0; 3]);
+        cell.tell(&[1.0, -2.0, 3.5]);
+        cell.tell(&[4.0, 5.0]);
+        assert_eq!(cell.look::<[f64; 3]>(), [4.0, 5.0, 3.5]);
     }
 }

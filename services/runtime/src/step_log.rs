@@ -1,8 +1,8 @@
-//! What every step in real time was made of and how long it took, handed to the recorder without ever waiting for it.
+//! Step log: inputs and times of every step in real time, handed to the recorder without ever waiting for it.
 //!
-//! A ring of records a service, in an anonymous file that the orchestrator makes and every service inherits. A service
-//! writes at its own pace and never looks whether anybody has read; a reader that was too slow finds that records
-//! have been overwritten and counts them. The count of records survives the death of their writer.
+//! It is a ring of records per service, in an anonymous file that the orchestrator makes and every service inherits. A
+//! service writes without looking at its readers. A reader that was too slow finds that records have been overwritten
+//! and counts them. The count of records survives the death of their writer.
 
 use std::os::fd::{BorrowedFd, OwnedFd};
 
@@ -18,7 +18,7 @@ pub const DEPTH: u64 = 4096;
 
 const WORDS: usize = size_of::<StepRecord>() / size_of::<u64>();
 
-/// The word of a record that says when all was published.
+/// Word of a record that holds the time of publication.
 const PUBLISHED: usize = std::mem::offset_of!(StepRecord, published_ns) / size_of::<u64>();
 
 const _: () = assert!(
@@ -32,33 +32,33 @@ const _: () = assert!(
 pub struct StepRecord {
     /// Tick of the step.
     pub tick: u64,
-    /// When it began, ns: its time had come, and what it waited for was here or given up.
+    /// Begin of the step, ns: its time had come, and its inputs were here or given up.
     pub began_ns: u64,
-    /// When all that it had to publish was published and nobody had been woken yet, ns; 0 if the process died before:
-    /// then some of it may have been published.
+    /// Time when all its outputs were published and no consumer had been woken yet, ns. 0 if the process died before:
+    /// then some of them may have been published.
     pub published_ns: u64,
     /// Steps before it that were left out because their time had passed.
     pub missed: u64,
-    /// Inputs of its own tick that had not come when it was given up waiting for them: bit i for input i.
+    /// Inputs of its own tick that had not come at the end of the wait: bit i for input i.
     pub late_inputs: u64,
     /// Inputs of which it saw another sample than the step before: bit i for input i.
     pub fresh_inputs: u64,
-    /// What the operator asked for: bit 0 armed, bit 1 land, bit 2 killed.
+    /// Requests of the operator: bit 0 armed, bit 1 land, bit 2 killed.
     pub operator: u64,
-    /// 1 + the tick of the step before it that the service remembers; 0 if there is none.
+    /// 1 + the tick of the step before it in the state of the service; 0 if there is none.
     pub previous: u64,
     /// Of each input, 1 + the tick of the sample that it saw; 0 if it saw none.
     pub consumed: [u64; MAX_PORTS],
 }
 
 impl StepRecord {
-    /// Whether all that the step had to publish was published.
+    /// Returns whether all outputs of the step were published.
     #[must_use]
     pub fn is_finished(&self) -> bool {
         self.published_ns != 0
     }
 
-    /// Tick of the sample that it saw of an input.
+    /// Returns the tick of the sample that it saw of an input.
     #[must_use]
     pub fn consumed_tick(&self, input: usize) -> Option<u64> {
         self.consumed[input].checked_sub(1)
@@ -69,12 +69,12 @@ type Records = Ring<WORDS, { DEPTH as usize }>;
 
 type Rings = [Records; ServiceId::ALL.len()];
 
-/// A mapping of all services' step records.
+/// Mapping of all services' step records.
 #[derive(Debug)]
 pub struct StepLog(SharedFile);
 
 impl StepLog {
-    /// Makes room for a run's step records.
+    /// Makes the file of a run's step records.
     ///
     /// # Errors
     /// If the system has no memory or no file descriptor left.
@@ -82,7 +82,7 @@ impl StepLog {
         SharedFile::create("gerono-steps", size_of::<Rings>()).map(Self)
     }
 
-    /// Maps step records that were inherited.
+    /// Maps inherited step records.
     ///
     /// # Errors
     /// If the file does not hold them.
@@ -90,27 +90,27 @@ impl StepLog {
         SharedFile::open(file, size_of::<Rings>()).map(Self)
     }
 
-    /// The file, to be inherited by a service.
+    /// Returns the file that a service inherits.
     #[must_use]
     pub fn file(&self) -> BorrowedFd<'_> {
         self.0.file()
     }
 
-    /// Says what a step of `service` was made of, before anything of it is published: so nothing is ever published of
-    /// which nobody knows what it was made of. To be called by one process at a time for a service: by its own.
+    /// Writes the record of a step of `service`. Call it before anything of the step is published: a death after a
+    /// publication must not leave a sample whose inputs no record names. Only one process at a time may call it for a
+    /// service: the process of that service.
     #[inline]
     pub fn begin(&self, service: ServiceId, record: StepRecord) {
         self.ring(service).begin(zerocopy::transmute!(record));
     }
 
-    /// Says when all of the step that was begun was published, and lets readers have its record.
+    /// Writes the time of publication into the begun record and publishes the record to readers.
     #[inline]
     pub fn finish(&self, service: ServiceId, published_ns: u64) {
         self.ring(service).finish(PUBLISHED, published_ns);
     }
 
-    /// Lets readers have the record of a step in the middle of whose publication the process died. To be called when
-    /// it is dead.
+    /// Publishes the record of a step during whose publication the process died. Call it when that process is dead.
     pub fn finish_for_the_dead(&self, service: ServiceId) {
         self.ring(service).finish_for_the_dead();
     }
@@ -127,7 +127,7 @@ impl StepLog {
     }
 }
 
-/// Reads the records of a service in their order.
+/// Reader of the records of a service, in their order.
 #[derive(Clone, Debug)]
 pub struct StepReader {
     service: ServiceId,
@@ -136,7 +136,7 @@ pub struct StepReader {
 }
 
 impl StepReader {
-    /// Reads the records of `service` from the first on.
+    /// Makes a reader of the records of `service` from the first on.
     #[must_use]
     pub fn new(service: ServiceId) -> Self {
         Self {
@@ -146,7 +146,7 @@ impl StepReader {
         }
     }
 
-    /// Reads the records of `service` that are written from now on.
+    /// Makes a reader of the records of `service` that are written from now on.
     #[must_use]
     pub fn from_now(service: ServiceId, log: &StepLog) -> Self {
         Self {
@@ -156,7 +156,7 @@ impl StepReader {
         }
     }
 
-    /// The next record, if there is one by now.
+    /// Returns the next record, if there is one by now.
     pub fn next(&mut self, log: &StepLog) -> Option<StepRecord> {
         let ring = log.ring(self.service);
         loop {
@@ -174,7 +174,7 @@ impl StepReader {
         }
     }
 
-    /// Records that were overwritten before they were read.
+    /// Returns the number of records that were overwritten before they were read.
     #[must_use]
     pub fn overwritten(&self) -> u64 {
         self.overwritten
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_dead_had_begun_is_read_once_with_the_time_of_its_publication_unknown() {
+    fn a_record_of_a_dead_writer_is_read_once_without_time_of_publication() {
         let log = StepLog::create().unwrap();
         let mut reader = StepReader::new(SERVICE);
         write(&log, SERVICE, record(1));

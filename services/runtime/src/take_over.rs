@@ -1,8 +1,8 @@
-//! How a flight in real time whose orchestrator is gone gets another one.
+//! Take-over: a flight in real time whose orchestrator is gone gets another one.
 //!
-//! Whoever wants to take over listens at a socket in the run's place. Services that are alone look for it, connect, and
-//! say who they are, what is flown, and by which files the processes of the run share their memory: all that a new
-//! orchestrator needs. The line is their control channel from then on.
+//! The new orchestrator listens at a socket in the run's place. Orphaned services look for the socket and connect. Each
+//! one says which service it is and what is flown, and hands over the files by which the processes of the run share
+//! their memory. That is all a new orchestrator needs. The connection is the service's control channel from then on.
 
 use std::io::{IoSlice, IoSliceMut};
 use std::mem::MaybeUninit;
@@ -26,19 +26,19 @@ use crate::control::{Channel, MESSAGE_LIMIT, Start};
 /// Name of the socket in a run's place.
 pub const SOCKET: &str = "succession";
 
-/// The files that all processes of a run share: the page, the checkpoints, the step records, and the lock of the place.
+/// Files that all processes of a run share: the page, the checkpoints, the step records, and the lock of the place.
 pub const FILES: usize = 4;
 
-/// What a service that is alone says to whoever takes over.
+/// Message of an orphaned service to the orchestrator that takes over.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hello {
-    /// Which service it is.
+    /// The service.
     pub service: ServiceId,
-    /// What is flown, and where.
+    /// Scenario and place of the run.
     pub start: Start,
 }
 
-/// What a service hands over to whoever takes its orchestrator's place.
+/// Data that a service hands over to the orchestrator that takes over.
 #[derive(Debug)]
 pub struct HandOver {
     socket: PathBuf,
@@ -47,7 +47,7 @@ pub struct HandOver {
 }
 
 impl HandOver {
-    /// That of a service of the run whose place is `place`.
+    /// Prepares the hand-over of a service of the run whose place is `place`.
     ///
     /// # Errors
     /// If no file descriptor is left.
@@ -60,7 +60,7 @@ impl HandOver {
         })
     }
 
-    /// Hands it over if somebody is there who takes it; the line to whom it is.
+    /// Connects to an orchestrator that takes over, if one listens, and hands over. Returns the new control channel.
     #[must_use]
     pub fn offer(&self) -> Option<Channel> {
         let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
@@ -84,20 +84,20 @@ impl HandOver {
     }
 }
 
-/// What a service has handed over.
+/// Descriptors and data that a service has handed over.
 #[derive(Debug)]
 pub struct InheritedDescriptors {
-    /// What it said.
+    /// Its message.
     pub hello: Hello,
     /// Its process.
     pub pid: Pid,
-    /// The line to it.
+    /// Its control channel.
     pub channel: Channel,
-    /// What it shares with the others.
+    /// The files that it shares with the other processes.
     pub files: [OwnedFd; FILES],
 }
 
-/// Who takes over. Services come as long as it listens.
+/// Socket of an orchestrator that takes over. Services may connect as long as it exists.
 #[derive(Debug)]
 pub struct TakeOverListener {
     socket: PathBuf,
@@ -105,27 +105,28 @@ pub struct TakeOverListener {
 }
 
 impl TakeOverListener {
-    /// Listens in a run's place. To be called by one process at a time for a place.
+    /// Listens in a run's place. Only one process at a time may call this for a place.
     ///
     /// # Errors
     /// If the system refuses.
     pub fn listen(place: &Path) -> std::io::Result<Self> {
         let socket = place.join(SOCKET);
-        // That of one who died listening.
+        // A listener that died has left its socket.
         let _ = std::fs::remove_file(&socket);
         let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
         let listener = rustix::net::socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
-        // A socket gets the mode that it has when it is bound, whatever the umask permits.
+        // The mode is set before the bind: a bound socket keeps it whatever the umask permits. Set after the bind, it
+        // would leave a time in which another user could connect.
         rustix::fs::fchmod(&listener, Mode::RUSR | Mode::WUSR)?;
         rustix::net::bind(&listener, &SocketAddrUnix::new(&socket)?)?;
         rustix::net::listen(&listener, 8)?;
         Ok(Self { socket, listener })
     }
 
-    /// The next service that comes within `limit`.
+    /// Returns the next service that connects within `limit`.
     ///
     /// # Errors
-    /// If the system refuses, or if what comes is no service of this build.
+    /// If the system refuses, or if the peer is not a service of this build.
     pub fn accept(&self, limit: Duration) -> std::io::Result<Option<InheritedDescriptors>> {
         let timeout = Timespec {
             tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
@@ -138,7 +139,7 @@ impl TakeOverListener {
         let line = rustix::net::accept_with(&self.listener, SocketFlags::CLOEXEC)?;
         if !is_own(&line) {
             return Err(std::io::Error::other(
-                "another user's process came in a service's place",
+                "a process of another user connected instead of a service",
             ));
         }
         let mut text = vec![0; MESSAGE_LIMIT];
@@ -169,14 +170,14 @@ impl TakeOverListener {
     }
 }
 
-/// Whether the other end of a line is a process of this user: the folder of the socket lets no other in.
+/// Returns whether the peer of a connection is a process of this user. The folder of the socket admits no other.
 fn is_own(line: &OwnedFd) -> bool {
     socket_peercred(line).is_ok_and(|peer| peer.uid == rustix::process::geteuid())
 }
 
 impl Drop for TakeOverListener {
     fn drop(&mut self) {
-        // What stays goes with the run's place.
+        // A socket that remains is removed with the run's place.
         let _ = std::fs::remove_file(&self.socket);
     }
 }
@@ -205,11 +206,11 @@ mod tests {
     }
 
     #[test]
-    fn who_takes_over_gets_what_the_service_has_and_a_line_to_it() {
+    fn the_listener_gets_the_files_of_the_service_and_its_control_channel() {
         let place = tempfile::tempdir().unwrap();
         let file = std::fs::File::create(place.path().join("shared")).unwrap();
         let hand_over = HandOver::new(place.path(), &hello(), [file.as_fd(); FILES]).unwrap();
-        assert!(hand_over.offer().is_none(), "nobody is there");
+        assert!(hand_over.offer().is_none(), "no orchestrator listens");
         let listener = TakeOverListener::listen(place.path()).unwrap();
         assert!(listener.accept(Duration::ZERO).unwrap().is_none());
         let line = hand_over.offer().unwrap();
@@ -223,6 +224,6 @@ mod tests {
         inherited.channel.send(&ToService::Stop).unwrap();
         assert_eq!(line.receive::<ToService>().unwrap(), ToService::Stop);
         drop(listener);
-        assert!(hand_over.offer().is_none(), "nobody is there any more");
+        assert!(hand_over.offer().is_none(), "no orchestrator listens any more");
     }
 }

@@ -1,9 +1,8 @@
-//! Samples of external programs: copied once before anything looks at them, and in real time refused unless they may
-//! be there.
+//! Samples of external services: copied once before any use, and in real time refused if they cannot exist yet.
 //!
-//! A program may write into a sample after it has sent it. What was validated must be what is used, so that every
-//! sample is copied, once, and only the copy is looked at. The run's own services write nothing that they have sent;
-//! their samples are read in place.
+//! A program may write into a sample after it has sent it. The validated bytes must be the used bytes, so every sample
+//! is copied, once, and only the copy is read. Services of the run do not write into sent samples; their samples are
+//! read in place.
 //!
 //! In real time a sample whose tick lies ahead of the clock would make all later ones look old. Such a sample, and one
 //! whose header is not that of its tick, is refused and counted; good ones after it pass.
@@ -18,10 +17,10 @@ use shared_types::service::header_of;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
 use host::owned_sample::OwnedSample;
 
-/// Ticks by which a program may be early: its clock and this one are read at different moments.
+/// Ticks by which a program may be early: it reads the clock at another moment than this process.
 const EARLY_TICKS: u64 = 1;
 
-/// Samples that were refused.
+/// Refused samples.
 #[derive(Debug, Default)]
 pub struct Refusals {
     count: Cell<u64>,
@@ -29,24 +28,24 @@ pub struct Refusals {
 }
 
 impl Refusals {
-    /// How many there were.
+    /// Returns their number.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count.get()
     }
 
-    /// Header of the last of them.
+    /// Returns the header of the last of them.
     #[must_use]
     pub fn last(&self) -> Option<Header> {
         self.last.get()
     }
 }
 
-/// Which samples may be there by now.
+/// Rule for the samples that can exist by now.
 struct Admission {
     publication: Publication,
     last_tick: u64,
-    /// The tick that has begun last, by the flight's clock.
+    /// Returns the tick that began last, by the flight's clock.
     clock_tick: Box<dyn Fn() -> u64>,
     refusals: Rc<Refusals>,
 }
@@ -68,19 +67,19 @@ impl Admission {
     }
 }
 
-/// The receiver of a topic that an external program publishes.
+/// Receiver of a topic that an external service publishes.
 pub struct UntrustedReceiver {
     inner: Box<dyn Receiver>,
-    /// The copy of the sample that is held, once there is one.
+    /// Copy of the held sample, once there is one.
     held: OwnedSample,
     is_held: bool,
-    /// The copy of the next one, until it is admitted.
+    /// Copy of the next sample, until it is admitted.
     next: OwnedSample,
     admission: Option<Admission>,
 }
 
 impl UntrustedReceiver {
-    /// Copies what comes by `inner`, which is of the topic of `publication`.
+    /// Makes a receiver that copies the samples of `inner`, which is of the topic of `publication`.
     #[must_use]
     pub fn new(inner: Box<dyn Receiver>, publication: &Publication) -> Self {
         Self {
@@ -92,7 +91,7 @@ impl UntrustedReceiver {
         }
     }
 
-    /// Refuses samples that cannot be there by now: `clock_tick` says which tick has begun last.
+    /// Refuses samples that cannot exist by now: `clock_tick` returns the tick that began last.
     #[must_use]
     pub fn within_clock(
         mut self,
@@ -109,7 +108,7 @@ impl UntrustedReceiver {
         self
     }
 
-    /// The samples that are refused from now on, as far as any are.
+    /// Returns the count of samples that are refused from now on, if any can be.
     #[must_use]
     pub fn refusals(&self) -> Rc<Refusals> {
         let admission = self.admission.as_ref();
@@ -119,12 +118,12 @@ impl UntrustedReceiver {
 
 impl Receiver for UntrustedReceiver {
     fn receive(&mut self) -> Result<bool, PortError> {
-        // A program that publishes nonsense without a pause must not keep its consumer in this loop.
+        // Bounded: a program that publishes invalid samples without a pause must not keep its consumer in this loop.
         for _ in 0..RECORDER_BUFFER {
             if !self.inner.receive()? {
                 return Ok(false);
             }
-            // The copy before, the look after: the program may write meanwhile.
+            // Copy first, then validate: the program may write meanwhile.
             let received = self.inner.held().expect("just received");
             self.next.bytes_mut().copy_from_slice(received);
             let header = header_of(self.next.bytes());
@@ -166,7 +165,7 @@ mod tests {
 
     const LAST_TICK: u64 = 1000;
 
-    /// A port at which these headers come, and whose program writes into what it has sent.
+    /// Port with these headers, whose program writes into sent samples.
     struct Port {
         coming: VecDeque<Header>,
         held: Option<ControlCommand>,
@@ -218,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_there_is_refused_and_good_samples_after_it_pass() {
+    fn impossible_samples_are_refused_and_good_ones_after_them_pass() {
         let wrong = [
             Header {
                 tick: u64::MAX,
@@ -249,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_of_nonsense_does_not_keep_the_consumer_for_ever() {
+    fn a_flood_of_invalid_samples_does_not_block_the_consumer() {
         let nonsense = Header {
             tick: u64::MAX,
             ..good(5)
@@ -261,10 +260,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_held_does_not_change_when_the_program_writes_into_it() {
+    fn a_held_sample_does_not_change_when_the_program_writes_into_it() {
         let mut receiver = receiver([good(5), good(6)], 10);
         assert!(receiver.receive().unwrap());
-        // The port goes on to the next sample in the same memory; nobody has asked for it.
+        // The port goes on to the next sample in the same memory, though no step has asked for it.
         assert!(receiver.inner.receive().unwrap());
         assert_eq!(header_of(receiver.held().unwrap()), good(5));
     }

@@ -1,13 +1,13 @@
-//! Waiting for a sample in lock-step: look first, yield, then sleep on the doorbell.
+//! Waiting for a sample in lock step: look first, yield, then sleep on the doorbell.
 //!
-//! With the processes of the ring on one core, one `sched_yield` lets the publisher run and costs half of a sleep, if they
-//! have come to the ring's order ([`crate::ring_order`]) and nobody else is on the core ([`crate::wait_policy`]).
+//! With the processes of the ring on one core, one `sched_yield` lets the publisher run and costs half of a sleep. That
+//! needs processes in the ring's order ([`crate::ring_order`]) and no other load on the core ([`crate::wait_policy`]).
 //!
-//! A wake-up is never lost: the consumer announces whom it sleeps for, then looks again; a publisher
-//! publishes, then looks for the announcement. Only the consumer takes its announcement back.
+//! A wake-up is never lost. The consumer announces the publisher that it sleeps for, then looks again. A publisher
+//! publishes, then looks for the announcement. Only the consumer clears its announcement.
 //!
-//! No sleep is without an end. The orchestrator rings every doorbell when the run is to end, and every second
-//! besides; should it die, the system kills the sleeper ([`crate::deployment::die_with_parent`]).
+//! Every sleep ends. The orchestrator rings every doorbell when the run is to end, and every second besides. If the
+//! orchestrator dies, the system kills the sleeper ([`crate::deployment::die_with_parent`]).
 
 use std::sync::Arc;
 use std::sync::atomic::{Ordering, fence};
@@ -24,14 +24,14 @@ use crate::shared_page::{Cell, SharedPage};
 use crate::wait_policy::{self, WaitPolicy};
 use crate::watchdog;
 
-/// In whatever order the ring's five are, the turn comes round to all within fewer.
+/// The turn passes through the five processes of the ring within fewer yields, whatever their order.
 const YIELDS: u32 = 16;
 
 /// The wait ended without what was waited for: the run ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interrupted;
 
-/// A service's place in the ring of those who wait for each other.
+/// Place of a service in the ring of services that wait for each other.
 pub struct Waiter {
     me: ServiceId,
     page: Arc<SharedPage>,
@@ -44,8 +44,8 @@ pub struct Waiter {
 }
 
 impl Waiter {
-    /// Joins the ring. `doorbells` are those of all services, in the order of the wiring table; `external_services` do not announce
-    /// that they sleep.
+    /// Joins the ring. `doorbells` are those of all services, in the order of the wiring table; `external_services` do
+    /// not announce their sleep.
     #[must_use]
     pub fn new(
         me: ServiceId,
@@ -55,7 +55,7 @@ impl Waiter {
         scheduler: Scheduler,
         external_services: ExternalServices,
     ) -> Self {
-        // Under `SCHED_FIFO` nobody else has the core, and yielding pays without a verdict.
+        // Under `SCHED_FIFO` no other load has the core, and yielding always pays.
         let leads = me == ServiceId::ALL[0] && scheduler != Scheduler::Fifo;
         let leader = leads.then(WaitPolicy::default);
         Self {
@@ -70,48 +70,51 @@ impl Waiter {
         }
     }
 
-    /// The words that the run shares.
+    /// Returns the control block's page.
     #[must_use]
     pub fn page(&self) -> &Arc<SharedPage> {
         &self.page
     }
 
-    /// The doorbells of all services, in the order of the wiring table.
+    /// Returns the doorbells of all services, in the order of the wiring table.
     #[must_use]
     pub fn doorbells(&self) -> Arc<[Doorbell]> {
         Arc::clone(&self.doorbells)
     }
 
-    /// Which services are external programs.
+    /// Returns the set of external services.
     #[must_use]
     pub fn external_services(&self) -> ExternalServices {
         self.external_services
     }
 
-    /// The line to the orchestrator.
+    /// Returns the control channel to the orchestrator.
     #[must_use]
     pub fn channel(&self) -> &Channel {
         &self.channel
     }
 
-    /// This service's words of the shared page.
+    /// Returns this service's words of the control block.
     #[must_use]
     #[inline]
     pub fn cell(&self) -> &Cell {
         &self.page.control_block().cells[self.me.index()]
     }
 
-    /// Whether the run is to end.
+    /// Returns whether the run is to end.
     #[must_use]
     #[inline]
     pub fn is_stopping(&self) -> bool {
         self.page.control_block().stopping.load(Ordering::Relaxed) != 0
     }
 
-    /// Rings the doorbells of those services that sleep for a publication of this one, and those of external services in any case.
+    /// Rings the doorbells of those services that sleep for a publication of this one, and those of external services
+    /// in any case.
     #[inline]
     pub fn wake(&self, consumers: &[ServiceId]) {
-        // Publications before, announcements after: pairs with the fence in `sleep_for`.
+        // The publications come before the loads of the announcements: pairs with the fence in `sleep_for`. Release and
+        // acquire do not order a store before a later load. Without both fences the publisher could miss the
+        // announcement while the consumer misses the sample, and the consumer would sleep until the next ring.
         fence(Ordering::SeqCst);
         let mine = announcement(self.me);
         for consumer in consumers {
@@ -122,17 +125,18 @@ impl Waiter {
         }
     }
 
-    /// Waits until `arrived` says that the sample which `publisher` publishes at tick `due` is here.
+    /// Waits until `arrived` reports the sample which `publisher` publishes at tick `due`.
     ///
     /// # Errors
-    /// What `arrived` says, or that the wait was [`Interrupted`].
+    /// The error of `arrived`, or [`Interrupted`].
     pub fn wait<E: From<Interrupted>>(
         &mut self,
         publisher: ServiceId,
         due: u64,
         mut arrived: impl FnMut() -> Result<bool, E>,
     ) -> Result<(), E> {
-        // Nobody looks for what has not been published; what has been this very moment is seen a look later.
+        // A sample that has not been published needs no look; one that has been published just now is found one look
+        // later.
         if self.has_stepped(publisher, due) && arrived()? {
             return Ok(());
         }
@@ -149,6 +153,7 @@ impl Waiter {
         }
         Cell::count(&self.cell().blocks);
         let result = self.sleep_for(publisher, &mut arrived);
+        // Relaxed: a publisher that still sees the announcement rings once too often, which is harmless.
         self.cell().waiting_for.store(0, Ordering::Relaxed);
         if let Some(leader) = &mut self.leader {
             leader.begin_lap(Instant::now());
@@ -159,6 +164,7 @@ impl Waiter {
     #[inline]
     fn has_stepped(&self, publisher: ServiceId, tick: u64) -> bool {
         let cell = &self.page.control_block().cells[publisher.index()];
+        // Relaxed: only a hint when to look. The port itself orders the sample's bytes.
         cell.steps_until.load(Ordering::Relaxed) > tick
     }
 
@@ -191,7 +197,7 @@ impl Waiter {
         self.cell()
             .waiting_for
             .store(announcement(publisher), Ordering::Relaxed);
-        // Announcement before, every look after: pairs with the fence in `wake`.
+        // The announcement comes before every look: pairs with the fence in `wake`, which says why.
         fence(Ordering::SeqCst);
         loop {
             if arrived()? {
@@ -205,7 +211,7 @@ impl Waiter {
     }
 }
 
-/// What a service announces while it sleeps for a publication of `publisher`.
+/// Returns the word that a service announces while it sleeps for a publication of `publisher`.
 #[must_use]
 #[inline]
 pub fn announcement(publisher: ServiceId) -> u32 {
@@ -237,7 +243,7 @@ mod tests {
     fn a_wake_up_between_the_announcement_and_the_sleep_is_not_lost() {
         let mut waiter = waiter(ServiceId::Estimator);
         let mut looks = 0;
-        // The sample comes right after the last look before the sleep; the doorbell has rung by then.
+        // The sample arrives right after the last look before the sleep; the doorbell has rung by then.
         waiter.doorbells[ServiceId::Estimator.index()].ring();
         let arrived = || {
             looks += 1;
@@ -249,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_published_is_looked_for_at_once() {
+    fn a_published_sample_is_taken_without_a_yield() {
         let mut waiter = waiter(ServiceId::Estimator);
         let plant = &waiter.page.control_block().cells[ServiceId::Plant.index()];
         plant.steps_until.store(8, Ordering::Relaxed);

@@ -1,49 +1,52 @@
-//! Whether those who wait in lock-step yield or sleep.
+//! Wait policy: whether services that wait in lock step yield their core or sleep.
 //!
-//! With a foreign load on the core a yield gives away a slice of milliseconds. With a publisher on another core, or in an
-//! order that cannot be the ring's, yields are in vain. Hence a verdict that one process, the leader, passes for all
-//! through the shared page: a yield in vain is a miss, and a lap of the turn that takes too long is as many as would have
-//! taken that time. Over `MISS_LIMIT` of them within `VERDICT_WAITS` waits of the leader, all only sleep, for a while
-//! that grows fourfold each time. Before they yield again, the leader tries it alone.
+//! With another load on the core, a yield gives away a slice of milliseconds. With a publisher on another core, or in
+//! an order that cannot be the ring's, yields are wasted. So one process, the leader, decides for all services through
+//! the control block. A wasted yield is a miss. A lap of the ring that takes too long counts as the misses that would
+//! have taken that time. Above `MISS_LIMIT` misses within `VERDICT_WAITS` waits of the leader, all services only sleep,
+//! for a time that grows fourfold each time. Before they yield again, the leader tries it alone.
+//!
+//! All accesses are relaxed. The words are counts and a hint: an old value makes a service sleep or yield once too
+//! often, and a count lost at a reset delays the next decision. Neither can change a sample.
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use crate::shared_page::ControlBlock;
 
-/// Value of the shared page's `block_only` with which no verdict lets anybody yield again.
+/// Value of the control block's `block_only` with which no decision permits yields again.
 pub const BLOCK_ALWAYS: u32 = 2;
 
-/// Four misses a wait cost as much as the sleeps that the yields replace.
+/// Four misses per wait cost as much as the sleeps that the yields replace.
 const MISS_LIMIT: u32 = 4 * VERDICT_WAITS;
 const VERDICT_WAITS: u32 = 256;
 const LONGEST_BLOCKING: u32 = 65_536;
-/// Longer than the turns of all take, but for what is not theirs.
+/// Longer than the turns of all services take without another load on the core.
 const SLOW_LAP: Duration = Duration::from_micros(300);
-/// What of a slow lap is as bad as a yield in vain.
+/// Part of a slow lap that counts as one wasted yield.
 const MISS: Duration = Duration::from_micros(8);
 
-/// Whether those who wait may yield: the leader's verdict, or the evidence for it, so that nobody waits for the leader to
-/// come round.
+/// Returns whether waiting services may yield. It follows the leader's decision, and also the count of misses, so that
+/// no service waits for the leader's next turn.
 #[inline]
 pub(crate) fn is_to_yield(block: &ControlBlock) -> bool {
     block.block_only.load(Ordering::Relaxed) == 0 && block.misses.load(Ordering::Relaxed) <= MISS_LIMIT
 }
 
-/// Counts a yield in vain.
+/// Counts a wasted yield. One atomic addition, because all services count on the same word.
 #[inline]
 pub(crate) fn count_miss(block: &ControlBlock) {
     block.misses.fetch_add(1, Ordering::Relaxed);
 }
 
-/// Whether somebody else keeps the core for long when this process yields. Tries it.
+/// Yields once and returns whether another load kept the core for long.
 pub(crate) fn is_yield_slow() -> bool {
     let before = Instant::now();
     rustix::thread::sched_yield();
     before.elapsed() > SLOW_LAP
 }
 
-/// Decides for all whether yielding pays.
+/// The leader's decision for all services whether yielding pays.
 #[derive(Debug)]
 pub(crate) struct WaitPolicy {
     waits_left: u32,
@@ -62,8 +65,8 @@ impl Default for WaitPolicy {
 }
 
 impl WaitPolicy {
-    /// Lets all sleep, or yield again, if it is time to. `is_yield_slow` tells whether somebody else keeps the core for
-    /// long when this process yields.
+    /// Lets all services sleep, or yield again, when it is time to. `is_yield_slow` tells whether another load keeps
+    /// the core for long when this process yields.
     #[inline]
     pub(crate) fn pass_verdict(&mut self, block: &ControlBlock, is_yield_slow: impl FnOnce() -> bool) {
         if block.block_only.load(Ordering::Relaxed) == BLOCK_ALWAYS {
@@ -76,26 +79,26 @@ impl WaitPolicy {
         if self.waits_left == 0 {
             let were_sleeping = block.block_only.load(Ordering::Relaxed) != 0;
             if were_sleeping && is_yield_slow() {
-                // Only the leader has paid for it.
+                // Only the leader has paid for the test.
                 self.let_all_sleep(block);
                 return;
             }
             block.block_only.store(0, Ordering::Relaxed);
             block.misses.store(0, Ordering::Relaxed);
             if !were_sleeping {
-                // A quiet spell is over: the next load is a new one.
+                // A quiet time is over: the next load is a new one.
                 self.blocking_waits = (self.blocking_waits / 4).max(VERDICT_WAITS);
             }
             self.waits_left = VERDICT_WAITS;
         }
     }
 
-    /// Begins to time a lap, in which the turn goes round once.
+    /// Begins to time a lap, in which the turn passes through the whole ring.
     pub(crate) fn begin_lap(&mut self, now: Instant) {
         self.lap_began = now;
     }
 
-    /// Counts what the lap took too long, and begins the next one: the clock is read once a lap.
+    /// Counts the excess of the lap's duration and begins the next lap: the clock is read once a lap.
     #[inline]
     pub(crate) fn count_lap(&mut self, block: &ControlBlock, now: Instant) {
         let lap = now - self.lap_began;
@@ -122,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn many_misses_stop_everyone_from_yielding_for_ever_longer_whiles() {
+    fn many_misses_stop_all_yields_for_ever_longer_times() {
         let page = SharedPage::create().unwrap();
         let mut leader = WaitPolicy::default();
         let mut spells = Vec::new();
@@ -144,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn where_a_yield_is_slow_they_go_on_sleeping() {
+    fn services_keep_sleeping_while_a_yield_is_slow() {
         let page = SharedPage::create().unwrap();
         let mut leader = WaitPolicy::default();
         page.control_block()
@@ -162,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lap_that_takes_as_long_as_many_turns_is_enough() {
+    fn one_lap_as_long_as_many_turns_exceeds_the_limit() {
         let page = SharedPage::create().unwrap();
         let mut leader = WaitPolicy::default();
         let began = Instant::now();
@@ -174,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_misses_do_not() {
+    fn a_few_misses_change_nothing() {
         let page = SharedPage::create().unwrap();
         let mut leader = WaitPolicy::default();
         for _ in 0..10 * VERDICT_WAITS {

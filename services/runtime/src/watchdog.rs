@@ -1,11 +1,11 @@
-//! Ends work inside iceoryx2 that takes too long: it waits without an end for shared memory that was truncated, and may
-//! never come out of memory that was overwritten.
+//! Watchdog over work inside iceoryx2 that takes too long: iceoryx2 waits without an end for shared memory that was
+//! truncated, and may never return from memory that was overwritten.
 //!
-//! The thread that works says what it is at; a second thread looks now and then whether it is still at the same piece.
-//! That thread counts its own looks and not the time: a process that was stopped, or a machine that slept, has not
-//! worked too long. A thread that only waits, on its own bell or for a message, is not at work.
+//! The working thread names its current work. A second thread checks now and then whether that is still the same piece.
+//! It counts its checks and not the time: a process that was stopped, or a machine that slept, has not worked too long.
+//! A thread that only waits, on its doorbell or for a message, does not work.
 //!
-//! A service process that has not flown yet also ends when its orchestrator is gone. In flight others see to that: the
+//! A service process that has not flown yet also ends when its orchestrator is gone. In flight other parts do that: the
 //! system in simulated time ([`crate::deployment::die_with_parent`]), the service itself in real time
 //! ([`crate::orchestrator_watchdog`]).
 
@@ -14,16 +14,16 @@ use std::time::Duration;
 
 use crate::crash;
 
-/// Pause between two looks.
+/// Pause between two checks.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// How often in a row the same piece of work may be seen.
+/// Checks in a row that may find the same piece of work.
 const LOOKS: u32 = 40;
 
 /// Stack of the second thread, bytes: it may be locked in memory.
 const STACK: usize = 128 << 10;
 
-/// What a process may be at.
+/// Kind of work of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Work {
@@ -51,7 +51,7 @@ impl Work {
         Self::Receive,
     ];
 
-    /// What it is called in a message.
+    /// Returns its name in messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -64,7 +64,7 @@ impl Work {
         }
     }
 
-    /// Why it is given up, in words.
+    /// Returns the reason for giving it up, in words.
     #[must_use]
     pub fn complaint(self) -> String {
         format!(
@@ -76,7 +76,7 @@ impl Work {
     }
 }
 
-/// What a thread is at: the number of the piece of work in the upper bits, its [`Work`] or 0 in the lowest byte.
+/// Current work of a thread: the number of the piece of work in the upper bits, its [`Work`] or 0 in the lowest byte.
 #[derive(Debug, Default)]
 struct WorkCell(AtomicU64);
 
@@ -87,8 +87,8 @@ impl WorkCell {
         Self(AtomicU64::new(0))
     }
 
-    /// Begins another piece of work, of this kind or none; the kind before. Only one thread works at a desk, and the
-    /// watchdog needs nothing but this word: relaxed accesses will do.
+    /// Begins another piece of work, of this kind or none. Returns the kind before. Only one thread writes a cell, and
+    /// the watchdog reads nothing but this word: relaxed order suffices.
     #[inline]
     fn begin(&self, kind: u8) -> u8 {
         let before = self.0.load(Ordering::Relaxed);
@@ -99,7 +99,7 @@ impl WorkCell {
     }
 }
 
-/// Notices that the work at a desk does not end.
+/// Detector of work that does not end.
 #[derive(Debug, Default)]
 struct WorkLimits {
     seen: u64,
@@ -107,9 +107,9 @@ struct WorkLimits {
 }
 
 impl WorkLimits {
-    /// Looks at a desk; the work that has taken too long, if it has.
-    fn look(&mut self, desk: &WorkCell) -> Option<Work> {
-        let now = desk.0.load(Ordering::Relaxed);
+    /// Checks a cell. Returns the work that has taken too long, if any.
+    fn look(&mut self, cell: &WorkCell) -> Option<Work> {
+        let now = cell.0.load(Ordering::Relaxed);
         let kind = usize::from(now as u8);
         if kind == 0 || now != self.seen {
             (self.seen, self.looks) = (now, 0);
@@ -121,49 +121,49 @@ impl WorkLimits {
     }
 }
 
-/// That of the thread that does the work of this process.
-static DESK: WorkCell = WorkCell::new();
+/// Work of the thread that does the work of this process.
+static CURRENT_WORK: WorkCell = WorkCell::new();
 
-/// Whether this process is a service in flight, or was.
+/// `true` once this process has flown as a service.
 static HAS_FLOWN: AtomicBool = AtomicBool::new(false);
 
-/// Says that this process is at another piece of work.
+/// Records that this process begins another piece of work.
 #[inline]
 pub fn work(work: Work) {
-    DESK.begin(work as u8);
+    CURRENT_WORK.begin(work as u8);
 }
 
-/// Says that this process waits, which may take as long as it likes.
+/// Records that this process waits, which may take any time.
 #[inline]
 pub fn rest() {
-    DESK.begin(0);
+    CURRENT_WORK.begin(0);
 }
 
 /// Does a piece of work, as a part of another one or alone.
 #[inline]
 pub fn during<T>(work: Work, act: impl FnOnce() -> T) -> T {
-    let before = DESK.begin(work as u8);
+    let before = CURRENT_WORK.begin(work as u8);
     let result = act();
-    DESK.begin(before);
+    CURRENT_WORK.begin(before);
     result
 }
 
 /// Waits in the middle of some work, if any.
 #[inline]
 pub fn while_resting<T>(act: impl FnOnce() -> T) -> T {
-    let before = DESK.begin(0);
+    let before = CURRENT_WORK.begin(0);
     let result = act();
-    DESK.begin(before);
+    CURRENT_WORK.begin(before);
     result
 }
 
-/// Says that this service flies: from now on it may outlive its orchestrator.
+/// Records that this service flies: from now on it may outlive its orchestrator.
 pub fn take_off() {
     HAS_FLOWN.store(true, Ordering::Relaxed);
 }
 
-/// Watches over a service process: ends it when its work takes too long, after the orchestrator was told why by `tell`, and
-/// when that `is_alone` says so before the service flies.
+/// Watches over a service process. Ends it when its work takes too long, after `tell` has told the orchestrator why;
+/// and when `is_alone` says that the orchestrator is gone before the service flies.
 ///
 /// # Errors
 /// If the system has no thread left.
@@ -171,9 +171,9 @@ pub fn watch_service(
     tell: impl Fn(String) + Send + 'static,
     is_alone: impl Fn() -> bool + Send + 'static,
 ) -> std::io::Result<()> {
-    let mut patience = WorkLimits::default();
+    let mut limits = WorkLimits::default();
     start(move || {
-        if let Some(work) = patience.look(&DESK) {
+        if let Some(work) = limits.look(&CURRENT_WORK) {
             tell(work.complaint());
             crash::die();
         }
@@ -188,9 +188,9 @@ pub fn watch_service(
 /// # Errors
 /// If the system has no thread left.
 pub fn watch_orchestrator(give_up: impl Fn(Work) + Send + 'static) -> std::io::Result<()> {
-    let mut patience = WorkLimits::default();
+    let mut limits = WorkLimits::default();
     start(move || {
-        if let Some(work) = patience.look(&DESK) {
+        if let Some(work) = limits.look(&CURRENT_WORK) {
             give_up(work);
         }
     })
@@ -214,35 +214,35 @@ mod tests {
     use super::*;
 
     #[test]
-    fn work_that_does_not_end_is_noticed_after_as_many_looks_and_named() {
-        let (desk, mut patience) = (WorkCell::new(), WorkLimits::default());
+    fn endless_work_is_found_and_named_after_the_limit_of_checks() {
+        let (cell, mut limits) = (WorkCell::new(), WorkLimits::default());
         for work in Work::ALL {
-            desk.begin(work as u8);
+            cell.begin(work as u8);
             // The first look sees that it is another piece of work.
-            let found = (0..=LOOKS).map(|_| patience.look(&desk)).collect::<Vec<_>>();
+            let found = (0..=LOOKS).map(|_| limits.look(&cell)).collect::<Vec<_>>();
             assert_eq!(found.iter().flatten().copied().collect::<Vec<_>>(), [work]);
             assert_eq!(found.last(), Some(&Some(work)));
         }
     }
 
     #[test]
-    fn another_piece_of_the_same_work_and_rest_are_no_work_that_does_not_end() {
-        let (desk, mut patience) = (WorkCell::new(), WorkLimits::default());
+    fn repeated_work_and_rest_are_not_endless_work() {
+        let (cell, mut limits) = (WorkCell::new(), WorkLimits::default());
         for _ in 0..3 * LOOKS {
-            desk.begin(Work::Step as u8);
-            assert_eq!(patience.look(&desk), None);
+            cell.begin(Work::Step as u8);
+            assert_eq!(limits.look(&cell), None);
         }
-        desk.begin(0);
-        assert!((0..3 * LOOKS).all(|_| patience.look(&desk).is_none()));
+        cell.begin(0);
+        assert!((0..3 * LOOKS).all(|_| limits.look(&cell).is_none()));
     }
 
     #[test]
-    fn work_within_work_goes_back_to_it() {
-        let desk = WorkCell::new();
-        assert_eq!(desk.begin(Work::Step as u8), 0);
-        let before = desk.begin(Work::CleanUp as u8);
+    fn inner_work_returns_to_the_outer_work() {
+        let cell = WorkCell::new();
+        assert_eq!(cell.begin(Work::Step as u8), 0);
+        let before = cell.begin(Work::CleanUp as u8);
         assert_eq!(before, Work::Step as u8);
-        desk.begin(before);
-        assert_eq!(desk.0.load(Ordering::Relaxed) as u8, Work::Step as u8);
+        cell.begin(before);
+        assert_eq!(cell.0.load(Ordering::Relaxed) as u8, Work::Step as u8);
     }
 }

@@ -1,6 +1,6 @@
-//! What a service does at each tick in real time allocates nothing: sleeping, receiving, stepping, publishing, waking,
-//! keeping what it knows and telling of it. But for one thing that is not ours: iceoryx2 0.10 makes the handle of every
-//! sample that it loans on the heap.
+//! A tick of a service in real time allocates nothing: sleeping, receiving, stepping, publishing, waking, writing the
+//! checkpoint and the step record. One exception lies outside of this code: iceoryx2 0.10 makes the handle of every
+//! loaned sample on the heap.
 
 #[path = "../../../tests/common/allocations.rs"]
 mod allocations;
@@ -26,7 +26,7 @@ use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, Schedule, ServiceId};
 use std::os::fd::AsFd;
 
-/// A plant that publishes zeros.
+/// Plant that publishes zeros.
 struct Still;
 
 impl ErasedService for Still {
@@ -47,7 +47,7 @@ impl ErasedService for Still {
     fn restore(&mut self, _bytes: &[u8]) {}
 }
 
-/// What is handed over to nobody here.
+/// Hand-over that no orchestrator takes here.
 fn hand_over(scenario: &Scenario) -> HandOver {
     let hello = Hello {
         service: ServiceId::Plant,
@@ -64,7 +64,7 @@ fn hand_over(scenario: &Scenario) -> HandOver {
     HandOver::new(hello.start.place(), &hello, [file.as_fd(); FILES]).unwrap()
 }
 
-/// Allocations of a flight of so many ticks of a millisecond; and how many steps it told of.
+/// Returns the allocations of a flight of so many ticks of a millisecond, and the steps that it recorded.
 fn allocations_of(member: &RunNode, ticks: u64) -> (u64, usize) {
     let schedule = Schedule::ideal(1_000_000, ticks - 1);
     let topics = Topics::open(member, ServiceId::Plant, &schedule).unwrap();
@@ -124,7 +124,7 @@ fn a_hundred_more_ticks_allocate_no_more_than_the_handles_of_their_samples() {
         })
         .collect();
 
-    // What is made once is made here.
+    // One-time allocations happen here.
     allocations_of(&member, 5);
     let (few, few_steps) = allocations_of(&member, 20);
     let (many, many_steps) = allocations_of(&member, 120);

@@ -1,10 +1,11 @@
-//! Records copied beside their writer, over memory of this process: for interpreters and sanitizers, which see no other.
+//! Records copied beside their writer, in memory of this process: for interpreters and sanitizers, which see no other
+//! memory.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use runtime::seqlock::{Found, Pair, Ring};
 
-/// Few where every access is interpreted.
+/// Few under an interpreter of every access.
 const RECORDS: u64 = if cfg!(miri) { 200 } else { 200_000 };
 
 const WORDS: usize = 4;
@@ -15,7 +16,7 @@ fn snapshots_beside_a_writer_are_whole() {
     let is_over = AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(|| {
-            // No multiple of a word.
+            // Not a multiple of a word.
             (0..RECORDS).for_each(|tick| pair.write(tick, |keep| keep(&[tick as u8; 8 * WORDS - 3])));
             is_over.store(true, Ordering::Release);
         });

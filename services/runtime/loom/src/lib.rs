@@ -1,10 +1,10 @@
-//! Looks at every interleaving of the lock-free parts of `runtime`, with the code itself and loom's atomics.
+//! Checks every interleaving of the lock-free parts of `runtime`, with the code itself and loom's atomics.
 //!
-//! loom bounds what it looks at: records of two words, a writer that writes a few of them, one reader.
+//! The models are bounded: records of two words, a writer that writes a few of them, one reader.
 #![cfg(test)]
 #![allow(dead_code, reason = "the models use a part of the code")]
 
-/// What `runtime` calls its atomics.
+/// Atomics as `runtime` imports them.
 mod atomics {
     pub use loom::sync::atomic::{AtomicU64, Ordering, fence};
 }
@@ -21,7 +21,7 @@ use crate::seqlock::{Found, Pair, Ring};
 const WORDS: usize = 2;
 const DEPTH: usize = 2;
 
-/// Not that of any word of another tick.
+/// Record of a tick; no word of it is in the record of another tick.
 fn record(tick: u64) -> [u8; 16] {
     let mut bytes = [0; 16];
     bytes[..8].copy_from_slice(&tick.to_ne_bytes());
@@ -71,10 +71,10 @@ fn a_reader_beside_the_writer_of_a_ring_sees_whole_records_or_that_they_are_gone
     });
 }
 
-/// The announcement of `runtime::wait` and `runtime::real_time`: who is about to sleep announces it, then looks again; who
-/// publishes does so, then looks for the announcement. A sample is a word here.
+/// Announcement of `runtime::wait` and `runtime::real_time`. A consumer announces its sleep, then looks again. A
+/// publisher publishes, then looks for the announcement. A sample is a word here.
 #[test]
-fn whoever_goes_to_sleep_has_seen_the_sample_or_is_woken() {
+fn a_consumer_that_goes_to_sleep_has_seen_the_sample_or_is_woken() {
     loom::model(|| {
         let words = Arc::new([const { () }; 2].map(|()| AtomicU32::new(0)));
         let publisher = {

@@ -1,4 +1,4 @@
-//! Memory that no step has to wait for: all pages locked, stack and heap touched before the flight.
+//! Memory that delays no step: all pages locked, stack and heap touched before the flight.
 
 use std::hint::black_box;
 use std::io;
@@ -9,7 +9,7 @@ use rustix::thread::CapabilitySet;
 
 use super::raised_limit;
 
-/// Most memory that a service process locks, bytes: about ten times what one has mapped, shared memory included.
+/// Most memory that a service process locks, bytes: about ten times its mapped memory, shared memory included.
 pub const LOCKED_MEMORY: u64 = 256 << 20;
 
 /// Stack that is touched, bytes: far more than a step needs, far less than a process has.
@@ -18,11 +18,11 @@ const STACK: usize = 256 << 10;
 /// Heap that is touched and kept, bytes.
 const HEAP: usize = 1 << 20;
 
-/// Locks all memory that this process has or will have, and touches stack and heap.
+/// Locks all present and future memory of this process, and touches stack and heap.
 ///
 /// # Errors
-/// If the system does not permit it, or if the limit is so low that memory of the flight itself could be refused
-/// later: what is mapped after the lock counts as well.
+/// If the system does not permit it, or if the limit is so low that memory of the flight could be refused later:
+/// mappings after the lock count as well.
 pub(super) fn lock() -> io::Result<()> {
     if !may_lock() {
         return Err(io::Error::other(format!(
@@ -38,18 +38,18 @@ pub(super) fn lock() -> io::Result<()> {
     )?)
 }
 
-/// Whether the system lets this process lock as much as it may need.
+/// Returns whether the system lets this process lock as much as it may need.
 fn may_lock() -> bool {
     let is_privileged = rustix::thread::capabilities(None)
         .is_ok_and(|capabilities| capabilities.effective.contains(CapabilitySet::IPC_LOCK));
     is_privileged || raised_limit(Resource::Memlock).is_none_or(|limit| limit >= LOCKED_MEMORY)
 }
 
-/// Lets the allocator keep what is freed, instead of giving it back to the system and asking for it again.
+/// Makes the allocator keep freed memory, instead of returning it to the system and requesting it again.
 #[cfg(target_env = "gnu")]
 fn keep_heap() {
     let all = i32::try_from(HEAP).unwrap_or(i32::MAX);
-    // SAFETY: the call only changes two numbers of the allocator, under its own lock.
+    // SAFETY: the call only changes two numbers of the allocator, under the allocator's lock.
     unsafe {
         libc::mallopt(libc::M_TRIM_THRESHOLD, all * 2);
         libc::mallopt(libc::M_MMAP_THRESHOLD, all * 2);

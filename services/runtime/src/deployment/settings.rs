@@ -1,4 +1,4 @@
-//! What a scenario says about a service's use of the machine, done as far as the system permits.
+//! Applies the scenario's settings of a service's deployment as far as the system permits.
 
 use std::fmt;
 use std::num::NonZeroU64;
@@ -8,7 +8,7 @@ use shared_types::service::nanoseconds;
 
 use super::memory;
 
-/// A part of a deployment.
+/// Part of a deployment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Setting {
     /// The core.
@@ -22,7 +22,7 @@ pub enum Setting {
 }
 
 impl Setting {
-    /// What to do if the system does not permit it.
+    /// Returns the fix for a refusal by the system.
     #[must_use]
     pub fn fix(self) -> &'static str {
         match self {
@@ -43,12 +43,12 @@ impl Setting {
     }
 }
 
-/// What the system does not permit of a deployment.
+/// Refusal of a part of a deployment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {
-    /// Which part.
+    /// The part.
     pub setting: Setting,
-    /// What was asked for and not given, and what the system says.
+    /// The refused request, and the answer of the system.
     pub what: String,
 }
 
@@ -58,10 +58,10 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// Lets the calling thread, and the memory of its process, use the machine as stated. What is not stated stays as it
-/// is; what is not permitted is left out and told.
+/// Applies the settings to the calling thread and the memory of its process. Unstated settings stay as they are;
+/// refused ones are left out and returned.
 ///
-/// To be called before the flight: it allocates, and touches memory.
+/// Call it before the flight: it allocates, and touches memory.
 #[must_use]
 pub fn apply(settings: &ServiceDeployment) -> Vec<Refusal> {
     let mut refusals = Vec::new();
@@ -83,7 +83,7 @@ pub fn apply(settings: &ServiceDeployment) -> Vec<Refusal> {
         let what = format!("memory may not be locked ({error})");
         refuse(Setting::LockMemory, what);
     }
-    // Last: what comes before may take its time at an ordinary priority.
+    // Last: the settings before may take their time at an ordinary priority.
     if let Some(priority) = settings.priority
         && let Err(error) = super::use_fifo(priority)
     {
@@ -97,10 +97,10 @@ pub fn apply(settings: &ServiceDeployment) -> Vec<Refusal> {
 mod tests {
     use super::*;
 
-    /// The core that nobody has: the sets of the system end before it.
+    /// A core that no machine has: the sets of the system end before it.
     const NO_CORE: u32 = 1023;
 
-    /// In a thread of its own, whose scheduler and core end with it.
+    /// Returns the refusals of settings that a separate thread applies; its scheduler and core end with it.
     fn refusals_of(settings: ServiceDeployment) -> Vec<Refusal> {
         std::thread::spawn(move || apply(&settings)).join().unwrap()
     }

@@ -1,14 +1,14 @@
-//! Cheaper switches between processes.
+//! Faster switches between processes.
 
 use std::ffi::{OsStr, OsString};
 use std::process::Command;
 
-/// Where the C library looks for how it is to be set up.
+/// Environment variable of the C library's tunables.
 const TUNABLES: &str = "GLIBC_TUNABLES";
 const RESTARTABLE_SEQUENCES: &str = "glibc.pthread.rseq";
 
-/// Lets the process that `command` starts do without restartable sequences, unless who started this one asked for them:
-/// nobody here has any, and the system writes into their page at every switch to a process that might.
+/// Makes the process that `command` starts run without restartable sequences, unless its parent's environment sets
+/// them. No process of a run uses them, and the system writes into their page at every switch to a process that might.
 pub fn spare_switches(command: &mut Command) {
     let stated = std::env::var_os(TUNABLES).unwrap_or_default();
     if let Some(tunables) = without_restartable_sequences(&stated) {

@@ -1,4 +1,4 @@
-//! A process's membership in a run, through which it comes to topics.
+//! Membership of a process in a run, by which it opens topics.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -11,19 +11,19 @@ use super::{Delivery, PortError, TopicPorts, consumer_buffer};
 use crate::shared_memory;
 use crate::watchdog::{self, Work};
 
-/// The configuration file of the run that this process belongs to: iceoryx2 keeps one for the whole process.
+/// Configuration file of the run that this process belongs to: iceoryx2 keeps one for the whole process.
 static RUN: OnceLock<PathBuf> = OnceLock::new();
 
-/// A process's membership in the run.
+/// Membership of a process in the run.
 pub struct RunNode {
     node: Node<ipc::Service>,
-    /// What the names of the run's shared memory begin with.
+    /// Prefix of the names of the run's shared memory.
     prefix: String,
 }
 
 impl RunNode {
-    /// Joins the run of the given iceoryx2 configuration file. Must be the process's first use of iceoryx2:
-    /// cleaning up after the dead falls back to the global configuration, whatever a node was given.
+    /// Joins the run of the given iceoryx2 configuration file. It must be the process's first use of iceoryx2: the
+    /// clean-up after dead processes falls back to the global configuration, whatever a node was given.
     ///
     /// # Errors
     /// [`PortError::Configuration`] or [`PortError::Node`].
@@ -43,8 +43,8 @@ impl RunNode {
         let mut config = Config::setup_global_config_from_file(&path)
             .map_err(|error| bad_configuration(error.into()))?
             .clone();
-        // The orchestrator alone cleans up after the dead, and knows when: nobody looks for them besides, which
-        // takes longer than all else at every topic.
+        // The orchestrator alone cleans up after dead processes, and knows when. A search for them at every topic takes
+        // longer than all else.
         config.global.service.cleanup_dead_nodes_on_open = false;
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
@@ -60,22 +60,23 @@ impl RunNode {
         Ok(Self { node, prefix })
     }
 
-    /// For ports that carry no topic of the wiring table.
+    /// Returns the node for ports of topics outside of the wiring table.
     #[must_use]
     pub fn node(&self) -> &Node<ipc::Service> {
         &self.node
     }
 
-    /// Frees what processes that have died held of the run. They must have been waited for.
+    /// Frees the resources of dead processes of the run. They must have been waited for.
     pub fn clean_up_after_the_dead(&self) {
         shared_memory::without_waiting_for_the_unfinished(&self.prefix, || {
-            // What cannot be freed now is tried again after the next death, and goes with the run at the latest.
+            // A failure is repeated after the next death, and the run's end frees the rest at the latest.
             watchdog::during(Work::CleanUp, || self.node.try_cleanup_dead_nodes());
         });
         self.remove_unfinished();
     }
 
-    /// Removes shared memory of the run that the dead had only begun to make, and for which others may be waiting.
+    /// Removes shared memory of the run that dead processes had only begun to make, and for which others may be
+    /// waiting.
     pub fn remove_unfinished(&self) {
         shared_memory::remove_unfinished(&self.prefix);
     }
@@ -93,7 +94,7 @@ impl RunNode {
         self.enter(topic, None, schedule, Access::Create(delivery))
     }
 
-    /// Makes a topic of the replay of a service, which nobody has but that one and the orchestrator.
+    /// Makes a topic of the replay of a service, which only that service and the orchestrator open.
     ///
     /// # Errors
     /// [`PortError::Open`].
@@ -103,7 +104,7 @@ impl RunNode {
         replayed: ServiceId,
         schedule: &Schedule,
     ) -> Result<Box<dyn TopicPorts>, PortError> {
-        // A loss would be noticed, by whoever misses what was ordered.
+        // A service that misses an ordered sample reports the loss.
         let access = Access::Create(Delivery::NewestWins);
         self.enter(topic, Some(replayed), schedule, access)
     }

@@ -1,4 +1,4 @@
-//! A topic as an iceoryx2 service: made or opened, and the ports that are made of it.
+//! Topics as iceoryx2 services: make or open a topic, and make its ports.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -21,16 +21,16 @@ use crate::shared_memory;
 use crate::shared_page::{Owner, SharedPage};
 use crate::watchdog::{self, Work};
 
-/// How a process comes to a topic.
+/// Access of a process to a topic.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Access {
-    /// It makes it.
+    /// The process makes it.
     Create(Delivery),
-    /// It expects it to be there, with the layout of this build.
+    /// The process expects it to exist, with the layout of this build.
     Open,
 }
 
-/// Comes to a topic.
+/// Access to a topic for any sample type.
 pub(super) struct Enter<'a> {
     pub(super) node: &'a Node<ipc::Service>,
     pub(super) topic: Topic,
@@ -78,7 +78,7 @@ impl TopicVisitor for Enter<'_> {
                     .define(&key, &hash)
                     .map_err(|error| not_opened(topic, error))?;
                 let consumers = topic.consumers().count();
-                // The publisher, the consumers, each beside the dead one whose place it takes, and the recorder.
+                // The publisher and the consumers, each with the dead one that it replaces, and the recorder.
                 let members = 2 * (1 + consumers) + 1;
                 builder
                     .enable_safe_overflow(delivery == Delivery::NewestWins)
@@ -163,7 +163,8 @@ impl<T: Published> TopicPorts for Ports<T> {
             .max_loaned_samples(MAX_LOANED)
             .backpressure_strategy(BackpressureStrategy::RetryUntilDelivered)
             .set_backpressure_handler(move |full: &BackpressureInfo| {
-                // It is not in iceoryx2's hands how long a receiver that was stopped is waited for.
+                // iceoryx2 does not limit the wait for a stopped receiver, so the watchdog must not count it as one
+                // long work.
                 watchdog::work(Work::Step);
                 let block = page.control_block();
                 let Some(owner) = block.owner(full.receiver_port_id) else {
@@ -173,7 +174,7 @@ impl<T: Published> TopicPorts for Ports<T> {
                     return BackpressureAction::DiscardDataAndFail;
                 }
                 if let Owner::Service(service) = owner {
-                    // It sleeps for a later sample, or is out as planned: it makes room when it looks.
+                    // The receiver sleeps for a later sample, or has a planned outage: it makes room when it looks.
                     doorbells[service.index()].ring();
                 }
                 BackpressureAction::Retry

@@ -14,7 +14,7 @@ use shared_types::{Sample, Topic};
 
 use super::{PortError, Receiver, Sender};
 
-/// A sample type as iceoryx2 sees it: with its name in the log instead of its path in Rust.
+/// Sample type as iceoryx2 sees it: with its name in the log instead of its path in Rust.
 #[repr(transparent)]
 pub struct Wire<T>(pub T);
 
@@ -32,9 +32,10 @@ unsafe impl<T: Sample> ZeroCopySend for Wire<T> {
     }
 }
 
-/// The publisher of a topic, and the sample that is being written.
+/// Publisher of a topic, and the sample that is being written.
 pub(super) struct TypedSender<T: Sample> {
-    // Before the publisher, so that a loaned sample is returned to a publisher that still is.
+    // Declared before the publisher, and so dropped before it: a loaned sample returns to a publisher that still
+    // exists.
     loaned: Option<Loaned<ipc::Service, Wire<T>, ()>>,
     publisher: Publisher<ipc::Service, Wire<T>, ()>,
     topic: Topic,
@@ -53,7 +54,7 @@ impl<T: Sample> TypedSender<T> {
 impl<T: Sample> Sender for TypedSender<T> {
     #[inline]
     fn loan(&mut self) -> Result<&mut [u8], PortError> {
-        // A match: `map_err` would copy all that iceoryx2 keeps beside the few words which a sample is.
+        // A match: `map_err` would copy all that iceoryx2 keeps beside the few words of a sample.
         let sample = match self.publisher.loan_uninit() {
             // SAFETY: mapped shared memory always holds some bytes, and a `Sample` is valid for any (`FromBytes`).
             Ok(sample) => unsafe { sample.assume_init() },
@@ -96,7 +97,7 @@ impl<T: Sample> Sender for TypedSender<T> {
     }
 }
 
-/// A subscriber of a topic, and the sample that is being read.
+/// Subscriber of a topic, and the sample that is being read.
 pub(super) struct TypedReceiver<T: Sample> {
     held: Option<Received<ipc::Service, Wire<T>, ()>>,
     subscriber: Subscriber<ipc::Service, Wire<T>, ()>,
