@@ -1,4 +1,4 @@
-//! How long the law and a step of its service take: the budget of a step is 300 ns.
+//! Duration of the law and of a step of its service: the budget of a step is 300 ns.
 
 use std::hint::black_box;
 

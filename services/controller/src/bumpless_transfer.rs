@@ -1,18 +1,19 @@
-//! Bumpless transfer: when the law is back, commands pass over to its own without a jump.
+//! Bumpless transfer: after a failsafe stage, commands return to the law's without a jump.
 //!
-//! The command is the law's plus an offset, which is what the last command differs from the law's at the return, and
-//! decays linearly to zero. Thrust, torque and rates are continuous whatever the law has found when it came back.
+//! The command is the law's plus an offset. The offset is the difference between the last command and the law's at the
+//! return, and decays linearly to zero. Thrust, torque and rates are continuous whatever state the law finds at the
+//! return.
 
 use crate::dead_reckoning::Commanded;
 
 shared_types::sample! {
-    /// A transfer under way; all zero if there is none.
+    /// Transfer in progress; all zero if there is none.
     pub struct Transfer {
-        /// What the last command differed from the law's at the return.
+        /// Difference between the last command and the law's at the return.
         pub offset: Commanded,
-        /// How much of the transfer is left, ns.
+        /// Remaining time of the transfer, ns.
         pub left_ns: u64,
-        /// How long it lasts as a whole, ns.
+        /// Duration of the whole transfer, ns.
         pub length_ns: u64,
     }
 }
@@ -25,7 +26,7 @@ impl Transfer {
         length_ns: 0,
     };
 
-    /// A transfer from the last command to the law's that takes `length_ns`.
+    /// Makes a transfer from the last command to the law's that takes `length_ns`.
     #[must_use]
     pub fn new(last: &Commanded, law: &Commanded, length_ns: u64) -> Self {
         Self {
@@ -35,7 +36,7 @@ impl Transfer {
         }
     }
 
-    /// The transfer `elapsed_ns` later.
+    /// Returns the transfer `elapsed_ns` later.
     #[must_use]
     pub fn advanced(self, elapsed_ns: u64) -> Self {
         let left_ns = self.left_ns.saturating_sub(elapsed_ns);
@@ -46,13 +47,13 @@ impl Transfer {
         }
     }
 
-    /// Whether commands still differ from the law's.
+    /// Returns whether commands still differ from the law's.
     #[must_use]
     pub fn is_under_way(&self) -> bool {
         self.left_ns > 0
     }
 
-    /// The command when the law says `law`.
+    /// Returns the command for the law's command `law`.
     #[must_use]
     #[expect(
         clippy::cast_precision_loss,
@@ -67,7 +68,7 @@ impl Transfer {
     }
 }
 
-/// One command and a share of another.
+/// Returns one command plus a share of another.
 fn combined(one: &Commanded, other: &Commanded, share: f64) -> Commanded {
     let sum = |one: [f64; 3], other: [f64; 3]| std::array::from_fn(|axis| one[axis] + share * other[axis]);
     Commanded {
@@ -98,7 +99,7 @@ mod tests {
     }
 
     proptest! {
-        /// Over a constant law the command moves by no more in a step than the step's share of the way.
+        /// Over a constant law, the command moves in a step by no more than the step's share of the transfer.
         #[test]
         fn a_transfer_begins_at_the_last_command_and_goes_evenly_to_the_law(last in commands(), law in commands()) {
             let mut transfer = Transfer::new(&last, &law, 100);
@@ -117,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_transfer_that_takes_no_time_is_none() {
+    fn a_transfer_without_duration_has_no_effect() {
         let last = Commanded {
             thrust: 1.0,
             ..Commanded::NOTHING

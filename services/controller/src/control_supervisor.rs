@@ -1,4 +1,5 @@
-//! What is commanded on a state and a reference: by the law, or while the state is too old by something safer.
+//! Control supervisor: commands on a state and a reference, by the law or, if the state is too old, by a failsafe
+//! stage.
 
 use nalgebra::Vector3;
 use scenario::Scenario;
@@ -18,18 +19,18 @@ use crate::rate_controller::{RateController, RateControllerState};
 use crate::safety::Safety;
 use crate::signals::{Acting, EstimateRates, Estimates, Measured, Reference};
 
-/// Makes commands of states and references.
+/// Supervisor that makes commands of states and references.
 #[derive(Clone, Debug)]
 pub struct ControlSupervisor {
     /// Gains and bounds.
     pub parameters: Parameters,
     /// η̂, b̂ and ŵ.
     pub estimates: Estimates,
-    /// Makes commands of body rates; `None` commands torque.
+    /// Controller of body rates; `None` commands torque.
     pub rate_controller: Option<RateController>,
-    /// Estimates the mass in another way, unheard.
+    /// Mass observer that runs in parallel; its output is recorded, not used.
     pub observer: Option<MassObserver>,
-    /// What is done about old states; `None` flies by them however old they are.
+    /// Policy for old states; `None` uses every state, however old.
     pub safety: Option<Safety>,
     /// The last command that was published.
     pub last: Option<Commanded>,
@@ -37,12 +38,12 @@ pub struct ControlSupervisor {
     pub stage: FailsafeStage,
 }
 
-/// What is flown by.
+/// Inputs of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct ControlInput<'a> {
     /// The last good state.
     pub state: &'a VehicleState,
-    /// Whether it came in this step.
+    /// `true` if the state is new in this step.
     pub is_new: bool,
     /// Time since it was published, ns.
     pub age_ns: u64,
@@ -50,34 +51,34 @@ pub struct ControlInput<'a> {
     pub reference: &'a PathReference,
     /// The reference for the law.
     pub target: Reference,
-    /// Whether the motion can teach something: the vehicle carries itself.
+    /// `true` if the estimates may learn from the motion: the vehicle is airborne.
     pub teaches: bool,
 }
 
-/// Where the law's telemetry goes.
+/// Telemetry of the law.
 #[derive(Debug)]
 pub struct Telemetry<'a> {
-    /// Errors of the law, if they are asked for; all zero where the law is not asked.
+    /// Errors of the law, if they are wanted; all zero while the controller is not active.
     pub errors: Option<&'a mut ControlErrors>,
     /// Rates of the estimates; zero where they must not act.
     pub rates: &'a mut EstimateRates,
 }
 
-/// What is commanded.
+/// Result of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct ControlOutput {
     /// The command.
     pub command: Commanded,
-    /// Whether the motion teaches something, so that the estimates learn.
+    /// `true` if the estimates learn from the motion.
     pub learns: bool,
-    /// Whether the law was asked and made no sense.
+    /// `true` if the law gave numbers that are not finite.
     pub is_nonsense: bool,
-    /// The thrust that will act on a state that was measured, N; `None` if the motion then teaches nothing.
+    /// Thrust that will act on a measured state, N; `None` if the estimates cannot learn from the motion.
     thrust: Option<f64>,
 }
 
 impl ControlOutput {
-    /// Something else than what the law says.
+    /// Output of a command that is not the law's.
     fn without_law(command: Commanded) -> Self {
         Self {
             command,
@@ -89,7 +90,7 @@ impl ControlOutput {
 }
 
 impl ControlSupervisor {
-    /// The supervisor of a scenario that has been checked, with its initial estimates.
+    /// Makes the supervisor of a checked scenario, with its initial estimates.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let controller = &scenario.controller;
@@ -110,7 +111,7 @@ impl ControlSupervisor {
         }
     }
 
-    /// What is commanded.
+    /// Returns the command of a step.
     #[inline]
     pub fn fly(
         &mut self,
@@ -134,7 +135,7 @@ impl ControlSupervisor {
         flown
     }
 
-    /// Commands nothing, and begins anew with the next flight: only the estimates are kept.
+    /// Commands nothing, and makes a cold start with the next flight: only the estimates are kept.
     pub fn stand_by(&mut self, mode: ControlMode) {
         self.stage = if mode == ControlMode::Rest {
             FailsafeStage::Failsafe
@@ -153,7 +154,7 @@ impl ControlSupervisor {
         }
     }
 
-    /// What is commanded by the age of the state.
+    /// Returns the command by the age of the state.
     fn command_by_age(
         &mut self,
         now: &Now,
@@ -197,7 +198,7 @@ impl ControlSupervisor {
         flown
     }
 
-    /// The law's command, and all else that it says; if that are no finite numbers, the last command.
+    /// Returns the law's command and telemetry; if they are not finite, the last command.
     #[inline]
     fn command_by_law(
         &mut self,
@@ -207,7 +208,7 @@ impl ControlSupervisor {
     ) -> ControlOutput {
         let flown = self.evaluate_law(state, input, telemetry);
         let errors = telemetry.errors.as_deref();
-        // That of the rates is seen when they act.
+        // The rates of the estimates are checked when they act.
         if flown.command.is_finite() & errors.is_none_or(Field::is_finite) {
             return flown;
         }
@@ -281,7 +282,7 @@ impl ControlSupervisor {
         }
     }
 
-    /// The mode of the commands of this step.
+    /// Returns the mode of this step's commands.
     #[must_use]
     pub fn mode(&self) -> u32 {
         match (self.stage, &self.rate_controller) {
@@ -291,7 +292,7 @@ impl ControlSupervisor {
         }
     }
 
-    /// Lets the observer see the state and the thrust (N) that is commanded on it; `None` if it cannot learn from it.
+    /// Steps the observer with the state and the thrust (N) that is commanded on it; `None` if it cannot learn from it.
     #[inline]
     fn observe(&mut self, state: &VehicleState, thrust: Option<f64>, elapsed: f64) {
         let Some(observer) = &mut self.observer else {
@@ -312,7 +313,7 @@ impl ControlSupervisor {
 }
 
 impl Telemetry<'_> {
-    /// What the law says; z1 is without the offset that the law may be shifted by.
+    /// Records the law's values; z1 is without the offset by which the law may be shifted.
     #[inline]
     fn tell(&mut self, law: &Evaluation, z1: &Vector3<f64>) {
         *self.rates = law.rates;

@@ -1,4 +1,4 @@
-//! Dead reckoning: where the vehicle is by now, from the last good state and the commands given since.
+//! Dead reckoning: prediction of the vehicle's state from the last good one and the commands since.
 //!
 //! ```text
 //! ṗ = Rv          Ṙ = R S(ω)          d(Rv)/dt = g e3 + b̂ − (T/m̂) R e3 + push
@@ -6,11 +6,12 @@
 //! torque:         T = T*              ω̇ = J⁻¹(τ* − ω × Jω)    J nominal
 //! ```
 //!
-//! `push` is what the filter saw at the last good state and the estimates do not explain. It fades away, because what
-//! pushes a vehicle for long is learned. Ideal cameras tell nothing of it: with commands of torque there is none.
+//! `push` is the acceleration that the filter saw at the last good state and that the estimates do not explain. It
+//! fades, because the estimates learn any lasting push. Ideal cameras give none: with commands of torque the push is
+//! zero.
 //!
-//! Whatever the numbers are that it begins with, within those of a flight, the reckoning stays finite: the rates are
-//! bounded, and the attitude is pulled back to SO(3).
+//! The prediction stays finite for every initial state of a flight: the rates are bounded, and the attitude is pulled
+//! back to SO(3).
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::Scenario;
@@ -25,12 +26,12 @@ use crate::parameters::Parameters;
 use crate::rate_controller::link_limits;
 use crate::signals::Estimates;
 
-/// Longest step of the reckoning, s, and most steps at once: a longer while is reckoned in longer steps.
+/// Longest step of the prediction, s, and most steps at once: a longer time is predicted in longer steps.
 const STEP: f64 = 0.002;
 const MOST_STEPS: f64 = 200.0;
-/// How the push fades away.
+/// Decay of the push.
 const PUSH_FADES: Lag = Lag::new(0.5);
-/// Largest body rate that is estimate, each component, rad/s.
+/// Largest predicted body rate, each component, rad/s.
 const FASTEST_TURN: f64 = 50.0;
 
 shared_types::sample! {
@@ -44,7 +45,7 @@ shared_types::sample! {
         pub rates_body: [f64; 3],
     }
 
-    /// The vehicle as reckoned.
+    /// Predicted state of the vehicle.
     pub struct Reckoned {
         /// p in {I}, m.
         pub position_world: [f64; 3],
@@ -56,9 +57,9 @@ shared_types::sample! {
         pub angular_velocity_body: [f64; 3],
         /// T, N.
         pub thrust: f64,
-        /// What the estimates do not explain, in {I}, m/s².
+        /// Acceleration that the estimates do not explain, in {I}, m/s².
         pub push_world: [f64; 3],
-        /// Whether there was a state to begin with.
+        /// `true` once there was a state to begin with.
         pub has_begun: Flag,
         /// Explicit padding.
         pub pad0: [u8; 7],
@@ -74,7 +75,7 @@ impl Commanded {
     };
 }
 
-/// What thrust and gravity do to a vehicle, as the estimates say.
+/// Effect of thrust and gravity on the vehicle, by the estimates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelEstimate {
     /// m̂, kg.
@@ -84,7 +85,7 @@ pub struct ModelEstimate {
 }
 
 impl ModelEstimate {
-    /// What the projected estimates say.
+    /// Returns the model of the projected estimates.
     #[must_use]
     pub fn new(parameters: &Parameters, estimates: &Estimates) -> Self {
         let projected = estimates.projected(parameters);
@@ -100,7 +101,7 @@ impl ModelEstimate {
     }
 }
 
-/// How the vehicle follows commands.
+/// Response of the vehicle to commands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeadReckoning {
     /// Diagonal of J, kg m².
@@ -122,7 +123,7 @@ enum Actuation {
 }
 
 impl DeadReckoning {
-    /// The dead_reckoning of a scenario that has been checked.
+    /// Makes the dead reckoning of a checked scenario.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let model = scenario.model.clone().unwrap_or_default();
@@ -142,7 +143,7 @@ impl DeadReckoning {
         }
     }
 
-    /// The vehicle in a state that was measured, flying by what was commanded last.
+    /// Begins at a measured state, with the last command.
     #[must_use]
     pub fn begin(&self, state: &VehicleState, last: &Commanded, estimate: &ModelEstimate) -> Reckoned {
         let r = rotation::from_row_major(&state.world_from_body);
@@ -165,7 +166,7 @@ impl DeadReckoning {
         }
     }
 
-    /// The vehicle `elapsed` seconds later, flying by a command.
+    /// Returns the vehicle `elapsed` seconds later under a command.
     #[must_use]
     pub fn advanced(
         &self,
@@ -213,7 +214,7 @@ impl DeadReckoning {
         }
     }
 
-    /// Thrust (N) and body rates (rad/s) after they have followed a command for `h` s.
+    /// Returns thrust (N) and body rates (rad/s) after they have followed a command for `h` s.
     fn followed(
         &self,
         command: &Commanded,
@@ -248,7 +249,7 @@ fn bounded(omega: Vector3<f64>) -> Vector3<f64> {
 }
 
 impl Reckoned {
-    /// Nothing to reckon from.
+    /// No state to begin with.
     pub const NOTHING: Self = Self {
         position_world: [0.0; 3],
         world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
@@ -260,7 +261,7 @@ impl Reckoned {
         pad0: [0; 7],
     };
 
-    /// Where the vehicle is and how it moves.
+    /// Returns the pose and the motion of the vehicle.
     #[must_use]
     pub fn motion(&self) -> Motion {
         Motion {
@@ -271,7 +272,7 @@ impl Reckoned {
         }
     }
 
-    /// The reckoned vehicle in the words of a state, which rests on no measurement; `last` has what is not reckoned.
+    /// Returns the prediction as a state without measurement; unpredicted fields are those of `last`.
     #[must_use]
     pub fn state(&self, last: &VehicleState, estimate: &ModelEstimate) -> VehicleState {
         let motion = self.motion();
@@ -340,9 +341,9 @@ pub(crate) mod tests {
     }
 
     proptest! {
-        /// The steps are fine enough that it does not matter how a while is cut into steps.
+        /// The steps are fine enough that the division of a time into steps does not matter.
         #[test]
-        fn two_whiles_are_one(
+        fn two_times_in_a_row_equal_one_of_their_sum(
             attitude in vector(0.5), velocity in vector(1.0), omega in vector(1.0), rates in vector(2.0),
             thrust in 1.0..3.0f64, rates_mode in any::<bool>(),
         ) {
@@ -361,7 +362,7 @@ pub(crate) mod tests {
         }
 
         #[test]
-        fn whatever_it_begins_with_it_stays_finite_and_keeps_a_rotation(
+        fn any_initial_state_stays_finite_with_a_rotation_as_attitude(
             velocity in vector(1e3), omega in vector(1e3), rates in vector(1e9), thrust in -1e9..1e9f64,
             elapsed in 1e-3..1e4f64, rates_mode in any::<bool>(),
         ) {
@@ -375,7 +376,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn rates_and_thrust_follow_as_the_lags_that_are_estimate() {
+    fn rates_and_thrust_follow_with_the_lags_of_the_scenario() {
         let dead_reckoning = DeadReckoning::new(&scenario(true));
         let command = command(2.5, [1.0, 0.0, 0.0]);
         let start = dead_reckoning.begin(&state([0.0; 3], [0.0; 3], [0.0; 3]), &command, &estimate());
@@ -384,9 +385,9 @@ pub(crate) mod tests {
         assert!((after.thrust - (2.5 - 0.6 * libm::exp(-0.02 / 0.03))).abs() < 1e-12);
     }
 
-    /// What the filter saw of the acceleration is what the vehicle is reckoned to have, and fades.
+    /// The acceleration that the filter saw continues in the prediction, and fades.
     #[test]
-    fn what_the_estimates_do_not_explain_pushes_on_for_a_while() {
+    fn an_unexplained_acceleration_continues_and_fades() {
         let dead_reckoning = DeadReckoning::new(&scenario(true));
         let mut pushed = state([0.0; 3], [0.0; 3], [0.0; 3]);
         pushed.thrust = MASS * (GRAVITY - 0.2);

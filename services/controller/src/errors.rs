@@ -1,4 +1,4 @@
-//! The errors of position and velocity, equations (7) and (9).
+//! Errors of position and velocity, equations (7) and (9).
 
 use nalgebra::Vector3;
 use scenario::GRAVITY;
@@ -7,7 +7,7 @@ use crate::parameters::Parameters;
 use crate::saturation::Saturated;
 use crate::signals::{Measured, Reference};
 
-/// The errors of position and velocity, with what follows from them.
+/// Errors of position and velocity, with the terms that follow from them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
     /// z1 = p − pd(γ), eq. (7), in {I}, m.
@@ -27,7 +27,7 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// The errors of a measured state against a reference.
+    /// Returns the errors of a measured state against a reference.
     #[must_use]
     #[inline]
     pub fn new(parameters: &Parameters, measured: &Measured, reference: &Reference) -> Self {

@@ -1,21 +1,21 @@
-//! What is commanded when the vehicle's state is too old for the law, by its age.
+//! Failsafe stages: commands by the age of the vehicle's state, when it is too old for the law.
 //!
-//! | stage | what is commanded |
+//! | stage | command |
 //! | --- | --- |
-//! | law | what the law says, on a state that is reckoned on ([`crate::dead_reckoning`]) if it is later than it should be |
+//! | nominal | the law's, on a predicted state ([`crate::dead_reckoning`]) if the measured one is late |
 //! | hold | the last command again: for a tenth of a second nothing is better |
-//! | level | the vehicle levels out and stops to rise and to sink |
+//! | level | the vehicle levels out and neither climbs nor sinks |
 //! | descend | level, it sinks at [`DESCENT`] |
-//! | failsafe | the motors are to rest |
+//! | failsafe | the motors stop |
 //!
-//! Which stages there are, and from which ages on, says the scenario; a stage begins when the state is *older* than
-//! its age. Level means R e3 = e3. With n = Rᵀe3 and V = 1 − e3ᵀn, the body rates ω = k (e3 × n) make
-//! V̇ = −k‖e3 × n‖²: the vehicle levels out from every attitude but upside down, and does not yaw. Attitude, rates and
-//! velocity are the reckoned ones; the thrust m̂(g + b̂z + kv (vz − sink))/n3 makes vz that of the stage.
+//! The scenario states the stages and their ages; a stage begins when the state is *older* than its age. Level means R
+//! e3 = e3. With n = Rᵀe3 and V = 1 − e3ᵀn, the body rates ω = k (e3 × n) make V̇ = −k‖e3 × n‖²: the vehicle levels out
+//! from every attitude but upside down, and does not yaw. Attitude, rates and velocity are the predicted ones; the
+//! thrust m̂(g + b̂z + kv (vz − sink))/n3 makes vz that of the stage.
 //!
-//! Failure policy: where there is no last command to hold, as in a controller that begins anew, the vehicle levels out
-//! instead. Before the first good state there is nothing to go by, and nothing is commanded. No stage is for good: the
-//! next good state gives the law back.
+//! Failure policy: without a last command to hold, as after a cold start of the controller, the vehicle levels out
+//! instead. Before the first good state the controller commands nothing. No stage is final: the next good state returns
+//! to the law.
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, InputSafety};
@@ -25,7 +25,7 @@ use vehicle_model::rigid_body::gyroscopic_torque;
 
 use crate::dead_reckoning::{Commanded, ModelEstimate, Reckoned};
 
-/// At what speed the vehicle descends, m/s.
+/// Speed of descent, m/s.
 pub const DESCENT: f64 = 0.3;
 /// k, gain of the body rates on the tilt, 1/s.
 const LEVELLING: f64 = 5.0;
@@ -34,12 +34,12 @@ const BRAKING: f64 = 2.0;
 /// Gain of the torque on the body rates, 1/s, and its largest product with the time between two commands.
 const TURNING: f64 = 20.0;
 const LARGEST_GAIN: f64 = 0.5;
-/// Least n3 that the thrust makes up for: 60 degrees.
+/// Smallest n3 that the thrust compensates: 60 degrees.
 const LEAST_UPRIGHTNESS: f64 = 0.5;
-/// Most thrust, in weights.
+/// Largest thrust, in weights.
 const MOST_THRUST: f64 = 1.5;
 
-/// By what commands are made.
+/// Source of the commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FailsafeStage {
     /// The law, on a recent state.
@@ -50,12 +50,12 @@ pub enum FailsafeStage {
     Level,
     /// Level, sinking.
     Descend,
-    /// The motors rest.
+    /// The motors stop.
     Failsafe,
 }
 
 impl FailsafeStage {
-    /// The stage as telemetry says it.
+    /// Returns the stage's code in telemetry.
     #[must_use]
     pub fn code(self) -> u8 {
         match self {
@@ -67,7 +67,7 @@ impl FailsafeStage {
         }
     }
 
-    /// The stage of a code; the law for a code of none.
+    /// Returns the stage of a code; nominal for an unknown code.
     #[must_use]
     pub fn from_code(code: u8) -> Self {
         let stages = [Self::Hold, Self::Level, Self::Descend, Self::Failsafe];
@@ -78,15 +78,15 @@ impl FailsafeStage {
     }
 }
 
-/// From which ages on which stage is.
+/// Ages at which the stages begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FailsafeStages {
-    /// Each stage that there is after the law with the age above which it is, ns, in their order.
+    /// Each stage after the nominal one with the age above which it applies, ns, in their order.
     begins: [(FailsafeStage, Option<u64>); 4],
 }
 
 impl FailsafeStages {
-    /// The stages that a scenario states.
+    /// Returns the stages of a scenario.
     #[must_use]
     pub fn new(safety: &InputSafety) -> Self {
         let [hold, level, descend, failsafe] = safety.ages().map(|(_, age)| age.map(nanoseconds));
@@ -100,7 +100,7 @@ impl FailsafeStages {
         }
     }
 
-    /// The stage of an age, ns.
+    /// Returns the stage for an age, ns.
     #[must_use]
     pub fn at(&self, age_ns: u64) -> FailsafeStage {
         let begun =
@@ -112,7 +112,7 @@ impl FailsafeStages {
     }
 }
 
-/// Makes commands that level the vehicle.
+/// Leveler of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leveler {
     inertia: Vector3<f64>,
@@ -121,7 +121,7 @@ pub struct Leveler {
 }
 
 impl Leveler {
-    /// For a vehicle with J = Diag(`inertia`) (kg m²) and commands that are held for `hold` seconds.
+    /// Makes a leveler for a vehicle with J = Diag(`inertia`) (kg m²) and commands that are held for `hold` seconds.
     #[must_use]
     pub fn new(inertia: Vector3<f64>, hold: f64) -> Self {
         Self {
@@ -130,7 +130,7 @@ impl Leveler {
         }
     }
 
-    /// The command that levels a vehicle and makes it sink at `sink` m/s.
+    /// Returns the command that levels a vehicle and makes it sink at `sink` m/s.
     #[must_use]
     pub fn command(&self, vehicle: &Reckoned, estimate: &ModelEstimate, sink: f64) -> Commanded {
         let motion = vehicle.motion();
@@ -167,7 +167,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_vehicle_levels_out_from_any_tilt_and_goes_at_the_stated_speed(
+        fn the_vehicle_levels_out_from_any_tilt_and_moves_at_the_stated_speed(
             tilt in 0.0..2.5f64, direction in 0.0..6.3f64, yaw in -3.0..3.0f64, vertical in -1.0..1.0f64,
             turns in [-2.0..2.0f64, -2.0..2.0f64, -2.0..2.0f64], sink in prop_oneof![Just(0.0), Just(DESCENT)],
             rates in any::<bool>(), hold in prop_oneof![Just(0.001), Just(0.022)],
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stage_that_is_not_stated_is_left_out() {
+    fn an_unstated_stage_is_left_out() {
         let safety = InputSafety {
             descend: Some(0.3),
             ..InputSafety::new(0.1)
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stage_is_known_by_its_code() {
+    fn a_stage_returns_from_its_code() {
         for stage in [
             FailsafeStage::Nominal,
             FailsafeStage::Hold,

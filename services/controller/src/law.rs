@@ -1,6 +1,6 @@
-//! The control law: errors, thrust, torque and the estimators' rates, equations (7) to (22).
+//! Control law: errors, thrust, torque and the estimators' rates, equations (7) to (22).
 //!
-//! {I} has z down: gravity points along +e3, thrust along −R e3. All is a pure function of its arguments.
+//! {I} has z down: gravity points along +e3, thrust along −R e3. All functions are pure.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -10,7 +10,7 @@ use crate::regressor::{Regressor, delta_m_times};
 use crate::signals::{EstimateRates, Estimates, Measured, Reference};
 use crate::zeta_rate::ZetaRate;
 
-/// Everything that the law says at one moment.
+/// All values of the law at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
     /// z1 = p − pd(γ), eq. (7), in {I}, m.
@@ -21,7 +21,7 @@ pub struct Evaluation {
     pub z3: Vector3<f64>,
     /// z4 = γ̇ − γ̇d, eq. (22), 1/s.
     pub z4: f64,
-    /// ζ, the acceleration asked of the thrust, in {B}, m/s².
+    /// ζ, the acceleration that the thrust is to give, in {B}, m/s².
     pub zeta: Vector3<f64>,
     /// ωd, the virtual angular velocity, eq. (18), in {B}, rad/s.
     pub omega_desired: Vector3<f64>,
@@ -35,7 +35,7 @@ pub struct Evaluation {
     pub regressor: Regressor,
 }
 
-/// The law at one moment.
+/// Evaluates the law at one moment.
 #[must_use]
 #[inline]
 pub fn evaluate(
@@ -113,7 +113,7 @@ pub fn evaluate(
     }
 }
 
-/// A vector whose third element is zero, as is the third row of δm.
+/// Extends a vector by a third element of zero, as the third row of δm is.
 #[inline]
 fn with_third(y: Vector2<f64>) -> Vector3<f64> {
     Vector3::new(y.x, y.y, 0.0)

@@ -3,30 +3,30 @@
 //! * [`projection`]: the smooth projection π (5) and the potential V(s, s̃) (6);
 //! * [`saturation`]: σ and its derivatives;
 //! * [`parameters`]: gains and bounds;
-//! * [`signals`]: what the law is a function of;
+//! * [`signals`]: the arguments of the law;
 //! * [`law`]: errors, thrust, torque and the estimators' rates, (7) to (21), as one pure function;
 //! * [`zeta_rate`]: ζ̇ as an affine function of the unknown acceleration;
 //! * [`regressor`]: W of (20), kept structured;
 //! * [`lyapunov`]: the Lyapunov function that the law makes decrease;
-//! * [`offset`]: what δ makes the vehicle hang below the path;
-//! * [`rates`]: the law for a vehicle that takes body rates, rolled out over the hold of a command;
+//! * [`offset`]: the distance by which δ makes the vehicle hang below the path;
+//! * [`rates`]: the law for a vehicle with body-rate commands, rolled out over the hold of a command;
 //! * [`yaw`]: the yaw law (28);
 //! * [`rate_controller`]: both, from hold to hold;
-//! * [`failsafe`]: what is commanded when the vehicle's state is too old for the law;
-//! * [`dead_reckoning`]: where the vehicle is by now, from the last good state and the commands since;
-//! * [`bumpless_transfer`]: commands that pass over to the law's without a jump;
-//! * [`safety`]: the three of them together, by the age of the state;
-//! * [`references`]: which reference the law flies by;
-//! * [`phase`]: what the phase of the flight leaves to the controller;
-//! * [`control_supervisor`]: what is commanded, by the law or something safer;
-//! * [`observer`]: a mass observer of another kind, to compare with;
+//! * [`failsafe`]: the stages of commands when the vehicle's state is too old for the law;
+//! * [`dead_reckoning`]: the predicted state of the vehicle, from the last good one and the commands since;
+//! * [`bumpless_transfer`]: the return of commands to the law's without a jump;
+//! * [`safety`]: these three together, by the age of the state;
+//! * [`references`]: the reference for the law;
+//! * [`phase`]: the control mode in each phase of the flight;
+//! * [`control_supervisor`]: commands by the law or a failsafe stage;
+//! * [`observer`]: a mass observer of another kind, for comparison;
 //! * [`service`]: the law and its estimators as a service of the flight.
 //!
-//! The controller knows nothing of the path or of its timing law: what it needs of them comes with
-//! [`PathReference`](shared_types::samples::PathReference).
+//! The controller does not know the path or its timing law: [`PathReference`](shared_types::samples::PathReference)
+//! brings all that it needs of them.
 //!
-//! Where it differs from the paper: k1 d²σ(z1)/dt² and d³γ/dt³ contain the unknown acceleration as well, and
-//! both are part of W here, which the paper leaves to the reader.
+//! Difference from the paper: k1 d²σ(z1)/dt² and d³γ/dt³ contain the unknown acceleration as well. Both are part of W
+//! here; the paper leaves that to the reader.
 
 pub mod bumpless_transfer;
 pub mod control_supervisor;

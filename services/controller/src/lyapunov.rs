@@ -1,5 +1,5 @@
-//! The Lyapunov function of the closed loop, for those who look at a flight from outside: it needs the true
-//! parameters, which the law does not have.
+//! Lyapunov function of the closed loop, for the evaluation of a flight from outside: it needs the true parameters,
+//! which the law does not have.
 //!
 //! Vn = ½ z2ᵀz2 + (β/2) z3ᵀJz3 + ½ w̃ᵀΛw⁻¹w̃ + λm⁻¹V(η, η̃) + Σ λi⁻¹V(bi, b̃i), with V of (6), and along the
 //! closed loop in continuous time, with constant parameters, dVn/dt = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) ≤ 0.
@@ -11,7 +11,7 @@ use crate::parameter_vector::parameter_vector;
 use crate::parameters::Parameters;
 use crate::signals::Estimates;
 
-/// The parameters of the vehicle that the law does not know.
+/// Parameters of the vehicle that the law does not know.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueParameters {
     /// Diag(J), kg m².

@@ -1,5 +1,5 @@
-//! A mass observer by immersion and invariance, which flies along unheard, to compare the adaptive law's
-//! estimate with: in the style of the paper's ref. \[30\], which was not available.
+//! Mass observer by immersion and invariance, for comparison with the adaptive law's estimate. It runs in parallel; its
+//! output is recorded, not used. It follows the style of the paper's ref. \[30\], which was not available.
 //!
 //! With v the velocity in {I}, r3 = R e3, T the thrust and θ = 1/m,
 //!
@@ -8,8 +8,8 @@
 //! θ̂˙ = γ Ṫ r3ᵀv + γ T ṙ3ᵀv + γ T r3ᵀ(g e3 − θ̄ T r3)
 //! ```
 //!
-//! and so, without wind, z = θ̄ − θ obeys ż = −γ T² z. T is held from frame to frame and jumps between: θ̄ does
-//! not, since the terms in Ṫ and ṙ3 of both lines cancel. It is therefore θ̄ that is kept, and stepped by
+//! and so, without wind, z = θ̄ − θ obeys ż = −γ T² z. T is held from frame to frame and jumps between. θ̄ does not
+//! jump, since the terms in Ṫ and ṙ3 of both lines cancel. So θ̄ is the state, and is stepped by
 //!
 //! ```text
 //! θ̄˙ = γ T (r3ᵀ g e3 − θ̄ T) − γ T r3ᵀ v̇
@@ -27,11 +27,11 @@ pub struct MassObserver {
     pub gain: f64,
     /// θ̄, estimate of 1/m, 1/kg.
     pub theta: f64,
-    /// What it saw and what was commanded at its previous step, if there was one.
+    /// Sample of its previous step, if there was one.
     pub previous: Option<ObserverSample>,
 }
 
-/// What the observer needs of a moment.
+/// Measurement and command at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObserverSample {
     /// v in {I}, m/s.
@@ -43,7 +43,7 @@ pub struct ObserverSample {
 }
 
 impl ObserverSample {
-    /// Stands for a moment that was not seen.
+    /// Placeholder for a moment without a sample.
     pub const NOTHING: Self = Self {
         velocity_world: Vector3::new(0.0, 0.0, 0.0),
         thrust_axis_world: Vector3::new(0.0, 0.0, 0.0),
@@ -52,7 +52,7 @@ impl ObserverSample {
 }
 
 impl MassObserver {
-    /// An observer that begins with a mass (kg).
+    /// Makes an observer that begins with a mass (kg).
     #[must_use]
     pub fn new(gain: f64, mass: f64) -> Self {
         Self {
@@ -62,7 +62,7 @@ impl MassObserver {
         }
     }
 
-    /// Moves on by `elapsed` seconds to what is seen now.
+    /// Steps by `elapsed` seconds to a new sample.
     pub fn step(&mut self, now: ObserverSample, elapsed: f64) {
         if let Some(before) = self.previous {
             let (gamma, thrust) = (self.gain, before.thrust);
@@ -77,7 +77,7 @@ impl MassObserver {
         self.previous = Some(now);
     }
 
-    /// Forgets what it saw, after a while in which there was nothing to be seen.
+    /// Drops the previous sample, after a time without samples.
     pub fn interrupt(&mut self) {
         self.previous = None;
     }
@@ -126,7 +126,7 @@ mod tests {
         for pair in errors.windows(2) {
             let thrust = 0.2 * GRAVITY * (1.0 + 0.2 * libm::sin(3.0 * pair[0].0));
             expected *= libm::exp(-gain * thrust * thrust * (pair[1].0 - pair[0].0));
-            // What is left is that r3 is taken for its mean over a hold.
+            // The rest is the error of the mean of r3 over a hold.
             assert!((pair[1].1 - expected).abs() < 2e-4, "{} {expected}", pair[1].1);
         }
         assert!(errors.last().unwrap().1.abs() < 0.03 * errors[0].1.abs());
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn a_wind_along_the_thrust_is_taken_for_mass() {
-        // −bz/T, as in hover it cannot be told from mass.
+        // −bz/T: in hover it cannot be distinguished from mass.
         let (_, error) = *flown(0.5, 0.5, 40.0).last().unwrap();
         assert!((error + 0.5 / (0.2 * GRAVITY)).abs() < 0.06, "{error}");
     }

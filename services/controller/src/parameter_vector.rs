@@ -1,8 +1,8 @@
-//! w, the unknown constants in which the torque balance is linear (20).
+//! Parameter vector w: the unknown constants in which the torque balance is linear (20).
 
 use nalgebra::{SVector, Vector3};
 
-/// A vector of the shape of w: Diag(J) in kg m², η Diag(J) in m², then J1 b, J2 b and J3 b in kg m³/s².
+/// Vector of the shape of w: Diag(J) in kg m², η Diag(J) in m², then J1 b, J2 b and J3 b in kg m³/s².
 pub type ParameterVector = SVector<f64, 15>;
 
 /// w = [Diag(J); η Diag(J); J1 b; J2 b; J3 b].

@@ -1,4 +1,4 @@
-//! Gains and bounds of the law, as the law computes with them.
+//! Gains and bounds of the law, in the law's form.
 
 use nalgebra::Vector3;
 use scenario::Scenario;
@@ -17,7 +17,7 @@ pub struct Parameters {
     pub k3: f64,
     /// β, weight of the angular velocity error in the Lyapunov function; positive.
     pub beta: f64,
-    /// δ, what the velocity error is driven to along the thrust axis, m/s; not 0.
+    /// δ, the value to which the velocity error is driven along the thrust axis, m/s; not 0.
     pub delta: f64,
     /// σ, with σmax above δ/k1.
     pub saturation: Saturation,
@@ -31,7 +31,7 @@ pub struct Parameters {
     pub eta_projection: Projection,
     /// π for each component of b̂, m/s².
     pub disturbance_projection: Projection,
-    /// Whether the law is shifted so that the vehicle hangs on the path and not below it.
+    /// `true` if the law is shifted so that the vehicle hangs on the path and not below it.
     pub removes_offset: bool,
 }
 

@@ -1,10 +1,10 @@
-//! What the controller does by the phase of the flight, which the path generator tells with each reference.
+//! Control modes by the phase of the flight, which the path generator states with each reference.
 //!
-//! | phase | what is commanded | the estimates |
+//! | phase | command | estimates |
 //! | --- | --- | --- |
-//! | disarmed, and before the first reference | failsafe: the motors rest | rest |
-//! | armed | no thrust, no torque and no rates: the motors idle | rest |
-//! | take-off, fly, land | what the law says | learn while the vehicle is airborne |
+//! | disarmed, and before the first reference | failsafe: the motors stop | frozen |
+//! | armed | no thrust, no torque and no rates: the motors idle | frozen |
+//! | take-off, fly, land | the law's | learn while the vehicle is airborne |
 //!
 //! A flight without phases is flown from the first reference to the last.
 
@@ -12,27 +12,28 @@ use scenario::Scenario;
 use shared_types::FlightPhase;
 use shared_types::samples::PathReference;
 
-/// What a phase leaves to the controller.
+/// Control mode in a phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ControlMode {
-    /// The motors rest.
+    /// The motors stop.
     Rest,
     /// The motors idle.
     Idle,
-    /// The law flies the vehicle, which stands on the ground or is taken to.
+    /// The law flies the vehicle, which stands on the ground or is regarded as standing there; the estimates do not
+    /// learn.
     FlyUntaught,
-    /// The law flies the vehicle and learns from its motion.
+    /// The law flies the vehicle, and the estimates learn from its motion.
     Fly,
 }
 
-/// What the phases of a flight leave to the controller.
+/// Control modes of a flight.
 #[derive(Clone, Copy, Debug)]
 pub struct ControlModes {
     has_phases: bool,
 }
 
 impl ControlModes {
-    /// Those of a scenario's flight.
+    /// Returns the control modes of a scenario's flight.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         Self {
@@ -40,7 +41,7 @@ impl ControlModes {
         }
     }
 
-    /// What the last good reference leaves to the controller.
+    /// Returns the control mode of the last good reference.
     #[must_use]
     #[inline]
     pub fn of(self, reference: Option<&PathReference>) -> ControlMode {

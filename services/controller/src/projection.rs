@@ -1,21 +1,24 @@
-//! The smooth projection π (5), which keeps estimates within known bounds, and its potential V (6).
+//! Smooth projection π (5), which keeps estimates within known bounds, and its potential V (6).
 
-/// π(s) for one number: the identity on [smin, smax], and beyond it an exponential approach to
-/// smin − ε and smax + ε.
+/// Projection π(s) of one number: the identity on [smin, smax], and beyond it an exponential approach to smin − ε and
+/// smax + ε.
 ///
-/// π is of class C¹, increases strictly in exact arithmetic and stays within [smin − ε, smax + ε].
+/// π is of class C¹, increases strictly in exact arithmetic and stays within [smin − ε, smax + ε]. It uses `expm1`,
+/// because 1 − e^(−x/ε) would lose all digits to cancellation just beyond a bound, where π must continue the identity
+/// without a step. It calls `libm` and not the system's functions, so that results are equal to the bit on every
+/// machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projection {
     /// smin, lower bound.
     pub minimum: f64,
     /// smax, upper bound; above smin.
     pub maximum: f64,
-    /// ε, how far the projection may pass the bounds; positive.
+    /// ε, largest excess of the projection over the bounds; positive.
     pub epsilon: f64,
 }
 
 impl Projection {
-    /// π(s), eq. (5).
+    /// Returns π(s), eq. (5).
     #[must_use]
     #[inline]
     pub fn value(&self, s: f64) -> f64 {
@@ -33,7 +36,7 @@ impl Projection {
         }
     }
 
-    /// π′(s) = dπ/ds, from the derivative of (5): 1 within the bounds, (0, 1] beyond.
+    /// Returns π′(s) = dπ/ds, from the derivative of (5): 1 within the bounds, (0, 1] beyond.
     #[must_use]
     #[inline]
     pub fn slope(&self, s: f64) -> f64 {
@@ -45,24 +48,24 @@ impl Projection {
         }
     }
 
-    /// V(s, s̃) = ∫₀^s̃ (π(φ + s) − s) dφ, eq. (6), with s̃ = ŝ − s: the share of an estimate ŝ of `actual` s
+    /// Returns V(s, s̃) = ∫₀^s̃ (π(φ + s) − s) dφ, eq. (6), with s̃ = ŝ − s: the share of an estimate ŝ of `actual` s
     /// in the Lyapunov function.
     ///
     /// Positive for s̃ ≠ 0 if s lies within the bounds; ½s̃² if ŝ does as well.
     #[must_use]
     pub fn potential(&self, actual: f64, estimate: f64) -> f64 {
-        // π(x) − s = (x − s) + (π(x) − x), and the second bracket is zero within the bounds.
+        // π(x) − s = (x − s) + (π(x) − x). The second bracket is zero within the bounds.
         let error = estimate - actual;
         0.5 * error * error + self.correction(estimate) - self.correction(actual)
     }
 
-    /// ∫ (π(x) − x) dx from the nearest bound to s; zero within the bounds.
+    /// Returns ∫ (π(x) − x) dx from the nearest bound to s; zero within the bounds.
     fn correction(&self, s: f64) -> f64 {
         let (epsilon, excess) = (self.epsilon, self.excess(s));
         epsilon * excess + epsilon * epsilon * libm::expm1(-excess / epsilon) - 0.5 * excess * excess
     }
 
-    /// Distance of s from [smin, smax].
+    /// Returns the distance of s from [smin, smax].
     #[inline]
     fn excess(&self, s: f64) -> f64 {
         (s - self.maximum).max(self.minimum - s).max(0.0)

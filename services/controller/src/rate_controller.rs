@@ -1,4 +1,4 @@
-//! Commands of thrust and body rates, from hold to hold: the roll-out, the yaw law and what they remember.
+//! Rate controller: commands of thrust and body rates, from hold to hold, by the roll-out and the yaw law.
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, RateCommand, Scenario, Vector};
@@ -9,20 +9,20 @@ use crate::rates::{HoldStart, RollOut};
 use crate::signals::{Acting, Estimates, Measured, Reference};
 use crate::yaw::YawLaw;
 
-/// Makes commands of thrust and body rates.
+/// Controller of thrust and body rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateController {
     roll_out: RollOut,
     yaw: YawLaw,
-    /// Least and largest thrust that the link carries, N.
+    /// Smallest and largest thrust that the link carries, N.
     thrust_limits: [f64; 2],
-    /// Thrust below which the lightest vehicle cannot be flying, N.
+    /// Thrust below which even the lightest vehicle cannot fly, N.
     airborne_thrust: f64,
-    /// What is kept from hold to hold.
+    /// State that is kept from hold to hold.
     pub memory: RateControllerState,
 }
 
-/// What is kept from hold to hold.
+/// State that is kept from hold to hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateControllerState {
     /// The artificial ω at the end of the last hold, rad/s.
@@ -32,14 +32,14 @@ pub struct RateControllerState {
 }
 
 impl RateControllerState {
-    /// What there is to remember before the first hold.
+    /// State before the first hold.
     pub const NONE: Self = Self {
         artificial_omega: Vector3::new(0.0, 0.0, 0.0),
         yaw_integral: 0.0,
     };
 }
 
-/// A command of thrust and body rates.
+/// Command of thrust and body rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateCommandOutput {
     /// T, N, before the limits of the link.
@@ -50,12 +50,12 @@ pub struct RateCommandOutput {
     pub rates_body: Vector3<f64>,
     /// The law at the beginning of the hold.
     pub law: Evaluation,
-    /// Whether the vehicle flies by what the law asks for, so that its motion can teach something.
+    /// `true` if the vehicle can follow the law's command, so that the estimates may learn from its motion.
     pub is_telling: bool,
 }
 
 impl RateController {
-    /// The rate_controller of a scenario that has been checked, for commands of body rates.
+    /// Makes the rate controller of a checked scenario, for commands of body rates.
     #[must_use]
     pub fn new(scenario: &Scenario, rates: &RateCommand) -> Self {
         let model = scenario.model.clone().unwrap_or_default();
@@ -69,7 +69,7 @@ impl RateController {
         }
     }
 
-    /// The command for the coming hold, with ψd = `yaw` (rad).
+    /// Returns the command for the coming hold, with ψd = `yaw` (rad).
     pub fn command(
         &mut self,
         parameters: &Parameters,
@@ -111,7 +111,8 @@ impl RateController {
     }
 }
 
-/// Least and largest thrust (N), and largest body rates (rad/s), that the link can carry; an ideal one carries all.
+/// Returns the smallest and largest thrust (N), and the largest body rates (rad/s), of the link; an ideal link carries
+/// all.
 pub(crate) fn link_limits(scenario: &Scenario) -> ([f64; 2], Vector) {
     let link = scenario.rc_output.as_ref();
     link.map_or(([0.0, f64::INFINITY], [f64::INFINITY; 3]), |link| {

@@ -1,20 +1,19 @@
-//! The law for a vehicle that takes thrust and body rates instead of torque (section VI of the paper).
+//! Control law for a vehicle with commands of thrust and body rates instead of torque (section VI of the paper).
 //!
-//! The torque (20) drives an *artificial* angular velocity by (4), with the inertia J of the cuboid that the
-//! vehicle is taken for; the vehicle's own rate loop is sent that. Its third component is left free by (20) and
-//! goes to the yaw law (28).
+//! The torque (20) drives an *artificial* angular velocity by (4), with the inertia J of the cuboid that models the
+//! vehicle; it is the command of the vehicle's rate loop. Its third component is free in (20) and follows the yaw law
+//! (28).
 //!
-//! A command is held for a whole frame, over which the continuous law would have gone on. So the law is *rolled
-//! out* over the hold: vehicle, path and artificial ω move along in small steps, each with a new torque. What is
-//! sent is the mean of ω over the hold, and the thrust at its end. This is the exact discretisation of the
-//! continuous loop: the attitude loop's sampled gain saturates at one, where sent directly it would be
-//! (g/δ)H, unstable above 2.
+//! A command is held for a whole frame, over which the continuous law would go on. So the law is *rolled out* over the
+//! hold: vehicle, path and artificial ω move along in small steps, each with a new torque. The command is the mean of ω
+//! over the hold, and the thrust at its end. This is the exact discretisation of the continuous loop: the attitude
+//! loop's sampled gain saturates at one. A direct command of ω would have a gain of (g/δ)H, unstable above 2.
 //!
-//! In the roll-out the vehicle flies as the estimates of mass and disturbance say, and by what the estimator sees
-//! besides, which is held. Without that the law would count, at the hold's end, on a step back to the path which a
-//! push not learned yet will not let happen: every push would tell by a factor of about 1 + (k1 + k2)H more.
+//! In the roll-out the vehicle flies by the estimates of mass and disturbance, and by the further acceleration that the
+//! estimator sees, which is held. Without that acceleration the law would rely, at the hold's end, on a motion back to
+//! the path that a push not yet learned prevents: every push would act by a factor of about 1 + (k1 + k2)H more.
 //!
-//! The vehicle follows with first-order lags. The command makes up for them: a lag with time constant τ that is
+//! The vehicle follows with first-order lags, for which the command compensates: a lag with time constant τ that is
 //! held at x̂ + (x − x̂)/(1 − e^(−H/τ)) brings x̂ to x at the end of the hold H.
 
 use nalgebra::Vector3;
@@ -29,28 +28,28 @@ use crate::offset::hanging_offset;
 use crate::parameters::Parameters;
 use crate::signals::{Acting, Estimates, Measured, ProjectedEstimates, Reference};
 
-/// What the roll-out knows of vehicle and link.
+/// Roll-out with its model of vehicle and link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RollOut {
     /// Diagonal of J of (4), kg m².
     pub inertia: Vector3<f64>,
-    /// H, for how long a command is held, s.
+    /// H, duration of a hold, s.
     pub hold: f64,
     /// Number of steps of a hold.
     pub steps: u32,
-    /// Whether vehicle and path move along.
+    /// `true` if vehicle and path move along.
     pub moves: bool,
-    /// Whether the vehicle is also pushed by what the estimates do not explain.
+    /// `true` if an acceleration that the estimates do not explain acts on the vehicle as well.
     pub is_pushed: bool,
-    /// Whether the commands make up for the lags.
+    /// `true` if the commands compensate for the lags.
     pub inverts_lags: bool,
-    /// How the thrust follows.
+    /// Lag of the thrust.
     pub thrust_lag: Lag,
-    /// How the body rates follow.
+    /// Lag of the body rates.
     pub rate_lag: Lag,
 }
 
-/// What a hold begins with.
+/// Inputs at the beginning of a hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HoldStart<'a> {
     /// The measured state; its ω is that of the vehicle, not the artificial one.
@@ -63,11 +62,11 @@ pub struct HoldStart<'a> {
     pub artificial_omega: Vector3<f64>,
     /// ωz of the yaw law, rad/s.
     pub yaw_rate: f64,
-    /// What acts on the vehicle.
+    /// Thrust and acceleration that act on the vehicle.
     pub acting: &'a Acting,
 }
 
-/// What is to be sent, and what follows from it.
+/// Command of a hold, with the state that it leaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateOutput {
     /// T to be sent, N.
@@ -81,7 +80,7 @@ pub struct RateOutput {
 }
 
 impl RollOut {
-    /// A roll-out for commands that are held for `hold` seconds.
+    /// Makes a roll-out for commands that are held for `hold` seconds.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
@@ -153,7 +152,7 @@ impl RollOut {
         }
     }
 
-    /// T to be sent so that the lagging thrust goes from `now` to `end`.
+    /// Returns the T to send so that the lagging thrust goes from `now` to `end`.
     fn thrust_for(&self, now: f64, end: f64) -> f64 {
         if self.inverts_lags {
             self.thrust_lag.target(now, end, self.hold)
@@ -162,8 +161,8 @@ impl RollOut {
         }
     }
 
-    /// The rates to be sent: half way between what has the right mean without a lag, and what makes the lagging
-    /// rates reach the right end, which alone would ring.
+    /// Returns the rates to send: half way between those with the right mean without a lag, and those that bring the
+    /// lagging rates to the right end, which alone would ring.
     fn rates_for(&self, now: &Vector3<f64>, end: &Vector3<f64>, mean: &Vector3<f64>) -> Vector3<f64> {
         if !self.inverts_lags || self.rate_lag.follows_at_once() {
             return *mean;
@@ -173,7 +172,7 @@ impl RollOut {
     }
 }
 
-/// v̇ that acts and that the estimates do not explain, in {I}, m/s².
+/// Returns the part of the acting v̇ that the estimates do not explain, in {I}, m/s².
 fn unexplained(
     parameters: &Parameters,
     measured: &Measured,
@@ -183,7 +182,7 @@ fn unexplained(
     acting.acceleration_world - estimated_acceleration(parameters, estimates, measured, acting.thrust)
 }
 
-/// v̇ of (2) in {I}, m/s², with the estimates for the unknown parameters.
+/// Returns v̇ of (2) in {I}, m/s², with the estimates for the unknown parameters.
 #[inline]
 fn estimated_acceleration(
     parameters: &Parameters,
@@ -206,7 +205,7 @@ fn estimated_acceleration(
 struct Flight {
     vehicle: Measured,
     reference: Reference,
-    /// What moves the vehicle besides what the estimates say, in {I}, m/s².
+    /// Acceleration of the vehicle besides that of the estimates, in {I}, m/s².
     push: Vector3<f64>,
 }
 
@@ -221,7 +220,7 @@ impl Flight {
         evaluate(parameters, &vehicle, &self.reference, estimates)
     }
 
-    /// (1)–(3), over `h` seconds.
+    /// Steps (1)–(3) by `h` seconds.
     #[inline]
     fn move_vehicle(&mut self, parameters: &Parameters, estimates: &Estimates, thrust: f64, h: f64) {
         let acceleration = estimated_acceleration(parameters, estimates, &self.vehicle, thrust) + self.push;
@@ -234,7 +233,7 @@ impl Flight {
         vehicle.velocity_body = vehicle.world_from_body.tr_mul(&velocity_after);
     }
 
-    /// (4) on the first two components of the artificial ω, over `h` seconds.
+    /// Steps (4), on the first two components of the artificial ω, by `h` seconds.
     #[inline]
     fn drive(&mut self, inertia: &Vector3<f64>, torque: &Vector3<f64>, h: f64) {
         let omega = &mut self.vehicle.angular_velocity_body;
@@ -245,7 +244,7 @@ impl Flight {
 }
 
 impl Reference {
-    /// The reference `h` seconds later, at constant γ̈ and by the Taylor series of the curve.
+    /// Returns the reference `h` seconds later, at constant γ̈ and by the Taylor series of the curve.
     #[must_use]
     #[inline]
     pub fn ahead(&self, h: f64) -> Self {
@@ -269,7 +268,7 @@ impl Reference {
 }
 
 impl Parameters {
-    /// What the law is to be shifted by in position, in {I}, m: zero unless the offset is to be removed.
+    /// Returns the position shift of the law, in {I}, m: zero unless the offset is to be removed.
     #[must_use]
     #[inline]
     pub fn offset(&self, world_from_body: &nalgebra::Matrix3<f64>) -> Vector3<f64> {

@@ -1,9 +1,9 @@
-//! Which reference the law flies by.
+//! Selection of the reference for the law.
 //!
-//! Failure policy: a reference whose numbers are none of a flight is refused and counted, and the last good one stays
-//! in its place. With a policy one that is later than it should be is carried on along the path at its γ̈, up to
-//! `max_age`; where it has come to then the path is taken to rest, and the vehicle with it. One that repeats the γ of
-//! a path that moves is a repetition of old news, and makes nothing young.
+//! Failure policy: a reference with impossible numbers is refused and counted, and the last good one stays in use. With
+//! a policy, a late reference is continued along the path at its γ̈, up to `max_age`; from then on the path is at rest
+//! at the place that it has reached. A reference that repeats the γ of a moving path is old, and does not reset the
+//! age.
 
 use scenario::{EdgeName, Scenario};
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity, is_of_the_past};
@@ -13,27 +13,27 @@ use shared_types::{Input, Now, ServiceId, Topic};
 
 use crate::signals::Reference;
 
-/// γ̇ above which γ is different from one reference to the next, 1/s.
+/// γ̇ above which γ differs from one reference to the next, 1/s.
 const MOVES: f64 = 1e-6;
 
-/// The input of references.
+/// Input of references.
 #[derive(Clone, Debug)]
 pub struct References {
     patience: Option<AgeLimits>,
     gate: InputValidator<PathReference>,
 }
 
-/// How old a reference may be, ns.
+/// Age limits of a reference, ns.
 #[derive(Clone, Copy, Debug)]
 struct AgeLimits {
-    /// The oldest that it is while nothing fails.
+    /// Oldest age without faults.
     ordinary: u64,
-    /// The oldest that it is carried on to.
+    /// Oldest age up to which it is continued.
     most: u64,
 }
 
 impl References {
-    /// The input of a scenario that has been checked, before the first reference.
+    /// Makes the input of a checked scenario, before the first reference.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let (topic, service) = (Topic::PathReference, ServiceId::Controller);
@@ -47,7 +47,7 @@ impl References {
         }
     }
 
-    /// Judges the newest reference if it is new.
+    /// Validates the newest reference if it is new.
     #[inline]
     pub fn look(&mut self, now: &Now, input: &Input<'_, PathReference>) {
         let has_policy = self.patience.is_some();
@@ -64,14 +64,14 @@ impl References {
         });
     }
 
-    /// The last good reference.
+    /// Returns the last good reference.
     #[must_use]
     #[inline]
     pub fn held(&self) -> Option<&PathReference> {
         self.gate.held()
     }
 
-    /// What the law is to fly by: a reference, carried on if it is late, and at rest if it is too old.
+    /// Returns the reference for the law: continued if it is late, at rest if it is too old.
     #[must_use]
     #[inline]
     pub fn target(&self, now: &Now, reference: &PathReference) -> Reference {
@@ -86,19 +86,19 @@ impl References {
         }
     }
 
-    /// References refused since the start of the flight.
+    /// Returns the number of references refused since the start of the flight.
     #[must_use]
     pub fn refused(&self) -> u32 {
         self.gate.refused()
     }
 
-    /// What it remembers, and the last good reference.
+    /// Returns its state and the last good reference.
     #[must_use]
     pub fn save(&self) -> (GateState, PathReference) {
         self.gate.save()
     }
 
-    /// Goes on with what was saved.
+    /// Restores a saved state.
     pub fn restore(&mut self, state: &GateState, held: &PathReference) {
         self.gate.restore(state, held);
     }

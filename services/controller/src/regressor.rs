@@ -1,4 +1,4 @@
-//! The regressor W of (20): the part of the torque balance that is linear in unknown constants.
+//! Regressor W of (20): the part of the torque balance that is linear in unknown constants.
 //!
 //! W w ≡ −S(ω)Jω + J δm ζ̇ with w = [Diag(J); η Diag(J); J1 b; J2 b; J3 b] ∈ R¹⁵. With the split
 //! ζ̇ = ζ̇known + Rᵀ M A, A = −ηT R e3 + b of [`ZetaRate`], a = δm ζ̇known and Q = δm Rᵀ M, row i of W is
@@ -7,22 +7,22 @@
 //! * Q_i (−T R e3) in column i of η Diag(J),
 //! * Q_i in the three columns of Ji b,
 //!
-//! and zero elsewhere. δm has no third row, hence neither have a and Q. Of the 45 elements 16 can differ from
-//! zero; they come from the 13 numbers that are kept here.
+//! and zero elsewhere. δm has no third row, hence neither have a and Q. Of the 45 elements 16 can differ from zero;
+//! they follow from the 13 numbers that are kept here.
 
 use nalgebra::{Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
 
 use crate::parameter_vector::ParameterVector;
 use crate::zeta_rate::ZetaRate;
 
-/// δm y = (1/δ) [y2, −y1, 0]ᵀ without its third element.
+/// Returns δm y = (1/δ) [y2, −y1, 0]ᵀ without its third element.
 #[must_use]
 #[inline]
 pub(crate) fn delta_m_times(delta: f64, y: &Vector3<f64>) -> Vector2<f64> {
     Vector2::new(y.y / delta, -y.x / delta)
 }
 
-/// W ∈ R³ˣ¹⁵ by the numbers it is made of.
+/// W ∈ R³ˣ¹⁵, by the numbers that determine it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Regressor {
     /// [ω2ω3, ω3ω1, ω1ω2], rad²/s²: −S(ω) diag(·) ω.
@@ -36,7 +36,7 @@ pub struct Regressor {
 }
 
 impl Regressor {
-    /// W at an angular velocity ω (rad/s, in {B}), for a δ (m/s) and a T R e3 (N, in {I}).
+    /// Returns W at an angular velocity ω (rad/s, in {B}), for a δ (m/s) and a T R e3 (N, in {I}).
     #[must_use]
     #[inline]
     pub fn new(omega: &Vector3<f64>, delta: f64, thrust_world: &Vector3<f64>, zeta_rate: &ZetaRate) -> Self {
@@ -50,7 +50,7 @@ impl Regressor {
         }
     }
 
-    /// W w.
+    /// Returns W w.
     #[must_use]
     #[inline]
     pub fn times(&self, w: &ParameterVector) -> Vector3<f64> {
@@ -72,7 +72,7 @@ impl Regressor {
         )
     }
 
-    /// Wᵀ z.
+    /// Returns Wᵀ z.
     #[must_use]
     #[inline]
     pub fn transpose_times(&self, z: &Vector3<f64>) -> ParameterVector {
@@ -96,7 +96,7 @@ impl Regressor {
         product
     }
 
-    /// W with all its zeros.
+    /// Returns W with all its zeros.
     #[must_use]
     pub fn to_matrix(&self) -> SMatrix<f64, 3, 15> {
         let [x, y, z] = self.gyroscopic.into();

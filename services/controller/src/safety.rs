@@ -1,9 +1,8 @@
-//! What the controller does about the age of the vehicle's state: which stage it is in, what it reckons, and how it
-//! comes back to the law.
+//! Policy for the age of the vehicle's state: the failsafe stage, the predicted state, and the return to the law.
 //!
-//! While the last good state is no older than it is when nothing fails, the law has it as it is. An older one is
-//! reckoned on to now, for the law as for what comes after it: the law of this paper on a state that stands still is
-//! worse than no law at all, because it keeps turning the vehicle by an error that it has long mended.
+//! While the last good state is no older than without faults, the law uses it unchanged. An older one is predicted to
+//! the present, for the law and for the later stages. On a state that stands still this law is worse than none, because
+//! it keeps turning the vehicle by an error that has long been corrected.
 
 use scenario::{EdgeName, GRAVITY, InputSafety, Scenario};
 use shared_types::samples::VehicleState;
@@ -14,23 +13,23 @@ use crate::bumpless_transfer::Transfer;
 use crate::dead_reckoning::{Commanded, DeadReckoning, ModelEstimate, Reckoned};
 use crate::failsafe::{DESCENT, FailsafeStage, FailsafeStages, Leveler};
 
-/// The policy for the vehicle's state, and what it remembers.
+/// Policy for the vehicle's state, and its memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Safety {
     stages: FailsafeStages,
     recover_ns: u64,
-    /// The oldest that the state is while nothing fails, ns.
+    /// Oldest age of the state without faults, ns.
     ordinary_age_ns: u64,
     dead_reckoning: DeadReckoning,
     leveller: Leveler,
-    /// The vehicle as reckoned.
+    /// The predicted vehicle.
     pub reckoned: Reckoned,
-    /// The way back to the law.
+    /// The transfer back to the law.
     pub transfer: Transfer,
 }
 
 impl Safety {
-    /// What a scenario that has been checked states for the state of the vehicle.
+    /// Makes the policy that a checked scenario states for the vehicle's state.
     #[must_use]
     pub fn new(scenario: &Scenario, stated: &InputSafety) -> Self {
         let dead_reckoning = DeadReckoning::new(scenario);
@@ -46,7 +45,7 @@ impl Safety {
         }
     }
 
-    /// The stage of a state's age, ns. Without a last command there is none to hold: the vehicle levels out instead.
+    /// Returns the stage for a state's age, ns. Without a last command to hold, the vehicle levels out instead.
     #[must_use]
     pub fn stage(&self, age_ns: u64, last: Option<&Commanded>) -> FailsafeStage {
         match self.stages.at(age_ns) {
@@ -55,7 +54,8 @@ impl Safety {
         }
     }
 
-    /// Reckons the vehicle on to now: from the last good state, if it `is_new`, else from where it was reckoned to be.
+    /// Predicts the vehicle's state at present: from the last good state, if it `is_new`, else from the last
+    /// prediction.
     pub fn reckon(
         &mut self,
         now: &Now,
@@ -87,7 +87,7 @@ impl Safety {
         }
     }
 
-    /// The state for the law: the last good one, or if that is later than it should be the reckoned one.
+    /// Returns the state for the law: the last good one, or if that is late the predicted one.
     #[must_use]
     pub fn state_for_law(&self, state: &VehicleState, age_ns: u64, estimate: &ModelEstimate) -> VehicleState {
         if age_ns > self.ordinary_age_ns {
@@ -97,7 +97,7 @@ impl Safety {
         }
     }
 
-    /// What is commanded in a stage without the law.
+    /// Returns the command of a stage without the law.
     #[must_use]
     pub fn command(
         &self,
@@ -113,9 +113,9 @@ impl Safety {
         }
     }
 
-    /// The command when the law says `law`, after a step in the stage `before`.
+    /// Returns the command for the law's command `law`, after a step in the stage `before`.
     ///
-    /// There is no way back from motors at rest: the law takes over at once.
+    /// There is no transfer from stopped motors: the law takes over at once.
     #[must_use]
     pub fn pass_over(
         &mut self,

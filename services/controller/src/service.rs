@@ -1,25 +1,25 @@
-//! The controller as a service: at each step the law, and between steps its estimators.
+//! Controller as a service: the law at each step, and its estimators between steps.
 //!
-//! The estimators η̂, b̂ and ŵ step by the explicit Euler method: the estimates of a step are those of the
-//! previous step plus the elapsed time times that step's rates, and the law uses them as they are then.
+//! The estimators η̂, b̂ and ŵ step by the explicit Euler method: the estimates of a step are those of the previous
+//! step plus the elapsed time times that step's rates, and the law uses them.
 //!
 //! Commands are thrust and torque, or with `controller.rates` thrust and body rates ([`crate::rate_controller`]).
 //!
-//! When it cannot or should not do so:
-//! * a state or reference that cannot be true is refused and counted, and the last good one stays in its place;
-//! * with a policy for the age of the state it goes from the law over holding, levelling and descending to failsafe,
-//!   and back without a jump ([`crate::safety`]); with one for the reference an old path stands still
-//!   ([`crate::references`]). The estimates rest meanwhile, on reckoned states, and on the way back;
-//! * where numbers that passed as those of a flight make the law say some that are not finite, the last command is
-//!   repeated; estimates that would not be finite rest;
-//! * without a state or without a reference the law has nothing to say: the command is no thrust and no
-//!   torque or rates, the errors are zero, and the estimates rest. The ideal schedule has no such step;
-//! * while the state does not rest on a measurement of the body (`tracked` is not set) the law commands on what
-//!   the estimator believes, but the estimates rest: there is nothing to learn from a prediction;
-//! * in a flight with phases it commands nothing but failsafe while it is disarmed ([`crate::phase`]), and the estimates
-//!   rest while the vehicle is not airborne;
-//! * with body rates the estimates also rest while the link cannot carry the thrust that the law asks for, and
-//!   while the vehicle's thrust could not carry the lightest vehicle: it is not airborne.
+//! Failure policy:
+//! * an impossible state or reference is refused and counted, and the last good one stays in use;
+//! * with a policy for the age of the state the stage goes from nominal over hold, level and descend to failsafe, and
+//!   back without a jump ([`crate::safety`]); with one for the reference an old path stands still
+//!   ([`crate::references`]). The estimates are frozen meanwhile, on predicted states, and during the transfer back;
+//! * if valid inputs lead to a command that is not finite, the last command is repeated; estimates that would not be
+//!   finite are frozen;
+//! * without a state or a reference the controller is not active: the command is no thrust and no torque or rates, the
+//!   errors are zero, and the estimates are frozen. The ideal schedule has no such step;
+//! * while the state rests on no measurement of the body (`tracked` is not set) the law commands on the estimator's
+//!   prediction, but the estimates are frozen: a prediction carries no new information;
+//! * in a flight with phases it commands nothing but failsafe while it is disarmed ([`crate::phase`]), and the
+//!   estimates are frozen while the vehicle is not airborne;
+//! * with body rates the estimates are also frozen while the link cannot carry the thrust of the law, and while the
+//!   thrust could not carry the lightest vehicle: it is not airborne.
 
 use nalgebra::Vector3;
 use scenario::Scenario;
@@ -42,7 +42,7 @@ use crate::references::References;
 use crate::signals::{EstimateRates, Estimates};
 
 shared_types::sample! {
-    /// The estimators after a step, and where they are going.
+    /// State of the controller after a step, with the rates of the estimates.
     pub struct ControllerState {
         /// η̂, 1/kg.
         pub eta_hat: f64,
@@ -62,27 +62,27 @@ shared_types::sample! {
         pub yaw_integral: f64,
         /// θ̄ of the mass observer, 1/kg; zero without one.
         pub observer_theta: f64,
-        /// What it saw last: velocity in {I}, m/s.
+        /// Last sample of the observer: velocity in {I}, m/s.
         pub observer_velocity_world: [f64; 3],
-        /// What it saw last: thrust axis in {I}.
+        /// Last sample of the observer: thrust axis in {I}.
         pub observer_thrust_axis_world: [f64; 3],
-        /// What it saw last: thrust, N.
+        /// Last sample of the observer: thrust, N.
         pub observer_thrust: f64,
-        /// What is remembered of the states.
+        /// State of the input validator of states.
         pub states: StateGateState,
         /// The last good reference; all zero before the first.
         pub reference: PathReference,
-        /// What is remembered of the references.
+        /// State of the input validator of references.
         pub references: GateState,
         /// The last command that was published; all zero before the first.
         pub last: Commanded,
-        /// The vehicle as reckoned; as at the start without a policy.
+        /// The predicted vehicle; as at the start without a policy.
         pub reckoned: Reckoned,
-        /// The way back to the law.
+        /// The transfer back to the law.
         pub transfer: Transfer,
-        /// Whether the observer saw anything.
+        /// `true` if the observer has a last sample.
         pub observer_has_seen: Flag,
-        /// Whether there was a last command.
+        /// `true` if there was a last command.
         pub has_last: Flag,
         /// The stage of the last step.
         pub stage: u8,
@@ -91,7 +91,7 @@ shared_types::sample! {
     }
 }
 
-/// The adaptive control law as a service of the flight.
+/// Adaptive control law as a service of the flight.
 #[derive(Clone, Debug)]
 pub struct ControllerService {
     supervisor: ControlSupervisor,
@@ -103,7 +103,7 @@ pub struct ControllerService {
 }
 
 impl ControllerService {
-    /// The controller of a scenario that has been checked, with its initial estimates.
+    /// Makes the controller of a checked scenario, with its initial estimates.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let safety = scenario.safety_of(Topic::VehicleState, ServiceId::Controller);

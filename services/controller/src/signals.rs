@@ -1,4 +1,4 @@
-//! What the law is a function of: the measured state, the reference, and the estimates with their rates.
+//! Arguments of the law: the measured state, the reference, and the estimates with their rates.
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::InitialEstimates;
@@ -21,7 +21,7 @@ pub struct Measured {
     pub angular_velocity_body: Vector3<f64>,
 }
 
-/// What acts on the vehicle at the time of the measured state.
+/// Thrust and acceleration of the vehicle at the time of the measured state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acting {
     /// T, N.
@@ -40,14 +40,14 @@ impl From<&VehicleState> for Acting {
     }
 }
 
-/// The point of the path to be at, and how it moves.
+/// Reference: the desired point of the path and its motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
     /// γ̇, 1/s.
     pub gamma_dot: f64,
     /// γ̈, 1/s².
     pub gamma_ddot: f64,
-    /// γ̇d, what the timing law drives γ̇ to, 1/s.
+    /// γ̇d, the value to which the timing law drives γ̇, 1/s.
     pub gamma_dot_desired: f64,
     /// c0 of γ⃛ = c0 + c1 d²‖z1‖/dt², 1/s³.
     pub gamma_dddot_constant: f64,
@@ -63,7 +63,7 @@ pub struct Reference {
     pub derivative3_world: Vector3<f64>,
 }
 
-/// The estimates η̂, b̂ and ŵ, before projection.
+/// Estimates η̂, b̂ and ŵ, before projection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimates {
     /// η̂, estimate of η = 1/m, 1/kg.
@@ -86,7 +86,7 @@ pub struct EstimateRates {
 }
 
 impl Reference {
-    /// The reference with the path at rest.
+    /// Returns the reference with the path at rest.
     #[must_use]
     pub fn at_rest(self) -> Self {
         Self {
@@ -99,21 +99,21 @@ impl Reference {
         }
     }
 
-    /// ṗd in {I}, m/s.
+    /// Returns ṗd in {I}, m/s.
     #[must_use]
     #[inline]
     pub fn velocity_world(&self) -> Vector3<f64> {
         self.derivative1_world * self.gamma_dot
     }
 
-    /// p̈d in {I}, m/s².
+    /// Returns p̈d in {I}, m/s².
     #[must_use]
     #[inline]
     pub fn acceleration_world(&self) -> Vector3<f64> {
         self.derivative2_world * (self.gamma_dot * self.gamma_dot) + self.derivative1_world * self.gamma_ddot
     }
 
-    /// p⃛d in {I}, m/s³, for a γ⃛ in 1/s³.
+    /// Returns p⃛d in {I}, m/s³, for a γ⃛ in 1/s³.
     #[must_use]
     #[inline]
     pub fn jerk_world(&self, gamma_dddot: f64) -> Vector3<f64> {
@@ -124,7 +124,7 @@ impl Reference {
     }
 }
 
-/// What the projections (5) make of the estimates of η and b.
+/// Projections (5) of the estimates of η and b.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProjectedEstimates {
     /// π(η̂), 1/kg.
@@ -134,7 +134,7 @@ pub struct ProjectedEstimates {
 }
 
 impl Estimates {
-    /// What the projections make of them.
+    /// Returns the projections of η̂ and b̂.
     #[must_use]
     #[inline]
     pub fn projected(&self, parameters: &Parameters) -> ProjectedEstimates {
@@ -146,7 +146,7 @@ impl Estimates {
         }
     }
 
-    /// Whether all of them are finite numbers.
+    /// Returns whether all of them are finite.
     #[must_use]
     #[inline]
     pub fn is_finite(&self) -> bool {
@@ -154,7 +154,7 @@ impl Estimates {
         numbers.fold(self.eta.is_finite(), |all, number| all & number.is_finite())
     }
 
-    /// The estimates after `elapsed` seconds at constant rates: a step of the explicit Euler method.
+    /// Returns the estimates after `elapsed` seconds at constant rates: a step of the explicit Euler method.
     #[must_use]
     #[inline]
     pub fn advanced(&self, rates: &EstimateRates, elapsed: f64) -> Self {
@@ -167,7 +167,7 @@ impl Estimates {
 }
 
 impl EstimateRates {
-    /// The rates of estimates that rest.
+    /// Rates of frozen estimates.
     pub const ZERO: Self = Self {
         eta: 0.0,
         disturbance_world: Vector3::new(0.0, 0.0, 0.0),

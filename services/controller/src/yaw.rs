@@ -1,9 +1,9 @@
-//! The yaw law (28): ωz = −kp (ψ − ψd) − ki ∫(ψ − ψd) dt.
+//! Yaw law (28): ωz = −kp (ψ − ψd) − ki ∫(ψ − ψd) dt.
 //!
-//! The torque (20) leaves the third component of the angular velocity free; this law takes it. ψ − ψd is the
-//! shorter way around, in [−π, π]. The integral is for drifts of the rate, and its term never passes the largest
-//! drift that is expected. Errors whose proportional term is larger than that come from steps of ψd: on those the
-//! integral rests, so that it has nothing to unwind when the vehicle has turned.
+//! The torque (20) leaves the third component of the angular velocity free; this law sets it. ψ − ψd is the shorter way
+//! around, in [−π, π]. The integral compensates for drifts of the rate, and its term never exceeds the largest expected
+//! drift. Errors whose proportional term is larger come from steps of ψd: then the integral is frozen, so that it has
+//! nothing to unwind when the vehicle has turned.
 
 use std::f64::consts::PI;
 
@@ -12,7 +12,7 @@ use shared_types::rotation::roll_pitch_yaw;
 
 use nalgebra::Matrix3;
 
-/// The yaw law with its gains.
+/// Yaw law with its gains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct YawLaw {
     /// kp, 1/s.
@@ -25,7 +25,7 @@ pub struct YawLaw {
     pub rate_max: f64,
 }
 
-/// What the yaw law says at one moment.
+/// Output of the yaw law at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct YawCommand {
     /// ωz, rad/s.
@@ -35,7 +35,7 @@ pub struct YawCommand {
 }
 
 impl YawLaw {
-    /// The yaw law of a scenario for a link that carries yaw rates up to `rate_max` (rad/s).
+    /// Makes the yaw law of a scenario for a link that carries yaw rates up to `rate_max` (rad/s).
     #[must_use]
     pub fn new(rates: &RateCommand, rate_max: f64) -> Self {
         Self {
@@ -46,7 +46,7 @@ impl YawLaw {
         }
     }
 
-    /// ωz for an attitude and ψd (rad), with the `integral` so far (rad/s), to be held for `hold` seconds.
+    /// Returns ωz for an attitude and ψd (rad), with the `integral` so far (rad/s), for a hold of `hold` seconds.
     #[must_use]
     pub fn command(
         &self,
@@ -71,7 +71,7 @@ impl YawLaw {
     }
 }
 
-/// An angle (rad) as the shorter way around, in [−π, π].
+/// Returns an angle (rad) as the shorter way around, in [−π, π].
 #[must_use]
 pub fn shorter_way(angle: f64) -> f64 {
     angle - 2.0 * PI * libm::rint(angle / (2.0 * PI))
@@ -101,7 +101,7 @@ mod tests {
         }
 
         #[test]
-        fn the_integral_rests_while_the_vehicle_turns(error in 0.13..3.0f64, integral in -0.4..0.4f64) {
+        fn the_integral_is_frozen_while_the_vehicle_turns(error in 0.13..3.0f64, integral in -0.4..0.4f64) {
             let r = from_roll_pitch_yaw([0.0, 0.0, error]);
             prop_assert_eq!(LAW.command(&r, 0.0, integral, 0.02).integral, integral);
             let near = from_roll_pitch_yaw([0.0, 0.0, 0.1]);

@@ -4,7 +4,7 @@
 //!
 //! * z̈1 = g e3 − p̈d + A in σ̈(z1) = σ″(z1)∘ż1∘ż1 + σ′(z1)∘z̈1,
 //! * ż2 = g e3 − p̈d + k1 σ̇(z1) − R S(ω)δ + A,
-//! * ‖z1‖¨ in γ⃛, and hence p⃛d: the timing law listens to the position error.
+//! * ‖z1‖¨ in γ⃛, and hence p⃛d: the timing law depends on the position error.
 //!
 //! Collected, ζ̇ = ζ̇known + Rᵀ M A with M = −c1 pd′ z1ᵀ/‖z1‖ + k1 diag σ′(z1) + k2 diag σ′(z2).
 
@@ -17,7 +17,7 @@ use crate::signals::{Measured, Reference};
 /// ζ̇ = `known` + `sensitivity` A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZetaRate {
-    /// ζ̇known, what ζ̇ would be without the unknown acceleration, in {B}, m/s³.
+    /// ζ̇known, the value of ζ̇ without the unknown acceleration, in {B}, m/s³.
     pub known: Vector3<f64>,
     /// Rᵀ M, 1/s.
     pub sensitivity: Matrix3<f64>,
@@ -30,7 +30,7 @@ struct GammaJerk {
 }
 
 impl ZetaRate {
-    /// ζ̇ on the closed loop, for ζ in m/s² and the rate of π(b̂) in m/s³, in {I}.
+    /// Returns ζ̇ on the closed loop, for ζ in m/s² and the rate of π(b̂) in m/s³, in {I}.
     #[must_use]
     #[inline]
     pub fn new(
@@ -72,9 +72,9 @@ impl ZetaRate {
 }
 
 impl GammaJerk {
-    /// γ⃛ = c0 + c1 ‖z1‖¨ with ‖z1‖¨ = (ż1ᵀż1 + z1ᵀz̈1)/‖z1‖ − (z1ᵀż1)²/‖z1‖³.
+    /// Returns γ⃛ = c0 + c1 ‖z1‖¨ with ‖z1‖¨ = (ż1ᵀż1 + z1ᵀz̈1)/‖z1‖ − (z1ᵀż1)²/‖z1‖³.
     ///
-    /// Where c1 = 0 nothing is divided by ‖z1‖, which may be 0 there.
+    /// With c1 = 0 nothing is divided by ‖z1‖, which may be 0 there: 0/0 would put NaN into the torque.
     #[inline]
     fn new(reference: &Reference, errors: &Errors) -> Self {
         let (c0, c1) = (reference.gamma_dddot_constant, reference.gamma_dddot_slope);
@@ -95,7 +95,7 @@ impl GammaJerk {
     }
 }
 
-/// R S(ω)δ, the rate of Rδ, in {I}: S(ω)δ = δ [ω2, −ω1, 0]ᵀ.
+/// Returns R S(ω)δ, the rate of Rδ, in {I}: S(ω)δ = δ [ω2, −ω1, 0]ᵀ.
 #[inline]
 fn delta_rate_world(delta: f64, measured: &Measured) -> Vector3<f64> {
     let omega = &measured.angular_velocity_body;

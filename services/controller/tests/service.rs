@@ -1,5 +1,4 @@
-//! What the controller promises as a service: estimators between the steps, silence without inputs, restarts,
-//! and no allocation.
+//! Controller as a service: estimators between the steps, no command without inputs, restarts, and no allocation.
 
 #[path = "../../../tests/common/allocations.rs"]
 mod allocations;
@@ -119,7 +118,7 @@ fn a_step_publishes_the_law_at_the_estimates_of_the_tick() {
 }
 
 #[test]
-fn the_estimates_begin_as_the_scenario_says_and_advance_by_the_rates_of_the_previous_step() {
+fn the_estimates_begin_with_the_scenario_and_advance_by_the_previous_rates() {
     let mut service = ControllerService::new(&scenario());
     let mut expected = Estimates::from(&Controller::default().initial);
     for tick in 0..20 {
@@ -151,7 +150,7 @@ fn the_telemetry_holds_the_projected_estimates_and_the_mass_they_mean() {
 }
 
 #[test]
-fn a_step_without_state_or_reference_commands_nothing_and_lets_the_estimates_rest() {
+fn a_step_without_state_or_reference_commands_nothing_and_freezes_the_estimates() {
     let (some_state, some_reference) = (state(2), reference());
     for (state, reference) in [
         (None, None),
@@ -172,7 +171,7 @@ fn a_step_without_state_or_reference_commands_nothing_and_lets_the_estimates_res
 }
 
 #[test]
-fn a_controller_that_is_born_anew_commands_by_what_was_held_until_it_sees_samples_itself() {
+fn a_restarted_controller_commands_on_the_held_samples_until_it_receives_others() {
     let mut service = ControllerService::new(&scenario());
     let seen = step_with_both(&mut service, 0);
     let mut restarted = restart::restarted(&service, ControllerService::new(&scenario()));
@@ -206,7 +205,7 @@ fn a_restored_service_continues_with_equal_bytes() {
     let mut saved = vec![0; ErasedService::state_size(&original)];
     ErasedService::save(&original, &mut saved);
 
-    // Another start, so that whatever is not restored shows.
+    // Another start, so that state which is not restored shows.
     let mut other = scenario();
     other.controller.initial.mass = 0.4;
     let mut restarted = ControllerService::new(&other);

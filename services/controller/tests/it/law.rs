@@ -1,4 +1,4 @@
-//! What the law promises, proven along the closed loop with exact derivatives.
+//! Properties of the law, proven along the closed loop with exact derivatives.
 
 mod closed_loop;
 mod dual;

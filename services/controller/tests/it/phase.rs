@@ -1,4 +1,4 @@
-//! What the controller does in the phases of a flight.
+//! Controller in the phases of a flight.
 
 use crate::support::Published;
 use controller::ControllerService;
@@ -48,7 +48,7 @@ fn step(service: &mut ControllerService, tick: u64, reference: Option<&PathRefer
     )
 }
 
-/// Twenty steps in one phase: the last of them, and how far η̂ has moved.
+/// Makes twenty steps in one phase. Returns the last of them and the change of η̂.
 fn flown(service: &mut ControllerService, from: u64, reference: &PathReference) -> (Published, f64) {
     let steps: Vec<_> = (from..from + 20)
         .map(|tick| step(service, tick, Some(reference)))
@@ -64,8 +64,8 @@ fn is_silent(command: &ControlCommand) -> bool {
 #[test]
 fn disarmed_it_commands_failsafe_and_learns_nothing() {
     let mut service = phased();
-    let unheard = step(&mut service, 0, None);
-    assert_eq!(unheard.command.mode, ControlCommand::MODE_FAILSAFE);
+    let without_reference = step(&mut service, 0, None);
+    assert_eq!(without_reference.command.mode, ControlCommand::MODE_FAILSAFE);
     let (last, learnt) = flown(&mut service, 1, &reference(PathReference::PHASE_DISARMED, false));
     assert_eq!(last.command.mode, ControlCommand::MODE_FAILSAFE);
     assert!(is_silent(&last.command) && last.adaptation.resting.is_set());
@@ -111,7 +111,7 @@ fn a_flight_without_phases_does_not_ask_for_them() {
 }
 
 #[test]
-fn what_was_learnt_is_kept_from_flight_to_flight() {
+fn estimates_are_kept_from_flight_to_flight() {
     let mut service = phased();
     let (last, _) = flown(&mut service, 0, &reference(PathReference::PHASE_FLY, true));
     let (disarmed, _) = flown(&mut service, 20, &reference(PathReference::PHASE_DISARMED, false));

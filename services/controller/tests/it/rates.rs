@@ -1,4 +1,4 @@
-//! The law for a vehicle that takes body rates, against a vehicle with lags that is seen without error.
+//! Law for a vehicle with body-rate commands, against a vehicle with lags that is measured without error.
 
 use controller::offset::hanging_offset;
 use controller::rate_controller::RateController;
@@ -23,7 +23,7 @@ fn scenario(delta: f64, remove_offset: bool, rates: RateCommand) -> Scenario {
     scenario
 }
 
-/// A vehicle whose thrust and body rates follow with first-order lags.
+/// Vehicle whose thrust and body rates follow with first-order lags.
 struct Rig {
     motion: Measured,
     thrust: f64,
@@ -89,7 +89,7 @@ fn resting_reference() -> Reference {
     }
 }
 
-/// Flies towards a point and tells how far from it the vehicle was in the last seconds, and what it estimate.
+/// Flies to a point. Returns the largest distance from it in the last seconds, and the estimates.
 fn flown(scenario: &Scenario, rig: &mut Rig, seconds: f64, last: f64, yaw: f64) -> (f64, Estimates) {
     let mut rate_controller = RateController::new(scenario, scenario.controller.rates.as_ref().unwrap());
     let parameters = Parameters::from(scenario);
@@ -128,7 +128,7 @@ fn the_paper_s_delta_flies_at_the_radio_s_rate_and_hangs_by_the_known_offset() {
     );
     let seen = Vector3::z() * GRAVITY + rig.disturbance;
     let estimate = Vector3::z() * GRAVITY + estimates.disturbance_world;
-    // Mass and vertical disturbance are not told apart, the rest is.
+    // Mass and vertical disturbance cannot be distinguished; the rest can.
     assert!((seen - estimate).xy().norm() < 0.02, "{estimate}");
 }
 
@@ -141,7 +141,7 @@ fn without_the_offset_the_vehicle_hangs_on_the_path() {
 }
 
 #[test]
-fn the_roll_out_asks_for_less_of_the_body_rates() {
+fn the_roll_out_commands_smaller_body_rates() {
     let latched = RateCommand {
         roll_out: false,
         ..RateCommand::default()
@@ -171,7 +171,7 @@ fn the_roll_out_asks_for_less_of_the_body_rates() {
 }
 
 #[test]
-fn a_push_that_is_seen_before_it_is_learned_moves_the_vehicle_less() {
+fn a_measured_push_moves_the_vehicle_less_before_it_is_learned() {
     let farthest = |unexplained: bool| {
         let rates = RateCommand {
             unexplained,
@@ -247,7 +247,7 @@ fn there_is_nothing_to_learn_on_the_ground_or_beyond_the_link_s_thrust() {
     assert!(!telling(0.0, 0.1), "not airborne");
     assert!(
         !telling(20.0, 1.96),
-        "the law asks for more than the link carries"
+        "the law commands more than the link carries"
     );
 }
 

@@ -1,4 +1,4 @@
-//! What the controller does about states and references that are too old or cannot be true.
+//! Controller on states and references that are too old or impossible.
 
 use controller::ControllerService;
 use proptest::prelude::*;
@@ -21,7 +21,7 @@ const POLICY: &str = r#""safety": {
     "path/reference -> controller": {"max_age": 0.02}
 },"#;
 
-/// A controller of torque, or of body rates.
+/// Scenario with commands of torque, or of body rates.
 fn scenario(rates: bool, policy: &str) -> Scenario {
     let rig = if rates {
         r#""controller": {"rates": {}}, "model": {}, "rc_output": {}, "estimator": {"kalman": {}},"#
@@ -58,7 +58,7 @@ fn scenarios() -> [Scenario; 6] {
     ]
 }
 
-/// A vehicle that is a little off its place and slowly swings.
+/// A vehicle that is slightly displaced and slowly swings.
 fn state(tick: u64) -> VehicleState {
     let phase = 0.01 * tick as f64;
     let mut state = VehicleState::new_zeroed();
@@ -86,7 +86,7 @@ fn reference(tick: u64) -> PathReference {
     reference
 }
 
-/// One step on samples that are fresh in the tick in which they were published.
+/// Makes one step on samples that are fresh in the tick of their publication.
 fn step(
     service: &mut ControllerService,
     tick: u64,
@@ -104,7 +104,7 @@ fn step(
     crate::support::step(service, tick, inputs)
 }
 
-/// One controller that flies on, and one that is born anew before every step: they must say the same.
+/// One controller that flies on, and one that is restarted before every step: their outputs must be equal.
 struct Twins {
     scenario: Scenario,
     steady: ControllerService,
@@ -164,7 +164,7 @@ fn stages_begin_above_exactly_the_stated_ages_and_restart_in_any_changes_nothing
             assert_eq!(published.adaptation.stage, expected, "{age} ms");
             assert!(
                 published.adaptation.resting.is_set(),
-                "nothing is learned from what is not seen"
+                "the estimates do not learn without a measurement"
             );
             let is_failsafe = expected == ControlAdaptation::STAGE_FAILSAFE;
             assert_eq!(
@@ -181,7 +181,10 @@ fn stages_begin_above_exactly_the_stated_ages_and_restart_in_any_changes_nothing
         }
         let back = twins.step(450, &state(450), &reference(450));
         assert_eq!(back.adaptation.stage, ControlAdaptation::STAGE_LAW);
-        assert!(back.command.thrust > 0.0, "motors that rested take over at once");
+        assert!(
+            back.command.thrust > 0.0,
+            "the law takes over stopped motors at once"
+        );
     }
 }
 
@@ -196,9 +199,9 @@ fn without_a_policy_no_state_and_no_reference_is_too_old() {
     }
 }
 
-/// From step to step commands differ by what the law does by itself, and a share of the way back.
+/// From step to step commands differ by the law's change and a share of the transfer.
 #[test]
-fn the_law_comes_back_without_a_jump_from_every_stage_in_which_something_is_commanded() {
+fn the_law_returns_without_a_jump_from_every_stage_with_a_command() {
     for rates in [false, true] {
         for gone in [30, 70, 200] {
             let mut twins = Twins::new(scenario(rates, POLICY));
@@ -208,7 +211,7 @@ fn the_law_comes_back_without_a_jump_from_every_stage_in_which_something_is_comm
                 last = twins.step(tick, &state(seen), &reference(tick));
             }
             assert_ne!(last.adaptation.stage, ControlAdaptation::STAGE_LAW);
-            // The vehicle is elsewhere than it was, by as much as is estimate.
+            // The vehicle has moved meanwhile, by as much as is predicted.
             let moved = |tick| {
                 let mut state = state(tick);
                 state.position_world[1] += 0.05;
@@ -230,7 +233,7 @@ fn the_law_comes_back_without_a_jump_from_every_stage_in_which_something_is_comm
                 let moves = largest_difference(&published.command, &last.command);
                 assert!(
                     tick > 50 + gone || moves < 1e-9,
-                    "it begins with the last command: {moves}"
+                    "the transfer begins with the last command: {moves}"
                 );
                 largest = largest.max(moves);
                 let is_on_the_way = tick - (50 + gone) < 40;
@@ -240,7 +243,7 @@ fn the_law_comes_back_without_a_jump_from_every_stage_in_which_something_is_comm
                 law = step(&mut undisturbed, tick, &moved(tick), &reference(tick)).command;
                 by_itself = by_itself.max(largest_difference(&law, &before));
             }
-            assert!(jump > 0.01, "there is a jump to be made");
+            assert!(jump > 0.01, "the commands of stage and law differ");
             assert!(
                 largest < 0.1 * jump + by_itself,
                 "{rates} {gone}: {largest} of {jump}, {by_itself}"
@@ -250,7 +253,7 @@ fn the_law_comes_back_without_a_jump_from_every_stage_in_which_something_is_comm
 }
 
 #[test]
-fn a_late_reference_is_carried_on_and_one_that_is_too_old_is_flown_by_at_rest() {
+fn a_late_reference_is_continued_and_one_that_is_too_old_is_at_rest() {
     let mut twins = Twins::new(scenario(false, POLICY));
     for tick in 0..=50 {
         twins.step(tick, &state(tick), &reference(tick));
@@ -258,7 +261,7 @@ fn a_late_reference_is_carried_on_and_one_that_is_too_old_is_flown_by_at_rest() 
     for age in 1..100 {
         let published = twins.step(50 + age, &state(50 + age), &reference(50));
         assert_eq!(published.adaptation.stage, ControlAdaptation::STAGE_LAW);
-        // Where the path has come to at γ̇ = 1, in 20 ms at most, and whether it goes on.
+        // Place of the path at γ̇ = 1, after 20 ms at most, and whether it goes on.
         let (way, at_rest) = (1e-3 * age.min(20) as f64, age > 20);
         let mut carried = reference(50 + age);
         for axis in 0..3 {
@@ -285,7 +288,7 @@ fn a_late_reference_is_carried_on_and_one_that_is_too_old_is_flown_by_at_rest() 
 }
 
 #[test]
-fn inputs_that_cannot_be_true_are_counted_and_the_last_good_ones_stay() {
+fn impossible_inputs_are_counted_and_the_last_good_ones_stay() {
     for scenario in scenarios() {
         let mut twins = Twins::new(scenario);
         twins.step(0, &state(0), &reference(0));
@@ -308,9 +311,9 @@ fn inputs_that_cannot_be_true_are_counted_and_the_last_good_ones_stay() {
     }
 }
 
-/// Each number of this state is one of a flight, but the law's products of them are not.
+/// Each number of this state is valid in a flight, but the law's products of them are not finite.
 #[test]
-fn where_the_law_has_no_answer_the_last_command_is_held_until_it_has_one() {
+fn the_last_command_is_held_while_the_law_is_not_finite() {
     let mut twins = Twins::new(held_for_long(""));
     let good = twins.step(0, &state(0), &reference(0));
     for tick in 1..5 {
@@ -352,7 +355,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
     #[test]
-    fn whatever_bits_come_all_outputs_are_finite_and_restart_changes_nothing(
+    fn any_input_bits_give_finite_outputs_and_a_restart_changes_nothing(
         garbage in proptest::collection::vec(
             (proptest::collection::vec(any::<u8>(), 300), proptest::collection::vec(any::<bool>(), 29), 0..4u8, 1..40u64),
             1..30,

@@ -8,7 +8,7 @@ use zerocopy::{FromZeros, IntoBytes};
 
 pub(crate) const TICK_NS: u64 = 1_000_000;
 
-/// What a step published.
+/// Outputs of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Published {
     pub(crate) command: ControlCommand,

@@ -1,4 +1,4 @@
-//! The closed loop in continuous time: vehicle (1) to (4), path, timing law, law and estimators.
+//! Closed loop in continuous time: vehicle (1) to (4), path, timing law, law and estimators.
 
 use controller::lyapunov::TrueParameters;
 use controller::projection::Projection;
@@ -14,7 +14,7 @@ use super::dual::Dual;
 use super::path::tilted_eight;
 use super::timing_law::TimingLaw;
 
-/// What does not change along a flow.
+/// Constants of a flow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClosedLoop {
     pub(crate) parameters: Parameters,
@@ -22,7 +22,7 @@ pub(crate) struct ClosedLoop {
     pub(crate) actual: TrueParameters,
 }
 
-/// What changes along a flow.
+/// State of a flow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct State {
     pub(crate) measured: Measured,
@@ -31,7 +31,7 @@ pub(crate) struct State {
     pub(crate) estimates: Estimates,
 }
 
-/// How it changes.
+/// Rate of change of the state.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rates {
     pub(crate) position_world: Vector3<f64>,
@@ -44,7 +44,7 @@ pub(crate) struct Rates {
 }
 
 impl ClosedLoop {
-    /// The paper's simulation: its gains, its vehicle and its path.
+    /// Returns the paper's simulation: its gains, its vehicle and its path.
     pub(crate) fn paper() -> Self {
         let curve = Curve::TiltedEight(TiltedEight::default());
         let vehicle = Vehicle::new(0.2, [6.5e-4, 6.5e-4, 13.0e-4]);
@@ -59,7 +59,7 @@ impl ClosedLoop {
         }
     }
 
-    /// What the path tells the controller.
+    /// Returns the path's reference for the controller.
     pub(crate) fn reference(&self, state: &State) -> Reference {
         let Measured {
             position_world: p,
@@ -96,7 +96,7 @@ impl ClosedLoop {
         }
     }
 
-    /// The law in a state.
+    /// Evaluates the law in a state.
     pub(crate) fn evaluate(&self, state: &State) -> Evaluation {
         evaluate(
             &self.parameters,
@@ -106,7 +106,7 @@ impl ClosedLoop {
         )
     }
 
-    /// The vector field, with a command held at what the law says.
+    /// Returns the vector field, with a command held at the law's.
     pub(crate) fn rates(&self, state: &State, evaluation: &Evaluation) -> Rates {
         let Measured {
             world_from_body: r,

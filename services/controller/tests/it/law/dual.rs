@@ -1,5 +1,5 @@
-//! Dual numbers: quantities of a flow with their rates of change, carried along by the exact product and
-//! chain rules. What is differentiated with them has no truncation error.
+//! Dual numbers: quantities of a flow with their rates of change, by the exact product and chain rules. Derivatives by
+//! them have no truncation error.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -13,7 +13,7 @@ pub(crate) struct Dual<T> {
 }
 
 impl<T: Copy + Mul<f64, Output = T>> Dual<T> {
-    /// A quantity that does not change.
+    /// Makes a quantity that does not change.
     pub(crate) fn constant(value: T) -> Self {
         Self {
             value,

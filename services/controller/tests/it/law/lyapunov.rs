@@ -1,4 +1,4 @@
-//! dVn/dt = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) along the closed loop, and what follows from it.
+//! Rate dVn/dt = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) along the closed loop, and its consequences.
 
 use controller::parameter_vector::parameter_vector;
 use controller::{Estimates, Measured, lyapunov};
@@ -35,14 +35,14 @@ proptest! {
         ];
         let wanted = lyapunov::rate(parameters, &evaluation);
         let difference = terms.iter().sum::<f64>() - wanted;
-        // Rounding, in units of what cancels.
+        // Rounding, relative to the terms that cancel.
         let rounding = 1e-13 * terms.iter().map(|term| term.abs()).sum::<f64>();
         prop_assert!(difference.abs() < 1e-9 * wanted.abs() + rounding, "{} of {}", difference, wanted);
         prop_assert!(wanted <= 0.0);
     }
 }
 
-/// At rest, level and at `z1` from the beginning of the path, with estimates that begin with the paper's.
+/// State at rest, level and at `z1` from the beginning of the path, with the paper's initial estimates.
 fn at_rest(z1: Vector3<f64>) -> State {
     State {
         measured: Measured {

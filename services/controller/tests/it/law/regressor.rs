@@ -1,4 +1,4 @@
-//! W w ≡ −S(ω)Jω + J δm ζ̇ along the closed loop, timing law included.
+//! Identity W w ≡ −S(ω)Jω + J δm ζ̇ along the closed loop, timing law included.
 
 use controller::Estimates;
 use controller::Measured;
@@ -97,7 +97,7 @@ fn the_law_is_continuous_across_the_ends_of_the_transition_zone() {
 }
 
 #[test]
-fn the_identity_tells_a_regressor_that_forgets_the_timing_law() {
+fn the_identity_fails_for_a_regressor_without_the_timing_law() {
     let closed_loop = ClosedLoop::paper();
     let state = state_at(0.9);
     let mut deaf = closed_loop.reference(&state);

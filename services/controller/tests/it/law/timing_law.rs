@@ -1,4 +1,4 @@
-//! The timing law (22) to (25), straight from its definition and in dual numbers.
+//! Timing law (22) to (25), straight from its definition and in dual numbers.
 
 use super::dual::Dual;
 

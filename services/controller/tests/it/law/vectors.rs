@@ -63,7 +63,7 @@ impl Case {
     }
 }
 
-/// Each element to 1e−9 of its size; those that rounding decides, to 1e−12 of the largest of their quantity.
+/// Asserts each element to 1e−9 of its size; elements that rounding decides, to 1e−12 of the largest of their quantity.
 fn assert_agrees(what: &str, got: &[f64], wanted: &[f64]) {
     assert_eq!(got.len(), wanted.len(), "{what}");
     let largest = wanted
