@@ -1,8 +1,7 @@
-//! The bump ψ that tells the path to wait: C^∞, 1 up to α1, 0 from α2 on.
+//! Bump ψ by which the path waits: C^∞, 1 up to α1, 0 from α2 on.
 //!
-//! ψ(s) = ½ tanh χ + ½ with χ = θ/(θ² − 1), θ = (2s − α1 − α2)/(α2 − α1). χ runs from +∞ at α1 to −∞ at α2,
-//! so in this form everything is lost near the ends. With a = (s − α1)/(α2 − α1) and b = (α2 − s)/(α2 − α1)
-//! it is
+//! ψ(s) = ½ tanh χ + ½ with χ = θ/(θ² − 1), θ = (2s − α1 − α2)/(α2 − α1). χ runs from +∞ at α1 to −∞ at α2, so this
+//! form cancels near the ends and loses all digits there. With a = (s − α1)/(α2 − α1) and b = (α2 − s)/(α2 − α1) it is
 //!
 //!   θ = a − b,  1 − θ² = 4ab,  χ = (b − a)/(4ab),  ½ tanh χ + ½ = 1/(1 + exp(−2χ)),
 //!
@@ -28,14 +27,14 @@ impl BumpPoint {
         }
     }
 
-    /// Whether ψ′ = ψ″ = 0: outside of the transition, and so close to its ends that no number is left.
+    /// Returns whether ψ′ = ψ″ = 0: outside of the transition, and so close to its ends that both round to zero.
     #[must_use]
     pub fn is_flat(&self) -> bool {
         self.slope == 0.0 && self.curvature == 0.0
     }
 }
 
-/// No transition from α1 to α2.
+/// Error: there is no transition from α1 to α2.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "the path cannot slow down between alpha1 = {alpha1} and alpha2 = {alpha2}: choose 0 ≤ alpha1 < alpha2; the paper uses 0.5 and 1.5"
@@ -47,7 +46,7 @@ pub struct TransitionError {
     pub alpha2: f64,
 }
 
-/// The bump between α1 and α2.
+/// Bump between α1 and α2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bump {
     alpha1: f64,
@@ -55,7 +54,7 @@ pub struct Bump {
 }
 
 impl Bump {
-    /// The bump that is 1 up to `alpha1` and 0 from `alpha2` on, m.
+    /// Makes the bump that is 1 up to `alpha1` and 0 from `alpha2` on, m.
     ///
     /// # Errors
     /// [`TransitionError`] unless 0 ≤ α1 < α2 < ∞.
@@ -67,7 +66,7 @@ impl Bump {
         }
     }
 
-    /// ψ, ψ′ and ψ″ at a distance `s` ≥ 0, m. At and outside α1 and α2 the derivatives are exactly 0.
+    /// Returns ψ, ψ′ and ψ″ at a distance `s` ≥ 0, m. At and outside α1 and α2 the derivatives are exactly 0.
     #[must_use]
     pub fn at(&self, s: f64) -> BumpPoint {
         if s <= self.alpha1 {
@@ -140,7 +139,7 @@ mod tests {
             let (bump, s) = (Bump::new(alpha1, alpha1 + width).unwrap(), alpha1 + part * width);
             let (point, q) = (bump.at(s), 4.0 * part * (1.0 - part));
             if q < 1e-3 {
-                // Where the formula as written yields no number, ψ is flat to the last bit.
+                // Where the formula as written gives no number, ψ is flat to the last bit.
                 prop_assert!(point.is_flat() && (point.value == 0.0 || point.value == 1.0), "{:?}", point);
                 return Ok(());
             }

@@ -1,4 +1,4 @@
-//! Curves pd(γ), at least C⁴ with bounded derivatives, as section II of the paper asks for.
+//! Curves pd(γ), at least C⁴ with bounded derivatives, as section II of the paper requires.
 
 mod circle;
 mod hover;
@@ -32,7 +32,7 @@ pub struct CurvePoint {
 }
 
 impl CurvePoint {
-    /// A point at which the curve stands still.
+    /// Returns a point at which the curve stands still.
     pub(crate) fn at_rest(position: Vector3<f64>) -> Self {
         Self {
             position,
@@ -43,7 +43,7 @@ impl CurvePoint {
         }
     }
 
-    /// The same point of the curve turned about the origin.
+    /// Returns the same point of the curve turned about the origin.
     fn turned(&self, rotation: &Matrix3<f64>) -> Self {
         Self {
             position: rotation * self.position,
@@ -55,15 +55,15 @@ impl CurvePoint {
     }
 }
 
-/// Why parameters make no curve.
+/// Errors of the parameters of a curve.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CurveError {
     /// Fewer waypoints than the curve needs.
     #[error("{found} waypoints are too few: give at least {needed}")]
     TooFewPoints {
-        /// How many there are.
+        /// Number of waypoints.
         found: usize,
-        /// How many an open or a closed curve needs.
+        /// Number of waypoints that an open or a closed curve needs.
         needed: usize,
     },
     /// A waypoint is not a point of space.
@@ -83,7 +83,7 @@ pub enum CurveError {
     Interval(f64),
 }
 
-/// One of the curves that a scenario can ask for.
+/// Curve of a scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Curve {
     /// The paper's tilted figure of eight (27).
@@ -101,7 +101,7 @@ pub enum Curve {
 }
 
 impl Curve {
-    /// The curve of a scenario.
+    /// Makes the curve of a scenario.
     ///
     /// # Errors
     /// [`CurveError`] if the parameters make no curve.
@@ -116,7 +116,7 @@ impl Curve {
         })
     }
 
-    /// pd(γ) and its derivatives.
+    /// Returns pd(γ) and its derivatives.
     #[must_use]
     #[inline]
     pub fn at(&self, gamma: f64) -> CurvePoint {

@@ -1,22 +1,23 @@
-//! A flight from the ground to the path and back: which phase it is in, and what leads the vehicle there.
+//! Phases of a flight from the ground to the path and back, and the references in each of them.
 //!
-//! The phases and what leads from one to the next are those of [`shared_types::flight_phase`]; here stands how their
-//! conditions are made of what the path generator sees, which is the estimated state and the frames that are sent:
-//! * *ready*: the newest good state is recent, tracked, does not coast and its `position_sigma` is within the scenario's
-//!   limit; the newest frame is recent, its transmitter's inputs are too, and it demands nothing;
-//! * *airborne*: the vehicle has risen by [`LIFTED`] above where it was armed;
-//! * *touched down*: on its way down for [`STANDING`] seconds it did not sink while the reference went on sinking,
-//!   and the frames asked for less than [`UNLOADED`] of the thrust that carried it. As long as that lasts the vehicle
-//!   no longer counts as airborne.
+//! The phases and their transitions are those of [`shared_types::flight_phase`]. This module computes their conditions
+//! from the inputs of the path generator, the estimated state and the sent frames:
+//! * *ready*: the newest good state is recent, tracked, does not coast and its `position_sigma` is within the
+//!   scenario's limit; the newest frame is recent, its transmitter's inputs are too, and it demands nothing;
+//! * *airborne*: the vehicle has risen by [`LIFTED`] above the place where it was armed;
+//! * *touched down*: on its way down the vehicle did not sink for [`STANDING`] seconds while the reference went on
+//!   sinking, and the frames commanded less than [`UNLOADED`] of the thrust that carried it. As long as that lasts the
+//!   vehicle no longer counts as airborne;
+//! * *found flying*: at its first steps after a cold start, the path generator finds frames with as much thrust as the
+//!   lightest vehicle needs. It then leads the vehicle from its place to the path, as in a take-off.
 //!
-//! * *found flying*: at its first steps, born anew without its memory, it finds frames that ask for as much thrust as
-//!   the lightest vehicle needs. It then leads the vehicle from where that is to the path, as in a take-off.
+//! The reference follows a parameter: along the path by the timing law, along straight
+//! [segments](crate::transition_segments) like time. A landing brings the parameter to rest, wherever it is, and a
+//! descent begins there.
 //!
-//! What leads the vehicle is a parameter that moves along something: along the path by the timing law, along straight
-//! [lines](crate::transition_segments) like time. A landing brings the parameter to rest, wherever it is, and a descent begins there.
-//!
-//! Failure policy: while it is not known where the vehicle is, everything stands still and no condition of motion comes
-//! to hold. An arming is good for one take-off: after a landing, or a take-off that was given up, the operator arms anew.
+//! Failure policy: while the place of the vehicle is not known, everything stands still and no condition of motion
+//! becomes true. An arming is valid for one take-off: after a landing, or an abandoned take-off, the operator must arm
+//! again.
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
@@ -33,91 +34,91 @@ use crate::speed_profile::{SpeedProfile, Stop};
 use crate::timing_law::PathRates;
 use crate::transition_segments::{DESCENT_BEGIN, Descent, Leg};
 
-/// By how much a vehicle has risen that carries itself, m.
+/// Rise after which the vehicle counts as airborne, m.
 pub const LIFTED: f64 = 0.05;
-/// How close to the path's begin the vehicle has arrived, m.
+/// Distance from the path's begin at which the vehicle has arrived, m.
 pub const ARRIVED: f64 = 0.3;
-/// How long a take-off waits at the end of a leg for the vehicle, s.
+/// Longest wait of a take-off for the vehicle at the end of a leg, s.
 pub const PATIENCE: f64 = 5.0;
 /// Share of the speed of the descent below which the vehicle does not sink.
 pub const SINKING: f64 = 0.25;
-/// Share of the thrust that carried the vehicle below which something else carries it.
+/// Share of the carrying thrust below which something else carries the vehicle.
 pub const UNLOADED: f64 = 0.75;
-/// How long that must last, s.
+/// Duration for which that must last, s.
 pub const STANDING: f64 = 0.4;
 /// Time constant of the mean of the thrust that carries the vehicle, s.
 const CARRYING: f64 = 1.0;
 
 shared_types::sample! {
-    /// What is remembered of the phases; all zero in a flight without them, and before the first arming.
+    /// State of the phases; all zero in a flight without them, and before the first arming.
     pub struct PhasesMemory {
-        /// When the phase began, ns.
+        /// Begin of the phase, ns.
         pub began_ns: u64,
-        /// Where the line begins in {I}, m.
+        /// Begin of the segment in {I}, m.
         pub from_world: [f64; 3],
-        /// Where it ends in {I}, m.
+        /// End of the segment in {I}, m.
         pub to_world: [f64; 3],
-        /// Time on the line, s.
+        /// Time on the segment, s.
         pub along: f64,
-        /// How fast it goes on.
+        /// Rate of that time.
         pub along_rate: f64,
-        /// For how long the end of a leg has waited for the vehicle, s.
+        /// Wait for the vehicle at the end of a leg so far, s.
         pub waited: f64,
-        /// Rate of the parameter when it began to be brought to rest, 1/s.
+        /// Rate of the parameter when its stop began, 1/s.
         pub stop_rate: f64,
         /// Its derivative then, 1/s².
         pub stop_acceleration: f64,
-        /// For how long it has been brought to rest, s.
+        /// Duration of the stop so far, s.
         pub stopping_for: f64,
         /// z of the vehicle in {I} when it was armed, m.
         pub ground: f64,
         /// Mean of the thrust that carries the vehicle, N.
         pub carrying_thrust: f64,
-        /// For how long the vehicle has not sunk while it should, s.
+        /// Time for which the vehicle has not sunk although it should, s.
         pub standing_for: f64,
         /// Code of the phase.
         pub phase: u8,
         #[values(WAY_PATH = 0, WAY_RISE = 1, WAY_TRANSIT = 2, WAY_DESCENT = 3)]
-        /// What is moved along.
+        /// Code of the curve that the parameter moves along.
         pub way: u8,
-        /// Whether the vehicle carries itself.
+        /// Whether the vehicle is airborne.
         pub airborne: Flag,
-        /// Whether the parameter is brought to rest.
+        /// Whether the parameter is being brought to rest.
         pub stopping: Flag,
-        /// Whether the operator's arming has been used up.
+        /// Whether the operator's arming has been used.
         pub spent: Flag,
-        /// Whether it is known if the vehicle was in the air at the first step.
+        /// Whether the first step has decided if the vehicle was in the air.
         pub begun: Flag,
         /// Explicit padding.
         pub pad0: [u8; 2],
     }
 }
 
-/// What the path generator sees at a step.
+/// Inputs of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct PhaseInput<'a> {
-    /// The last good state, if it is known where the vehicle is.
+    /// The last good state, if the place of the vehicle is known.
     pub vehicle: Option<&'a VehicleState>,
-    /// How old it is, ns.
+    /// Its age, ns.
     pub vehicle_age_ns: u64,
     /// The last good frame.
     pub frame: Option<&'a RcFrame>,
-    /// How old it is, ns.
+    /// Its age, ns.
     pub frame_age_ns: u64,
-    /// Where the path stands, or is, in {I}, m.
+    /// Place of the path in {I}, m.
     pub path: Vector3<f64>,
     /// γ̇ and γ̈ of the path.
     pub path_rates: [f64; 2],
 }
 
-/// What leads the vehicle.
+/// Source of the reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PathRateCommand {
     /// The path, at a profile.
     Path(SpeedProfile),
     /// The path, with γ̇, γ̈ and γ⃛ as stated.
     PathAt([f64; 3]),
-    /// A line: its point, and its parameter with how that moves.
+    /// A segment: its point, and its parameter with its rates.
     Line(CurvePoint, f64, PathRates),
 }
 
@@ -127,14 +128,14 @@ pub struct Phases {
     stated: scenario::Flight,
     /// Ages up to which states and frames are recent, ns.
     fresh_ns: [u64; 2],
-    /// Thrust below which the lightest vehicle cannot be flying, N.
+    /// Thrust below which even the lightest vehicle cannot fly, N.
     airborne_thrust: f64,
-    /// What is remembered.
+    /// State of the phases.
     pub memory: PhasesMemory,
 }
 
 impl Phases {
-    /// The phases of a scenario that has been checked, at its start; `None` if it has none.
+    /// Makes the phases of a checked scenario, at its start; `None` if it has none.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let topics = [Topic::VehicleState, Topic::RcFrame];
@@ -146,19 +147,19 @@ impl Phases {
         })
     }
 
-    /// The phase.
+    /// Returns the phase.
     #[must_use]
     pub fn phase(&self) -> FlightPhase {
         FlightPhase::from_code(self.memory.phase)
     }
 
-    /// Whether the vehicle carries itself, as far as its motion tells.
+    /// Returns whether the vehicle is airborne, as far as its motion shows.
     #[must_use]
     pub fn is_airborne(&self) -> bool {
         self.memory.airborne.is_set() && self.memory.standing_for == 0.0
     }
 
-    /// Goes on to now, with what is seen then.
+    /// Advances to now, with the present inputs.
     pub fn advance(&mut self, now: &Now, sight: &PhaseInput<'_>) {
         let elapsed = now.elapsed();
         let memory = &mut self.memory;
@@ -184,7 +185,7 @@ impl Phases {
         }
     }
 
-    /// What leads the vehicle now; `known` tells whether it is known where that is.
+    /// Returns the source of the reference; `known` says whether the place of the vehicle is known.
     #[must_use]
     pub fn lead(&mut self, now: &Now, known: bool) -> PathRateCommand {
         let is_led = !matches!(self.phase(), FlightPhase::Disarmed | FlightPhase::Armed);
@@ -213,7 +214,7 @@ impl Phases {
         }
     }
 
-    /// Notices by the vehicle's motion, and by the thrust that is asked for, what carries it.
+    /// Detects by the vehicle's motion, and by the commanded thrust, what carries it.
     fn feel(&mut self, elapsed: f64, vehicle: &VehicleState, frame: Option<&RcFrame>) {
         let phase = self.phase();
         let memory = &mut self.memory;
@@ -242,7 +243,7 @@ impl Phases {
         }
     }
 
-    /// Goes from one line to the next where one has come to its end.
+    /// Moves from a segment that has ended to the next.
     fn go_along(&mut self, elapsed: f64, sight: &PhaseInput<'_>) {
         let at_end = self.leg().is_some_and(|leg| self.memory.along >= leg.duration());
         if at_end && !self.memory.stopping.is_set() {

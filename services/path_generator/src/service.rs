@@ -1,16 +1,17 @@
-//! The service `path_generator`: the newest state in, the reference of the same tick out.
+//! Service `path_generator`: the newest state in, the reference of the same tick out.
 //!
-//! At tick k it holds γₖ and γ̇ₖ, and evaluates curve and timing law there. γ and γ̇ move on by explicit Euler
-//! at the next step, over the time that has then passed: γₖ₊₁ = γₖ + hγ̇ₖ, γ̇ₖ₊₁ = γ̇ₖ + hγ̈ₖ.
+//! At tick k it holds γₖ and γ̇ₖ, and evaluates curve and timing law there. γ and γ̇ advance by explicit Euler at the
+//! next step, over the time that has then passed: γₖ₊₁ = γₖ + hγ̇ₖ, γ̇ₖ₊₁ = γ̇ₖ + hγ̈ₖ.
 //!
-//! Failure policy: while it is not known where the vehicle is, the path stands still: γ̇ = γ̈ = 0 from that step on, in
-//! both modes, and the reference says so. When the vehicle is seen again, the timing law starts γ̇ from 0, as at the
-//! start of a flight; trajectory tracking goes on at full speed from where it stood.
-//! * A state that cannot be true is refused and counted ([`StateValidator`]); the last good one stays in its place.
-//! * Without a policy the vehicle is known while that one is `tracked`, however old it is.
+//! Failure policy: while the place of the vehicle is not known, the path stands still: γ̇ = γ̈ = 0 from that step on,
+//! in both modes, and the reference says so. When the vehicle is known again, the timing law starts γ̇ from 0, as at
+//! the start of a flight; trajectory tracking goes on at full speed from where it stood.
+//! * An impossible state is refused and counted ([`StateValidator`]); the last good one stays in use.
+//! * Without a policy the vehicle is known while that state is `tracked`, however old it is.
 //! * With one it is known until the last good state, which was tracked, is too old.
 //!
-//! In a flight with phases ([`crate::phases`]) γ rests until the vehicle has come to the path, and after it has left it.
+//! In a flight with phases ([`crate::phases`]) γ is constant until the vehicle has come to the path, and after it has
+//! left it.
 
 use nalgebra::Vector3;
 use scenario::{EdgeName, PathMode, Scenario};
@@ -31,21 +32,21 @@ use crate::speed_profile::SpeedProfile;
 use crate::timing_law::{PathRates, TimingLaw};
 
 shared_types::sample! {
-    /// What the next step depends on besides its inputs.
+    /// State of the path generator between steps.
     pub struct PathGeneratorState {
-        /// Where the path is.
+        /// Place and rate of the path.
         pub motion: PathMotion,
-        /// What is remembered of the vehicle's states.
+        /// State of the input validator of states.
         pub states: StateGateState,
         /// The last good frame; all zero before the first, and in a flight without phases.
         pub frame: RcFrame,
-        /// What is remembered of the frames.
+        /// State of the input validator of frames.
         pub frames: GateState,
-        /// What is remembered of the phases.
+        /// State of the phases.
         pub phases: PhasesMemory,
     }
 
-    /// Where the path is, and how it moves on.
+    /// Place of the path, and its rates.
     pub struct PathMotion {
         /// γ.
         pub gamma: f64,
@@ -56,17 +57,17 @@ shared_types::sample! {
     }
 }
 
-/// Why a scenario makes no path.
+/// Errors of a scenario's path.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(transparent)]
 pub enum PathGeneratorError {
-    /// The curve's parameters make no curve.
+    /// The parameters give no curve.
     Curve(#[from] CurveError),
-    /// α1 and α2 leave no room to slow down in.
+    /// There is no room between α1 and α2 to slow down.
     Transition(#[from] TransitionError),
 }
 
-/// What moves γ.
+/// Law by which γ moves.
 #[derive(Clone, Copy, Debug)]
 enum Mover {
     /// The path waits for the vehicle.
@@ -75,42 +76,42 @@ enum Mover {
     Trajectory { speed: f64 },
 }
 
-/// The path generator's step logic.
+/// Step logic of the path generator.
 #[derive(Clone, Debug)]
 pub struct PathGeneratorService {
     states: StateValidator,
-    /// The oldest that a state is while nothing fails, ns.
+    /// Oldest age of a state without faults, ns.
     ordinary_age_ns: u64,
     leader: PathLeader,
     /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
     yaws: Vec<(u64, f64)>,
 }
 
-/// What leads the vehicle.
+/// Source of the vehicle's references.
 #[derive(Clone, Debug)]
 struct PathLeader {
     curve: Curve,
     mover: Mover,
     motion: PathMotion,
-    /// `None` where the vehicle is in the air from the start.
+    /// `None` if the vehicle is in the air from the start.
     phases: Option<Phases>,
-    /// Looked at by the phases only.
+    /// Used by the phases only.
     frames: InputValidator<RcFrame>,
 }
 
-/// What the vehicle is led by at a step.
+/// Reference of a step.
 struct Led {
     point: CurvePoint,
-    /// Parameter of the path or the line.
+    /// Parameter of the path or the segment.
     gamma: f64,
     rates: PathRates,
 }
 
 impl PathGeneratorService {
-    /// The path generator of a scenario, at the start of the flight.
+    /// Makes the path generator of a scenario, at the start of the flight.
     ///
     /// # Errors
-    /// [`PathGeneratorError`] if the scenario's curve is none, or its timing law.
+    /// [`PathGeneratorError`] if the scenario's curve or timing law is not valid.
     pub fn new(scenario: &Scenario) -> Result<Self, PathGeneratorError> {
         let path = &scenario.path;
         let curve = Curve::new(&path.curve)?;
@@ -144,7 +145,7 @@ impl PathGeneratorService {
         })
     }
 
-    /// ψd at a tick, rad.
+    /// Returns ψd at a tick, rad.
     fn yaw_at(&self, tick: u64) -> f64 {
         let begun = self.yaws.partition_point(|(from, _)| *from <= tick);
         self.yaws[begun.max(1) - 1].1
@@ -152,7 +153,8 @@ impl PathGeneratorService {
 }
 
 impl PathLeader {
-    /// Where the path is, moved on by how the vehicle follows it; it stands still where that is not known.
+    /// Returns the reference on the path, at its place and by the timing law; it stands still while the vehicle's place
+    /// is not known.
     fn along_path(&mut self, vehicle: Option<&VehicleState>, profile: &SpeedProfile) -> Led {
         let point = self.curve.at(self.motion.gamma);
         let rates = match vehicle {
@@ -167,8 +169,8 @@ impl PathLeader {
         }
     }
 
-    /// What leads the vehicle, whose last good state is of this age (ns): the path, or what the phase of the flight has
-    /// in its place.
+    /// Returns the source of the reference for a last good state of this age (ns): the path, or the segments of the
+    /// flight's phase.
     fn lead(
         &mut self,
         now: &Now,
@@ -231,7 +233,7 @@ impl Mover {
         })
     }
 
-    /// How γ moves with the vehicle at `vehicle` and the path at `point`.
+    /// Returns the rates of γ for the vehicle at `vehicle` and the path at `point`.
     fn rates(
         &self,
         vehicle: &VehicleState,
@@ -256,7 +258,7 @@ impl Mover {
 }
 
 impl PathMotion {
-    /// Explicit Euler over `h` seconds.
+    /// Steps by explicit Euler over `h` seconds.
     fn advance(&mut self, h: f64) {
         self.gamma += h * self.gamma_dot;
         self.gamma_dot += h * self.gamma_ddot;
@@ -281,7 +283,7 @@ impl Service for PathGeneratorService {
         let age_ns = self.states.age_ns(now);
         let known = newest.filter(|vehicle| vehicle.tracked.is_set() && !self.states.is_too_old(now));
         let Led { point, gamma, rates } = self.leader.lead(now, &inputs.frame, known, age_ns);
-        // The path does not wait for a state that is late.
+        // The path does not wait for a late state.
         let late_ns = age_ns.unwrap_or(0).saturating_sub(self.ordinary_age_ns);
         if let Some(reference) = outputs.reference.due() {
             *reference = PathReference {

@@ -1,7 +1,7 @@
-//! From rest and to rest: how a rate grows and falls without a jump that the law could feel.
+//! Speed profile: growth and fall of a rate from rest and to rest, without a jump for the law.
 //!
-//! The step s(x) = 35x⁴ − 84x⁵ + 70x⁶ − 20x⁷ leads from 0 at x = 0 to 1 at x = 1; its first three derivatives are 0 at
-//! both ends, so that what moves by it is C³. It is never steeper than 35/16.
+//! The step s(x) = 35x⁴ − 84x⁵ + 70x⁶ − 20x⁷ leads from 0 at x = 0 to 1 at x = 1. Its first three derivatives are 0 at
+//! both ends, so that motion by it is C³. It is never steeper than 35/16.
 
 /// Largest slope of [`Step`].
 pub const STEEPEST: f64 = 35.0 / 16.0;
@@ -22,7 +22,7 @@ pub struct Step {
 }
 
 impl Step {
-    /// The step at `x`.
+    /// Returns the step at `x`.
     #[must_use]
     pub fn at(x: f64) -> Self {
         if x <= 0.0 || x >= 1.0 {
@@ -43,7 +43,7 @@ impl Step {
         }
     }
 
-    /// The integral of s from 0 to `x`.
+    /// Returns the integral of s from 0 to `x`.
     #[must_use]
     pub fn integral(x: f64) -> f64 {
         if x <= 0.0 {
@@ -56,7 +56,7 @@ impl Step {
     }
 }
 
-/// w, the share of its speed with which a path goes, from 0 at rest to 1.
+/// w, the share of its speed at which a path moves, from 0 at rest to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedProfile {
     /// w.
@@ -75,7 +75,7 @@ impl SpeedProfile {
         acceleration: 0.0,
     };
 
-    /// The profile some seconds after the start, when full speed is reached `duration` seconds after it.
+    /// Returns the profile some seconds after the start, when full speed is reached `duration` seconds after it.
     #[must_use]
     pub fn from_rest(since_start: f64, duration: f64) -> Self {
         let step = Step::at(since_start / duration);
@@ -87,19 +87,19 @@ impl SpeedProfile {
     }
 }
 
-/// A rate that is brought to rest: the quintic with the rate and the acceleration of its begin, and nothing at its end.
+/// Stop of a rate: the quintic with the rate and the acceleration of its begin, and zero at its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     /// The rate at the begin, 1/s.
     pub rate: f64,
     /// Its derivative there, 1/s².
     pub acceleration: f64,
-    /// How long it takes, s.
+    /// Duration of the stop, s.
     pub duration: f64,
 }
 
 impl Stop {
-    /// The rate and its first two derivatives some seconds after the begin.
+    /// Returns the rate and its first two derivatives some seconds after the begin.
     #[must_use]
     pub fn at(&self, since_begin: f64) -> [f64; 3] {
         let Self {

@@ -1,7 +1,6 @@
 //! Taylor arithmetic for tests: a function's value and first four derivatives, exact to rounding.
 //!
-//! A law written in these numbers exactly as it stands on paper yields its derivatives without anyone
-//! deriving them by hand.
+//! A law written in these numbers exactly as in the paper gives its derivatives without a derivation by hand.
 
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -16,17 +15,17 @@ impl Taylor {
         Self([value, 0.0, 0.0, 0.0, 0.0])
     }
 
-    /// The variable that the derivatives are taken by.
+    /// Makes the variable of the derivatives.
     pub(crate) fn variable(value: f64) -> Self {
         Self([value, 1.0, 0.0, 0.0, 0.0])
     }
 
-    /// The derivative of an order; of order 0 the value.
+    /// Returns the derivative of an order; of order 0 the value.
     pub(crate) fn derivative(&self, order: usize) -> f64 {
         [1.0, 1.0, 2.0, 6.0, 24.0][order] * self.0[order]
     }
 
-    /// Coefficient `order` of the function y with y′ = w x′, where x is `self`.
+    /// Returns coefficient `order` of the function y with y′ = w x′, where x is `self`.
     fn chain(&self, w: &Self, order: usize) -> f64 {
         let terms = (1..=order).map(|k| k as f64 * self.0[k] * w.0[order - k]);
         terms.sum::<f64>() / order as f64
@@ -41,7 +40,7 @@ impl Taylor {
         (sine, cosine)
     }
 
-    /// tanh, of full relative accuracy also in the derivatives: w = 1/cosh² has no cancellation.
+    /// Returns tanh, of full relative accuracy also in the derivatives: w = 1/cosh² has no cancellation.
     pub(crate) fn tanh(self) -> Self {
         let cosh = libm::cosh(self.0[0]);
         let (mut y, mut w) = (

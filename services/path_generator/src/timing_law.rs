@@ -1,4 +1,4 @@
-//! The timing law (22)–(25): the path moves on by ‖z1‖, so that it waits for a vehicle that is far.
+//! Timing law (22)–(25): the path moves by ‖z1‖, so that it waits for a vehicle that is far away.
 //!
 //! ```text
 //! γ̇d = vd ψ(‖z1‖)
@@ -8,22 +8,22 @@
 //! γ⃛  = vd (ψ″ (‖z1‖˙)² + ψ′ ‖z1‖¨) − k4 (γ̈ − γ̈d)  =  c0 + c1 ‖z1‖¨
 //! ```
 //!
-//! From rest the path comes to its speed by a [`SpeedProfile`] w: vd is w(t) vd then, and
+//! From rest, the path reaches its speed by a [`SpeedProfile`] w: vd is w(t) vd then, and
 //!
 //! ```text
 //! γ̈d = ẇ vd ψ + w vd ψ′ ‖z1‖˙
 //! γ⃛d = ẅ vd ψ + 2ẇ vd ψ′ ‖z1‖˙ + w vd (ψ″ (‖z1‖˙)² + ψ′ ‖z1‖¨)
 //! ```
 //!
-//! ‖z1‖¨ holds the unknown acceleration of the vehicle, which is the controller's business: γ⃛ is handed on
-//! as c0 and c1. Where ψ is flat the terms in ‖z1‖˙ are not evaluated, which spares the division by ‖z1‖ = 0.
+//! ‖z1‖¨ holds the unknown acceleration of the vehicle, which only the controller estimates: γ⃛ is published as c0 and
+//! c1. Where ψ is flat the terms in ‖z1‖˙ are not evaluated, which avoids the division by ‖z1‖ = 0.
 
 use nalgebra::Vector3;
 
 use crate::bump::{Bump, TransitionError};
 use crate::speed_profile::SpeedProfile;
 
-/// How γ moves at an instant.
+/// Motion of γ at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathRates {
     /// γ̇, 1/s.
@@ -41,13 +41,13 @@ pub struct PathRates {
 }
 
 impl PathRates {
-    /// γ moves at a constant rate, 1/s, whatever the vehicle does.
+    /// Returns the rates of a constant γ̇, 1/s, independent of the vehicle.
     #[must_use]
     pub fn steady(gamma_dot: f64) -> Self {
         Self::stated([gamma_dot, 0.0, 0.0])
     }
 
-    /// γ moves with these γ̇ (1/s), γ̈ (1/s²) and γ⃛ (1/s³), whatever the vehicle does.
+    /// Returns the rates of these γ̇ (1/s), γ̈ (1/s²) and γ⃛ (1/s³), independent of the vehicle.
     #[must_use]
     pub fn stated([gamma_dot, gamma_ddot, gamma_dddot]: [f64; 3]) -> Self {
         Self {
@@ -61,7 +61,7 @@ impl PathRates {
     }
 }
 
-/// The timing law with its gains.
+/// Timing law with its gains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimingLaw {
     /// vd, 1/s.
@@ -73,7 +73,7 @@ pub struct TimingLaw {
 }
 
 impl TimingLaw {
-    /// The timing law of a scenario's path.
+    /// Makes the timing law of a scenario's path.
     ///
     /// # Errors
     /// [`TransitionError`] unless 0 ≤ α1 < α2.
@@ -85,13 +85,13 @@ impl TimingLaw {
         })
     }
 
-    /// The law at z1 = p − pd(γ) (7), ż1 = ṗ − pd′γ̇ and γ̇.
+    /// Evaluates the law at z1 = p − pd(γ) (7), ż1 = ṗ − pd′γ̇ and γ̇.
     #[must_use]
     pub fn rates(&self, z1: &Vector3<f64>, z1_dot: &Vector3<f64>, gamma_dot: f64) -> PathRates {
         self.paced(&SpeedProfile::FULL, z1, z1_dot, gamma_dot)
     }
 
-    /// The law of a path on its way from rest.
+    /// Evaluates the law of a path that speeds up from rest.
     #[must_use]
     pub fn paced(
         &self,
@@ -186,7 +186,7 @@ mod tests {
         }
 
         #[test]
-        fn near_the_path_the_rate_error_decays_at_k4_whatever_the_vehicle_does(
+        fn near_the_path_the_rate_error_decays_at_k4_for_any_motion_of_the_vehicle(
             z1 in proptest::array::uniform3(-0.28..0.28f64),
             z1_dot in proptest::array::uniform3(-1e3..1e3f64),
             gamma_dot in -3.0..3.0f64,

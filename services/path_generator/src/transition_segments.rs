@@ -1,4 +1,4 @@
-//! The straight lines between the ground and the path. Their parameter is the time on them, s.
+//! Transition segments: the straight lines between the ground and the path. Their parameter is the time on them, s.
 
 use nalgebra::Vector3;
 
@@ -10,19 +10,19 @@ const ACCELERATION: f64 = 1.0;
 /// Time in which a descent reaches its speed, s.
 pub const DESCENT_BEGIN: f64 = 1.0;
 
-/// From a point to another, from rest to rest.
+/// Straight segment from one point to another, from rest to rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leg {
-    /// Where it begins in {I}, m.
+    /// Its begin in {I}, m.
     pub from: Vector3<f64>,
-    /// Where it ends in {I}, m.
+    /// Its end in {I}, m.
     pub to: Vector3<f64>,
     /// Largest speed, m/s.
     pub speed: f64,
 }
 
 impl Leg {
-    /// How long it takes, s.
+    /// Returns its duration, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
         let way = (self.to - self.from).norm();
@@ -31,7 +31,7 @@ impl Leg {
         by_speed.max(by_acceleration)
     }
 
-    /// The point at a time on it, s.
+    /// Returns the point at a time on it, s.
     #[must_use]
     pub fn at(&self, time: f64) -> CurvePoint {
         let duration = self.duration();
@@ -50,17 +50,17 @@ impl Leg {
     }
 }
 
-/// From a point straight down without an end: the ground ends it.
+/// Straight descent from a point without an end: the ground ends it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Descent {
-    /// Where it begins in {I}, m.
+    /// Its begin in {I}, m.
     pub from: Vector3<f64>,
     /// Its speed after [`DESCENT_BEGIN`], m/s.
     pub speed: f64,
 }
 
 impl Descent {
-    /// The point at a time on it, s.
+    /// Returns the point at a time on it, s.
     #[must_use]
     pub fn at(&self, time: f64) -> CurvePoint {
         let (down, rate) = (Vector3::z() * self.speed, 1.0 / DESCENT_BEGIN);

@@ -15,7 +15,7 @@ pub struct Circle {
 }
 
 impl Circle {
-    /// The circle of these parameters.
+    /// Makes the circle of these parameters.
     #[must_use]
     pub fn new(parameters: &scenario::Circle) -> Self {
         Self {
@@ -26,7 +26,7 @@ impl Circle {
         }
     }
 
-    /// pd(γ) and its derivatives.
+    /// Returns pd(γ) and its derivatives.
     #[must_use]
     pub fn at(&self, gamma: f64) -> CurvePoint {
         let w = self.frequency;

@@ -11,7 +11,7 @@ pub struct Hover {
 }
 
 impl Hover {
-    /// The point of these parameters.
+    /// Makes the point of these parameters.
     #[must_use]
     pub fn new(parameters: &scenario::Hover) -> Self {
         Self {
@@ -19,7 +19,7 @@ impl Hover {
         }
     }
 
-    /// pd(γ) and its derivatives, which are zero.
+    /// Returns pd(γ) and its derivatives, which are zero.
     #[must_use]
     pub fn at(&self, _gamma: f64) -> CurvePoint {
         CurvePoint::at_rest(self.position)

@@ -12,7 +12,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// The line of these parameters.
+    /// Makes the line of these parameters.
     #[must_use]
     pub fn new(parameters: &scenario::Line) -> Self {
         Self {
@@ -21,7 +21,7 @@ impl Line {
         }
     }
 
-    /// pd(γ) and its derivatives.
+    /// Returns pd(γ) and its derivatives.
     #[must_use]
     pub fn at(&self, gamma: f64) -> CurvePoint {
         CurvePoint {

@@ -14,7 +14,7 @@ pub struct Lissajous {
 }
 
 impl Lissajous {
-    /// The figure of these parameters.
+    /// Makes the figure of these parameters.
     #[must_use]
     pub fn new(parameters: &scenario::Lissajous) -> Self {
         Self {
@@ -25,7 +25,7 @@ impl Lissajous {
         }
     }
 
-    /// pd(γ) and its derivatives.
+    /// Returns pd(γ) and its derivatives.
     #[must_use]
     pub fn at(&self, gamma: f64) -> CurvePoint {
         let w = self.frequency;

@@ -15,7 +15,7 @@ pub struct TiltedEight {
 }
 
 impl TiltedEight {
-    /// The eight of these parameters.
+    /// Makes the eight of these parameters.
     #[must_use]
     pub fn new(parameters: &scenario::TiltedEight) -> Self {
         Self {
@@ -26,7 +26,7 @@ impl TiltedEight {
         }
     }
 
-    /// pd(γ) and its derivatives.
+    /// Returns pd(γ) and its derivatives.
     #[must_use]
     pub fn at(&self, gamma: f64) -> CurvePoint {
         let (l, w) = (self.size, self.frequency);

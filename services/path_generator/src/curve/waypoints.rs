@@ -6,9 +6,9 @@
 //! * it is at rest there, all four derivatives zero, if the five coincide, and then goes on as a constant
 //!   without loss of smoothness: so it begins and ends, unless it is closed.
 //!
-//! With one knot to the interval neither would be possible beside the other. What freedom is left makes the
-//! curve as smooth as it can be, see [`smoothest`]; a closed one is then the periodic quintic interpolating
-//! spline of the textbooks.
+//! With one knot to the interval a curve could not have both properties. The remaining freedom makes the curve as
+//! smooth as possible, see [`smoothest`]; a closed one is then the periodic quintic interpolating spline of the
+//! textbooks.
 //!
 //! Overshoot: in a ball around any centre that holds all waypoints, the curve strays from the centre to at most
 //! [`Waypoints::OVERSHOOT_OPEN`] or [`Waypoints::OVERSHOOT_CLOSED`] times the radius, whatever the points. From
@@ -36,18 +36,18 @@ pub struct Waypoints {
     /// γ from one knot to the next.
     spacing: f64,
     closed: bool,
-    /// What begins at each knot; the last one of an open curve is its rest at the end.
+    /// Polynomial from each knot on; the last one of an open curve is its rest at the end.
     pieces: Vec<Piece>,
 }
 
 impl Waypoints {
-    /// How far an open curve strays from the centre of a ball that holds all waypoints at most, in its radii.
+    /// Largest distance of an open curve from the centre of a ball that holds all waypoints, in its radii.
     pub const OVERSHOOT_OPEN: f64 = 2.1;
 
     /// The same as [`Self::OVERSHOOT_OPEN`] for a closed curve.
     pub const OVERSHOOT_CLOSED: f64 = 1.85;
 
-    /// The curve through these points.
+    /// Makes the curve through these points.
     ///
     /// # Errors
     /// [`CurveError`] if there are fewer than two points, or three for a closed curve, if two neighbours
@@ -82,7 +82,7 @@ impl Waypoints {
         })
     }
 
-    /// pd(γ) and its derivatives.
+    /// Returns pd(γ) and its derivatives.
     #[must_use]
     pub fn at(&self, gamma: f64) -> CurvePoint {
         let last = self.pieces.len() - 1;
@@ -138,10 +138,10 @@ fn check(parameters: &scenario::Waypoints) -> Result<(), CurveError> {
     Ok(())
 }
 
-/// The polynomial from a knot to the next, of the six control points with weight there.
+/// Returns the polynomial from a knot to the next, of the six control points with weight there.
 ///
-/// All but the position is made of differences of control points, so that where they coincide the
-/// derivatives are exactly zero and the position is exactly theirs.
+/// Except for the position it consists of differences of control points. Where the points coincide, the derivatives are
+/// exactly zero and the position is exactly theirs.
 fn piece(c: [Vector3<f64>; 6], spacing: f64) -> Piece {
     let outer_sum = (c[0] - c[2]) + (c[4] - c[2]);
     let inner_sum = (c[1] - c[2]) + (c[3] - c[2]);
@@ -164,7 +164,7 @@ fn piece(c: [Vector3<f64>; 6], spacing: f64) -> Piece {
     })
 }
 
-/// f(t) of the polynomial f with the given derivatives at 0, the value first: Σ f⁽ᵏ⁾ tᵏ/k!.
+/// Returns f(t) of the polynomial f with the given derivatives at 0, the value first: Σ f⁽ᵏ⁾ tᵏ/k!.
 #[inline]
 fn taylor(derivatives: &[Vector3<f64>], t: f64) -> Vector3<f64> {
     let (last, lower) = derivatives.split_last().expect("at least the value");
@@ -293,7 +293,7 @@ mod tests {
         }
 
         #[test]
-        fn any_gamma_at_all_is_survived(points in any_points(3..=50), closed: bool, gamma: f64) {
+        fn any_gamma_gives_a_point(points in any_points(3..=50), closed: bool, gamma: f64) {
             let point = curve(&points, closed, 0.3).at(gamma);
             prop_assert_eq!(point.position.iter().all(|x| x.is_finite()), gamma.is_finite() || (!closed && !gamma.is_nan()));
         }
@@ -385,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_curve_is_refused_with_the_place() {
+    fn parameters_without_a_curve_are_refused_with_the_place() {
         let a = [0.0, 0.0, -1.0];
         let b = [1.0, 0.0, -1.0];
         let refusal = |points: &[[f64; 3]], closed, interval| {

@@ -1,4 +1,4 @@
-//! A path generator in the air, driven as a host would drive it.
+//! A path generator in flight, stepped as a host would step it.
 
 use path_generator::PathGeneratorService;
 use scenario::{Curve, Path, Scenario, TiltedEight, Vehicle};
@@ -79,7 +79,7 @@ fn step_on(
     reference
 }
 
-/// One step at a time of its own, with a state and a frame, both fresh, and what the operator asks for.
+/// Makes one step at a given time, with a state and a frame, both fresh, and a request of the operator.
 pub(crate) fn step_in_phases(
     generator: &mut PathGeneratorService,
     now: &Now,

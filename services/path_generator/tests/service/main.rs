@@ -1,4 +1,4 @@
-//! What hosts may rely on: the path generator through the contract that they step it by.
+//! Path generator through the contract by which hosts step it.
 
 mod allocation;
 #[path = "../../../../tests/common/allocations.rs"]

@@ -1,4 +1,4 @@
-//! From the ground to the path and back: phases in their order, references without jumps.
+//! Flights from the ground to the path and back: phases in their order, references without jumps.
 
 use path_generator::PathGeneratorService;
 use path_generator::phases::{LIFTED, PATIENCE, STANDING};
@@ -12,7 +12,7 @@ use crate::flight::{TICK_NS, paper_path, scenario, step_in_phases, vehicle};
 use crate::restart::restarted;
 
 const H: f64 = 1e-3;
-/// Where the vehicle stands at the start, away from the begin of the path.
+/// Place of the vehicle at the start, away from the begin of the path.
 const PLACE: [f64; 3] = [0.5, 0.4, 0.1];
 const ARMED: Operator = Operator::FLYING;
 const DISARMED: Operator = Operator {
@@ -28,7 +28,7 @@ fn phased(path: Path) -> Scenario {
     }
 }
 
-/// A path generator with a vehicle that is where its reference leads it, but for the ground.
+/// Path generator with a vehicle that follows its reference exactly, except on the ground.
 struct Flown {
     scenario: Scenario,
     generator: PathGeneratorService,
@@ -72,7 +72,7 @@ impl Flown {
         Self::new(paper_path())
     }
 
-    /// One tick; the path generator dies before it and is born again.
+    /// Makes one tick; the path generator is killed and restarted before it.
     fn step(&mut self, operator: Operator) -> PathReference {
         self.generator = restarted(
             &self.generator,
@@ -97,7 +97,8 @@ impl Flown {
         self.reference
     }
 
-    /// The vehicle goes where it is led; on the ground it stands, and the law asks for less thrust the deeper it is led.
+    /// Moves the vehicle to its reference; on the ground it stands, and the law commands less thrust the deeper the
+    /// reference is.
     fn follow(&mut self) {
         let reference = &self.reference;
         let is_led = reference.phase >= PathReference::PHASE_TAKE_OFF;
@@ -156,7 +157,7 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
         .sqrt()
 }
 
-/// A whole flight, in which each reference is where the one before was going.
+/// Flies a whole flight and asserts that each reference continues the motion of the one before.
 fn assert_smooth_flight(mut flown: Flown) -> Vec<u8> {
     flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
     let mut before = flown.reference;
@@ -276,7 +277,7 @@ fn nothing_arms_while_anything_is_not_ready() {
         }
         let mut flown = Flown::eight();
         flown.until(ARMED, PathReference::PHASE_ARMED);
-        // An unreadable frame is as none: the last good one is recent for a tenth of a second.
+        // An unreadable frame counts as none: the last good one is recent for a tenth of a second.
         for _ in 0..200 {
             spoil(&mut flown);
             flown.step(ARMED);
@@ -376,7 +377,7 @@ fn the_transmitters_demand_lands_and_its_kill_disarms() {
 }
 
 #[test]
-fn who_kills_or_takes_the_arming_back_disarms_from_every_phase() {
+fn a_kill_or_a_disarming_disarms_from_every_phase() {
     for phase in [
         PathReference::PHASE_ARMED,
         PathReference::PHASE_TAKE_OFF,
@@ -397,7 +398,7 @@ fn who_kills_or_takes_the_arming_back_disarms_from_every_phase() {
 }
 
 #[test]
-fn while_it_is_not_known_where_the_vehicle_is_everything_stands_still_and_nothing_touches_down() {
+fn while_the_vehicle_is_unknown_everything_stands_still_without_a_touch_down() {
     let mut flown = Flown::eight();
     flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
     flown.for_seconds(ARMED, 2.0);
@@ -455,7 +456,7 @@ fn a_step_in_any_phase_allocates_nothing() {
 }
 
 #[test]
-fn who_begins_anew_in_the_air_leads_the_vehicle_from_where_it_is_to_the_path() {
+fn a_cold_start_in_the_air_leads_the_vehicle_from_its_place_to_the_path() {
     for land in [false, true] {
         let mut flown = Flown::eight();
         flown.until(ARMED, PathReference::PHASE_FLY);
@@ -475,7 +476,7 @@ fn who_begins_anew_in_the_air_leads_the_vehicle_from_where_it_is_to_the_path() {
 }
 
 #[test]
-fn who_begins_anew_on_the_ground_or_with_old_frames_does_not_take_it_for_the_air() {
+fn a_cold_start_on_the_ground_or_with_old_frames_is_not_taken_for_flight() {
     for (failsafe, thrust, age) in [(true, 0.0, 0), (false, 0.1, 0), (false, 2.0, 200)] {
         let mut generator = PathGeneratorService::new(&phased(paper_path())).unwrap();
         let tick = 5000;

@@ -1,4 +1,4 @@
-//! What the path does about states that are too old or cannot be true.
+//! Path on states that are too old or impossible.
 
 use path_generator::PathGeneratorService;
 use proptest::prelude::*;
@@ -59,12 +59,12 @@ fn the_path_goes_on_until_the_state_is_older_than_the_stated_age_and_then_stands
     let next = step_at(&mut path, 200, Some(&state(200)));
     assert!(
         next.gamma_dot > 0.0,
-        "the path moves on when the vehicle is seen again"
+        "the path moves on when the vehicle is known again"
     );
 }
 
 #[test]
-fn a_state_that_cannot_be_true_is_counted_and_the_path_goes_on_by_the_last_good_one() {
+fn an_impossible_state_is_counted_and_the_path_goes_on_by_the_last_good_one() {
     for scenario in [scenario(paper_path()), with_policy(None)] {
         let mut path = generator(&scenario);
         for tick in 0..10 {
@@ -80,7 +80,7 @@ fn a_state_that_cannot_be_true_is_counted_and_the_path_goes_on_by_the_last_good_
 
 proptest! {
     #[test]
-    fn whatever_bits_come_the_reference_is_finite_and_restart_changes_nothing(
+    fn any_input_bits_give_a_finite_reference_and_a_restart_changes_nothing(
         states in proptest::collection::vec(
             (proptest::collection::vec(any::<u8>(), size_of::<VehicleState>()), any::<[bool; 5]>()), 1..30),
     ) {
@@ -91,7 +91,7 @@ proptest! {
                 let mut sample = VehicleState::read_from_bytes(bytes).unwrap();
                 sample.header = good.header;
                 if bytes[0].is_multiple_of(2) {
-                    // Numbers of a flight, but of none that can be true.
+                    // Numbers in the range of a flight, but impossible together.
                     let word = |at: usize| f64::from(bytes[at]) - 128.0;
                     sample.position_world = [word(1), 1e3 * word(2), 1e6 * word(3)];
                     sample.velocity_body = [word(4), 1e3 * word(5), 1e6 * word(6)];
@@ -101,7 +101,7 @@ proptest! {
                     (sample.thrust, sample.position_sigma) = (0.0, 0.0);
                 }
                 for (chunk, kept) in keep.iter().enumerate() {
-                    // A fifth of the sample after the other is as it should be.
+                    // A fifth of the sample after the other is valid.
                     let range = 24 + chunk * 40..24 + (chunk + 1) * 40;
                     if *kept {
                         sample.as_mut_bytes()[range.clone()].copy_from_slice(&good.as_bytes()[range]);

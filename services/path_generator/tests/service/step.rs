@@ -1,4 +1,4 @@
-//! How γ moves from step to step.
+//! Motion of γ from step to step.
 
 use crate::flight::{TICK_NS, generator, paper_path, scenario, step, step_at, step_on_old, vehicle};
 use path_generator::{CurveError, PathGeneratorError, PathGeneratorService, PathGeneratorState};
@@ -13,7 +13,7 @@ fn hover_at_origin() -> Curve {
     Curve::Hover(Hover { position: [0.0; 3] })
 }
 
-/// A vehicle that wanders through the transition of the timing law, out of it at both ends and out of sight.
+/// A vehicle that moves through the transition of the timing law, out of it at both ends and out of the cameras' view.
 fn wanderer(tick: u64) -> VehicleState {
     let time = tick as f64 * 1e-2;
     let (sine, cosine) = libm::sincos(time);
@@ -318,7 +318,7 @@ fn the_path_moves_on_also_in_a_step_without_a_due_reference() {
 }
 
 #[test]
-fn a_scenario_that_makes_no_path_is_refused() {
+fn a_scenario_without_a_valid_path_is_refused() {
     let no_room = Path {
         alpha1: 1.5,
         ..paper_path()

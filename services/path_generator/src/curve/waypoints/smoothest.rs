@@ -1,4 +1,4 @@
-//! Of all the quintic splines through the waypoints, the smoothest: that of the least ∫‖pd‴‖² dγ.
+//! Smoothest of all quintic splines through the waypoints: the one of the least ∫‖pd‴‖² dγ.
 //!
 //! The five control points of a waypoint P are P + N y with four free vectors y, so that the curve passes
 //! through P for every y. The third derivative between two waypoints depends on their ten control points
@@ -7,8 +7,8 @@
 //!
 //!   Bᵀ yᵢ₋₁ + A yᵢ + B yᵢ₊₁ = e (Pᵢ − Pᵢ₊₁)ᵀ + f (Pᵢ − Pᵢ₋₁)ᵀ
 //!
-//! with yᵢ ∈ R⁴ˣ³, y = 0 at an end at rest, and indices around a closed curve. The solution decides how smooth
-//! the curve is; that it is C⁴ and meets its points does not depend on it.
+//! with yᵢ ∈ R⁴ˣ³, y = 0 at an end at rest, and indices around a closed curve. The solution determines only the
+//! smoothness: the curve is C⁴ and passes through its points for any y.
 
 use nalgebra::{Matrix3, Matrix4, SMatrix, Vector3, Vector4};
 
@@ -17,10 +17,10 @@ use super::KNOTS_PER_INTERVAL;
 /// The control points of a waypoint, in order; the third belongs to its own knot.
 pub(super) type ControlPoints = [Vector3<f64>; KNOTS_PER_INTERVAL];
 
-/// y of a waypoint: how far its control points are from it, all but the middle one.
+/// y of a waypoint: offsets of its control points from it, without the middle one.
 type Offsets = SMatrix<f64, 4, 3>;
 
-/// The control points of the smoothest curve, five a waypoint.
+/// Returns the control points of the smoothest curve, five a waypoint.
 pub(super) fn control_points(points: &[Vector3<f64>], closed: bool) -> Vec<ControlPoints> {
     let energy = Energy::of_interval();
     let offsets = if closed {
@@ -35,7 +35,7 @@ pub(super) fn control_points(points: &[Vector3<f64>], closed: bool) -> Vec<Contr
     points.iter().zip(offsets).map(around).collect()
 }
 
-/// N: from y to the offsets of all five control points, such that (c₋₂ + 26c₋₁ + 66c₀ + 26c₁ + c₂)/120 = 0.
+/// Returns N: from y to the offsets of all five control points, such that (c₋₂ + 26c₋₁ + 66c₀ + 26c₁ + c₂)/120 = 0.
 fn passing() -> SMatrix<f64, 5, 4> {
     let (inner, outer) = (-26.0 / 66.0, -1.0 / 66.0);
     SMatrix::<f64, 5, 4>::from_row_slice(&[
@@ -47,7 +47,7 @@ fn passing() -> SMatrix<f64, 5, 4> {
     ])
 }
 
-/// ∫‖pd‴‖² from one waypoint to the next as a quadratic form of their ten control points, knot spacing 1.
+/// Returns ∫‖pd‴‖² from one waypoint to the next as a quadratic form of their ten control points, knot spacing 1.
 fn interval_form() -> SMatrix<f64, 10, 10> {
     // On a piece, the third derivative is the quadratic B-spline of the third differences.
     let third_difference = [-1.0, 3.0, -3.0, 1.0];
@@ -65,7 +65,7 @@ fn interval_form() -> SMatrix<f64, 10, 10> {
     form
 }
 
-/// The blocks of the equations for the minimum.
+/// Blocks of the equations for the minimum.
 struct Energy {
     /// A.
     own: Matrix4<f64>,
@@ -92,7 +92,7 @@ impl Energy {
         }
     }
 
-    /// The right-hand side for a point between two others.
+    /// Returns the right-hand side for a point between two others.
     fn pull(&self, previous: &Vector3<f64>, own: &Vector3<f64>, next: &Vector3<f64>) -> Offsets {
         self.from_next * (own - next).transpose() + self.from_previous * (own - previous).transpose()
     }
@@ -161,7 +161,7 @@ impl Energy {
 fn inverse(pivot: Matrix4<f64>) -> Matrix4<f64> {
     let factors = pivot.cholesky();
     factors
-        .expect("the integral is strictly convex, whatever the points")
+        .expect("the integral is strictly convex for all points")
         .inverse()
 }
 
