@@ -1,4 +1,4 @@
-//! From the radio's frames to what drives the body.
+//! Actuators: from the radio's frames to the forces and rates of the body.
 
 mod rate_loop;
 
@@ -11,7 +11,7 @@ use vehicle_model::rigid_body::{Body, Wrench};
 
 pub use rate_loop::RateLoop;
 
-/// How the vehicle turns frames into thrust and rotation.
+/// Conversion of frames into thrust and rotation.
 #[derive(Clone, Debug)]
 pub enum Actuators {
     /// Thrust and torque follow the frame exactly and at once, without limits.
@@ -23,7 +23,7 @@ pub enum Actuators {
     RateLoop(Box<RateLoop>),
 }
 
-/// What the actuators do over a tick, about the centre of mass.
+/// Action of the actuators over a tick, about the centre of mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Drive {
     /// Thrust and torque are held.
@@ -32,12 +32,12 @@ pub enum Drive {
     Lagged {
         /// T, N.
         thrust: Approach,
-        /// What the body does about its axes.
+        /// Rotation of the body.
         turning: Turning,
     },
 }
 
-/// What makes the body turn over a tick.
+/// Cause of the body's rotation over a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Turning {
     /// A torque that is held, and that of the thrust.
@@ -52,7 +52,7 @@ pub enum Turning {
 }
 
 impl Actuators {
-    /// The actuators of a scenario's vehicle.
+    /// Makes the actuators of a scenario's vehicle.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         scenario.vehicle.actuators.as_ref().map_or(Self::Ideal, |stated| {
@@ -64,7 +64,7 @@ impl Actuators {
         })
     }
 
-    /// What there is before anything has acted.
+    /// Returns the action before the first frame.
     #[must_use]
     #[inline]
     pub fn at_start(&self) -> Drive {
@@ -77,7 +77,7 @@ impl Actuators {
         })
     }
 
-    /// What acts over a tick on a body that turns with ω (in {B}, rad/s) at its begin, `newest` being the newest
+    /// Returns the action over a tick on a body that turns with ω (in {B}, rad/s) at its begin; `newest` is the newest
     /// frame that the radio delivered.
     #[must_use]
     pub fn drive(&mut self, newest: Option<&RcFrame>, body: &Body, omega: &Vector3<f64>) -> Drive {
@@ -88,8 +88,8 @@ impl Actuators {
     }
 }
 
-/// What ideal actuators exert, the thrust through the body's origin. Without a frame the motors stand still: the
-/// vehicle falls freely.
+/// Returns the wrench of ideal actuators, with the thrust through the body's origin. Without a frame the motors stand
+/// still: the vehicle falls freely.
 #[must_use]
 #[inline]
 pub fn ideal_wrench(newest: Option<&RcFrame>) -> Wrench {
@@ -100,7 +100,7 @@ pub fn ideal_wrench(newest: Option<&RcFrame>) -> Wrench {
 }
 
 impl Drive {
-    /// The wrench. A rate loop's torque is not modelled and counts as zero.
+    /// Returns the wrench. A rate loop's torque is not modelled and counts as zero.
     #[must_use]
     #[inline]
     pub fn wrench(&self, stage: Stage) -> Wrench {
@@ -120,7 +120,7 @@ impl Drive {
         }
     }
 
-    /// The body rates, where a rate loop rules them.
+    /// Returns the body rates, if a rate loop controls them.
     #[must_use]
     #[inline]
     pub fn rates(&self) -> Option<&[Approach; 3]> {

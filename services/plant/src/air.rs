@@ -1,15 +1,15 @@
-//! What the air does to the vehicle: drag, turbulence everywhere, and the jet of a fan.
+//! Air: drag, turbulence everywhere, and the jet of a fan.
 //!
 //! ```text
 //! a = at + ( Fj(p) − R diag(d) Rᵀ(Rv) ) / m
 //! ```
 //!
-//! a acceleration in {I}, m/s²; at ambient turbulence, an acceleration as it stands; Fj force of the fan's jet, N
-//! ([`Jet`]); d drag, N s/m, along each body axis: rotors that advance through air are dragged by a force linear
-//! in the velocity (J.-M. Kai et al., "Nonlinear feedback control of quadrotors exploiting first-order drag
-//! effects", 2017). p and v are those of the centre of mass, on which all of it acts: the air turns nothing.
+//! a acceleration in {I}, m/s²; at ambient turbulence, an acceleration independent of the mass; Fj force of the fan's
+//! jet, N ([`Jet`]); d drag, N s/m, along each body axis: rotors that advance through air are dragged by a force linear
+//! in the velocity (J.-M. Kai et al., "Nonlinear feedback control of quadrotors exploiting first-order drag effects",
+//! 2017). p and v are those of the centre of mass, on which all of it acts: the air exerts no torque.
 //!
-//! What of it depends on time is held over a tick: a [`Wind`].
+//! The parts that depend on time are held over a tick: a [`Wind`].
 
 mod fan;
 mod jet;
@@ -43,7 +43,7 @@ pub struct Wind {
     pub jet: Option<Jet>,
 }
 
-/// What of the air goes on from tick to tick.
+/// State of the air that continues from tick to tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gusts {
     /// at in {I}, m/s².
@@ -53,7 +53,7 @@ pub struct Gusts {
 }
 
 impl Air {
-    /// The air of a scenario at the start of the flight; `None` where it exerts nothing.
+    /// Makes the air of a scenario at the start of the flight; `None` if it exerts no force.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let vehicle = &scenario.vehicle;
@@ -73,7 +73,7 @@ impl Air {
         exerts.then_some(air)
     }
 
-    /// Lets the turbulence go on by a tick, to `tick`.
+    /// Advances the turbulence by a tick, to `tick`.
     pub fn advance(&mut self, tick: u64) {
         if let Some(turbulence) = &mut self.turbulence {
             turbulence.advance(tick);
@@ -83,7 +83,7 @@ impl Air {
         }
     }
 
-    /// The air at a time of the flight, s, the turbulence as it has become.
+    /// Returns the air at a time of the flight, s, with the present turbulence.
     #[must_use]
     pub fn wind(&self, time: f64) -> Wind {
         Wind {
@@ -93,7 +93,7 @@ impl Air {
         }
     }
 
-    /// What a continuation needs to know.
+    /// Returns the state that a continuation needs.
     #[must_use]
     pub fn gusts(&self) -> Gusts {
         let value = |process: Option<&OrnsteinUhlenbeck>| {
@@ -105,7 +105,7 @@ impl Air {
         }
     }
 
-    /// Continues from there.
+    /// Continues from a saved state.
     pub fn restore(&mut self, gusts: &Gusts) {
         if let Some(turbulence) = &mut self.turbulence {
             turbulence.restore(gusts.turbulence_world);
@@ -117,7 +117,7 @@ impl Air {
 }
 
 impl Wind {
-    /// a in {I}, m/s², of a body of mass m (kg) whose centre moves like `motion`.
+    /// Returns a in {I}, m/s², of a body of mass m (kg) whose centre moves like `motion`.
     #[must_use]
     #[inline]
     pub fn acceleration(&self, motion: &Motion, mass: f64) -> Vector3<f64> {

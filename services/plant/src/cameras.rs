@@ -1,4 +1,4 @@
-//! What the motion-capture system reports of the motion of the body's origin.
+//! Motion-capture system: its reports of the motion of the body's origin.
 
 mod imperfect;
 
@@ -11,17 +11,17 @@ use vehicle_model::rigid_body::Motion;
 
 pub use imperfect::Imperfect;
 
-/// The cameras.
+/// Camera model.
 #[derive(Clone, Debug)]
 pub enum CameraModel {
-    /// They see the body always, at once, without noise, and measure its velocities too.
+    /// Cameras that always see the body, at once and without noise, and also measure its velocities.
     Ideal,
-    /// They see poses, with noise, and not always.
+    /// Cameras that see poses, with noise, and not always.
     Imperfect(Box<Imperfect>),
 }
 
 impl CameraModel {
-    /// The cameras of a scenario.
+    /// Makes the cameras of a scenario.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         scenario.cameras.as_ref().map_or(Self::Ideal, |stated| {
@@ -29,8 +29,8 @@ impl CameraModel {
         })
     }
 
-    /// Writes what is captured at a tick at which the origin moves like `origin` and its velocity has changed by
-    /// `acceleration_world`, in {I}, m/s², which ideal cameras do not ask for.
+    /// Writes the capture of a tick at which the origin moves like `origin` and its velocity has changed by
+    /// `acceleration_world`, in {I}, m/s², which ideal cameras do not use.
     #[inline]
     pub fn capture(
         &mut self,

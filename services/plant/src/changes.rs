@@ -1,10 +1,9 @@
-//! Which mass, inertia, centre of mass and disturbance are in force: a function of the scenario and the tick
-//! alone.
+//! Mass, inertia, centre of mass and disturbance over time: a function of the scenario and the tick alone.
 
 use scenario::Scenario;
 use vehicle_model::rigid_body::{Body, Motion};
 
-/// The body over the course of a flight.
+/// Body over the course of a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Changes {
     initial: Body,
@@ -14,7 +13,7 @@ pub struct Changes {
 }
 
 impl Changes {
-    /// The body of a scenario's vehicle and what its changes make of it.
+    /// Makes the body of a scenario's vehicle with its changes.
     ///
     /// A change keeps what it does not state; of two changes at one tick the one stated last wins.
     #[must_use]
@@ -52,7 +51,7 @@ impl Changes {
         }
     }
 
-    /// The body in force from `tick` to the next tick.
+    /// Returns the body in force from `tick` to the next tick.
     #[must_use]
     #[inline]
     pub fn at(&self, tick: u64) -> &Body {
@@ -60,8 +59,8 @@ impl Changes {
         self.later[..begun].last().map_or(&self.initial, |(_, body)| body)
     }
 
-    /// The motion of the centre of mass of the body in force from `to`, of which until then the body in force from
-    /// `from` moved like `center`: however the centre moves within the body, the origin goes on as before.
+    /// Returns the motion of the centre of mass of the body in force from `to`. Until then the body in force from
+    /// `from` moved like `center`. The origin's motion is continuous, however the centre moves within the body.
     #[must_use]
     pub fn passed_on(&self, center: &Motion, from: u64, to: u64) -> Motion {
         let (before, after) = (self.at(from), self.at(to));
@@ -72,7 +71,7 @@ impl Changes {
         }
     }
 
-    /// Whether the centre of mass ever moves within the body.
+    /// Returns whether the centre of mass ever moves within the body.
     #[must_use]
     #[inline]
     pub fn move_center(&self) -> bool {

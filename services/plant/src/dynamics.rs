@@ -1,4 +1,4 @@
-//! All that moves the vehicle over a tick: the body in force, its actuators, the air.
+//! Dynamics of a tick: the body in force, its actuators, the air.
 
 use vehicle_model::integrator::{Stage, advanced};
 use vehicle_model::rigid_body::{Body, Motion, MotionRate};
@@ -6,22 +6,22 @@ use vehicle_model::rigid_body::{Body, Motion, MotionRate};
 use crate::actuators::Drive;
 use crate::air::Wind;
 
-/// What makes a motion go on as it does.
+/// Causes of a motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Dynamics<'a> {
     /// The body in force.
     pub body: &'a Body,
-    /// What its actuators do.
+    /// The action of its actuators.
     pub drive: &'a Drive,
-    /// The air; `None` where it exerts nothing.
+    /// The air; `None` if it exerts no force.
     pub wind: Option<&'a Wind>,
 }
 
 impl Dynamics<'_> {
-    /// The motion of the centre of mass a tick of `h` s later.
+    /// Returns the motion of the centre of mass a tick of `h` s later.
     ///
-    /// It converges with the fourth power of h: the lags are exact functions of the time within the step, and
-    /// drag and the jet's force are asked for at every stage. What of the air changes with time is held.
+    /// It converges with the fourth power of h: the lags are exact functions of the time within the step, and drag and
+    /// the jet's force are evaluated at every stage. Parts of the air that change with time are held.
     #[must_use]
     pub fn advanced(&self, motion: &Motion, h: f64) -> Motion {
         let end = advanced(motion, h, |motion, stage| self.motion_rate(motion, stage));
@@ -34,8 +34,8 @@ impl Dynamics<'_> {
         }
     }
 
-    /// How the centre of mass moves, and the body about it: (1)–(4) in the wind, but for ω where a rate loop rules
-    /// it.
+    /// Returns the rate of the motion of the centre of mass and of the body about it: (1)–(4) in the wind, except ω if
+    /// a rate loop controls it.
     #[must_use]
     pub fn motion_rate(&self, motion: &Motion, stage: Stage) -> MotionRate {
         let mut rate = self.body.motion_rate(motion, &self.drive.wrench(stage));

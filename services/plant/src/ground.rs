@@ -1,8 +1,8 @@
-//! The ground of a flight with phases: a level plane that holds the vehicle and into which it does not sink.
+//! Ground of a flight with phases: a level plane that holds the vehicle and into which it does not sink.
 //!
-//! It holds the origin of {B} at the height that this has at the start. Who touches it stops at once and in every
-//! respect: no bounce, no sliding, no tilting. Who stands on it stays as he is until what acts on him lifts him,
-//! and leaves it with the attitude that he has.
+//! It holds the origin of {B} at its initial height. A vehicle that touches it stops at once in all degrees of freedom:
+//! no bounce, no sliding, no tilting. A vehicle that stands on it keeps its pose until the forces lift it, and leaves
+//! the ground with its attitude.
 
 use nalgebra::Vector3;
 use scenario::Scenario;
@@ -11,10 +11,10 @@ use vehicle_model::rigid_body::{Motion, MotionRate};
 
 use crate::dynamics::Dynamics;
 
-/// How far above the ground rounding may put a vehicle that stands on it, m.
+/// Largest height above the ground, by rounding, of a vehicle that stands on it, m.
 const ROUNDING: f64 = 1e-9;
 
-/// The ground.
+/// Ground plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ground {
     /// z of the origin of {B} on it in {I}, m.
@@ -22,14 +22,14 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// The ground of a scenario, if it has any.
+    /// Makes the ground of a scenario, if it has any.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let [.., height] = scenario.vehicle.initial.position;
         scenario.flight.as_ref().map(|_| Self { height })
     }
 
-    /// The motion of the centre of mass a tick of `h` s later.
+    /// Returns the motion of the centre of mass a tick of `h` s later.
     #[must_use]
     pub fn advanced(&self, dynamics: &Dynamics<'_>, motion: &Motion, h: f64) -> Motion {
         let body = dynamics.body;
@@ -45,7 +45,7 @@ impl Ground {
         }
     }
 
-    /// Whether the vehicle stands on the ground and what acts on it does not lift it.
+    /// Returns whether the vehicle stands on the ground and the forces do not lift it.
     #[must_use]
     pub fn holds(&self, dynamics: &Dynamics<'_>, motion: &Motion, rate: &MotionRate) -> bool {
         let origin = dynamics.body.origin_of(motion);
@@ -133,7 +133,7 @@ mod tests {
         }
 
         #[test]
-        fn whoever_falls_and_tumbles_comes_to_rest_on_the_ground(
+        fn a_vehicle_that_falls_and_tumbles_comes_to_rest_on_the_ground(
             height in 0.0..2.0f64, omega in [-20.0..20.0f64, -20.0..20.0f64, -20.0..20.0f64],
             velocity in [-3.0..3.0f64, -3.0..3.0f64, -3.0..3.0f64], arm in [-0.02..0.02f64, -0.02..0.02f64, -0.02..0.02f64],
         ) {

@@ -1,18 +1,18 @@
-//! The simulated vehicle: rigid body, actuators, air, changes in flight, and the cameras that watch it.
+//! Simulated vehicle: rigid body, actuators, air, changes in flight, and the cameras that measure it.
 //!
 //! * [`vehicle_model`]: the rigid body, its integration, and first-order lags;
-//! * [`actuators`]: from the radio's frames to what drives the body, with lags, limits and lost frames;
+//! * [`actuators`]: from the radio's frames to the forces and rates of the body, with lags, limits and lost frames;
 //! * [`air`]: drag, turbulence and a fan's jet;
 //! * [`dynamics`]: all of these together over a tick;
-//! * [`ground`]: what holds the vehicle before and after a flight with phases;
-//! * [`changes`]: which mass, inertia, centre of mass and disturbance are in force at a tick;
-//! * [`cameras`]: from the motion to what the motion-capture system reports;
+//! * [`ground`]: support of the vehicle before and after a flight with phases;
+//! * [`changes`]: mass, inertia, centre of mass and disturbance at each tick;
+//! * [`cameras`]: from the motion to the reports of the motion-capture system;
 //! * [`PlantService`]: the step function, with the conventions of time.
 //!
-//! Each module states its model: symbols, units, source. What a scenario does not state is ideal, and costs
-//! nothing. Every random number is a function of seed, stream and tick (a lost frame's: of its number).
+//! Each module states its model: symbols, units, source. Unstated parts of a scenario are ideal, and cost no time.
+//! Every random number is a function of seed, stream and tick (a lost frame's: of its number).
 //!
-//! It never fails: every frame that a host delivers is flown, whatever comes of it.
+//! The plant never fails: it flies every frame that a host delivers.
 
 pub mod actuators;
 pub mod air;

@@ -1,11 +1,11 @@
-//! The step function of the plant.
+//! Step function of the plant.
 //!
 //! `truth(k)` is the state at time k·h. Over [(k−1)·h, k·h) the newest frame received by tick k acts, on the body
 //! and in the air that are in force from tick k−1. A change at tick k is published in `truth(k)` and acts from
-//! k·h on. What is published is the motion of the body's origin; what is kept that of the centre of mass.
+//! k·h on. The published motion is that of the body's origin; the state is that of the centre of mass.
 //!
-//! A frame that holds a number which is not finite, or asks for something that nobody knows, is not received, as a
-//! receiver drops what fails its checksum: the frame before goes on acting.
+//! A frame with a number that is not finite, or with an unknown mode, is not received, as a receiver drops a frame with
+//! a wrong checksum: the frame before goes on acting.
 
 use std::ops::Range;
 
@@ -28,7 +28,7 @@ use crate::dynamics::Dynamics;
 use crate::ground::Ground;
 
 shared_types::sample! {
-    /// Everything that the plant's next step depends on besides its inputs.
+    /// State of the plant between steps.
     pub struct PlantState {
         /// p, position of the centre of mass in {I}, m.
         pub position_world: [f64; 3],
@@ -53,7 +53,7 @@ shared_types::sample! {
     }
 }
 
-/// The simulated vehicle as a service.
+/// Simulated vehicle as a service.
 #[derive(Clone, Debug)]
 pub struct PlantService {
     /// h, base tick, s.
@@ -65,12 +65,12 @@ pub struct PlantService {
     cameras: CameraModel,
     /// Of the centre of mass.
     motion: Motion,
-    /// The last frame that was whole; a vehicle with a rate loop remembers its own.
+    /// The last valid frame; a vehicle with a rate loop keeps its frame itself.
     received: Option<RcFrame>,
 }
 
 impl PlantService {
-    /// The plant of a scenario that has been checked, in its initial state.
+    /// Makes the plant of a checked scenario, in its initial state.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let changes = Changes::new(scenario);
@@ -87,8 +87,8 @@ impl PlantService {
         }
     }
 
-    /// Moves from the previous step to `now`, tick by tick, so that a change acts at exactly its tick and the
-    /// integration error does not depend on how often the plant steps. Returns what drove the last tick.
+    /// Advances from the previous step to `now`, tick by tick, so that a change acts at exactly its tick and the
+    /// integration error does not depend on the period of the plant's steps. Returns the action over the last tick.
     fn advance(&mut self, now: &Now, newest: Option<&RcFrame>) -> Drive {
         let count = libm::round(now.elapsed() / self.tick).max(1.0);
         let h = now.elapsed() / count;
@@ -111,7 +111,7 @@ impl PlantService {
         drive
     }
 
-    /// The ideal vehicle in still air, at what that alone costs.
+    /// Advances the ideal vehicle in still air, without the cost of the other models.
     #[inline]
     fn advance_ideally(&mut self, ticks: Range<u64>, h: f64, exerted: &Wrench) -> Drive {
         let mut wrench = *exerted;
@@ -124,7 +124,7 @@ impl PlantService {
         Drive::Held(wrench)
     }
 
-    /// The vehicle with its actuators, in the air or on the ground.
+    /// Advances the vehicle with its actuators, in the air or on the ground.
     #[inline(never)]
     fn advance_among_all(&mut self, ticks: Range<u64>, h: f64, newest: Option<&RcFrame>) -> Drive {
         let mut drive = self.actuators.at_start();
@@ -157,7 +157,7 @@ impl PlantService {
         }
     }
 
-    /// The air at a tick that it has gone on to.
+    /// Returns the air at a tick to which it has advanced.
     #[inline]
     fn wind(&self, tick: u64) -> Option<Wind> {
         #[expect(clippy::cast_precision_loss, reason = "no flight has 2^53 ticks")]
@@ -165,7 +165,7 @@ impl PlantService {
         self.air.as_ref().map(|air| air.wind(time))
     }
 
-    /// The origin's acceleration in {I} up to now, m/s², while it is driven as it was.
+    /// Returns the origin's acceleration in {I} up to now, m/s², under the last action.
     fn origin_acceleration(&self, acted: &Drive, now: &Now) -> Vector3<f64> {
         let body = self.changes.at(now.tick.saturating_sub(1));
         let wind = self.wind(now.tick);
@@ -190,7 +190,7 @@ impl Service for PlantService {
     type Outputs<'a> = PlantOutputs<'a>;
     type State = PlantState;
 
-    /// The first step publishes the initial state as it is: nothing has acted yet.
+    /// The first step publishes the initial state unchanged: nothing has acted yet.
     fn step(&mut self, now: &Now, inputs: &PlantInputs<'_>, outputs: &mut PlantOutputs<'_>) {
         let acted = if now.elapsed_ns > 0 {
             self.advance(now, inputs.frame.newest())
@@ -210,7 +210,7 @@ impl Service for PlantService {
             }
         }
         if let Some(pose) = outputs.pose.due() {
-            // Only cameras that see the past ask where the velocity comes from.
+            // Only cameras with a latency of exposure use the acceleration.
             let acceleration_world = match self.cameras {
                 CameraModel::Ideal => Vector3::zeros(),
                 CameraModel::Imperfect(_) => self.origin_acceleration(&acted, now),
@@ -260,7 +260,7 @@ impl Service for PlantService {
     }
 }
 
-/// The origin's motion at the start of the flight.
+/// Returns the origin's motion at the start of the flight.
 fn initial_motion(initial: &InitialState) -> Motion {
     let world_from_body = from_roll_pitch_yaw(initial.roll_pitch_yaw);
     Motion {
@@ -278,13 +278,13 @@ fn write_motion(origin: &Motion, truth: &mut VehicleTruth) {
     truth.angular_velocity_body = origin.angular_velocity_body.into();
 }
 
-/// What acted until now, about the centre of mass.
+/// Writes the wrench that acted until now, about the centre of mass.
 fn write_acted(wrench: &Wrench, truth: &mut VehicleTruth) {
     truth.thrust = wrench.thrust;
     truth.torque_body = wrench.torque_body.into();
 }
 
-/// From now on, in still air.
+/// Writes the body that is in force from now on, in still air.
 fn write_body(body: &Body, truth: &mut VehicleTruth) {
     truth.mass = body.mass;
     truth.inertia = body.inertia.into();

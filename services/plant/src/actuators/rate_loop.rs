@@ -1,13 +1,13 @@
-//! A vehicle with motors that take time, an on-board rate loop, and a receiver that misses frames.
+//! Vehicle with motors that respond with a lag, an on-board rate loop, and a receiver that loses frames.
 //!
 //! ```text
 //! Ṫ = (T* − T)/τT         T* = clamp(kT · T_frame, 0, Tmax)
 //! ω̇i = (ωi* − ωi)/τωi     ωi* = clamp(kωi · ωi_frame + ω0i, −ωmaxi, ωmaxi)
 //! ```
 //!
-//! T thrust, N; ω angular velocity in {B}, rad/s; τ time constants, s; k factors of a wrong calibration; ω0 bias
-//! of the rate gyros. It is the model of section VI of the paper, where the vehicle takes thrust and body rates
-//! and its own loop is taken to be fast, with the first-order lags that such loops and motors have.
+//! T thrust, N; ω angular velocity in {B}, rad/s; τ time constants, s; k factors of a wrong calibration; ω0 bias of the
+//! rate gyros. It is the model of section VI of the paper: the vehicle takes thrust and body rates, and its rate loop
+//! is assumed to be fast. Here it has the first-order lags of such loops and motors.
 
 use nalgebra::Vector3;
 use shared_types::noise::{Noise, Stream};
@@ -18,21 +18,21 @@ use vehicle_model::rigid_body::Body;
 
 use crate::actuators::{Drive, Turning};
 
-/// The motors, the rate loop and the receiver.
+/// Motors, rate loop and receiver.
 #[derive(Clone, Debug)]
 pub struct RateLoop {
     stated: scenario::Actuators,
     thrust_lag: LagOverStep,
     rate_lags: [LagOverStep; 3],
     losses: Noise,
-    /// T at the end of the last tick that was driven, N.
+    /// T at the end of the last tick, N.
     thrust: f64,
     /// The newest frame that was not lost.
     received: Option<RcFrame>,
 }
 
 impl RateLoop {
-    /// What a scenario states, in a flight of that seed with ticks of `tick` s, before the first frame.
+    /// Makes the rate loop of a scenario, in a flight of that seed with ticks of `tick` s, before the first frame.
     #[must_use]
     pub fn new(stated: &scenario::Actuators, seed: u64, tick: f64) -> Self {
         let lag = |time_constant| Lag::new(time_constant).over(tick);
@@ -46,13 +46,13 @@ impl RateLoop {
         }
     }
 
-    /// T, N.
+    /// Returns T, N.
     #[must_use]
     pub fn thrust(&self) -> f64 {
         self.thrust
     }
 
-    /// The frame that acts, if one was received.
+    /// Returns the frame that acts, if one was received.
     #[must_use]
     pub fn received(&self) -> Option<&RcFrame> {
         self.received.as_ref()
@@ -63,7 +63,8 @@ impl RateLoop {
         (self.thrust, self.received) = (thrust, received);
     }
 
-    /// What acts over a tick on a body that turns with `omega` at its begin; the thrust goes on to the tick's end.
+    /// Returns the action over a tick on a body that turns with `omega` at its begin; the thrust advances to the tick's
+    /// end.
     #[must_use]
     pub fn drive(&mut self, newest: Option<&RcFrame>, body: &Body, omega: &Vector3<f64>) -> Drive {
         if let Some(frame) = newest {
@@ -79,7 +80,7 @@ impl RateLoop {
 
     /// Takes a frame unless it is lost; then the one before goes on acting.
     ///
-    /// Whether it is lost is decided by its number, the same however often it is asked.
+    /// The loss depends only on the frame's number, so it is the same at every query.
     fn receive(&mut self, frame: &RcFrame) {
         let seq = frame.header.seq;
         let known = self.received.is_some_and(|received| received.header.seq == seq);
@@ -92,7 +93,7 @@ impl RateLoop {
         self.stated.frame_loss > 0.0 && self.losses.at(seq).uniform() < self.stated.frame_loss
     }
 
-    /// T*; a failsafe frame asks for none, and until the first frame it stays what it was at the start.
+    /// Returns T*; a failsafe frame sets it to zero, and until the first frame it stays at its initial value.
     fn thrust_target(&self) -> f64 {
         match &self.received {
             None => self.stated.initial_thrust,
@@ -120,7 +121,7 @@ impl RateLoop {
         }))
     }
 
-    /// ωi* about an axis.
+    /// Returns ωi* about an axis.
     fn rate_target(&self, axis: usize, asked: f64) -> f64 {
         let limit = self.stated.rate_max[axis];
         (self.stated.rate_factor[axis] * asked + self.stated.rate_bias[axis])

@@ -1,7 +1,7 @@
-//! A fan: when it runs, where it stands, and how its jet fluctuates.
+//! Fan: its times of operation, its place, and the fluctuation of its jet.
 //!
-//! Its jet's force runs up like 1 − e^(−t/τ) and down like e^(−t/τ), a function of the time alone. From one
-//! stated place to the next it moves straight and steadily, its direction likewise and brought back to length 1.
+//! The jet's force grows like 1 − e^(−t/τ) and falls like e^(−t/τ), a function of the time alone. From one stated place
+//! to the next the fan moves straight at constant speed; so does its direction, normalised to length 1.
 
 use nalgebra::Vector3;
 use shared_types::noise::{Noise, Stream};
@@ -29,7 +29,7 @@ pub struct Fan {
 
 #[derive(Clone, Copy, Debug)]
 struct Place {
-    /// When the fan is there, s.
+    /// Time of the fan at this place, s.
     at: f64,
     position: Vector3<f64>,
     /// Of length 1.
@@ -37,7 +37,7 @@ struct Place {
 }
 
 impl Fan {
-    /// The fan that a scenario states, in a flight of that seed with ticks of `tick` s, at its start.
+    /// Makes the fan of a scenario, in a flight of that seed with ticks of `tick` s, at its start.
     #[must_use]
     pub fn new(stated: &scenario::Fan, seed: u64, tick: f64) -> Self {
         let first = Place::new(0.0, stated.position, stated.direction);
@@ -56,7 +56,7 @@ impl Fan {
         }
     }
 
-    /// Its jet at a time of the flight, s, the fluctuation as it has become.
+    /// Returns its jet at a time of the flight, s, with the present fluctuation.
     #[must_use]
     pub fn jet(&self, time: f64) -> Jet {
         let place = self.place(time);
@@ -70,7 +70,7 @@ impl Fan {
         }
     }
 
-    /// Share of the full force at a time, s: 0 to 1.
+    /// Returns the share of the full force at a time, s: 0 to 1.
     #[must_use]
     pub fn strength(&self, time: f64) -> f64 {
         let risen = |time: f64| {
@@ -105,7 +105,8 @@ impl Place {
         }
     }
 
-    /// A share of the way to another place; of two opposite directions it keeps its own until the turn is half done.
+    /// Returns the place at a share of the way to another one; between two opposite directions it keeps the first until
+    /// the turn is half done.
     fn towards(&self, other: &Self, share: f64) -> Self {
         let direction = self.direction.lerp(&other.direction, share);
         Self {

@@ -1,27 +1,27 @@
-//! The jet of a fan: round, free and turbulent.
+//! Jet of a fan: round, free and turbulent.
 //!
-//! Far from its nozzle such a jet spreads in a cone and keeps its momentum: the velocity on the axis falls like
-//! 1/x, across it like a bell whose width grows like x (S. B. Pope, "Turbulent Flows", 2000, section 5.1). Its
-//! force on a small body is proportional to the square of the velocity:
+//! Far from its nozzle such a jet spreads in a cone and keeps its momentum. The velocity on the axis falls like 1/x;
+//! across it is a bell curve whose width grows like x (S. B. Pope, "Turbulent Flows", 2000, section 5.1). Its force on
+//! a small body is proportional to the square of the velocity:
 //!
 //! ```text
 //! F(x, r) = F0 (x0/x̄)² exp(−(r/(x̄ tan θ))²) (n + φ)   x > 0        x̄ = max(x, x0/2)
 //!           0                                          x ≤ 0
 //! ```
 //!
-//! x distance along the axis n, r off it, m; F0 force on the axis at the reference distance x0, N; θ half the
-//! opening angle, at which the force is 1/e of that on the axis, rad; φ fluctuation, as a share. Closer to the fan
-//! than x0/2 the jet is taken for a cylinder of the force and width that it has there, for the law of the far
-//! field would let the force grow without bound. So ∫F dA is the same at every x.
+//! x distance along the axis n, r off it, m; F0 force on the axis at the reference distance x0, N; θ half the opening
+//! angle, at which the force is 1/e of that on the axis, rad; φ fluctuation, as a share. Closer to the fan than x0/2
+//! the jet is modelled as a cylinder of the force and width that it has there, because the law of the far field would
+//! let the force grow without bound. So ∫F dA is the same at every x.
 
 use nalgebra::Vector3;
 
-/// A jet as it blows at a moment.
+/// Jet at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jet {
-    /// Where it comes from in {I}, m.
+    /// Its source in {I}, m.
     pub nozzle_world: Vector3<f64>,
-    /// n, where it blows to in {I}, of length 1.
+    /// n, its direction in {I}, of length 1.
     pub axis_world: Vector3<f64>,
     /// F0, N.
     pub force: f64,
@@ -34,7 +34,7 @@ pub struct Jet {
 }
 
 impl Jet {
-    /// Force on the vehicle at a position, both in {I}, N.
+    /// Returns the force on the vehicle at a position, both in {I}, N.
     #[must_use]
     pub fn force(&self, position_world: &Vector3<f64>) -> Vector3<f64> {
         let from_nozzle = position_world - self.nozzle_world;

@@ -1,4 +1,4 @@
-//! Noise that remembers: of each component an Ornstein–Uhlenbeck process, exact over a tick.
+//! Correlated noise: an Ornstein–Uhlenbeck process for each component, exact over a tick.
 //!
 //! ```text
 //! dx = −x/τ dt + σ √(2/τ) dW        x(t+h) = e^(−h/τ) x(t) + σ √(1 − e^(−2h/τ)) n,  n ~ N(0, 1)
@@ -24,7 +24,7 @@ pub struct OrnsteinUhlenbeck {
 }
 
 impl OrnsteinUhlenbeck {
-    /// The process at tick 0, with ticks of h = `tick` s; a correlation time of 0 is white noise.
+    /// Makes the process at tick 0, with ticks of h = `tick` s; a correlation time of 0 is white noise.
     #[must_use]
     pub fn new(deviation: f64, correlation_time: f64, tick: f64, mut noise: Noise) -> Self {
         let forgetting = Lag::new(correlation_time);
@@ -36,12 +36,12 @@ impl OrnsteinUhlenbeck {
         }
     }
 
-    /// Goes on by a tick, to `tick`.
+    /// Advances by a tick, to `tick`.
     pub fn advance(&mut self, tick: u64) {
         self.value = self.value * self.decay + self.noise.at(tick).normal3() * self.kick;
     }
 
-    /// x.
+    /// Returns x.
     #[must_use]
     pub fn value(&self) -> Vector3<f64> {
         self.value

@@ -1,4 +1,4 @@
-//! CameraModel with noise, a shaky trigger, lost frames, hidden markers and markers taken for others.
+//! Camera model with noise, trigger jitter, lost frames, hidden markers and swapped markers.
 //!
 //! ```text
 //! te = t − j                                                   j ~ U(0, jitter)
@@ -7,10 +7,10 @@
 //! p(te) = p − j ṗ + ½ j² p̈ + O(j³)      R(te) = R exp S(−j ω) + O(j²)
 //! ```
 //!
-//! p position of the body's origin in {I}, m; R body to inertial; t time of the tick and te of the exposure, s;
-//! Δp, Δθ what a marker swap adds, none outside of it. Velocities are not measured. A frame that is lost, or
-//! exposed while the body is hidden, is one in which the body is not seen. Errors of different frames are
-//! independent, and so are a frame's jitter, loss and noise. None of it needs to be remembered.
+//! p position of the body's origin in {I}, m; R body to inertial; t time of the tick and te of the exposure, s; Δp, Δθ
+//! offset by a marker swap, zero outside of it. Velocities are not measured. In a frame that is lost, or exposed while
+//! the body is hidden, the body is not seen. Errors of different frames are independent, and so are a frame's jitter,
+//! loss and noise. The model has no state.
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::Now;
@@ -35,14 +35,14 @@ pub struct Imperfect {
     losses: Noise,
 }
 
-/// The times from `begin_ns` on and before `end_ns`.
+/// Times from `begin_ns` on and before `end_ns`.
 #[derive(Clone, Copy, Debug)]
 struct Window {
     begin_ns: u64,
     end_ns: u64,
 }
 
-/// What a marker swap adds.
+/// Offset by a marker swap.
 #[derive(Clone, Copy, Debug)]
 struct Swap {
     window: Window,
@@ -52,7 +52,7 @@ struct Swap {
     rotation: Matrix3<f64>,
 }
 
-/// Where the body is at a time.
+/// Pose of the body at a time.
 #[derive(Clone, Copy, Debug)]
 struct Pose {
     position_world: Vector3<f64>,
@@ -60,7 +60,7 @@ struct Pose {
 }
 
 impl Imperfect {
-    /// The cameras that a scenario states, in a flight of that seed.
+    /// Makes the cameras of a scenario, in a flight of that seed.
     #[must_use]
     pub fn new(stated: &scenario::Cameras, seed: u64) -> Self {
         let hidden = stated.occlusion.iter();
@@ -81,8 +81,8 @@ impl Imperfect {
         }
     }
 
-    /// Writes what is captured at a tick at which the origin moves like `origin` and its velocity changes by
-    /// `acceleration_world`, in {I}, m/s². `pose` is zeroed but for its header.
+    /// Writes the capture of a tick at which the origin moves like `origin` and its velocity changes by
+    /// `acceleration_world`, in {I}, m/s². `pose` is zeroed except for its header.
     pub fn capture(
         &mut self,
         origin: &Motion,
@@ -107,7 +107,7 @@ impl Imperfect {
         pose.tracked = true.into();
     }
 
-    /// j in whole ns, so that stamp and pose speak of the same time; no flight begins before its start.
+    /// Returns j in whole ns, so that stamp and pose are of the same time; no flight begins before its start.
     fn exposed_earlier_ns(&mut self, now: &Now) -> u64 {
         if self.jitter > 0.0 {
             nanoseconds(self.jitter * self.jitters.at(now.tick).uniform()).min(now.time_ns)
@@ -142,7 +142,7 @@ impl Imperfect {
 }
 
 impl Pose {
-    /// Where a body is that will move like `motion` in `early` s.
+    /// Returns the pose of a body that will move like `motion` in `early` s.
     fn before(motion: &Motion, acceleration_world: &Vector3<f64>, early: f64) -> Self {
         Self {
             position_world: motion.position_world - motion.velocity_world * early

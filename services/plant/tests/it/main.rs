@@ -1,4 +1,4 @@
-//! The plant from outside, in one program: linking takes longer than running.
+//! Tests of the plant from outside, in one program: linking takes longer than running.
 
 #[path = "../../../../tests/common/restart.rs"]
 mod restart;

@@ -1,4 +1,4 @@
-//! What the vehicle does about frames that cannot have been sent.
+//! Vehicle on frames that cannot have been sent.
 
 use plant::PlantService;
 use proptest::prelude::*;
@@ -63,7 +63,7 @@ fn a_frame_that_is_not_finite_or_of_an_unknown_mode_is_not_received_and_the_one_
         for tick in 0..300 {
             let before = frame(tick - tick % 7, mode);
             let mut received = before;
-            // The first step only publishes how the flight begins.
+            // The first step only publishes the initial state.
             if tick > 7 && tick % 7 != 0 {
                 received.header.seq = tick;
                 received.channels = [9; 16];
@@ -84,9 +84,9 @@ fn a_frame_that_is_not_finite_or_of_an_unknown_mode_is_not_received_and_the_one_
 }
 
 proptest! {
-    /// With a rate loop, whose limits bound what the vehicle can be asked for.
+    /// With a rate loop, whose limits bound every command.
     #[test]
-    fn whatever_bits_come_the_vehicle_with_a_rate_loop_stays_finite(
+    fn any_input_bits_keep_a_vehicle_with_a_rate_loop_finite(
         frames in proptest::collection::vec(
             (proptest::collection::vec(any::<u8>(), size_of::<RcFrame>()), any::<bool>()), 1..40),
     ) {

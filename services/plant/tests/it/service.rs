@@ -1,4 +1,4 @@
-//! The plant as hosts see it: time, frames, changes, restarts.
+//! Plant as hosts see it: time, frames, changes, restarts.
 
 use plant::PlantService;
 use proptest::prelude::*;
@@ -125,7 +125,7 @@ fn thrust_and_torque_follow_the_frame_at_once_and_are_reported() {
     );
     let angular_acceleration = [1e-3 / 6.5e-4, 2e-3 / 9.0e-4, 3e-3 / 13.0e-4];
     for (omega, acceleration) in truth.angular_velocity_body.iter().zip(angular_acceleration) {
-        // What the gyroscopic term makes of it within a tick is of second order.
+        // The effect of the gyroscopic term within a tick is of second order.
         assert!((omega / H - acceleration).abs() < 2e-6, "{omega}");
     }
     assert!((truth.velocity_body[2] / H - (GRAVITY - 4.0)).abs() < 1e-6);
@@ -145,7 +145,7 @@ fn the_ideal_cameras_report_the_truth_at_once() {
 }
 
 #[test]
-fn what_is_due_has_no_influence_on_the_flight() {
+fn due_outputs_have_no_influence_on_the_flight() {
     let scenario = scenario(TUMBLING, "{ at = 0.005, mass = 0.5 }");
     let frame = hover_frame();
     let mut watched = PlantService::new(&scenario);
