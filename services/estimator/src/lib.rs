@@ -1,11 +1,11 @@
-//! The estimator: from what the cameras saw to the vehicle's state.
+//! Estimator: from the cameras' captures to the vehicle's state.
 //!
-//! * [`source`]: what a state may rest on;
+//! * [`source`]: sources of a state;
 //! * [`kalman`]: the error-state Kalman filter, which makes the state from poses and the frames already sent;
 //! * [`EstimatorService`]: the step function.
 //!
-//! When the body is not seen it says so and keeps its last state: every consumer decides for itself how long
-//! such a state is good enough.
+//! When the body is not seen, the state says so and is otherwise the last one: every consumer decides for itself how
+//! long it uses such a state.
 
 pub mod kalman;
 mod service;

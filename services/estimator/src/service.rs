@@ -1,9 +1,9 @@
-//! The step function of the estimator.
+//! Step function of the estimator.
 //!
-//! Failure policy of ideal captures; that of the filter stands with [`crate::kalman::filter`]:
-//! * one that says to have seen the body and holds no pose, or a number that is none of a flight, is refused and
-//!   counted; the last good one stays in its place;
-//! * with a policy the state no longer counts as tracked when the last good one is too old.
+//! Failure policy of ideal captures; for that of the filter see [`crate::kalman::filter`]:
+//! * a capture that claims to show the body and holds no pose, or an impossible number, is refused and counted; the
+//!   last good one stays in use;
+//! * with a policy the state no longer counts as tracked when the last good capture is too old.
 
 use scenario::{Problem, Scenario};
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity};
@@ -37,13 +37,13 @@ pub struct EstimatorService {
     last: Estimate,
     /// Captures of ideal cameras.
     captures: InputValidator<MocapPose>,
-    /// Age up to which such a capture is good, ns.
+    /// Age up to which such a capture is used, ns.
     max_age_ns: u64,
 }
 
 impl EstimatorService {
-    /// The estimator of a scenario that has been checked: with a filter if it asks for one, else for the ideal
-    /// cameras that it then has.
+    /// Makes the estimator of a checked scenario: with a filter if it states one, else for the ideal cameras that it
+    /// then has.
     ///
     /// # Errors
     /// More frames under way than the filter can remember, see [`KalmanFilter::new`].
@@ -63,7 +63,7 @@ impl EstimatorService {
         })
     }
 
-    /// Takes what ideal cameras see as it is.
+    /// Takes the captures of ideal cameras without change.
     #[inline]
     fn take(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
         self.captures.look(&inputs.pose, LARGEST, |capture, _| {
@@ -91,8 +91,8 @@ impl Service for EstimatorService {
     type Outputs<'a> = EstimatorOutputs<'a>;
     type State = EstimatorState;
 
-    /// While there is nothing to rest a state on the last one is published again, as not tracked; until the
-    /// first one that is a level attitude at the origin, at rest.
+    /// Without a source of a state the last one is published again, as not tracked; until the first one it is a level
+    /// attitude at the origin, at rest.
     fn step(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
         match &mut self.source {
             EstimateSource::IdealCapture => self.take(now, inputs, outputs),

@@ -1,4 +1,4 @@
-//! What a state may rest on.
+//! Sources of a state.
 
 use shared_types::input_validator::LARGEST;
 use shared_types::rotation::{defect, from_row_major};
@@ -30,7 +30,7 @@ shared_types::sample! {
 }
 
 impl Estimate {
-    /// Level at the origin and at rest: a state that consumers can compute with until there is a measurement.
+    /// State before the first measurement, with which consumers can compute: level at the origin and at rest.
     pub const UNMEASURED: Self = Self {
         state_time_ns: 0,
         position_world: [0.0; 3],
@@ -56,28 +56,28 @@ impl Estimate {
     }
 }
 
-/// Distance from SO(3) up to which nine numbers are taken for an attitude: single precision passes.
+/// Distance from SO(3) up to which nine numbers count as an attitude: single precision passes.
 const ATTITUDE_DEFECT: f64 = 1e-3;
 
-/// Whether a capture that says to have seen the body holds a pose.
+/// Returns whether a capture that claims to show the body holds a pose.
 #[must_use]
 pub fn is_pose(capture: &MocapPose) -> bool {
     capture.position_world.is_within(LARGEST)
         && defect(&from_row_major(&capture.world_from_body)) <= ATTITUDE_DEFECT
 }
 
-/// How the state is made from what the cameras saw.
+/// Source of the state.
 #[derive(Clone, Debug)]
 pub enum EstimateSource {
-    /// Takes captures as they are: pose and velocities are exact, and the state speaks of their exposure.
+    /// Uses captures without change: pose and velocities are exact, and the state's time is their exposure.
     ///
-    /// A capture without velocities is of no use to it; cameras that measure none need a filter.
+    /// It cannot use a capture without velocities; cameras that measure none need a filter.
     IdealCapture,
     /// Filters poses, with the frames already sent as its input; boxed, being a hundred times as large.
     Kalman(Box<KalmanFilter>),
 }
 
-/// The state that an ideal capture gives; `None` if it gives none.
+/// Returns the state of an ideal capture; `None` if it gives none.
 #[must_use]
 #[inline]
 pub fn as_captured(capture: Option<&MocapPose>) -> Option<Estimate> {

@@ -15,8 +15,8 @@ const IDEAL: &str = "
     path.curve.hover.position = [0.0, 0.0, -1.0]
 ";
 
-/// How often the body was tracked and how many allocations there were in a hundred steps, each with its save and
-/// restore, in which a capture arrives at every second tick and a frame at every fourth.
+/// Returns the number of tracked states and of allocations in a hundred steps, each with its save and restore, in which
+/// a capture arrives at every second tick and a frame at every fourth.
 fn tracked_and_allocations(scenario: &str) -> (u32, u64) {
     let mut service = EstimatorService::new(&toml::from_str(scenario).unwrap()).unwrap();
     let mut seen = MocapPose {

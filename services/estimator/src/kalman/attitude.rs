@@ -3,10 +3,11 @@
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::skew;
 
-/// log R: the rotation vector θ, ‖θ‖ ≤ π, with exp S(θ) = R.
+/// Returns log R: the rotation vector θ, ‖θ‖ ≤ π, with exp S(θ) = R.
 ///
-/// By way of the unit quaternion, of which the largest component is taken first (S. W. Shepperd, "Quaternion from
-/// rotation matrix", 1978): accurate near the identity and near half a turn, and finite for any matrix at all.
+/// It goes through the unit quaternion, whose largest component is computed first (S. W. Shepperd, "Quaternion from
+/// rotation matrix", 1978). A division by a small component would lose all digits near the identity or near half a
+/// turn. The result is accurate at both and finite for any matrix at all.
 #[must_use]
 pub fn log(r: &Matrix3<f64>) -> Vector3<f64> {
     let (real, imaginary) = quaternion(r);
@@ -19,7 +20,7 @@ pub fn log(r: &Matrix3<f64>) -> Vector3<f64> {
     imaginary * (sign * 2.0 * libm::atan2(sine, real.abs()) / sine)
 }
 
-/// A quaternion of the rotation up to its length, as real and imaginary part.
+/// Returns a quaternion of the rotation up to its length, as real and imaginary part.
 fn quaternion(r: &Matrix3<f64>) -> (f64, Vector3<f64>) {
     let (x, y, z) = (r[(0, 0)], r[(1, 1)], r[(2, 2)]);
     let twist = Vector3::new(
@@ -46,7 +47,7 @@ fn quaternion(r: &Matrix3<f64>) -> (f64, Vector3<f64>) {
     }
 }
 
-/// The right Jacobian of SO(3), exp S(φ + δ) ≈ exp S(φ) exp S(Jr(φ) δ), to second order in φ: wrong by
+/// Returns the right Jacobian of SO(3), exp S(φ + δ) ≈ exp S(φ) exp S(Jr(φ) δ), to second order in φ. The error is
 /// ‖φ‖³/24, for the small turns of one step and of one correction (Solà, eq. 183 in closed form).
 #[must_use]
 #[inline]

@@ -5,16 +5,16 @@ use scenario::GRAVITY;
 use shared_types::samples::RcFrame;
 use shared_types::service::seconds;
 
-/// How many commands the history holds.
+/// Capacity of the history, commands.
 pub const CAPACITY: usize = 64;
 
-/// Magnitude above which a number is not one of a flight, SI units; powers and products of several stay finite.
+/// Largest magnitude of a number in a flight, SI units; powers and products of several such numbers stay finite.
 pub(super) const LARGEST: f64 = 1e9;
 
 shared_types::sample! {
-    /// What thrust and body rates follow from a time on.
+    /// Command that thrust and body rates follow from a time on.
     pub struct Command {
-        /// When it begins to act, ns since the start of the flight.
+        /// Time from which it acts, ns since the start of the flight.
         pub acts_from_ns: u64,
         /// Thrust, N.
         pub thrust: f64,
@@ -23,18 +23,18 @@ shared_types::sample! {
     }
 }
 
-/// What acts from a time to another.
+/// Command between two times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
     /// Beginning, ns since the start of the flight.
     pub from_ns: u64,
     /// End, ns since the start of the flight; after the beginning.
     pub to_ns: u64,
-    /// What acts.
+    /// The command.
     pub command: Command,
 }
 
-/// The commands that act or are under way, oldest first. The first is taken to have acted ever before.
+/// Commands that act or are under way, oldest first. The first is assumed to have acted ever before.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CommandHistory {
     commands: [Command; CAPACITY],
@@ -43,7 +43,8 @@ pub struct CommandHistory {
 }
 
 impl CommandHistory {
-    /// Before anything is known of the thrust it carries the weight of `mass` (kg): the rig starts in the air.
+    /// Makes a history without known commands, in which the thrust carries the weight of `mass` (kg): the rig starts in
+    /// the air.
     #[must_use]
     pub fn hovering(mass: f64) -> Self {
         let hover = Command {
@@ -57,30 +58,30 @@ impl CommandHistory {
         }
     }
 
-    /// Before anything is known of the thrust there is none: the vehicle stands on the ground.
+    /// Makes a history without known commands and without thrust: the vehicle stands on the ground.
     #[must_use]
     pub fn resting() -> Self {
         Self::hovering(0.0)
     }
 
-    /// The commands, oldest first.
+    /// Returns the commands, oldest first.
     #[must_use]
     #[inline]
     pub fn commands(&self) -> &[Command] {
         &self.commands[..self.count]
     }
 
-    /// Whether there is no room for another command.
+    /// Returns whether there is no room for another command.
     #[must_use]
     #[inline]
     pub fn is_full(&self) -> bool {
         self.count == CAPACITY
     }
 
-    /// What `frame` asks for, if it acts from `acts_from_ns` on.
+    /// Returns the command of `frame`, if it acts from `acts_from_ns` on.
     ///
-    /// In failsafe the motors rest. A frame that asks for a torque says nothing of the rates, so that the last
-    /// ones known go on counting and the filter's rate bias has to make up for the rest.
+    /// In failsafe the motors stop. A frame with a torque states no rates, so the last known ones stay in use and the
+    /// filter's rate bias takes up the difference.
     #[must_use]
     pub fn meaning(&self, acts_from_ns: u64, frame: &RcFrame) -> Command {
         let bounded = |value: f64| value.clamp(-LARGEST, LARGEST);
@@ -99,8 +100,8 @@ impl CommandHistory {
         }
     }
 
-    /// Adds a command that acts after all others; one that does not was there before, and a full history keeps
-    /// what it has.
+    /// Adds a command that acts after all others. An older or equal one was there before and is dropped; a full history
+    /// keeps its commands.
     pub fn push(&mut self, command: Command) {
         let is_first_known = self.count == 1 && self.commands[0].acts_from_ns == 0;
         if !self.is_full() && (is_first_known || command.acts_from_ns > self.newest().acts_from_ns) {
@@ -109,8 +110,8 @@ impl CommandHistory {
         }
     }
 
-    /// Forgets the commands that no longer act at `time_ns`, but for the last of them: it would act still, had the
-    /// frame after it been lost.
+    /// Drops the commands that no longer act at `time_ns`, except the last of them: it would still act if the frame
+    /// after it were lost.
     pub fn forget_before(&mut self, time_ns: u64) {
         let begun = self
             .commands()
@@ -118,8 +119,8 @@ impl CommandHistory {
         self.forget(begun.saturating_sub(2));
     }
 
-    /// By how much the body would have turned otherwise from a time to another, had the vehicle missed the frame
-    /// of every command and kept to the one before, rad.
+    /// Returns the difference in the body's turn between two times if the vehicle missed the frame of every command and
+    /// kept to the one before, rad.
     #[must_use]
     pub fn turn_if_missed(&self, from_ns: u64, to_ns: u64) -> f64 {
         let mut turn = 0.0;
@@ -135,7 +136,7 @@ impl CommandHistory {
         turn
     }
 
-    /// When the command after one begins to act.
+    /// Returns the time at which the command after one begins to act.
     fn end_of(&self, command: &Command) -> u64 {
         let later = |next: &&Command| next.acts_from_ns > command.acts_from_ns;
         self.commands()
@@ -144,7 +145,7 @@ impl CommandHistory {
             .map_or(u64::MAX, |next| next.acts_from_ns)
     }
 
-    /// Forgets the oldest command, if there are others.
+    /// Drops the oldest command, if there are others.
     pub fn forget_oldest(&mut self) {
         self.forget(1.min(self.count - 1));
     }
@@ -156,7 +157,7 @@ impl CommandHistory {
         }
     }
 
-    /// What acts at a time.
+    /// Returns the command that acts at a time.
     #[must_use]
     pub fn acting(&self, time_ns: u64) -> &Command {
         let begun = self
@@ -165,7 +166,7 @@ impl CommandHistory {
         &self.commands[begun.saturating_sub(1)]
     }
 
-    /// What acts from a time to another, without gap, in the order of time.
+    /// Returns the commands that act between two times, without gap, in the order of time.
     pub fn segments(&self, from_ns: u64, to_ns: u64) -> impl Iterator<Item = Segment> {
         let commands = self.commands();
         let ends = commands[1..]
@@ -190,12 +191,12 @@ impl CommandHistory {
         &self.commands[self.count - 1]
     }
 
-    /// All places of the history, those not in use too, and how many are.
+    /// Returns all places of the history, the unused ones too, and the number in use.
     pub(super) fn save(&self) -> ([Command; CAPACITY], usize) {
         (self.commands, self.count)
     }
 
-    /// The history that was saved so.
+    /// Restores a saved history.
     pub(super) fn restored(commands: [Command; CAPACITY], count: usize) -> Self {
         Self {
             commands,
@@ -218,7 +219,7 @@ mod tests {
         }
     }
 
-    /// A history whose n-th known command asks for a thrust of n.
+    /// History whose n-th known command has a thrust of n.
     fn history(times: &[u64]) -> CommandHistory {
         let mut history = CommandHistory::hovering(0.2);
         for (number, &time) in (1..).zip(times) {
@@ -233,7 +234,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn segments_cover_the_time_asked_for_with_what_acts_then(
+        fn segments_cover_the_time_with_the_commands_that_act(
             times in times(), from in 0..1000u64, length in 1..1000u64,
         ) {
             let history = history(&times);
@@ -291,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_of_the_first_instant_takes_the_place_of_the_weight() {
+    fn a_command_of_the_first_instant_replaces_the_weight() {
         assert_eq!(history(&[0]).acting(0).thrust, 1.0);
     }
 

@@ -1,4 +1,4 @@
-//! The error of the nominal state, how a step carries it on, and the noise that enters meanwhile.
+//! Error of the nominal state: its transition over a step, and the process noise.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use scenario::Kalman;
@@ -44,7 +44,7 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// Φ M, column by column: a fifth of the work of the dense product.
+    /// Returns Φ M, column by column: a fifth of the work of the dense product.
     #[must_use]
     pub fn times(&self, matrix: &Covariance) -> Covariance {
         let mut product = *matrix;
@@ -72,14 +72,14 @@ impl Transition {
         product
     }
 
-    /// Φ P Φᵀ of a symmetric P.
+    /// Returns Φ P Φᵀ of a symmetric P.
     #[must_use]
     pub fn carried(&self, covariance: &Covariance) -> Covariance {
         self.times(&self.times(covariance).transpose())
     }
 }
 
-/// The noise that drives the state, as spectral densities.
+/// Process noise, as spectral densities.
 #[derive(Clone, Copy, Debug)]
 pub struct ProcessNoise {
     /// Of v̇, (m/s²)²/Hz.
@@ -93,7 +93,7 @@ pub struct ProcessNoise {
 }
 
 impl ProcessNoise {
-    /// The noise that a scenario states.
+    /// Returns the noise of a scenario.
     #[must_use]
     pub fn new(kalman: &Kalman) -> Self {
         Self {
@@ -104,10 +104,10 @@ impl ProcessNoise {
         }
     }
 
-    /// Adds the covariance Q of what enters during a step of `h`, s.
+    /// Adds the covariance Q of the noise of a step of `h`, s.
     ///
-    /// Integrals of white noise along ṗ = v, v̇ = d and along θ̇ = ω_bias (Van Loan's, in closed form). What the
-    /// attitude's noise makes of the velocity within the step is of order h³ g and comes with the next Φ.
+    /// Integrals of white noise along ṗ = v, v̇ = d and along θ̇ = ω_bias (Van Loan's, in closed form). The effect of
+    /// the attitude's noise on the velocity within the step is of order h³ g and comes with the next Φ.
     pub fn add_to(&self, covariance: &mut Covariance, h: f64) {
         let (h2, h3) = (h * h, h * h * h);
         let (a, d) = (self.acceleration, self.disturbance_drift);
@@ -127,7 +127,7 @@ impl ProcessNoise {
         add_to_diagonal(covariance, RATE_BIAS, RATE_BIAS, self.rate_bias_drift * h);
     }
 
-    /// Adds what the slow states, ω_bias and d, drift by in `time`, s.
+    /// Adds the drift of the slow states, ω_bias and d, in `time`, s.
     pub fn add_drift_to(&self, covariance: &mut Covariance, time: f64) {
         add_to_diagonal(covariance, RATE_BIAS, RATE_BIAS, self.rate_bias_drift * time);
         add_to_diagonal(
@@ -149,7 +149,7 @@ pub fn add_to_diagonal(covariance: &mut Covariance, row: usize, column: usize, v
     }
 }
 
-/// Whether P = Pᵀ; what is not a number passes: the filter starts again from the next pose.
+/// Returns whether P = Pᵀ. A P that is not a number passes: the filter starts again from the next pose.
 #[must_use]
 pub fn is_symmetric(covariance: &Covariance) -> bool {
     let asymmetry = covariance - covariance.transpose();
@@ -158,7 +158,8 @@ pub fn is_symmetric(covariance: &Covariance) -> bool {
         .all(|element| *element == 0.0 || element.is_nan())
 }
 
-/// ½ (P + Pᵀ): rounding must not add up to an asymmetry.
+/// Returns ½ (P + Pᵀ). Without it rounding would add up to an asymmetry, and the Cholesky factor would be that of
+/// another matrix.
 #[must_use]
 pub fn symmetrized(covariance: &Covariance) -> Covariance {
     (covariance + covariance.transpose()) * 0.5
@@ -169,7 +170,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The transition of a body that neither turns nor is thrust.
+    /// Transition of a body without rotation and thrust.
     fn at_rest(h: f64) -> Transition {
         Transition {
             h,

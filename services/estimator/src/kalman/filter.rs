@@ -1,25 +1,25 @@
-//! Which captures are used, when the filter starts anew, and what it tells of now.
+//! Selection of captures, restarts of the filter, and prediction to the present.
 //!
-//! Failure policy, by what happens to the captures:
-//! * those that scatter more than stated are believed less: [`scatter`](super::scatter);
+//! Failure policy, by the faults of captures:
+//! * if they scatter more than stated, they get less weight: [`scatter`](super::scatter);
 //! * one that is older than the state, or a repetition, changes nothing;
-//! * one too far from what is believed ([`gate`](Kalman::gate)) is looked at again as if the vehicle had missed a
-//!   frame, by which it may have turned otherwise than believed;
-//! * one too far also then is looked at as if the state were less sure of everything, for the first tenth of a second: a
-//!   wrong model shows as innovations that are too large, and to refuse them would leave the state to that model;
-//! * one too far also then, as after a jump, is refused and counted; when all have been refused
-//!   for [`restart_after`](Kalman::restart_after), the newest one is believed instead and the filter starts anew;
-//! * one that is no pose at all, or from the future, is refused and counted, and never started from;
-//! * when numbers of no flight (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next capture
-//!   that is believed starts the filter from nothing;
-//! * a frame that the vehicle does not receive ([`RcFrame::is_whole`]) is not heard, nor one that asks for more than the
+//! * one too far from the estimate ([`gate`](Kalman::gate)) is tested again under the assumption that the vehicle
+//!   missed a frame and turned otherwise;
+//! * one still too far is tested with a larger covariance of the whole state, for the first tenth of a second: a wrong
+//!   model shows as innovations that are too large, and to refuse them would leave the state to that model;
+//! * one still too far, as after a jump, is refused and counted; when all have been refused for
+//!   [`restart_after`](Kalman::restart_after), the newest one is accepted instead and the filter restarts;
+//! * one that is no pose at all, or from the future, is refused and counted, and the filter never starts from it;
+//! * when impossible numbers (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next accepted
+//!   capture starts the filter from nothing;
+//! * a frame that the vehicle does not receive ([`RcFrame::is_whole`]) is ignored, and so is one with more than the
 //!   link can carry;
-//! * while the vehicle stands on the ground, as a flight with phases begins and ends, the filter starts from every capture: what
-//!   the ground bears of its weight is no disturbance, and somebody may carry it about;
-//! * without a capture used for two periods of the cameras and their latency the state is said to coast;
-//! * without any for [`coast`](Kalman::coast) the state is predicted on, but no longer counts as tracked; when
-//!   `restart_after` has passed as well the vehicle is lost: there is no state any more, and the next capture
-//!   starts the filter anew.
+//! * while the vehicle stands on the ground, as a flight with phases begins and ends, the filter starts from every
+//!   capture: the ground's support is no disturbance, and people may carry the vehicle about;
+//! * without a capture used for two periods of the cameras and their latency the state coasts;
+//! * without one for [`coast`](Kalman::coast) the prediction continues, but no longer counts as tracked; when
+//!   `restart_after` has passed as well the vehicle is lost: there is no state any more, and the next capture restarts
+//!   the filter.
 
 use nalgebra::SVector;
 use scenario::{Kalman, Key, Model, Problem, RcLink, Scenario};
@@ -35,35 +35,35 @@ use super::motion::{Actuation, VehicleModel};
 use super::scatter::Scatter;
 use crate::source::{Estimate, is_pose};
 
-/// By how much more than its limits a channel may mean, as a share.
+/// Tolerance of a channel's meaning beyond its limits, as a share.
 const ROUNDING: f64 = 1e-9;
 
-/// For how long the motors of a vehicle that hardly moves must rest before it is taken to stand on the ground, ns.
+/// Time for which the motors of a vehicle that hardly moves must stop before it counts as standing on the ground, ns.
 const LANDED_AFTER_NS: u64 = 300_000_000;
 /// Speed below which it hardly moves, m/s.
 const HARDLY: f64 = 0.1;
 
-/// How many times as large the covariance of the state may be taken to be before a capture is refused.
+/// Largest factors on the covariance of the state before a capture is refused.
 const LESS_SURE: [f64; 2] = [4.0, 16.0];
 
-/// For how long after a capture was used it may be, ns. Later the state is unsure enough that a jump of centimetres
-/// could be taken for a speed.
+/// Time after the last used capture for which these factors apply, ns. Later the state is unsure enough that a jump of
+/// centimetres could be taken for a speed.
 const LESS_SURE_FOR_NS: u64 = 100_000_000;
 
-/// What has become of a capture.
+/// Outcome of a capture.
 #[derive(Clone, Debug)]
 pub enum Outcome {
-    /// It says nothing new: the body is not seen, or was seen later already.
+    /// It holds nothing new: the body is not seen, or was seen later already.
     Ignored,
     /// The filter starts from it.
     Started,
-    /// It has corrected the state, from which it differed by so much: the whitened innovation.
+    /// It has corrected the state; the whitened innovation.
     Used(SVector<f64, MEASURED>),
-    /// It cannot be true.
+    /// It is impossible.
     Refused,
 }
 
-/// The filter.
+/// Kalman filter with its memory.
 #[derive(Clone, Debug)]
 pub struct KalmanFilter {
     process: ProcessModel,
@@ -78,39 +78,39 @@ pub struct KalmanFilter {
     most_sent: [f64; 4],
     radio_latency_ns: u64,
     capture_latency_ns: Option<u64>,
-    /// Whether there is a ground to stand on.
+    /// `true` if there is a ground to stand on.
     has_ground: bool,
     pub(super) memory: Memory,
 }
 
-/// What the filter remembers from step to step.
+/// Memory of the filter from step to step.
 #[derive(Clone, Debug)]
 pub(super) struct Memory {
     /// The frames already sent that still matter.
     pub history: CommandHistory,
-    /// Since when all frames have let the motors rest, ns since the start of the flight.
+    /// Time since which all frames have stopped the motors, ns since the start of the flight.
     pub rests_since_ns: Option<u64>,
-    /// What is believed, and since when; `None` before the first capture.
+    /// The estimate with its times; `None` before the first capture.
     pub track: Option<Track>,
     /// Captures refused since the start of the flight.
     pub captures_refused: u32,
-    /// How much captures scatter.
+    /// Scatter of the captures.
     pub scatter: Scatter,
 }
 
-/// A state and what it rests on.
+/// Estimate and the captures that it rests on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Track {
-    /// What is believed, at the time of the last capture that was looked at.
+    /// The estimate, at the time of the last tested capture.
     pub state: FilterState,
-    /// When a capture was used last, ns since the start of the flight.
+    /// Time at which a capture was used last, ns since the start of the flight.
     pub used_at_ns: u64,
     /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
     pub refused_since_ns: Option<u64>,
 }
 
 impl KalmanFilter {
-    /// The filter that a scenario asks for.
+    /// Makes the filter of a scenario.
     ///
     /// # Errors
     /// More frames are under way between the exposure of a capture and the acting of the newest frame than the
@@ -149,10 +149,10 @@ impl KalmanFilter {
         })
     }
 
-    /// Takes note of a frame that has been sent.
+    /// Takes a frame that has been sent.
     ///
-    /// If the history is full, as in a long while without captures, the state is carried on to where its second
-    /// command begins, so that none is forgotten before it has been used; older captures then come too late.
+    /// If the history is full, as in a long time without captures, the state is propagated to the begin of its second
+    /// command, so that no command is dropped before it has been used; older captures then come too late.
     pub fn hear(&mut self, now_ns: u64, frame: &RcFrame) {
         if !frame.is_whole() || !self.can_be_sent(frame) {
             return;
@@ -174,14 +174,14 @@ impl KalmanFilter {
             .filter(|_| frame.failsafe.is_set());
     }
 
-    /// Whether the link can carry a frame.
+    /// Returns whether the link can carry a frame.
     fn can_be_sent(&self, frame: &RcFrame) -> bool {
         let [most_thrust, rates @ ..] = self.most_sent;
         let asked = frame.rates_body.iter().zip(&rates);
         frame.thrust.abs() <= most_thrust && asked.into_iter().all(|(rate, most)| rate.abs() <= *most)
     }
 
-    /// Looks at a capture that has arrived.
+    /// Tests a capture that has arrived.
     pub fn see(&mut self, now_ns: u64, capture: &MocapPose) -> Outcome {
         if !capture.tracked.is_set() {
             return Outcome::Ignored;
@@ -248,18 +248,18 @@ impl KalmanFilter {
         self.refuse()
     }
 
-    /// How well poses are measured, as far as they have shown.
+    /// Returns the noise of measured poses, as far as it is known.
     fn noise(&self) -> PoseNoise {
         self.memory.scatter.noise(self.pose_noise)
     }
 
-    /// How a pose differs from what is believed, unless it is too far from it.
+    /// Returns the innovation of a pose, unless it is too far from the estimate.
     fn likely(&self, state: &FilterState, residual: SVector<f64, MEASURED>) -> Option<Innovation> {
         let innovation = state.innovation(residual, self.noise());
         innovation.filter(|innovation| innovation.squared_distance() <= self.gate)
     }
 
-    /// The state now: predicted to the time at which a frame sent now acts, or else at the last capture. `None`
+    /// Returns the state now: predicted to the time at which a frame sent now acts, or else at the last capture. `None`
     /// before the first capture, and when the vehicle is lost.
     #[must_use]
     pub fn estimate(&self, now_ns: u64) -> Option<Estimate> {
@@ -272,39 +272,39 @@ impl KalmanFilter {
         Some(estimate_of(&state, vehicle))
     }
 
-    /// Whether a capture has been used recently enough.
+    /// Returns whether a capture has been used recently enough.
     #[must_use]
     pub fn is_tracking(&self, now_ns: u64) -> bool {
         self.unseen_for_ns(now_ns)
             .is_some_and(|unseen| unseen <= self.coast_ns)
     }
 
-    /// Whether captures that were due are missing, so that the state is predicted further than it should be.
+    /// Returns whether due captures are missing, so that the state is predicted further than usual.
     #[must_use]
     pub fn is_coasting(&self, now_ns: u64) -> bool {
         self.unseen_for_ns(now_ns)
             .is_some_and(|unseen| unseen > self.patience_ns)
     }
 
-    /// Captures refused since the start of the flight.
+    /// Returns the number of captures refused since the start of the flight.
     #[must_use]
     pub fn captures_refused(&self) -> u32 {
         self.memory.captures_refused
     }
 
-    /// What is believed at the time of the last capture that was looked at; `None` before the first.
+    /// Returns the estimate at the time of the last tested capture; `None` before the first.
     #[must_use]
     pub fn state(&self) -> Option<&FilterState> {
         self.memory.track.as_ref().map(|track| &track.state)
     }
 
-    /// Whether the vehicle was seen once, but too long ago.
+    /// Returns whether the vehicle was seen once, but too long ago.
     fn is_lost(&self, now_ns: u64) -> bool {
         let longest = self.coast_ns.saturating_add(self.restart_after_ns);
         self.unseen_for_ns(now_ns).is_some_and(|unseen| unseen > longest)
     }
 
-    /// Time since a capture was used last, ns.
+    /// Returns the time since a capture was used last, ns.
     fn unseen_for_ns(&self, now_ns: u64) -> Option<u64> {
         let track = self.memory.track.as_ref()?;
         Some(now_ns.saturating_sub(track.used_at_ns))
@@ -326,7 +326,7 @@ impl KalmanFilter {
         self.start(now_ns, state)
     }
 
-    /// Whether a vehicle that flew stands on the ground again.
+    /// Returns whether a vehicle that flew stands on the ground again.
     fn has_landed(&self, state: &FilterState) -> bool {
         let rests_since_ns = self.memory.rests_since_ns.filter(|_| self.has_ground);
         rests_since_ns.is_some_and(|since| state.time_ns >= since.saturating_add(LANDED_AFTER_NS))
@@ -356,7 +356,7 @@ impl KalmanFilter {
     }
 }
 
-/// Largest thrust (N) and body rates (rad/s) that a link can carry, and a rounding more.
+/// Returns the largest thrust (N) and body rates (rad/s) that a link can carry, with a tolerance for rounding.
 fn most_sent(link: &RcLink) -> [f64; 4] {
     let [_, thrust] = link.thrust_limits();
     let [least, most] = link.rate_range.map(f64::abs);
@@ -364,7 +364,7 @@ fn most_sent(link: &RcLink) -> [f64; 4] {
     [thrust, x, y, z].map(|limit| limit * (1.0 + ROUNDING))
 }
 
-/// The pose of a capture, if it is one.
+/// Returns the pose of a capture, if it holds one.
 fn pose_of(capture: &MocapPose) -> Option<Pose> {
     let pose = Pose {
         position_world: capture.position_world.into(),
@@ -398,7 +398,7 @@ fn schedule_of(scenario: &Scenario) -> Result<Schedule, Problem> {
         .map_err(|mut problems| problems.swap_remove(0))
 }
 
-/// Longest time between two captures that are used while none is missing but one by chance, ns.
+/// Returns the longest time between two used captures if none is missing but one by chance, ns.
 fn longest_gap_ns(scenario: &Scenario, schedule: &Schedule) -> u64 {
     let captures = schedule.edge(ServiceId::Estimator, 0);
     2 * scenario.between_captures_ns(schedule) + schedule.time_ns(captures.latency)
@@ -421,7 +421,8 @@ fn check_history(scenario: &Scenario, schedule: &Schedule, model: &Model) -> Res
     ))
 }
 
-/// Commands that act, or are sent and will, between the last capture and the time of the prediction.
+/// Returns the number of commands that act, or are sent and will, between the last capture and the time of the
+/// prediction.
 fn commands_under_way(scenario: &Scenario, schedule: &Schedule, model: &Model) -> u64 {
     let captures = schedule.edge(ServiceId::Estimator, 0);
     let ticks = captures.latency + schedule.service_rate(ServiceId::Estimator).period;

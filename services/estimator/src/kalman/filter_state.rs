@@ -1,4 +1,4 @@
-//! Mean and covariance together: propagation over the frames sent, and the use of a pose.
+//! Mean and covariance together: propagation over the sent frames, and correction by a pose.
 
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector, Vector3};
 use scenario::Kalman;
@@ -19,12 +19,12 @@ const LONGEST_STEP_NS: u64 = 2_000_000;
 /// Size of a measurement: position and attitude.
 pub const MEASURED: usize = 6;
 
-/// Standard deviations to begin with of what a pose does not tell: more than any flight of the rig shows.
+/// Initial standard deviations of the states that a pose does not measure: more than any flight of the rig shows.
 const INITIAL_VELOCITY_DEVIATION: f64 = 5.0;
 const INITIAL_RATE_BIAS_DEVIATION: f64 = 1.0;
 const INITIAL_DISTURBANCE_DEVIATION: f64 = 5.0;
 
-/// Standard deviation of each component of the velocity of a vehicle on the ground, which somebody may push, m/s.
+/// Standard deviation of each component of the velocity of a vehicle on the ground, which people may push, m/s.
 const STANDING_VELOCITY_DEVIATION: f64 = 0.3;
 
 /// A pose of the body.
@@ -36,7 +36,7 @@ pub struct Pose {
     pub world_from_body: Matrix3<f64>,
 }
 
-/// How well a pose is measured.
+/// Noise of a measured pose.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseNoise {
     /// Variance of each component of the position, m².
@@ -46,7 +46,7 @@ pub struct PoseNoise {
 }
 
 impl PoseNoise {
-    /// What a scenario states.
+    /// Returns the noise that a scenario states.
     #[must_use]
     pub fn new(kalman: &Kalman) -> Self {
         Self {
@@ -55,36 +55,36 @@ impl PoseNoise {
         }
     }
 
-    /// V, covariance of a measured pose.
+    /// Returns V, the covariance of a measured pose.
     fn covariance(self) -> SMatrix<f64, MEASURED, MEASURED> {
         let (p, a) = (self.position, self.attitude);
         SMatrix::from_diagonal(&SVector::from([p, p, p, a, a, a]))
     }
 }
 
-/// What the filter needs to know to propagate.
+/// Model of the propagation.
 #[derive(Clone, Copy, Debug)]
 pub struct ProcessModel {
     /// The vehicle.
     pub vehicle: VehicleModel,
-    /// What moves it besides.
+    /// The process noise.
     pub noise: ProcessNoise,
 }
 
-/// The state of the vehicle at a time, and how well it is known.
+/// State of the vehicle at a time, with its covariance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterState {
-    /// The time that it speaks of, ns since the start of the flight.
+    /// Its time, ns since the start of the flight.
     pub time_ns: u64,
     /// The mean.
     pub nominal: NominalState,
     /// P, covariance of the error of the mean.
     pub covariance: Covariance,
-    /// Whether the ground holds the vehicle, so that it neither moves nor turns whatever it is told.
+    /// `true` if the ground holds the vehicle, so that no command moves or turns it.
     pub stands: bool,
 }
 
-/// How a measured pose differs from the one believed in.
+/// Difference between a measured pose and the estimated one.
 #[derive(Clone, Debug)]
 pub struct Innovation {
     /// (p_measured − p, log RᵀR_measured).
@@ -96,7 +96,7 @@ pub struct Innovation {
 }
 
 impl Innovation {
-    /// L⁻¹ residual with L Lᵀ = Z: of unit covariance if the filter is right.
+    /// Returns L⁻¹ residual with L Lᵀ = Z: of unit covariance if the filter is right.
     #[must_use]
     pub fn whitened(&self) -> SVector<f64, MEASURED> {
         let mut whitened = self.residual;
@@ -104,7 +104,7 @@ impl Innovation {
         whitened
     }
 
-    /// Squared Mahalanobis distance, residualᵀ Z⁻¹ residual.
+    /// Returns the squared Mahalanobis distance, residualᵀ Z⁻¹ residual.
     #[must_use]
     pub fn squared_distance(&self) -> f64 {
         self.whitened().norm_squared()
@@ -112,7 +112,7 @@ impl Innovation {
 }
 
 impl FilterState {
-    /// What the first pose tells: at rest, undisturbed, and sure of neither.
+    /// Makes the state of the first pose: at rest, undisturbed, and uncertain of both.
     #[must_use]
     pub fn from_pose(time_ns: u64, pose: &Pose, noise: PoseNoise, actuation: Actuation) -> Self {
         let mut covariance = Covariance::zeros();
@@ -146,7 +146,8 @@ impl FilterState {
         }
     }
 
-    /// What a pose tells of a vehicle that stands on the ground. What the ground bears says nothing of ω_bias and d.
+    /// Makes the state of a vehicle that stands on the ground at a pose. The ground's support gives no information on
+    /// ω_bias and d.
     #[must_use]
     pub fn standing(time_ns: u64, pose: &Pose, noise: PoseNoise, actuation: Actuation) -> Self {
         const VARIANCE: f64 = STANDING_VELOCITY_DEVIATION * STANDING_VELOCITY_DEVIATION;
@@ -158,8 +159,8 @@ impl FilterState {
         state
     }
 
-    /// What a pose tells to one who had lost the vehicle: as the first one, but ω_bias and d are kept, with what
-    /// they may have drifted by since.
+    /// Makes the state of a pose after the vehicle was lost: as of the first one, but ω_bias and d are kept, with their
+    /// possible drift since.
     #[must_use]
     pub fn restarted(
         &self,
@@ -188,8 +189,8 @@ impl FilterState {
         state
     }
 
-    /// Carries the state on to a later time, under the commands that act until then. A vehicle that stands does so until
-    /// its thrust may lift it.
+    /// Propagates the state to a later time, under the commands that act until then. A vehicle that stands does so
+    /// until its thrust may lift it.
     pub fn propagate(&mut self, to_ns: u64, process: &ProcessModel, history: &CommandHistory) {
         if to_ns <= self.time_ns {
             return;
@@ -218,7 +219,7 @@ impl FilterState {
         self.time_ns = to_ns;
     }
 
-    /// Whether all variances are positive numbers, as they are while rounding errors are small beside them.
+    /// Returns whether all variances are positive numbers, as they are while rounding errors are small beside them.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let variances = self.covariance.diagonal();
@@ -227,7 +228,8 @@ impl FilterState {
             .all(|variance| variance.is_finite() && *variance > 0.0)
     }
 
-    /// The same state, less sure of the attitude by a standard deviation of `turn` (rad) about every axis.
+    /// Returns the same state with a larger variance of the attitude, by a standard deviation of `turn` (rad) about
+    /// every axis.
     #[must_use]
     pub fn less_sure_of_attitude(&self, turn: f64) -> Self {
         let mut state = *self;
@@ -235,7 +237,7 @@ impl FilterState {
         state
     }
 
-    /// The same state, less sure of everything: its covariance so many times as large.
+    /// Returns the same state with its covariance so many times as large.
     #[must_use]
     pub fn less_sure(&self, times: f64) -> Self {
         let mut state = *self;
@@ -243,7 +245,7 @@ impl FilterState {
         state
     }
 
-    /// The residual of a pose: (p_measured − p, log RᵀR_measured). It depends on the nominal state alone.
+    /// Returns the residual of a pose: (p_measured − p, log RᵀR_measured). It depends on the nominal state alone.
     #[must_use]
     pub fn residual(&self, pose: &Pose) -> SVector<f64, MEASURED> {
         let attitude_residual = log(&(self.nominal.world_from_body.transpose() * pose.world_from_body));
@@ -254,8 +256,8 @@ impl FilterState {
         residual
     }
 
-    /// How a pose of this residual differs from the one believed in; `None` if the covariance of that is not positive
-    /// definite, which happens only when the filter is told that poses are free of noise.
+    /// Returns the innovation of a pose with this residual; `None` if its covariance is not positive definite, which
+    /// happens only if poses are stated to be free of noise.
     #[must_use]
     pub fn innovation(&self, residual: SVector<f64, MEASURED>, noise: PoseNoise) -> Option<Innovation> {
         let cross_covariance = measured_columns(&self.covariance);
@@ -277,7 +279,8 @@ impl FilterState {
         let error: ErrorVector = gain * innovation.residual;
         self.inject(&error);
 
-        // Joseph's form, (I − K H) P (I − K H)ᵀ + K V Kᵀ: positive definite whatever the rounding.
+        // Joseph's form, (I − K H) P (I − K H)ᵀ + K V Kᵀ: positive definite for any rounding. The short form (I − K H)
+        // P subtracts nearly equal matrices, and rounding could make a variance negative.
         let mut kept = Covariance::identity();
         for (measured, row) in [(0, POSITION), (3, ATTITUDE)] {
             let mut columns = kept.fixed_columns_mut::<3>(row);
@@ -301,7 +304,7 @@ impl FilterState {
     }
 }
 
-/// G P Gᵀ with which errors count from the corrected mean: G is 1, but I − S(θ)/2 for the attitude (287).
+/// Returns G P Gᵀ, which refers errors to the corrected mean: G is 1, but I − S(θ)/2 for the attitude (287).
 fn reset(covariance: &Covariance, theta: &Vector3<f64>) -> Covariance {
     let g = Matrix3::identity() - skew(theta) * 0.5;
     let mut reset = *covariance;
@@ -312,7 +315,7 @@ fn reset(covariance: &Covariance, theta: &Vector3<f64>) -> Covariance {
     reset
 }
 
-/// M Hᵀ: H picks position and attitude out of the error state.
+/// Returns M Hᵀ: H selects position and attitude of the error state.
 fn measured_columns<const ROWS: usize>(matrix: &SMatrix<f64, ROWS, ERRORS>) -> SMatrix<f64, ROWS, MEASURED> {
     let mut picked = SMatrix::<f64, ROWS, MEASURED>::zeros();
     picked
@@ -324,7 +327,7 @@ fn measured_columns<const ROWS: usize>(matrix: &SMatrix<f64, ROWS, ERRORS>) -> S
     picked
 }
 
-/// One of the five parts of an error.
+/// Returns one of the five parts of an error.
 fn part(error: &ErrorVector, first_row: usize) -> Vector3<f64> {
     error.fixed_rows::<3>(first_row).into()
 }

@@ -1,4 +1,4 @@
-//! The nominal state and how it moves: the model without its noise.
+//! Nominal state and its motion: the model without its noise.
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::{GRAVITY, Model};
@@ -11,10 +11,10 @@ use super::attitude::right_jacobian;
 use super::commands::Command;
 use super::error_state::Transition;
 
-/// Share of its weight from which on thrust may lift the vehicle, whatever is believed of its mass.
+/// Share of its weight from which on thrust may lift the vehicle, whatever its estimated mass.
 const LIFTING: f64 = 0.5;
 
-/// What the vehicle is believed to be doing: the mean of the filter.
+/// Estimated motion of the vehicle: the mean of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NominalState {
     /// p, position in {I}, m.
@@ -23,15 +23,15 @@ pub struct NominalState {
     pub velocity_world: Vector3<f64>,
     /// R, body to inertial.
     pub world_from_body: Matrix3<f64>,
-    /// ω_bias, by which the body rates differ from what the frames make them, in {B}, rad/s.
+    /// ω_bias, difference between the body rates and those of the frames, in {B}, rad/s.
     pub rate_bias_body: Vector3<f64>,
     /// d, disturbance as an acceleration in {I}, m/s².
     pub disturbance_world: Vector3<f64>,
-    /// What the frames make of thrust and body rates; known without error.
+    /// Thrust and body rates by the frames; regarded as known without error.
     pub actuation: Actuation,
 }
 
-/// Thrust and body rates as the frames make them.
+/// Thrust and body rates by the frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuation {
     /// T̂, N.
@@ -41,7 +41,7 @@ pub struct Actuation {
 }
 
 impl Actuation {
-    /// Thrust and rates that have settled on a command.
+    /// Returns thrust and rates that have settled on a command.
     #[must_use]
     pub fn settled(command: &Command) -> Self {
         Self {
@@ -51,7 +51,7 @@ impl Actuation {
     }
 }
 
-/// What is believed of the vehicle.
+/// Model of the vehicle.
 #[derive(Clone, Copy, Debug)]
 pub struct VehicleModel {
     /// m, kg.
@@ -61,7 +61,7 @@ pub struct VehicleModel {
 }
 
 impl VehicleModel {
-    /// What a scenario says is believed.
+    /// Returns the model of a scenario.
     #[must_use]
     pub fn new(model: &Model) -> Self {
         Self {
@@ -71,7 +71,7 @@ impl VehicleModel {
         }
     }
 
-    /// Thrust and rates after they have followed `command` for `h`, s.
+    /// Returns thrust and rates after they have followed `command` for `h`, s.
     #[must_use]
     pub fn actuated(&self, actuation: &Actuation, command: &Command, h: f64) -> Actuation {
         let target = Actuation::settled(command);
@@ -81,20 +81,20 @@ impl VehicleModel {
         }
     }
 
-    /// Whether a vehicle that stands on the ground stays there with this thrust.
+    /// Returns whether a vehicle that stands on the ground stays there with this thrust.
     #[must_use]
     pub fn is_held(&self, actuation: &Actuation) -> bool {
         actuation.thrust < LIFTING * self.mass * GRAVITY
     }
 
-    /// v̇ = g e3 − (T/m) R e3 + d in {I}, m/s².
+    /// Returns v̇ = g e3 − (T/m) R e3 + d in {I}, m/s².
     #[must_use]
     pub fn acceleration(&self, state: &NominalState) -> Vector3<f64> {
         let specific_thrust = state.actuation.thrust / self.mass;
         acceleration(&state.world_from_body, specific_thrust, &state.disturbance_world)
     }
 
-    /// A step of `h` (s) under `command` by the mid-point rule, and how an error is carried through it.
+    /// Steps by `h` (s) under `command` by the mid-point rule. Returns the state and the transition of an error.
     ///
     /// Thrust and rates enter by their exact means over the step. The transition is the derivative of the step
     /// itself, to second order in the angle that the body turns by.
@@ -136,7 +136,7 @@ impl VehicleModel {
     }
 }
 
-/// g e3 − (T/m) R e3 + d for a thrust per mass T/m, m/s²; gravity comes last.
+/// Returns g e3 − (T/m) R e3 + d for a thrust per mass T/m, m/s²; gravity is added last.
 fn acceleration(
     world_from_body: &Matrix3<f64>,
     specific_thrust: f64,

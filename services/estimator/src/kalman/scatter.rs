@@ -1,17 +1,19 @@
-//! The noise of the cameras as the captures themselves show it.
+//! Noise of the cameras, measured from the captures themselves.
 //!
-//! The stated deviations are a guess. If the cameras scatter more, a filter that believes the statement follows the
-//! noise and refuses good captures, and the vehicle turns over. If ν is the innovation of a capture, then for white noise
+//! The stated deviations are a guess. If the cameras scatter more, a filter that relies on the statement follows the
+//! noise and refuses good captures, and the vehicle turns over. If ν is the innovation of a capture, then for white
+//! noise
 //!
 //! ```text
 //!     ½ E‖νₖ − νₖ₋₁‖²/3 ≈ V + P          for position and attitude each
 //! ```
 //!
-//! A running mean of that less P tells V. A difference shows noise from capture to capture alone: a jump counts where it
-//! begins and where it ends, a model that is slightly wrong hardly at all. Neither is noise, and V must not grow by it.
+//! A running mean of that less P estimates V. A difference contains only the noise from capture to capture: a jump
+//! counts at its begin and its end, a slightly wrong model hardly at all. Neither is noise, and V must not grow by
+//! them.
 //!
-//! The noise that the filter believes in is the larger of what is stated and a quarter (`TRUSTED`) of that mean. With cameras as
-//! stated it is therefore what is stated, to the bit.
+//! The filter uses the larger of the stated noise and a quarter (`TRUSTED`) of that mean. With cameras as stated that
+//! is the stated noise, to the bit.
 
 use nalgebra::SVector;
 
@@ -21,24 +23,26 @@ use super::filter_state::{MEASURED, PoseNoise};
 /// Captures over which the mean runs.
 const CAPTURES: f64 = 20.0;
 
-/// Share of the scatter that is believed: cameras may be noisier than stated by half their deviation before it counts.
+/// Share of the scatter that counts: cameras may be noisier than stated by half their deviation before it has an
+/// effect.
 const TRUSTED: f64 = 0.25;
 
-/// How many times the mean one capture may count: a jump adds 40 % to it, and noise of ten times the deviation is known
+/// Largest weight of one capture, in means: a jump adds 40 % to the mean, and noise of ten times the deviation is
+/// detected after a dozen captures.
 /// after a dozen captures.
 const LARGEST_SHARE: f64 = 9.0;
 
-/// How much the captures scatter.
+/// Scatter of the captures.
 #[derive(Clone, Copy, Debug)]
 pub struct Scatter {
-    /// Mean of the variances seen.
+    /// Mean of the observed variances.
     pub(super) seen: PoseNoise,
     /// Innovation of the capture before; 0 for one that the filter started from.
     pub(super) innovation: SVector<f64, MEASURED>,
 }
 
 impl Scatter {
-    /// That of cameras as stated.
+    /// Makes the scatter of cameras as stated.
     #[must_use]
     pub fn new(stated: PoseNoise) -> Self {
         Self {
@@ -47,7 +51,7 @@ impl Scatter {
         }
     }
 
-    /// Takes the innovation of a capture in, whether it is used or not; P is the covariance of what was believed.
+    /// Adds the innovation of a capture, whether it is used or not; P is the covariance of the estimate.
     pub fn observe(&mut self, innovation: &SVector<f64, MEASURED>, p: &Covariance, stated: PoseNoise) {
         let difference = innovation - self.innovation;
         self.innovation = *innovation;
@@ -63,7 +67,7 @@ impl Scatter {
         }
     }
 
-    /// The noise to believe in.
+    /// Returns the noise that the filter uses.
     #[must_use]
     pub fn noise(&self, stated: PoseNoise) -> PoseNoise {
         PoseNoise {

@@ -1,4 +1,4 @@
-//! The filter's memory as a record, so that a restarted estimator goes on with the same bytes.
+//! Filter's memory as a record, so that a restarted estimator goes on with the same bytes.
 
 use nalgebra::Vector3;
 use shared_types::rotation::{from_row_major, to_row_major};
@@ -64,7 +64,7 @@ shared_types::sample! {
 const _: () = assert!(CAPACITY == 64 && ERRORS * ERRORS == 225);
 
 impl KalmanFilter {
-    /// What the filter remembers.
+    /// Returns the filter's memory as a record.
     #[must_use]
     pub fn save(&self) -> KalmanState {
         let mut state = KalmanState::new_zeroed();
@@ -83,7 +83,7 @@ impl KalmanFilter {
         state
     }
 
-    /// Goes on from what was saved.
+    /// Restores a saved memory.
     pub fn restore(&mut self, state: &KalmanState) {
         let count = usize::try_from(state.command_count).unwrap_or(CAPACITY);
         self.memory = Memory {

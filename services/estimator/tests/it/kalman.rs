@@ -1,4 +1,4 @@
-//! The filter against a simulated rig.
+//! Filter against a simulated rig.
 
 mod consistency;
 mod faults;

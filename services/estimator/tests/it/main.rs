@@ -1,4 +1,4 @@
-//! The estimator from outside, in one program: linking takes longer than running.
+//! Tests of the estimator from outside, in one program: linking takes longer than running.
 
 #[path = "../../../../tests/common/garbage.rs"]
 mod garbage;

@@ -1,4 +1,4 @@
-//! What the estimator does about captures and frames that are missing, too old or cannot be true.
+//! Estimator on captures and frames that are missing, too old or impossible.
 
 use estimator::EstimatorService;
 use proptest::prelude::*;
@@ -108,7 +108,7 @@ fn an_ideal_capture_of_no_pose_is_counted_and_the_last_good_one_stays() {
         assert_eq!(
             state.state_time_ns,
             pose(1).capture_time_ns,
-            "consumers see that nothing is new"
+            "consumers see that the state is not new"
         );
     }
 }
@@ -136,7 +136,7 @@ fn a_filtered_state_coasts_when_nothing_was_used_for_two_periods_and_the_latency
 }
 
 #[test]
-fn a_frame_that_is_not_finite_or_asks_for_more_than_the_link_carries_is_not_heard() {
+fn a_frame_that_is_not_finite_or_beyond_the_link_is_ignored() {
     let with_link = format!("{FILTER}\n[rc_output]");
     let (mut with, mut without) = (service(&with_link), service(&with_link));
     for tick in 0..200 {
@@ -170,7 +170,7 @@ fn bits() -> impl Strategy<Value = Vec<Bits>> {
 
 proptest! {
     #[test]
-    fn whatever_bits_come_the_state_is_finite_and_restart_changes_nothing(garbage in bits()) {
+    fn any_input_bits_give_a_finite_state_and_a_restart_changes_nothing(garbage in bits()) {
         for sections in [IDEAL, POLICY, FILTER] {
             let (mut steady, mut other) = (service(sections), service(sections));
             for (tick, (bits, keep, is_good)) in (0..).step_by(3).zip(&garbage) {

@@ -1,4 +1,4 @@
-//! The estimator as hosts see it: captures, their absence, restarts.
+//! Estimator as hosts see it: captures, their absence, restarts.
 
 use estimator::EstimatorService;
 use proptest::prelude::*;
@@ -18,7 +18,7 @@ fn service() -> EstimatorService {
     EstimatorService::new(&scenario).unwrap()
 }
 
-/// A capture of ideal cameras, told apart from others by its members.
+/// A capture of ideal cameras, distinguished from others by its members.
 fn capture(position: [f64; 3]) -> MocapPose {
     let [x, y, z] = position;
     MocapPose {
@@ -60,7 +60,7 @@ fn saved(service: &EstimatorService) -> Vec<u8> {
     state
 }
 
-/// What is kept of a state while the body is not seen.
+/// Returns the part of a state that is kept while the body is not seen.
 fn untracked(state: VehicleState) -> VehicleState {
     VehicleState {
         tracked: false.into(),

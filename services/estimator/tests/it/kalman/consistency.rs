@@ -1,4 +1,4 @@
-//! Is the filter as sure as it may be? Flights driven by the very noise that it believes in.
+//! Consistency of the filter: flights driven by exactly the noise of its model.
 
 use estimator::kalman::Outcome;
 use nalgebra::SVector;
@@ -33,14 +33,14 @@ pub fn matched_flight(seed: u64) -> Rig {
     })
 }
 
-/// Normalised squared error of what is believed: of 15 degrees of freedom if the filter is right.
+/// Returns the normalised squared error of the estimate: of 15 degrees of freedom if the filter is right.
 pub fn squared_error(rig: &Rig) -> f64 {
     let state = rig.filter.state().unwrap();
     let error = rig.truth_at(state.time_ns).error_of(state);
     error.dot(&state.covariance.cholesky().unwrap().solve(&error))
 }
 
-/// The mean of squared errors lies where that of a χ² variable of `freedom` does in 999 of 1000 cases.
+/// Asserts that the mean of squared errors lies where that of a χ² variable of `freedom` does in 999 of 1000 cases.
 #[track_caller]
 pub fn assert_is_chi_square(squares: &[f64], freedom: f64) {
     let count = squares.len() as f64;
@@ -53,7 +53,7 @@ pub fn assert_is_chi_square(squares: &[f64], freedom: f64) {
 }
 
 #[test]
-fn the_mean_squared_error_is_what_the_covariance_says() {
+fn the_mean_squared_error_is_that_of_the_covariance() {
     let mut squares = Vec::new();
     for seed in 0..25 {
         let mut rig = matched_flight(seed);
@@ -68,7 +68,7 @@ fn the_mean_squared_error_is_what_the_covariance_says() {
 }
 
 #[test]
-fn innovations_are_white_and_of_the_covariance_that_the_filter_says() {
+fn innovations_are_white_and_of_the_filters_covariance() {
     let (mut squares, mut products, mut sum) = (Vec::new(), Vec::new(), SVector::<f64, 6>::zeros());
     for seed in 100..106 {
         let mut rig = matched_flight(seed);

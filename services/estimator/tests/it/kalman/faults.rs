@@ -1,4 +1,4 @@
-//! What becomes of captures that lie, come late or do not come.
+//! Filter on captures that are wrong, late or missing.
 
 use estimator::kalman::{KalmanFilter, Outcome};
 use proptest::prelude::*;
@@ -15,7 +15,7 @@ fn laboratory(change: impl FnOnce(&mut World)) -> Rig {
     Rig::new(world, &Kalman::default(), &Model::default())
 }
 
-/// What has become of the captures up to a tick.
+/// Returns the outcomes of the captures up to a tick.
 fn outcomes(rig: &mut Rig, until: u64) -> Vec<(u64, Outcome)> {
     let mut outcomes = Vec::new();
     while rig.tick < until {
@@ -52,7 +52,7 @@ fn a_short_jump_is_refused_as_a_whole_and_leaves_the_state_where_it_was() {
 }
 
 #[test]
-fn a_jump_that_stays_is_believed_after_the_time_stated_and_again_when_it_ends() {
+fn a_lasting_jump_is_accepted_after_the_stated_time_and_again_at_its_end() {
     // Of the position alone: with the axes swapped too the body would no longer turn as the frames say.
     let mut rig = laboratory(|world| {
         world.swapped = 1000..2000;
@@ -125,7 +125,7 @@ fn a_drop_out_is_coasted_then_untracked_then_lost() {
 }
 
 #[test]
-fn after_a_drop_out_longer_than_the_coasting_the_error_is_what_the_covariance_says() {
+fn after_a_drop_out_longer_than_the_coasting_the_error_is_that_of_the_covariance() {
     let mut squares = Vec::new();
     for seed in 200..225 {
         let mut rig = matched_flight(seed);
@@ -222,7 +222,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
 
     #[test]
-    fn whatever_is_captured_and_sent_the_state_stays_finite(
+    fn any_captures_and_frames_keep_the_state_finite(
         captures in proptest::collection::vec(
             (proptest::array::uniform3(wild()), wild_rotation(), 0..30u64, any::<bool>()), 1..60,
         ),

@@ -1,4 +1,4 @@
-//! A vehicle that stands on the ground, leaves it and comes back.
+//! Vehicle that stands on the ground, leaves it and comes back.
 
 use estimator::kalman::{KalmanFilter, Outcome};
 use nalgebra::Vector3;
@@ -12,8 +12,8 @@ const TICK_NS: u64 = 1_000_000;
 const MASS: f64 = 0.2;
 const WEIGHT: f64 = MASS * GRAVITY;
 
-/// A vehicle that moves straight up and down, level, and the filter that sees it: captures every 10 ms without latency,
-/// frames every 20 ms that act at once.
+/// Vehicle that moves straight up and down, level, with its filter: captures every 10 ms without latency, frames every
+/// 20 ms that act at once.
 struct Lift {
     filter: KalmanFilter,
     mass: f64,
@@ -39,7 +39,7 @@ impl Lift {
         self.tick * TICK_NS
     }
 
-    /// Goes on for so many ticks while frames ask for a thrust, N, or for none at all.
+    /// Flies so many ticks while frames command a thrust, N, or none at all.
     fn go_on(&mut self, ticks: u64, asked: Option<f64>, mut look: impl FnMut(&Self)) {
         for _ in 0..ticks {
             if self.tick.is_multiple_of(20) {
@@ -65,7 +65,7 @@ impl Lift {
         }
     }
 
-    /// Believed minus true speed of the climb, m/s, and height, m.
+    /// Returns estimated minus true speed of the climb, m/s, and height, m.
     fn errors(&self) -> [f64; 2] {
         let told = self.filter.estimate(self.now_ns()).unwrap();
         [
@@ -110,8 +110,8 @@ fn capture(time_ns: u64, height: f64) -> MocapPose {
 }
 
 #[test]
-fn what_the_ground_has_borne_is_no_disturbance_when_the_vehicle_leaves_it() {
-    // The vehicle may be lighter or heavier than believed: what the ground bears meanwhile is little.
+fn the_grounds_support_leaves_no_disturbance_after_the_lift_off() {
+    // The vehicle may be lighter or heavier than modelled: the ground carries little meanwhile.
     for mass in [MASS, 0.8 * MASS, 1.3 * MASS] {
         let mut lift = Lift::new(mass);
         lift.go_on(5_000, None, |lift| assert!(lift.errors()[0].abs() < 1e-9));
@@ -127,7 +127,7 @@ fn what_the_ground_has_borne_is_no_disturbance_when_the_vehicle_leaves_it() {
 }
 
 #[test]
-fn a_vehicle_on_the_ground_is_where_it_is_seen_however_it_is_carried_about() {
+fn a_vehicle_carried_about_on_the_ground_is_where_it_is_seen() {
     let mut filter = grounded();
     for number in 0..500_u64 {
         let now_ns = number * 10 * TICK_NS;
@@ -146,13 +146,13 @@ fn a_vehicle_on_the_ground_is_where_it_is_seen_however_it_is_carried_about() {
 }
 
 #[test]
-fn a_vehicle_that_has_come_down_stands_once_its_motors_rest() {
+fn a_vehicle_that_has_come_down_stands_once_its_motors_stop() {
     let mut lift = Lift::new(MASS);
     let stands = |lift: &Lift| lift.filter.state().unwrap().stands;
     lift.go_on(1_000, None, |lift| assert!(lift.tick == 0 || stands(lift)));
     lift.go_on(500, Some(1.2 * WEIGHT), |_| {});
     assert!(!stands(&lift) && lift.height > 0.1);
-    // Falling with resting motors is no standing.
+    // A fall with stopped motors does not count as standing.
     lift.go_on(100, None, |lift| assert!(!stands(lift)));
     lift.go_on(3_000, None, |_| {});
     assert!(stands(&lift) && lift.height == 0.0);

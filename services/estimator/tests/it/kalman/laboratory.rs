@@ -1,4 +1,4 @@
-//! The rig as the laboratory has it, with the filter as it is by default.
+//! Rig of the laboratory, with the default filter.
 
 use estimator::Estimate;
 use nalgebra::Vector3;
@@ -51,7 +51,7 @@ fn a_mass_a_fifth_off_and_a_steady_wind_are_taken_up_by_the_disturbance() {
         .starting(|truth| truth.disturbance_world = wind);
     let errors = root_mean_squares(&mut rig, 2000, 6000);
     assert_below(errors, [0.6e-3, 15e-3, 2.3e-3]);
-    // The same acceleration, explained otherwise: d = v̇ − g e3 + (T/m̂) R e3.
+    // The same acceleration, as the model explains it: d = v̇ − g e3 + (T/m̂) R e3.
     let state = rig.filter.state().unwrap();
     let truth = rig.truth_at(state.time_ns);
     let difference = truth.world_from_body.column(2) * (truth.thrust * (1.0 / 0.2 - 1.0 / 0.24));

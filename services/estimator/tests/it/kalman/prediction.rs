@@ -1,4 +1,4 @@
-//! Without noise the filter must find the truth, and its prediction must be the future.
+//! Filter without noise: it finds the truth, and its prediction is the future.
 
 use estimator::kalman::Outcome;
 use nalgebra::Vector3;
@@ -44,7 +44,7 @@ fn the_predicted_state_is_the_one_that_comes() {
 }
 
 #[test]
-fn the_prediction_speaks_of_the_time_at_which_the_next_frame_acts() {
+fn the_prediction_is_for_the_time_at_which_the_next_frame_acts() {
     let mut rig = Rig::new(World::perfect(), &Kalman::default(), &Model::default());
     for _ in 0..100 {
         let now_ns = rig.now_ns();
@@ -54,7 +54,7 @@ fn the_prediction_speaks_of_the_time_at_which_the_next_frame_acts() {
 }
 
 #[test]
-fn without_prediction_the_state_speaks_of_the_last_capture() {
+fn without_prediction_the_state_is_that_of_the_last_capture() {
     let kalman = Kalman {
         prediction: false,
         ..Kalman::default()
@@ -99,7 +99,7 @@ fn frames_of_every_tick_are_all_used_through_a_drop_out_longer_than_the_history(
 }
 
 #[test]
-fn a_stated_capture_latency_takes_the_place_of_the_stamps() {
+fn a_stated_capture_latency_replaces_the_stamps() {
     let model = Model {
         capture_latency: Some(0.005),
         ..Model::default()

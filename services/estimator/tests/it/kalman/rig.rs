@@ -1,4 +1,4 @@
-//! A small simulator of the rig, independent of the plant: fine Runge–Kutta steps, captures, frames.
+//! Small simulator of the rig, independent of the plant: fine Runge–Kutta steps, captures, frames.
 
 use std::collections::VecDeque;
 
@@ -35,7 +35,7 @@ pub struct Truth {
     turbulence_world: Vector3<f64>,
 }
 
-/// What a frame asks for.
+/// Command of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked {
     pub thrust: f64,
@@ -48,7 +48,7 @@ impl Asked {
         rates_body: Vector3::new(0.0, 0.0, 0.0),
     };
 
-    /// As the radio link of the paper can say it.
+    /// As the paper's radio link can carry it.
     pub fn quantized(self) -> Self {
         let link = RcLink::default();
         let steps = f64::from(1 << (link.resolution - 1));
@@ -67,7 +67,7 @@ impl Asked {
     }
 }
 
-/// What the world is like; the filter believes its model instead.
+/// Truth of the simulated rig; the filter uses its model instead.
 #[derive(Clone, Debug)]
 pub struct World {
     pub seed: u64,
@@ -82,20 +82,20 @@ pub struct World {
     pub rate_factor: f64,
     /// Turbulence of 1 s correlation: standard deviation of each component, m/s².
     pub turbulence: f64,
-    /// Whether the noise of the filter's own model drives the vehicle.
+    /// `true` if the noise of the filter's model drives the vehicle.
     pub process_noise: bool,
-    /// Whether captures have the noise that the filter expects.
+    /// `true` if captures have the noise that the filter expects.
     pub capture_noise: bool,
-    /// Which captures, by the tick of exposure, are lost.
+    /// Lost captures, by the tick of exposure.
     pub hidden: std::ops::Range<u64>,
-    /// Which captures, by the tick of exposure, are wrong.
+    /// Wrong captures, by the tick of exposure.
     pub swapped: std::ops::Range<u64>,
-    /// By what rotation the attitude is wrong then; the position is wrong by a tenth of a metre.
+    /// Rotation by which the attitude is wrong then; the position is wrong by a tenth of a metre.
     pub swapped_rotation: Vector3<f64>,
 }
 
 impl World {
-    /// As believed, and without noise.
+    /// The filter's model, without noise.
     pub fn perfect() -> Self {
         Self {
             seed: 1,
@@ -143,15 +143,15 @@ pub struct Rig {
     noises: [Noise; 3],
 }
 
-/// What happened at a tick.
+/// Events of a tick.
 pub struct Moment {
-    /// The frame that the filter came to know.
+    /// The frame that the filter received.
     pub heard: Option<RcFrame>,
     /// The capture that arrived.
     pub seen: Option<MocapPose>,
-    /// What has become of it.
+    /// Its outcome.
     pub outcome: Option<Outcome>,
-    /// The state told when a frame was due.
+    /// The estimate when a frame was due.
     pub told: Option<Estimate>,
 }
 
@@ -226,8 +226,8 @@ impl Rig {
         &self.truths[usize::try_from(time_ns / TICK_NS).unwrap()]
     }
 
-    /// One tick: captures and frames arrive, the state is told if due, `pilot` sends a frame for it (s at which it
-    /// acts, state told), and the world moves on.
+    /// Makes one tick: captures and frames arrive, the estimate is made if due, `pilot` sends a frame for it (s at
+    /// which it acts, estimate), and the rig moves on.
     pub fn step(&mut self, pilot: impl FnOnce(f64, Option<&Estimate>) -> Asked) -> Moment {
         let now_ns = self.now_ns();
         if self.tick.is_multiple_of(CAPTURE_PERIOD) {
@@ -262,7 +262,7 @@ impl Rig {
         }
     }
 
-    /// As [`Self::step`], of cameras whose stamps say nothing.
+    /// As [`Self::step`], with cameras whose stamps are wrong.
     pub fn step_with_wrong_stamps(&mut self, pilot: impl FnOnce(f64, Option<&Estimate>) -> Asked) -> Moment {
         self.stamps_are_wrong = true;
         self.step(pilot)
@@ -328,7 +328,7 @@ impl Rig {
         self.tick += 1;
     }
 
-    /// White noise in the places and of the densities that the filter believes in.
+    /// White noise in the places and of the densities of the filter's model.
     fn diffuse(&mut self, truth: &mut Truth, h: f64, at: u64) {
         let mut draws = self.noises[2].at(at);
         let mut kick = |density: f64| draws.normal3() * (density * h).sqrt();
@@ -371,7 +371,7 @@ impl Rig {
 }
 
 impl Truth {
-    /// `start` moved along this derivative.
+    /// Returns `start` moved along this derivative.
     fn moved(&self, start: &Self, h: f64) -> Self {
         Self {
             position_world: start.position_world + self.position_world * h,
@@ -383,7 +383,7 @@ impl Truth {
         }
     }
 
-    /// The error of a state: true minus nominal.
+    /// Returns the error of a state: true minus nominal.
     pub fn error_of(&self, state: &FilterState) -> ErrorVector {
         let nominal = &state.nominal;
         let mut error = ErrorVector::zeros();
@@ -402,7 +402,7 @@ impl Truth {
         error
     }
 
-    /// Errors of a state told: position (m), velocity (m/s), attitude (rad).
+    /// Returns the errors of an estimate: position (m), velocity (m/s), attitude (rad).
     pub fn distances_to(&self, told: &Estimate) -> [f64; 3] {
         let attitude = shared_types::rotation::from_row_major(&told.world_from_body);
         let velocity_world = attitude * Vector3::from(told.velocity_body);
@@ -425,7 +425,7 @@ fn frame(stamp_ns: u64, asked: Asked) -> RcFrame {
     frame
 }
 
-/// Flies the paper's tilted eight (27) by the state told: feedback on position, velocity and attitude.
+/// Flies the paper's tilted eight (27) by the estimate: feedback on position, velocity and attitude.
 pub fn pilot_on_the_eight(time: f64, told: Option<&Estimate>) -> Asked {
     let Some(told) = told else {
         return Asked {
@@ -456,7 +456,7 @@ pub fn pilot_on_the_eight(time: f64, told: Option<&Estimate>) -> Asked {
     .quantized()
 }
 
-/// Tumbles about all axes, ever differently.
+/// Tumbles about all axes, always differently.
 pub fn restless_pilot(seed: u64) -> impl Fn(f64, Option<&Estimate>) -> Asked {
     move |time, _| {
         let wave = |frequency: f64, phase: u64| libm::sin(frequency * time + (seed * 7 + phase) as f64);

@@ -1,4 +1,4 @@
-//! The filter inside the service, as hosts see it.
+//! Filter inside the service, as hosts see it.
 
 use estimator::{Estimate, EstimatorService};
 use scenario::{Kalman, Model};
@@ -46,7 +46,7 @@ fn saved(service: &EstimatorService) -> Vec<u8> {
     state
 }
 
-/// A flight in which all happens that the filter has to remember: a drop-out, a jump that ends in a restart.
+/// A flight with all events that the filter's memory records: a drop-out, a jump that ends in a restart.
 fn eventful() -> Rig {
     let world = World {
         hidden: 200..300,
@@ -72,12 +72,12 @@ fn restored_at_every_step_it_goes_on_with_the_same_bytes() {
         assert_eq!(got.as_bytes(), expected.as_bytes(), "at tick {tick}");
         assert_eq!(saved(&restarted), saved(&steady), "at tick {tick}");
     }
-    // 30 until the jump is believed, 20 between its end and that of the flight.
+    // 30 until the jump is accepted, 20 between its end and that of the flight.
     assert_eq!(rig.filter.captures_refused(), 50);
 }
 
 #[test]
-fn the_service_tells_what_the_filter_tells() {
+fn the_service_publishes_the_filters_estimate() {
     let mut service = service(&Kalman::default());
     let mut rig = eventful();
     while rig.tick < 1000 {
@@ -116,7 +116,7 @@ fn before_the_first_capture_the_state_is_level_at_rest_and_not_tracked() {
 }
 
 #[test]
-fn a_lost_vehicle_stays_where_it_was_told_last_as_not_tracked() {
+fn a_lost_vehicle_keeps_its_last_state_as_not_tracked() {
     let mut service = service(&Kalman::default());
     let seen = MocapPose {
         world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
@@ -131,7 +131,7 @@ fn a_lost_vehicle_stays_where_it_was_told_last_as_not_tracked() {
 }
 
 #[test]
-fn more_frames_under_way_than_it_remembers_are_refused_with_what_to_change() {
+fn more_frames_under_way_than_its_history_are_refused_with_the_fix() {
     // Frames of every tick; a capture may be 5 + 10 + 1 of them old, one more acts, the one before is kept, another begins.
     let with_latency = |latency: f64| {
         let model = Model {
