@@ -1,4 +1,4 @@
-//! A channel of the radio link: what a stick's travel means, and the steps in which it is sent.
+//! Channel of the radio link: the meaning of a stick's travel, and the steps in which it is sent.
 //!
 //! A value x has the travel s = (x − offset)/slope in [−1, 1], and the link sends it as one of the codes
 //! 0 to 2^bits − 1, evenly spread with both ends included: s = 2 code/(2^bits − 1) − 1. With this even number of
@@ -17,19 +17,19 @@ pub struct Channel {
     codes: [f64; 2],
 }
 
-/// A value as it is sent.
+/// Value as it is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sent {
     /// The code.
     pub code: u16,
-    /// Whether a limit changed the value by more than the step from one code to the next.
+    /// `true` if a limit changed the value by more than the step from one code to the next.
     pub saturated: bool,
 }
 
 impl Channel {
-    /// A channel on which a travel s within `range` means `offset` + `slope` s, in `resolution` bits.
+    /// Makes a channel on which a travel s within `range` means `offset` + `slope` s, in `resolution` bits.
     ///
-    /// The codes that are sent mean travels within the range: at its ends it is narrowed to codes.
+    /// Sent codes mean travels within the range: at its ends it is narrowed to codes.
     #[must_use]
     pub fn new(offset: f64, slope: f64, range: [f64; 2], resolution: u32) -> Self {
         let largest_code = f64::from((1_u32 << resolution.clamp(1, 16)) - 1);
@@ -42,7 +42,7 @@ impl Channel {
         }
     }
 
-    /// The code that means the nearest to a value, within the limits.
+    /// Returns the code that means the nearest to a value, within the limits.
     #[must_use]
     #[inline]
     #[expect(
@@ -61,14 +61,14 @@ impl Channel {
         }
     }
 
-    /// The value that a code means.
+    /// Returns the value that a code means.
     #[must_use]
     #[inline]
     pub fn meaning(&self, code: u16) -> f64 {
         self.offset + self.slope * (2.0 * f64::from(code) / self.largest_code - 1.0)
     }
 
-    /// The step of the value from one code to the next.
+    /// Returns the step of the value from one code to the next.
     #[must_use]
     pub fn quantum(&self) -> f64 {
         2.0 * self.slope.abs() / self.largest_code
@@ -103,7 +103,7 @@ mod tests {
         }
 
         #[test]
-        fn what_is_sent_differs_from_a_value_within_the_limits_by_half_a_step_at_most(
+        fn a_sent_value_within_the_limits_differs_by_half_a_step_at_most(
             (channel, [least, most]) in channels(), part in 0.0..=1.0f64,
         ) {
             // At the ends the limits are narrowed to codes, by less than a step.

@@ -1,23 +1,22 @@
-//! The limits of the envelope: which of them vehicle and command exceed, and commands cut to them.
+//! Flight envelope: limits that vehicle and command exceed, and commands cut to them.
 //!
-//! All is a pure function of the newest good state and command. What is done about a limit that is exceeded says
-//! [`crate::guard`].
+//! All functions are pure, of the newest good state and command. [`crate::guard`] acts on an exceeded limit.
 
 use scenario::{Action, Fence, Vector};
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
 use shared_types::service::nanoseconds;
 
-/// How many limits there are.
+/// Number of limits.
 pub const LIMITS: usize = 7;
 
-/// What the limits are asked about.
+/// Inputs of the limits.
 #[derive(Clone, Copy, Debug)]
 pub struct EnvelopeInput<'a> {
     /// The last good state.
     pub state: Option<&'a VehicleState>,
-    /// Whether it is recent.
+    /// `true` if it is recent.
     pub state_is_fresh: bool,
-    /// What is to be sent; `None` if the motors are to rest.
+    /// The command to be sent; `None` if the motors are to stop.
     pub command: Option<&'a ControlCommand>,
 }
 
@@ -30,7 +29,7 @@ pub struct Envelope {
 }
 
 impl Envelope {
-    /// The limits that a scenario states.
+    /// Returns the limits that a scenario states.
     #[must_use]
     pub fn new(stated: &scenario::Envelope) -> Self {
         Self {
@@ -39,7 +38,7 @@ impl Envelope {
         }
     }
 
-    /// Each limit with its code, its action, and whether it is exceeded; `None` where it is not stated.
+    /// Returns each limit with its code, its action, and whether it is exceeded; `None` for an unstated one.
     #[must_use]
     pub fn exceeded(&self, situation: &EnvelopeInput<'_>) -> [Option<(u8, Action, bool)>; LIMITS] {
         let (stated, state, command) = (&self.stated, situation.state, situation.command);
@@ -85,7 +84,7 @@ impl Envelope {
         ]
     }
 
-    /// Whether a vehicle that is to land is so far outside of the box that it is not coming back.
+    /// Returns whether a vehicle that is to land is so far outside of the box that it will not come back.
     #[must_use]
     pub fn is_leaving(&self, state: Option<&VehicleState>) -> bool {
         let (fence, state) = (self.stated.r#box.as_ref(), state);
@@ -94,8 +93,8 @@ impl Envelope {
             .is_some_and(|(fence, state)| distance_outside(fence, state) > fence.margin)
     }
 
-    /// The command within the limits, whatever their actions: thrust from 0 to its largest, torque and rates cut axis
-    /// by axis.
+    /// Returns the command within the limits, whatever their actions: thrust from 0 to its largest, torque and rates
+    /// cut axis by axis.
     #[must_use]
     pub fn limited(&self, command: &ControlCommand) -> ControlCommand {
         let mut limited = *command;
@@ -111,26 +110,26 @@ impl Envelope {
         limited
     }
 
-    /// For how long a limit is exceeded before its action is taken, ns.
+    /// Returns the time for which a limit is exceeded before its action, ns.
     #[must_use]
     pub fn after_ns(&self) -> u64 {
         nanoseconds(self.stated.after)
     }
 
-    /// How long a landing may take, ns.
+    /// Returns the longest time of a landing, ns.
     #[must_use]
     pub fn land_within_ns(&self) -> u64 {
         nanoseconds(self.stated.land_within)
     }
 
-    /// Whether anything is checked on the state.
+    /// Returns whether any limit depends on the state.
     #[must_use]
     pub fn needs_state(&self) -> bool {
         self.stated.estimate.is_some()
     }
 }
 
-/// Distance of a vehicle from the box, m; 0 inside.
+/// Returns the distance of a vehicle from the box, m; 0 inside.
 fn distance_outside(fence: &Fence, state: &VehicleState) -> f64 {
     let position = state.position_world;
     let beyond = |axis: usize| {

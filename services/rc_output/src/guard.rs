@@ -1,20 +1,22 @@
-//! What may be sent: nothing before the vehicle is armed, nothing after it was killed, and nothing beyond the envelope.
+//! Guard: it decides whether a command may be sent. None is sent before the arming, after a kill, or beyond the
+//! envelope.
 //!
-//! | what | what follows |
+//! | condition | consequence |
 //! | --- | --- |
 //! | the operator has not armed | failsafe frames |
-//! | in a flight with phases the inputs have not been recent since the arming, or since the transmitter began anew | failsafe frames |
+//! | in a flight with phases the inputs have not been recent since the arming, or since a cold start of the transmitter | failsafe frames |
 //! | the operator killed | failsafe frames for ever |
 //! | a limit is exceeded for [`after`](scenario::Envelope::after), action *warn* | frames say so as long as that lasts |
-//! | … action *land* | frames demand it until the motors have rested for [`GROUNDED_AFTER`], whatever becomes of the limit |
+//! | … action *land* | frames demand it until the motors have stopped for [`GROUNDED_AFTER`], even if the limit holds again |
 //! | … action *kill* | failsafe frames for ever |
 //! | the vehicle is to land and takes too long, or goes on leaving the box | failsafe frames for ever |
 //!
-//! Limits are checked from the first command that moves the vehicle until the motors have rested for [`GROUNDED_AFTER`] without a
-//! break. A command that rests the motors for a shorter time resets nothing: the vehicle may still be in the air, and a
-//! controller that intersperses such commands must not escape its limits. Of several limits that are exceeded the
-//! gravest action counts, and of those the first. A kill is in the checkpoint; a transmitter that restarts without one
-//! knows of the operator's kill, which is kept outside of it, and judges the envelope afresh.
+//! Limits are checked from the first command that moves the vehicle until the motors have stopped for
+//! [`GROUNDED_AFTER`] without a break. A command that stops the motors for a shorter time resets nothing: the vehicle
+//! may still be in the air, and a controller that intersperses such commands must not escape its limits. Of several
+//! exceeded limits the gravest action counts, and of those the first. A kill is in the checkpoint. A transmitter that
+//! restarts without one still knows the operator's kill, which is in the control block, and checks the envelope again
+//! from the start.
 
 use scenario::{Action, Scenario};
 use shared_types::Now;
@@ -26,17 +28,17 @@ use shared_types::service::nanoseconds;
 use crate::envelope::{Envelope, EnvelopeInput, LIMITS};
 
 shared_types::sample! {
-    /// What the guard remembers.
+    /// State of the guard.
     pub struct GuardMemory {
-        /// Since when each limit has been exceeded without a break, ns, plus 1; 0 while it is not.
+        /// Time since which each limit has been exceeded without a break, ns, plus 1; 0 while it is not.
         pub since_ns: [u64; 7],
-        /// Since when the vehicle has been to land, ns.
+        /// Time since which the vehicle has been to land, ns.
         pub landing_since_ns: u64,
-        /// Since when the motors have rested without a break, ns, plus 1; 0 while they do not.
+        /// Time since which the motors have stopped without a break, ns, plus 1; 0 while they run.
         pub resting_since_ns: u64,
         /// The limit for which the vehicle is to land or was killed.
         pub limit: u8,
-        /// What is done until the vehicle rests or for ever: nothing, land or kill.
+        /// Action until the vehicle rests or for ever: none, land or kill.
         pub action: u8,
         /// Whether the inputs have been recent since the arming.
         pub passes: Flag,
@@ -47,36 +49,36 @@ shared_types::sample! {
     }
 }
 
-/// What the guard is asked about.
+/// Inputs of the guard.
 #[derive(Clone, Copy, Debug)]
 pub struct GuardInput<'a> {
     /// The command that would be sent.
     pub command: Option<&'a ControlCommand>,
     /// The last good state of the vehicle.
     pub state: Option<&'a VehicleState>,
-    /// Whether it is recent.
+    /// `true` if it is recent.
     pub state_is_fresh: bool,
-    /// Whether all that is needed is there and recent.
+    /// `true` if all needed inputs exist and are recent.
     pub inputs_are_fresh: bool,
 }
 
-/// What the guard says.
+/// Decision of the guard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GuardDecision {
-    /// Whether commands are sent.
+    /// `true` if commands are sent.
     pub passes: bool,
     /// The limit that acts.
     pub limit: u8,
-    /// What is done.
+    /// The action.
     pub action: u8,
 }
 
-/// Watches over what is sent.
+/// Guard over the sent commands.
 #[derive(Clone, Debug)]
 pub struct Guard {
     envelope: Option<Envelope>,
     has_phases: bool,
-    /// What it remembers.
+    /// Its state.
     pub memory: GuardMemory,
 }
 
@@ -94,7 +96,7 @@ impl GuardMemory {
 }
 
 impl GuardMemory {
-    /// Notes whether the motors are moved now. What is remembered of the limits is forgotten once they have rested for
+    /// Records whether the motors move now. The state of the limits is reset once they have stopped for
     /// [`GROUNDED_AFTER`] without a break: a matter of time, which no command can shorten.
     fn note_motion(&mut self, now: &Now, moves: bool) {
         if moves {
@@ -115,7 +117,7 @@ impl GuardMemory {
 }
 
 impl Guard {
-    /// The guard of a scenario that has been checked, at the start of its flight.
+    /// Makes the guard of a checked scenario, at the start of its flight.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         Self {
@@ -125,13 +127,13 @@ impl Guard {
         }
     }
 
-    /// Whether it looks at the vehicle's state.
+    /// Returns whether it uses the vehicle's state.
     #[must_use]
     pub fn needs_state(&self) -> bool {
         self.envelope.as_ref().is_some_and(Envelope::needs_state)
     }
 
-    /// What may be sent now.
+    /// Decides on the command of this step.
     pub fn rule(&mut self, now: &Now, case: &GuardInput<'_>) -> GuardDecision {
         if now.operator.killed && self.memory.action != RcFrame::ACTION_KILL {
             self.kill(RcFrame::LIMIT_NONE);
@@ -151,14 +153,14 @@ impl Guard {
         self.decision(warned)
     }
 
-    /// The command as it may be sent.
+    /// Returns the command within the limits.
     #[must_use]
     pub fn limited(&self, command: &ControlCommand) -> ControlCommand {
         let envelope = self.envelope.as_ref();
         envelope.map_or(*command, |envelope| envelope.limited(command))
     }
 
-    /// Checks the limits and takes their actions; returns the limit that is only warned of.
+    /// Checks the limits and takes their actions; returns the limit that only has a warning.
     fn check(&mut self, now: &Now, case: &GuardInput<'_>) -> Option<u8> {
         let envelope = self.envelope.as_ref()?;
         let moving = case
@@ -185,7 +187,7 @@ impl Guard {
             }
             _ => {}
         }
-        // Motors at rest need no kill, and a vehicle that has landed may be armed again.
+        // Stopped motors need no kill, and a vehicle that has landed may be armed again.
         if self.memory.action == RcFrame::ACTION_LAND && moving.is_some() {
             if is_leaving {
                 self.kill(RcFrame::LIMIT_BOX);
@@ -219,7 +221,7 @@ impl Guard {
     }
 }
 
-/// The gravest action of the limits that have been exceeded for long enough, and the first limit that asks for it.
+/// Returns the gravest action of the limits that have been exceeded for long enough, and the first limit with it.
 fn gravest(
     now: &Now,
     since_ns: &mut [u64; LIMITS],

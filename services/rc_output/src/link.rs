@@ -1,19 +1,19 @@
-//! What a command becomes on the link.
+//! Link: the form of a command on it.
 //!
 //! * The ideal link carries numbers as they are: no channels, no limits, and so no saturation.
-//! * The radio link carries thrust and body rates as four channels ([`Channel`]); what the frame then says of them
-//!   is what the channels mean. With the paper's calibration a travel is TRC = (T − 2.3071)/3.138 and
+//! * The radio link carries thrust and body rates as four channels ([`Channel`]); the frame then states the meaning of
+//!   the channels. With the paper's calibration a travel is TRC = (T − 2.3071)/3.138 and
 //!   ωRC = −[ωx/19, ωy/19, ωz/8].
 //!
-//! What a link cannot carry becomes a failsafe frame, with which the motors rest: no command at all, the command to
-//! do so, and torque on the radio link.
+//! The link sends a failsafe frame, which stops the motors, for a command that it cannot carry: no command at all, a
+//! failsafe command, and torque on the radio link.
 
 use scenario::RcLink;
 use shared_types::samples::{ControlCommand, RcFrame};
 
 use crate::channel::Channel;
 
-/// The link of a flight.
+/// Link of a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Link {
     /// Carries every command as it is.
@@ -23,14 +23,14 @@ pub enum Link {
 }
 
 impl Link {
-    /// The link that a scenario describes; ideal if it describes none.
+    /// Makes the link of a scenario; ideal if it states none.
     #[must_use]
     pub fn new(link: Option<&RcLink>) -> Self {
         link.map_or(Self::Ideal, |link| Self::Radio(Radio::new(link)))
     }
 
-    /// Writes the frame that carries `command`, whose numbers are finite: all but its header, its stage and what is
-    /// counted.
+    /// Writes the frame that carries `command`, whose numbers are finite: all but its header, its stage and its
+    /// counters.
     #[inline]
     pub fn transmit(&self, command: Option<&ControlCommand>, frame: &mut RcFrame) {
         match (
@@ -59,7 +59,7 @@ fn transmit_as_it_is(command: &ControlCommand, frame: &mut RcFrame) {
     frame.saturated = false.into();
 }
 
-/// Writes the frame with which the motors rest.
+/// Writes the frame that stops the motors.
 #[inline]
 fn transmit_failsafe(mode: u32, frame: &mut RcFrame) {
     frame.channels = [0; 16];
@@ -79,7 +79,7 @@ pub struct Radio {
 }
 
 impl Radio {
-    /// The link of these parameters, which have been checked.
+    /// Makes the link of these checked parameters.
     #[must_use]
     pub fn new(link: &RcLink) -> Self {
         let rate_channel = |slope| Channel::new(0.0, slope, link.rate_range, link.resolution);
@@ -94,15 +94,15 @@ impl Radio {
         }
     }
 
-    /// Writes the frame of a command of thrust and body rates: the channels `thrust`, `roll rate`, `pitch rate`,
-    /// `yaw rate`, and what they mean.
+    /// Writes the frame of a command of thrust and body rates: the channels `thrust`, `roll rate`, `pitch rate`, `yaw
+    /// rate`, and their meaning.
     #[inline]
     fn transmit(&self, command: &ControlCommand, frame: &mut RcFrame) {
         let thrust = self.thrust.send(command.thrust);
         let mut saturated = thrust.saturated;
         frame.channels = [0; 16];
         frame.channels[0] = thrust.code;
-        // Where no thrust is a code, rounding may make it less than none.
+        // If zero thrust is a code, rounding may give a value below zero.
         frame.thrust = self.thrust.meaning(thrust.code).max(0.0);
         for (axis, channel) in self.rates.iter().enumerate() {
             let rate = channel.send(command.rates_body[axis]);
@@ -117,7 +117,7 @@ impl Radio {
     }
 }
 
-/// The part of the thrust channel's range in which the thrust is not below 0.
+/// Returns the part of the thrust channel's range in which the thrust is not below 0.
 fn range_of_pull(link: &RcLink) -> [f64; 2] {
     let [least, most] = link.thrust_range;
     let at_rest = -link.thrust_offset / link.thrust_slope;

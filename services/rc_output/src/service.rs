@@ -1,4 +1,4 @@
-//! The step function of the transmitter.
+//! Step function of the transmitter.
 
 use scenario::Scenario;
 use shared_types::input_validator::{
@@ -13,15 +13,15 @@ use crate::guard::{Guard, GuardInput, GuardMemory};
 use crate::link::Link;
 
 shared_types::sample! {
-    /// What the next step depends on besides the newest command.
+    /// State of the transmitter between steps, besides the newest command.
     pub struct RcOutputState {
-        /// The last command that could be meant; all zero before the first.
+        /// The last valid command; all zero before the first.
         pub held: ControlCommand,
-        /// What is remembered of the commands.
+        /// State of the input validator of commands.
         pub gate: GateState,
-        /// What is remembered of the vehicle's states; as at the start without an envelope.
+        /// State of the input validator of the vehicle's states; as at the start without an envelope.
         pub states: StateGateState,
-        /// What the guard remembers.
+        /// State of the guard.
         pub guard: GuardMemory,
         /// Saturated frames since the start of the flight.
         pub saturated_frames: u32,
@@ -30,7 +30,7 @@ shared_types::sample! {
     }
 }
 
-/// The transmitter as a service.
+/// Transmitter as a service.
 #[derive(Clone, Debug)]
 pub struct RcOutputService {
     link: Link,
@@ -43,7 +43,7 @@ pub struct RcOutputService {
     saturated_frames: u32,
 }
 
-/// How old a command may be.
+/// Age limits of a command.
 #[derive(Clone, Copy, Debug)]
 struct AgeLimits {
     max_age_ns: u64,
@@ -51,7 +51,7 @@ struct AgeLimits {
 }
 
 impl RcOutputService {
-    /// The transmitter of a scenario that has been checked, at the start of the flight.
+    /// Makes the transmitter of a checked scenario, at the start of the flight.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let safety = scenario.safety_of(Topic::ControlCommand, ServiceId::RcOutput);
@@ -74,7 +74,7 @@ impl RcOutputService {
         }
     }
 
-    /// Whether the newest command is a good one and recent, and whether the state is where it is needed.
+    /// Returns whether the newest command is good and recent, and whether the state is, where it is needed.
     fn freshness(&self, now: &Now, inputs: &RcOutputInputs<'_>) -> [bool; 2] {
         let [oldest_command, oldest_state] = self.fresh_ns;
         let is_within = |age: Option<u64>, oldest: u64| age.is_some_and(|age| age <= oldest);
@@ -86,7 +86,7 @@ impl RcOutputService {
         [command, state]
     }
 
-    /// What the frame of this step is to carry, and its stage.
+    /// Returns the command of this step's frame, and its stage.
     fn choose(&self, now: &Now, inputs: &RcOutputInputs<'_>) -> (Option<&ControlCommand>, u8) {
         let (held, age) = (self.commands.held(), self.commands.age_ns(now));
         let is_older_than = |most: fn(AgeLimits) -> u64| {
@@ -106,8 +106,8 @@ impl RcOutputService {
     }
 }
 
-/// Whether a command can be meant, its numbers being finite.
-fn judge(command: &ControlCommand, now: &Now, has_patience: bool) -> Validity {
+/// Validates a command whose numbers are finite.
+fn validity(command: &ControlCommand, now: &Now, has_patience: bool) -> Validity {
     let has_mode = matches!(
         command.mode,
         ControlCommand::MODE_TORQUE | ControlCommand::MODE_RATES | ControlCommand::MODE_FAILSAFE
@@ -128,7 +128,7 @@ impl Service for RcOutputService {
     fn step(&mut self, now: &Now, inputs: &RcOutputInputs<'_>, outputs: &mut RcOutputOutputs<'_>) {
         let has_patience = self.patience.is_some();
         self.commands.look(&inputs.command, f64::MAX, |command, _| {
-            judge(command, now, has_patience)
+            validity(command, now, has_patience)
         });
         let needs_state = self.guard.needs_state();
         if needs_state {

@@ -16,7 +16,7 @@ fn a_step_of_the_transmitter_does_not_allocate() {
     }
 }
 
-/// What 100 steps allocate and how many failsafe frames they send, when every other command is to rest.
+/// Returns the allocations of 100 steps and their failsafe frames, when every other command stops the motors.
 fn allocations_and_failsafes(link: &str) -> (u64, u32) {
     let text = format!(
         "duration = 1.0\n\

@@ -1,4 +1,4 @@
-//! What never gets past the transmitter: frames before the arming, after a kill, and beyond the envelope.
+//! Frames that the transmitter must never send: before the arming, after a kill, and beyond the envelope.
 
 use proptest::prelude::*;
 use rc_output::RcOutputService;
@@ -70,7 +70,7 @@ fn state() -> VehicleState {
     }
 }
 
-/// A transmitter with the time that has passed. It dies before each step and is born again.
+/// Transmitter with the time that has passed. It is killed and restarted before each step.
 struct Transmitter {
     scenario: Scenario,
     service: RcOutputService,
@@ -156,10 +156,10 @@ fn only_failsafe_frames_are_sent_before_the_arming_and_when_it_is_taken_back() {
 }
 
 #[test]
-fn after_the_arming_and_after_a_new_beginning_frames_wait_for_recent_inputs() {
+fn after_the_arming_and_after_a_cold_start_frames_wait_for_recent_inputs() {
     for sections in [FLIGHT, &envelope("warn")] {
         let mut transmitter = Transmitter::new(sections);
-        // What was published long ago, when nobody was there to send it.
+        // Samples from long ago, when no transmitter was there to send them.
         let (old_command, old_state) = (command(2.0), state());
         transmitter.tick = 500;
         for _ in 0..50 {
@@ -197,14 +197,14 @@ fn a_kill_is_for_ever() {
 }
 
 #[test]
-fn the_operators_kill_survives_a_transmitter_that_has_forgotten_all() {
+fn the_operators_kill_survives_a_cold_start_of_the_transmitter() {
     let mut transmitter = Transmitter::new(FLIGHT);
     transmitter.step(KILLED, &command(2.0), &state());
     transmitter.service = RcOutputService::new(&transmitter.scenario);
     assert!(rests(&transmitter.step(KILLED, &command(2.0), &state())));
 }
 
-/// What exceeds each limit, and nothing else.
+/// Commands and states that exceed each limit, and no other.
 fn excesses() -> [(u8, ControlCommand, VehicleState); 8] {
     let tilted = libm::sincos(0.9);
     let with_state = |change: fn(&mut VehicleState)| {
@@ -266,7 +266,7 @@ fn every_limit_takes_its_action_after_the_stated_time_and_not_before() {
                 (calm.limit, calm.action),
                 (RcFrame::LIMIT_NONE, RcFrame::ACTION_NONE)
             );
-            // A state that is none at all is noticed when the one before it has grown old.
+            // A state that is not a number has an effect when the one before it has become old.
             let is_none = state.velocity_body[0].is_nan();
             let patience = if is_none { 100 } else { 0 };
             let brief = transmitter.steps(20, &command, &state);
@@ -288,7 +288,7 @@ fn every_limit_takes_its_action_after_the_stated_time_and_not_before() {
 }
 
 #[test]
-fn an_excess_with_breaks_is_none() {
+fn an_excess_with_breaks_does_not_count() {
     let mut transmitter = Transmitter::new(&envelope("kill"));
     for _ in 0..20 {
         for (_, command, state) in excesses()
@@ -365,7 +365,7 @@ fn a_vehicle_that_has_landed_as_demanded_is_not_killed_for_the_time_it_rests() {
     );
 }
 
-/// Everything that a controller may publish: silence, rest, motion in every mode, nonsense.
+/// All outputs of a controller: none, stop, motion in every mode, invalid ones.
 fn hostile_commands() -> impl Strategy<Value = Option<ControlCommand>> {
     let mode = prop_oneof![
         Just(ControlCommand::MODE_FAILSAFE),
@@ -388,7 +388,7 @@ fn hostile_patterns() -> impl Strategy<Value = Vec<Option<ControlCommand>>> {
     prop::collection::vec(hostile_commands(), 1..12)
 }
 
-/// What is wrong with the vehicle as long as it lasts.
+/// A fault of the vehicle's state.
 fn excess_of_state(kind: usize) -> (u8, VehicleState) {
     let (limit, _, state) = excesses()[kind];
     (limit, state)
@@ -396,7 +396,7 @@ fn excess_of_state(kind: usize) -> (u8, VehicleState) {
 
 proptest! {
     #[test]
-    fn whatever_the_controller_publishes_limits_of_the_state_act_in_their_time(
+    fn for_any_commands_limits_of_the_state_act_in_their_time(
         pattern in hostile_patterns(), kind in 0..3usize, land in any::<bool>(),
     ) {
         let action = if land { "land" } else { "kill" };
@@ -429,7 +429,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
-    fn whatever_the_controller_publishes_the_vehicle_does_not_leave_the_box_upwards(pattern in hostile_patterns()) {
+    fn for_any_commands_the_vehicle_does_not_leave_the_box_upwards(pattern in hostile_patterns()) {
         // A point mass below its rotor, which follows the frames at once.
         let (mass, gravity, dt) = (0.2, 9.81, TICK_NS as f64 * 1e-9);
         let [mut z, mut velocity] = [0.0f64, 0.0];
@@ -484,7 +484,7 @@ fn a_vehicle_that_does_not_come_down_in_time_or_goes_on_leaving_is_killed() {
         (killed.limit, killed.action),
         (RcFrame::LIMIT_BOX, RcFrame::ACTION_KILL)
     );
-    // Where nothing lands, nothing is killed for going on.
+    // A limit without a landing does not kill.
     let mut warned = Transmitter::new(&envelope("warn"));
     assert_eq!(
         warned.steps(2000, &command(2.0), &outside(9.0)).action,
@@ -559,7 +559,7 @@ fn numbers() -> impl Strategy<Value = f64> {
 
 proptest! {
     #[test]
-    fn whatever_the_controller_says_what_is_sent_is_within_the_limits(
+    fn for_any_commands_the_sent_frames_are_within_the_limits(
         thrust in numbers(), torque_body in [numbers(), numbers(), numbers()], rates_body in [numbers(), numbers(), numbers()],
         mode in prop_oneof![0..4u32, any::<u32>()], position in [numbers(), numbers(), numbers()],
     ) {

@@ -1,4 +1,4 @@
-//! The transmitter from outside, in one program: linking takes longer than running.
+//! Tests of the transmitter from outside, in one program: linking takes longer than running.
 
 mod guard;
 #[path = "../../../../tests/common/restart.rs"]

@@ -1,4 +1,4 @@
-//! What the transmitter does about commands that are too old or cannot be meant.
+//! Transmitter on commands that are too old or invalid.
 
 use proptest::prelude::*;
 use rc_output::RcOutputService;
@@ -82,7 +82,7 @@ fn stages_begin_above_exactly_the_stated_ages_and_the_held_frame_is_the_last_one
 }
 
 #[test]
-fn a_transmitter_that_is_born_anew_holds_the_last_command_until_it_sees_one_itself() {
+fn a_restarted_transmitter_holds_the_last_command_until_it_receives_one() {
     let mut transmitter = service(&[RADIO, POLICY]);
     let sent = step(&mut transmitter, 5, Some(&command(5, 2.0)));
     for tick in [6, 44, 45, 105] {
@@ -107,7 +107,7 @@ fn without_a_policy_no_command_is_too_old() {
 }
 
 #[test]
-fn a_command_that_cannot_be_meant_is_counted_and_the_last_good_one_held_in_its_place() {
+fn an_invalid_command_is_counted_and_the_last_good_one_is_held() {
     for sections in [&[RADIO][..], &[RADIO, POLICY], &[], &[POLICY]] {
         let mut transmitter = service(sections);
         let sent = step(&mut transmitter, 1, Some(&command(1, 2.0)));
@@ -149,7 +149,7 @@ fn a_command_to_rest_is_obeyed_on_every_link_at_once() {
 
 proptest! {
     #[test]
-    fn whatever_bits_come_the_frame_is_finite_and_restart_changes_nothing(
+    fn any_input_bits_give_a_finite_frame_and_a_restart_changes_nothing(
         commands in proptest::collection::vec(
             proptest::collection::vec(any::<u8>(), size_of::<ControlCommand>()), 1..12),
     ) {

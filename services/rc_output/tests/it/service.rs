@@ -1,4 +1,4 @@
-//! The transmitter as hosts see it: commands, their absence, restarts.
+//! Transmitter as hosts see it: commands, their absence, restarts.
 
 use proptest::prelude::*;
 use rc_output::RcOutputService;
@@ -200,7 +200,7 @@ fn saturated_frames_are_counted_where_they_are_sent() {
 }
 
 #[test]
-fn what_the_link_cannot_carry_becomes_a_failsafe_frame() {
+fn a_command_that_the_link_cannot_carry_becomes_a_failsafe_frame() {
     let torque = ControlCommand {
         mode: ControlCommand::MODE_TORQUE,
         ..rates_command(2.0, [0.1; 3])
@@ -248,7 +248,7 @@ proptest! {
     }
 
     #[test]
-    fn what_the_channels_mean_is_the_command_within_half_a_step(command in carried_commands()) {
+    fn the_meaning_of_the_channels_is_the_command_within_half_a_step(command in carried_commands()) {
         let frame = step(&mut radio(), Some(&command));
         prop_assert!(!frame.saturated.is_set() && !frame.failsafe.is_set());
         let half = 1.0 / 2047.0 + 1e-12;
@@ -259,7 +259,7 @@ proptest! {
     }
 
     #[test]
-    fn what_a_frame_means_is_sent_again_as_the_same_frame(command in commands()) {
+    fn the_meaning_of_a_frame_is_sent_again_as_the_same_frame(command in commands()) {
         let command = ControlCommand { mode: ControlCommand::MODE_RATES, ..command };
         let frame = step(&mut radio(), Some(&command));
         let again = step(&mut radio(), Some(&rates_command(frame.thrust, frame.rates_body)));
