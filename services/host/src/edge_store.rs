@@ -1,9 +1,8 @@
-//! Samples that came over an edge, kept until they are due: for a service that was born again, and where faults are
-//! planned.
+//! Store of samples of an edge until they are due: for a restarted service, and for planned faults.
 //!
-//! Ordinarily an input holds one sample, in shared memory. Where samples come late, where only some come, or where
-//! they hold something else, copies of all that will ever be due are kept, and what is handed out may be altered.
-//! Only such edges pay for that, with a copy and an allocation a sample.
+//! Ordinarily an input holds one sample, in shared memory. With late, lost or altered samples, copies of all that will
+//! ever be due are kept, and the delivered one may be altered. Only such edges have that cost, a copy and an allocation
+//! a sample.
 
 use std::collections::BTreeMap;
 
@@ -12,17 +11,17 @@ use shared_types::service::{InputView, header_of};
 
 use crate::owned_sample::OwnedSample;
 
-/// The samples of an edge that are or will be due.
+/// Samples of an edge that are or will be due.
 pub struct EdgeStore {
     edge: Edge,
     /// Copies by tick.
     samples: BTreeMap<u64, OwnedSample>,
-    /// What is handed out in place of a sample.
+    /// The altered sample that is delivered.
     altered: OwnedSample,
 }
 
 impl EdgeStore {
-    /// An empty store of an edge.
+    /// Makes an empty store of an edge.
     #[must_use]
     pub fn new(edge: Edge) -> Self {
         Self {
@@ -41,7 +40,7 @@ impl EdgeStore {
         }
     }
 
-    /// Forgets what is not needed any more when the sample of tick `due` is due.
+    /// Drops samples that are not needed any more when the sample of tick `due` is due.
     pub fn forget_before(&mut self, due: u64) {
         let oldest = self.oldest_needed(due);
         if self
@@ -53,32 +52,32 @@ impl EdgeStore {
         }
     }
 
-    /// Whether the sample of tick `due` is here, and the one that it repeats.
+    /// Returns whether the sample of tick `due` is here, and the one that it repeats.
     #[must_use]
     pub fn has(&self, due: u64) -> bool {
         let repeated = self.edge.repeated_by(due);
         self.samples.contains_key(&due) && repeated.is_none_or(|tick| self.samples.contains_key(&tick))
     }
 
-    /// The oldest sample that is needed when that of tick `due` is due, and after it.
+    /// Returns the oldest sample that is needed when that of tick `due` is due, and after it.
     #[must_use]
     pub fn oldest_needed(&self, due: u64) -> u64 {
         self.edge.oldest_needed(due)
     }
 
-    /// Tick of the newest sample that is not newer than `due`.
+    /// Returns the tick of the newest sample that is not newer than `due`.
     #[must_use]
     pub fn newest_at_or_before(&self, due: u64) -> Option<u64> {
         self.samples.range(..=due).next_back().map(|(&tick, _)| tick)
     }
 
-    /// Tick of the newest sample.
+    /// Returns the tick of the newest sample.
     #[must_use]
     pub fn newest(&self) -> Option<u64> {
         self.samples.last_key_value().map(|(&tick, _)| tick)
     }
 
-    /// What the consumer gets at its step at `tick`, when the sample of tick `due` is due and here.
+    /// Returns the consumer's input at its step at `tick`, when the sample of tick `due` is due and here.
     pub fn view(&mut self, tick: u64, due: u64) -> InputView<'_> {
         let Some(sample) = self.samples.get(&due) else {
             return InputView::default();

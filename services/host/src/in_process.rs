@@ -11,9 +11,9 @@ use crate::edge_store::EdgeStore;
 use crate::sample_ring::SampleRing;
 use crate::step::{self, NonFinite, Slots, Timetable, Views};
 
-/// Receives everything that is published, in the order of the log: (tick, topic).
+/// Sink of all published samples, in the order of the log: (tick, topic).
 pub trait TickSink {
-    /// Why a sample could not be taken.
+    /// Error of a sample that could not be taken.
     type Error;
 
     /// Takes one sample.
@@ -22,7 +22,7 @@ pub trait TickSink {
     /// If it cannot be kept.
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Self::Error>;
 
-    /// All samples of `tick` have been handed over; `Break` ends the flight here. By default it goes on.
+    /// Ends a tick, whose samples have all been handed over; `Break` ends the flight here. By default it goes on.
     ///
     /// # Errors
     /// If the tick cannot be kept.
@@ -30,12 +30,12 @@ pub trait TickSink {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Notes that something happened at a tick that no service publishes: its kind and text are those of a
+    /// Records an event at a tick that no service publishes: its kind and text are those of a
     /// [`RunEvent`](shared_types::samples::RunEvent). Sinks that keep no events ignore it.
     fn event(&mut self, _tick: u64, _kind: u32, _text: &str) {}
 }
 
-/// Why a flight in one process ended early.
+/// Error that ended a flight in one process early.
 #[derive(Debug)]
 pub enum FlightError<E> {
     /// A service computed a number that is not finite.
@@ -53,12 +53,12 @@ pub struct InProcess {
     histories: Vec<History>,
     /// Places of the histories, in the order of the log.
     published: Vec<usize>,
-    /// Whether any input has planned faults.
+    /// `true` if any input has planned faults.
     has_stores: bool,
     next_tick: u64,
 }
 
-/// A service, when it steps, and where its inputs come from.
+/// Service with its steps and the sources of its inputs.
 struct ServiceSlot {
     service: Box<dyn ErasedService>,
     /// The service's state before its first step.
@@ -66,9 +66,9 @@ struct ServiceSlot {
     timetable: Timetable,
     /// Of each input, the place of its topic's history.
     sources: Vec<usize>,
-    /// The places of the histories of what it publishes.
+    /// Places of the histories of its outputs.
     own: Range<usize>,
-    /// Of each input with planned faults, what has come.
+    /// Samples so far of each input with planned faults.
     stores: [Option<EdgeStore>; MAX_PORTS],
     has_stores: bool,
 }
@@ -139,13 +139,13 @@ impl InProcess {
         }
     }
 
-    /// The schedule that is flown.
+    /// Returns the flown schedule.
     #[must_use]
     pub fn schedule(&self) -> &Schedule {
         &self.schedule
     }
 
-    /// A service, to look at or to restore.
+    /// Returns a service, to inspect or to restore it.
     ///
     /// # Panics
     /// Never: there is one of each.
@@ -157,7 +157,7 @@ impl InProcess {
         slot.expect("one of each service").service.as_mut()
     }
 
-    /// Puts a service in the place of its predecessor.
+    /// Replaces a service.
     pub fn replace(&mut self, service: Box<dyn ErasedService>) {
         for slot in &mut self.services {
             if slot.timetable.service == service.id() {
@@ -199,7 +199,7 @@ impl InProcess {
         Ok(())
     }
 
-    /// Examines what was published at a tick, all of it at once.
+    /// Checks all samples of a tick at once.
     #[inline]
     fn examine(&self, tick: u64) -> Result<(), NonFinite> {
         let mut check = FinitenessCheck::default();
@@ -215,7 +215,8 @@ impl InProcess {
         }
     }
 
-    /// Who has stepped on a number that is not finite comes after the one who made it.
+    /// Finds the first service, in the order of steps, that made a number that is not finite: later ones may have
+    /// stepped on it.
     #[cold]
     fn examine_each(&self, tick: u64) -> Result<(), NonFinite> {
         for slot in &self.services {
@@ -230,7 +231,7 @@ impl InProcess {
         Ok(())
     }
 
-    /// Lets every input with planned faults keep what was published at a tick.
+    /// Keeps the samples of a tick for every input with planned faults.
     #[cold]
     fn keep_published(&mut self, tick: u64) {
         for slot in &mut self.services {
@@ -255,7 +256,7 @@ impl InProcess {
     }
 }
 
-/// The histories of what others publish.
+/// Histories of the other services' topics.
 struct Others<'a> {
     before: &'a [History],
     after: &'a [History],
@@ -264,7 +265,7 @@ struct Others<'a> {
 }
 
 impl<'a> Others<'a> {
-    /// The histories beside those of one slot, and those.
+    /// Splits the histories into those of one slot and the others.
     #[inline]
     fn beside(histories: &'a mut [History], own: &Range<usize>) -> (Self, &'a mut [History]) {
         let (rest, after) = histories.split_at_mut(own.end);

@@ -1,8 +1,9 @@
-//! The pure part of the hosts: one step of a service, and all services of a flight in one thread. No iceoryx2, no operating
-//! system: a function of the scenario alone.
+//! Pure part of the hosts: one step of a service, and all services of a flight in one thread. It uses neither iceoryx2
+//! nor the operating system: it is a function of the scenario alone.
 //!
 //! * [`step`]: one step, the same in every host;
-//! * [`in_process`]: all services in one thread, and the [`TickSink`](in_process::TickSink) that gets what they publish;
+//! * [`in_process`]: all services in one thread, and the [`TickSink`](in_process::TickSink) that receives their
+//!   samples;
 //! * [`edge_store`], [`sample_ring`], [`owned_sample`]: samples that are kept for later.
 
 pub mod edge_store;

@@ -1,4 +1,4 @@
-//! A sample in memory of its own: whole words, because samples are read in place.
+//! Sample in separate memory: whole words, because samples are read in place.
 
 use shared_types::Topic;
 use zerocopy::IntoBytes;
@@ -12,7 +12,7 @@ pub struct OwnedSample {
 }
 
 impl OwnedSample {
-    /// A place for samples of `topic`; zeroed.
+    /// Makes a place for samples of `topic`; zeroed.
     #[must_use]
     pub fn of(topic: Topic) -> Self {
         let size = topic.kind().size;
@@ -22,7 +22,7 @@ impl OwnedSample {
         }
     }
 
-    /// A copy of a sample of `topic`.
+    /// Copies a sample of `topic`.
     #[must_use]
     pub fn copy_of(topic: Topic, bytes: &[u8]) -> Self {
         let mut copy = Self::of(topic);
@@ -30,14 +30,14 @@ impl OwnedSample {
         copy
     }
 
-    /// The sample.
+    /// Returns the sample.
     #[must_use]
     #[inline]
     pub fn bytes(&self) -> &[u8] {
         &self.words.as_bytes()[..self.size]
     }
 
-    /// The sample, to be written.
+    /// Returns the sample, to be written.
     #[must_use]
     #[inline]
     pub fn bytes_mut(&mut self) -> &mut [u8] {

@@ -1,4 +1,4 @@
-//! The latest samples of a topic, by their place in its sequence, in memory that is laid out once.
+//! Ring of the latest samples of a topic, by their place in its sequence, in memory that is allocated once.
 
 use shared_types::Topic;
 use zerocopy::IntoBytes;
@@ -8,14 +8,14 @@ use zerocopy::IntoBytes;
 pub struct SampleRing {
     /// One sample after the other, in whole words, because samples are read in place.
     words: Box<[u64]>,
-    /// ControlBlock of a sample.
+    /// Size of a sample, words.
     size: usize,
-    /// How many samples there are, a power of two, less one.
+    /// Number of samples, a power of two, minus one.
     mask: u64,
 }
 
 impl SampleRing {
-    /// A ring that holds the latest `depth` samples of `topic`, or more.
+    /// Makes a ring that holds the latest `depth` samples of `topic`, or more.
     ///
     /// # Panics
     /// If that is more memory than can be addressed.
@@ -32,14 +32,14 @@ impl SampleRing {
         }
     }
 
-    /// How many samples it holds.
+    /// Returns the number of samples that it holds.
     #[must_use]
     #[inline]
     pub fn depth(&self) -> u64 {
         self.mask + 1
     }
 
-    /// The sample of a place in the sequence, if it has been written and not been overwritten since.
+    /// Returns the sample of a place in the sequence, if it has been written and not been overwritten since.
     #[must_use]
     #[inline]
     pub fn at(&self, place: u64) -> &[u8] {
@@ -47,7 +47,7 @@ impl SampleRing {
         self.words[first..first + self.size].as_bytes()
     }
 
-    /// Where the sample of a place in the sequence is written.
+    /// Returns the memory for the sample of a place in the sequence.
     #[must_use]
     #[inline]
     pub fn at_mut(&mut self, place: u64) -> &mut [u8] {

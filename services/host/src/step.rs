@@ -21,24 +21,24 @@ pub struct NonFinite {
     pub field: String,
 }
 
-/// What a host holds of a service's inputs during a step.
+/// Inputs of a service during a step, as the host holds them.
 pub type Views<'a> = [InputView<'a>; MAX_PORTS];
 
-/// What a host holds of a service's outputs during a step.
+/// Outputs of a service during a step, as the host holds them.
 pub type Slots<'a> = [OutputSlot<'a>; MAX_PORTS];
 
-/// What the schedule says of the steps of one service, looked up once before the flight.
+/// Schedule of one service, looked up once before the flight.
 #[derive(Clone, Debug)]
 pub struct Timetable {
     /// The service.
     pub service: ServiceId,
-    /// When it steps.
+    /// Its steps.
     pub steps: OutageSchedule,
     /// Its inputs, in the order of the wiring table.
     pub inputs: Vec<Edge>,
     /// Its outputs, in the order of the wiring table.
     pub outputs: Vec<Publication>,
-    /// Whether it makes up for steps that it could not do in time: the simulated world does, whose time does not stand
+    /// `true` if it catches up with steps that were late: the simulated plant does, because its time does not stand
     /// still.
     pub makes_up: bool,
     tick_ns: u64,
@@ -46,7 +46,7 @@ pub struct Timetable {
 }
 
 impl Timetable {
-    /// The timetable of a service.
+    /// Makes the timetable of a service.
     #[must_use]
     pub fn new(schedule: &Schedule, service: ServiceId) -> Self {
         let outputs = service.outputs().iter();
@@ -63,7 +63,7 @@ impl Timetable {
         }
     }
 
-    /// The moment of the step at `tick`, with the time since the previous step.
+    /// Returns the time of the step at `tick`, with the time since the previous step.
     #[must_use]
     #[inline]
     pub fn now(&self, tick: u64) -> Now {
@@ -81,8 +81,8 @@ impl Timetable {
         }
     }
 
-    /// The moment of the step at `tick` where the clock says which steps there are: the one before, if it is
-    /// remembered, was at `previous`.
+    /// Returns the time of the step at `tick` in real time: `previous` is the tick of the step before, if the service's
+    /// state includes it.
     #[must_use]
     #[inline]
     pub fn now_after(&self, previous: Option<u64>, tick: u64) -> Now {
@@ -93,7 +93,7 @@ impl Timetable {
         }
     }
 
-    /// Ticks since the previous step that the service remembers.
+    /// Returns the ticks since the previous step that the service's state includes.
     #[cold]
     fn elapsed_ticks(&self, tick: u64) -> u64 {
         let previous = tick
@@ -105,14 +105,14 @@ impl Timetable {
         }
     }
 
-    /// Whether the service forgets what it knew after its step at `previous` before that at `tick`.
+    /// Returns whether the service loses its state between its steps at `previous` and `tick`.
     #[must_use]
     pub fn forgets_between(&self, previous: u64, tick: u64) -> bool {
         let mut outages = self.steps.outages_between(previous, tick);
         outages.any(|outage| outage.fate == OutageKind::DiesAndForgets)
     }
 
-    /// Whether the service's process is to die after its step at `tick`, before the one at `next`, if any.
+    /// Returns whether the service's process is to die after its step at `tick`, before the one at `next`, if any.
     #[must_use]
     #[inline]
     pub fn dies_after(&self, tick: u64, next: Option<u64>) -> bool {
@@ -123,14 +123,14 @@ impl Timetable {
         outages.any(|outage| outage.fate != OutageKind::Frozen)
     }
 
-    /// Whether the service begins anew with its step at `tick`.
+    /// Returns whether the step at `tick` is a cold start.
     #[must_use]
     #[inline]
     pub fn begins_anew_at(&self, tick: u64) -> bool {
         !self.steps.is_unbroken() && tick > 0 && self.elapsed_ticks(tick) == 0
     }
 
-    /// Steps `service` at `tick` and examines what it wrote.
+    /// Steps `service` at `tick` and checks its outputs.
     ///
     /// # Errors
     /// [`NonFinite`] if an output holds a number that is not finite.
@@ -145,7 +145,7 @@ impl Timetable {
         self.step_at(service, &self.now(tick), views, slots)
     }
 
-    /// Steps `service` at a moment that a host has told, and examines what it wrote.
+    /// Steps `service` at a time that a host has given, and checks its outputs.
     ///
     /// # Errors
     /// [`NonFinite`] if an output holds a number that is not finite.
@@ -172,7 +172,7 @@ impl Timetable {
         Ok(())
     }
 
-    /// Examines a sample that the service wrote at `tick`.
+    /// Checks a sample that the service wrote at `tick`.
     ///
     /// # Errors
     /// [`NonFinite`] if it holds a number that is not finite.
@@ -195,15 +195,15 @@ impl Timetable {
     }
 }
 
-/// The order in which a step waits for its inputs: the publisher that steps last comes first. Once its sample is here,
-/// those of the others are too, so that a step sleeps once and not once an input.
+/// Returns the order in which a step waits for its inputs: the publisher that steps last comes first. Once its sample
+/// is here, those of the others are too, so that a step sleeps once and not once an input.
 #[must_use]
 pub fn waiting_order(schedule: &Schedule, edge: &Edge, publisher: ServiceId) -> impl Ord + use<> {
     let place = schedule.order().iter().position(|&service| service == publisher);
     std::cmp::Reverse((edge.latency == 0, place))
 }
 
-/// A due output's place: zeroed, its header filled in.
+/// Prepares the place of a due output: zeroed, its header filled in.
 #[inline]
 pub fn prepared(topic: Topic, header: Header, bytes: &mut [u8]) -> OutputSlot<'_> {
     topic.kind().prepare(bytes, header);
