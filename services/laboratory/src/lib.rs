@@ -1,12 +1,12 @@
-//! A laboratory around the services: cameras, or what others have recorded, in the place of the simulated world; a radio link
+//! Laboratory of a flight in real time: cameras, or recorded captures, in place of the simulated plant; a radio link
 //! behind the transmitter.
 //!
-//! Only a flight in real time has one; a service's process connects itself to its part of it, once it knows which service
-//! it is.
+//! Only a flight in real time has one. A service's process connects itself to its part of the laboratory once it has
+//! its role.
 //!
-//! Failure policy: what cannot be had before the flight ends the run before it, with the fix. In flight nothing does: what
-//! is lost is sought again, meanwhile services see no poses or receivers no frames, and what the scenario's
-//! `[safety]` says happens. Whoever takes a dead process's place does not find out for the first time that something is missing.
+//! Failure policy: hardware that is missing before the flight ends the run before it, with the fix. In flight nothing
+//! ends it: a lost connection is retried in the background. Meanwhile services receive no poses or receivers no frames,
+//! and the scenario's `[safety]` applies. A process that replaces a dead one tolerates missing hardware too.
 
 mod motion_capture_driver;
 mod radio_link_driver;
@@ -24,11 +24,11 @@ use motion_capture_driver::MotionCaptureDriver;
 use radio_link_driver::RadioLinkDriver;
 use recorded_captures::RecordedCaptures;
 
-/// Connects step logic to what a scenario says is in the laboratory, or puts something real in its place. The error says what
-/// cannot be had, with the fix.
+/// Connects step logic to the hardware that a scenario names, or replaces the step logic by it. The error names the
+/// missing hardware, with the fix.
 pub type Connect = fn(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built;
 
-/// A motion-capture system in place of the plant.
+/// Makes a motion-capture system in place of the plant.
 ///
 /// # Errors
 /// As [`Connect`].
@@ -43,7 +43,7 @@ pub fn motion_capture(_: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc
     )?))
 }
 
-/// The captures of a recorded flight in place of the plant.
+/// Makes the captures of a recorded flight in place of the plant.
 ///
 /// # Errors
 /// As [`Connect`].
@@ -52,7 +52,7 @@ pub fn recorded_captures(_: Box<dyn ErasedService>, scenario: &Scenario, _: &Arc
     Ok(Box::new(RecordedCaptures::open(Path::new(recording))?))
 }
 
-/// A radio link behind the transmitter.
+/// Makes a radio link behind the transmitter.
 ///
 /// # Errors
 /// As [`Connect`].
@@ -61,7 +61,7 @@ pub fn radio_link(service: Box<dyn ErasedService>, scenario: &Scenario, page: &A
     Ok(Box::new(RadioLinkDriver::open(service, link, Arc::clone(page))?))
 }
 
-/// Whether the flight is under way: another process was this service before.
+/// Returns whether the flight is under way: another process had this role before.
 fn is_under_way(page: &SharedPage) -> bool {
     page.control_block().start_ns.load(Ordering::Acquire) != 0
 }

@@ -1,10 +1,10 @@
-//! The cameras of a laboratory in the place of the simulated world: what they see of the vehicle is what there is of it.
+//! Cameras of a laboratory in place of the simulated plant.
 //!
-//! A step takes what has arrived, and waits for nothing. A sample of `mocap/pose` holds the newest pose that was believed
-//! and captured by its tick; between two captures it says that nothing was seen, which to the estimator is nothing new.
-//! `vehicle/truth` is never due: nobody knows it.
+//! A step takes the poses that have arrived, and waits for none. A sample of `mocap/pose` holds the newest accepted
+//! pose that was captured by its tick; between two captures it says that the body was not seen, which the estimator
+//! ignores. `vehicle/truth` is never due: the truth is not known.
 //!
-//! Whoever is born again begins to listen anew: it knows neither the server's clock nor where the vehicle was.
+//! A restarted driver begins to listen without memory: it knows neither the server's clock nor the vehicle's place.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -22,27 +22,27 @@ use shared_types::{Now, ServiceId};
 use super::is_under_way;
 use run_log::CaptureFigures;
 
-/// Pause between two attempts to have a socket again that a dead process had, ns.
+/// Pause between two attempts to open a socket that a dead process had, ns.
 const RETRY_NS: u64 = 500_000_000;
 
-/// The cameras of a laboratory.
+/// Cameras of a laboratory.
 pub(super) struct MotionCaptureDriver {
     address: Address,
-    /// None while it cannot be had again.
+    /// `None` while it cannot be opened again.
     source: Option<CaptureSource>,
     retry_at_ns: u64,
     feed: Feed,
     hand: Hand,
-    /// When the last pose that was believed arrived, ns of `CLOCK_MONOTONIC`.
+    /// Arrival of the last accepted pose, ns of `CLOCK_MONOTONIC`.
     believed_at_ns: Option<u64>,
     page: Arc<SharedPage>,
 }
 
 impl MotionCaptureDriver {
-    /// Begins to listen. A server that is not there yet is waited for in flight.
+    /// Begins to listen. A server that does not exist yet is awaited in flight.
     ///
     /// # Errors
-    /// A socket that cannot be had before the flight, with the fix.
+    /// If a socket cannot be opened before the flight, with the fix.
     pub(super) fn open(
         system: CaptureSystem,
         stated: &MotionCapture,
@@ -65,7 +65,8 @@ impl MotionCaptureDriver {
         })
     }
 
-    /// Takes what has arrived by now; `tick_ns` is when the tick of the step began. Both are ns of `CLOCK_MONOTONIC`.
+    /// Takes the captures that have arrived by now; `tick_ns` is the begin of the step's tick. Both are ns of
+    /// `CLOCK_MONOTONIC`.
     fn listen(&mut self, now_ns: u64, tick_ns: u64) {
         self.hand.advance(tick_ns);
         if self.source.is_none() && now_ns >= self.retry_at_ns {
@@ -172,17 +173,17 @@ impl ErasedService for MotionCaptureDriver {
     fn restore(&mut self, _bytes: &[u8]) {}
 }
 
-/// Poses that wait to be handed out.
+/// Poses that wait for delivery.
 #[derive(Debug, Default)]
 struct Hand {
-    /// The newest that was captured by the tick of the step.
+    /// The newest one that was captured by the tick of the step.
     ready: Option<VehiclePose>,
-    /// One that a step has found that began late: of a time for which the estimator is not ready yet.
+    /// One that a late step has found: of a time for which the estimator is not ready yet.
     early: Option<VehiclePose>,
 }
 
 impl Hand {
-    /// The tick of the step is one that begins at this time.
+    /// Advances to a step whose tick begins at this time.
     fn advance(&mut self, tick_ns: u64) {
         if let Some(pose) = self.early.take_if(|pose| pose.captured_ns <= tick_ns) {
             self.ready = Some(pose);

@@ -1,6 +1,6 @@
-//! The transmitter with a radio link behind it: what every frame says leaves on the link, from a thread of the link's own.
+//! Transmitter with a radio link behind it: every frame leaves on the link, from a separate thread of the link.
 //!
-//! The step logic is the simulated one's, and so is what it publishes: nothing that the link does comes back to it.
+//! Step logic and published samples are those of the simulated transmitter: nothing of the link comes back to it.
 
 use std::sync::Arc;
 
@@ -20,22 +20,22 @@ use zerocopy::FromZeros;
 use super::is_under_way;
 use run_log::LinkFigures;
 
-/// The transmitter's step logic, and who sends what it says. Dropping it lets the motors rest, unless another process
-/// will go on.
+/// Step logic of the transmitter, and the sender of its frames. A drop stops the motors, unless another process will go
+/// on.
 pub(super) struct RadioLinkDriver {
     service: Box<dyn ErasedService>,
-    /// There until it is stopped.
+    /// Present until it is stopped.
     sender: Option<Sender>,
-    /// Whether the last frame was not finite: that ends this process, not the flight.
+    /// `true` if the last frame was not finite: that ends this process, not the flight.
     is_broken: bool,
     page: Arc<SharedPage>,
 }
 
 impl RadioLinkDriver {
-    /// Opens the link of a scenario that has been checked, and begins to send.
+    /// Opens the link of a checked scenario, and begins to send.
     ///
     /// # Errors
-    /// What cannot be used before the flight, with the fix.
+    /// If hardware cannot be used before the flight, with the fix.
     pub(super) fn open(
         service: Box<dyn ErasedService>,
         link: &RcLink,
@@ -79,7 +79,7 @@ impl ErasedService for RadioLinkDriver {
         let mut outputs = RcOutputOutputs::from_slots(outputs);
         if let Some(frame) = outputs.frame.due() {
             self.is_broken = !frame.is_finite();
-            // What is not finite is not published either.
+            // A frame that is not finite is not published either.
             if !self.is_broken {
                 sender.put(&Sticks::of(frame));
             }
@@ -161,7 +161,7 @@ mod tests {
     use shared_types::service::Operator;
     use zerocopy::IntoBytes;
 
-    /// Says frames of these thrusts, N, one a step.
+    /// Step logic that sends frames of these thrusts, N, one a step.
     struct Says(Vec<f64>);
 
     impl ErasedService for Says {
@@ -188,7 +188,7 @@ mod tests {
         fn restore(&mut self, _bytes: &[u8]) {}
     }
 
-    /// The last frame that a receiver gets of a transmitter that has said frames of these thrusts.
+    /// Returns the last frame that a receiver gets of a transmitter with frames of these thrusts.
     fn last_frame(thrusts: &[f64]) -> radio_link::ChannelCodes {
         let receiver = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
         grantpt(&receiver).unwrap();
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_says_what_is_not_finite_leaves_the_sticks_to_its_successor() {
+    fn a_transmitter_that_is_not_finite_leaves_the_sticks_to_its_successor() {
         let last = last_frame(&[2.0, f64::NAN]);
         assert_eq!(last[4], crsf::ENDS[1], "still armed");
     }

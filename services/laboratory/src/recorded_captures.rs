@@ -1,10 +1,11 @@
-//! The cameras of a recorded flight in the place of the simulated world: what they saw then is seen again, at the same times
-//! since the start of the flight.
+//! Cameras of a recorded flight in place of the simulated plant: the same captures at the same times since the start of
+//! the flight.
 //!
-//! The vehicle does not do what this flight commands. It is for the chain behind the cameras, in real time and without
-//! hardware: the estimator, the controller, the radio link. `vehicle/truth` is never due: the recorded one is not this flight's.
+//! The vehicle does not follow the commands of this flight. It serves to test the chain behind the cameras, in real
+//! time and without hardware: the estimator, the controller, the radio link. `vehicle/truth` is never due: the recorded
+//! one is not this flight's.
 //!
-//! When the recording has ended, nothing is seen any more.
+//! After the end of the recording the body is not seen any more.
 
 use std::path::Path;
 
@@ -16,11 +17,11 @@ use shared_types::{Now, ServiceId};
 use run_log::LogReader;
 use run_log::run_folder::log_meant_by;
 
-/// The cameras of a recorded flight.
+/// Cameras of a recorded flight.
 pub(super) struct RecordedCaptures {
     /// Captures that have seen the vehicle, as they were published.
     captures: Vec<MocapPose>,
-    /// How many of them are behind this flight.
+    /// Number of captures that this flight has passed.
     passed: usize,
 }
 
@@ -28,7 +29,7 @@ impl RecordedCaptures {
     /// Reads the captures of a log, or of the log in a run's folder.
     ///
     /// # Errors
-    /// A log that cannot be read to its end, or whose cameras never saw the vehicle, with the fix.
+    /// If the log cannot be read to its end, or its cameras never saw the vehicle, with the fix.
     pub(super) fn open(recording: &Path) -> Result<Self, BuildError> {
         let log = log_meant_by(recording);
         let mut captures: Vec<MocapPose> = LogReader::open(&log)?.samples().collect::<Result<_, _>>()?;
@@ -49,7 +50,7 @@ impl ErasedService for RecordedCaptures {
         ServiceId::Plant
     }
 
-    /// Hands on the newest capture that had been published by the time of the step, once.
+    /// Publishes the newest capture that had been published by the time of the step, once.
     fn step(&mut self, now: &Now, _inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
         let mut outputs = PlantOutputs::from_slots(outputs);
         let Some(sample) = outputs.pose.due() else { return };
@@ -82,7 +83,7 @@ mod tests {
     use shared_types::sample::Header;
     use zerocopy::{FromZeros, IntoBytes};
 
-    /// Published at a time, of an exposure 3 ns before.
+    /// Makes a capture that was published at a time, with an exposure 3 ns before.
     fn published_at(stamp_ns: u64) -> MocapPose {
         MocapPose {
             header: Header {
@@ -95,7 +96,7 @@ mod tests {
         }
     }
 
-    /// When what is handed on at a time was exposed, ns.
+    /// Returns the exposure of the capture that is published at a time, ns.
     fn handed_on_at(cameras: &mut RecordedCaptures, time_ns: u64) -> Option<u64> {
         let mut pose = MocapPose::new_zeroed();
         let mut outputs = [
