@@ -1,6 +1,6 @@
-//! What can fly: a constructor for each role and kind. There is no other list of it.
+//! Registry: a constructor for each role and kind. There is no other list of them.
 //!
-//! Without the feature `laboratory` it is the experiment alone, without anything of the machine that it runs on.
+//! Without the feature `laboratory` it contains the experiment alone, without any hardware of the machine.
 
 #[cfg(feature = "laboratory")]
 use std::sync::Arc;
@@ -18,19 +18,19 @@ use path_generator::PathGeneratorService;
 use plant::PlantService;
 use rc_output::RcOutputService;
 
-/// How that which flies in a role comes to be.
+/// Constructor of a role's occupant.
 #[derive(Clone, Copy, Debug)]
 pub enum Constructor {
     /// From the scenario alone.
     StepLogic(StepLogic),
-    /// From the step logic, and from what the scenario says is in the laboratory.
+    /// From the step logic, and the hardware that the scenario names.
     #[cfg(feature = "laboratory")]
     Driver(laboratory::Connect),
     /// The process becomes the program that the scenario names.
     Program,
 }
 
-/// The step logic of a role.
+/// Step logic of a role.
 #[derive(Clone, Copy, Debug)]
 pub struct StepLogic {
     build: fn(&Scenario) -> Built,
@@ -38,7 +38,7 @@ pub struct StepLogic {
     state_size: usize,
 }
 
-/// The constructor of a kind in a role; `None` if nothing of the kind flies there.
+/// Returns the constructor of a kind in a role; `None` if the role has no such kind.
 #[must_use]
 pub fn constructor(role: ServiceId, kind: Kind) -> Option<Constructor> {
     match (role, kind) {
@@ -79,10 +79,10 @@ fn step_logic(role: ServiceId) -> StepLogic {
     }
 }
 
-/// Builds the step logic of a role, which knows nothing of how the machine is used.
+/// Builds the step logic of a role, which does not know how the machine is used.
 ///
 /// # Errors
-/// What the scenario asks for and the service cannot do.
+/// If the scenario states something that the service cannot do.
 pub fn build(role: ServiceId, scenario: &Scenario) -> Built {
     (step_logic(role).build)(&scenario.experiment())
 }
@@ -96,10 +96,10 @@ pub fn build_all(scenario: &Scenario) -> Result<Vec<Box<dyn ErasedService>>, Bui
     roles.map(|role| build(role, scenario)).collect()
 }
 
-/// Connects step logic to what the scenario says is in the laboratory; most is connected to nothing.
+/// Connects step logic to the laboratory hardware that the scenario names; most services have none.
 ///
 /// # Errors
-/// What cannot be had, with the fix.
+/// If the hardware cannot be used, with the fix.
 #[cfg(feature = "laboratory")]
 pub fn connect(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
     let role = service.id();
@@ -109,8 +109,8 @@ pub fn connect(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<
     }
 }
 
-/// What tells the layout of a role's state from any other: the beginning of its hash. A state of another build is only to be
-/// restored if it is the same.
+/// Returns the identifier of the layout of a role's state: the beginning of its hash. A state of another build may only
+/// be restored if the identifiers are equal.
 ///
 /// # Panics
 /// Never: a hash is a hexadecimal number of more digits.
@@ -120,7 +120,7 @@ pub fn state_layout(role: ServiceId) -> u64 {
     u64::from_str_radix(&hash[..16], 16).expect("hexadecimal digits")
 }
 
-/// Bytes of a role's state.
+/// Returns the size of a role's state, bytes.
 #[must_use]
 pub fn state_size(role: ServiceId) -> usize {
     step_logic(role).state_size

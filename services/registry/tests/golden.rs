@@ -1,6 +1,6 @@
-//! The bytes of a short flight, on any machine, in any profile.
+//! Bytes of a short flight, on any machine, in any profile.
 //!
-//! A change here is a change of every experiment: it must be meant, and its reason be in the commit's message.
+//! A change here is a change of every experiment: it must be intended, with its reason in the commit's message.
 
 #[path = "../../../tests/common/rig.rs"]
 mod rig;
@@ -45,13 +45,13 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
     ),
 ];
 
-/// What leaves the first second of a scenario as it is.
+/// Change that leaves the first second of a scenario unchanged.
 const SHORT: &[&str] = &["vehicle.change=[]"];
 
-/// Seconds of a flight that show what its services look at: it is in the air by then.
+/// Seconds of a flight in which all inputs of the services are in use: it is in the air by then.
 const WHILE: u64 = 5;
 
-/// Takes the first ticks in.
+/// Digest of the first ticks.
 struct Digesting {
     digest: ExperimentDigest,
     last_tick: u64,
@@ -74,7 +74,7 @@ impl TickSink for Digesting {
     }
 }
 
-/// Puts the values of one table in the place of another's, or beside them.
+/// Overwrites values of one table by another's, and adds new ones.
 fn change(table: &mut Table, changes: Table) {
     for (key, value) in changes {
         match (table.get_mut(&key), value) {
@@ -122,7 +122,7 @@ fn short_flights_have_their_golden_hashes() {
     );
 }
 
-/// All committed scenarios whose world is simulated, by name.
+/// Returns all committed scenarios with a simulated vehicle, by name.
 fn simulated() -> Vec<String> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
     let files = std::fs::read_dir(folder)
@@ -138,7 +138,7 @@ fn simulated() -> Vec<String> {
 }
 
 #[test]
-fn what_no_step_looks_at_changes_nothing() {
+fn an_input_that_no_step_uses_changes_nothing() {
     let mut disconnected = 0;
     for name in simulated() {
         let scenario = scenario(&name, &[]);
@@ -154,6 +154,6 @@ fn what_no_step_looks_at_changes_nothing() {
     }
     assert!(
         disconnected > 5,
-        "only {disconnected} scenarios leave anything out"
+        "only {disconnected} scenarios leave an input out"
     );
 }

@@ -1,7 +1,7 @@
-//! Flights from any attitude and at ordinary speeds: with the gains that follow from the believed inertia none is lost.
-//! Flights in laboratories that are not as stated: see [`laboratory`].
+//! Survival of flights from any attitude and at ordinary speeds: with the gains that follow from the estimated inertia
+//! none is lost. Flights in laboratories that are not as stated: see [`laboratory`].
 //!
-//! The draws are functions of their number, so that a flight that is lost is lost again.
+//! The draws are functions of their number, so a lost flight is lost again.
 
 use std::convert::Infallible;
 use std::path::Path;
@@ -19,10 +19,10 @@ use zerocopy::FromBytes;
 #[path = "survival/laboratory.rs"]
 mod laboratory;
 
-/// Largest magnitude of each component of the velocity that flights begin with, m/s.
+/// Largest magnitude of each component of the initial velocity, m/s.
 const SPEED: f64 = 1.5;
 
-/// How long they last, s: losses come within the first tenth of a second, swings show within a second.
+/// Duration of a flight, s: losses come within the first tenth of a second, swings show within a second.
 const DURATION: f64 = 1.5;
 
 /// A committed scenario.
@@ -73,7 +73,8 @@ impl TickSink for Distance {
     }
 }
 
-/// How far the vehicle came from its path, m; `None` if a service computed a number that is not finite.
+/// Returns the largest distance of the vehicle from its path, m; `None` if a service computed a number that is not
+/// finite.
 fn fly(scenario: &Scenario) -> Option<f64> {
     assert_eq!(scenario.problems(), []);
     let mut distance = Distance::default();
@@ -81,14 +82,14 @@ fn fly(scenario: &Scenario) -> Option<f64> {
     host.fly(&mut distance).ok().map(|()| distance.0)
 }
 
-/// How many draws are flown: a hundred, or what `GERONO_DRAWS` says.
+/// Returns the number of draws: a hundred, or the value of `GERONO_DRAWS`.
 fn draws() -> u64 {
     let stated = std::env::var("GERONO_DRAWS").ok();
     stated.map_or(100, |count| count.parse().expect("GERONO_DRAWS is a number"))
 }
 
-/// Flies draws of a scenario, each made by `change`, and demands that none is farther than `bound` (m) from its path
-/// at any time.
+/// Flies draws of a scenario, each made by `change`, and asserts that none is farther than `bound` (m) from its path at
+/// any time.
 #[track_caller]
 fn assert_survive(count: u64, bound: f64, mut change: impl FnMut(&mut Scenario, &mut Draws<'_>)) {
     let mut noise = Noise::new(1, Stream::Turbulence);
@@ -107,7 +108,7 @@ fn fig_1_s_vehicle_survives_any_attitude_and_ordinary_speeds() {
     assert_survive(draws(), 2.5, any_start);
 }
 
-/// Real vehicles have radii of gyration of centimetres, whatever their mass. A scale and a ruler tell the mass to a
+/// Real vehicles have radii of gyration of centimetres, whatever their mass. A scale and a ruler give the mass to a
 /// factor of 2 and the inertia to one of 3.
 #[test]
 fn vehicles_of_a_hundred_grams_to_kilograms_survive_with_the_gains_that_follow() {

@@ -1,4 +1,4 @@
-//! The laboratory of Figs. 3 to 6 with cameras noisier than stated, and with everything else than believed.
+//! Laboratory of Figs. 3 to 6 with cameras noisier than stated, and with all parameters different from the model.
 
 use std::convert::Infallible;
 
@@ -14,13 +14,13 @@ use zerocopy::FromBytes;
 
 use super::{committed, draws};
 
-/// From when on the distance counts, s: the flight begins 0.68 m from the path.
+/// Time from which the distance counts, s: the flight begins 0.68 m from the path.
 const ARRIVED: f64 = 10.0;
 
-/// To the end of what the coins of 30 s do, s.
+/// Duration, s: until the effect of the coins at 30 s has ended.
 const DURATION: f64 = 40.0;
 
-/// Largest distance from the path, m. With nothing wrong the coins make it 5.6 cm.
+/// Largest permitted distance from the path, m. Without errors of the model the coins make it 5.6 cm.
 const BOUND: f64 = 0.1;
 
 /// Largest true distance from the reference, m.
@@ -55,7 +55,7 @@ impl TickSink for Distance {
     }
 }
 
-/// Flies draws of the laboratory, each made by `change`, and demands that all stay within [`BOUND`].
+/// Flies draws of the laboratory, each made by `change`, and asserts that all stay within [`BOUND`].
 #[track_caller]
 fn assert_stay_on_the_path(mut change: impl FnMut(&mut Scenario, &mut Draws<'_>)) {
     let mut noise = Noise::new(2, Stream::Turbulence);
@@ -75,7 +75,7 @@ fn assert_stay_on_the_path(mut change: impl FnMut(&mut Scenario, &mut Draws<'_>)
 }
 
 #[test]
-fn noise_of_ten_times_what_the_filter_is_told_keeps_the_vehicle_on_its_path() {
+fn noise_of_ten_times_the_stated_keeps_the_vehicle_on_its_path() {
     assert_stay_on_the_path(|scenario, _| {
         let cameras = scenario.cameras.as_mut().unwrap();
         cameras.position_deviation *= 10.0;
@@ -88,7 +88,7 @@ fn wrong(draws: &mut Draws<'_>) -> f64 {
     0.7 + 0.6 * draws.uniform()
 }
 
-/// A believed latency of 5 ms that is wrong by up to 30 %, in whole ticks, rounded away from the truth.
+/// Returns a modelled latency of 5 ms that is wrong by up to 30 %, in whole ticks, rounded away from the truth.
 fn believed_latency(draws: &mut Draws<'_>) -> f64 {
     let ticks = 5.0 * wrong(draws);
     let whole = if ticks < 5.0 { ticks.floor() } else { ticks.ceil() };
