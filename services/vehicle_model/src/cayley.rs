@@ -1,12 +1,13 @@
-//! The Cayley map: a chart of SO(3) that needs no sine.
+//! Cayley map: a chart of SO(3) without trigonometric functions.
 //!
-//! θ ∈ R³ stands for the rotation about θ by 2 atan(‖θ‖/2), which is θ itself up to O(‖θ‖³). Unlike the
-//! exponential map it and its derivative are rational, and every θ gives a rotation.
+//! θ ∈ R³ maps to the rotation about θ by 2 atan(‖θ‖/2), which is the rotation vector θ itself up to O(‖θ‖³). Unlike
+//! the exponential map, the map and its derivative are rational. So every θ gives a rotation, there is no 0/0 at θ = 0,
+//! and the result has the same bits on every machine.
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::skew;
 
-/// cay(θ) = (I − S(θ)/2)⁻¹ (I + S(θ)/2) = I + (S + S²/2) · 4/(4 + ‖θ‖²) ∈ SO(3).
+/// Returns cay(θ) = (I − S(θ)/2)⁻¹ (I + S(θ)/2) = I + (S + S²/2) · 4/(4 + ‖θ‖²) ∈ SO(3).
 #[must_use]
 #[inline]
 pub fn rotation(theta: &Vector3<f64>) -> Matrix3<f64> {
@@ -14,7 +15,7 @@ pub fn rotation(theta: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + (s + s * s * 0.5) * (4.0 / (4.0 + theta.norm_squared()))
 }
 
-/// θ̇ = ω + θ × ω/2 + θ (θᵀω)/4, with which R = R0 cay(θ) satisfies Ṙ = R S(ω), eq. (2).
+/// Returns θ̇ = ω + θ × ω/2 + θ (θᵀω)/4, with which R = R0 cay(θ) satisfies Ṙ = R S(ω), eq. (2).
 #[must_use]
 #[inline]
 pub fn chart_rate(theta: &Vector3<f64>, omega: &Vector3<f64>) -> Vector3<f64> {

@@ -1,4 +1,4 @@
-//! Steps along the vector field: Runge–Kutta–Munthe-Kaas of fourth order in the Cayley chart, for the plant.
+//! Integrator: Runge–Kutta–Munthe-Kaas steps of fourth order in the Cayley chart, for the plant.
 //!
 //! It is the classical Runge–Kutta method, with the rotation of the step written as R0 cay(θ), so that the
 //! method works on θ, in a vector space, and every stage is a rotation (H. Munthe-Kaas, "High order
@@ -9,8 +9,8 @@
 //! The plant takes one step a tick. At 1 ms, after a violent start from any attitude with torques of kN m, the position is
 //! off by up to 5e-5 m within a second.
 //!
-//! Who believes a vehicle takes a mean acceleration and a mean body rate over a step, each its own way: [`travelled`] has what
-//! follows from the first.
+//! The filter, the roll-out and dead reckoning use a mean acceleration and a mean body rate over a step, each in
+//! another way: [`travelled`] has the consequences of the former.
 
 use nalgebra::Vector3;
 use shared_types::rotation::{is_rotation, orthonormalized};
@@ -18,7 +18,7 @@ use shared_types::rotation::{is_rotation, orthonormalized};
 use crate::cayley;
 use crate::rigid_body::{Motion, MotionRate};
 
-/// When within a step the method asks for the field.
+/// Time within a step at which the method evaluates the field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// At its begin.
@@ -29,7 +29,7 @@ pub enum Stage {
     End,
 }
 
-/// Position (m) and velocity (m/s) in {I} after `h` s at a constant acceleration (m/s²): (1), exactly.
+/// Returns position (m) and velocity (m/s) in {I} after `h` s at a constant acceleration (m/s²): (1), exactly.
 #[must_use]
 #[inline]
 pub fn travelled(
@@ -45,8 +45,8 @@ pub fn travelled(
     )
 }
 
-/// The motion `h` s later along the field `rate`, which may depend on the time within the step; a negative
-/// `h` goes back in time.
+/// Returns the motion `h` s later along the field `rate`, which may depend on the time within the step; a negative `h`
+/// goes back in time.
 #[must_use]
 #[inline]
 pub fn advanced(start: &Motion, h: f64, rate: impl Fn(&Motion, Stage) -> MotionRate) -> Motion {
@@ -64,7 +64,7 @@ pub fn advanced(start: &Motion, h: f64, rate: impl Fn(&Motion, Stage) -> MotionR
     let k3 = slope_along(&k2, 0.5 * h, Stage::Middle);
     let k4 = slope_along(&k3, h, Stage::End);
     let end = start.moved(&(k1 + (k2 + k3) * 2.0 + k4), h / 6.0);
-    // A product of rotations is one but for rounding, which would add up over a million steps.
+    // A product of rotations is a rotation up to rounding, which would add up over a million steps.
     let world_from_body = orthonormalized(&end.world_from_body);
     debug_assert!(is_rotation(&world_from_body), "{world_from_body}");
     Motion {

@@ -1,4 +1,4 @@
-//! First-order lags, ẋ = (u − x)/τ, exact while the input u rests.
+//! First-order lags, ẋ = (u − x)/τ, exact while the input u is constant.
 //!
 //! ```text
 //! x(t) = u + (x(0) − u) e^(−t/τ)        ẋ(t) = −(x(0) − u) e^(−t/τ)/τ        mean = u + (x(0) − u)(1 − e^(−t/τ)) τ/t
@@ -15,7 +15,7 @@ pub struct Lag {
     time_constant: f64,
 }
 
-/// A lag over steps of one length, with the exponentials taken once: a step asks at three times within it.
+/// Lag over steps of one length, with the exponentials computed once: a step evaluates it at three times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LagOverStep {
     /// e^(−t/τ) at each [`Stage`].
@@ -24,7 +24,7 @@ pub struct LagOverStep {
     rate: f64,
 }
 
-/// What goes through a lag, over a step.
+/// Value that follows a lag, over a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
     start: f64,
@@ -32,12 +32,12 @@ pub struct Approach {
     lag: LagOverStep,
 }
 
-/// What can lag behind: a number or a vector.
+/// Value that can lag behind: a number or a vector.
 pub trait Linear: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f64, Output = Self> {}
 
 impl<V: Copy + Add<Output = V> + Sub<Output = V> + Mul<f64, Output = V>> Linear for V {}
 
-/// The value at a share of the way from one to another.
+/// Returns the value at a share of the way from one to another.
 #[must_use]
 #[inline]
 pub fn between<V: Linear>(from: V, to: V, share: f64) -> V {
@@ -46,20 +46,20 @@ pub fn between<V: Linear>(from: V, to: V, share: f64) -> V {
 }
 
 impl Lag {
-    /// A lag of time constant τ ≥ 0, s.
+    /// Makes a lag of time constant τ ≥ 0, s.
     #[must_use]
     pub const fn new(time_constant: f64) -> Self {
         Self { time_constant }
     }
 
-    /// Whether there is no lag: τ = 0.
+    /// Returns whether there is no lag: τ = 0.
     #[must_use]
     #[inline]
     pub fn follows_at_once(self) -> bool {
         self.time_constant <= 0.0
     }
 
-    /// e^(−t/τ), the share of the way to a target that is left after `t` s.
+    /// Returns e^(−t/τ), the share of the way to a target that is left after `t` s.
     #[must_use]
     #[inline]
     pub fn left(self, t: f64) -> f64 {
@@ -70,7 +70,7 @@ impl Lag {
         }
     }
 
-    /// 1 − e^(−t/τ), the share of the way to a target that is gone after `t` s.
+    /// Returns 1 − e^(−t/τ), the share of the way to a target that is done after `t` s.
     #[must_use]
     #[inline]
     pub fn gone(self, t: f64) -> f64 {
@@ -81,21 +81,21 @@ impl Lag {
         }
     }
 
-    /// Where a value that follows `target` from `start` on is after `t` s.
+    /// Returns the value after `t` s that follows `target` from `start` on.
     #[must_use]
     #[inline]
     pub fn end<V: Linear>(self, start: V, target: V, t: f64) -> V {
         between(target, start, self.left(t))
     }
 
-    /// The mean over `t` > 0 s of a value that follows `target` from `start` on.
+    /// Returns the mean over `t` > 0 s of a value that follows `target` from `start` on.
     #[must_use]
     #[inline]
     pub fn mean<V: Linear>(self, start: V, target: V, t: f64) -> V {
         between(target, start, self.gone(t) / (t / self.time_constant))
     }
 
-    /// What a value must follow to get from `start` to `end` within `t` > 0 s.
+    /// Returns the target that a value must follow to get from `start` to `end` within `t` > 0 s.
     #[must_use]
     #[inline]
     pub fn target(self, start: f64, end: f64, t: f64) -> f64 {
@@ -106,7 +106,7 @@ impl Lag {
         }
     }
 
-    /// The lag over steps of `h` s.
+    /// Returns the lag over steps of `h` s.
     #[must_use]
     pub fn over(self, h: f64) -> LagOverStep {
         LagOverStep {
@@ -121,7 +121,7 @@ impl Lag {
 }
 
 impl LagOverStep {
-    /// The way of a value from `start` towards `target`, over a step.
+    /// Returns the way of a value from `start` towards `target`, over a step.
     #[must_use]
     #[inline]
     pub fn approach(&self, start: f64, target: f64) -> Approach {
@@ -134,14 +134,14 @@ impl LagOverStep {
 }
 
 impl Approach {
-    /// x, which lies between start and target to the last bit.
+    /// Returns x, which lies between start and target to the last bit.
     #[must_use]
     #[inline]
     pub fn value(&self, stage: Stage) -> f64 {
         between(self.target, self.start, self.lag.left[stage as usize])
     }
 
-    /// ẋ, per second.
+    /// Returns ẋ, per second.
     #[must_use]
     #[inline]
     pub fn slope(&self, stage: Stage) -> f64 {
@@ -215,7 +215,7 @@ mod tests {
         }
 
         #[test]
-        fn what_is_gone_and_what_is_left_are_the_whole_way(time_constant in 0.0..1.0f64, t in 0.0..10.0f64) {
+        fn the_done_and_the_left_share_are_the_whole_way(time_constant in 0.0..1.0f64, t in 0.0..10.0f64) {
             let lag = Lag::new(time_constant);
             let shares = [lag.gone(t), lag.left(t)];
             prop_assert!(shares.iter().all(|share| (0.0..=1.0).contains(share)), "{:?}", shares);
@@ -223,7 +223,7 @@ mod tests {
         }
 
         #[test]
-        fn who_follows_the_target_for_an_end_gets_there(
+        fn a_value_that_follows_the_target_for_an_end_reaches_it(
             time_constant in 0.0..0.2f64, t in 1e-3..0.05f64, start in -5.0..5.0f64, end in -5.0..5.0f64,
         ) {
             let lag = Lag::new(time_constant);

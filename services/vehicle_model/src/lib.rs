@@ -1,10 +1,10 @@
-//! The vehicle, once: what the plant flies with true parameters, and what filter, roll-out and dead reckoning believe.
+//! Vehicle model: the plant uses it with true parameters; filter, roll-out and dead reckoning with estimated ones.
 //!
 //! * [`rigid_body`]: equations (1)–(4) as a pure vector field, and a centre of mass that is not the origin;
 //! * [`integrator`]: a fourth-order step along it that keeps R in SO(3);
 //! * [`cayley`]: the chart of SO(3) that it works in;
 //! * [`lag`]: first-order lags, exact over a step;
-//! * [`rotors`]: where the rotors are, and the mixer.
+//! * [`rotors`]: the places of the rotors, and the mixer.
 //!
 //! {I} has z down, {B} x forward, y right, z down. SI units and radians.
 

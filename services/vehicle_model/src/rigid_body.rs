@@ -1,4 +1,4 @@
-//! The rigid body, equations (1)–(4) of the paper, as a pure vector field.
+//! Rigid body, equations (1)–(4) of the paper, as a pure vector field.
 //!
 //! Symbols: p position in {I}; R = `world_from_body`; v and ω linear and angular velocity in {B}; m mass;
 //! J = Diag(`inertia`); b disturbance, an acceleration in {I}; T thrust along −R e3; τ torque in {B}.
@@ -32,7 +32,7 @@ use shared_types::GRAVITY;
 
 use crate::cayley;
 
-/// What the controller does not know of the vehicle.
+/// Parameters of the vehicle that the controller does not know.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
     /// m, kg.
@@ -45,7 +45,7 @@ pub struct Body {
     pub center_of_mass: Vector3<f64>,
 }
 
-/// Where the body is and how it moves.
+/// Pose and velocities of the body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// p, position in {I}, m.
@@ -58,7 +58,7 @@ pub struct Motion {
     pub angular_velocity_body: Vector3<f64>,
 }
 
-/// How a [`Motion`] changes.
+/// Rate of change of a [`Motion`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionRate {
     /// ṗ in {I}, m/s.
@@ -71,7 +71,7 @@ pub struct MotionRate {
     pub angular_acceleration_body: Vector3<f64>,
 }
 
-/// What the actuators exert on the body.
+/// Forces and torques of the actuators on the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wrench {
     /// T along −R e3, N; any real number with ideal actuators.
@@ -80,15 +80,15 @@ pub struct Wrench {
     pub torque_body: Vector3<f64>,
 }
 
-/// g e3 + b in {I}, m/s²: (3) without thrust.
+/// Returns g e3 + b in {I}, m/s²: (3) without thrust.
 #[must_use]
 #[inline]
 pub fn free_fall(disturbance_world: &Vector3<f64>) -> Vector3<f64> {
     Vector3::z() * GRAVITY + disturbance_world
 }
 
-/// d(Rv)/dt of (3) in {I}, m/s², under a thrust per mass T/m (m/s²), of a vehicle that would be accelerated by `otherwise`
-/// without it: [`free_fall`], or less where something bears it.
+/// Returns d(Rv)/dt of (3) in {I}, m/s², under a thrust per mass T/m (m/s²), of a vehicle whose acceleration without
+/// thrust is `otherwise`: [`free_fall`], or less if the ground carries it.
 #[must_use]
 #[inline]
 pub fn acceleration(
@@ -99,14 +99,14 @@ pub fn acceleration(
     otherwise - world_from_body.column(2) * specific_thrust
 }
 
-/// ω × Jω, the torque (N m, in {B}) that keeps ω (rad/s) as it is, J = Diag(`inertia`).
+/// Returns ω × Jω, the torque (N m, in {B}) that keeps ω (rad/s) constant, J = Diag(`inertia`).
 #[must_use]
 #[inline]
 pub fn gyroscopic_torque(inertia: &Vector3<f64>, omega: &Vector3<f64>) -> Vector3<f64> {
     omega.cross(&inertia.component_mul(omega))
 }
 
-/// ω̇ of (4) in {B}, rad/s², under a torque τ (N m).
+/// Returns ω̇ of (4) in {B}, rad/s², under a torque τ (N m).
 #[must_use]
 #[inline]
 pub fn angular_acceleration(
@@ -118,7 +118,7 @@ pub fn angular_acceleration(
 }
 
 impl Body {
-    /// The vector field (1)–(4) at a motion under a wrench.
+    /// Returns the vector field (1)–(4) at a motion under a wrench.
     #[must_use]
     #[inline]
     pub fn motion_rate(&self, motion: &Motion, wrench: &Wrench) -> MotionRate {
@@ -132,7 +132,7 @@ impl Body {
         }
     }
 
-    /// The wrench about the centre of mass of one whose thrust acts through the origin: τ + c × T e3.
+    /// Returns the wrench about the centre of mass of one whose thrust acts through the origin: τ + c × T e3.
     #[must_use]
     #[inline]
     pub fn about_center(&self, wrench: &Wrench) -> Wrench {
@@ -145,14 +145,14 @@ impl Body {
         }
     }
 
-    /// c × e3, torque about the centre of mass per thrust, m.
+    /// Returns c × e3, torque about the centre of mass per thrust, m.
     #[must_use]
     #[inline]
     pub fn thrust_lever(&self) -> Vector3<f64> {
         self.center_of_mass.cross(&Vector3::z())
     }
 
-    /// How the origin moves while the centre of mass moves like `center`.
+    /// Returns the motion of the origin while the centre of mass moves like `center`.
     #[must_use]
     #[inline]
     pub fn origin_of<'a>(&self, center: &'a Motion) -> Cow<'a, Motion> {
@@ -163,7 +163,7 @@ impl Body {
         }
     }
 
-    /// How the centre of mass moves while the origin moves like `origin`.
+    /// Returns the motion of the centre of mass while the origin moves like `origin`.
     #[must_use]
     pub fn center_of(&self, origin: &Motion) -> Motion {
         if self.is_centered() {
@@ -173,7 +173,7 @@ impl Body {
         }
     }
 
-    /// d²(po)/dt² in {I}, m/s², while the centre of mass moves like `center` and that changes like `rate`.
+    /// Returns d²(po)/dt² in {I}, m/s², while the centre of mass moves like `center`, which changes like `rate`.
     #[must_use]
     pub fn origin_acceleration(&self, center: &Motion, rate: &MotionRate) -> Vector3<f64> {
         let (c, omega) = (&self.center_of_mass, &rate.angular_velocity_body);
@@ -181,7 +181,7 @@ impl Body {
         rate.acceleration_world - center.world_from_body * around_center
     }
 
-    /// Whether c = 0. Then nothing is added to any number, so that not even the sign of a zero changes.
+    /// Returns whether c = 0. Then nothing is added to any number, so that not even the sign of a zero changes.
     #[inline]
     fn is_centered(&self) -> bool {
         self.center_of_mass == Vector3::zeros()
@@ -189,14 +189,14 @@ impl Body {
 }
 
 impl Motion {
-    /// v, linear velocity in {B}, m/s.
+    /// Returns v, linear velocity in {B}, m/s.
     #[must_use]
     #[inline]
     pub fn velocity_body(&self) -> Vector3<f64> {
         self.world_from_body.tr_mul(&self.velocity_world)
     }
 
-    /// The motion of the point that lies at `arm_body` (m, in {B}) from the one whose motion this is.
+    /// Returns the motion of the point at `arm_body` (m, in {B}) from the point of this motion.
     #[must_use]
     pub fn at_point(&self, arm_body: &Vector3<f64>) -> Self {
         let (r, omega) = (&self.world_from_body, &self.angular_velocity_body);
@@ -207,7 +207,7 @@ impl Motion {
         }
     }
 
-    /// The motion after `duration` s of a rate; R turns by the Cayley map and so stays in SO(3).
+    /// Returns the motion after `duration` s of a rate; R turns by the Cayley map and so stays in SO(3).
     #[must_use]
     // Called four times a step, which the compiler takes for too much to inline by itself: the whole step of
     // the plant takes half as long again without.

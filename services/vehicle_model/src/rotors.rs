@@ -1,4 +1,4 @@
-//! Four rotors in an X between the axes, and the mixer.
+//! Rotors: four in an X between the axes, and the mixer.
 //!
 //! ```text
 //! T = Σ Fi     τ = (l(F1+F2−F0−F3), l(F0+F2−F1−F3), κ(F0+F1−F2−F3))     l = a/√2
@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 use crate::rigid_body::Wrench;
 
-/// The signs with which the force of each rotor is in τ.
+/// Signs of the force of each rotor in τ.
 const TURNS: [[f64; 3]; 4] = [
     [-1.0, 1.0, 1.0],
     [1.0, -1.0, 1.0],
@@ -19,7 +19,7 @@ const TURNS: [[f64; 3]; 4] = [
     [-1.0, -1.0, -1.0],
 ];
 
-/// Where the rotors are and what they do beside their thrust.
+/// Places of the rotors and their reaction torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotors {
     /// a, distance from the centre, m; not 0.
@@ -29,7 +29,7 @@ pub struct Rotors {
 }
 
 impl Rotors {
-    /// What forces (N) exert.
+    /// Returns the wrench of forces (N).
     #[must_use]
     pub fn wrench(&self, forces: &[f64; 4]) -> Wrench {
         let turning = forces
@@ -42,14 +42,14 @@ impl Rotors {
         }
     }
 
-    /// The forces (N) that exert a wrench; a rotor pulls up only, so that those below 0 are out of its reach.
+    /// Returns the forces (N) of a wrench. A rotor pulls up only, so forces below 0 are out of its reach.
     #[must_use]
     pub fn forces(&self, wrench: &Wrench) -> [f64; 4] {
         let turning = wrench.torque_body.component_div(&self.levers());
         TURNS.map(|turn| 0.25 * (wrench.thrust + Vector3::from(turn).dot(&turning)))
     }
 
-    /// (l, l, κ), torque per force about each axis.
+    /// Returns (l, l, κ), torque per force about each axis.
     fn levers(&self) -> Vector3<f64> {
         let lever = self.arm * std::f64::consts::FRAC_1_SQRT_2;
         Vector3::new(lever, lever, self.torque_per_thrust)

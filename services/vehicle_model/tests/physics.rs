@@ -1,4 +1,4 @@
-//! The integrated motion obeys the equations of the paper and the laws of mechanics.
+//! Integrated motion against the equations of the paper and the laws of mechanics.
 
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
@@ -10,7 +10,8 @@ use vehicle_model::rigid_body::{Body, Motion, Wrench};
 /// The step of the paper's simulations, s.
 const H: f64 = 1e-3;
 
-/// What rounding may make of a number of size `scale` over a flight: a bit in its last place at every step.
+/// Returns the largest effect of rounding on a number of size `scale` over a flight: a bit in its last place at every
+/// step.
 fn rounding(steps: u32, scale: f64) -> f64 {
     f64::from(steps) * f64::EPSILON * scale
 }
@@ -237,7 +238,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_the_mass_a_hovering_vehicle_drifts_only_by_the_rounding_of_its_thrust(body in bodies()) {
+    fn a_hovering_vehicle_of_any_mass_drifts_only_by_the_rounding_of_its_thrust(body in bodies()) {
         let body = Body { disturbance_world: Vector3::zeros(), ..body };
         let weight = Wrench { thrust: body.mass * GRAVITY, torque_body: Vector3::zeros() };
         let speed = flown(level_at_rest(), &body, &weight, H, 1000).velocity_world.norm();
