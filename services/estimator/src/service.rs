@@ -30,7 +30,7 @@ shared_types::sample! {
     }
 }
 
-/// The estimator as a service.
+/// Estimator as a service.
 #[derive(Clone, Debug)]
 pub struct EstimatorService {
     source: EstimateSource,
