@@ -18,7 +18,7 @@ use radio_link::{ChannelCodes, crsf, mavlink, msp, multi, sbus};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// How long a flight controller may take to tell what it was told.
+/// Longest time until a flight controller reports the channels that it received.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -1,7 +1,7 @@
-//! Which channel says what, with what travel.
+//! Channel map: the meaning of each channel, and its travel.
 //!
-//! A stick's code c of 2^bits − 1 is the travel s = 2c/(2^bits − 1) − 1, as in `rc_output`. What is sent is the travel
-//! turned around if the stick is reversed, and laid between its ends. A travel of −1 to 1 is the link's −100 to 100 %.
+//! A stick's code c of 2^bits − 1 is the travel s = 2c/(2^bits − 1) − 1, as in `rc_output`. The sent travel is reversed
+//! if the stick is, and scaled to its ends. A travel of −1 to 1 is the link's −100 to 100 %.
 
 use scenario::{RcLink, Transmitter};
 
@@ -14,29 +14,29 @@ const LETTERS: [char; 4] = ['T', 'A', 'E', 'R'];
 /// A travel a channel, from −1.25 to 1.25.
 pub type Travels = [f64; 16];
 
-/// Which channel says what.
+/// Map from sticks and switches to channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelMap {
     /// Largest code of a stick.
     largest_code: f64,
-    /// Where each stick's travel goes.
+    /// Channel and travel of each stick.
     sticks: [Stick; 4],
     /// The arming switch: its channel, and its travels disarmed and armed.
     arming: Option<(usize, [f64; 2])>,
-    /// Travels of all channels when the motors rest.
+    /// Travels of all channels when the motors stop.
     at_rest: Travels,
 }
 
-/// Where a stick's travel goes.
+/// Channel and travel of a stick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Stick {
     channel: usize,
-    /// What −1 and 1 are sent as.
+    /// Travels that −1 and 1 are sent as.
     ends: [f64; 2],
 }
 
 impl ChannelMap {
-    /// The map of a link that has been checked.
+    /// Makes the map of a checked link.
     #[must_use]
     pub fn new(link: &RcLink, transmitter: &Transmitter) -> Self {
         let mut at_rest = [transmitter.others; 16];
@@ -69,14 +69,14 @@ impl ChannelMap {
         }
     }
 
-    /// The travel of a stick's code, −1 to 1: as the calibration means it, before it is mapped.
+    /// Returns the travel of a stick's code, −1 to 1, by the calibration, before it is mapped.
     #[must_use]
     #[inline]
     pub fn travel(&self, code: u16) -> f64 {
         (2.0 * f64::from(code) / self.largest_code - 1.0).min(1.0)
     }
 
-    /// The travels of all channels.
+    /// Returns the travels of all channels.
     #[must_use]
     #[inline]
     pub fn travels(&self, sticks: &Sticks) -> Travels {
@@ -97,14 +97,14 @@ impl ChannelMap {
         travels
     }
 
-    /// The channel of each stick, as an index: thrust, roll, pitch, yaw.
+    /// Returns the channel of each stick, as an index: thrust, roll, pitch, yaw.
     #[must_use]
     pub fn stick_channels(&self) -> [usize; 4] {
         self.sticks.map(|stick| stick.channel)
     }
 
-    /// The travels of the sticks thrust, roll, pitch and yaw of whom these channels were sent: what [`ChannelMap::travels`]
-    /// was given, where no failsafe was.
+    /// Returns the travels of the sticks thrust, roll, pitch and yaw from sent channels: the inverse of
+    /// [`ChannelMap::travels`], except for failsafe.
     #[must_use]
     pub fn stick_travels(&self, sent: &Travels) -> [f64; 4] {
         self.sticks.map(|stick| {
@@ -113,8 +113,8 @@ impl ChannelMap {
         })
     }
 
-    /// Whether these channels let the motors turn: the arming switch is nearer to its travel armed. Where there is no such
-    /// switch they always do.
+    /// Returns whether these channels let the motors turn: the arming switch is nearer to its travel armed. Without
+    /// such a switch they always do.
     #[must_use]
     pub fn is_armed(&self, sent: &Travels) -> bool {
         self.arming.is_none_or(|(channel, [disarmed, armed])| {
@@ -122,7 +122,7 @@ impl ChannelMap {
         })
     }
 
-    /// The code of a stick whose travel is nearest to a travel.
+    /// Returns the code of a stick whose travel is nearest to a travel.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
@@ -134,22 +134,22 @@ impl ChannelMap {
     }
 }
 
-/// A channel counted from 1 as an index.
+/// Converts a channel counted from 1 to an index.
 fn index_of(channel: u32) -> usize {
     usize::try_from(channel).unwrap_or(16).clamp(1, 16) - 1
 }
 
-/// The units that a link sends travels in.
+/// Units in which a link sends travels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Units {
     /// Codes at −100 and 100 %.
     pub ends: [u16; 2],
-    /// The least and the largest code that the link has.
+    /// Smallest and largest code of the link.
     pub limits: [u16; 2],
 }
 
 impl Units {
-    /// The nearest code to each travel, within the limits.
+    /// Returns the nearest code to each travel, within the limits.
     #[must_use]
     #[inline]
     pub fn codes(&self, travels: &Travels) -> ChannelCodes {
@@ -169,7 +169,7 @@ impl Units {
         code.clamp(least, most) as u16
     }
 
-    /// The travel that a code means.
+    /// Returns the travel that a code means.
     #[must_use]
     pub fn travel(&self, code: u16) -> f64 {
         let [low, high] = self.ends.map(f64::from);

@@ -2,7 +2,7 @@
 //!
 //! 420000 baud 8N1, not inverted: `0xC8`, length 24, type `0x16`, 22 bytes of channels, CRC-8 (polynomial `0xD5`, no
 //! reflection, from 0) over type and channels. The codes 172, 992 and 1811 are −100, 0 and 100 %: 988, 1500 and 2012 µs.
-//! The link's own failsafe is that frames stop.
+//! The failsafe of the link is that frames stop.
 
 use crate::packing::{self, PACKED};
 use crate::{ChannelCodes, DecodeError};
@@ -20,7 +20,7 @@ const LENGTH_OF_REST: u8 = 24;
 /// `RC_CHANNELS_PACKED`.
 const TYPE: u8 = 0x16;
 
-/// A frame that carries channels, of each the lower 11 bits.
+/// Encodes channels, of each the lower 11 bits.
 #[must_use]
 #[inline]
 pub fn encode(channels: &ChannelCodes) -> [u8; LENGTH] {
@@ -31,10 +31,10 @@ pub fn encode(channels: &ChannelCodes) -> [u8; LENGTH] {
     frame
 }
 
-/// The channels that a frame carries.
+/// Decodes the channels of a frame.
 ///
 /// # Errors
-/// [`DecodeError`] if the bytes are no frame of channels.
+/// [`DecodeError`] if the bytes are not a frame of channels.
 pub fn decode(bytes: &[u8]) -> Result<ChannelCodes, DecodeError> {
     let frame: &[u8; LENGTH] = bytes.try_into().map_err(|_| DecodeError::Length {
         wanted: LENGTH,

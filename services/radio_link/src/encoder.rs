@@ -1,4 +1,4 @@
-//! Sticks to a frame of whichever link a scenario states.
+//! Encoder of sticks to frames of the scenario's link.
 
 use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 
@@ -16,14 +16,14 @@ const ELEVEN_BITS: [u16; 2] = [0, 2047];
 /// Pulses that a receiver can send, µs: beyond them a flight controller takes a channel for broken.
 const PULSES: [u16; 2] = [900, 2100];
 
-/// Makes the frames of a link.
+/// Encoder of the frames of a link.
 #[derive(Clone, Debug)]
 pub struct Encoder {
     map: ChannelMap,
     format: Format,
 }
 
-/// A link's format, and what its frames say beside the sticks.
+/// Format of a link, and the contents of its frames beside the sticks.
 #[derive(Clone, Debug)]
 enum Format {
     Crsf,
@@ -46,7 +46,7 @@ struct MavlinkFormat {
 }
 
 impl Encoder {
-    /// The frames of a link that has been checked; `None` for the simulated one.
+    /// Makes the encoder of a checked link; `None` for the simulated one.
     #[must_use]
     pub fn new(link: &RcLink, transmitter: &Transmitter) -> Option<Self> {
         let format = match link.link {
@@ -65,7 +65,7 @@ impl Encoder {
         Some(Self { map, format })
     }
 
-    /// Writes the frame of sticks. `failsafe` is the link's own, for links whose frames can say so.
+    /// Writes the frame of sticks. `failsafe` is the failsafe flag of the link, if its frames have one.
     #[inline]
     pub fn encode(&mut self, sticks: &Sticks, failsafe: bool, now_ns: u64, frame: &mut Frame) {
         frame.clear();
@@ -97,7 +97,7 @@ impl Encoder {
         }
     }
 
-    /// The units of the link's channels; pulses where it has none.
+    /// Returns the units of the link's channels; pulses if it has none.
     #[must_use]
     #[inline]
     pub fn units(&self) -> Units {
@@ -111,13 +111,13 @@ impl Encoder {
         Units { ends, limits }
     }
 
-    /// Which channel says what.
+    /// Returns the channel map.
     #[must_use]
     pub fn map(&self) -> &ChannelMap {
         &self.map
     }
 
-    /// Whether the frames can say that the command is lost; if not, they stop.
+    /// Returns whether the frames can say that the command is lost; if not, they stop.
     #[must_use]
     pub fn has_failsafe_flag(&self) -> bool {
         matches!(self.format, Format::Sbus)
@@ -141,7 +141,7 @@ impl MavlinkFormat {
         }
     }
 
-    /// The body rates that the sticks mean, and the thrust as the share that its channel would have.
+    /// Returns the body rates that the sticks mean, and the thrust as the share that its channel would have.
     #[inline]
     #[expect(
         clippy::cast_possible_truncation,

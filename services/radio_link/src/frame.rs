@@ -1,4 +1,4 @@
-//! The bytes of a frame, in place.
+//! Bytes of a frame, in place.
 
 /// Bytes that the longest frame takes: two messages of MAVLink.
 pub const CAPACITY: usize = 96;
@@ -27,7 +27,7 @@ impl Frame {
         &self.bytes[..self.length]
     }
 
-    /// Forgets all bytes.
+    /// Removes all bytes.
     #[inline]
     pub fn clear(&mut self) {
         self.length = 0;

@@ -1,4 +1,4 @@
-//! A radio link: sticks in, frames out, and failsafe on the way.
+//! Radio link: sticks in, frames out, with failsafe.
 
 use std::convert::Infallible;
 
@@ -17,34 +17,35 @@ pub struct RadioLink {
     port: Port,
     frame: Frame,
     loss: Loss,
-    /// Whether somebody has died whose last frame counts at the receiver until there is a newer one.
+    /// `true` if the process replaces a dead one, whose last frame counts at the receiver until there is a newer one.
     succeeds: bool,
     /// Frames that were not sent, so that the receiver's failsafe acts.
     silent: u64,
-    /// Where answers go that nobody reads.
+    /// Buffer of answers, which are not used.
     answers: [u8; 512],
 }
 
-/// How long the command has been lost.
+/// Duration of the loss of the command.
 #[derive(Clone, Copy, Debug)]
 struct Loss {
     silence_after_ns: u64,
     since_ns: Option<u64>,
 }
 
-/// What a link does about the newest sticks.
+/// Reaction of a link to the newest sticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct LinkAssessment {
     sticks: Sticks,
-    /// Whether the link's own failsafe is used as well.
+    /// `true` if the failsafe of the link is used as well.
     own_failsafe: bool,
 }
 
 impl Loss {
-    /// Sticks that are lost, or that nobody has renewed, let the motors rest; after a while the link's own failsafe is
-    /// used. Where nobody renews them ours cannot act any more, so there is no while.
+    /// Assesses the newest sticks. Lost sticks, or sticks that are not renewed, stop the motors; after a time the
+    /// failsafe of the link is used. If sticks are not renewed, the transmitter's failsafe cannot act any more, so the
+    /// link's is used at once.
     #[inline]
-    fn judge(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> LinkAssessment {
+    fn assess(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> LinkAssessment {
         let Some((sticks, put_at_ns)) = newest else {
             return LinkAssessment {
                 sticks: Sticks::AT_REST,
@@ -70,7 +71,7 @@ impl Loss {
 }
 
 impl RadioLink {
-    /// Opens the link that a scenario states, which has been checked; `None` for the simulated one.
+    /// Opens the link of a checked scenario; `None` for the simulated one.
     ///
     /// # Errors
     /// [`OpenError`], with the fix: before anything is armed.
@@ -78,9 +79,9 @@ impl RadioLink {
         Self::with_port(link, false, Port::open)
     }
 
-    /// The link of somebody who has died in flight: that it cannot be opened now is no end of the flight, but a loss as
-    /// any other. It sends nothing before the first sticks: a frame with which the motors rest would disarm a vehicle in the air,
-    /// and many a flight controller does not arm again there.
+    /// Opens the link of a process that replaces a dead one in flight. If it cannot be opened now, the flight goes on
+    /// as with any other loss. It sends nothing before the first sticks: a frame that stops the motors would disarm a
+    /// vehicle in the air, and many flight controllers do not arm again there.
     #[must_use]
     pub fn reopen(link: &RcLink) -> Option<Self> {
         let Ok(link) = Self::with_port(link, true, |target| Ok::<_, Infallible>(Port::lost(target)));
@@ -113,14 +114,14 @@ impl RadioLink {
         }))
     }
 
-    /// Sends the frame of the newest sticks and when they were put, at a time of `CLOCK_MONOTONIC`; `None` if none was
-    /// sent: so that the receiver's failsafe acts, or because a successor has nothing to say yet.
+    /// Sends the frame of the newest sticks with their time, at a time of `CLOCK_MONOTONIC`. Returns `None` if no frame
+    /// was sent: to make the receiver's failsafe act, or because a replacement has no sticks yet.
     #[inline]
     pub fn transmit(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> Option<Sent> {
         if newest.is_none() && self.succeeds {
             return None;
         }
-        let verdict = self.loss.judge(newest, now_ns);
+        let verdict = self.loss.assess(newest, now_ns);
         self.port.receive(&mut self.answers, now_ns);
         if verdict.own_failsafe && !self.encoder.has_failsafe_flag() {
             self.silent += 1;
@@ -131,19 +132,19 @@ impl RadioLink {
         Some(self.port.send(self.frame.bytes(), now_ns))
     }
 
-    /// How frames are made.
+    /// Returns the encoder.
     #[must_use]
     pub fn encoder(&self) -> &Encoder {
         &self.encoder
     }
 
-    /// The port.
+    /// Returns the port.
     #[must_use]
     pub fn port(&self) -> &Port {
         &self.port
     }
 
-    /// Frames that were not sent, so that the receiver's failsafe acts.
+    /// Returns the number of frames that were not sent, to make the receiver's failsafe act.
     #[must_use]
     pub fn silent(&self) -> u64 {
         self.silent
@@ -177,36 +178,36 @@ mod tests {
 
     #[test]
     fn before_the_first_sticks_the_motors_rest_and_frames_go_on() {
-        let verdict = loss().judge(None, 10_000 * MS);
+        let verdict = loss().assess(None, 10_000 * MS);
         assert_eq!((verdict.sticks, verdict.own_failsafe), (Sticks::AT_REST, false));
     }
 
     #[test]
-    fn whoever_is_disarmed_is_so_for_ever_without_the_links_failsafe() {
+    fn a_disarmed_link_stays_so_without_the_links_failsafe() {
         let mut loss = loss();
         for now_ns in (0..10_000).map(|ms| ms * MS) {
-            assert!(!loss.judge(Some((Sticks::AT_REST, now_ns)), now_ns).own_failsafe);
+            assert!(!loss.assess(Some((Sticks::AT_REST, now_ns)), now_ns).own_failsafe);
         }
     }
 
     #[test]
     fn a_lost_command_uses_the_links_failsafe_after_the_stated_time_and_until_it_is_back() {
         let mut loss = loss();
-        let mut own = |sticks, ms: u64| loss.judge(Some((sticks, ms * MS)), ms * MS).own_failsafe;
+        let mut own = |sticks, ms: u64| loss.assess(Some((sticks, ms * MS)), ms * MS).own_failsafe;
         assert!(!own(FLYING, 0));
         assert!(!own(LOST, 10));
         assert!(!own(LOST, 509));
         assert!(own(LOST, 510));
         assert!(!own(FLYING, 520));
-        assert!(!own(LOST, 530), "a new loss begins anew");
+        assert!(!own(LOST, 530), "a new loss starts its time again");
     }
 
     #[test]
-    fn sticks_that_nobody_renews_are_not_sent_for_ever() {
+    fn sticks_without_renewal_are_not_sent_for_ever() {
         let mut loss = loss();
-        let mut judge = |ms: u64| loss.judge(Some((FLYING, 0)), ms * MS);
-        assert_eq!(judge(500).sticks, FLYING);
-        let verdict = judge(501);
+        let mut assess = |ms: u64| loss.assess(Some((FLYING, 0)), ms * MS);
+        assert_eq!(assess(500).sticks, FLYING);
+        let verdict = assess(501);
         assert_eq!((verdict.sticks, verdict.own_failsafe), (Sticks::AT_REST, true));
     }
 

@@ -1,13 +1,12 @@
-//! MAVLink 2: the three messages that fly an autopilot.
+//! MAVLink 2: the three messages that control an autopilot.
 //!
 //! `0xFD`, length, two bytes of flags, sequence, system, component, number of the message in three bytes, payload without
 //! the zeros at its end, CRC-16/MCRF4XX over all of it but the first byte, and over one byte that stands for the message's
 //! definition. Fields stand in the order of their size. Body rates are about the axes forward, right, down, as everywhere
 //! in this project.
 //!
-//! PX4 follows `SET_ATTITUDE_TARGET` in its mode *offboard* and leaves that when the messages stop; ArduPilot in
-//! *GUIDED_NOGPS*. `RC_CHANNELS_OVERRIDE` stands for a receiver. Neither arms: that is the operator's, at the ground
-//! station.
+//! PX4 follows `SET_ATTITUDE_TARGET` in its mode *offboard* and leaves that mode when the messages stop; ArduPilot in
+//! *GUIDED_NOGPS*. `RC_CHANNELS_OVERRIDE` replaces a receiver. Neither arms: the operator does, at the ground station.
 
 use crate::frame::Frame;
 use crate::{ChannelCodes, DecodeError};
@@ -18,19 +17,19 @@ pub const ENDS: [u16; 2] = [1000, 2000];
 const START: u8 = 0xfd;
 /// Bytes before the payload.
 const HEADER: usize = 10;
-/// The attitude of `SET_ATTITUDE_TARGET` means nothing.
+/// Flag of `SET_ATTITUDE_TARGET`: the attitude is to be ignored.
 const IGNORE_ATTITUDE: u8 = 128;
 
-/// Who sends.
+/// Sender of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sender {
-    /// Our system.
+    /// Its system.
     pub system: u8,
-    /// Our component.
+    /// Its component.
     pub component: u8,
 }
 
-/// A message that carries a command, or says that we are there.
+/// Message that carries a command, or a heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MavlinkPacket {
     /// `HEARTBEAT` of a controller on the ground.
@@ -129,7 +128,7 @@ fn payload_of(message: &MavlinkPacket) -> (Kind, [u8; LONGEST]) {
         }
         MavlinkPacket::AttitudeTarget(target) => {
             payload[..4].copy_from_slice(&target.time_ms.to_le_bytes());
-            // The attitude means nothing, but autopilots want it to be one.
+            // The attitude is ignored, but autopilots require it to be valid.
             payload[4..8].copy_from_slice(&1.0_f32.to_le_bytes());
             let [x, y, z] = target.rates_body;
             let numbers = [x, y, z, target.thrust];
@@ -152,10 +151,11 @@ fn payload_of(message: &MavlinkPacket) -> (Kind, [u8; LONGEST]) {
     (kind, payload)
 }
 
-/// The message that begins the bytes, who sent it, its sequence number, and how many bytes it takes.
+/// Decodes the message at the beginning of the bytes. Returns it with its sender, its sequence number, and its length
+/// in bytes.
 ///
 /// # Errors
-/// [`DecodeError`] if none of ours begins there.
+/// [`DecodeError`] if no known message begins there.
 pub fn decode(bytes: &[u8]) -> Result<(MavlinkPacket, Sender, u8, usize), DecodeError> {
     let shorter_than = |wanted| DecodeError::Length {
         wanted,
@@ -166,7 +166,7 @@ pub fn decode(bytes: &[u8]) -> Result<(MavlinkPacket, Sender, u8, usize), Decode
         at,
         found: header[at],
     };
-    // Signatures and other flags of whoever is not us are not understood.
+    // Signatures and other flags of unknown senders are not understood.
     for (at, wanted) in [(0, START), (2, 0)] {
         if header[at] != wanted {
             return Err(mark(at));

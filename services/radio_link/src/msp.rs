@@ -18,12 +18,12 @@ pub const LENGTH: usize = 6 + 32;
 /// Largest payload.
 const LARGEST_PAYLOAD: usize = 255;
 
-/// The command that tells a flight controller what its receiver would.
+/// Command that replaces the receiver of a flight controller.
 pub const SET_RAW_RC: u8 = 200;
-/// The command that asks what the receiver has received.
+/// Command that asks for the received channels.
 pub const RC: u8 = 105;
 
-/// A frame that carries channels, µs.
+/// Encodes channels, µs.
 #[must_use]
 #[inline]
 pub fn encode(channels: &ChannelCodes) -> [u8; LENGTH] {
@@ -36,36 +36,36 @@ pub fn encode(channels: &ChannelCodes) -> [u8; LENGTH] {
     frame
 }
 
-/// A frame that asks for something and carries nothing.
+/// Encodes a request without payload.
 #[must_use]
 pub fn request(command: u8) -> [u8; 6] {
     [b'$', b'M', b'<', 0, command, command]
 }
 
-/// Who a frame is from.
+/// Direction of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// To the flight controller.
     Request,
     /// From it.
     Answer,
-    /// From it, which does not know or permit what it was asked.
+    /// From it: the request is unknown or not permitted.
     Refusal,
 }
 
 /// A frame as it was received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MspMessage<'a> {
-    /// Who it is from.
+    /// Its direction.
     pub sense: Direction,
-    /// What it is about.
+    /// Its command.
     pub command: u8,
-    /// What it carries.
+    /// Its payload.
     pub payload: &'a [u8],
 }
 
 impl MspMessage<'_> {
-    /// The pulses of the first sixteen channels, µs, and how many there are; 0 beyond them.
+    /// Returns the pulses of the first sixteen channels, µs, and their number; 0 beyond them.
     #[must_use]
     pub fn channels(&self) -> (ChannelCodes, usize) {
         let mut channels = [0; 16];
@@ -78,10 +78,10 @@ impl MspMessage<'_> {
     }
 }
 
-/// The one frame that the bytes are.
+/// Decodes bytes that are exactly one frame.
 ///
 /// # Errors
-/// [`DecodeError`] if they are none.
+/// [`DecodeError`] if they are not.
 pub fn decode(bytes: &[u8]) -> Result<MspMessage<'_>, DecodeError> {
     let mut receiver = Receiver::default();
     for (at, &byte) in bytes.iter().enumerate() {
@@ -105,7 +105,7 @@ pub fn decode(bytes: &[u8]) -> Result<MspMessage<'_>, DecodeError> {
     })
 }
 
-/// Finds frames in a stream of bytes.
+/// Finder of frames in a stream of bytes.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     bytes: [u8; 6 + LARGEST_PAYLOAD],
@@ -121,14 +121,14 @@ impl Default for Receiver {
     }
 }
 
-/// What a byte of the stream has brought.
+/// Result of a byte of the stream.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Step<'a> {
     /// Nothing yet.
     Unfinished,
     /// The last byte of a frame.
     Whole(MspMessage<'a>),
-    /// A byte that cannot follow the ones before, all of which are forgotten.
+    /// A byte that cannot follow the ones before, all of which are dropped.
     Broken,
 }
 

@@ -16,16 +16,16 @@ pub const LENGTH: usize = 26;
 /// Codes at −100 and 100 %.
 pub const ENDS: [u16; 2] = [204, 1843];
 
-/// Begins a frame of channels for the protocols 0 to 31.
+/// First byte of a frame of channels for the protocols 0 to 31.
 const HEADER: u8 = 0x55;
 /// The module's number of DSM.
 const DSM: u8 = 6;
-/// Asks the module to bind.
+/// Flag that makes the module bind.
 const BIND: u8 = 0x80;
-/// Asks the module for low power.
+/// Flag that makes the module use low power.
 const LOW_POWER: u8 = 0x80;
 
-/// What a frame says beside its channels.
+/// Settings of a frame beside its channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Number of the model, 0 to 15.
@@ -41,7 +41,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Those of a scenario that has been checked.
+    /// Makes the settings of a checked scenario.
     #[must_use]
     pub fn new(module: &MultiModule) -> Self {
         let small = |number: u32| u8::try_from(number).unwrap_or(0);
@@ -68,7 +68,7 @@ impl Settings {
     }
 }
 
-/// A frame that carries channels, of each the lower 11 bits.
+/// Encodes channels, of each the lower 11 bits.
 #[must_use]
 #[inline]
 pub fn encode(channels: &ChannelCodes, settings: Settings) -> [u8; LENGTH] {
@@ -79,10 +79,10 @@ pub fn encode(channels: &ChannelCodes, settings: Settings) -> [u8; LENGTH] {
     frame
 }
 
-/// The channels and settings that a frame carries. It has no check sum.
+/// Decodes the channels and settings of a frame. It has no check sum.
 ///
 /// # Errors
-/// [`DecodeError`] if the bytes are no frame for DSM.
+/// [`DecodeError`] if the bytes are not a frame for DSM.
 pub fn decode(bytes: &[u8]) -> Result<(ChannelCodes, Settings), DecodeError> {
     let frame: &[u8; LENGTH] = bytes.try_into().map_err(|_| DecodeError::Length {
         wanted: LENGTH,

@@ -1,10 +1,10 @@
-//! A serial device or socket that never holds anybody up.
+//! Port: a serial device or socket that never blocks.
 //!
-//! A frame is taken whole or dropped whole. Where the system takes a part of one, the rest goes out before anything else,
-//! so that a receiver never sees two frames mixed; until then frames are dropped. What waits in the system's buffers is
-//! old: frames are dropped as well while more than a few wait there.
+//! A frame is taken whole or dropped whole. If the system takes a part of one, the rest goes out before anything else,
+//! so that a receiver never sees two frames mixed; until then frames are dropped. Frames that wait in the system's
+//! buffers are old: frames are dropped as well while more than a few wait there.
 //!
-//! Whatever is lost is opened again, first after [`FIRST_PAUSE_NS`], then after twice as long, up to
+//! A lost device or connection is opened again, first after [`FIRST_PAUSE_NS`], then after twice as long, up to
 //! [`LONGEST_PAUSE_NS`].
 
 mod queue;
@@ -20,17 +20,17 @@ use scenario::{RadioProtocol, Transmitter};
 
 use crate::frame::CAPACITY;
 
-/// Pause before the first attempt to open what was lost, ns.
+/// Pause before the first attempt to open a lost device again, ns.
 pub const FIRST_PAUSE_NS: u64 = 100_000_000;
 /// Longest pause between two attempts, ns.
 pub const LONGEST_PAUSE_NS: u64 = 2_000_000_000;
 
 /// Frames that may wait in the system's buffer of a serial device.
 const WAITING_ON_LINE: usize = 2;
-/// Frames that may wait in the system's buffer of a connection, where they wait for the peer's word.
+/// Frames that may wait in the system's buffer of a connection, where they wait for the peer's acknowledgement.
 const WAITING_ON_CONNECTION: usize = 8;
 
-/// Where frames go.
+/// Destination of frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Target {
     /// A serial device.
@@ -39,16 +39,16 @@ pub enum Target {
         path: PathBuf,
         /// Its speed, baud.
         baud: u32,
-        /// How a byte is sent.
+        /// Format of a byte.
         byte: ByteFormat,
     },
     /// A TCP server.
     Tcp(SocketAddr),
-    /// Where UDP packets are sent to.
+    /// Destination of UDP packets.
     Udp(SocketAddr),
 }
 
-/// How a byte is sent: eight bits always.
+/// Format of a byte: eight bits always.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ByteFormat {
     /// No parity, one stop bit: 8N1.
@@ -57,7 +57,7 @@ pub enum ByteFormat {
     EvenTwo,
 }
 
-/// Why a port cannot be opened.
+/// Error of a port that cannot be opened.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OpenError {
     /// No such device.
@@ -75,7 +75,7 @@ pub enum OpenError {
         /// Its path.
         path: PathBuf,
     },
-    /// Somebody uses it.
+    /// Another program uses it.
     #[error("another program uses the device {}; `fuser {}` tells which", .path.display(), .path.display())]
     Busy {
         /// Its path.
@@ -95,19 +95,19 @@ pub enum OpenError {
     Speed {
         /// Its path.
         path: PathBuf,
-        /// What was asked for, baud.
+        /// The requested speed, baud.
         wanted: u32,
-        /// What it does, baud; 0 if it refuses.
+        /// Its speed, baud; 0 if it refuses.
         got: u32,
     },
-    /// Nobody takes the connection.
+    /// No server accepts the connection.
     #[error(
         "nobody listens at {address}: {source}; start the flight controller first and check address and port"
     )]
     Connection {
-        /// Where.
+        /// The address.
         address: SocketAddr,
-        /// What the system says.
+        /// The system's error.
         source: Errno,
     },
     /// Anything else.
@@ -115,34 +115,34 @@ pub enum OpenError {
     Device {
         /// Its path.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: Errno,
     },
 }
 
-/// What became of a frame.
+/// Outcome of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sent {
     /// It is on its way.
     Whole,
     /// It was dropped: frames before it still wait.
     Busy,
-    /// It was dropped: there is no device, no connection or nobody who takes packets.
+    /// It was dropped: there is no device, no connection or no receiver of packets.
     Closed,
 }
 
-/// What became of all frames.
+/// Outcomes of all frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Frames on their way.
     pub sent: u64,
     /// Frames dropped because others still waited.
     pub busy: u64,
-    /// Frames dropped because there was nothing to take them.
+    /// Frames dropped because the device or connection was lost.
     pub closed: u64,
-    /// How often the device or connection was lost.
+    /// Losses of the device or connection.
     pub losses: u64,
-    /// How often it was found again.
+    /// Recoveries of the device or connection.
     pub recoveries: u64,
 }
 
@@ -151,7 +151,7 @@ pub struct Counts {
 pub struct Port {
     target: Target,
     state: State,
-    /// What is left of a frame of which the system took a part.
+    /// Rest of a frame of which the system took a part.
     rest: [u8; CAPACITY],
     rest_length: usize,
     counts: Counts,
@@ -168,7 +168,7 @@ enum State {
 }
 
 impl Target {
-    /// Where the frames of a transmitter that has been checked go; `None` if it does not say.
+    /// Returns the destination of a checked transmitter's frames; `None` if it states none.
     #[must_use]
     pub fn new(link: RadioProtocol, transmitter: &Transmitter) -> Option<Self> {
         let byte = match link {
@@ -186,7 +186,7 @@ impl Target {
             .or_else(|| address(&transmitter.udp).map(Self::Udp))
     }
 
-    /// Opens it. A connection may still be on its way.
+    /// Opens it. A connection may still be in progress.
     fn open(&self) -> Result<State, OpenError> {
         match self {
             Self::Serial { path, baud, byte } => serial::open(path, *baud, *byte).map(State::Open),
@@ -195,7 +195,7 @@ impl Target {
         }
     }
 
-    /// Bytes that may wait in the system's buffers for frames as long as this one to be taken.
+    /// Returns the bytes that may wait in the system's buffers before a frame as long as this one is dropped.
     fn may_wait(&self, frame: &[u8]) -> usize {
         match self {
             Self::Serial { .. } => WAITING_ON_LINE * frame.len(),
@@ -225,8 +225,8 @@ impl Port {
         })
     }
 
-    /// The port of somebody who has died, and lost with him: it is opened with the first frame, and if that cannot be,
-    /// again and again.
+    /// Makes the lost port of a dead process: it is opened with the first frame, and retried in the background if that
+    /// fails.
     #[must_use]
     pub fn lost(target: Target) -> Self {
         Self {
@@ -246,7 +246,7 @@ impl Port {
     /// Sends a frame or drops it, without waiting. Times are those of `CLOCK_MONOTONIC`.
     #[inline]
     pub fn send(&mut self, frame: &[u8], now_ns: u64) -> Sent {
-        self.mend(now_ns);
+        self.reopen_if_due(now_ns);
         let sent = match self.try_send(frame) {
             Ok(sent) => sent,
             Err(Errno::CONNREFUSED) if matches!(self.target, Target::Udp(_)) => Sent::Closed,
@@ -263,7 +263,8 @@ impl Port {
         sent
     }
 
-    /// Takes what has arrived, without waiting: how many bytes. Who never asks lets a peer's answers fill the buffers.
+    /// Takes the bytes that have arrived, without waiting, and returns their number. A caller that never does lets a
+    /// peer's answers fill the buffers.
     pub fn receive(&mut self, bytes: &mut [u8], now_ns: u64) -> usize {
         let State::Open(descriptor) = &self.state else {
             return 0;
@@ -283,13 +284,13 @@ impl Port {
         }
     }
 
-    /// What became of all frames.
+    /// Returns the outcomes of all frames.
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// Whether there is something that takes frames.
+    /// Returns whether the port is open.
     #[must_use]
     pub fn is_open(&self) -> bool {
         matches!(self.state, State::Open(_))
@@ -320,8 +321,8 @@ impl Port {
         }
     }
 
-    /// Opens what was lost once its pause is over, and takes a connection that has come about.
-    fn mend(&mut self, now_ns: u64) {
+    /// Opens a lost port again once its pause is over, and takes a connection that is complete.
+    fn reopen_if_due(&mut self, now_ns: u64) {
         match &self.state {
             State::Open(_) => {}
             State::Connecting(socket) => match socket::is_connected(socket) {
@@ -354,7 +355,7 @@ impl Port {
         self.pause_ns = FIRST_PAUSE_NS;
     }
 
-    /// Lets go of what is there, and tries again later.
+    /// Closes a failed port, and schedules the next attempt.
     fn lose(&mut self, now_ns: u64) {
         self.counts.losses += 1;
         self.pause(now_ns);
@@ -368,7 +369,7 @@ impl Port {
     }
 }
 
-/// Writes what the system takes without waiting: how many bytes.
+/// Writes the bytes that the system takes without waiting. Returns their number.
 #[inline]
 fn write(descriptor: &OwnedFd, bytes: &[u8]) -> Result<usize, Errno> {
     match rustix::io::write(descriptor, bytes) {

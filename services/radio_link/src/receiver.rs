@@ -1,8 +1,8 @@
-//! The vehicle's end of a link: from the bytes that arrive to what the sticks mean. The inverse of [`encoder`](crate::encoder)
-//! and of [`channel_map`](crate::channel_map), for whoever stands for a vehicle.
+//! Receiver: the vehicle's end of a link, from the bytes that arrive to the meaning of the sticks. It is the inverse of
+//! [`encoder`](crate::encoder) and of [`channel_map`](crate::channel_map), for simulators of a vehicle.
 //!
-//! Failure policy: bytes that are no frame are skipped one by one and counted, until a frame begins again. Nothing is
-//! guessed: what a frame does not carry (an arming switch, say) counts as what a receiver without it would do.
+//! Failure policy: bytes outside of frames are skipped one by one and counted, until a frame begins again. Parts that a
+//! frame does not carry (an arming switch, say) count as in a receiver without them.
 
 use scenario::{RadioProtocol, RcLink, Transmitter};
 
@@ -14,42 +14,42 @@ use crate::{ChannelCodes, DecodeError, crsf, mavlink, msp, multi, sbus};
 /// Bytes of an unfinished frame that are kept: more than any frame has.
 const KEPT: usize = 512;
 
-/// What a frame asks the vehicle for.
+/// Command of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
-    /// What was heard of the channels, in the link's units; all zero for a frame that has none.
+    /// Received codes of the channels, in the link's units; all zero for a frame that has none.
     pub codes: ChannelCodes,
-    /// Travels of the sticks thrust, roll, pitch and yaw as the calibration means them: −1 to 1, beyond by half a step of
-    /// the link at most.
+    /// Travels of the sticks thrust, roll, pitch and yaw by the calibration: −1 to 1, beyond by half a step of the link
+    /// at most.
     pub travels: [f64; 4],
-    /// Whether the motors may turn: the arming switch is on, and the frame does not say that the command is lost.
+    /// `true` if the motors may turn: the arming switch is on, and the frame does not say that the command is lost.
     pub is_armed: bool,
 }
 
 impl Command {
-    /// T that the thrust stick asks for on a link, N; never less than none.
+    /// Returns T of the thrust stick on a link, N; never negative.
     #[must_use]
     pub fn thrust(&self, link: &RcLink) -> f64 {
         (link.thrust_offset + link.thrust_slope * self.travels[0]).max(0.0)
     }
 
-    /// ω that the other sticks ask for on a link, in {B}, rad/s.
+    /// Returns ω of the other sticks on a link, in {B}, rad/s.
     #[must_use]
     pub fn rates_body(&self, link: &RcLink) -> [f64; 3] {
         std::array::from_fn(|axis| link.rate_slope[axis] * self.travels[axis + 1])
     }
 }
 
-/// What has arrived since the start.
+/// Received commands since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReceivedCommands {
-    /// Frames that asked for something.
+    /// Frames with a command.
     pub frames: u64,
     /// Bytes that belong to no frame.
     pub skipped: u64,
 }
 
-/// Makes commands of a stream of bytes.
+/// Decoder of a stream of bytes to commands.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     protocol: RadioProtocol,
@@ -60,22 +60,22 @@ pub struct Receiver {
     heard: ReceivedCommands,
 }
 
-/// What the first bytes are.
+/// Kind of the first bytes.
 enum First {
-    /// A frame of so many bytes that asks for something.
+    /// A frame of so many bytes with channels.
     Channels(usize, ChannelCodes, bool),
     /// A frame of so many bytes with body rates, rad/s, and thrust as a share.
     Rates(usize, [f64; 3], f64),
-    /// A frame of so many bytes that asks for nothing.
+    /// A frame of so many bytes without a command.
     Other(usize),
     /// The beginning of one.
     Unfinished,
-    /// None.
+    /// No frame.
     Noise,
 }
 
 impl Receiver {
-    /// The receiver of a link that has been checked; `None` for the simulated one.
+    /// Makes the receiver of a checked link; `None` for the simulated one.
     #[must_use]
     pub fn new(link: &RcLink, transmitter: &Transmitter) -> Option<Self> {
         let encoder = Encoder::new(link, transmitter)?;
@@ -89,7 +89,7 @@ impl Receiver {
         })
     }
 
-    /// Takes what has arrived and hands on what it asks for, oldest first.
+    /// Takes arrived bytes and hands on their commands, oldest first.
     pub fn push(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Command)) {
         self.bytes.extend_from_slice(bytes);
         let mut at = 0;
@@ -113,7 +113,7 @@ impl Receiver {
         self.bytes.drain(..at);
     }
 
-    /// What has arrived since the start.
+    /// Returns the received commands since the start.
     #[must_use]
     pub fn heard(&self) -> ReceivedCommands {
         self.heard
@@ -163,7 +163,7 @@ impl Receiver {
     }
 }
 
-/// The frame of a format whose frames are all equally long.
+/// Decodes the frame of a format whose frames are all equally long.
 fn fixed(
     bytes: &[u8],
     length: usize,

@@ -1,9 +1,9 @@
-//! SBUS: what a receiver with a serial output sends.
+//! SBUS: the frames of a receiver with a serial output.
 //!
 //! 100000 baud 8E2, and **inverted**: a serial adapter drives a receiver's port through an inverter (a transistor, or an
 //! adapter whose output can be turned around); F7 and H7 flight controllers take it uninverted if told so.
-//! `0x0F`, 22 bytes of channels, flags, `0x00`. The codes 172, 992 and 1811 are −100, 0 and 100 %. The link's own
-//! failsafe is a flag.
+//! `0x0F`, 22 bytes of channels, flags, `0x00`. The codes 172, 992 and 1811 are −100, 0 and 100 %. The failsafe of the
+//! link is a flag.
 
 use crate::packing::{self, PACKED};
 use crate::{ChannelCodes, DecodeError};
@@ -17,14 +17,14 @@ pub const ENDS: [u16; 2] = [172, 1811];
 const HEADER: u8 = 0x0f;
 const FOOTER: u8 = 0x00;
 
-/// What a frame says beside its channels.
+/// Contents of a frame beside its channels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flags {
     /// The two channels that are only on or off, the 17th and the 18th.
     pub switches: [bool; 2],
     /// The frame before was lost on the air.
     pub frame_lost: bool,
-    /// The receiver has lost its transmitter: whoever reads it does what was agreed for that.
+    /// The receiver has lost its transmitter: the flight controller uses its failsafe.
     pub failsafe: bool,
 }
 
@@ -46,7 +46,7 @@ impl Flags {
     }
 }
 
-/// A frame that carries channels, of each the lower 11 bits.
+/// Encodes channels, of each the lower 11 bits.
 #[must_use]
 #[inline]
 pub fn encode(channels: &ChannelCodes, flags: Flags) -> [u8; LENGTH] {
@@ -58,10 +58,10 @@ pub fn encode(channels: &ChannelCodes, flags: Flags) -> [u8; LENGTH] {
     frame
 }
 
-/// The channels and flags that a frame carries. It has no check sum.
+/// Decodes the channels and flags of a frame. It has no check sum.
 ///
 /// # Errors
-/// [`DecodeError`] if the bytes are no frame.
+/// [`DecodeError`] if the bytes are not a frame.
 pub fn decode(bytes: &[u8]) -> Result<(ChannelCodes, Flags), DecodeError> {
     let frame: &[u8; LENGTH] = bytes.try_into().map_err(|_| DecodeError::Length {
         wanted: LENGTH,

@@ -1,9 +1,9 @@
-//! Frames leave at exact times, from a thread of their own.
+//! Sender: a separate thread that sends frames at exact times.
 //!
-//! Frame n is due at the start + n periods of `CLOCK_MONOTONIC`: an early or late frame does not move the next one. Whoever
-//! wakes up after the next frame is due as well leaves out what is past, and counts it.
+//! Frame n is due at the start + n periods of `CLOCK_MONOTONIC`: an early or late frame does not move the next one. If
+//! the thread wakes up after the next frame is due as well, it leaves out the past frames and counts them.
 //!
-//! The service's step only puts sticks into the [`Mailbox`]: four words of memory.
+//! The service's step only writes sticks into the [`Mailbox`]: four words of memory.
 
 use std::io;
 use std::sync::Arc;
@@ -18,10 +18,10 @@ use crate::link::RadioLink;
 use crate::port::Counts;
 use crate::sticks::{Mailbox, Sticks};
 
-/// Longest lateness that is told apart, ns.
+/// Longest measured lateness, ns.
 const LONGEST_NS: u64 = 1_000_000_000;
 
-/// Time of `CLOCK_MONOTONIC`, ns.
+/// Returns the time of `CLOCK_MONOTONIC`, ns.
 #[must_use]
 #[inline]
 pub fn monotonic_ns() -> u64 {
@@ -29,20 +29,20 @@ pub fn monotonic_ns() -> u64 {
     u64::try_from(now.tv_sec).unwrap_or(0) * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or(0)
 }
 
-/// What a sender has done, when it has ended.
+/// Report of a sender that has ended.
 #[derive(Clone, Debug)]
 pub struct LinkReport {
-    /// What became of the frames.
+    /// Outcomes of the frames.
     pub counts: Counts,
-    /// Frames that were not sent, so that the receiver's failsafe acts.
+    /// Frames that were not sent, to make the receiver's failsafe act.
     pub silent: u64,
     /// Frames left out because the thread woke up too late.
     pub left_out: u64,
-    /// How much later than due frames were handed to the system, ns.
+    /// Lateness of frames at the hand-over to the system, ns.
     pub lateness_ns: Histogram<u64>,
 }
 
-/// What others may know of a sender meanwhile.
+/// State that a sender shares with other threads.
 #[derive(Debug, Default)]
 struct Shared {
     mailbox: Mailbox,
@@ -56,26 +56,26 @@ struct Shared {
     is_open: AtomicBool,
 }
 
-/// How a sender is.
+/// Condition of a sender.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Condition {
-    /// Whether there is something that takes frames.
+    /// `true` if the port is open.
     pub is_open: bool,
     /// Frames on their way.
     pub sent: u64,
     /// Frames dropped.
     pub dropped: u64,
-    /// Frames that were not sent, so that the receiver's failsafe acts.
+    /// Frames that were not sent, to make the receiver's failsafe act.
     pub silent: u64,
-    /// How often the device or connection was lost.
+    /// Losses of the device or connection.
     pub losses: u64,
-    /// How often it was found again.
+    /// Recoveries of the device or connection.
     pub recoveries: u64,
     /// Frames left out because the thread woke up too late.
     pub left_out: u64,
 }
 
-/// A thread that sends frames.
+/// Thread that sends frames.
 #[derive(Debug)]
 pub struct Sender {
     shared: Arc<Shared>,
@@ -86,7 +86,7 @@ impl Sender {
     /// Begins to send a frame every `period_ns`.
     ///
     /// # Errors
-    /// What the system says if it gives no thread.
+    /// If the system gives no thread.
     pub fn start(link: RadioLink, period_ns: u64) -> io::Result<Self> {
         let shared = Arc::new(Shared::default());
         shared.is_open.store(link.port().is_open(), Ordering::Relaxed);
@@ -97,16 +97,17 @@ impl Sender {
         Ok(Self { shared, thread })
     }
 
-    /// Gives the newest sticks. Neither waits nor makes a system call but for the time.
+    /// Writes the newest sticks. It never waits, and makes no system call but for the time.
     #[inline]
     pub fn put(&self, sticks: &Sticks) {
         self.shared.mailbox.put(sticks, monotonic_ns());
     }
 
-    /// How it is.
+    /// Returns its condition.
     #[must_use]
     pub fn condition(&self) -> Condition {
-        // What was sent before a frame was left out is seen with it.
+        // Acquire: the frames that were sent before one was left out are visible with it. Otherwise the condition could
+        // show a gap without the frames before it.
         let silent = self.shared.silent.load(Ordering::Acquire);
         Condition {
             is_open: self.shared.is_open.load(Ordering::Relaxed),
@@ -119,7 +120,8 @@ impl Sender {
         }
     }
 
-    /// Ends after one more frame, with the sticks that were put last. Who was flying has put sticks at rest before.
+    /// Ends after one more frame, with the last sticks. In flight, sticks that stop the motors must have been written
+    /// before.
     ///
     /// # Errors
     /// If the thread has panicked.
@@ -129,7 +131,7 @@ impl Sender {
     }
 }
 
-/// When frames are due.
+/// Times at which frames are due.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
     period_ns: u64,
@@ -138,7 +140,7 @@ struct Pace {
 }
 
 impl Pace {
-    /// The next frame is the first that is due after now.
+    /// Advances to the first frame that is due after now.
     #[inline]
     fn advance(&mut self, now_ns: u64) {
         let past = now_ns.saturating_sub(self.due_ns) / self.period_ns;
@@ -157,7 +159,8 @@ fn send_until_stopped(mut link: RadioLink, period_ns: u64, shared: &Shared) -> L
     let mut newest = None;
     let mut is_last = false;
     while !is_last {
-        // What was put before is sent after.
+        // Acquire: sticks that were written before the stop are read after it and sent. Otherwise the last frame could
+        // carry older sticks, with which the motors turn.
         is_last = shared.stop.load(Ordering::Acquire);
         sleep_until(pace.due_ns);
         newest = shared.mailbox.look().or(newest);

@@ -1,24 +1,24 @@
-//! What of a frame of the transmitter a link needs, and the place where the newest waits for the sender.
+//! Sticks: the part of a transmitter's frame that a link needs, and the cell in which the newest wait for the sender.
 
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 use shared_types::samples::RcFrame;
 
-/// What the sticks say.
+/// Sticks of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sticks {
     /// Codes of thrust, roll rate, pitch rate and yaw rate, as in the frame.
     pub codes: [u16; 4],
-    /// Whether the motors are to rest.
+    /// `true` if the motors are to stop.
     pub failsafe: bool,
-    /// Whether they are to rest because what the transmitter needs is lost, not because somebody wants it.
+    /// `true` if they are to stop because the transmitter has lost its inputs, not because of a request.
     pub is_lost: bool,
-    /// Whether the arming switch stays off all the same: to try the sticks on the ground.
+    /// `true` if the arming switch stays off in any case: to try the sticks on the ground.
     pub disarmed: bool,
 }
 
 impl Sticks {
-    /// With which the motors rest.
+    /// Sticks that stop the motors.
     pub const AT_REST: Self = Self {
         codes: [0; 4],
         failsafe: true,
@@ -26,7 +26,7 @@ impl Sticks {
         disarmed: true,
     };
 
-    /// Those of a frame. One that carries no body rates has no sticks: with it the motors rest.
+    /// Returns the sticks of a frame. A frame without body rates has no sticks: it stops the motors.
     #[must_use]
     #[inline]
     pub fn of(frame: &RcFrame) -> Self {
@@ -35,17 +35,17 @@ impl Sticks {
         Self {
             codes: [thrust, roll, pitch, yaw],
             failsafe,
-            // The frames of a vehicle that is disarmed are failsafe frames too, but its commands go on.
+            // The frames of a disarmed vehicle are failsafe frames too, but its commands go on.
             is_lost: failsafe && !frame.inputs_fresh.is_set(),
             disarmed: failsafe,
         }
     }
 }
 
-/// Where the newest sticks wait: one puts, one takes, and neither waits for the other.
+/// Cell of the newest sticks, with one writer and one reader, of which neither waits for the other.
 ///
-/// Words guarded by a count that is odd while they change. Who puts never looks back; who takes while they change gets
-/// what it had.
+/// It is a sequence lock: words guarded by a count that is odd while they change. The writer never waits. A reader
+/// during a write gets nothing, and the sender keeps the sticks that it has.
 #[derive(Debug, Default)]
 pub struct Mailbox {
     count: AtomicU64,
@@ -55,12 +55,14 @@ pub struct Mailbox {
 }
 
 impl Mailbox {
-    /// Puts the newest sticks, at a time of `CLOCK_MONOTONIC`. For one thread only.
+    /// Writes the newest sticks, at a time of `CLOCK_MONOTONIC`. For one thread only: two writers could leave an even
+    /// count over mixed words.
     #[inline]
     pub fn put(&self, sticks: &Sticks, now_ns: u64) {
         let count = self.count.load(Ordering::Relaxed);
         self.count.store(count + 1, Ordering::Relaxed);
-        // The odd count is seen before any of the new words.
+        // The odd count becomes visible before any of the new words. Without the fence a reader could mix new words
+        // with old ones under an unchanged even count.
         fence(Ordering::Release);
         let codes = sticks.codes.iter().rev();
         self.codes.store(
@@ -74,10 +76,11 @@ impl Mailbox {
             .fold(0, |word, &flag| word << 1 | u64::from(flag));
         self.flags.store(flags, Ordering::Relaxed);
         self.put_at_ns.store(now_ns, Ordering::Relaxed);
+        // Release: the words become visible before the even count.
         self.count.store(count + 2, Ordering::Release);
     }
 
-    /// The newest sticks and when they were put; `None` before the first, and while newer ones are being put.
+    /// Returns the newest sticks with their time; `None` before the first, and during a write.
     #[must_use]
     #[inline]
     pub fn look(&self) -> Option<(Sticks, u64)> {
@@ -87,7 +90,8 @@ impl Mailbox {
             self.flags.load(Ordering::Relaxed),
         );
         let put_at_ns = self.put_at_ns.load(Ordering::Relaxed);
-        // None of the words is read after the count is read again.
+        // The words are read before the second load of the count. Without the fence they could be read after it, and a
+        // torn copy would pass.
         fence(Ordering::Acquire);
         let is_whole = count == self.count.load(Ordering::Relaxed) && count.is_multiple_of(2);
         let code = |stick: usize| {
@@ -112,7 +116,7 @@ mod tests {
     use zerocopy::FromZeros;
 
     #[test]
-    fn nothing_is_there_before_the_first_and_then_the_newest() {
+    fn the_cell_is_empty_before_the_first_sticks_and_then_holds_the_newest() {
         let mailbox = Mailbox::default();
         assert_eq!(mailbox.look(), None);
         let sticks = Sticks {
@@ -127,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_looks_while_another_puts_sees_what_was_put_together() {
+    fn a_reader_beside_a_writer_sees_sticks_that_were_written_together() {
         let mailbox = Mailbox::default();
         let last = 200_000_u64;
         std::thread::scope(|scope| {

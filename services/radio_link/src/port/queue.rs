@@ -1,4 +1,4 @@
-//! How much the system still holds of what was written.
+//! Bytes that the system still holds of what was written.
 #![expect(
     unsafe_code,
     reason = "the one request to the system that rustix does not know"
@@ -12,7 +12,7 @@ use rustix::ioctl::{Getter, Opcode, ioctl};
 /// `TIOCOUTQ`, which is `SIOCOUTQ` of a socket as well.
 const WAITING: Opcode = 0x5411;
 
-/// Bytes written to a terminal or connection that have not left yet; 0 where the system does not tell.
+/// Returns the bytes written to a terminal or connection that have not left yet; 0 if the system does not tell.
 #[inline]
 pub(super) fn waiting(descriptor: &OwnedFd) -> usize {
     // SAFETY: the request writes one `int`, to the place that `Getter` gives it.

@@ -1,4 +1,4 @@
-//! Serial devices: raw bytes, any speed, for us alone.
+//! Serial devices: raw bytes, any speed, exclusive access.
 
 use std::os::fd::OwnedFd;
 use std::path::Path;
@@ -11,7 +11,7 @@ use rustix::termios::{
 
 use super::{ByteFormat, OpenError};
 
-/// Opens a device and sets it up. Nobody else can open it meanwhile, programs that lock it included.
+/// Opens a device and sets it up. No other program can open it meanwhile, programs that lock it included.
 pub(super) fn open(path: &Path, baud: u32, byte: ByteFormat) -> Result<OwnedFd, OpenError> {
     // Without O_NONBLOCK a device that has no carrier would not open.
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -52,7 +52,7 @@ fn set_up(device: &OwnedFd, path: &Path, baud: u32, byte: ByteFormat) -> Result<
     Ok(())
 }
 
-/// What the system's word means for a device.
+/// Returns the error of a device for the system's error.
 fn refusal(path: &Path, reason: Errno) -> OpenError {
     let path = path.to_owned();
     match reason {

@@ -9,11 +9,11 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, connect, socket_with, 
 
 use super::OpenError;
 
-/// How long a first connection may take, s.
+/// Longest duration of a first connection, s.
 const FIRST_CONNECTION: i64 = 2;
-/// Bytes of frames that the system may hold back for a connection: the least that it permits.
+/// Bytes of frames that the system may hold back for a connection: the minimum that it permits.
 const SEND_BUFFER: usize = 2048;
-/// How long a connection may leave bytes without an answer before it is lost, ms.
+/// Time without an acknowledgement after which a connection is lost, ms.
 const SILENCE_MS: u32 = 2000;
 
 fn new(address: SocketAddr, kind: SocketType) -> Result<OwnedFd, Errno> {
@@ -40,7 +40,7 @@ pub(super) fn connect_tcp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
     begin().map_err(|source| OpenError::Connection { address, source })
 }
 
-/// A socket whose packets go to one address.
+/// Makes a socket whose packets go to one address.
 pub(super) fn connect_udp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
     let begin = || {
         let socket = new(address, SocketType::DGRAM)?;
@@ -50,15 +50,15 @@ pub(super) fn connect_udp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
     begin().map_err(|source| OpenError::Connection { address, source })
 }
 
-/// Whether a connection has come about.
+/// Returns whether a connection is complete.
 ///
 /// # Errors
-/// Why it never will.
+/// The reason why it never will be.
 pub(super) fn is_connected(socket: &OwnedFd) -> Result<bool, Errno> {
     await_answer(socket, 0)
 }
 
-/// Waits for a connection to come about.
+/// Waits for a connection to complete.
 pub(super) fn wait_until_connected(socket: &OwnedFd, address: SocketAddr) -> Result<(), OpenError> {
     let failed = |source| OpenError::Connection { address, source };
     match await_answer(socket, FIRST_CONNECTION) {

@@ -15,7 +15,7 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{ControlModes, tcgetattr};
 use scenario::{RadioProtocol, RcLink, Transmitter};
 
-/// How long an event may take before a test gives up, s: only a broken test waits for it.
+/// Longest wait for an event before a test gives up, s: only a broken test waits for it.
 const WATCHDOG: i64 = 20;
 
 /// A pseudo-terminal: the receiver's end, and the path of the transmitter's.

@@ -1,4 +1,4 @@
-//! What the vehicle's end of a link understands is what the transmitter's end meant, whatever else is on the line.
+//! The vehicle's end of a link decodes the sticks of the transmitter's end, whatever else is on the line.
 
 use proptest::prelude::*;
 use radio_link::encoder::Encoder;
