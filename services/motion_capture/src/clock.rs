@@ -1,47 +1,48 @@
-//! The sender's clock as seen from here: offset and drift, from nothing but stamps and arrival times.
+//! Remote clock: offset and drift of the sender's clock, from stamps and arrival times alone.
 //!
-//! A packet is late by chance, never early. So of each half second the packet counts that came soonest after
-//! its stamp, and a line below such points is how the clocks run against each other: its slope is the median of the
-//! slopes between points far apart, which a few bad windows do not move.
+//! A packet is late by chance, never early. So of each half second only the packet counts that came soonest after its
+//! stamp. A line below such points relates the clocks: its slope is the median of the slopes between points far apart,
+//! which a few bad windows do not move.
 //!
-//! A stamp that the line finds too early or too late is not believed. If 25 in a row agree on another
+//! A stamp that the line finds too early or too late is refused. If 25 in a row agree on another offset, the sender's
+//! clock was set, and the estimate restarts.
 //! offset the sender's clock was set, and the estimate begins anew.
 
 /// Length of a window, ns.
 const WINDOW_NS: u64 = 500_000_000;
 /// Windows that are remembered.
 const WINDOWS: usize = 64;
-/// Windows below which the slope is taken for 0, and points are only remembered for [`SHORT_MEMORY`] windows.
+/// Windows below which the slope counts as 0, and points are kept for [`SHORT_MEMORY`] windows only.
 const WINDOWS_FOR_SLOPE: usize = 12;
 /// Windows that count without a slope: within them no clock drifts far.
 const SHORT_MEMORY: usize = 2;
 /// Largest drift of a quartz, per unit.
 const LARGEST_DRIFT: f64 = 5e-4;
-/// How much earlier than the soonest packet so far one may be without being doubted, ns.
+/// Largest lead of a packet over the soonest packet so far without a refusal, ns.
 const EARLY_NS: i64 = 2_000_000;
-/// How much later than the soonest packet one may be without being doubted, ns.
+/// Largest lag of a packet behind the soonest packet without a refusal, ns.
 const LATE_NS: i64 = 60_000_000;
-/// How much later than the line the soonest packet of a window may be, ns.
+/// Largest lag of a window's soonest packet behind the line, ns.
 const WINDOW_LATE_NS: i64 = 4_000_000;
 /// Windows in a row that are later after which the clock was set.
 const LATE_WINDOWS: u32 = 2;
-/// Doubted stamps in a row that agree, after which they are believed.
+/// Refused stamps in a row that agree, after which they are accepted.
 const CONFIRMATIONS: u32 = 25;
-/// How far apart offsets may be that agree, ns.
+/// Largest distance of offsets that agree, ns.
 const AGREEMENT_NS: i64 = 20_000_000;
-/// For how long stamps are listened to before the first is mapped, ns.
+/// Time for which stamps are collected before the first is mapped, ns.
 const LISTEN_NS: u64 = 200_000_000;
 
-/// What became of a stamp.
+/// Outcome of a stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mapped {
     /// The stamp's time on the local clock, if the packet that came soonest took no time, ns.
     At(i64),
     /// There are not enough stamps yet.
     Listening,
-    /// The stamp is too far from what is known.
+    /// The stamp is too far from the line.
     Doubted,
-    /// The sender's clock was set, or the way became longer for good; the estimate has begun anew.
+    /// The sender's clock was set, or the latency grew for good; the estimate has restarted.
     Stepped,
 }
 
@@ -76,7 +77,7 @@ impl Default for RemoteClock {
 }
 
 impl RemoteClock {
-    /// Knows nothing.
+    /// Makes an estimate without data.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -93,7 +94,7 @@ impl RemoteClock {
         }
     }
 
-    /// How fast the local clock gains on the sender's, per unit.
+    /// Returns the rate at which the local clock gains on the sender's, per unit.
     #[must_use]
     pub fn drift(&self) -> f64 {
         self.slope
@@ -117,7 +118,7 @@ impl RemoteClock {
         };
         let late_ns = offset_ns.saturating_sub(self.offset_ns(arrived_ns));
         let is_listening = arrived_ns.saturating_sub(began_ns) < LISTEN_NS;
-        // While it listens the first stamps may have been late ones, so that it is early by more.
+        // At first the collected stamps may have been late ones, so that it is early by more.
         let early_ns = if is_listening { LATE_NS } else { EARLY_NS };
         if !(-early_ns..=LATE_NS).contains(&late_ns) {
             return self.doubt(point);
@@ -157,7 +158,7 @@ impl RemoteClock {
         Mapped::Stepped
     }
 
-    /// Takes a point that is believed; returns whether too many windows were late.
+    /// Takes an accepted point; returns whether too many windows were late.
     fn take(&mut self, point: Point) -> bool {
         if point.arrived_ns >= self.window_end_ns {
             if let Some(soonest) = self.window.take() {
@@ -187,7 +188,7 @@ impl RemoteClock {
         false
     }
 
-    /// Lays the line: its slope by the points far apart, its height by the soonest.
+    /// Fits the line: its slope by the points far apart, its height by the soonest.
     fn fit(&mut self) {
         self.slope = self.fitted_slope().unwrap_or(self.slope);
         let remembered = if self.count < WINDOWS_FOR_SLOPE {
@@ -198,12 +199,12 @@ impl RemoteClock {
         let oldest = self.count.saturating_sub(remembered);
         let points = (oldest..self.count).map(|index| self.points[index % WINDOWS]);
         let candidates = points.chain([self.window]).flatten();
-        // The line of the point that lies lowest, seen at one time.
+        // The line through the lowest point, compared at one time.
         let at_ns = self.window_end_ns;
         self.anchor = candidates.min_by_key(|point| self.through(*point, at_ns));
     }
 
-    /// Median of the slopes between points that are half of what is remembered apart.
+    /// Returns the median of the slopes between points that are half of the kept time apart.
     fn fitted_slope(&self) -> Option<f64> {
         let known = self.count.min(WINDOWS);
         if known < WINDOWS_FOR_SLOPE {
@@ -228,12 +229,12 @@ impl RemoteClock {
         Some(slopes.get(count / 2)?.clamp(-LARGEST_DRIFT, LARGEST_DRIFT))
     }
 
-    /// The smallest offset that a packet arriving at a time could have, ns.
+    /// Returns the smallest possible offset of a packet that arrives at a time, ns.
     fn offset_ns(&self, at_ns: u64) -> i64 {
         self.anchor.map_or(0, |anchor| self.through(anchor, at_ns))
     }
 
-    /// Offset at a time, on the line through a point, ns.
+    /// Returns the offset at a time, on the line through a point, ns.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "a drift of minutes is below a second"

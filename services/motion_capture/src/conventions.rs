@@ -1,12 +1,14 @@
-//! From the capture system's axes to the paper's: {I} with z down, and {B} with x forward, y right, z down.
+//! Conventions of axes: from the capture system's to the paper's, {I} with z down, and {B} with x forward, y right, z
+//! down.
 //!
 //! | system | its axes | stated default |
 //! | --- | --- | --- |
 //! | Vicon, VRPN | z up | half a turn about x, on both sides |
 //! | `NatNet` | y up | a quarter turn about x, on both sides |
 //!
-//! So the defaults let a body that was made while its nose pointed along the capture system's x axis, and level, be level
-//! in {I} with yaw 0. Whoever made it otherwise states `body_from_markers`; whoever wants {I} elsewhere `world_from_capture`.
+//! So with the defaults a level body that was defined while its nose pointed along the capture system's x axis is level
+//! in {I} with yaw 0. For a body that was defined otherwise, state `body_from_markers`; for another {I}, state
+//! `world_from_capture`.
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::{CaptureSystem, FrameTransform};
@@ -33,7 +35,7 @@ impl From<&FrameTransform> for Transform {
 }
 
 impl Transform {
-    /// The transform the other way.
+    /// Returns the inverse transform.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
@@ -44,7 +46,7 @@ impl Transform {
     }
 }
 
-/// How poses of a capture system become poses of the vehicle.
+/// Transform of a capture system's poses to poses of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration {
     /// The capture system's frame to {I}.
@@ -62,7 +64,7 @@ pub struct WorldPose {
     pub world_from_body: Matrix3<f64>,
 }
 
-/// What turns a system's axes into those of {I}, and the axes of its bodies into those of {B}.
+/// Returns the rotation of a system's axes into those of {I}, and of its bodies' axes into those of {B}.
 #[must_use]
 pub fn axes(system: CaptureSystem) -> Matrix3<f64> {
     match system {
@@ -74,7 +76,7 @@ pub fn axes(system: CaptureSystem) -> Matrix3<f64> {
 }
 
 impl Calibration {
-    /// The stated transforms, and the system's defaults where none is.
+    /// Returns the stated transforms, and the system's defaults for unstated ones.
     #[must_use]
     pub fn new(
         system: CaptureSystem,
@@ -91,7 +93,7 @@ impl Calibration {
         }
     }
 
-    /// Pose of the vehicle whose markers are there.
+    /// Returns the pose of the vehicle for a pose of its markers.
     #[must_use]
     pub fn world_pose(&self, pose: &CapturePose) -> WorldPose {
         let world = &self.world_from_capture;
@@ -103,7 +105,7 @@ impl Calibration {
         }
     }
 
-    /// Pose of the markers of a vehicle that is there: the inverse of [`Calibration::world_pose`].
+    /// Returns the pose of the markers for a pose of the vehicle: the inverse of [`Calibration::world_pose`].
     #[must_use]
     pub fn capture_pose(&self, pose: &WorldPose) -> CapturePose {
         let capture = self.world_from_capture.inverse();
@@ -130,7 +132,7 @@ mod tests {
         CaptureSystem::Natnet,
     ];
 
-    /// What points up in the room.
+    /// Returns the axis that points up in the room.
     fn up(system: CaptureSystem) -> Vector3<f64> {
         match system {
             CaptureSystem::Natnet => Vector3::y(),

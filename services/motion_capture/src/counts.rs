@@ -1,23 +1,23 @@
-//! What has become of frames.
+//! Counts of frames by their outcome.
 
-/// Frames by what became of them, since the feed began. Each frame counts as one of those behind `believed`, or believed.
+/// Frames by outcome, since the feed began. Each frame counts once: in `believed`, or in one of the reasons after it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FeedCounts {
-    /// Frames that told of the vehicle or could have.
+    /// Frames that contained the vehicle or could have.
     pub frames: u64,
-    /// Whose pose was handed out.
+    /// Frames whose pose was accepted.
     pub believed: u64,
     /// Without the vehicle's body.
     pub absent: u64,
     /// With the body, which was not seen.
     pub occluded: u64,
-    /// With a pose equal to the one before, bit for bit: cameras have noise, so nobody looked.
+    /// With a pose equal to the one before, bit for bit: cameras have noise, so the pose is stale.
     pub frozen: u64,
-    /// With a number or stamp that has been there.
+    /// With a number or stamp that has come before.
     pub repeated: u64,
     /// Behind a newer one.
     pub late: u64,
-    /// With a stamp that cannot be true.
+    /// With an impossible stamp.
     pub mistimed: u64,
     /// Before poses and clock had settled, at the start and after a jump.
     pub unsettled: u64,
@@ -25,20 +25,20 @@ pub struct FeedCounts {
     pub jumped: u64,
     /// With a pose where another body was.
     pub exchanged: u64,
-    /// After which the sender's clock was followed anew.
+    /// Restarts of the clock's estimate.
     pub clock_steps: u64,
-    /// Frames that never came, by their numbers; of none of those above.
+    /// Frames that never came, by their numbers; not in `frames`.
     pub lost: u64,
-    /// How often the numbers began anew.
+    /// Restarts of the frame numbers.
     pub restarted: u64,
-    /// How often a place was believed at last, the first included.
+    /// Acceptances of a place, the first included.
     pub settled: u64,
     /// Windows of a second whose rate was outside the stated band.
     pub rate_warnings: u64,
 }
 
 impl FeedCounts {
-    /// Names and values, in the order in which they are shown.
+    /// Returns names and values, in the order in which they are shown.
     #[must_use]
     pub fn named(&self) -> [(&'static str, u64); 16] {
         [
@@ -61,7 +61,7 @@ impl FeedCounts {
         ]
     }
 
-    /// Frames whose pose was not handed out, by the reasons.
+    /// Returns the number of frames whose pose was refused, for all reasons.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.absent

@@ -1,8 +1,8 @@
-//! From frames to poses of the vehicle that can be believed.
+//! Feed: from frames to accepted poses of the vehicle.
 //!
-//! Failure policy: a pose is handed out only if its frame is new, its time is known, its body is the vehicle's and seen,
-//! and it is where the vehicle can be after the last pose that was believed. Everything else is counted by what it was
-//! ([`FeedCounts`]). Nobody is told that the vehicle stands still because nothing was heard: no pose is the sign of it.
+//! Failure policy: a pose is accepted only if its frame is new, its time is known, its body is the vehicle's and seen,
+//! and it is where the vehicle can be after the last accepted pose. All others are counted by reason ([`FeedCounts`]).
+//! Missing poses never look like a vehicle that stands still: without an accepted pose there is no output.
 
 mod numbering;
 mod track;
@@ -25,14 +25,14 @@ use crate::wire::{CapturePose, Frame, LONGEST_NAME, Name, Stamp, WireBody};
 use numbering::{Numbering, Order};
 use track::{PoseDecision, Tracks};
 
-/// How much later than its arrival a pose may claim to be made, ns: an error of the clock's estimate.
+/// Largest lead of a pose's capture time over its arrival, ns: an error of the clock's estimate.
 const FUTURE_NS: u64 = 1_000_000;
-/// How unevenly packets arrive of which nothing else tells the time, ns.
+/// Jitter of the arrival of packets without any other time, ns.
 const ARRIVAL_NOISE_NS: u64 = 20_000_000;
-/// Age on arrival above which a pose is taken for one that is wrong about its time, ns.
+/// Age on arrival above which the time of a pose is regarded as wrong, ns.
 const OLDEST_NS: u64 = 1_000_000_000;
 
-/// Which body is the vehicle.
+/// Selector of the vehicle's body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Selector {
     name: Name,
@@ -40,10 +40,10 @@ pub struct Selector {
 }
 
 impl Selector {
-    /// The body that a scenario names.
+    /// Returns the body that a scenario names.
     ///
     /// # Errors
-    /// A scenario that was not checked.
+    /// If the scenario was not checked.
     pub fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Problem> {
         let wrong = |reason: &str| {
             let key = ["motion_capture", "object"].into_iter().collect();
@@ -59,7 +59,7 @@ impl Selector {
         Ok(Self { name, number })
     }
 
-    /// Whether a body is the vehicle.
+    /// Returns whether a body is the vehicle.
     #[must_use]
     pub fn is(&self, body: &WireBody) -> bool {
         (self.name == Name::EMPTY || self.name == body.name)
@@ -67,12 +67,12 @@ impl Selector {
     }
 }
 
-/// A pose of the vehicle that can be believed.
+/// Accepted pose of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VehiclePose {
-    /// When it was captured, ns of the local clock.
+    /// Time of the capture, ns of the local clock.
     pub captured_ns: u64,
-    /// When it arrived, ns of the local clock.
+    /// Time of the arrival, ns of the local clock.
     pub arrived_ns: u64,
     /// The pose.
     pub pose: WorldPose,
@@ -91,22 +91,22 @@ impl VehiclePose {
     }
 }
 
-/// How the feed stands.
+/// Condition of the feed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Health {
     /// Nothing has come yet.
     Silent,
     /// Frames come, but none with the vehicle's body so far.
     Absent,
-    /// Poses come, and are not believed yet.
+    /// Poses come, and are not accepted yet.
     Settling,
-    /// The last frame had a pose that was believed.
+    /// The last frame had an accepted pose.
     Good,
     /// The last frame had none.
     Doubtful,
 }
 
-/// Makes poses of the vehicle of what a capture system sends.
+/// Filter from a capture system's frames to poses of the vehicle.
 #[derive(Clone, Debug)]
 pub struct Feed {
     selector: Selector,
@@ -123,10 +123,10 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// The feed of a scenario that has been checked.
+    /// Makes the feed of a checked scenario.
     ///
     /// # Errors
-    /// It was not.
+    /// If it was not checked.
     pub fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Problem> {
         Ok(Self {
             selector: Selector::new(system, stated)?,
@@ -155,39 +155,39 @@ impl Feed {
         })
     }
 
-    /// What has been counted.
+    /// Returns the counts.
     #[must_use]
     pub fn counts(&self) -> &FeedCounts {
         &self.counts
     }
 
-    /// Rate, latency and jitter.
+    /// Returns rate, latency and jitter.
     #[must_use]
     pub fn figures(&self) -> &Figures {
         &self.figures
     }
 
-    /// How it stands.
+    /// Returns its condition.
     #[must_use]
     pub fn health(&self) -> Health {
         self.health
     }
 
-    /// Drift of the sender's clock against the local one, per unit.
+    /// Returns the drift of the sender's clock against the local one, per unit.
     #[must_use]
     pub fn drift(&self) -> f64 {
         self.clock.drift()
     }
 
-    /// Takes a frame that arrived at a time of the local clock, ns, which never falls; returns the vehicle's pose if it
-    /// has one that can be believed.
+    /// Takes a frame that arrived at a time of the local clock, ns, which never falls; returns the vehicle's pose if
+    /// the frame has one that is accepted.
     pub fn take(&mut self, frame: &Frame, arrived_ns: u64) -> Option<VehiclePose> {
         let vehicle = frame.bodies().iter().position(|body| self.selector.is(body));
         if self.health == Health::Silent {
             self.health = Health::Absent;
         }
         if vehicle.is_none() && !frame.is_complete {
-            // A packet about another body, which is good for one thing: whoever is exchanged with it is found out.
+            // A packet about another body only serves to detect an exchange with the vehicle.
             self.look_at_others(frame, None, arrived_ns);
             return None;
         }
@@ -218,7 +218,7 @@ impl Feed {
         })
     }
 
-    /// Whether a frame is newer than all before it.
+    /// Returns whether a frame is newer than all before it.
     fn is_new(&mut self, frame: &Frame) -> bool {
         match frame.number.map(|number| self.numbering.look(number)) {
             Some(Order::Next { lost }) => self.counts.lost += u64::from(lost),
@@ -236,7 +236,7 @@ impl Feed {
         true
     }
 
-    /// When a frame was captured, ns of the local clock; `None` if that cannot be told.
+    /// Returns the capture time of a frame, ns of the local clock; `None` if it is not known.
     fn captured_ns(&mut self, frame: &Frame, arrived_ns: u64) -> Option<u64> {
         let Some(stamp) = frame.stamp else {
             return Some(arrived_ns.saturating_sub(self.latency_ns));
@@ -259,8 +259,8 @@ impl Feed {
         }
     }
 
-    /// As [`Feed::captured_ns`], of a frame that was sent at a time of the local clock. Without frame numbers the stamps
-    /// tell the order.
+    /// As [`Feed::captured_ns`], for a frame that was sent at a time of the local clock. Without frame numbers the
+    /// stamps give the order.
     fn in_order(&mut self, stamp: Stamp, sent_ns: i64, arrived_ns: u64) -> Option<u64> {
         match stamp.exposed_ns.cmp(&self.last_stamp_ns) {
             Ordering::Greater => {}
@@ -287,7 +287,7 @@ impl Feed {
         captured_ns.map(|at_ns| at_ns.min(arrived_ns))
     }
 
-    /// The vehicle's pose in a frame, if it can be believed.
+    /// Returns the vehicle's pose in a frame, if it is accepted.
     fn believed(
         &mut self,
         frame: &Frame,

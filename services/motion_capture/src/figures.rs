@@ -1,4 +1,4 @@
-//! Rate, latency and jitter of what arrives, over the last whole second.
+//! Rate, latency and jitter of arrivals, over the last whole second.
 
 use crate::counts::FeedCounts;
 
@@ -10,7 +10,7 @@ const WINDOW_NS: u64 = 1_000_000_000;
 pub struct Second {
     /// Frames a second, Hz.
     pub rate: f64,
-    /// Mean time from capture to arrival of the poses that were believed, s; 0 without any.
+    /// Mean time from capture to arrival of the accepted poses, s; 0 without any.
     pub latency: f64,
     /// Largest such time, s.
     pub latency_max: f64,
@@ -18,7 +18,7 @@ pub struct Second {
     pub jitter: f64,
 }
 
-/// Mean and variance of numbers that come one by one.
+/// Mean and variance of a sequence of numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     count: f64,
@@ -35,13 +35,13 @@ impl Moments {
         self.squares += from_mean * (value - self.mean);
     }
 
-    /// Mean; 0 of none.
+    /// Returns the mean; 0 of none.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.mean
     }
 
-    /// Standard deviation; 0 of less than two.
+    /// Returns the standard deviation; 0 of less than two.
     #[must_use]
     pub fn deviation(&self) -> f64 {
         if self.count < 2.0 {
@@ -51,7 +51,7 @@ impl Moments {
     }
 }
 
-/// Makes figures of arrivals.
+/// Counter of arrivals and their figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
     band: [f64; 2],
@@ -65,7 +65,7 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// No figures yet; a rate outside the band, Hz, is warned of.
+    /// Makes empty figures; a rate outside the band, Hz, gives a warning.
     #[must_use]
     pub fn new(band: [f64; 2]) -> Self {
         Self {
@@ -80,13 +80,13 @@ impl Figures {
         }
     }
 
-    /// Figures of the last whole second in which something came; `None` before the first.
+    /// Returns the figures of the last whole second with an arrival; `None` before the first.
     #[must_use]
     pub fn last(&self) -> Option<&Second> {
         self.last.as_ref()
     }
 
-    /// Whether the rate of that second was in the band.
+    /// Returns whether the rate of that second was in the band.
     #[must_use]
     pub fn is_rate_good(&self) -> bool {
         self.last
@@ -119,7 +119,7 @@ impl Figures {
         self.arrived_ns = arrived_ns;
     }
 
-    /// Takes the age on arrival of a pose that was believed.
+    /// Takes the age on arrival of an accepted pose.
     pub(crate) fn believe(&mut self, latency_ns: u64) {
         let latency = seconds(latency_ns);
         self.latency.push(latency);

@@ -1,16 +1,16 @@
-//! Everything between a laboratory's network and a pose of the vehicle.
+//! Motion capture: from a laboratory's network to poses of the vehicle.
 //!
-//! * [`wire`]: what decoders share, with the limits on what a stranger may send;
+//! * [`wire`]: common parts of the decoders, with the limits on input from strangers;
 //! * [`vicon_udp`], [`vrpn`], [`natnet`]: from bytes to frames of poses, pure;
-//! * [`transport`]: sockets that never block, and what to wait on;
-//! * [`clock`]: the sender's clock as seen from here;
+//! * [`transport`]: sockets that never block, and their descriptors for waiting;
+//! * [`clock`]: the estimate of the sender's clock;
 //! * [`conventions`]: from the capture system's axes to the paper's;
-//! * [`feed`]: from frames to poses of the vehicle that can be believed, with their capture times;
+//! * [`feed`]: from frames to accepted poses of the vehicle, with their capture times;
 //! * [`figures`]: rate, latency, jitter and noise of what arrives;
 //! * [`sender`]: the same formats the other way, for tests and simulated laboratories.
 //!
-//! Failure policy: what cannot be read, believed or timed is counted, dropped, and never an end of anything. All but the
-//! transports is a function of bytes and arrival times.
+//! Failure policy: a packet that cannot be read, accepted or timed is counted and dropped, and ends nothing. All
+//! modules but the transports are functions of bytes and arrival times.
 
 pub mod clock;
 pub mod conventions;

@@ -1,9 +1,9 @@
 //! `NatNet` 3 and 4 (`OptiTrack` Motive): UDP, little-endian, packed.
 //!
-//! A client asks on the command port: CONNECT is answered by SERVERINFO, which tells the version of everything else;
-//! REQUEST_MODELDEF by MODELDEF, which gives rigid bodies their names. FRAMEs come by multicast, or to who has asked.
-//! From 4.1 on a number of bytes stands before each section of a frame and each description, so that what is not
-//! known can be passed over.
+//! A client asks on the command port: CONNECT is answered by SERVERINFO, which states the version of everything else;
+//! REQUEST_MODELDEF by MODELDEF, which gives rigid bodies their names. FRAMEs come by multicast, or to clients that
+//! have asked. From 4.1 on a number of bytes precedes each section of a frame and each description, so that unknown
+//! ones can be skipped.
 
 mod frame;
 mod model;
@@ -15,17 +15,17 @@ pub const DATA_PORT: u16 = 1511;
 
 /// Kinds of messages.
 pub mod message {
-    /// A client says that it is there.
+    /// Request of a client for the server's description.
     pub const CONNECT: u16 = 0;
-    /// Who the server is.
+    /// Description of the server.
     pub const SERVERINFO: u16 = 1;
-    /// A client asks for the names of the bodies.
+    /// Request of a client for the names of the bodies.
     pub const REQUEST_MODELDEF: u16 = 4;
     /// The names of the bodies.
     pub const MODELDEF: u16 = 5;
     /// A frame.
     pub const FRAME: u16 = 7;
-    /// A client of unicast says that it is still there.
+    /// Sign of life of a unicast client.
     pub const KEEP_ALIVE: u16 = 10;
 }
 
@@ -42,7 +42,7 @@ pub struct Version {
 }
 
 impl Version {
-    /// Whether lengths stand before sections.
+    /// Returns whether lengths precede sections.
     #[must_use]
     pub fn has_lengths(self) -> bool {
         self >= Self { major: 4, minor: 1 }
@@ -57,7 +57,7 @@ impl Version {
     }
 }
 
-/// What a server says of itself.
+/// Description of a server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServerInfo {
     /// Version of its bit stream.
@@ -81,7 +81,7 @@ pub struct RigidBody {
     pub quaternion: [f32; 4],
     /// Mean error of its markers, m.
     pub error: f32,
-    /// Whether it is seen.
+    /// `true` if it is seen.
     pub tracked: bool,
 }
 
@@ -92,30 +92,30 @@ pub struct Times {
     pub timestamp: f64,
     /// Middle of the exposure, ticks of the clock; 0 if not known.
     pub exposed: u64,
-    /// When the cameras' data were there, ticks.
+    /// Time at which the cameras' data had arrived, ticks.
     pub received: u64,
-    /// When the frame was sent, ticks.
+    /// Time at which the frame was sent, ticks.
     pub sent: u64,
 }
 
-/// What came.
+/// Content of a datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Received {
-    /// Who the server is.
+    /// The description of the server.
     ServerInfo(ServerInfo),
     /// The names of the bodies, which the decoder knows now.
     Names,
     /// A frame, which the caller's frame holds now.
     Frame {
-        /// Whether the names should be asked for again: the server says that the bodies are others, or there is one
+        /// `true` if the names should be requested again: the server says that the bodies have changed, or there is one
         /// without a name.
         names_are_old: bool,
     },
-    /// Something that is of no use here.
+    /// A message without use here.
     Other,
 }
 
-/// Knows what a frame cannot be read without: the server's version and clock, and the names.
+/// Decoder with the data that a frame needs: the server's version and clock, and the names.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     server: Option<ServerInfo>,
@@ -129,7 +129,7 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// A decoder that knows nothing yet.
+    /// Makes a decoder without any data.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -138,13 +138,13 @@ impl Decoder {
         }
     }
 
-    /// What the server has said of itself.
+    /// Returns the description of the server.
     #[must_use]
     pub fn server(&self) -> Option<&ServerInfo> {
         self.server.as_ref()
     }
 
-    /// The rigid bodies that have names.
+    /// Returns the rigid bodies that have names.
     #[must_use]
     pub fn names(&self) -> &[(i32, Name)] {
         &self.names

@@ -1,5 +1,5 @@
-//! The same formats the other way: what a motion-capture system would send. For tests, try-outs and simulated
-//! laboratories; no decoder uses anything of it.
+//! Senders of the same formats, as a motion-capture system would send them. They serve tests, trials and simulated
+//! laboratories; no decoder uses them.
 
 pub mod natnet;
 pub mod server;

@@ -1,11 +1,11 @@
 //! Sockets that never block: from a capture system's packets to frames with their arrival times.
 //!
-//! A socket is bound to the address of one interface, the loopback unless told otherwise, and the kernel drops what comes
-//! from another machine than the stated server. That is no protection against a machine in the same network that
-//! writes a false sender: see docs/motion_capture.md for what the laboratory's network is trusted for.
+//! A socket is bound to the address of one interface, the loopback by default, and the kernel drops packets from other
+//! machines than the stated server. That is no protection against a machine in the same network that forges its
+//! address: see docs/motion_capture.md for the trust in the laboratory's network.
 //!
-//! [`CaptureSource::poll`] makes a bounded number of system calls and returns; [`CaptureSource::descriptors`] are what to wait on, and
-//! [`CaptureSource::due_ns`] when to poll even if nothing came.
+//! [`CaptureSource::poll`] makes a bounded number of system calls and returns. [`CaptureSource::descriptors`] are to be
+//! waited on, and [`CaptureSource::due_ns`] is the time of the next poll even without a packet.
 
 mod natnet;
 mod source_filter;
@@ -20,25 +20,25 @@ use scenario::{CaptureSystem, Key, MotionCapture, Problem};
 
 use crate::wire::{Frame, Name};
 
-/// Most packets that one poll takes from a socket, so that a flood does not hold the caller.
+/// Most packets that one poll takes from a socket, so that a flood does not hold up the caller.
 const MOST_PACKETS: usize = 64;
 
-/// Where a capture system is, and where to listen.
+/// Address of a capture system and of the local interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Address {
-    /// What it speaks.
+    /// The system.
     pub system: CaptureSystem,
-    /// The machine that sends, and its port; with Vicon the port here.
+    /// The sending machine and its port; with Vicon the local port.
     pub server: SocketAddrV4,
-    /// The interface here.
+    /// The local interface.
     pub interface: Ipv4Addr,
 }
 
 impl Address {
-    /// The address that a scenario states.
+    /// Returns the address that a scenario states.
     ///
     /// # Errors
-    /// A scenario that was not checked.
+    /// If the scenario was not checked.
     pub fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Problem> {
         let wrong = |name: &str, reason: String| {
             let key: Key = ["motion_capture", name].into_iter().collect();
@@ -62,15 +62,15 @@ impl Address {
     }
 }
 
-/// A socket that could not be had.
+/// Error of a socket that could not be opened.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot listen on {at}: {source}; {fix}")]
 pub struct TransportError {
-    /// Where.
+    /// The address.
     pub at: SocketAddrV4,
-    /// What the system said.
+    /// The system's error.
     pub source: std::io::Error,
-    /// What to do about it.
+    /// The fix.
     pub fix: &'static str,
 }
 
@@ -90,7 +90,7 @@ impl TransportError {
     }
 }
 
-/// What a source has met since it was opened.
+/// Counts of a source since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WireCounts {
     /// Packets, or pieces of a stream, from the server.
@@ -99,8 +99,8 @@ pub struct WireCounts {
     pub frames: u64,
     /// Packets, or poses of a stream, that could not be read.
     pub malformed: u64,
-    /// Packets that were dropped because they came from others than the server, or too many at once; counted a few times a
-    /// second.
+    /// Packets that were dropped because they came from other machines than the server, or too many at once; counted a
+    /// few times a second.
     pub foreign: u64,
     /// Connections that were made, or servers that answered.
     pub connections: u64,
@@ -108,7 +108,7 @@ pub struct WireCounts {
     pub failures: u64,
 }
 
-/// A capture system as seen from here.
+/// Capture system on the network.
 #[derive(Debug)]
 pub enum CaptureSource {
     /// Vicon Tracker's UDP object stream.
@@ -120,10 +120,10 @@ pub enum CaptureSource {
 }
 
 impl CaptureSource {
-    /// Opens the sockets; a server that is not there yet is waited for in [`CaptureSource::poll`].
+    /// Opens the sockets; a server that does not run yet is awaited in [`CaptureSource::poll`].
     ///
     /// # Errors
-    /// A socket cannot be had.
+    /// If a socket cannot be opened.
     pub fn open(address: &Address) -> Result<Self, TransportError> {
         Ok(match address.system {
             CaptureSystem::ViconUdp => Self::ViconUdp(vicon_udp::ViconUdp::open(address)?),
@@ -132,8 +132,8 @@ impl CaptureSource {
         })
     }
 
-    /// Takes what has arrived by now (ns of the local clock) and hands it out, oldest first, without ever waiting. Also
-    /// connects, asks again, and says that somebody still listens, when it is time to.
+    /// Takes the packets that have arrived by now (ns of the local clock) and hands out their frames, oldest first,
+    /// without ever waiting. Also connects, repeats requests, and sends signs of life, when they are due.
     pub fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
         match self {
             Self::ViconUdp(source) => source.poll(sink),
@@ -142,7 +142,8 @@ impl CaptureSource {
         }
     }
 
-    /// What can be waited on until something has arrived. Others after the next poll: a connection may be another one.
+    /// Returns the descriptors to wait on for the next packet. They may change with the next poll: a connection may be
+    /// a new one.
     #[must_use]
     pub fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2] {
         match self {
@@ -152,7 +153,7 @@ impl CaptureSource {
         }
     }
 
-    /// When to poll even though nothing arrived, ns of the local clock; `None` if never.
+    /// Returns the time of the next poll even without a packet, ns of the local clock; `None` if never.
     #[must_use]
     pub fn due_ns(&self) -> Option<u64> {
         match self {
@@ -162,7 +163,7 @@ impl CaptureSource {
         }
     }
 
-    /// What it has met.
+    /// Returns the counts.
     #[must_use]
     pub fn counts(&self) -> WireCounts {
         match self {
@@ -172,7 +173,8 @@ impl CaptureSource {
         }
     }
 
-    /// Names that the other side has told ahead of poses, for people: VRPN's senders, Motive's rigid bodies.
+    /// Returns the names that the server has announced ahead of poses, for people: VRPN's senders, Motive's rigid
+    /// bodies.
     #[must_use]
     pub fn announced(&self) -> Vec<Name> {
         match self {

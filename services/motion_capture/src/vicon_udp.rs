@@ -9,7 +9,7 @@ use shared_types::rotation::exp;
 
 use crate::wire::{CapturePose, Cursor, Frame, Name, WireBody, WireError};
 
-/// Port to which Tracker sends unless told otherwise.
+/// Port to which Tracker sends by default.
 pub const PORT: u16 = 51001;
 
 /// Length of an object's name on the wire, bytes.
@@ -32,13 +32,13 @@ pub struct Object {
 }
 
 impl Object {
-    /// What it says in SI units; `None` if it says that it is not seen.
+    /// Returns its pose in SI units; `None` if it says that it is not seen.
     fn pose(&self) -> Result<Option<CapturePose>, WireError> {
         let numbers = self.translation_mm.iter().chain(&self.rotation);
         if numbers.clone().all(|&number| number == 0.0) {
             return Ok(None);
         }
-        // Several turns are none that a program computes.
+        // No program computes angles of several turns.
         if !self.rotation.iter().all(|angle| angle.abs() <= 10.0) {
             return Err(WireError::Invalid("a rotation"));
         }
@@ -50,13 +50,13 @@ impl Object {
     }
 }
 
-/// R = Rx Ry Rz of the three angles, rad.
+/// Returns R = Rx Ry Rz of the three angles, rad.
 #[must_use]
 pub fn capture_from_markers([x, y, z]: [f64; 3]) -> Matrix3<f64> {
     exp(&(Vector3::x() * x)) * exp(&(Vector3::y() * y)) * exp(&(Vector3::z() * z))
 }
 
-/// Fills the frame with what a datagram says.
+/// Reads a datagram into the frame.
 ///
 /// # Errors
 /// [`WireError`]; the frame is then empty.

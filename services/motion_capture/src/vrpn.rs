@@ -4,15 +4,15 @@
 //! which is filled up to a multiple of 8. Senders (type −1) and types (−2) are given their names first. A pose is a
 //! message of the type `vrpn_Tracker Pos_Quat`: `i32 sensor, i32, f64 position[3]` in m, `f64 quaternion[4]` x y z w.
 //!
-//! Bytes arrive in pieces of any length. A stream that stops making sense cannot be taken up again: the error ends the
+//! Bytes arrive in pieces of any length. A stream that has become invalid cannot be resumed: the error ends the
 //! connection.
 
 use crate::wire::{CapturePose, Cursor, Frame, MOST_BODIES, Name, Stamp, WireBody, WireError};
 
-/// Port on which a server listens unless told otherwise.
+/// Port on which a server listens by default.
 pub const PORT: u16 = 3883;
 
-/// What both sides say first: version, and that nothing is to be logged.
+/// Greeting of both sides: version, and no logging.
 pub const COOKIE: [u8; 24] = *b"vrpn: ver. 07.38  0\0\0\0\0\0";
 
 /// The part of the cookie on which both sides must agree.
@@ -42,7 +42,7 @@ pub struct PoseReport {
     pub quaternion: [f64; 4],
 }
 
-/// Puts the pieces of the stream together. Its memory does not grow.
+/// Decoder of the stream. Its memory does not grow.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     buffer: Vec<u8>,
@@ -61,7 +61,7 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// A decoder at the beginning of a connection.
+    /// Makes a decoder at the beginning of a connection.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -75,7 +75,7 @@ impl Decoder {
         }
     }
 
-    /// Begins anew with another connection.
+    /// Resets the decoder for another connection.
     pub fn restart(&mut self) {
         self.filled = 0;
         self.has_cookie = false;
@@ -83,18 +83,19 @@ impl Decoder {
         self.pose_type = None;
     }
 
-    /// Whether the other side has said who it is.
+    /// Returns whether the server has greeted.
     #[must_use]
     pub fn is_greeted(&self) -> bool {
         self.has_cookie
     }
 
-    /// Senders that have a name, with their numbers.
+    /// Returns the senders that have a name, with their numbers.
     pub fn senders(&self) -> impl Iterator<Item = &Name> {
         self.senders.iter().filter(|name| **name != Name::EMPTY)
     }
 
-    /// Poses that could not be any, of streams that made sense else; some servers send zeros for what they do not see.
+    /// Returns the number of impossible poses in otherwise valid streams; some servers send zeros for bodies that they
+    /// do not see.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.refused
@@ -103,7 +104,8 @@ impl Decoder {
     /// Takes the next bytes, and hands out a frame of one body for every pose among them, in order.
     ///
     /// # Errors
-    /// [`WireError`] if this is no such stream. What was handed out before holds; the connection is to be closed.
+    /// [`WireError`] if this is not such a stream. Frames that were handed out before are valid; the connection is to
+    /// be closed.
     pub fn push(&mut self, mut bytes: &[u8], mut sink: impl FnMut(&Frame)) -> Result<(), WireError> {
         while !bytes.is_empty() {
             let taken = bytes.len().min(self.buffer.len() - self.filled);
@@ -116,7 +118,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// Reads the messages that are whole, and moves the rest to the front: it is shorter than one message.
+    /// Reads the whole messages, and moves the rest to the front: it is shorter than one message.
     fn drain(&mut self, sink: &mut impl FnMut(&Frame)) -> Result<(), WireError> {
         let mut from = 0;
         if !self.has_cookie {
@@ -148,7 +150,7 @@ impl Decoder {
     }
 }
 
-/// Length of the message that begins here, with what fills it up; `None` if that cannot be told yet.
+/// Returns the length of the message that begins here, with its padding; `None` if it is not known yet.
 fn message_length(bytes: &[u8]) -> Result<Option<usize>, WireError> {
     let Some(length) = bytes.first_chunk().map(|length| u32::from_be_bytes(*length)) else {
         return Ok(None);
@@ -163,11 +165,11 @@ fn message_length(bytes: &[u8]) -> Result<Option<usize>, WireError> {
     Ok(Some(length.next_multiple_of(8)))
 }
 
-/// What a message was.
+/// Kind of a message.
 enum VrpnMessage {
     /// A pose, which the frame now holds.
     Pose,
-    /// Of a pose's type, but with numbers that are none.
+    /// Of a pose's type, but with invalid numbers.
     NoPose,
     /// Something else.
     Other,
@@ -187,7 +189,7 @@ fn read(
     let sender = cursor.i32_be("a message's sender")?;
     let kind = cursor.i32_be("a message's type")?;
     cursor.skip(1, 4, "a message's head")?;
-    // The payload without what fills it up; a length of less than a head was refused before.
+    // The payload without its padding; a length of less than a head was refused before.
     let payload = cursor.slice((length as usize).saturating_sub(HEAD), "a message")?;
     let mut payload = Cursor::new(payload);
     let sender_index = usize::try_from(sender)
@@ -195,7 +197,7 @@ fn read(
         .filter(|&index| index < senders.len());
     match kind {
         SENDER_DESCRIPTION => {
-            // Trackers beyond the limit stay without a name and are passed over.
+            // Trackers beyond the limit stay without a name and are skipped.
             if let Some(index) = sender_index {
                 senders[index] = described_name(&mut payload)?;
             }

@@ -1,7 +1,7 @@
-//! What all decoders share: a cursor that cannot leave its bytes, and the frame that they fill.
+//! Common parts of the decoders: a cursor that cannot leave its bytes, and the frame that they fill.
 //!
-//! Limits on everything that a stranger may state: names, bodies, lengths. Who exceeds one gets a [`WireError`], and
-//! nothing of the packet is used.
+//! All input from strangers has limits: names, bodies, lengths. A packet that exceeds one gives a [`WireError`], and
+//! nothing of it is used.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,25 +11,25 @@ pub const MOST_BODIES: usize = 256;
 /// Longest name of a body, bytes.
 pub const LONGEST_NAME: usize = 255;
 
-/// Largest coordinate that is a place in a laboratory, m.
+/// Largest coordinate of a place in a laboratory, m.
 const LARGEST_COORDINATE: f64 = 1e3;
 
-/// Largest difference of a quaternion's squared norm from 1; single precision passes, a bit turned over mostly not.
+/// Largest difference of a quaternion's squared norm from 1; single precision passes, a flipped bit mostly not.
 const QUATERNION_DEFECT: f64 = 1e-4;
 
-/// Why a packet is of no use. Each names the part of the packet.
+/// Error of a packet that cannot be used. Each names the part of the packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
     /// It ends too early.
     #[error("the packet ends inside {0}")]
     Truncated(&'static str),
-    /// Something is longer, or there is more of it, than anybody sends.
+    /// A part is longer, or there are more of them, than any sender sends.
     #[error("{0} exceeds its limit")]
     Oversized(&'static str),
     /// A value that the format does not have, or that no laboratory has.
     #[error("{0} cannot be what it says")]
     Invalid(&'static str),
-    /// It makes sense only after another packet, which has not come.
+    /// It can be read only after another packet, which has not come.
     #[error("the packet came before {0}")]
     Early(&'static str),
 }
@@ -48,10 +48,10 @@ impl Name {
         bytes: [0; LONGEST_NAME],
     };
 
-    /// The name of some bytes, up to the first zero.
+    /// Makes the name of some bytes, up to the first zero.
     ///
     /// # Errors
-    /// It is too long.
+    /// If it is too long.
     pub fn new(bytes: &[u8]) -> Result<Self, WireError> {
         let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
         let length = u8::try_from(end).map_err(|_| WireError::Oversized("a name"))?;
@@ -71,7 +71,7 @@ impl Name {
 impl std::fmt::Display for Name {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for chunk in self.as_bytes().utf8_chunks() {
-            // Control characters of a stranger have no business on a terminal.
+            // Control characters from strangers must not reach a terminal.
             for character in chunk.valid().chars().filter(|character| !character.is_control()) {
                 write!(formatter, "{character}")?;
             }
@@ -89,7 +89,7 @@ impl std::fmt::Debug for Name {
     }
 }
 
-/// Pose of a body's markers in the capture system's own frame, as it was sent but for units: m, and a rotation.
+/// Pose of a body's markers in the capture system's frame, as it was sent except for units: m, and a rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CapturePose {
     /// Origin of the markers' frame, m.
@@ -99,10 +99,10 @@ pub struct CapturePose {
 }
 
 impl CapturePose {
-    /// A position (m) and a rotation as quaternion x, y, z, w.
+    /// Makes a pose of a position (m) and a rotation as quaternion x, y, z, w.
     ///
     /// # Errors
-    /// A number is none of a place in a laboratory, or the quaternion is no rotation.
+    /// If a number is not that of a place in a laboratory, or the quaternion is no rotation.
     pub fn from_quaternion(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Result<Self, WireError> {
         let squared = x * x + y * y + z * z + w * w;
         let defect = (squared - 1.0).abs();
@@ -119,10 +119,10 @@ impl CapturePose {
         Self::new(position, rotation)
     }
 
-    /// A position (m) and a rotation.
+    /// Makes a pose of a position (m) and a rotation.
     ///
     /// # Errors
-    /// A number is none of a place in a laboratory.
+    /// If a number is not that of a place in a laboratory.
     pub fn new(position: [f64; 3], capture_from_markers: Matrix3<f64>) -> Result<Self, WireError> {
         let is_place = position
             .iter()
@@ -144,27 +144,27 @@ pub struct WireBody {
     pub name: Name,
     /// Its number: `NatNet`'s streaming id, VRPN's sensor; 0 with Vicon.
     pub number: i32,
-    /// Where it is; `None` if it is not seen.
+    /// Its pose; `None` if it is not seen.
     pub pose: Option<CapturePose>,
 }
 
-/// Times of a frame on the sender's clock, ns from a moment of the sender's choice.
+/// Times of a frame on the sender's clock, ns from an arbitrary moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
     /// The exposure, as far as the sender knows it.
     pub exposed_ns: i64,
-    /// When it left the sender; where that is not told, the same.
+    /// Time of the sending; equal to the exposure if it is not known.
     pub sent_ns: i64,
 }
 
-/// What one packet told. It has its memory from the start and is filled again and again.
+/// Content of one packet. Its memory is allocated at the start and filled again and again.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Number of the frame, which counts up; `None` where the protocol has none.
     pub number: Option<u32>,
-    /// When it was made, by the sender's clock; `None` where the protocol does not tell.
+    /// Its time on the sender's clock; `None` if the protocol has none.
     pub stamp: Option<Stamp>,
-    /// Whether it tells all bodies that are seen; if not it tells of one, and nothing of the others.
+    /// `true` if it contains all bodies that are seen; if not it contains one, and says nothing of the others.
     pub is_complete: bool,
     bodies: Vec<WireBody>,
 }
@@ -176,7 +176,7 @@ impl Default for Frame {
 }
 
 impl Frame {
-    /// An empty frame.
+    /// Makes an empty frame.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -187,13 +187,13 @@ impl Frame {
         }
     }
 
-    /// The bodies.
+    /// Returns the bodies.
     #[must_use]
     pub fn bodies(&self) -> &[WireBody] {
         &self.bodies
     }
 
-    /// Forgets everything.
+    /// Removes all content.
     pub fn clear(&mut self) {
         self.number = None;
         self.stamp = None;
@@ -204,7 +204,7 @@ impl Frame {
     /// Adds a body.
     ///
     /// # Errors
-    /// There are too many.
+    /// If there are too many.
     pub fn push(&mut self, body: WireBody) -> Result<(), WireError> {
         if self.bodies.len() == MOST_BODIES {
             return Err(WireError::Oversized("the number of bodies"));
@@ -213,7 +213,7 @@ impl Frame {
         Ok(())
     }
 
-    /// Lets a decoder fill the frame; what failed leaves nothing behind.
+    /// Lets a decoder fill the frame; a failure leaves it empty.
     pub(crate) fn fill(
         &mut self,
         decode: impl FnOnce(&mut Self) -> Result<(), WireError>,
@@ -227,7 +227,7 @@ impl Frame {
     }
 }
 
-/// A cursor over the bytes of a packet. What is asked of it says what it is, for the error.
+/// Cursor over the bytes of a packet. Each request names what it reads, for the error.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cursor<'a> {
     rest: &'a [u8],
@@ -257,13 +257,13 @@ impl<'a> Cursor<'a> {
         Ok(*taken)
     }
 
-    /// Passes over `count` elements of `size` bytes.
+    /// Skips `count` elements of `size` bytes.
     pub(crate) fn skip(&mut self, count: usize, size: usize, what: &'static str) -> Result<(), WireError> {
         let length = count.checked_mul(size).ok_or(WireError::Truncated(what))?;
         self.slice(length, what).map(|_| ())
     }
 
-    /// A text that ends with a zero, which is passed over.
+    /// Returns a text that ends with a zero, and skips the zero.
     pub(crate) fn text(&mut self, what: &'static str) -> Result<&'a [u8], WireError> {
         let end = self.rest.iter().position(|&byte| byte == 0);
         let text = self.slice(end.ok_or(WireError::Truncated(what))?, what)?;
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_rotation_and_no_place_is_refused() {
+    fn invalid_rotations_and_places_are_refused() {
         let level = [0.0, 0.0, 0.0, 1.0];
         assert!(CapturePose::from_quaternion([0.0; 3], level).is_ok());
         for quaternion in [[0.0; 4], [0.0, 0.0, 0.0, 1.1], [f64::NAN, 0.0, 0.0, 1.0]] {

@@ -147,7 +147,7 @@ fn datagrams_are_received_without_an_allocation() {
             0,
             &[("quad", Some(pose(CaptureSystem::ViconUdp, number)))],
         );
-        // What is sent over the loopback has arrived.
+        // The sent packets have arrived over the loopback.
         count += allocations::allocations_during(|| {
             source.poll(arrival(number), &mut |frame| {
                 believed += u32::from(feed.take(frame, arrival(number)).is_some());

@@ -20,7 +20,7 @@ const FRAMES: u64 = 100_000;
 const MS: u64 = 1_000_000;
 /// When the first frame is captured, ns of the local clock.
 const START: u64 = 1_000_000 * MS;
-/// What the sender's clock is ahead, ns.
+/// Lead of the sender's clock, ns.
 const AHEAD: u64 = 123_456_789_000;
 /// From capture to arrival at the soonest, ns.
 const DELAY: u64 = 4 * MS;
@@ -165,7 +165,7 @@ impl Wire {
         bytes
     }
 
-    /// Gives a packet to decoder and feed. A stream that makes no sense any more is begun anew, as the transport does.
+    /// Gives a packet to decoder and feed. An invalid stream is started again, as the transport does.
     fn deliver(&mut self, packet: &[u8], arrived_ns: u64, feed: &mut Feed) -> Vec<VehiclePose> {
         let mut frame = Frame::new();
         let mut poses = Vec::new();
@@ -204,7 +204,7 @@ fn greeting() -> Vec<u8> {
 
 fn stated(system: CaptureSystem) -> MotionCapture {
     let identity = Some(scenario::FrameTransform::default());
-    // What no stamp tells: Motive's own 3 ms are stamped.
+    // Latency without a stamp: Motive's 3 ms are stamped.
     let latency = if system == CaptureSystem::Natnet {
         1e-3
     } else {
@@ -218,7 +218,7 @@ fn stated(system: CaptureSystem) -> MotionCapture {
     }
 }
 
-/// What reached the vehicle.
+/// Poses that reached the vehicle.
 #[derive(Debug, Default)]
 struct Outcome {
     poses: u64,

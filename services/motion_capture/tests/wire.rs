@@ -334,7 +334,7 @@ fn numbers_that_state_more_than_there_is_are_errors() {
 }
 
 #[test]
-fn a_server_that_sends_zeros_for_what_it_does_not_see_stays_connected() {
+fn a_server_that_sends_zeros_for_unseen_bodies_stays_connected() {
     let none = PoseReport {
         sensor: 0,
         position: [0.0; 3],
@@ -351,7 +351,7 @@ fn a_server_that_sends_zeros_for_what_it_does_not_see_stays_connected() {
     assert_eq!((frames, decoder.refused()), (1, 1));
 }
 
-/// What fuzzing found, and a good packet of every kind. `UPDATE_CORPUS=1` writes the good ones.
+/// Inputs that fuzzing found, and a good packet of every kind. `UPDATE_CORPUS=1` writes the good ones.
 #[test]
 fn the_corpus_is_swallowed() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");

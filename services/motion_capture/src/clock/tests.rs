@@ -4,7 +4,7 @@ use super::*;
 
 const MS: i64 = 1_000_000;
 
-/// A sender at 100 Hz: what its clock does, and how packets are delayed.
+/// Sender at 100 Hz, with its clock and the delays of its packets.
 struct Sender {
     offset_ns: i64,
     drift: f64,
@@ -31,7 +31,7 @@ impl Sender {
     }
 }
 
-/// Flies the clock for some seconds from a time on and returns the largest error of a mapped stamp, ns.
+/// Runs the clock for some seconds from a time on. Returns the largest error of a mapped stamp, ns.
 fn listen(clock: &mut RemoteClock, sender: &mut Sender, from_s: i64, seconds: i64) -> (i64, u32) {
     let (mut worst, mut mapped) = (0, 0);
     let mut last_arrival = 0;
@@ -40,7 +40,7 @@ fn listen(clock: &mut RemoteClock, sender: &mut Sender, from_s: i64, seconds: i6
         let (stamp, arrival) = sender.packet(sent);
         last_arrival = arrival.max(last_arrival);
         if let Mapped::At(at) = clock.hear(stamp, last_arrival) {
-            // The soonest packet took 0.2 ms, which nobody can tell from a clock that is late by as much.
+            // The soonest packet took 0.2 ms, which cannot be distinguished from a clock that is late by as much.
             worst = worst.max((at - sent - MS / 5).abs());
             mapped += 1;
         }
@@ -52,7 +52,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn stamps_are_mapped_whatever_the_clocks_and_the_jitter(
+    fn stamps_are_mapped_for_any_clocks_and_jitter(
         offset_s in -1_000_000_000i64..1_000_000_000,
         drift_ppm in -100.0..100.0f64,
         seed in 1u64..,
@@ -72,7 +72,7 @@ proptest! {
     }
 
     #[test]
-    fn a_single_stamp_can_say_what_it_wants(seed in 1u64.., lies in prop::collection::vec(any::<i64>(), 1..20)) {
+    fn single_wrong_stamps_have_no_effect(seed in 1u64.., lies in prop::collection::vec(any::<i64>(), 1..20)) {
         let mut clock = RemoteClock::new();
         let mut sender = Sender { offset_ns: 77, drift: 3e-5, random: seed };
         listen(&mut clock, &mut sender, 1, 20);

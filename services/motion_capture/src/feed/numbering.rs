@@ -1,13 +1,13 @@
-//! The order of frames by their numbers, which wrap around and begin anew when the sender does.
+//! Order of frames by their numbers, which wrap around and restart with the sender.
 
-/// How far back a number may be and still be late rather than of a sender that began anew.
+/// Largest step back of a late number; a larger one means that the sender restarted.
 const LATE: i32 = 1000;
-/// How far ahead a number may be and still be the next of those that came.
+/// Largest step ahead of a number that continues the sequence.
 const AHEAD: i32 = 10_000;
-/// Late or far numbers in a row, each the next of the one before, after which they are those of a sender that began anew.
+/// Late or far numbers in a row, each the next of the one before, after which the sender has restarted.
 const RESTART: u32 = 8;
 
-/// What a frame is by its number.
+/// Place of a frame by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Order {
     /// Newer than all before, with so many lost between.
@@ -15,11 +15,11 @@ pub(super) enum Order {
         /// Numbers that were left out.
         lost: u32,
     },
-    /// There already.
+    /// Received before.
     Repeated,
     /// Behind a newer one.
     Late,
-    /// The first of a sender that began anew.
+    /// The first of a restarted sender.
     Restarted,
 }
 
@@ -27,7 +27,7 @@ pub(super) enum Order {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Numbering {
     newest: Option<u32>,
-    /// The last number that was not the next one, and how many before it counted up to it.
+    /// The last number that was not the next one, and the count of those that led up to it.
     stray: u32,
     strays: u32,
 }
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sender_that_begins_anew_is_followed() {
+    fn a_restarted_sender_is_followed() {
         let orders = looked(&[&[5000][..], &(0..20).collect::<Vec<_>>()].concat());
         assert_eq!(orders.iter().filter(|order| **order == Order::Late).count(), 7);
         assert_eq!(orders[8], Order::Restarted);

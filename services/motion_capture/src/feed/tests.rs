@@ -1,4 +1,4 @@
-//! What the feed hands out, and what it counts, of frames without any wire.
+//! Accepted poses and counts of the feed, for frames without a network.
 
 use std::net::Ipv4Addr;
 
@@ -38,7 +38,7 @@ impl Room {
         room
     }
 
-    /// Where the vehicle is now: on a circle of 1 m/s, with a little that is never the same.
+    /// Returns the vehicle's place now: on a circle of 1 m/s, with a small part that never repeats.
     fn quad(&self) -> Vector3<f64> {
         let t = (self.now_ns - START) as f64 * 1e-9;
         Vector3::new(libm::cos(t), libm::sin(t), 1.0)
@@ -73,14 +73,14 @@ impl Room {
         pose
     }
 
-    /// The next frame of what is so.
+    /// Makes the next frame of the true places.
     fn truth(&mut self) -> Option<VehiclePose> {
         self.fly(&[("quad", self.quad()), ("wand", self.wand())])
     }
 }
 
 #[test]
-fn a_pose_is_told_in_the_papers_frame_with_its_capture_time() {
+fn a_pose_is_given_in_the_papers_frame_with_its_capture_time() {
     let mut room = Room::new();
     let (at_ns, quad) = (room.now_ns, room.quad());
     let pose = room.truth().unwrap();
@@ -93,7 +93,7 @@ fn a_pose_is_told_in_the_papers_frame_with_its_capture_time() {
 }
 
 #[test]
-fn a_body_that_is_absent_at_the_start_is_waited_for() {
+fn a_body_that_is_absent_at_the_start_is_awaited() {
     let mut room = Room {
         feed: Feed::new(CaptureSystem::ViconUdp, &stated()).unwrap(),
         ..Room::new()
@@ -113,7 +113,7 @@ fn a_body_that_is_absent_at_the_start_is_waited_for() {
 }
 
 #[test]
-fn what_is_not_seen_or_stands_still_to_the_bit_is_not_handed_out() {
+fn a_body_that_is_not_seen_or_still_to_the_bit_is_not_accepted() {
     let mut room = Room::new();
     assert_eq!(room.fly(&[("quad", Vector3::zeros())]), None);
     let stuck = room.quad();
@@ -156,7 +156,7 @@ fn a_turn_that_nothing_makes_is_refused() {
 }
 
 #[test]
-fn a_body_that_was_carried_elsewhere_is_believed_once_it_has_settled() {
+fn a_body_that_was_carried_elsewhere_is_accepted_once_it_has_settled() {
     let mut room = Room::new();
     room.now_ns += 2_000 * MS;
     let away = Vector3::new(0.0, 0.0, 5.0);

@@ -1,9 +1,10 @@
-//! Where bodies are believed to be, and where they can be next.
+//! Tracks: the accepted places of bodies, and their possible next places.
 //!
-//! A pose follows a track if the body could have got there at the stated speed and rate of turn since the last pose that
-//! was believed. How far that is grows with the time, but not beyond a fifth of a second: a body that was away for long must
-//! settle anew. What goes on from poses that were not believed is not either, even if it has come into reach by then. A track is laid anew when poses followed each other for the stated time, unless they began where another
-//! body was: what was taken for the vehicle then is the other one, for however long.
+//! A pose follows a track if the body could have got there at the stated speed and rate of turn since the last accepted
+//! pose. That distance grows with the time, but not beyond a fifth of a second: a body that was away for long must
+//! settle again. Poses that continue refused ones are refused too, even if they have come into reach by then. A track
+//! restarts when poses followed each other for the stated time, unless they began where another body was: then the
+//! markers were exchanged, and the poses are refused for any time.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,34 +12,34 @@ use crate::wire::{MOST_BODIES, Name, WireBody};
 
 /// Longest time without a pose for which a body's reach grows, ns.
 const LONGEST_NS: u64 = 200_000_000;
-/// How far a pose is off because of noise and of an uncertain time, m.
+/// Error of a pose by noise and by an uncertain time, m.
 const POSITION_NOISE: f64 = 0.02;
 /// The same of an attitude, rad.
 const ATTITUDE_NOISE: f64 = 0.1;
-/// For how long another body is remembered where it was, ns.
+/// Time for which another body's last place is kept, ns.
 const OTHER_NS: u64 = 1_000_000_000;
-/// A place is another body's if the way from there is shorter by this factor than from the vehicle's own.
+/// A place is another body's if the way from there is shorter by this factor than from the vehicle's last place.
 const EXCHANGE_FACTOR: f64 = 0.5;
 
-/// What a pose can be.
+/// Limits of a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// Largest speed, m/s.
     pub max_speed: f64,
     /// Largest rate of turn, rad/s.
     pub max_turn_rate: f64,
-    /// For how long poses must follow each other before they are believed, ns.
+    /// Time for which poses must follow each other before they are accepted, ns.
     pub settle_ns: u64,
-    /// By how much the time between two poses may be longer than their capture times say, ns.
+    /// Excess of the time between two poses over that of their capture times, ns.
     pub time_noise_ns: u64,
 }
 
-/// What a pose is to a track.
+/// Decision on a pose for a track.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PoseDecision {
     /// It follows.
     Follows,
-    /// It is the last of those by which the track was laid.
+    /// It is the last of those that started the track.
     Settled,
     /// There is no track yet.
     Unsettled,
@@ -55,7 +56,7 @@ struct Place {
     at_ns: u64,
 }
 
-/// Poses that follow each other and are not believed yet.
+/// Poses that follow each other and are not accepted yet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Candidate {
     newest: Place,
@@ -70,7 +71,7 @@ struct Other {
     place: Place,
 }
 
-/// The vehicle's track, and where other bodies were.
+/// The vehicle's track, and the last places of other bodies.
 #[derive(Clone, Debug)]
 pub(super) struct Tracks {
     bounds: Bounds,
@@ -80,7 +81,7 @@ pub(super) struct Tracks {
 }
 
 impl Bounds {
-    /// How far a body gets in a time, m.
+    /// Returns the distance that a body can cover in a time, m.
     fn reach(&self, ns: u64) -> f64 {
         self.max_speed * seconds(ns) + POSITION_NOISE
     }
@@ -153,7 +154,7 @@ impl Tracks {
         candidate.verdict
     }
 
-    /// What a pose is that follows neither the track nor the pose before.
+    /// Returns the decision on a pose that follows neither the track nor the pose before.
     fn verdict_of_first(&self, place: &Place) -> PoseDecision {
         let Some(believed) = &self.believed else {
             return PoseDecision::Unsettled;
@@ -193,7 +194,7 @@ impl Tracks {
         };
         if let Some(known) = known {
             let old = self.others[known].place;
-            // Exchanged with the vehicle it is not where it was: then its old place counts until it is forgotten.
+            // During an exchange with the vehicle it is not where it was: its old place counts until it expires.
             if self.bounds.can_follow(&old, &place) || at_ns.saturating_sub(old.at_ns) > OTHER_NS {
                 self.others[known].place = place;
             }

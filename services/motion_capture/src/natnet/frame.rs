@@ -1,4 +1,4 @@
-//! FRAME: sections of which rigid bodies and times are of use; the others are passed over.
+//! FRAME: its rigid bodies and times are read, its other sections skipped.
 
 use super::{RigidBody, ServerInfo, Times, Version};
 use crate::wire::{CapturePose, Cursor, Frame, MOST_BODIES, Name, Stamp, WireBody, WireError};
@@ -9,11 +9,11 @@ pub(crate) const RIGID_BODY_LENGTH: usize = 38;
 const LABELED_MARKER_LENGTH: usize = 26;
 /// Length of the end that 4.1 and later may leave out, bytes.
 const PRECISION_TIME_LENGTH: usize = 8;
-/// Length of what stands behind the times, bytes.
+/// Length of the part after the times, bytes.
 const FOOT_LENGTH: usize = 6;
 /// Bit of a rigid body that is seen.
 pub(crate) const TRACKED: u16 = 1;
-/// Bit of a frame after which the bodies are others.
+/// Bit of a frame after which the bodies have changed.
 const MODELS_CHANGED: u16 = 2;
 
 /// Reads a frame; returns whether the names are old.
@@ -50,7 +50,7 @@ pub(super) fn read(
         payload.skip(1, PRECISION_TIME_LENGTH, "the precision time")?;
     }
     let flags = payload.u16_le("the frame's flags")?;
-    // The last four bytes only say that the frame ends here.
+    // The last four bytes only mark the end of the frame.
     payload.skip(1, 4, "the end of the frame")?;
     frame.stamp = Some(stamp(&times, server.clock_frequency)?);
     Ok(has_unnamed || flags & MODELS_CHANGED != 0)
@@ -167,7 +167,7 @@ fn times(payload: &mut Cursor<'_>) -> Result<Times, WireError> {
     })
 }
 
-/// The times in ns. A server that does not know when it exposed gives its time stamp only.
+/// Returns the times in ns. A server without exposure times gives its time stamp only.
 fn stamp(times: &Times, frequency: u64) -> Result<Stamp, WireError> {
     let ns = |ticks: u64| {
         let ns = u128::from(ticks) * 1_000_000_000 / u128::from(frequency);

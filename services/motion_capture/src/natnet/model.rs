@@ -1,4 +1,4 @@
-//! MODELDEF: which rigid body has which name.
+//! MODELDEF: the names of the rigid bodies.
 
 use super::Version;
 use crate::wire::{Cursor, MOST_BODIES, Name, WireError};
@@ -8,10 +8,10 @@ const MARKER_SET: i32 = 0;
 const RIGID_BODY: i32 = 1;
 const SKELETON: i32 = 2;
 
-/// Reads the names of all rigid bodies in place of those known so far.
+/// Reads the names of all rigid bodies, which replace the known ones.
 ///
-/// Before 4.1 a description of a kind that is not known has no length: what stands behind it cannot be read, and is
-/// done without. Motive sends rigid bodies before force plates, devices and cameras.
+/// Before 4.1 a description of an unknown kind has no length: the rest after it cannot be read, and is ignored. Motive
+/// sends rigid bodies before force plates, devices and cameras.
 pub(super) fn read(
     payload: &mut Cursor<'_>,
     version: Version,
@@ -60,7 +60,7 @@ fn marker_set(description: &mut Cursor<'_>) -> Result<(), WireError> {
 fn rigid_body(description: &mut Cursor<'_>, version: Version) -> Result<(i32, Name), WireError> {
     let name = Name::new(description.text("the name of a rigid body")?)?;
     let id = description.i32_le("the id of a rigid body")?;
-    // Its parent's id, and where it is seen from there.
+    // Its parent's id, and its place relative to it.
     description.skip(4, 4, "a rigid body's description")?;
     let markers = description.u32_le("the number of markers")?;
     // Each marker's place and label.
@@ -78,7 +78,7 @@ fn skeleton(description: &mut Cursor<'_>) -> Result<(), WireError> {
     description.skip(1, 4, "the id of a skeleton")?;
     for _ in 0..description.u32_le("the number of bones")? {
         description.text("the name of a bone")?;
-        // Id, parent, and where it is seen from there.
+        // Id, parent, and place relative to it.
         description.skip(5, 4, "a bone")?;
     }
     Ok(())

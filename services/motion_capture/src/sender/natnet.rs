@@ -2,7 +2,7 @@
 
 use crate::natnet::{RigidBody, SERVER_NAME_LENGTH, ServerInfo, Times, Version, message};
 
-/// A datagram of SERVERINFO.
+/// Encodes a datagram of SERVERINFO.
 #[must_use]
 pub fn server_info(server: &ServerInfo) -> Vec<u8> {
     let mut payload = vec![0; SERVER_NAME_LENGTH];
@@ -16,7 +16,7 @@ pub fn server_info(server: &ServerInfo) -> Vec<u8> {
     datagram(message::SERVERINFO, &payload)
 }
 
-/// A datagram of MODELDEF with rigid bodies and, as Motive does, the marker set of all of them.
+/// Encodes a datagram of MODELDEF with rigid bodies and, as Motive does, the marker set of all of them.
 #[must_use]
 pub fn names(version: Version, bodies: &[(i32, &str)]) -> Vec<u8> {
     let mut payload = Vec::new();
@@ -40,7 +40,7 @@ pub fn names(version: Version, bodies: &[(i32, &str)]) -> Vec<u8> {
     datagram(message::MODELDEF, &payload)
 }
 
-/// A datagram of FRAME with rigid bodies, a marker set and a skeleton of one bone.
+/// Encodes a datagram of FRAME with rigid bodies, a marker set and a skeleton of one bone.
 #[must_use]
 pub fn frame(version: Version, number: u32, bodies: &[RigidBody], times: &Times) -> Vec<u8> {
     let mut payload = number.to_le_bytes().to_vec();
@@ -72,7 +72,7 @@ pub fn frame(version: Version, number: u32, bodies: &[RigidBody], times: &Times)
     datagram(message::FRAME, &payload)
 }
 
-/// A datagram of any kind.
+/// Encodes a datagram of any kind.
 #[must_use]
 pub fn datagram(kind: u16, payload: &[u8]) -> Vec<u8> {
     let length = u16::try_from(payload.len()).unwrap_or(u16::MAX);

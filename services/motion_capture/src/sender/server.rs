@@ -1,4 +1,4 @@
-//! A motion-capture system that is none: sends given poses to whoever would listen to a real one.
+//! Simulated motion-capture system: it sends given poses to the clients of a real one.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddrV4, TcpListener, TcpStream, UdpSocket};
@@ -15,20 +15,20 @@ use crate::wire::CapturePose;
 /// Ticks a second of the clock that a `NatNet` server stamps with.
 const CLOCK_FREQUENCY: u64 = 10_000_000;
 
-/// What it sends as, from where and to whom.
+/// System, source and destination of a simulated server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// Which system it seems to be.
+    /// The simulated system.
     pub system: CaptureSystem,
-    /// Where it listens or sends from.
+    /// Its address, to listen or to send from.
     pub at: SocketAddrV4,
-    /// Where frames of Vicon and of `NatNet` go; a multicast group will do for `NatNet`.
+    /// Destination of frames of Vicon and of `NatNet`; may be a multicast group for `NatNet`.
     pub to: SocketAddrV4,
     /// Version of the `NatNet` bit stream.
     pub version: Version,
 }
 
-/// A system that seems to be one.
+/// Simulated server.
 #[derive(Debug)]
 pub enum Server {
     /// Sends datagrams.
@@ -43,7 +43,7 @@ impl Server {
     /// Opens its socket.
     ///
     /// # Errors
-    /// What the system says.
+    /// If the system refuses.
     pub fn open(plan: &Plan) -> std::io::Result<Self> {
         Ok(match plan.system {
             CaptureSystem::ViconUdp => Self::ViconUdp(UdpSocket::bind((*plan.at.ip(), 0))?, plan.to),
@@ -67,7 +67,7 @@ impl Server {
         })
     }
 
-    /// Lets in who wants to listen and answers what is asked; never waits.
+    /// Accepts clients and answers their requests; never waits.
     pub fn serve(&mut self, bodies: &[&str]) {
         match self {
             Self::ViconUdp(..) => {}
@@ -81,8 +81,8 @@ impl Server {
         }
     }
 
-    /// Sends a frame that was captured and is sent at these times, ns of a clock of its own; `None` is a body that is not
-    /// seen. Nobody being there is no error.
+    /// Sends a frame with the times of its capture and its sending, ns of the sender's clock; `None` is a body that is
+    /// not seen. A missing client is not an error.
     pub fn send(
         &mut self,
         number: u32,
@@ -133,7 +133,7 @@ impl Server {
     }
 }
 
-/// Says who it is and how bodies are called.
+/// Sends the greeting and the names of the bodies.
 fn greeted(mut client: TcpStream, bodies: &[&str]) -> Option<TcpStream> {
     let mut bytes = COOKIE.to_vec();
     for (number, name) in (0..).zip(bodies) {
@@ -146,7 +146,7 @@ fn greeted(mut client: TcpStream, bodies: &[&str]) -> Option<TcpStream> {
     Some(client)
 }
 
-/// Reads what a client says, which is of no interest, until it says that it goes.
+/// Reads and ignores a client's messages; returns whether it is still connected.
 fn is_there(client: &mut TcpStream) -> bool {
     let mut said = [0; 1024];
     loop {
@@ -210,7 +210,8 @@ fn rigid_body(id: i32, pose: Option<&CapturePose>) -> RigidBody {
     }
 }
 
-/// The quaternion x, y, z, w of a rotation, with the largest part computed first so that none is lost.
+/// Returns the quaternion x, y, z, w of a rotation, with the largest part computed first: a division by a small one
+/// would lose digits.
 #[must_use]
 pub fn quaternion(r: &Matrix3<f64>) -> [f64; 4] {
     let (xx, yy, zz) = (r[(0, 0)], r[(1, 1)], r[(2, 2)]);

@@ -1,4 +1,5 @@
-//! Motive: asks who is there and how bodies are called, and listens to frames from the group or from the server.
+//! Motive: requests the server's description and the names of bodies, and listens to frames from the group or from the
+//! server.
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::os::fd::BorrowedFd;
@@ -8,12 +9,12 @@ use super::{Address, TransportError, WireCounts};
 use crate::natnet::{Decoder, Received, ServerInfo, message};
 use crate::wire::{Frame, Name};
 
-/// Time between two questions that were not answered, and between two signs of life to a server of unicast, ns.
+/// Time between two unanswered requests, and between two signs of life to a server of unicast, ns.
 const ASK_NS: u64 = 500_000_000;
-/// For how long a silent server is taken for the one that it was, ns; then it is asked who it is.
+/// Silence after which a server's description is requested again, ns.
 const SILENCE_NS: u64 = 2_000_000_000;
 
-/// A server, with what it has said.
+/// Server with its description.
 #[derive(Debug)]
 pub struct Natnet {
     server: SocketAddrV4,
@@ -22,7 +23,7 @@ pub struct Natnet {
     data: Option<Udp>,
     decoder: Decoder,
     frame: Frame,
-    /// What the data socket was opened for.
+    /// Description for which the data socket was opened.
     listens_to: Option<ServerInfo>,
     names_are_old: bool,
     asked_ns: Option<u64>,
@@ -117,7 +118,7 @@ impl Natnet {
         };
         match opened {
             Ok(data) => self.data = Some(data),
-            // In unicast frames come to where was asked from, too.
+            // In unicast, frames also come to the address of the request.
             Err(_) => self.counts.failures += 1,
         }
         self.listens_to = server;

@@ -1,4 +1,4 @@
-//! Lets the kernel drop what does not come from one machine, before it takes room in the socket's buffer.
+//! Source filter: the kernel drops packets of other machines before they take room in the socket's buffer.
 #![expect(
     unsafe_code,
     reason = "options of a socket that no library sets: a filter, and how much was dropped"
@@ -10,21 +10,21 @@ use std::os::fd::{AsFd, AsRawFd};
 
 use libc::{c_int, sock_filter, sock_fprog, socklen_t};
 
-/// Where a filter finds the header of the network's layer: `SKF_NET_OFF` of linux/filter.h.
+/// Offset of the network layer's header in a filter: `SKF_NET_OFF` of linux/filter.h.
 const NETWORK_HEADER: u32 = 0xfff0_0000;
-/// Where an IPv4 header has the sender's address.
+/// Offset of the sender's address in an IPv4 header.
 const SENDER: u32 = 12;
-/// A filter's word for all of a packet.
+/// Return value of a filter for a whole packet.
 const WHOLE: u32 = u32::MAX;
 
 /// Place of the dropped packets among the numbers of `SO_MEMINFO`, which has nine: linux/sock_diag.h.
 const DROPS: usize = 8;
 const NUMBERS: usize = 9;
 
-/// Drops from now on what does not come from `server`.
+/// Drops from now on all packets that do not come from `server`.
 ///
 /// # Errors
-/// If the system does not permit it; then all senders are heard.
+/// If the system does not permit it; then packets of all senders arrive.
 pub(super) fn hear_only(socket: &impl AsFd, server: Ipv4Addr) -> io::Result<()> {
     let instruction = |code: u32, if_false: u8, value: u32| sock_filter {
         code: u16::try_from(code).expect("codes are small"),
@@ -59,7 +59,8 @@ pub(super) fn hear_only(socket: &impl AsFd, server: Ipv4Addr) -> io::Result<()> 
     done(answer)
 }
 
-/// Packets that the kernel has dropped: those of other senders, and those for which there was no room.
+/// Returns the number of packets that the kernel has dropped: those of other senders, and those for which there was no
+/// room.
 ///
 /// # Errors
 /// If the system does not tell.

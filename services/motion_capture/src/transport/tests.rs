@@ -1,4 +1,4 @@
-//! Over the loopback, with senders of our own. Waiting is for an event, with the watchdog of a deadline.
+//! Transports over the loopback, with simulated senders. Each wait is for an event, with a deadline.
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, SocketAddrV4, TcpListener, TcpStream, UdpSocket};
@@ -142,7 +142,7 @@ fn a_connection_is_made_again_after_every_way_in_which_it_can_end() {
     let mut source = CaptureSource::open(&address(CaptureSystem::Vrpn, port)).unwrap();
     let server = std::thread::spawn(move || {
         send_pose(&mut greeted(&listener), 1.0);
-        // The server ends; then somebody who is no server; then one that loses its senses.
+        // The server ends; then a server of another protocol; then one whose stream becomes invalid.
         listener.accept().unwrap().0.write_all(&[b'x'; 24]).unwrap();
         greeted(&listener).write_all(&[0; 64]).unwrap();
         let mut stream = greeted(&listener);
@@ -166,7 +166,7 @@ fn a_connection_is_made_again_after_every_way_in_which_it_can_end() {
 }
 
 #[test]
-fn nobody_there_is_asked_again_and_again_but_not_in_every_poll() {
+fn a_missing_server_is_retried_but_not_in_every_poll() {
     // A port that was free a moment ago.
     let port = TcpListener::bind("127.0.0.1:0")
         .unwrap()
@@ -223,7 +223,7 @@ fn natnet_flight(multicast: Option<[u8; 4]>) {
             server.send_to(&answer, client).unwrap();
         }
         let to = multicast.map_or(Ipv4Addr::LOCALHOST, Ipv4Addr::from);
-        // Nobody may be there yet.
+        // No client may be there yet.
         let _ = server.send_to(&frame, (to, data_port));
     };
     let got = until(&mut source, serve, |frame| named(frame, "quad"));

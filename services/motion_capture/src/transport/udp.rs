@@ -1,6 +1,6 @@
-//! A UDP socket of one interface, which hears one machine only.
+//! UDP socket of one interface, which receives from one machine only.
 //!
-//! The kernel drops what others send, so that it neither takes room in the buffer nor one of the packets of a poll.
+//! The kernel drops packets of others, so that they take neither room in the buffer nor one of the packets of a poll.
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
@@ -13,7 +13,7 @@ use super::{MOST_PACKETS, TransportError, WireCounts, source_filter};
 /// Longest datagram, bytes.
 const LONGEST: usize = 65_536;
 
-/// Polls from one look at what the kernel has dropped to the next: some of them a second.
+/// Polls from one check of the kernel's dropped packets to the next: some of them a second.
 const POLLS_BETWEEN_LOOKS: u32 = 256;
 
 #[derive(Debug)]
@@ -22,7 +22,7 @@ pub(super) struct Udp {
     server: Ipv4Addr,
     buffer: Box<[u8]>,
     polls: u32,
-    /// What the kernel had dropped by the last look.
+    /// Packets that the kernel had dropped by the last check.
     dropped: u64,
 }
 
@@ -41,7 +41,7 @@ impl Udp {
         )
     }
 
-    /// Listens to what a server sends to a group, as heard on one interface. Other programs may listen too.
+    /// Listens to packets of a server to a group, on one interface. Other programs may listen too.
     pub(super) fn join(
         group: SocketAddrV4,
         interface: Ipv4Addr,
@@ -60,10 +60,10 @@ impl Udp {
         Self::new(socket, group, server)
     }
 
-    /// A socket that hears a server only, not bound yet: so nothing of others is in its buffer.
+    /// Makes a socket that receives from a server only, not bound yet: so nothing of others is in its buffer.
     fn socket(server: Ipv4Addr) -> std::io::Result<OwnedFd> {
         let socket = socket_with(AddressFamily::INET, SocketType::DGRAM, SocketFlags::CLOEXEC, None)?;
-        // Where that is not permitted, what others send is dropped here.
+        // If that is not permitted, packets of others are dropped here.
         let _ = source_filter::hear_only(&socket, server);
         Ok(socket)
     }
@@ -81,7 +81,7 @@ impl Udp {
         })
     }
 
-    /// Where it listens.
+    /// Returns its port.
     #[cfg(test)]
     pub(super) fn port(&self) -> u16 {
         self.socket.local_addr().map_or(0, |at| at.port())
@@ -111,7 +111,7 @@ impl Udp {
                 }
                 Ok(_) => counts.foreign += 1,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
-                // Such as that nobody listens where something was sent: what has arrived is still to be had.
+                // Such as an ICMP answer to an earlier packet: arrived packets can still be read.
                 Err(_) => counts.failures += 1,
             }
         }

@@ -1,4 +1,4 @@
-//! Vicon's stream, which comes whether somebody listens or not.
+//! Vicon's stream, which is sent without a request.
 
 use std::net::SocketAddrV4;
 use std::os::fd::BorrowedFd;
@@ -8,7 +8,7 @@ use super::{Address, TransportError, WireCounts};
 use crate::vicon_udp::decode;
 use crate::wire::Frame;
 
-/// Listens to the stream.
+/// Receiver of the stream.
 #[derive(Debug)]
 pub struct ViconUdp {
     socket: Udp,

@@ -1,4 +1,4 @@
-//! A connection to a VRPN server that is made again whenever it ends.
+//! Connection to a VRPN server, which reconnects whenever it ends.
 
 use std::net::SocketAddrV4;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -16,22 +16,22 @@ use crate::wire::{Frame, Name};
 const FIRST_PAUSE_NS: u64 = 100_000_000;
 /// Longest pause, ns.
 const LONGEST_PAUSE_NS: u64 = 3_000_000_000;
-/// How long a connection may take to be made and the server to greet, ns.
+/// Longest duration of a connection until the server's greeting, ns.
 const PATIENCE_NS: u64 = 3_000_000_000;
 /// Bytes taken at once.
 const PIECE: usize = 16 * 1024;
 
 #[derive(Debug)]
 enum Link {
-    /// There is none; tried again at this time, ns.
+    /// None; retried at this time, ns.
     Closed(u64),
-    /// It is being made, or the server has not greeted; given up at this time, ns.
+    /// In progress, or the server has not greeted; given up at this time, ns.
     Opening(OwnedFd, bool, u64),
     /// The server has greeted.
     Open(OwnedFd),
 }
 
-/// A connection, with what has come of it.
+/// Connection with its decoder.
 #[derive(Debug)]
 pub struct Vrpn {
     server: SocketAddrV4,
@@ -56,7 +56,7 @@ impl Vrpn {
 
     pub(super) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         match &self.link {
-            // A descriptor that is being connected is ready for reading only when that has failed: the pause tells.
+            // A descriptor in the middle of a connection is ready for reading only after a failure: the pause decides.
             Link::Closed(_) => None,
             Link::Opening(socket, ..) | Link::Open(socket) => Some(socket.as_fd()),
         }
@@ -65,7 +65,7 @@ impl Vrpn {
     pub(super) fn due_ns(&self) -> Option<u64> {
         match &self.link {
             Link::Closed(at_ns) => Some(*at_ns),
-            // Soon, to greet: being connected makes a socket ready for writing, not for reading.
+            // Soon, to greet: a new connection makes a socket ready for writing, not for reading.
             Link::Opening(_, false, give_up_ns) => {
                 Some(give_up_ns.saturating_sub(PATIENCE_NS - FIRST_PAUSE_NS / 10))
             }
@@ -165,7 +165,7 @@ impl Vrpn {
     }
 }
 
-/// A socket that is being connected. One whose other end vanishes without a word is noticed within seconds.
+/// Makes a socket that connects. A vanished peer is detected within seconds.
 fn connecting(server: SocketAddrV4) -> rustix::io::Result<OwnedFd> {
     let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
     let socket = socket_with(AddressFamily::INET, SocketType::STREAM, flags, None)?;
