@@ -1,4 +1,4 @@
-//! What a scenario must satisfy beyond its types: each violation with its place, the reason and the fix.
+//! Checks of a scenario beyond its types: each violation with its place, the reason and the fix.
 
 mod actuators;
 mod air;
@@ -25,11 +25,11 @@ use std::f64::consts::TAU;
 
 use super::{Key, Problem, Scenario, Vector};
 
-/// Magnitude above which a number of a scenario is a slip of the pen; products of several stay finite.
+/// Largest plausible magnitude of a number in a scenario; products of several stay finite.
 const LARGEST: f64 = 1e9;
 
 impl Scenario {
-    /// Everything in the scenario that cannot be flown; empty for a good one.
+    /// Returns all problems of the scenario; empty for a valid one.
     #[must_use]
     pub fn problems(&self) -> Vec<Problem> {
         let root = Key::root();
@@ -51,7 +51,7 @@ impl Scenario {
         found.problems
     }
 
-    /// The sections of which the ideal flight has none, each by itself and all together.
+    /// Checks the sections that the ideal flight does not have, each by itself and all together.
     fn check_rig(&self, root: &Key, found: &mut Findings) {
         if let Some(cameras) = &self.cameras {
             let at = root.then("cameras");
@@ -75,15 +75,15 @@ impl Scenario {
     }
 }
 
-/// The problems found so far, and the rules that many values share. A rule returns whether the value keeps
-/// it, so that what depends on the value is asked only then.
+/// Problems found so far, and the rules for many values. A rule returns whether the value satisfies it, so that
+/// dependent rules are checked only then.
 #[derive(Debug, Default)]
 struct Findings {
     problems: Vec<Problem>,
 }
 
 impl Findings {
-    /// Whether a check finds nothing.
+    /// Returns whether a check finds no problem.
     fn has_none(check: impl FnOnce(&mut Self)) -> bool {
         let mut found = Self::default();
         check(&mut found);
@@ -94,7 +94,7 @@ impl Findings {
         self.problems.push(Problem::new(key, reason, fix));
     }
 
-    /// A number that can be computed with.
+    /// Requires a number that can be computed with.
     fn number(&mut self, key: &Key, value: f64) -> bool {
         let good = value.abs() <= LARGEST;
         if !good {
@@ -109,7 +109,7 @@ impl Findings {
         good
     }
 
-    /// An angle of at most a turn, rad: a larger one was probably meant in degrees.
+    /// Requires an angle of at most a turn, rad: a larger one was probably meant in degrees.
     fn angle(&mut self, key: &Key, value: f64) {
         if self.number(key, value) && value.abs() > TAU {
             let reason = format!("{value:?} rad is more than a turn");
@@ -121,14 +121,14 @@ impl Findings {
         }
     }
 
-    /// Three angles of at most a turn each, rad.
+    /// Requires three angles of at most a turn each, rad.
     fn angles(&mut self, key: &Key, value: &Vector) {
         for (index, &component) in value.iter().enumerate() {
             self.angle(&key.then(index), component);
         }
     }
 
-    /// Three numbers that can be computed with.
+    /// Requires three numbers that can be computed with.
     fn vector(&mut self, key: &Key, value: &Vector) -> bool {
         let components = value.iter().enumerate();
         components.fold(true, |good, (index, &component)| {
@@ -158,7 +158,7 @@ impl Findings {
         value >= 0.0
     }
 
-    /// Part of a whole, but not all of it.
+    /// Requires a share from 0 to below 1.
     fn share(&mut self, key: &Key, value: f64) {
         if !(0.0..1.0).contains(&value) {
             let reason = format!("{value:?} is not a share from 0 to below 1");
@@ -171,7 +171,7 @@ impl Findings {
     }
 }
 
-/// A computed number with the six digits that a reader needs of it.
+/// Formats a computed number with six digits.
 fn six_digits(value: f64) -> String {
     let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
     format!("{rounded:?}")

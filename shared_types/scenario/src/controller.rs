@@ -1,4 +1,4 @@
-//! The control law's gains and bounds.
+//! Gains and bounds of the control law.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ pub struct Controller {
     /// β, weight of the angular velocity error in the Lyapunov function; follows from `initial.inertia` unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beta: Option<f64>,
-    /// δ, the constant that the velocity error is driven to along the thrust axis, m/s; not 0.
+    /// δ, the value to which the velocity error is driven along the thrust axis, m/s; not 0.
     pub delta: f64,
     /// σmax, level of the saturation; above δ/k1.
     pub sigma_max: f64,
@@ -30,16 +30,18 @@ pub struct Controller {
     /// Λw is this times the identity, adaptation gain of ŵ; 0 holds the estimate; follows from the other gains unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lambda_inertia: Option<f64>,
-    /// Where the unknown parameters are known to lie.
+    /// Known bounds of the unknown parameters.
     pub bounds: Bounds,
-    /// What the estimators begin with.
+    /// Initial values of the estimates.
     pub initial: InitialEstimates,
-    /// Whether the law aims above the path by what δ makes the vehicle hang below it, so that z1 → 0; not in the paper.
+    /// Whether the law aims above the path by the offset at which δ makes the vehicle hang below it, so that z1 → 0;
+    /// not in the paper.
     pub remove_offset: bool,
     /// Thrust and body rates in place of thrust and torque, for a vehicle with its own rate loop.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rates: Option<RateCommand>,
-    /// Gain γ of the immersion-and-invariance mass observer that flies along unheard; none unless stated.
+    /// Gain γ of the immersion-and-invariance mass observer, which runs in parallel and is recorded, not used; none
+    /// unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub observer_gain: Option<f64>,
 }
@@ -66,7 +68,7 @@ impl Default for Controller {
 }
 
 impl Controller {
-    /// σ⁻¹(δ/k1): what the theorem bounds ‖z1‖ by ultimately, m.
+    /// Returns σ⁻¹(δ/k1), the theorem's ultimate bound on ‖z1‖, m.
     #[must_use]
     pub fn ultimate_bound(&self) -> f64 {
         libm::atanh(self.delta.abs() / (self.k1 * self.sigma_max))
@@ -74,8 +76,9 @@ impl Controller {
 }
 
 impl Scenario {
-    /// What the theorem bounds the distance from the path by ultimately, m. It speaks of the paper's law alone: not of a
-    /// program in its place, of estimators that are switched off, or of a law that aims elsewhere (`remove_offset`).
+    /// Returns the theorem's ultimate bound on the distance from the path, m. The theorem is about the paper's law
+    /// alone: not about an external service, about estimators that are switched off, or about a law that aims elsewhere
+    /// (`remove_offset`).
     #[must_use]
     pub fn theorem_bound(&self) -> Option<f64> {
         let law = &self.controller;
@@ -85,7 +88,7 @@ impl Scenario {
     }
 }
 
-/// How commands of body rates are made: the torque drives an artificial angular velocity, which is sent.
+/// Commands of body rates: the torque drives an artificial angular velocity, which is sent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RateCommand {
@@ -93,17 +96,17 @@ pub struct RateCommand {
     pub yaw_kp: f64,
     /// ki of the yaw law (28), 1/s².
     pub yaw_ki: f64,
-    /// Largest magnitude of the yaw law's integral term, rad/s: the largest drift that it is expected to make up
-    /// for. It rests while the proportional term is larger.
+    /// Largest magnitude of the yaw law's integral term, rad/s: the largest drift that it is expected to compensate. It
+    /// is frozen while the proportional term is larger.
     pub yaw_integral_max: f64,
     /// Step at which the law drives the artificial angular velocity over the hold of a frame, s.
     pub roll_out_step: f64,
-    /// Whether vehicle and path move along over the hold; if not the law sees them as they are at its beginning.
+    /// Whether vehicle and path move along over the hold; if not the law uses their state at its beginning.
     pub roll_out: bool,
-    /// Whether the vehicle of the roll-out is also pushed by what the estimator sees and the estimates of mass and
-    /// disturbance do not explain.
+    /// Whether the acceleration that the estimator sees and the estimates of mass and disturbance do not explain also
+    /// acts on the vehicle of the roll-out.
     pub unexplained: bool,
-    /// Whether commands make up for the believed lags of thrust and rates.
+    /// Whether commands compensate for the modelled lags of thrust and rates.
     pub lag_inversion: bool,
 }
 
@@ -122,14 +125,14 @@ impl Default for RateCommand {
 }
 
 impl RateCommand {
-    /// In how many steps the law is rolled out over a hold of so many seconds; a whole number.
+    /// Returns the number of roll-out steps over a hold of so many seconds; a whole number.
     #[must_use]
     pub fn steps(&self, hold: f64) -> f64 {
         libm::round(hold / self.roll_out_step).max(1.0)
     }
 }
 
-/// Bounds of the unknown parameters (Assumption 1) and how far the smooth projection (5) may pass them.
+/// Bounds of the unknown parameters (Assumption 1), and the excess of the smooth projection (5) over them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Bounds {
@@ -157,13 +160,13 @@ impl Default for Bounds {
     }
 }
 
-/// What the estimators begin with.
+/// Initial values of the estimates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct InitialEstimates {
     /// 1/η̂, kg.
     pub mass: f64,
-    /// Diagonal of J of which ŵ begins, and by which β and Λw go unless they are stated, kg m².
+    /// Diagonal of J for the initial ŵ; β and Λw follow from it unless they are stated, kg m².
     pub inertia: Vector,
     /// b̂, m/s².
     pub disturbance: Vector,

@@ -1,4 +1,4 @@
-//! The curves that a path may follow.
+//! Curves of paths.
 
 use std::f64::consts::PI;
 
@@ -21,7 +21,7 @@ pub enum Curve {
     Line(Line),
     /// A Lissajous figure: an oscillation along each axis, such as a bob up and down.
     Lissajous(Lissajous),
-    /// A smooth curve through points, from rest at the first to rest at the last, or around and around.
+    /// A smooth curve through points, from rest at the first to rest at the last, or closed.
     Waypoints(Waypoints),
 }
 
@@ -80,7 +80,7 @@ pub struct Circle {
 pub struct Line {
     /// The point at γ = 0 in {I}, m.
     pub start: Vector,
-    /// Way per unit of γ in {I}, m.
+    /// Displacement per unit of γ in {I}, m.
     pub direction: Vector,
 }
 

@@ -1,4 +1,4 @@
-//! The envelope: what the transmitter does not let vehicle and controller do, whatever the controller says.
+//! Flight envelope: limits that the transmitter enforces on vehicle and controller, whatever the controller commands.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,17 +6,17 @@ use serde::{Deserialize, Serialize};
 use super::Vector;
 use shared_types::samples::RcFrame;
 
-/// Limits that the transmitter checks on its own inputs while it sends commands, each with what is done about it.
+/// Limits that the transmitter checks on its inputs while it sends commands, each with an action.
 ///
-/// Commands never pass their limits, whatever the action: they are cut to them.
+/// Commands never exceed their limits, whatever the action: they are cut to them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Envelope {
-    /// For how long a limit is exceeded without a break before its action is taken, s.
+    /// Time for which a limit is exceeded without a break before its action, s.
     pub after: f64,
-    /// How long the vehicle may take from the demand to land until it rests disarmed, s; then it is killed.
+    /// Longest time from the demand to land until the vehicle rests disarmed, s; then it is killed.
     pub land_within: f64,
-    /// Where the vehicle may be.
+    /// Box that the vehicle may not leave.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub r#box: Option<Fence>,
     /// Largest angle of the thrust against the vertical, rad.
@@ -25,7 +25,7 @@ pub struct Envelope {
     /// Largest speed, m/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed: Option<Limit>,
-    /// How good the estimate of the state must be.
+    /// Required accuracy of the estimated state.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub estimate: Option<EstimateLimit>,
     /// Largest thrust that is sent, N; the smallest is 0.
@@ -39,15 +39,15 @@ pub struct Envelope {
     pub rates: Option<VectorLimit>,
 }
 
-/// What is done about a limit that is exceeded.
+/// Action for an exceeded limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Action {
-    /// The frames say so.
+    /// The frames state it.
     Warn,
-    /// The vehicle is to land.
+    /// The vehicle must land.
     Land,
-    /// The motors rest for ever.
+    /// The motors stop for ever.
     Kill,
 }
 
@@ -57,7 +57,7 @@ pub enum Action {
 pub struct Limit {
     /// The largest value.
     pub max: f64,
-    /// What is done above it.
+    /// Action above it.
     pub action: Action,
 }
 
@@ -67,7 +67,7 @@ pub struct Limit {
 pub struct VectorLimit {
     /// The largest magnitudes.
     pub max: Vector,
-    /// What is done above one of them.
+    /// Action above one of them.
     pub action: Action,
 }
 
@@ -79,20 +79,20 @@ pub struct Fence {
     pub min: Vector,
     /// Corner with the largest coordinates in {I}, m.
     pub max: Vector,
-    /// How far outside a vehicle that is to land is killed, m.
+    /// Distance outside of the box at which a vehicle that is to land is killed, m.
     #[serde(default = "default_margin")]
     pub margin: f64,
-    /// What is done about a vehicle outside.
+    /// Action for a vehicle outside.
     pub action: Action,
 }
 
-/// How good the estimate of the state must be.
+/// Required accuracy of the estimated state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EstimateLimit {
     /// Largest standard deviation of the position, m.
     pub position_sigma: f64,
-    /// What is done above it, and where there is no state, none that is tracked or recent.
+    /// Action above it, and if there is no state, none that is tracked or none that is recent.
     pub action: Action,
 }
 
@@ -117,7 +117,7 @@ impl Default for Envelope {
 }
 
 impl Action {
-    /// The action as frames say it.
+    /// Returns the action's code in frames.
     #[must_use]
     pub fn code(self) -> u8 {
         match self {
@@ -129,7 +129,7 @@ impl Action {
 }
 
 impl Envelope {
-    /// The limits that are stated, by name, with their actions.
+    /// Returns the stated limits, by name, with their actions.
     #[must_use]
     pub fn actions(&self) -> Vec<(&'static str, Action)> {
         let number = |limit: &Option<Limit>| limit.as_ref().map(|limit| limit.action);

@@ -1,18 +1,18 @@
-//! The state estimator.
+//! State estimator.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The state estimator.
+/// State estimator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Estimator {
-    /// The error-state Kalman filter.
+    /// Error-state Kalman filter.
     pub kalman: Kalman,
 }
 
-/// An error-state Kalman filter on poses and the frames already sent, with prediction to the time at which the
-/// next frame acts.
+/// Error-state Kalman filter on poses and the frames already sent, with prediction to the time at which the next frame
+/// acts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Kalman {
@@ -30,11 +30,11 @@ pub struct Kalman {
     pub rate_bias_drift: f64,
     /// Squared Mahalanobis distance above which a capture is refused as an outlier.
     pub gate: f64,
-    /// For how long captures may be refused in a row before the filter starts anew from one, s.
+    /// Time for which captures may be refused in a row before the filter restarts from one, s.
     pub restart_after: f64,
-    /// For how long the state counts as tracked without a capture, s.
+    /// Time for which the state counts as tracked without a capture, s.
     pub coast: f64,
-    /// Whether the state is predicted to the time at which the next frame acts; if not it speaks of the last capture.
+    /// Whether the state is predicted to the time at which the next frame acts; if not it is that of the last capture.
     pub prediction: bool,
 }
 

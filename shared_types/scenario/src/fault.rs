@@ -1,4 +1,4 @@
-//! Planned faults: a service that is out, or an input of a service whose samples come late, wrong or not at all.
+//! Planned faults: a service with an outage, or an input of a service whose samples are late, wrong or missing.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 use super::EdgeName;
 use shared_types::wiring::ServiceId;
 
-/// A planned fault of a service or of an input of one, exact in simulated time.
+/// Planned fault of a service or of an input, exact in simulated time.
 ///
-/// Which of the other values belong to a [`kind`](Fault::kind) stands with each; others are refused.
+/// Each of the other values names the [`kinds`](Fault::kind) that it belongs to; with other kinds it is refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
-    /// From when, s.
+    /// Begin, s.
     pub at: f64,
     /// Name of the service that fails; with `off` and `freeze`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -20,15 +20,15 @@ pub struct Fault {
     /// The input that fails, as `"topic -> service"`; with all other kinds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edge: Option<String>,
-    /// What happens.
+    /// Kind of the fault.
     pub kind: FaultKind,
-    /// How long, s; for good unless stated.
+    /// Duration, s; for ever unless stated.
     #[serde(default, rename = "for", skip_serializing_if = "Option::is_none")]
     pub lasts: Option<f64>,
-    /// With what a service comes back; with `off`.
+    /// State of the service when it comes back; with `off`.
     #[serde(default)]
     pub state: FaultState,
-    /// How much later samples arrive, s; with `delay`.
+    /// Additional delay of samples, s; with `delay`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<f64>,
     /// Share of the samples that are lost, above 0 and at most 1; with `intermittent`.
@@ -37,22 +37,22 @@ pub struct Fault {
     /// Number of the sample that is wrong, such as `thrust`, or `position_world.2` for one of several; with `wrong`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
-    /// What the number is multiplied by, 1 unless stated; with `wrong`.
+    /// Factor on the number, 1 unless stated; with `wrong`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
-    /// What is then added to it, in its own unit, 0 unless stated; with `wrong`.
+    /// Value added to it then, in its unit, 0 unless stated; with `wrong`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bias: Option<f64>,
-    /// Largest magnitude of the numbers that stand in place of all others; any bits at all unless stated; with `garbage`.
+    /// Largest magnitude of the random numbers; any bits at all unless stated; with `garbage`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<f64>,
 }
 
-/// What happens to a service or to an input.
+/// Kind of a fault of a service or of an input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
-    /// The service's process dies, and another takes its place.
+    /// The service's process dies, and another replaces it.
     Off,
     /// The service stands still and keeps its state.
     Freeze,
@@ -68,7 +68,7 @@ pub enum FaultKind {
     Garbage,
 }
 
-/// With what a service comes back.
+/// State of a service when it comes back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultState {
@@ -79,7 +79,7 @@ pub enum FaultState {
     Cold,
 }
 
-/// What a fault befalls.
+/// Target of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// A service.
@@ -100,7 +100,7 @@ impl FaultKind {
         Self::Garbage,
     ];
 
-    /// Name in scenarios.
+    /// Returns its name in scenarios.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -114,7 +114,7 @@ impl FaultKind {
         }
     }
 
-    /// Whether it befalls a service; all others befall an input of one.
+    /// Returns whether it concerns a service; all others concern an input of one.
     #[must_use]
     pub fn is_outage(self) -> bool {
         matches!(self, Self::Off | Self::Freeze)
@@ -122,7 +122,7 @@ impl FaultKind {
 }
 
 impl Fault {
-    /// A fault of this kind from `at` (s) on, for good, of nothing yet.
+    /// Makes a fault of this kind from `at` (s) on, for ever, without a target.
     #[must_use]
     pub fn new(kind: FaultKind, at: f64) -> Self {
         Self {
@@ -141,7 +141,7 @@ impl Fault {
         }
     }
 
-    /// What it befalls, if there is such a thing.
+    /// Returns its target, if that exists.
     #[must_use]
     pub fn target(&self) -> Option<Target> {
         if self.kind.is_outage() {
@@ -151,13 +151,13 @@ impl Fault {
         }
     }
 
-    /// When it ends, s; infinity if it does not.
+    /// Returns its end, s; infinity if it does not end.
     #[must_use]
     pub fn until(&self) -> f64 {
         self.lasts.map_or(f64::INFINITY, |lasts| self.at + lasts)
     }
 
-    /// The values that only some kinds have: name, whether it is stated, and whether this kind has it.
+    /// Returns the values that only some kinds have: name, whether it is stated, and whether this kind has it.
     pub(super) fn values_of_kinds(&self) -> [(&'static str, bool, bool); 9] {
         let kind = self.kind;
         [
@@ -194,7 +194,7 @@ impl std::fmt::Display for FaultKind {
 }
 
 impl std::fmt::Display for Fault {
-    /// What happens to what, in words, without the times.
+    /// Describes the fault in words, without the times.
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let stated = self.service.as_ref().or(self.edge.as_ref());
         let target = stated.map_or("", String::as_str);

@@ -1,4 +1,4 @@
-//! The phases of a flight: when its people ask for what, and how the vehicle takes off and lands.
+//! Phases of a flight: the operator's planned requests, and take-off and landing.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,28 +6,29 @@ use serde::{Deserialize, Serialize};
 use super::Scenario;
 use shared_types::schedule::OperatorPlan;
 
-/// A flight from the ground to the ground: disarmed, armed, take-off, fly, land, disarmed.
+/// Flight from the ground to the ground: disarmed, armed, take-off, fly, land, disarmed.
 ///
-/// The ground lies where the vehicle is at the start.
+/// The ground is at the vehicle's initial height.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Flight {
-    /// When the operator arms, s: the vehicle takes off as soon as all is ready; by command only unless stated.
+    /// Time at which the operator arms, s: the vehicle takes off as soon as all is ready; by command only unless
+    /// stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arm_at: Option<f64>,
-    /// When the operator lets the vehicle land, s; by command only unless stated.
+    /// Time at which the operator demands a landing, s; by command only unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub land_at: Option<f64>,
-    /// When the operator stops the motors for ever, s; by command only unless stated.
+    /// Time at which the operator stops the motors for ever, s; by command only unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kill_at: Option<f64>,
-    /// How long the motors idle between arming and take-off, s.
+    /// Time for which the motors idle between arming and take-off, s.
     pub spool_up: f64,
-    /// How far the vehicle rises before it goes to the path, m.
+    /// Climb before the vehicle flies to the path, m.
     pub takeoff_height: f64,
     /// Largest speed on the way from the ground to the path, m/s.
     pub takeoff_speed: f64,
-    /// How long the path takes from rest to its full speed, and from there to rest before the vehicle descends, s.
+    /// Time in which the path reaches its full speed from rest, and later comes to rest before the vehicle descends, s.
     pub transition_time: f64,
     /// Speed of the descent, m/s.
     pub landing_speed: f64,
@@ -52,7 +53,7 @@ impl Default for Flight {
 }
 
 impl Flight {
-    /// The times at which the operator asks for something, s: key, and the time if it is stated.
+    /// Returns the planned requests of the operator, s: key, and the time if it is stated.
     #[must_use]
     pub fn requests(&self) -> [(&'static str, Option<f64>); 3] {
         [
@@ -64,7 +65,7 @@ impl Flight {
 }
 
 impl Scenario {
-    /// When the operator is planned to ask for what.
+    /// Returns the planned requests of the operator.
     pub(super) fn operator_plan(&self) -> OperatorPlan {
         let Some(flight) = &self.flight else {
             return OperatorPlan::FLYING;

@@ -1,4 +1,4 @@
-//! β and Λw where a scenario does not state them: gains that a sampled controller can hold.
+//! Default gains β and Λw, for which a sampled controller is stable.
 //!
 //! The theorem is about continuous time, in which any β and Λw above 0 will do. A controller that holds its torque
 //! over h changes J z3 by −h (W w̃ + k3 σ(z3)/β) a step, and w̃ by h β Λw Wᵀz3. Two rules follow.
@@ -6,14 +6,14 @@
 //! # β
 //!
 //! Near z3 = 0 a step takes the share h k3 σmax/(βJ) of z3 away: nothing is left of it at 1, and above 2 it grows. The
-//! default takes 0.3, for J of `controller.initial.inertia`, the one thing that the controller is told of the
-//! vehicle's inertia. The loop must also stay faster than the attitude loop around it, whose rate is g/δ: by a
-//! quarter at least. Between the two lies the range of J that one β serves, a factor of 80 for the paper's gains.
+//! default takes 0.3, for J of `controller.initial.inertia`, the controller's only information on the vehicle's
+//! inertia. The loop must also stay faster than the attitude loop around it, whose rate is g/δ: by a quarter at least.
+//! Between the two lies the range of J that one β serves, a factor of 80 for the paper's gains.
 //!
 //! # Λw
 //!
 //! Of the Lyapunov function's part ½ β z3ᵀJz3 + ½ Λw⁻¹‖w̃‖² the terms with w̃ cancel in continuous time. A step leaves
-//! ½ h² β² Λw ‖Wᵀz3‖² over, which the damping h k3 z3ᵀσ(z3) must make up for:
+//! ½ h² β² Λw ‖Wᵀz3‖² over, which the damping h k3 z3ᵀσ(z3) must compensate:
 //!
 //! ```text
 //!     Λw ≤ 2 k3 z3ᵀσ(z3) / (h β² ‖Wᵀz3‖²)
@@ -46,7 +46,7 @@ const DAMPED_A_STEP: f64 = 0.3;
 const SHARE_OF_LIMIT: f64 = 0.5;
 
 impl Scenario {
-    /// β: as stated, or as it follows from `controller.initial.inertia`.
+    /// Returns β: as stated, or as it follows from `controller.initial.inertia`.
     #[must_use]
     pub fn beta(&self) -> f64 {
         let Controller { beta, initial, .. } = &self.controller;
@@ -56,26 +56,26 @@ impl Scenario {
         })
     }
 
-    /// The β that follows from a smallest moment of inertia, kg m².
+    /// Returns the β that follows from a smallest moment of inertia, kg m².
     #[must_use]
     pub fn beta_for(&self, inertia: f64) -> f64 {
         rounded(self.torque_step() * self.controller.damping() / (DAMPED_A_STEP * inertia))
     }
 
-    /// Λw: as stated, or as it follows from β and the other gains.
+    /// Returns Λw: as stated, or as it follows from β and the other gains.
     #[must_use]
     pub fn lambda_inertia(&self) -> f64 {
         let stated = self.controller.lambda_inertia;
         stated.unwrap_or_else(|| self.default_lambda_inertia())
     }
 
-    /// The Λw that follows from the other gains.
+    /// Returns the Λw that follows from the other gains.
     #[must_use]
     pub fn default_lambda_inertia(&self) -> f64 {
         rounded(SHARE_OF_LIMIT * self.lambda_inertia_limit())
     }
 
-    /// The Λw up to which the sampled estimator of w learns no more in a step than k3 damps.
+    /// Returns the Λw up to which the sampled estimator of w learns no more in a step than k3 damps.
     #[must_use]
     pub fn lambda_inertia_limit(&self) -> f64 {
         let Controller {
@@ -92,7 +92,7 @@ impl Scenario {
         13.5 * self.controller.damping() / (self.estimator_step() * beta * beta * learned)
     }
 
-    /// For how long a command is held, s.
+    /// Returns the duration of a command's hold, s.
     #[must_use]
     pub fn command_hold(&self) -> f64 {
         self.schedule().map_or(self.schedule.tick, |schedule| {
@@ -100,7 +100,7 @@ impl Scenario {
         })
     }
 
-    /// For how long a torque acts, s: the hold of a command, or a step of the roll-out over it.
+    /// Returns the time for which a torque acts, s: the hold of a command, or a step of the roll-out over it.
     #[must_use]
     pub fn torque_step(&self) -> f64 {
         let hold = self.command_hold();
@@ -108,7 +108,7 @@ impl Scenario {
         rates.map_or(hold, |rates| hold / rates.steps(hold))
     }
 
-    /// Step of the estimators of η, b and w, s.
+    /// Returns the step of the estimators of η, b and w, s.
     fn estimator_step(&self) -> f64 {
         self.schedule().map_or(self.schedule.tick, |schedule| {
             seconds(schedule.time_ns(schedule.service_rate(ServiceId::Controller).period))
@@ -117,14 +117,14 @@ impl Scenario {
 }
 
 impl Controller {
-    /// k3 σmax, the largest that k3 σ(z3) becomes about an axis.
+    /// Returns k3 σmax, the largest value of k3 σ(z3) about an axis.
     #[must_use]
     pub fn damping(&self) -> f64 {
         self.k3 * self.sigma_max
     }
 }
 
-/// A gain as a person would state it, with three digits: stating what was shown flies the same flight.
+/// Rounds a gain to three digits, so that a scenario which states the shown value flies the same flight.
 fn rounded(gain: f64) -> f64 {
     format!("{gain:.2e}").parse().unwrap_or(gain)
 }

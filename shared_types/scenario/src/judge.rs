@@ -1,4 +1,4 @@
-//! When a vehicle counts as lost.
+//! Limits beyond which a vehicle counts as lost.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -7,12 +7,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{Flight, Scenario};
 
-/// How much faster than it descends a vehicle may touch the ground unless stated, m/s: it has fallen a hand's breadth.
+/// Excess over the speed of descent with which a vehicle may touch the ground unless stated, m/s: it has fallen some
+/// centimetres.
 const HARDER: f64 = 1.0;
 
-/// When a flight counts as lost: by where the vehicle truly is, whatever its controller says.
+/// Limits beyond which a flight counts as lost, by the vehicle's true state, whatever its controller reports.
 ///
-/// Nothing of it changes what is flown, but for `end_when_lost`.
+/// They do not change the flight, except by `end_when_lost`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Judge {
@@ -39,7 +40,7 @@ impl Default for Judge {
 }
 
 impl Judge {
-    /// Speed above which a vehicle is lost that touches the ground in such a flight, m/s.
+    /// Returns the speed above which a vehicle is lost that touches the ground in such a flight, m/s.
     #[must_use]
     pub fn impact_speed_max(&self, flight: &Flight) -> f64 {
         self.impact_speed_max.unwrap_or(flight.landing_speed + HARDER)
@@ -47,7 +48,7 @@ impl Judge {
 }
 
 impl Scenario {
-    /// When a flight of the scenario counts as lost: as stated, or by default.
+    /// Returns the limits for the scenario: as stated, or by default.
     #[must_use]
     pub fn limits_of_loss(&self) -> Judge {
         self.judge.unwrap_or_default()

@@ -1,9 +1,9 @@
-//! What flies in a role: the step logic of the experiment, a driver of something real, or a program of one's own.
+//! Kind of a role's occupant: the step logic of the experiment, a driver of real hardware, or an external service.
 
 use super::{PoseSource, Scenario};
 use shared_types::ServiceId;
 
-/// What flies in a role. The registry has a constructor for every pair of role and kind that a scenario can ask for.
+/// Kind of a role's occupant. The registry has a constructor for every pair of role and kind that a scenario can state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// The step logic of the experiment, which every host can step.
@@ -14,7 +14,7 @@ pub enum Kind {
     RecordedCaptures,
     /// The transmitter's step logic, and the driver of a radio link behind it.
     RadioLink,
-    /// A program of one's own.
+    /// An external service.
     Program,
 }
 
@@ -28,7 +28,7 @@ impl Kind {
         Self::Program,
     ];
 
-    /// What the process is called that flies this kind in a role.
+    /// Returns the name of the process of this kind in a role.
     #[must_use]
     pub fn process_name(self, role: ServiceId) -> &'static str {
         match self {
@@ -38,11 +38,11 @@ impl Kind {
     }
 }
 
-/// What the process is called that hands on captures where nobody simulates a plant.
+/// Name of the process that publishes captures in place of a simulated plant.
 pub(crate) const MOTION_CAPTURE: &str = "motion_capture";
 
 impl Scenario {
-    /// What flies in a role in real time; in simulated time drivers have nothing to connect to.
+    /// Returns the kind in a role in real time; in simulated time drivers have no hardware to connect to.
     #[must_use]
     pub fn kind_of(&self, role: ServiceId) -> Kind {
         if self.program_of(role).is_some() {
@@ -56,14 +56,14 @@ impl Scenario {
         }
     }
 
-    /// What the process in a role is called: in listings of processes, messages and tables.
+    /// Returns the name of the process in a role, in listings of processes, messages and tables.
     #[must_use]
     pub fn process_name(&self, role: ServiceId) -> &'static str {
         self.kind_of(role).process_name(role)
     }
 }
 
-/// The role of a process, by what it is called.
+/// Returns the role of a process, by its name.
 #[must_use]
 pub fn role_of_process(name: &str) -> Option<ServiceId> {
     let of_a_driver = (name == MOTION_CAPTURE).then_some(ServiceId::Plant);

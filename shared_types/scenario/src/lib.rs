@@ -1,8 +1,8 @@
-//! The parameters of a flight, as a scenario file states them and as every service reads them.
+//! Parameters of a flight, as a scenario file states them and as every service reads them.
 //!
-//! A scenario determines the experiment together with its seed. How the machine is used stands in sections of its
-//! own, which [`Scenario::experiment`] leaves out. SI units and radians. Defaults are those of the paper where it gives
-//! them (section V), else those that were checked to give its results.
+//! A scenario determines the experiment together with its seed. Separate sections state the use of the machine;
+//! [`Scenario::experiment`] leaves them out. SI units and radians. Defaults are those of the paper where it gives them
+//! (section V), else those with which its results were reproduced.
 
 mod cameras;
 mod check;
@@ -60,7 +60,7 @@ pub use timing::Timing;
 pub use timing::names::EdgeName;
 pub use vehicle::{Actuators, Fan, FanMove, InitialState, Turbulence, Vehicle, VehicleChange};
 
-/// Keys that once stood elsewhere: table and name then, and the table now.
+/// Keys that have moved: table and name before, and the table now.
 pub const MOVED_KEYS: [(&str, &str, &str); 2] = [
     ("estimator", "source", "motion_capture"),
     ("estimator", "recording", "motion_capture"),
@@ -73,7 +73,7 @@ pub type Vector = [f64; 3];
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// What the scenario is for, one line.
+    /// Purpose of the scenario, one line.
     #[serde(default)]
     pub description: String,
     /// Seed of every random draw of the flight.
@@ -84,7 +84,7 @@ pub struct Scenario {
     /// Base tick, rates and transport latencies.
     #[serde(default)]
     pub schedule: Timing,
-    /// The vehicle and what happens to it.
+    /// The vehicle and its changes in flight.
     pub vehicle: Vehicle,
     /// The path and its timing law.
     pub path: Path,
@@ -94,41 +94,41 @@ pub struct Scenario {
     /// The motion-capture system; ideal unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cameras: Option<Cameras>,
-    /// The state estimator; passes what ideal cameras see on unless stated.
+    /// The state estimator; passes on the captures of ideal cameras unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimator: Option<Estimator>,
-    /// Where poses come from; the plant's cameras unless stated.
+    /// Source of poses; the plant's cameras unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_capture: Option<MotionCapture>,
     /// The radio link; ideal unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rc_output: Option<RcLink>,
-    /// What estimator and controller believe of vehicle and links; the truth may be otherwise.
+    /// Model of vehicle and links that estimator and controller use; the truth may differ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<Model>,
     /// The phases of the flight, from the ground to the ground; without it the vehicle is in the air from the start to
     /// the end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flight: Option<Flight>,
-    /// What the transmitter does not let the vehicle and the controller do; nothing is refused unless stated.
+    /// Limits that the transmitter enforces on the vehicle and the controller; none unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub envelope: Option<Envelope>,
-    /// When the vehicle counts as lost; as by default unless stated.
+    /// Limits beyond which the vehicle counts as lost; defaults unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub judge: Option<Judge>,
     /// Planned faults of services and of their inputs, exact in simulated time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fault: Vec<Fault>,
-    /// What services do about samples that are too old or cannot be true, by input: `"topic -> service"`.
+    /// Policies of services for samples that are too old or impossible, by input: `"topic -> service"`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub safety: BTreeMap<String, InputSafety>,
-    /// Programs of one's own that fly in place of services.
+    /// External services: programs that fly in place of services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub programs: Option<Programs>,
-    /// How the services use the machine; never changes the log.
+    /// Use of the machine by the services; never changes the log.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deployment: Option<Deployment>,
-    /// What a flight in real time does when services are late, hang, or are alone.
+    /// Reaction of a flight in real time to services that are late or hang, and to the loss of the orchestrator.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub real_time: Option<RealTime>,
 }
@@ -138,7 +138,7 @@ fn first_seed() -> u64 {
 }
 
 impl Scenario {
-    /// A flight of `duration` seconds in which everything that need not be stated is as by default.
+    /// Makes a flight of `duration` seconds with defaults for all optional values.
     #[must_use]
     pub fn new(duration: f64, vehicle: Vehicle, path: Path) -> Self {
         Self {

@@ -1,7 +1,7 @@
-//! How a flight uses the machine: deployment of the services, and what real time needs to know.
+//! Use of the machine by a flight: deployment of the services, and settings of real time.
 //!
-//! Nothing of it determines what a flight in simulated time writes: it is no part of
-//! [`Scenario::experiment`], which is what the log keeps and what step logic is made of.
+//! It does not affect the log of a flight in simulated time. It is no part of [`Scenario::experiment`], which the log
+//! keeps and from which step logic is made.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,11 +12,12 @@ use shared_types::wiring::ServiceId;
 
 macro_rules! deployment {
     ($($name:ident: $service:ident),+) => {
-        /// How the services use the machine: for all of them, unless a service's own table says otherwise.
+        /// Use of the machine: for all services, except as a service's table states otherwise.
         #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct Deployment {
-            /// Whether to refuse to fly if the machine does not permit what is stated; if not, the run says so and flies.
+            /// Whether a run refuses to fly if the machine does not permit the stated values; if not, it warns and
+            /// flies.
             pub strict: bool,
             /// Core that the services run on; chosen as the run begins unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
@@ -27,7 +28,8 @@ macro_rules! deployment {
             /// Whether memory is locked and touched before the flight, so that no step waits for a page; not unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub lock_memory: Option<bool>,
-            /// How much later the system may wake a sleeping service to save energy, s; the system's 5e-5 unless stated.
+            /// Delay by which the system may wake a sleeping service late to save energy, s; the system's 5e-5 unless
+            /// stated.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub timer_slack: Option<f64>,
             $(
@@ -35,13 +37,13 @@ macro_rules! deployment {
                 #[serde(skip_serializing_if = "Option::is_none")]
                 pub $name: Option<ServiceDeployment>,
             )+
-            /// What differs for `motion_capture`, which has the place of the plant in a laboratory.
+            /// Differences for `motion_capture`, which replaces the plant in a laboratory.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub motion_capture: Option<ServiceDeployment>,
         }
 
         impl Deployment {
-            /// What the own table of a process says, by what it is called.
+            /// Returns the separate table of a process, by its name.
             #[must_use]
             pub fn own(&self, process_name: &str) -> Option<&ServiceDeployment> {
                 match process_name {
@@ -59,38 +61,38 @@ macro_rules! deployment {
 }
 shared_types::with_services!(deployment);
 
-/// How one service uses the machine.
+/// Use of the machine by one service.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServiceDeployment {
-    /// Core that it runs on; as for all unless stated.
+    /// Core that it runs on; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub core: Option<u32>,
-    /// Priority of `SCHED_FIFO`, 1 to 99; as for all unless stated.
+    /// Priority of `SCHED_FIFO`, 1 to 99; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub priority: Option<u32>,
-    /// Whether its memory is locked and touched before the flight; as for all unless stated.
+    /// Whether its memory is locked and touched before the flight; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lock_memory: Option<bool>,
-    /// How much later the system may wake it to save energy, s; as for all unless stated.
+    /// Delay by which the system may wake it late to save energy, s; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timer_slack: Option<f64>,
 }
 
 impl Deployment {
-    /// States no core any more: somebody else decides.
+    /// Removes all stated cores, so that the caller decides.
     pub fn forget_cores(&mut self) {
         self.core = None;
         self.owns_mut().for_each(|own| own.core = None);
     }
 
-    /// States no priority any more: somebody else decides.
+    /// Removes all stated priorities, so that the caller decides.
     pub fn forget_priorities(&mut self) {
         self.priority = None;
         self.owns_mut().for_each(|own| own.priority = None);
     }
 
-    /// What is said for all services.
+    /// Returns the values for all services.
     #[must_use]
     pub fn common(&self) -> ServiceDeployment {
         ServiceDeployment {
@@ -101,7 +103,7 @@ impl Deployment {
         }
     }
 
-    /// How a process uses the machine: what its own table says, else what is said for all.
+    /// Returns the values for a process: those of its table, else those for all.
     #[must_use]
     pub fn of(&self, process_name: &str) -> ServiceDeployment {
         let own = self.own(process_name).copied().unwrap_or_default();
@@ -115,15 +117,15 @@ impl Deployment {
     }
 }
 
-/// What a flight in real time does when services are late, hang, or are alone.
+/// Reaction of a flight in real time to services that are late or hang, and to the loss of the orchestrator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RealTime {
-    /// How long after a step was due a service that has not made it is taken to hang and is replaced, s.
+    /// Time after a due step that a service has not made until the service counts as hanging and is replaced, s.
     pub hang_limit: f64,
-    /// How long a step waits beyond its time for inputs that are due, s; half its service's period if that is longer.
+    /// Time beyond the due time that a step waits for due inputs, s; half its service's period if that is longer.
     pub grace: f64,
-    /// What the services do once the orchestrator is gone.
+    /// Reaction of the services to the loss of the orchestrator.
     pub orchestrator_loss: OrchestratorLoss,
 }
 
@@ -137,26 +139,26 @@ impl Default for RealTime {
     }
 }
 
-/// What the services do once the orchestrator is gone.
+/// Reaction of the services to the loss of the orchestrator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OrchestratorLoss {
     /// They land the vehicle and end.
     #[default]
     Land,
-    /// They fly on, unrecorded and without anyone who would replace them.
+    /// They fly on, without recording and without a supervisor to replace them.
     Continue,
 }
 
 impl Scenario {
-    /// The scenario without what says how the machine is used: what determines the results, and all that step logic
+    /// Returns the scenario without the use of the machine: the part that determines the results, and that step logic
     /// may know.
     #[must_use]
     pub fn experiment(&self) -> Self {
         Self {
             deployment: None,
             real_time: None,
-            // As they were flown, also for a program to which the rules are others.
+            // With the gains that were flown, for an external service with other rules too.
             controller: Controller {
                 beta: Some(self.beta()),
                 lambda_inertia: Some(self.lambda_inertia()),
@@ -172,7 +174,7 @@ impl Scenario {
         }
     }
 
-    /// How a service uses the machine.
+    /// Returns a service's use of the machine.
     #[must_use]
     pub fn deployment_of(&self, service: ServiceId) -> ServiceDeployment {
         self.deployment
@@ -190,7 +192,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_services_own_table_goes_before_what_is_said_for_all() {
+    fn a_services_table_overrides_the_values_for_all() {
         let deployment = Deployment {
             core: Some(1),
             priority: Some(20),
@@ -211,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_forgotten_is_forgotten_for_every_service() {
+    fn removed_values_are_removed_for_every_service() {
         let own = Some(ServiceDeployment {
             core: Some(2),
             priority: Some(30),
@@ -254,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn what_frames_leave_on_is_no_part_of_the_experiment() {
+    fn the_radio_link_is_no_part_of_the_experiment() {
         let plugged_in = Scenario {
             rc_output: Some(RcLink {
                 link: RadioProtocol::Crsf,

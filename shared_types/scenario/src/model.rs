@@ -1,17 +1,17 @@
-//! What estimator and controller believe of vehicle and links.
+//! Model of vehicle and links in estimator and controller.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Vector;
 
-/// What estimator and controller believe of the vehicle and of the links.
+/// Model of the vehicle and of the links that estimator and controller use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Model {
     /// Mass, kg.
     pub mass: f64,
-    /// Edges of the cuboid that the vehicle is taken for, along each body axis, m: its J is Ji = M(lj² + lk²)/12.
+    /// Edges of the cuboid that models the vehicle, along each body axis, m: its J is Ji = M(lj² + lk²)/12.
     pub size: Vector,
     /// Time constant of the thrust, s.
     pub thrust_lag: f64,
@@ -19,7 +19,7 @@ pub struct Model {
     pub rate_lag: f64,
     /// Time from the sending of a frame to its acting, s.
     pub radio_latency: f64,
-    /// Time from a capture's exposure to its arrival, s; if not stated, captures tell by their stamps.
+    /// Time from a capture's exposure to its arrival, s; from the captures' stamps unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub capture_latency: Option<f64>,
 }
@@ -38,7 +38,7 @@ impl Default for Model {
 }
 
 impl Model {
-    /// Diagonal of J of the cuboid, kg m² (Remark 2).
+    /// Returns the diagonal of J of the cuboid, kg m² (Remark 2).
     #[must_use]
     pub fn inertia(&self) -> Vector {
         let [x, y, z] = self.size.map(|edge| edge * edge * self.mass / 12.0);

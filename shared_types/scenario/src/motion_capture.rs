@@ -1,4 +1,4 @@
-//! Where poses come from in a laboratory: a motion-capture system on the network, and what is known of it.
+//! Source of poses: a laboratory's motion-capture system on the network, with its known properties.
 
 use std::net::Ipv4Addr;
 
@@ -10,7 +10,7 @@ use shared_types::schedule::Schedule;
 use shared_types::service::nanoseconds;
 use shared_types::wiring::Topic;
 
-/// Where poses come from.
+/// Source of poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseSource {
@@ -23,11 +23,11 @@ pub enum PoseSource {
     Vrpn,
     /// OptiTrack Motive's NatNet stream.
     Natnet,
-    /// The captures of a recorded flight, at the times at which they came then.
+    /// The captures of a recorded flight, at their recorded times.
     Replay,
 }
 
-/// A motion-capture system that sends poses over a network.
+/// Motion-capture system that sends poses over a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CaptureSystem {
     /// Vicon Tracker's UDP object stream.
@@ -38,24 +38,25 @@ pub enum CaptureSystem {
     Natnet,
 }
 
-/// Where poses come from, and what is known of a laboratory's motion-capture system: where it is, which body is the vehicle,
-/// and what a pose can be.
+/// Source of poses, with the known properties of a laboratory's motion-capture system: its address, the vehicle's body,
+/// and the limits of a pose.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MotionCapture {
-    /// Where poses come from.
+    /// Source of poses.
     #[serde(default, skip_serializing_if = "PoseSource::is_simulated")]
     pub source: PoseSource,
     /// The log of the flight whose captures are replayed, or its run's folder; with the source `replay`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording: Option<String>,
-    /// IPv4 address of the machine that sends; packets from any other are counted and dropped. With a system as the source.
+    /// IPv4 address of the sending machine; packets from any other are counted and dropped. With a system as the
+    /// source.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub server: String,
-    /// Its port, or with Vicon's UDP stream the port here; 3883 (VRPN), 1510 (NatNet) or 51001 (Vicon) unless stated.
+    /// Its port, or with Vicon's UDP stream the local port; 3883 (VRPN), 1510 (NatNet) or 51001 (Vicon) unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub port: Option<u32>,
-    /// IPv4 address of the interface here on which packets are received; nothing else is listened to.
+    /// IPv4 address of the local interface on which packets are received; packets on others are ignored.
     #[serde(default = "default_interface")]
     pub interface: String,
     /// The vehicle: a body's name; its number as `#7` (NatNet); or both as `name#1` (a sensor of VRPN, 0 unless stated). With a
@@ -65,22 +66,25 @@ pub struct MotionCapture {
     /// From the capture system's frame to {I}; from its usual axes unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_from_capture: Option<FrameTransform>,
-    /// From the frame of the vehicle's markers to {B}; of a body that was made level, nose along the system's x, unless stated.
+    /// From the frame of the vehicle's markers to {B}; for a body that was defined level, nose along the system's x,
+    /// unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body_from_markers: Option<FrameTransform>,
-    /// Shortest time from the exposure to the arrival that no stamp tells, s; 0.005 (Vicon), 0.004 (VRPN) or 0.0002 (NatNet) unless stated.
+    /// Shortest time from the exposure to the arrival beyond that of the stamps, s; 0.005 (Vicon), 0.004 (VRPN) or
+    /// 0.0002 (NatNet) unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<f64>,
-    /// Least and largest rate of frames without a warning, Hz; captures are missing after two periods of the least.
+    /// Smallest and largest rate of frames without a warning, Hz; captures are missing after two periods of the
+    /// smallest.
     #[serde(default = "default_rate")]
     pub rate: [f64; 2],
-    /// Largest speed that a pose is believed at, m/s.
+    /// Largest speed at which a pose is accepted, m/s.
     #[serde(default = "default_max_speed")]
     pub max_speed: f64,
-    /// Largest rate of turn that a pose is believed at, rad/s.
+    /// Largest rate of turn at which a pose is accepted, rad/s.
     #[serde(default = "default_max_turn_rate")]
     pub max_turn_rate: f64,
-    /// For how long poses must follow each other before they are believed, at the start and after a jump, s.
+    /// Time for which poses must follow each other before they are accepted, at the start and after a jump, s.
     #[serde(default = "default_settle")]
     pub settle: f64,
 }
@@ -116,7 +120,7 @@ fn default_settle() -> f64 {
 }
 
 impl PoseSource {
-    /// The system on the network; `None` for the plant's cameras and for recorded ones.
+    /// Returns the system on the network; `None` for the plant's cameras and for recorded ones.
     #[must_use]
     pub fn system(self) -> Option<CaptureSystem> {
         match self {
@@ -127,7 +131,7 @@ impl PoseSource {
         }
     }
 
-    /// Whether poses come from the plant's cameras.
+    /// Returns whether poses come from the plant's cameras.
     #[must_use]
     pub fn is_simulated(&self) -> bool {
         *self == Self::Simulated
@@ -148,7 +152,7 @@ impl CaptureSystem {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::ViconUdp, Self::Vrpn, Self::Natnet];
 
-    /// The word of `motion_capture.source`.
+    /// Returns the word of `motion_capture.source`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -158,7 +162,7 @@ impl CaptureSystem {
         }
     }
 
-    /// Port unless stated.
+    /// Returns the default port.
     #[must_use]
     pub fn port(self) -> u16 {
         match self {
@@ -168,7 +172,7 @@ impl CaptureSystem {
         }
     }
 
-    /// Time from the exposure to the arrival that no stamp tells unless stated, s.
+    /// Returns the default of the time from the exposure to the arrival beyond that of the stamps, s.
     #[must_use]
     pub fn latency(self) -> f64 {
         match self {
@@ -181,7 +185,7 @@ impl CaptureSystem {
 }
 
 impl Scenario {
-    /// Where the poses come from.
+    /// Returns the source of the poses.
     #[must_use]
     pub fn pose_source(&self) -> PoseSource {
         self.motion_capture
@@ -189,15 +193,15 @@ impl Scenario {
             .map_or(PoseSource::Simulated, |stated| stated.source)
     }
 
-    /// The motion-capture system that sees the vehicle in a laboratory, and what is known of it; `None` if the poses come
-    /// from elsewhere.
+    /// Returns the motion-capture system of the laboratory with its known properties; `None` if the poses have another
+    /// source.
     #[must_use]
     pub fn capture_system(&self) -> Option<(CaptureSystem, &MotionCapture)> {
         let stated = self.motion_capture.as_ref()?;
         Some((stated.source.system()?, stated))
     }
 
-    /// The recorded flight whose captures are replayed; `None` if the poses come from elsewhere.
+    /// Returns the recorded flight whose captures are replayed; `None` if the poses have another source.
     #[must_use]
     pub fn recorded_captures(&self) -> Option<&str> {
         let stated = self.motion_capture.as_ref()?;
@@ -205,13 +209,13 @@ impl Scenario {
         recording.filter(|_| stated.source == PoseSource::Replay)
     }
 
-    /// What is known of the cameras, where they are no simulated ones.
+    /// Returns the known properties of real cameras.
     fn real_cameras(&self) -> Option<&MotionCapture> {
         let stated = self.motion_capture.as_ref();
         stated.filter(|stated| !stated.source.is_simulated())
     }
 
-    /// Longest time between two captures of which none is missing, ns.
+    /// Returns the longest time between two captures without a missing one between them, ns.
     #[must_use]
     pub fn between_captures_ns(&self, schedule: &Schedule) -> u64 {
         let published = schedule.time_ns(schedule.topic_rate(Topic::MocapPose).period);
@@ -220,7 +224,7 @@ impl Scenario {
         })
     }
 
-    /// Shortest time from the exposure of a capture to its arrival, which a laboratory's cameras need, ns.
+    /// Returns the shortest time from the exposure of a capture to its arrival in a laboratory, ns.
     #[must_use]
     pub fn capture_latency_ns(&self) -> u64 {
         self.real_cameras().map_or(0, |cameras| {
@@ -231,7 +235,7 @@ impl Scenario {
 }
 
 impl MotionCapture {
-    /// A system that is known by its address and the vehicle's name only.
+    /// Makes a system with an address and the vehicle's name only.
     #[must_use]
     pub fn new(system: CaptureSystem, server: Ipv4Addr, object: &str) -> Self {
         Self {
@@ -251,7 +255,7 @@ impl MotionCapture {
         }
     }
 
-    /// Name and number of the vehicle's body, each if stated; `None` if what stands behind `#` is no number.
+    /// Returns name and number of the vehicle's body, each if stated; `None` if the text after `#` is not a number.
     #[must_use]
     pub fn name_and_number(&self) -> Option<(&str, Option<i32>)> {
         match self.object.rsplit_once('#') {

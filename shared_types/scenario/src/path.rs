@@ -1,11 +1,11 @@
-//! The path and its timing law.
+//! Path and timing law.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Curve;
 
-/// The path, how fast it is flown, and the gains of the timing law.
+/// Path, its speed, and the gains of the timing law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Path {
@@ -33,7 +33,7 @@ pub struct Path {
     /// ψd, desired yaw, rad.
     #[serde(default)]
     pub yaw: f64,
-    /// When the desired yaw steps to another, in the order of time.
+    /// Steps of the desired yaw, in the order of time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub yaw_step: Vec<YawStep>,
     /// The curve pd(γ).
@@ -41,7 +41,7 @@ pub struct Path {
 }
 
 impl Path {
-    /// A curve flown by the timing law with the paper's gains.
+    /// Makes a curve flown by the timing law with the paper's gains.
     #[must_use]
     pub fn new(curve: Curve) -> Self {
         Self {
@@ -59,17 +59,17 @@ impl Path {
     }
 }
 
-/// A step of the desired yaw.
+/// Step of the desired yaw.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct YawStep {
-    /// When, s.
+    /// Time of the step, s.
     pub at: f64,
     /// New ψd, rad.
     pub yaw: f64,
 }
 
-/// How the path parameter moves.
+/// Motion of the path parameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PathMode {

@@ -1,4 +1,4 @@
-//! What cannot be flown: the place in the scenario, the reason, the fix.
+//! Problems of a scenario: the place, the reason, the fix.
 
 use super::suggest;
 
@@ -11,13 +11,13 @@ pub struct Key {
 }
 
 impl Key {
-    /// The scenario itself.
+    /// Returns the key of the scenario itself.
     #[must_use]
     pub fn root() -> Self {
         Self::default()
     }
 
-    /// The value of a name, or at a position, inside this one.
+    /// Returns the key of a name, or of a position, inside this one.
     #[must_use]
     #[expect(
         clippy::needless_pass_by_value,
@@ -29,7 +29,7 @@ impl Key {
         Self { segments }
     }
 
-    /// The names and positions, from the outside in.
+    /// Returns the names and positions, from the outside in.
     #[must_use]
     pub fn segments(&self) -> &[String] {
         &self.segments
@@ -60,25 +60,25 @@ impl std::fmt::Display for Key {
     }
 }
 
-/// Whether TOML takes a key without quotes.
+/// Returns whether TOML accepts a key without quotes.
 fn is_bare(segment: &str) -> bool {
     let bare = |character: char| character.is_ascii_alphanumeric() || matches!(character, '_' | '-');
     !segment.is_empty() && segment.chars().all(bare)
 }
 
-/// Something in a scenario that cannot be flown.
+/// Problem of a scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
     /// The place.
     pub key: Key,
-    /// What is wrong.
+    /// The reason.
     pub reason: String,
-    /// What to do about it.
+    /// The fix.
     pub fix: String,
 }
 
 impl Problem {
-    /// A problem at a place.
+    /// Makes a problem at a place.
     #[must_use]
     pub fn new(key: Key, reason: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
@@ -88,7 +88,7 @@ impl Problem {
         }
     }
 
-    /// A name that nothing has.
+    /// Makes the problem of an unknown name.
     #[must_use]
     pub(super) fn unknown_name(key: Key, name: &str, what: &str, known: &[String]) -> Self {
         Self::new(
@@ -107,7 +107,7 @@ impl std::fmt::Display for Problem {
 
 impl std::error::Error for Problem {}
 
-/// A scenario that makes no schedule.
+/// Scenario without a valid schedule.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unflyable(pub Vec<Problem>);
 

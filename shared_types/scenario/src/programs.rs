@@ -1,6 +1,6 @@
-//! Programs of one's own that fly in place of services.
+//! External services: programs that fly in place of services.
 //!
-//! Which program flies is a part of the experiment, unlike where it lies.
+//! The choice of the program is a part of the experiment; its place on the machine is not.
 
 use std::path::{Path, PathBuf};
 
@@ -12,11 +12,12 @@ use shared_types::{ExternalServices, ServiceId};
 
 macro_rules! programs {
     ($($name:ident: $service:ident),+) => {
-        /// Programs of one's own: the words of a command line each, of which the first names what is started.
+        /// External services: for each service the words of a command line, of which the first names the program.
         #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct Programs {
-            /// Folder in which programs are started, seen from the scenario's file; the file's own unless stated.
+            /// Folder in which programs are started, relative to the scenario's file; the folder of that file unless
+            /// stated.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub folder: Option<PathBuf>,
             $(
@@ -27,7 +28,7 @@ macro_rules! programs {
         }
 
         impl Programs {
-            /// The program that flies in place of a service, and its arguments.
+            /// Returns the program that flies in place of a service, with its arguments.
             #[must_use]
             pub fn of(&self, service: ServiceId) -> Option<&[String]> {
                 match service {
@@ -40,7 +41,7 @@ macro_rules! programs {
 shared_types::with_services!(programs);
 
 impl Programs {
-    /// Says where the folder of the scenario's file is.
+    /// Sets the folder of the scenario's file.
     pub fn anchor(&mut self, file_folder: &Path) {
         let folder = match &self.folder {
             Some(stated) => file_folder.join(stated),
@@ -49,7 +50,7 @@ impl Programs {
         self.folder = Some(folder);
     }
 
-    /// The programs, wherever they lie.
+    /// Returns the programs without their folder.
     #[must_use]
     pub fn without_folder(&self) -> Self {
         Self {
@@ -60,13 +61,13 @@ impl Programs {
 }
 
 impl Scenario {
-    /// The program that flies in place of a service, and its arguments.
+    /// Returns the program that flies in place of a service, with its arguments.
     #[must_use]
     pub fn program_of(&self, service: ServiceId) -> Option<&[String]> {
         self.programs.as_ref()?.of(service)
     }
 
-    /// In place of which services programs of one's own fly.
+    /// Returns the set of external services.
     #[must_use]
     pub fn external_services(&self) -> ExternalServices {
         ServiceId::ALL.map(|service| self.program_of(service).is_some())
@@ -87,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn which_program_flies_is_a_part_of_the_experiment_and_where_it_lies_is_not() {
+    fn the_program_is_a_part_of_the_experiment_and_its_folder_is_not() {
         let scenario = Scenario {
             programs: Some(programs(Some("somewhere"))),
             ..fig1()

@@ -1,14 +1,14 @@
-//! The transmitter of a laboratory: which radio link frames leave on, and what a receiver takes its channels for.
+//! Transmitter of a laboratory: the radio link of its frames, and the receiver's channels.
 //!
-//! Nothing of it determines what a flight in simulated time writes: there the link is simulated, whatever is stated
-//! here, and [`Scenario::experiment`](super::Scenario::experiment) leaves it out.
+//! It does not affect the log of a flight in simulated time: there the link is simulated in any case, and
+//! [`Scenario::experiment`](super::Scenario::experiment) leaves it out.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Scenario;
 
-/// What frames leave on.
+/// Radio link of the frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RadioProtocol {
@@ -27,7 +27,7 @@ pub enum RadioProtocol {
     Mavlink,
 }
 
-/// The transmitter of a laboratory: where frames go, and in what the channels differ from one vehicle to the next.
+/// Transmitter of a laboratory: the destination of frames, and the channels of the vehicle.
 ///
 /// A travel of −1 to 1 on a channel is the link's −100 to 100 %: 1000 to 2000 µs of a pulse.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -36,49 +36,49 @@ pub struct Transmitter {
     /// Serial device, such as one of /dev/serial/by-id; one of `device`, `tcp` and `udp` must be stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// Speed of the serial device, baud; the link's own unless stated.
+    /// Speed of the serial device, baud; the link's standard speed unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub baud: Option<u32>,
     /// Address and port of a TCP server, such as 127.0.0.1:5761; for `msp`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tcp: Option<String>,
-    /// Address and port that UDP packets are sent to, such as 127.0.0.1:14540; for `mavlink`.
+    /// Destination address and port of UDP packets, such as 127.0.0.1:14540; for `mavlink`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub udp: Option<String>,
     /// Frames a second, whether the command is new or not, 1/s; the link's usual rate unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame_rate: Option<f64>,
-    /// What the first four channels are: A roll, E pitch, T thrust, R yaw.
+    /// Meaning of the first four channels: A roll, E pitch, T thrust, R yaw.
     pub order: String,
-    /// Sticks whose channels go the other way, as letters of `order`; such as "ER".
+    /// Reversed sticks, as letters of `order`; such as "ER".
     pub reversed: String,
-    /// Travels that the ends of the thrust stick are sent as.
+    /// Travels sent at the ends of the thrust stick.
     pub thrust_ends: [f64; 2],
-    /// Travels that the ends of each rate stick are sent as.
+    /// Travels sent at the ends of each rate stick.
     pub rate_ends: [f64; 2],
     /// Channel of the arming switch, 5 to 16; none unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arming_channel: Option<u32>,
     /// Travels of the arming switch: disarmed, which failsafe frames have, and armed.
     pub arming: [f64; 2],
-    /// Travel of every other channel that nothing is said of.
+    /// Travel of every other unstated channel.
     pub others: f64,
-    /// Channels with a switch that stays as it is, such as that of the flight mode.
+    /// Channels with a constant switch, such as that of the flight mode.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub switch: Vec<ChannelSwitch>,
     /// Travels of the sticks thrust, roll, pitch and yaw in failsafe frames, as sent: neither reversed nor scaled.
     pub failsafe: [f64; 4],
-    /// How long commands or states are missing before the link's own failsafe is used as well, s.
+    /// Time without commands or states before the failsafe of the link is used as well, s.
     pub silence_after: f64,
-    /// What belongs to `multi` only.
+    /// Settings of `multi`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub multi: Option<MultiModule>,
-    /// What belongs to `mavlink` only.
+    /// Settings of `mavlink`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mavlink: Option<Mavlink>,
 }
 
-/// A channel with a switch that stays as it is.
+/// Channel with a constant switch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ChannelSwitch {
@@ -88,7 +88,7 @@ pub struct ChannelSwitch {
     pub travel: f64,
 }
 
-/// What a MULTI module is told with every frame.
+/// Settings of a MULTI module, sent with every frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MultiModule {
@@ -98,7 +98,7 @@ pub struct MultiModule {
     pub model: u32,
     /// Channels that are sent over the air, 4 to 12.
     pub channels: u32,
-    /// Whether to send with low power, on a desk.
+    /// Whether to send with low power, for tests on the ground.
     pub low_power: bool,
 }
 
@@ -117,15 +117,15 @@ pub enum DsmProtocol {
     DsmxFast,
 }
 
-/// What an autopilot is told by MAVLink, and who tells it.
+/// Settings of MAVLink: message, sender and autopilot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Mavlink {
     /// The message that carries the command.
     pub message: MavlinkMessage,
-    /// Our system, 1 to 255; ArduPilot takes overrides from its ground station only, usually 255.
+    /// System of the sender, 1 to 255; ArduPilot takes overrides from its ground station only, usually 255.
     pub system: u32,
-    /// Our component, 1 to 255.
+    /// Component of the sender, 1 to 255.
     pub component: u32,
     /// The autopilot's system, 1 to 255.
     pub target_system: u32,
@@ -192,7 +192,7 @@ impl Default for Mavlink {
 }
 
 impl RadioProtocol {
-    /// Name as in a scenario.
+    /// Returns its name in a scenario.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -205,13 +205,13 @@ impl RadioProtocol {
         }
     }
 
-    /// Whether it is nothing but the simulated link.
+    /// Returns whether it is the simulated link.
     #[must_use]
     pub fn is_simulated(&self) -> bool {
         *self == Self::Simulated
     }
 
-    /// Speed of the serial device, baud: the link's only one, or that which most receivers come with.
+    /// Returns the speed of the serial device, baud: the link's only one, or the default of most receivers.
     #[must_use]
     pub fn baud(self) -> u32 {
         match self {
@@ -222,7 +222,7 @@ impl RadioProtocol {
         }
     }
 
-    /// The link's usual frames a second, 1/s.
+    /// Returns the link's usual frames a second, 1/s.
     #[must_use]
     pub fn frame_rate(self) -> f64 {
         match self {
@@ -233,7 +233,7 @@ impl RadioProtocol {
         }
     }
 
-    /// Bits of the longest frame on a serial line, start, parity and stop bits included.
+    /// Returns the bits of the longest frame on a serial line, start, parity and stop bits included.
     #[must_use]
     pub fn bits_per_frame(self) -> u32 {
         match self {
@@ -249,7 +249,7 @@ impl RadioProtocol {
 }
 
 impl Scenario {
-    /// What frames leave on in a laboratory; `None` where the link is simulated.
+    /// Returns the radio link of a laboratory; `None` for the simulated link.
     #[must_use]
     pub fn radio_link(&self) -> Option<RadioProtocol> {
         let link = self.rc_output.as_ref()?.link;
@@ -258,13 +258,13 @@ impl Scenario {
 }
 
 impl Transmitter {
-    /// Frames a second on a link, 1/s.
+    /// Returns the frames a second on a link, 1/s.
     #[must_use]
     pub fn frame_rate_on(&self, link: RadioProtocol) -> f64 {
         self.frame_rate.unwrap_or_else(|| link.frame_rate())
     }
 
-    /// Speed of the serial device on a link, baud.
+    /// Returns the speed of the serial device on a link, baud.
     #[must_use]
     pub fn baud_on(&self, link: RadioProtocol) -> u32 {
         self.baud.unwrap_or_else(|| link.baud())

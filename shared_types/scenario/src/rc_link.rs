@@ -1,11 +1,11 @@
-//! The radio link: how a command becomes a frame, and how finely and often it is sent.
+//! Radio link: calibration, resolution and frames of commands.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{RadioProtocol, Transmitter, Vector};
 
-/// The radio link: what a stick's travel means, and how finely and often it is sent.
+/// Radio link: calibration of the sticks, resolution, and frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RcLink {
@@ -19,9 +19,9 @@ pub struct RcLink {
     pub thrust_range: [f64; 2],
     /// Range of each rate channel.
     pub rate_range: [f64; 2],
-    /// Steps from −1 to 1 that the link tells apart, as a power of two, bits.
+    /// Resolution of the link: steps from −1 to 1, as a power of two, bits.
     pub resolution: u32,
-    /// What frames leave on in real time; simulated unless stated, and always in simulated time.
+    /// Radio link of frames in real time; simulated unless stated, and always in simulated time.
     #[serde(skip_serializing_if = "RadioProtocol::is_simulated")]
     pub link: RadioProtocol,
     /// The transmitter of a laboratory; none unless stated.
@@ -45,7 +45,7 @@ impl Default for RcLink {
 }
 
 impl RcLink {
-    /// The least and the largest thrust that a frame can ask for, N; never below 0.
+    /// Returns the smallest and the largest thrust of a frame, N; never below 0.
     #[must_use]
     pub fn thrust_limits(&self) -> [f64; 2] {
         let [a, b] = self
@@ -54,7 +54,7 @@ impl RcLink {
         [a.min(b), a.max(b)]
     }
 
-    /// The largest body rate about each axis that a frame can ask for in both senses, rad/s.
+    /// Returns the largest body rate of a frame about each axis in both senses, rad/s.
     #[must_use]
     pub fn rate_limits(&self) -> Vector {
         let reach = self.rate_range[0].abs().min(self.rate_range[1].abs());

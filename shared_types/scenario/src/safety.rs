@@ -1,4 +1,4 @@
-//! What a service does about an input whose samples are too old or cannot be true.
+//! Policy of a service for an input whose samples are too old or impossible.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,16 +8,16 @@ use super::{EdgeName, Scenario};
 use shared_types::service::nanoseconds;
 use shared_types::wiring::{ServiceId, Topic};
 
-/// For how long commands pass over to those of the law unless stated, s.
+/// Default duration of the transfer to the law's commands, s.
 const RECOVER: f64 = 0.1;
 
-/// How much older than usual an input is fresh unless stated, s.
+/// Default excess of a fresh input's age over its usual age, s.
 const GRACE: f64 = 0.1;
 
-/// What a service does about an input whose samples are too old or cannot be true.
+/// Policy of a service for an input whose samples are too old or impossible.
 ///
-/// A sample's age is the time since it was published; only one that can be true makes the input young again. Which
-/// of the values an input has a use for says [`InputSafety::uses`]; others are refused.
+/// A sample's age is the time since it was published; only a valid one resets the age of the input.
+/// [`InputSafety::uses`] lists the values that an input has; others are refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InputSafety {
@@ -32,16 +32,16 @@ pub struct InputSafety {
     /// Age above which the motors are stopped, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failsafe: Option<f64>,
-    /// Largest distance of a state from where the last good one was going, m; any unless stated.
+    /// Largest distance of a state from the continuation of the last good one, m; any unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jump: Option<f64>,
-    /// For how long commands pass over to the law's when the state is back, s; 0.1 unless stated, 0 is at once.
+    /// Duration of the transfer to the law's commands when the state is back, s; 0.1 unless stated, 0 is at once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recover: Option<f64>,
 }
 
 impl InputSafety {
-    /// Uses samples up to this age (s) and does nothing else.
+    /// Makes a policy that uses samples up to this age (s) and has no further stages.
     #[must_use]
     pub fn new(max_age: f64) -> Self {
         Self {
@@ -54,7 +54,7 @@ impl InputSafety {
         }
     }
 
-    /// What is believed of a state.
+    /// Returns the policy of the input validator of states.
     #[must_use]
     pub fn policy(&self) -> Policy {
         Policy {
@@ -63,13 +63,13 @@ impl InputSafety {
         }
     }
 
-    /// For how long commands pass over to the law's, ns.
+    /// Returns the duration of the transfer to the law's commands, ns.
     #[must_use]
     pub fn recover_ns(&self) -> u64 {
         nanoseconds(self.recover.unwrap_or(RECOVER))
     }
 
-    /// The ages from which on something else is done, s, by name and in the order in which they must grow.
+    /// Returns the ages at which the reaction changes, s, by name and in the order in which they must grow.
     #[must_use]
     pub fn ages(&self) -> [(&'static str, Option<f64>); 4] {
         [
@@ -80,7 +80,7 @@ impl InputSafety {
         ]
     }
 
-    /// The values that not every input has a use for: name, and whether it is stated.
+    /// Returns the values that only some inputs have: name, and whether it is stated.
     pub(super) fn special_values(&self) -> [(&'static str, bool); 5] {
         [
             ("level", self.level.is_some()),
@@ -91,7 +91,7 @@ impl InputSafety {
         ]
     }
 
-    /// The values besides `max_age` that an input has a use for; `None` if its age makes no difference to its service.
+    /// Returns the values besides `max_age` that an input has; `None` if its age has no effect on its service.
     #[must_use]
     pub fn uses(edge: EdgeName) -> Option<&'static [&'static str]> {
         match (edge.service, edge.topic) {
@@ -109,14 +109,14 @@ impl InputSafety {
 }
 
 impl Scenario {
-    /// What a service does about the samples of a topic that are too old; `None` if it uses them however old.
+    /// Returns the policy of a service for samples of a topic that are too old; `None` if it uses them however old.
     #[must_use]
     pub fn safety_of(&self, topic: Topic, service: ServiceId) -> Option<&InputSafety> {
         self.safety.get(&format!("{topic} -> {service}"))
     }
 
-    /// Age up to which an input counts as fresh, ns: what the scenario states for it, or a tenth of a second more than
-    /// it is while nothing fails.
+    /// Returns the age up to which an input counts as fresh, ns: the scenario's value, or a tenth of a second above the
+    /// input's age without faults.
     #[must_use]
     pub fn fresh_age_ns(&self, topic: Topic, service: ServiceId) -> u64 {
         let stated = self.safety_of(topic, service).map(|safety| safety.max_age);
@@ -124,10 +124,10 @@ impl Scenario {
         stated.map_or(ordinary + nanoseconds(GRACE), nanoseconds)
     }
 
-    /// The oldest that an input is at a step of its service while nothing fails, ns: since the newest sample that
-    /// tells something new was published. 0 if the times make no schedule.
+    /// Returns the oldest age of an input at a step of its service without faults, ns: since the publication of the
+    /// newest sample with new information. 0 if the times give no schedule.
     ///
-    /// A state that is not predicted tells the same until the next capture.
+    /// A state without prediction carries the same information until the next capture.
     #[must_use]
     pub fn ordinary_age_ns(&self, edge: EdgeName) -> u64 {
         let Ok(schedule) = self.schedule() else {

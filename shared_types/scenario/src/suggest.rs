@@ -1,10 +1,10 @@
-//! What a misspelt name may have been meant to be.
+//! Suggestions for misspelt names.
 
-/// Least length of a beginning by which a name is recognised.
+/// Smallest length of a beginning by which a name is recognised.
 const LEAST_BEGINNING: usize = 3;
 
-/// The known name that is nearest to `name`, if any is near enough to be meant: at most a third of it, or
-/// one letter, has to change, or it is the known one's beginning.
+/// Returns the known name that is nearest to `name`, if any is near enough: at most a third of it, or one letter,
+/// differs, or it is the known one's beginning.
 #[must_use]
 pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let length = name.chars().count();
@@ -18,7 +18,7 @@ pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
         .map(|(_, candidate)| candidate)
 }
 
-/// Advice for a name that is not among the known ones.
+/// Returns advice for a name that is not among the known ones.
 #[must_use]
 pub fn known_names<S: AsRef<str>>(name: &str, known: &[S]) -> String {
     let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();

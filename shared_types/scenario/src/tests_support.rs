@@ -1,4 +1,4 @@
-//! A good scenario for tests to spoil.
+//! Valid scenarios for tests, which change them.
 
 use super::*;
 
@@ -22,7 +22,7 @@ pub(super) fn fig1() -> Scenario {
     )
 }
 
-/// A flight in the laboratory: the paper's first figure with all that is between the vehicle and the control law.
+/// A flight in the laboratory: the paper's first figure with all parts between the vehicle and the control law.
 pub(super) fn rig() -> Scenario {
     let ideal = fig1();
     let times = |stated: &[(&str, f64)]| {

@@ -1,4 +1,4 @@
-//! From the times of a scenario, in seconds, to the resolved schedule, in whole base ticks.
+//! Resolution of a scenario's times, in seconds, to the schedule, in whole base ticks.
 
 mod events;
 mod faults;
@@ -22,8 +22,8 @@ const TOPICS: usize = Topic::ALL.len();
 /// Longest flight, base ticks: more than a day at the default tick.
 const LONGEST_FLIGHT: u64 = 100_000_000;
 
-/// Largest period, phase and latency, base ticks: they set how far services run ahead and so how much
-/// shared memory their buffers take.
+/// Largest period, phase and latency, base ticks: they determine how far services run ahead, and thus the shared memory
+/// of their buffers.
 const LONGEST_DELAY: u64 = 10_000;
 
 /// Base tick, rates and transport latencies, s. Every time is a whole number of base ticks.
@@ -52,7 +52,7 @@ impl Default for Timing {
 }
 
 impl Scenario {
-    /// The schedule that the scenario's times make.
+    /// Resolves the schedule of the scenario's times.
     ///
     /// # Errors
     /// Every time that is not a whole number of ticks, every unknown name, and rates that do not fit together.
@@ -80,7 +80,7 @@ impl Scenario {
             .map_err(|error| vec![self.schedule.explain(&error)])
     }
 
-    /// Base tick of a time of this scenario that has been checked, such as that of a change.
+    /// Returns the base tick of a checked time of this scenario, such as that of a change.
     #[must_use]
     pub fn tick_of(&self, time: f64) -> u64 {
         TickReader::new(self.schedule.tick)
@@ -89,7 +89,7 @@ impl Scenario {
     }
 }
 
-/// What a scenario says of the rate of a service or topic.
+/// Stated rate of a service or topic.
 #[derive(Clone, Copy, Debug, Default)]
 struct StatedRate {
     period: Option<u64>,
@@ -105,7 +105,7 @@ impl StatedRate {
     }
 }
 
-/// What a scenario says of all rates.
+/// Stated rates of all services and topics.
 #[derive(Debug, Default)]
 struct StatedRates {
     services: [StatedRate; SERVICES],
@@ -113,7 +113,7 @@ struct StatedRates {
 }
 
 impl StatedRates {
-    /// The place of a service or topic that a scenario may schedule, by name.
+    /// Returns the place of a service or topic that a scenario may schedule, by name.
     fn of(&mut self, name: &str) -> Option<&mut StatedRate> {
         if let Some(service) = ServiceId::from_name(name) {
             return Some(&mut self.services[service.index()]);
@@ -122,7 +122,8 @@ impl StatedRates {
         Some(&mut self.topics[topic.index()])
     }
 
-    /// A service steps at every tick, and a topic's rate is its publisher's, unless the scenario states another.
+    /// Resolves the rates: a service steps at every tick, and a topic's rate is its publisher's, unless the scenario
+    /// states another.
     fn resolved(self) -> ([Rate; SERVICES], [Rate; TOPICS]) {
         let services = self.services.map(|stated| stated.or(Rate::EVERY_TICK));
         let topics = Topic::ALL.map(|topic| {
@@ -169,7 +170,7 @@ impl Timing {
         latencies
     }
 
-    /// A schedule's error, at the stated time that is the likeliest to be meant otherwise.
+    /// Explains a schedule's error, at the stated time that is most likely wrong.
     fn explain(&self, error: &ScheduleError) -> Problem {
         let (key, fix) = match error {
             ScheduleError::CycleWithoutDelay(cycle) => {
@@ -204,7 +205,7 @@ impl Timing {
         Problem::new(key, error.to_string(), fix)
     }
 
-    /// Key of the first of these times that the scenario states.
+    /// Returns the key of the first of these times that the scenario states.
     fn first_stated(&self, mut times: impl Iterator<Item = (&'static str, String)>) -> Key {
         let is_stated = |(table, name): &(&str, String)| match *table {
             "period" => self.period.contains_key(name),

@@ -1,4 +1,4 @@
-//! The vehicle, what moves it, and what happens to it.
+//! Vehicle, the forces on it, and its changes in flight.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,10 +22,10 @@ pub struct Vehicle {
     /// Centre of mass in {B}, seen from the body's origin, on which the thrust acts and which the cameras track, m.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub center_of_mass: Vector,
-    /// What changes in flight, in the order of time.
+    /// Changes in flight, in the order of time.
     #[serde(default)]
     pub change: Vec<VehicleChange>,
-    /// How it follows what the radio says; at once and exactly unless stated.
+    /// Response to the radio's commands; at once and exactly unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub actuators: Option<Actuators>,
     /// Drag in still air: force against the velocity, along each body axis, N s/m.
@@ -40,7 +40,7 @@ pub struct Vehicle {
 }
 
 impl Vehicle {
-    /// A vehicle of mass m (kg) and J = Diag(`inertia`) (kg m²) in still air, at the origin, level and at rest.
+    /// Makes a vehicle of mass m (kg) and J = Diag(`inertia`) (kg m²) in still air, at the origin, level and at rest.
     #[must_use]
     pub fn new(mass: f64, inertia: Vector) -> Self {
         Self {
@@ -58,7 +58,7 @@ impl Vehicle {
     }
 }
 
-/// How a vehicle with an on-board rate loop follows frames of thrust and body rates: as first-order lags.
+/// Response of a vehicle with an on-board rate loop to frames of thrust and body rates: first-order lags.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Actuators {
@@ -70,11 +70,11 @@ pub struct Actuators {
     pub thrust_max: f64,
     /// Largest magnitude of the body rate about each axis, rad/s.
     pub rate_max: Vector,
-    /// Thrust that results, per thrust that a frame asks for.
+    /// Actual thrust per commanded thrust.
     pub thrust_factor: f64,
-    /// Body rates that result, per rate that a frame asks for.
+    /// Actual body rates per commanded rate.
     pub rate_factor: Vector,
-    /// Body rates that result when none are asked for, rad/s.
+    /// Actual body rates at zero command, rad/s.
     pub rate_bias: Vector,
     /// Share of the radio's frames that the vehicle does not receive, 0 to 1; the one before goes on acting.
     pub frame_loss: f64,
@@ -108,29 +108,29 @@ pub struct Turbulence {
     pub correlation_time: f64,
 }
 
-/// A fan: a round, turbulent jet that pushes at the vehicle.
+/// Fan: a round, turbulent jet that pushes the vehicle.
 ///
 /// The force on the axis falls with the square of the distance from the fan, as that of a free jet far from
 /// its nozzle, and across the jet like a bell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fan {
-    /// When it is switched on, s.
+    /// Time at which it is switched on, s.
     #[serde(default)]
     pub on_at: f64,
-    /// When it is switched off, s; never unless stated.
+    /// Time at which it is switched off, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub off_at: Option<f64>,
-    /// Time constant of its running up and down, s; 0 is at once.
+    /// Time constant of its start and stop, s; 0 is at once.
     #[serde(default)]
     pub run_up: f64,
-    /// Where it stands in {I}, m.
+    /// Place in {I}, m.
     pub position: Vector,
-    /// Where it blows to in {I}; of any length but 0.
+    /// Direction of the jet in {I}; of any length but 0.
     pub direction: Vector,
     /// Force on the vehicle on the axis at `reference_distance`, N.
     pub force: f64,
-    /// Distance from the fan at which `force` is meant, m.
+    /// Distance from the fan for which `force` is stated, m.
     pub reference_distance: f64,
     /// Half the opening angle of the jet, at which the force has fallen to 1/e, rad.
     #[serde(default = "default::jet_half_angle")]
@@ -141,7 +141,7 @@ pub struct Fan {
     /// Correlation time of the fluctuation, s.
     #[serde(default = "default::jet_correlation_time")]
     pub correlation_time: f64,
-    /// Where it is moved to, in the order of time: straight and steadily from one place to the next.
+    /// Later places, in the order of time: the fan moves straight at constant speed from one to the next.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub moves: Vec<FanMove>,
 }
@@ -150,11 +150,11 @@ pub struct Fan {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FanMove {
-    /// When it is there, s.
+    /// Time at which it is there, s.
     pub at: f64,
-    /// Where it is then in {I}, m.
+    /// Place at that time in {I}, m.
     pub position: Vector,
-    /// Where it blows to then in {I}.
+    /// Direction of the jet at that time in {I}.
     pub direction: Vector,
 }
 
@@ -172,11 +172,11 @@ pub struct InitialState {
     pub angular_velocity_body: Vector,
 }
 
-/// A change of the vehicle in flight: what is stated takes its new value at once.
+/// Change of the vehicle in flight: stated values take effect at once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VehicleChange {
-    /// When, s.
+    /// Time of the change, s.
     pub at: f64,
     /// New m, kg.
     pub mass: Option<f64>,
@@ -199,7 +199,7 @@ mod default {
     }
 }
 
-/// Whether a vector is the one that stands for "none".
+/// Returns whether a vector is zero, which means "none".
 fn is_zero(vector: &Vector) -> bool {
     *vector == [0.0; 3]
 }

@@ -92,7 +92,7 @@ impl Envelope {
         self.check_sight(at, found);
     }
 
-    /// What is checked on a state says what is to be done without one.
+    /// Requires an action without a state for every limit that is checked on the state.
     fn check_sight(&self, at: &Key, found: &mut Findings) {
         let on_state = [
             ("box", self.r#box.is_some()),

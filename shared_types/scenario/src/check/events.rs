@@ -16,7 +16,7 @@ pub(super) struct Events<'a> {
     pub(super) several: &'a str,
     /// Key of the array.
     pub(super) at: Key,
-    /// When each begins, s.
+    /// Begin of each event, s.
     pub(super) times: Vec<f64>,
 }
 
@@ -45,7 +45,8 @@ impl Events<'_> {
         }
     }
 
-    /// What [`Events::check`] demands, and of events that last so long (s each) that none begins during another.
+    /// Checks as [`Events::check`] does, and that no event begins during another, for events that last so long (s
+    /// each).
     pub(super) fn check_lasting(&self, lengths: &[f64], duration: f64, found: &mut Findings) {
         self.check(duration, found);
         let ends = self.times.iter().zip(lengths);
@@ -70,7 +71,7 @@ impl Events<'_> {
 }
 
 impl Findings {
-    /// What happens at a time happens in a flight of `duration` s.
+    /// Requires a time within a flight of `duration` s.
     pub(super) fn in_flight(&mut self, key: &Key, what: &str, time: f64, duration: f64) {
         if time > duration {
             self.add(

@@ -152,7 +152,7 @@ impl Fault {
 }
 
 impl FaultKind {
-    /// What a fault of this kind is stated with, as advice.
+    /// Returns the values of a fault of this kind, as advice.
     fn needs(self) -> &'static str {
         match self {
             Self::Off => "state `service`, and `state` if it is to come back \"cold\"",

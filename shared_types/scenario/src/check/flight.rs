@@ -4,7 +4,7 @@ use super::{Findings, six_digits};
 use crate::{Flight, Key, Problem, Scenario};
 
 impl Scenario {
-    /// What a simulated flight lacks because nobody can ask for it while it is flown.
+    /// Finds what a simulated flight lacks because its operator cannot act while it is flown.
     #[must_use]
     pub fn unasked(&self) -> Option<Problem> {
         let flight = self.flight.as_ref().filter(|flight| flight.arm_at.is_none())?;
@@ -20,7 +20,8 @@ impl Scenario {
         ))
     }
 
-    /// What a flight in a laboratory lacks so that no motor turns before somebody has looked at cameras and radio link.
+    /// Finds what a flight in a laboratory lacks so that no motor turns before people have checked cameras and radio
+    /// link.
     #[must_use]
     pub fn unattended(&self) -> Option<Problem> {
         if self.capture_system().is_none() && self.radio_link().is_none() {

@@ -1,4 +1,5 @@
-//! How the machine is used: values that some machine could follow. What this one permits is asked when the run begins.
+//! Checks of the use of the machine: values that some machine permits. The run checks those of this machine when it
+//! begins.
 
 use super::Findings;
 use crate::{Key, RealTime, Scenario, ServiceDeployment};
@@ -6,7 +7,7 @@ use shared_types::schedule::Schedule;
 use shared_types::service::seconds;
 use shared_types::wiring::ServiceId;
 
-/// Cores that the system can tell apart.
+/// Cores that the system can distinguish.
 const CORES: u32 = 1024;
 
 /// Priorities of `SCHED_FIFO`.

@@ -1,4 +1,4 @@
-//! A motion-capture system that can be listened to, and poses that can be believed.
+//! Checks of `[motion_capture]`: its addresses, and the limits of its poses.
 
 use std::net::Ipv4Addr;
 

@@ -58,7 +58,7 @@ impl Curve {
 }
 
 impl Curve {
-    /// Where the scenario states how high the curve lies, and the z that it states there, m; the lowest of several.
+    /// Returns the key that states the curve's height, and the stated z, m; the lowest of several.
     pub(super) fn stated_depth(&self) -> (Key, f64) {
         let at = Key::root().then("path").then("curve");
         let z = |table: &str, name: &str, position: &Vector| (at.then(table).then(name), position[2]);

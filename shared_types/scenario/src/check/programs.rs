@@ -1,4 +1,4 @@
-//! Programs of one's own: commands that can be started, in flights that they can fly.
+//! Checks of `[programs]`: commands that can be started, in flights that they can fly.
 
 use super::Findings;
 use crate::{Key, Scenario};
@@ -19,7 +19,7 @@ impl Scenario {
         }
     }
 
-    /// Nobody tells a program what is planned: it would have to recompute it, as services do.
+    /// Refuses plans that a program does not receive: it would have to compute them, as services do.
     fn check_plans(&self, service: ServiceId, at: &Key, found: &mut Findings) {
         if !self.fault.is_empty() {
             found.add(

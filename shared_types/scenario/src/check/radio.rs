@@ -43,7 +43,7 @@ impl RcLink {
         good && turns_both_ways
     }
 
-    /// Each range holds one of the steps that the link tells apart.
+    /// Requires a step of the link's resolution in each range.
     fn check_codes(&self, at: &Key, found: &mut Findings) {
         let quantum = 2.0 / f64::from((1_u32 << self.resolution) - 1);
         let [least, most] = self.thrust_limits();

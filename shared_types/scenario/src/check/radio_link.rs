@@ -25,7 +25,7 @@ const SHORTEST_SILENCE: f64 = 0.1;
 const STICKS: [char; 4] = ['T', 'A', 'E', 'R'];
 
 impl RcLink {
-    /// What frames leave on besides the simulated link.
+    /// Checks the radio link of a laboratory.
     pub(super) fn check_transmitter(&self, at: &Key, found: &mut Findings) {
         let section = at.then("transmitter");
         match (&self.transmitter, self.link) {
@@ -185,7 +185,7 @@ impl Transmitter {
         }
     }
 
-    /// Every switch has a channel of its own.
+    /// Requires a separate channel for every switch.
     fn check_switches(&self, at: &Key, found: &mut Findings) {
         check_travels(&[self.others], &at.then("others"), found);
         if check_travels(&self.arming, &at.then("arming"), found) && self.arming[0] == self.arming[1] {
@@ -220,7 +220,7 @@ impl Transmitter {
         }
     }
 
-    /// What belongs to one link stands beside that one only.
+    /// Refuses the settings of one link beside another link.
     fn check_own_tables(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
         for (owner, is_stated) in [
             (RadioProtocol::Multi, self.multi.is_some()),

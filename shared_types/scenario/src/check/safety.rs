@@ -1,4 +1,4 @@
-//! What services do about old samples: of inputs that there are, with what each has a use for, stage after stage.
+//! Checks of `[safety]`: existing inputs, their values, and stages in order.
 
 use super::Findings;
 use crate::timing::names::unknown_edge;
@@ -48,7 +48,7 @@ impl Scenario {
                 found.add(
                     at.then(name),
                     format!("`{}` has no use for it with this input", edge.service),
-                    what_is_used(uses),
+                    used_values(uses),
                 );
             }
         }
@@ -103,8 +103,8 @@ impl InputSafety {
     }
 }
 
-/// What belongs to an input, as advice.
-fn what_is_used(uses: &[&str]) -> String {
+/// Returns the values of an input, as advice.
+fn used_values(uses: &[&str]) -> String {
     let names: Vec<_> = std::iter::once(&"max_age")
         .chain(uses)
         .map(|name| format!("`{name}`"))

@@ -20,7 +20,7 @@ impl Scenario {
         self.check_hover_thrust(found);
     }
 
-    /// What a controller of body rates needs.
+    /// Checks the sections that a controller of body rates needs.
     fn check_rate_commands(&self, rates: &RateCommand, found: &mut Findings) {
         let at = Key::root().then("controller").then("rates");
         if self.vehicle.actuators.is_none() {

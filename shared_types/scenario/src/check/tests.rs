@@ -554,7 +554,7 @@ proptest! {
         prop_assert_eq!(problems(|scenario| scenario.vehicle.inertia = inertia), []);
     }
 
-    /// Where the saturation is accepted, the theorem's bound is a number.
+    /// Wherever the saturation is accepted, the theorem's bound is a number.
     #[test]
     fn an_accepted_saturation_has_an_ultimate_bound(
         k1 in 0.01..20.0f64,

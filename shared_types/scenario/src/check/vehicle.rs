@@ -31,7 +31,7 @@ impl Vehicle {
         self.check_rig(duration, at, found);
     }
 
-    /// What the ideal vehicle has nothing of.
+    /// Checks the parts of a vehicle that the ideal one does not have.
     fn check_rig(&self, duration: f64, at: &Key, found: &mut Findings) {
         for (axis, &drag) in self.drag.iter().enumerate() {
             found.not_negative(&at.then("drag").then(axis), "the drag", drag);

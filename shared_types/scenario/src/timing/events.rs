@@ -1,4 +1,4 @@
-//! When something happens in flight, how long it lasts, and which latencies are believed in: whole ticks too.
+//! Events in flight, their durations, and modelled latencies: whole ticks too.
 
 use super::ticks::TickReader;
 use super::{LONGEST_DELAY, LONGEST_FLIGHT};
@@ -29,12 +29,12 @@ impl Scenario {
             reader.read(&key, time, 0..=LONGEST_DELAY);
         }
         let longest = LONGEST_PREDICTION_NS / reader.tick_ns();
-        for (key, time) in self.believed_latencies() {
+        for (key, time) in self.modelled_latencies() {
             reader.read(&key, time, 0..=longest);
         }
     }
 
-    /// When something happens.
+    /// Returns the times of events.
     fn moments(&self) -> Vec<StatedTime> {
         let root = Key::root();
         let vehicle = root.then("vehicle");
@@ -74,7 +74,7 @@ impl Scenario {
         moments
     }
 
-    /// How long something lasts.
+    /// Returns the durations of events.
     fn lengths(&self) -> Vec<StatedTime> {
         let faults = self.fault.iter().enumerate();
         let outages = faults.filter_map(|(index, fault)| {
@@ -94,7 +94,7 @@ impl Scenario {
             })
     }
 
-    /// By how much samples are late.
+    /// Returns the delays of samples.
     fn planned_delays(&self) -> Vec<StatedTime> {
         let faults = self.fault.iter().enumerate();
         faults
@@ -114,7 +114,7 @@ impl Scenario {
             .collect()
     }
 
-    /// How long commands pass over to those of the law.
+    /// Returns the durations of transfers to the law's commands.
     fn recoveries(&self) -> Vec<StatedTime> {
         let inputs = self.safety.iter();
         inputs
@@ -127,8 +127,8 @@ impl Scenario {
             .collect()
     }
 
-    /// What estimator and controller believe of latencies.
-    fn believed_latencies(&self) -> Vec<StatedTime> {
+    /// Returns the modelled latencies of estimator and controller.
+    fn modelled_latencies(&self) -> Vec<StatedTime> {
         let at = Key::root().then("model");
         self.model.iter().fold(Vec::new(), |mut latencies, model| {
             latencies.push((at.then("radio_latency"), model.radio_latency));

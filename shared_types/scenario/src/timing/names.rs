@@ -7,11 +7,11 @@ use shared_types::wiring::{ServiceId, Topic};
 /// An input of a service, as the scenario names it: `topic -> service`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct EdgeName {
-    /// Who consumes the samples.
+    /// Consumer of the samples.
     pub service: ServiceId,
     /// Place of the input in the wiring table.
     pub input: usize,
-    /// What is consumed.
+    /// Consumed topic.
     pub topic: Topic,
 }
 

@@ -129,7 +129,7 @@ fn an_unknown_name_is_refused_with_the_nearest_known_one() {
 }
 
 #[test]
-fn what_the_orchestrator_publishes_has_no_rate_to_state() {
+fn topics_of_the_orchestrator_have_no_rate_to_state() {
     let problem = only_problem(&with_period("run/events", 0.002));
     assert_eq!(problem.reason, "there is no service or topic `run/events`");
 }
@@ -179,7 +179,7 @@ fn a_join_of_unequal_ticks_is_refused_at_the_time_that_makes_it() {
     );
 }
 
-/// The edges at which nobody looks, by name.
+/// Returns the edges that no step reads, by name.
 fn unread(scenario: &Scenario) -> Vec<String> {
     let schedule = scenario.schedule().unwrap();
     let unread: Vec<_> = EdgeName::all()
@@ -196,7 +196,7 @@ fn unread(scenario: &Scenario) -> Vec<String> {
 }
 
 #[test]
-fn what_no_step_looks_at_is_not_brought() {
+fn samples_that_no_step_reads_are_not_delivered() {
     let ideal = [
         "rc/frame -> estimator",
         "rc/frame -> path_generator",

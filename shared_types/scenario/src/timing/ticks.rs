@@ -9,7 +9,7 @@ use shared_types::service::{nanoseconds, seconds};
 /// Shortest and longest base tick, s.
 const TICK: RangeInclusive<f64> = 1e-6..=1.0;
 
-/// Reads times as whole numbers of ticks and collects those that are none.
+/// Reader of times as whole numbers of ticks, which collects the others as problems.
 #[derive(Debug)]
 pub(super) struct TickReader {
     tick_ns: u64,
@@ -45,7 +45,8 @@ impl TickReader {
         self.tick_ns
     }
 
-    /// A time in s as ticks; where it is none of the allowed numbers of ticks, the least of them, and a problem.
+    /// Reads a time in s as ticks. If it is not an allowed number of ticks, it returns the smallest allowed one and
+    /// adds a problem.
     pub(super) fn read(&mut self, key: &Key, time: f64, allowed: RangeInclusive<u64>) -> u64 {
         self.whole_ticks(key, time, &allowed).unwrap_or_else(|problem| {
             self.problems.push(problem);
@@ -109,7 +110,7 @@ impl TickReader {
 /// A time as the whole number of nanoseconds that its decimals mean, if they mean one.
 fn whole_nanoseconds(time: f64) -> Option<u64> {
     let exact = time * 1e9;
-    // What reading the decimals and the product may round away, and a little for times such as 1/3 · 3.
+    // Largest rounding of the decimals and of the product, and a little for times such as 1/3 · 3.
     let tolerance = 1e-3 + 2.0 * f64::EPSILON * exact;
     let is_whole = (exact - libm::round(exact)).abs() <= tolerance;
     is_whole.then(|| nanoseconds(time))

@@ -1,4 +1,4 @@
-//! Which inputs no step of a scenario looks at. Their samples need not be brought.
+//! Inputs that no step of a scenario reads. Their samples need not be delivered.
 
 use super::SERVICES;
 use crate::{EdgeName, Scenario, Target};
@@ -6,7 +6,7 @@ use shared_types::schedule::MAX_PORTS;
 use shared_types::wiring::{ServiceId, Topic};
 
 impl Scenario {
-    /// Of each service and input, whether its steps never look at it.
+    /// Returns, for each service and input, whether its steps never read it.
     pub(super) fn unread_inputs(&self) -> [[bool; MAX_PORTS]; SERVICES] {
         let mut unread = [[false; MAX_PORTS]; SERVICES];
         for edge in EdgeName::all() {
@@ -16,7 +16,7 @@ impl Scenario {
     }
 
     fn reads(&self, edge: EdgeName) -> bool {
-        // A program of one's own may look at all that its service is given, and a fault is to be seen to happen.
+        // An external service may read all inputs of its service, and a fault must have an effect that can be seen.
         let is_theirs = self.external_services()[edge.service.index()];
         is_theirs
             || self.faults_of(Target::Edge(edge)).next().is_some()

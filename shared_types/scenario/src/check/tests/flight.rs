@@ -97,7 +97,7 @@ fn the_operator_asks_at_the_stated_ticks_and_flies_all_along_without_phases() {
 }
 
 #[test]
-fn a_simulated_flight_that_nobody_arms_is_told_so() {
+fn a_simulated_flight_without_arming_is_refused() {
     let mut scenario = phased();
     scenario.flight.as_mut().unwrap().arm_at = None;
     assert_eq!(scenario.problems(), []);
@@ -107,7 +107,7 @@ fn a_simulated_flight_that_nobody_arms_is_told_so() {
 }
 
 #[test]
-fn in_a_laboratory_somebody_arms() {
+fn in_a_laboratory_people_arm() {
     assert_eq!(rig().unattended(), None);
     let seen = |scenario: &mut Scenario| {
         scenario.motion_capture = Some(MotionCapture::new(
@@ -223,7 +223,7 @@ fn limits_that_cannot_be_kept_are_refused() {
 }
 
 #[test]
-fn what_is_checked_on_a_state_says_what_is_done_without_one() {
+fn a_limit_on_the_state_needs_an_action_without_one() {
     refused(
         |_, _, envelope| envelope.estimate = None,
         "envelope.estimate",
@@ -246,7 +246,7 @@ fn only_a_flight_with_phases_can_land() {
 }
 
 #[test]
-fn a_limit_of_what_is_not_commanded_is_refused() {
+fn a_limit_on_values_that_are_not_commanded_is_refused() {
     let rates = VectorLimit {
         max: [9.0; 3],
         action: Action::Warn,

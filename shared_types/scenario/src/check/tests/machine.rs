@@ -21,7 +21,7 @@ fn in_real_time(scenario: Scenario, real_time: RealTime) -> Vec<Problem> {
 }
 
 #[test]
-fn what_some_machine_could_follow_is_accepted() {
+fn values_for_some_machine_are_accepted() {
     for (priority, timer_slack) in [(1, 1e-9), (99, 1.0)] {
         let own = ServiceDeployment {
             core: Some(1023),
@@ -42,7 +42,7 @@ fn what_some_machine_could_follow_is_accepted() {
 }
 
 #[test]
-fn what_no_machine_could_follow_is_refused() {
+fn values_for_no_machine_are_refused() {
     let common = Deployment {
         core: Some(1024),
         ..Deployment::default()

@@ -1,4 +1,4 @@
-//! Programs of one's own in place of services.
+//! External services in place of services.
 
 use super::assert_only;
 use crate::tests_support::fig1;
@@ -19,13 +19,13 @@ fn problems(words: &[&str]) -> Vec<Problem> {
 }
 
 #[test]
-fn what_can_be_started_is_accepted() {
+fn a_command_that_can_be_started_is_accepted() {
     assert_eq!(problems(&["python3", "controller.py", ""]), []);
     assert_eq!(problems(&["./controller"]), []);
 }
 
 #[test]
-fn what_names_no_program_is_refused() {
+fn a_command_without_a_program_is_refused() {
     for words in [&[][..], &[""], &["  ", "controller.py"]] {
         assert_only(
             &problems(words),

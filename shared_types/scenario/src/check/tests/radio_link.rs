@@ -1,4 +1,4 @@
-//! What frames leave on.
+//! Radio link of frames.
 
 use super::assert_only;
 use crate::tests_support::rig;
@@ -136,7 +136,7 @@ fn a_rate_that_the_line_cannot_carry_is_refused_with_the_largest_that_it_can() {
     );
 }
 
-/// How a transmitter is spoilt, where that is seen, and why it is refused.
+/// Change that spoils a transmitter, the key of the problem, and its reason.
 type Spoilt = (fn(&mut Transmitter), &'static str, &'static str);
 
 #[test]
@@ -213,7 +213,7 @@ fn switch(channel: u32, travel: f64) -> ChannelSwitch {
 }
 
 #[test]
-fn what_belongs_to_one_link_stands_beside_that_one_and_is_what_it_knows() {
+fn settings_of_a_link_need_that_link_and_valid_values() {
     use RadioProtocol::{Crsf, Mavlink as MavlinkLink, Multi};
     let multi = |stated: &mut Transmitter, module| stated.multi = Some(module);
     let module = MultiModule::default();

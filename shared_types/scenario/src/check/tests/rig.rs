@@ -1,4 +1,4 @@
-//! What the laboratory rig adds to a scenario.
+//! Sections of the laboratory rig in a scenario.
 
 use super::assert_only;
 use crate::tests_support::rig;
@@ -65,7 +65,7 @@ fn a_flight_in_the_laboratory_has_no_problem() {
 }
 
 #[test]
-fn what_divides_and_what_measures_is_above_0() {
+fn divisors_and_measures_are_above_0() {
     let numbers: &[Number] = &[
         ("vehicle.actuators.rate_max.1", |s| &mut actuators(s).rate_max[1]),
         ("vehicle.actuators.thrust_factor", |s| {
@@ -109,7 +109,7 @@ fn what_divides_and_what_measures_is_above_0() {
 }
 
 #[test]
-fn what_may_be_absent_is_0_or_more() {
+fn optional_effects_are_0_or_more() {
     let numbers: &[Number] = &[
         ("vehicle.drag.1", |s| &mut s.vehicle.drag[1]),
         ("vehicle.actuators.thrust_lag", |s| &mut actuators(s).thrust_lag),
@@ -377,7 +377,7 @@ fn a_fan_that_is_moved_at_the_start_is_refused() {
     );
 }
 
-/// What happens in flight: its key, and how it is given two times in s.
+/// Events in flight: key, and a change that sets two times in s.
 type Happenings = (&'static str, &'static str, fn(&mut Scenario, [f64; 2]));
 
 const HAPPENINGS: [Happenings; 4] = [
@@ -407,7 +407,7 @@ const HAPPENINGS: [Happenings; 4] = [
 ];
 
 #[test]
-fn what_happens_in_flight_happens_within_it_and_in_order() {
+fn events_lie_within_the_flight_and_in_order() {
     for (key, one, happen_at) in HAPPENINGS {
         let second = format!("{key}.1.at");
         refused(
@@ -480,7 +480,7 @@ fn a_fan_is_switched_within_the_flight_at_whole_ticks() {
 }
 
 #[test]
-fn what_begins_while_another_lasts_is_refused() {
+fn an_event_during_another_is_refused() {
     for (key, one, happen_at) in &HAPPENINGS[2..] {
         refused(
             |scenario| happen_at(scenario, [20.0, 20.4]),
@@ -492,7 +492,7 @@ fn what_begins_while_another_lasts_is_refused() {
 }
 
 #[test]
-fn what_lasts_lasts_whole_ticks() {
+fn durations_are_whole_ticks() {
     let lengths: &[Number] = &[
         ("cameras.occlusion.0.lasts", |s| {
             &mut cameras(s).occlusion[0].lasts
@@ -569,7 +569,7 @@ fn a_channel_without_slope_is_refused() {
 }
 
 #[test]
-fn a_range_that_is_none_is_refused() {
+fn an_empty_range_is_refused() {
     for range in [[1.0, -1.0], [0.5, 0.5], [-1.1, 1.0], [-1.0, 1.5], [2.0, 3.0]] {
         let reason = format!("from {:?} to {:?} is no range of a channel", range[0], range[1]);
         for key in ["rc_output.thrust_range", "rc_output.rate_range"] {
@@ -641,7 +641,7 @@ fn a_range_without_a_step_of_the_link_is_refused() {
 }
 
 #[test]
-fn latencies_that_nobody_can_predict_over_are_refused() {
+fn latencies_beyond_any_prediction_are_refused() {
     for (key, set) in [
         (
             "model.radio_latency",
@@ -722,7 +722,7 @@ fn body_rates_need_a_vehicle_that_follows_them_a_model_and_a_filter() {
 }
 
 #[test]
-fn what_works_with_body_rates_is_refused_with_a_controller_of_torque() {
+fn sections_for_body_rates_are_refused_with_a_controller_of_torque() {
     refused(
         |scenario| scenario.controller.rates = None,
         "vehicle.actuators",
@@ -763,7 +763,7 @@ fn what_works_with_body_rates_is_refused_with_a_controller_of_torque() {
 
 #[test]
 fn each_imperfection_can_be_left_out() {
-    // Perfect cameras in front of the filter tell what is due to the filter alone.
+    // Perfect cameras in front of the filter give the period of the filter alone.
     accepted(|scenario| scenario.cameras = None);
     accepted(|scenario| scenario.rc_output = None);
     accepted(|scenario| scenario.vehicle.turbulence = None);

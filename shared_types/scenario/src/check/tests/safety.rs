@@ -182,7 +182,7 @@ fn an_age_at_which_nothing_has_failed_is_refused() {
 }
 
 proptest! {
-    /// As a look at every step says.
+    /// Compares with a check at every step.
     #[test]
     fn the_ordinary_age_is_the_largest_at_any_step(
         periods in [1..12u64, 1..12u64], phases in [0..15u64, 0..15u64], latency in 0..20u64,
