@@ -1,14 +1,14 @@
-//! The digest of an experiment: what the golden hashes are made of.
+//! Digest of an experiment, from which the golden hashes are made.
 
 use crate::Topic;
 use crate::sample::{CDR_HEADER, hex};
 use crate::service::header_of;
 use sha2::{Digest, Sha256};
 
-/// SHA-256 over topic, time and payload of every sample in the order of the log.
+/// Digest of an experiment: SHA-256 over topic, time and payload of every sample in the order of the log.
 ///
-/// Each sample adds the topic's name and a zero byte, its time in ns and the payload's length (both as
-/// little-endian 64-bit numbers), and the payload: CDR header and sample. How a log is written does not count.
+/// Each sample adds the topic's name and a zero byte, its time in ns and the payload's length (both as little-endian
+/// 64-bit numbers), and the payload: CDR header and sample. The log's format has no effect.
 #[derive(Clone, Default)]
 pub struct ExperimentDigest {
     hash: Sha256,
@@ -26,7 +26,7 @@ impl ExperimentDigest {
         self.hash.update(bytes);
     }
 
-    /// The digest in lower-case hexadecimal.
+    /// Returns the digest in lower-case hexadecimal.
     #[must_use]
     pub fn finish(self) -> String {
         hex(&self.hash.finalize())

@@ -1,22 +1,22 @@
-//! Whether all numbers of samples are finite, at a check: by their sum, in a few instructions, where to ask each number
-//! takes hundreds.
+//! Finiteness check of samples by sums of their numbers: a few instructions, where a check of each number takes
+//! hundreds.
 
 use zerocopy::FromBytes;
 
-/// How many sums run side by side: an addition does not have to wait for the one before.
+/// Number of parallel sums: an addition need not wait for the one before.
 const LANES: usize = 4;
 
-/// A check at samples.
+/// Finiteness check of samples.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FinitenessCheck {
     sums: [f64; LANES],
 }
 
 impl FinitenessCheck {
-    /// Takes a sample in.
+    /// Adds a sample.
     ///
     /// # Panics
-    /// If these are not whole words, aligned.
+    /// If the sample is not aligned whole words.
     #[inline]
     pub fn take_in(&mut self, sample: &[u8]) {
         let words = <[f64]>::ref_from_bytes(sample).expect("a sample is aligned and of whole words");
@@ -31,8 +31,9 @@ impl FinitenessCheck {
         }
     }
 
-    /// Whether all numbers are surely finite: a sum stays what it has once become, infinite or not a number. If not,
-    /// each has to be asked: the sum of finite ones may be too large, and what is no number counts as if it were one.
+    /// Returns `true` only if all numbers are finite: a sum that has become infinite or NaN stays so. After `false`,
+    /// each number must be checked: finite numbers may have too large a sum, and words that are not numbers count as if
+    /// they were.
     #[must_use]
     #[inline]
     pub fn is_surely_finite(&self) -> bool {

@@ -1,24 +1,24 @@
-//! The phases of a flight: one table of what leads from which to which.
+//! Phases of a flight: one table of all transitions.
 //!
 //! ```text
 //! disarmed → armed → take-off → fly → land → disarmed
 //! ```
 //!
-//! The rows of a phase are asked in their order, and the first that holds counts; where none holds the phase stays.
-//! Who kills or takes the arming back disarms from every phase, in the air too: the motors rest then by what the
-//! transmitter does, and the phases only tell of it.
+//! The rows of a phase are tested in their order, and the first that holds applies; if none holds the phase stays. A
+//! kill or a disarming disarms from every phase, in the air too. The transmitter stops the motors then; the phases only
+//! report it.
 
 use crate::samples::PathReference;
 
-/// For how long the motors must rest without a break until the vehicle is on the ground, wherever it was, s.
+/// Time for which the motors must stop without a break until the vehicle is on the ground, wherever it was, s.
 ///
 /// A vehicle falls 20 m in this time, more than the height of any laboratory.
 pub const GROUNDED_AFTER: f64 = 2.0;
 
-/// A phase of a flight.
+/// Phase of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FlightPhase {
-    /// The motors rest.
+    /// The motors stop.
     Disarmed,
     /// The motors may turn, and idle.
     Armed,
@@ -26,47 +26,47 @@ pub enum FlightPhase {
     TakeOff,
     /// Along the path.
     Fly,
-    /// From where the vehicle is to the ground.
+    /// From the vehicle's place to the ground.
     Land,
 }
 
-/// What the next phase depends on.
+/// Conditions of the transitions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Conditions {
-    /// The operator arms, and did not take it back.
+    /// The operator has armed, and has not disarmed since.
     pub armed: bool,
     /// The operator or the envelope killed.
     pub killed: bool,
-    /// The operator's arming has not been used up by a flight.
+    /// The operator's arming has not been used by a flight.
     pub arming_is_new: bool,
-    /// The operator or the envelope wants the vehicle on the ground.
+    /// The operator or the envelope demands a landing.
     pub land: bool,
     /// Every input is fresh, the vehicle is tracked and does not coast, and the estimate is good.
     pub ready: bool,
     /// The motors have idled long enough.
     pub spooled_up: bool,
-    /// The vehicle carries itself.
+    /// The vehicle is airborne.
     pub airborne: bool,
     /// The reference has come to the path, and the vehicle with it.
     pub arrived: bool,
-    /// The take-off has not come to an end in its time.
+    /// The take-off has exceeded its time.
     pub overdue: bool,
     /// The vehicle stands on the ground again.
     pub touched_down: bool,
-    /// Whoever keeps the phases begins anew, and finds frames on their way that carry a vehicle.
+    /// After a cold start, the path generator has found frames whose thrust carries a vehicle.
     pub found_flying: bool,
 }
 
-/// A row of the table: in a phase, under a condition, comes another.
+/// Row of the table: a transition from one phase to another, under a condition.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// The phase that is left.
+    /// The phase before.
     pub from: FlightPhase,
-    /// Under which condition, in words.
+    /// The condition, in words.
     pub words: &'static str,
-    /// Whether it holds.
+    /// Returns whether the condition holds.
     pub when: fn(&Conditions) -> bool,
-    /// The phase that comes.
+    /// The phase after.
     pub to: FlightPhase,
 }
 
@@ -90,13 +90,13 @@ pub const ROWS: [Row; 13] = {
         row(
             Disarmed,
             TakeOff,
-            "found in the air by a path generator that begins anew",
+            "found in the air by a path generator after a cold start",
             |now| !now.stops() && now.found_flying,
         ),
         row(
             Disarmed,
             Armed,
-            "armed anew, all is ready, and nobody wants it on the ground",
+            "armed again, all is ready, and no landing is demanded",
             |now| !now.stops() && now.arming_is_new && now.ready && !now.land,
         ),
         row(
@@ -165,14 +165,14 @@ impl FlightPhase {
     /// All phases, in the order of a flight.
     pub const ALL: [Self; 5] = [Self::Disarmed, Self::Armed, Self::TakeOff, Self::Fly, Self::Land];
 
-    /// The phase that follows.
+    /// Returns the phase that follows.
     #[must_use]
     pub fn next(self, conditions: &Conditions) -> Self {
         let mut rows = ROWS.iter().filter(|row| row.from == self);
         rows.find(|row| (row.when)(conditions)).map_or(self, |row| row.to)
     }
 
-    /// The phase as references say it.
+    /// Returns the phase's code in references.
     #[must_use]
     pub fn code(self) -> u8 {
         match self {
@@ -184,7 +184,7 @@ impl FlightPhase {
         }
     }
 
-    /// The phase of a code; disarmed for a code of none.
+    /// Returns the phase of a code; disarmed for an unknown code.
     #[must_use]
     pub fn from_code(code: u8) -> Self {
         let mut phases = Self::ALL.into_iter();
@@ -193,7 +193,7 @@ impl FlightPhase {
             .unwrap_or(Self::Disarmed)
     }
 
-    /// Its name.
+    /// Returns its name.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -1,12 +1,12 @@
-//! Which sample of an input a service uses: the last one that can be true.
+//! Input validator: it accepts or refuses the samples of an input; a service uses the last valid one.
 //!
 //! Failure policy:
-//! * a sample is judged once, when it is new. One that cannot be true is refused and counted, and the last good
-//!   one stays in its place;
-//! * a number that is not finite can never be true, nor in most samples one above [`LARGEST`]; what else cannot be, each service
-//!   says by itself, and of a vehicle's state [`StateValidator`] does;
-//! * a sample may also say nothing new. Then it is not counted, but the last good one goes on growing old;
-//! * what was refused, however often, is no reason to refuse what comes next: no gate stays shut for ever.
+//! * a sample is tested once, when it is new. An impossible one is refused and counted, and the last good one stays in
+//!   use;
+//! * a number that is not finite is impossible, and in most samples one above [`LARGEST`]; each service adds its own
+//!   tests, and [`StateValidator`] those of a vehicle's state;
+//! * a sample may also carry nothing new. Then it is not counted, but the age of the last good one goes on growing;
+//! * refusals, however many, are no reason to refuse the next sample: no validator refuses for ever.
 
 mod state;
 
@@ -17,35 +17,35 @@ use crate::service::{Input, Now};
 
 pub use state::{Policy, StateGateState, StateValidator};
 
-/// Magnitude above which a number is not one of a flight, SI units; powers and products of several stay finite.
+/// Largest magnitude of a number in a flight, SI units; powers and products of several such numbers stay finite.
 pub const LARGEST: f64 = 1e9;
 
-/// What a sample is good for.
+/// Result of the validation of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Validity {
-    /// It can be true and says something new.
+    /// It is possible and carries something new.
     Good,
-    /// It says nothing new.
+    /// It carries nothing new.
     NothingNew,
-    /// It cannot be true.
+    /// It is impossible.
     Refused,
 }
 
 crate::sample! {
-    /// What a gate remembers besides the sample.
+    /// State of an input validator besides the sample.
     pub struct GateState {
-        /// Number of the sample that was judged last, plus 1; 0 before the first.
+        /// Number of the last tested sample, plus 1; 0 before the first.
         pub judged: u64,
         /// Samples refused since the start of the flight.
         pub refused: u32,
-        /// Whether there was a good sample.
+        /// `true` if there was a good sample.
         pub has_held: Flag,
         /// Explicit padding.
         pub pad0: [u8; 3],
     }
 }
 
-/// An input with its last good sample.
+/// Input with its last good sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InputValidator<T> {
     memory: GateState,
@@ -63,8 +63,8 @@ impl<T: Sample> Default for InputValidator<T> {
 }
 
 impl<T: Sample> InputValidator<T> {
-    /// Judges the newest sample if it is new; `judge` is asked of numbers up to the magnitude `largest` only, with the
-    /// last good sample beside it. Returns the verdict on a new sample.
+    /// Validates the newest sample if it is new. `judge` is called only for numbers up to the magnitude `largest`, with
+    /// the last good sample. Returns the result for a new sample.
     #[inline]
     pub fn look(
         &mut self,
@@ -91,14 +91,14 @@ impl<T: Sample> InputValidator<T> {
         Some(verdict)
     }
 
-    /// The last good sample. Whoever goes on from what another process remembered has it before it sees one itself.
+    /// Returns the last good sample. A restarted service has that of its predecessor before it receives one.
     #[must_use]
     #[inline]
     pub fn held(&self) -> Option<&T> {
         self.memory.has_held.is_set().then_some(&self.held)
     }
 
-    /// Whether the last good sample is also the newest one.
+    /// Returns whether the last good sample is also the newest one.
     #[must_use]
     #[inline]
     pub fn is_newest(&self, input: &Input<'_, T>) -> bool {
@@ -106,7 +106,7 @@ impl<T: Sample> InputValidator<T> {
         newest == self.held().map(|sample| sample.header().seq)
     }
 
-    /// Time since the last good sample was published, ns.
+    /// Returns the time since the last good sample was published, ns.
     #[must_use]
     #[inline]
     pub fn age_ns(&self, now: &Now) -> Option<u64> {
@@ -114,31 +114,31 @@ impl<T: Sample> InputValidator<T> {
         Some(now.time_ns.saturating_sub(held.header().stamp_ns))
     }
 
-    /// Samples refused since the start of the flight.
+    /// Returns the number of samples refused since the start of the flight.
     #[must_use]
     #[inline]
     pub fn refused(&self) -> u32 {
         self.memory.refused
     }
 
-    /// Counts a sample as refused that only its use has shown to be impossible.
+    /// Counts a sample as refused whose use has shown that it is impossible.
     pub fn refuse(&mut self) {
         self.memory.refused = self.memory.refused.saturating_add(1);
     }
 
-    /// What it remembers, and the last good sample, all zero before the first.
+    /// Returns its state and the last good sample, all zero before the first.
     #[must_use]
     pub fn save(&self) -> (GateState, T) {
         (self.memory, self.held)
     }
 
-    /// Goes on with what was saved.
+    /// Restores a saved state.
     pub fn restore(&mut self, state: &GateState, held: &T) {
         (self.memory, self.held) = (*state, *held);
     }
 }
 
-/// Whether a sample was published by now; one from the future would never grow old.
+/// Returns whether a sample was published by now; one from the future would never grow old.
 #[must_use]
 #[inline]
 pub fn is_of_the_past<T: Sample>(sample: &T, now: &Now) -> bool {

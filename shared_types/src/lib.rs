@@ -1,13 +1,13 @@
-//! What travels between Gerono's services and what everyone agrees on.
+//! Types that Gerono's services share: samples, wiring, schedule and contracts.
 //!
 //! * [`mod@sample`]: the macro that declares a sample once (struct, `.msg` text, layout proof, layout hash);
 //! * [`samples`]: the samples of the flight;
 //! * [`wiring`]: which service publishes and consumes which topic, written once;
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
-//! * [`schedule`]: who steps when, and which sample is due where, computable by everyone;
-//! * [`digest`]: the digest of an experiment, by which two flights are the same;
-//! * [`flight_phase`]: from disarmed to disarmed, one table;
-//! * [`input_validator`]: which sample of an input a service uses: the last one that can be true;
+//! * [`schedule`]: the steps of the services and the due samples at each, computable by all;
+//! * [`digest`]: the digest of an experiment; equal digests mean equal flights;
+//! * [`flight_phase`]: the phases from disarmed to disarmed, one table;
+//! * [`input_validator`]: acceptance of samples; a service uses the last valid one;
 //! * [`noise`]: random numbers as functions of seed, stream and tick;
 //! * [`rotation`]: the conventions of attitude.
 //!

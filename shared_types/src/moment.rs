@@ -1,8 +1,8 @@
-//! The moment of a step, and what the people responsible for the flight ask for at it.
+//! Time of a step, and the operator's requests at it.
 
 use serde::{Deserialize, Serialize};
 
-/// The moment of a step.
+/// Time of a step, with the operator's requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Now {
     /// Base tick since the start of the flight.
@@ -11,23 +11,23 @@ pub struct Now {
     pub time_ns: u64,
     /// Time since this service's previous step, ns; 0 at its first.
     pub elapsed_ns: u64,
-    /// What the people responsible for the flight ask for.
+    /// Requests of the operator.
     pub operator: Operator,
 }
 
-/// What the people responsible for the flight ask for. Hosts say it, like the time. By default nothing: the motors rest.
+/// Requests of the operator. Hosts provide them, like the time. By default none: the motors stop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Operator {
-    /// The motors may turn. Whoever takes it back in the air stops them there.
+    /// The motors may turn. A withdrawal in the air stops them there.
     pub armed: bool,
-    /// The vehicle shall come down, and rest disarmed.
+    /// The vehicle must land, and is disarmed then.
     pub land: bool,
-    /// The motors shall rest, now and for ever: it is not taken back in a flight.
+    /// The motors stop for ever: no withdrawal in a flight.
     pub killed: bool,
 }
 
 impl Operator {
-    /// The flight is flown: nothing else is asked for.
+    /// The flight is flown, without further requests.
     pub const FLYING: Self = Self {
         armed: true,
         land: false,
@@ -36,14 +36,14 @@ impl Operator {
 }
 
 impl Now {
-    /// Time since the start of the flight, s.
+    /// Returns the time since the start of the flight, s.
     #[must_use]
     #[inline]
     pub fn time(&self) -> f64 {
         seconds(self.time_ns)
     }
 
-    /// Time since this service's previous step, s; 0 at its first.
+    /// Returns the time since this service's previous step, s; 0 at its first.
     #[must_use]
     #[inline]
     pub fn elapsed(&self) -> f64 {
@@ -51,7 +51,7 @@ impl Now {
     }
 }
 
-/// Nanoseconds as seconds, correctly rounded.
+/// Converts nanoseconds to seconds, correctly rounded.
 #[must_use]
 #[inline]
 #[expect(
@@ -62,7 +62,7 @@ pub fn seconds(nanoseconds: u64) -> f64 {
     nanoseconds as f64 / 1e9
 }
 
-/// Seconds as nanoseconds, to the nearest; what is below 0 counts as 0, and what is beyond any flight as its end.
+/// Converts seconds to nanoseconds, to the nearest; a time below 0 counts as 0, and one beyond any flight as its end.
 #[must_use]
 #[expect(
     clippy::cast_possible_truncation,

@@ -1,53 +1,53 @@
-//! Random numbers as functions of (seed, stream, tick): nothing to save, nothing that a restart could shift.
+//! Random numbers as functions of (seed, stream, tick): there is no state to save or to shift by a restart.
 //!
-//! The generator is ChaCha8, whose stream is stable across versions and which can be entered anywhere; normal
-//! numbers come from it by the polar form of Box and Muller over `libm`, so that they are the same everywhere.
+//! The generator is ChaCha8, whose stream is stable across versions and can be entered at any place; normal numbers
+//! come from it by the polar form of Box and Muller over `libm`, so that they are equal on every machine.
 
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// What random numbers are for. Numbers of different streams are independent.
+/// Use of random numbers. Numbers of different streams are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Stream {
     /// Errors of the captured pose.
     CameraNoise = 1,
-    /// When frames of the cameras are exposed.
+    /// Exposure times of the cameras' frames.
     CameraJitter = 2,
-    /// Which frames of the cameras do not find the body.
+    /// Frames of the cameras that do not find the body.
     CameraLoss = 3,
-    /// Which frames of the radio are not received.
+    /// Frames of the radio that are not received.
     RadioLoss = 4,
     /// Turbulence of the air.
     Turbulence = 5,
     /// Fluctuation of the fan's jet.
     Fan = 6,
-    /// Which samples of an edge are lost; the edges follow each other.
+    /// Lost samples of an edge; the edges follow each other.
     EdgeLoss = 0x100,
-    /// Garbage in place of the samples of an edge; the edges follow each other.
+    /// Random contents of the samples of an edge; the edges follow each other.
     EdgeGarbage = 0x200,
 }
 
 /// Words of the generator that a tick may use: 32 numbers.
 const WORDS_A_TICK: u128 = 64;
 
-/// The random numbers of a stream.
+/// Random numbers of a stream.
 #[derive(Clone, Debug)]
 pub struct Noise(ChaCha8Rng);
 
-/// The random numbers of a stream at a tick, one after the other.
+/// Random numbers of a stream at a tick, one after the other.
 #[derive(Debug)]
 pub struct Draws<'a>(&'a mut ChaCha8Rng);
 
 impl Noise {
-    /// The random numbers of a flight's `stream`.
+    /// Makes the random numbers of a flight's `stream`.
     #[must_use]
     pub fn new(seed: u64, stream: Stream) -> Self {
         Self::one_of(seed, stream, 0)
     }
 
-    /// The random numbers of the `place`-th of several streams of a kind.
+    /// Makes the random numbers of the `place`-th of several streams of a kind.
     #[must_use]
     pub fn one_of(seed: u64, stream: Stream, place: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
@@ -55,7 +55,7 @@ impl Noise {
         Self(generator)
     }
 
-    /// The numbers of a tick, from the first.
+    /// Returns the numbers of a tick, from the first.
     #[must_use]
     #[inline]
     pub fn at(&mut self, tick: u64) -> Draws<'_> {
@@ -65,7 +65,7 @@ impl Noise {
 }
 
 impl Draws<'_> {
-    /// Evenly spread over [0, 1).
+    /// Returns a number evenly distributed over [0, 1).
     #[inline]
     pub fn uniform(&mut self) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
@@ -73,13 +73,13 @@ impl Draws<'_> {
         fraction * (1.0 / (1u64 << 53) as f64)
     }
 
-    /// Any 64 bits.
+    /// Returns any 64 bits.
     #[inline]
     pub fn bits(&mut self) -> u64 {
         self.0.next_u64()
     }
 
-    /// Two independent standard normal numbers.
+    /// Returns two independent standard normal numbers.
     #[inline]
     pub fn normal_pair(&mut self) -> [f64; 2] {
         // 1 − u lies in (0, 1]: the logarithm is finite.
@@ -88,7 +88,7 @@ impl Draws<'_> {
         [radius * cosine, radius * sine]
     }
 
-    /// Three independent standard normal numbers.
+    /// Returns three independent standard normal numbers.
     #[inline]
     pub fn normal3(&mut self) -> Vector3<f64> {
         let ([x, y], [z, _]) = (self.normal_pair(), self.normal_pair());

@@ -14,21 +14,21 @@ pub struct Input<'a, T> {
 }
 
 impl<'a, T: Sample> Input<'a, T> {
-    /// The newest sample delivered by now.
+    /// Returns the newest sample delivered by now.
     #[must_use]
     #[inline]
     pub fn newest(&self) -> Option<&'a T> {
         self.sample
     }
 
-    /// The newest sample, if it was delivered since this service's previous step.
+    /// Returns the newest sample, if it was delivered since this service's previous step.
     #[must_use]
     #[inline]
     pub fn fresh(&self) -> Option<&'a T> {
         self.sample.filter(|_| self.fresh)
     }
 
-    /// Time since the newest sample was published, ns.
+    /// Returns the time since the newest sample was published, ns.
     #[must_use]
     #[inline]
     pub fn age_ns(&self, now: &Now) -> Option<u64> {
@@ -56,7 +56,7 @@ pub struct Output<'a, T> {
 }
 
 impl<'a, T: Sample> Output<'a, T> {
-    /// The place to write the sample to, if one is due: zeroed, with its header filled in.
+    /// Returns the place of the sample, if one is due: zeroed, with its header filled in.
     #[inline]
     pub fn due(&mut self) -> Option<&mut T> {
         self.sample.as_deref_mut()
@@ -73,16 +73,16 @@ impl<'a, T: Sample> Output<'a, T> {
     }
 }
 
-/// An input as hosts hold it: the bytes of the newest sample.
+/// Input as hosts hold it: the bytes of the newest sample.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct InputView<'a> {
     /// The newest sample's bytes.
     pub bytes: Option<&'a [u8]>,
-    /// Whether it was delivered since the previous step.
+    /// `true` if it was delivered since the previous step.
     pub fresh: bool,
 }
 
-/// An output as hosts hold it: the bytes to write a due sample to.
+/// Output as hosts hold it: the bytes of a due sample.
 #[derive(Debug, Default)]
 pub struct OutputSlot<'a> {
     /// The place of the sample, zeroed but for its header; `None` when none is due.
@@ -101,7 +101,7 @@ pub trait Outputs<'a> {
     fn from_slots(slots: &'a mut [OutputSlot<'_>]) -> Self;
 }
 
-/// What a host needs to know of a sample type to move it around as bytes.
+/// Properties of a sample type by which a host moves it as bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleKind {
     /// Size, bytes.
@@ -111,7 +111,7 @@ pub struct SampleKind {
 }
 
 impl SampleKind {
-    /// The kind of samples of type `T`.
+    /// Returns the kind of samples of type `T`.
     #[must_use]
     pub const fn of<T: Sample>() -> Self {
         const {
@@ -133,7 +133,7 @@ impl SampleKind {
         }
     }
 
-    /// Name of the first member that holds a number that is not finite.
+    /// Returns the name of the first member that holds a number that is not finite.
     #[must_use]
     #[inline]
     pub fn first_non_finite_field(&self, bytes: &[u8]) -> Option<&'static str> {
@@ -155,7 +155,7 @@ impl SampleKind {
     }
 }
 
-/// Header of a sample's bytes; every sample begins with one.
+/// Returns the header of a sample's bytes; every sample begins with one.
 #[must_use]
 #[inline]
 pub fn header_of(bytes: &[u8]) -> Header {

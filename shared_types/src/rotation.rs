@@ -2,16 +2,17 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-/// S(x), the skew-symmetric matrix with S(x) y = x × y.
+/// Returns S(x), the skew-symmetric matrix with S(x) y = x × y.
 #[must_use]
 #[inline]
 pub fn skew(x: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -x.z, x.y, x.z, 0.0, -x.x, -x.y, x.x, 0.0)
 }
 
-/// exp S(θ) ∈ SO(3), Rodrigues' formula; `theta` is axis times angle, rad.
+/// Returns exp S(θ) ∈ SO(3), Rodrigues' formula; `theta` is axis times angle, rad.
 ///
-/// Below 1e−4 rad the two coefficients come from their series, which are then exact to the last bit.
+/// Below 1e−4 rad the two coefficients come from their series, which are then exact to the last bit. The closed forms
+/// would divide cancelled differences by almost zero there.
 #[must_use]
 #[inline]
 pub fn exp(theta: &Vector3<f64>) -> Matrix3<f64> {
@@ -30,22 +31,22 @@ pub fn exp(theta: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + s * sine_ratio + s * s * cosine_ratio
 }
 
-/// Rx(a) of the paper, eq. (27): the rotation about x by −a in the right-handed sense.
+/// Returns Rx(a) of the paper, eq. (27): the rotation about x by −a in the right-handed sense.
 #[must_use]
 pub fn paper_rx(angle: f64) -> Matrix3<f64> {
     let (sine, cosine) = libm::sincos(angle);
     Matrix3::new(1.0, 0.0, 0.0, 0.0, cosine, sine, 0.0, -sine, cosine)
 }
 
-/// One step of the polar iteration R ← R (3I − RᵀR)/2, which pulls a nearly orthogonal matrix back to SO(3)
-/// with quadratic convergence.
+/// Makes one step of the polar iteration R ← R (3I − RᵀR)/2, which pulls a nearly orthogonal matrix back to SO(3) with
+/// quadratic convergence.
 #[must_use]
 #[inline]
 pub fn orthonormalized(r: &Matrix3<f64>) -> Matrix3<f64> {
     r * (Matrix3::identity() * 3.0 - r.transpose() * r) * 0.5
 }
 
-/// Distance of a matrix from SO(3): ‖RᵀR − I‖F, and infinite for a reflection.
+/// Returns the distance of a matrix from SO(3): ‖RᵀR − I‖F, and infinity for a reflection.
 #[must_use]
 pub fn defect(r: &Matrix3<f64>) -> f64 {
     if r.determinant() <= 0.0 {
@@ -54,14 +55,14 @@ pub fn defect(r: &Matrix3<f64>) -> f64 {
     (r.transpose() * r - Matrix3::identity()).norm()
 }
 
-/// Whether a matrix is in SO(3) but for rounding, or holds what is not a number: that is stopped where it is published.
+/// Returns whether a matrix is in SO(3) up to rounding. A matrix with a NaN passes: publication stops it.
 #[must_use]
 pub fn is_rotation(r: &Matrix3<f64>) -> bool {
     let defect = defect(r);
     defect.is_nan() || defect < 1e-9
 }
 
-/// Roll, pitch and yaw (rad) with R = Rz(yaw) Ry(pitch) Rx(roll), right-handed about z down.
+/// Returns roll, pitch and yaw (rad) with R = Rz(yaw) Ry(pitch) Rx(roll), right-handed about z down.
 #[must_use]
 pub fn roll_pitch_yaw(r: &Matrix3<f64>) -> [f64; 3] {
     [
@@ -71,7 +72,7 @@ pub fn roll_pitch_yaw(r: &Matrix3<f64>) -> [f64; 3] {
     ]
 }
 
-/// R = Rz(yaw) Ry(pitch) Rx(roll), the inverse of [`roll_pitch_yaw`].
+/// Returns R = Rz(yaw) Ry(pitch) Rx(roll), the inverse of [`roll_pitch_yaw`].
 #[must_use]
 pub fn from_roll_pitch_yaw([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
     exp(&Vector3::new(0.0, 0.0, yaw))
@@ -79,7 +80,7 @@ pub fn from_roll_pitch_yaw([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
         * exp(&Vector3::new(roll, 0.0, 0.0))
 }
 
-/// A rotation as it travels: row-major.
+/// Converts a rotation to row-major order, as samples carry it.
 #[must_use]
 #[inline]
 pub fn to_row_major(r: &Matrix3<f64>) -> [f64; 9] {
@@ -89,7 +90,7 @@ pub fn to_row_major(r: &Matrix3<f64>) -> [f64; 9] {
     elements
 }
 
-/// A rotation as it is computed with, from its row-major form.
+/// Converts a rotation from row-major order.
 #[must_use]
 #[inline]
 pub fn from_row_major(elements: &[f64; 9]) -> Matrix3<f64> {

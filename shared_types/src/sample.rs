@@ -5,11 +5,11 @@
 //!   [`zerocopy::IntoBytes`] is the compile-time proof),
 //! * the text of its ROS 2 message definition ([`Record::MSG_NAME`], [`msg_definition`]), under which every
 //!   tool that reads CDR decodes those very bytes,
-//! * its layout hash ([`layout_hash`]), required of everyone who opens a topic,
+//! * its layout hash ([`layout_hash`]), which every process that opens a topic must have,
 //! * the check that every number in it is finite ([`Field::is_finite`]).
 //!
-//! A little-endian `repr(C)` struct without implicit padding is byte for byte an XCDR1 payload; that is why
-//! only the types that implement [`Field`] may be members.
+//! A little-endian `repr(C)` struct without implicit padding is byte for byte an XCDR1 payload. For that reason only
+//! types that implement [`Field`] may be members.
 
 use std::ops::Range;
 
@@ -19,10 +19,10 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 /// Package name under which the message definitions appear in logs.
 pub const MSG_PACKAGE: &str = "gerono_msgs";
 
-/// What precedes a sample's bytes in a logged message: CDR as of XCDR1, little-endian, no options.
+/// Header before a sample's bytes in a logged message: CDR as of XCDR1, little-endian, no options.
 pub const CDR_HEADER: [u8; 4] = [0, 1, 0, 0];
 
-/// How a field type is written in a message definition.
+/// Form of a field type in a message definition.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MsgType {
     /// Name of the element type, such as `float64` or `gerono_msgs/Header`.
@@ -33,15 +33,15 @@ pub struct MsgType {
     pub nested: Vec<(&'static str, String)>,
 }
 
-/// A type that may be a member of a sample: a number, a fixed array of numbers, or another record.
+/// Type that may be a member of a sample: a number, a fixed array of numbers, or another record.
 pub trait Field: Copy + FromBytes + IntoBytes + Immutable + KnownLayout + 'static {
-    /// How the type is written in a message definition.
+    /// Returns the type's form in a message definition.
     fn msg_type() -> MsgType;
 
-    /// Whether every floating-point number in the value is finite.
+    /// Returns whether every floating-point number in the value is finite.
     fn is_finite(&self) -> bool;
 
-    /// Whether every floating-point number in the value has at most this magnitude, and so is finite.
+    /// Returns whether every floating-point number in the value has at most this magnitude, and so is finite.
     fn is_within(&self, magnitude: f64) -> bool;
 }
 
@@ -103,16 +103,16 @@ impl<T: Field, const N: usize> Field for [T; N] {
     }
 }
 
-/// A truth value as one byte: 0 is false, everything else is true, so that any bit pattern is valid.
+/// Truth value as one byte: 0 is false, everything else is true, so that any bit pattern is valid.
 #[derive(Clone, Copy, Default, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(transparent)]
 pub struct Flag(u8);
 
 impl Flag {
-    /// The flag that is not raised.
+    /// The flag that is not set.
     pub const CLEAR: Self = Self(0);
 
-    /// Whether the flag is raised.
+    /// Returns whether the flag is set.
     #[must_use]
     pub fn is_set(self) -> bool {
         self.0 != 0
@@ -157,7 +157,7 @@ impl Field for Flag {
     }
 }
 
-/// Where a member of a record is, and what it holds.
+/// Place and type of a member of a record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Member {
     /// Its name.
@@ -166,18 +166,18 @@ pub struct Member {
     pub offset: usize,
     /// Name of the element type, such as `float64`.
     pub element: String,
-    /// How many elements it has; `None` for a single value.
+    /// Number of its elements; `None` for a single value.
     pub length: Option<usize>,
 }
 
 impl Member {
-    /// Whether it holds floating-point numbers.
+    /// Returns whether it holds floating-point numbers.
     #[must_use]
     pub fn is_number(&self) -> bool {
         self.element == "float64"
     }
 
-    /// The bytes of its floating-point numbers, each 8 bytes; of one of them, if `index` says which.
+    /// Returns the bytes of its floating-point numbers, each 8 bytes; of one of them, if `index` is given.
     #[must_use]
     pub fn numbers(&self, index: Option<usize>) -> Option<Range<usize>> {
         let length = self.length.unwrap_or(1);
@@ -200,18 +200,18 @@ impl std::fmt::Display for Member {
     }
 }
 
-/// A record declared by [`sample!`](crate::sample!).
+/// Record declared by [`sample!`](crate::sample!).
 pub trait Record: Field {
     /// Name of the type on the wire and in the log, for example `gerono_msgs/msg/VehicleState`.
     const MSG_NAME: &'static str;
 
-    /// Its members, in their order.
+    /// Returns its members, in their order.
     fn members() -> Vec<Member>;
 
-    /// One line per member: `type name`, with the constants above their field.
+    /// Returns one line per member: `type name`, with the constants above their field.
     fn msg_body() -> String;
 
-    /// Name of the first member that holds a number that is not finite.
+    /// Returns the name of the first member that holds a number that is not finite.
     fn first_non_finite_field(&self) -> Option<&'static str>;
 }
 
@@ -219,14 +219,14 @@ pub trait Record: Field {
 ///
 /// Process ids, incarnations and wall-clock facts never enter it.
 pub trait Sample: Record {
-    /// The common header.
+    /// Returns the common header.
     fn header(&self) -> &Header;
 
-    /// The common header, to be filled by the host before the step.
+    /// Returns the common header, to be filled by the host before the step.
     fn header_mut(&mut self) -> &mut Header;
 }
 
-/// The whole message definition of a record: its members, then the definitions that they need.
+/// Returns the whole message definition of a record: its members, then the definitions that they need.
 #[must_use]
 pub fn msg_definition<R: Record>() -> String {
     let mut text = R::msg_body();
@@ -241,22 +241,22 @@ pub fn msg_definition<R: Record>() -> String {
     text
 }
 
-/// Hash of a record's layout: of its name, its members' names, types and order.
+/// Returns the hash of a record's layout: of its name, its members' names, types and order.
 ///
-/// Two processes exchange a sample only if this agrees; iceoryx2 alone compares name, size and alignment.
+/// Two processes exchange a sample only if their hashes agree; iceoryx2 alone compares name, size and alignment.
 #[must_use]
 pub fn layout_hash<R: Record>() -> String {
     let text = format!("{}\n{}", R::MSG_NAME, msg_definition::<R>());
     hex(&Sha256::digest(text.as_bytes())[..16])
 }
 
-/// Lower-case hexadecimal of some bytes.
+/// Returns bytes in lower-case hexadecimal.
 #[must_use]
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// One line of a message definition.
+/// Returns one line of a message definition.
 #[doc(hidden)]
 #[must_use]
 pub fn msg_line<F: Field>(name: &str) -> String {
@@ -396,7 +396,7 @@ macro_rules! sample {
 }
 
 sample! {
-    /// What every sample begins with.
+    /// Common header of all samples.
     pub struct Header {
         /// Base tick at which the sample was published.
         pub tick: u64,
@@ -407,7 +407,7 @@ sample! {
     }
 }
 
-// External programs and readers of logs find it there, whatever build they are of.
+// External services and readers of logs of any build find it there.
 const _: () = assert!(
     size_of::<Header>() == 24
         && std::mem::offset_of!(Header, tick) == 0

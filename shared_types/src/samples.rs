@@ -1,4 +1,4 @@
-//! The samples of the flight. Frames: {I} ("world", z down) and {B} ("body"). SI units, radians.
+//! Samples of the flight. Frames: {I} ("world", z down) and {B} ("body"). SI units, radians.
 
 use std::borrow::Cow;
 
@@ -30,7 +30,7 @@ crate::sample! {
         pub disturbance_world: [f64; 3],
     }
 
-    /// A pose as the motion-capture system saw it.
+    /// Pose captured by the motion-capture system.
     pub struct MocapPose {
         /// Common header.
         pub header: Header,
@@ -44,19 +44,19 @@ crate::sample! {
         pub velocity_body: [f64; 3],
         /// Angular velocity in {B}, rad/s; only with `velocities_measured`.
         pub angular_velocity_body: [f64; 3],
-        /// Whether the body was seen; if not, all else is zero.
+        /// `true` if the body was seen; if not, all else is zero.
         pub tracked: Flag,
-        /// Whether the velocities are measured (ideal cameras) or zero.
+        /// `true` if the velocities are measured (ideal cameras); if not, they are zero.
         pub velocities_measured: Flag,
         /// Explicit padding.
         pub pad0: [u8; 6],
     }
 
-    /// The vehicle's state as estimated.
+    /// Estimated state of the vehicle.
     pub struct VehicleState {
         /// Common header.
         pub header: Header,
-        /// The time that the state speaks of, ns since the start of the flight.
+        /// Time of the state, ns since the start of the flight.
         pub state_time_ns: u64,
         /// p, position in {I}, m.
         pub position_world: [f64; 3],
@@ -68,28 +68,28 @@ crate::sample! {
         pub angular_velocity_body: [f64; 3],
         /// v̇, linear acceleration in {I} at that time, m/s²; 0 without a filter.
         pub acceleration_world: [f64; 3],
-        /// T, thrust that acts at that time as the frames sent so far say, N; 0 without a filter.
+        /// T, thrust that acts at that time by the frames sent so far, N; 0 without a filter.
         pub thrust: f64,
         /// Standard deviation of the position, the largest axis, m.
         pub position_sigma: f64,
         /// Captures refused as outliers since the start of the flight.
         pub captures_refused: u32,
-        /// Whether the state rests on a measurement of the body that is recent enough.
+        /// `true` if the state rests on a measurement of the body that is recent enough.
         pub tracked: Flag,
-        /// Whether captures that were due are missing, so that the state is predicted further than it should be.
+        /// `true` if due captures are missing, so that the state is predicted further than usual.
         pub coasting: Flag,
         /// Explicit padding.
         pub pad0: [u8; 2],
     }
 
-    /// Where the vehicle should be: the point of the path, its γ-derivatives and the timing law's terms.
+    /// Desired place of the vehicle: the point of the path, its γ-derivatives and the timing law's terms.
     ///
-    /// While it takes off and lands, the path is a straight line, and γ the time on it in s.
+    /// During take-off and landing, the path is a straight line, and γ the time on it in s.
     pub struct PathReference {
         /// Common header.
         pub header: Header,
-        /// The time that the reference speaks of, ns since the start of the flight: that of the state it was made for,
-        /// and as much later as that is older than it should be.
+        /// Time of the reference, ns since the start of the flight: that of the state it was made from, and later by
+        /// the excess of that state's age over its usual age.
         pub reference_time_ns: u64,
         /// γ, path parameter.
         pub gamma: f64,
@@ -115,22 +115,22 @@ crate::sample! {
         pub yaw: f64,
         /// Rate of the desired yaw, rad/s.
         pub yaw_rate: f64,
-        /// States refused since the start of the flight, being no states that can be true.
+        /// Impossible states refused since the start of the flight.
         pub states_refused: u32,
-        /// Whether it is known where the vehicle is; if not the path stands still.
+        /// `true` if the place of the vehicle is known; if not the path stands still.
         pub vehicle_known: Flag,
         #[values(
             PHASE_DISARMED = 0, PHASE_ARMED = 1, PHASE_TAKE_OFF = 2, PHASE_FLY = 3, PHASE_LAND = 4
         )]
         /// The phase of the flight; one without phases is flown from its start.
         pub phase: u8,
-        /// Whether the vehicle carries itself, as far as its motion tells.
+        /// `true` if the vehicle is airborne, as far as its motion shows.
         pub airborne: Flag,
         /// Explicit padding.
         pub pad0: u8,
     }
 
-    /// What the controller commands.
+    /// Command of the controller.
     pub struct ControlCommand {
         /// Common header.
         pub header: Header,
@@ -141,13 +141,13 @@ crate::sample! {
         /// Body rates in {B}, rad/s; with `MODE_RATES`.
         pub rates_body: [f64; 3],
         #[values(MODE_TORQUE = 0, MODE_RATES = 1, MODE_FAILSAFE = 2)]
-        /// What the vehicle is to follow; nothing in failsafe.
+        /// Quantities that the vehicle is to follow; none in failsafe.
         pub mode: u32,
         /// Explicit padding.
         pub pad0: u32,
     }
 
-    /// The estimates of the unknown parameters, for people to look at.
+    /// Estimates of the unknown parameters, for people.
     pub struct ControlAdaptation {
         /// Common header.
         pub header: Header,
@@ -163,20 +163,20 @@ crate::sample! {
         pub disturbance_projected_world: [f64; 3],
         /// ŵ: Diag(J), η Diag(J), J1 b, J2 b, J3 b.
         pub w_hat: [f64; 15],
-        /// m̂ of the immersion-and-invariance observer that flies along, kg; 0 where there is none.
+        /// m̂ of the immersion-and-invariance observer, kg; 0 without one.
         pub observer_mass_estimate: f64,
-        /// Inputs refused since the start of the flight, being none that can be true.
+        /// Impossible inputs refused since the start of the flight.
         pub inputs_refused: u32,
-        /// Whether the estimators rest, having nothing true to learn from.
+        /// `true` if the estimates are frozen, without valid data to learn from.
         pub resting: Flag,
         #[values(STAGE_LAW = 0, STAGE_HOLD = 1, STAGE_LEVEL = 2, STAGE_DESCEND = 3, STAGE_FAILSAFE = 4)]
-        /// What commands are made by: the law, or by how old its inputs are something safer.
+        /// Failsafe stage: the law, or by the age of its inputs a safer command.
         pub stage: u8,
         /// Explicit padding.
         pub pad0: [u8; 2],
     }
 
-    /// The errors of the backstepping design at the time of the state they were computed from.
+    /// Errors of the backstepping design at the time of the state from which they were computed.
     pub struct ControlErrors {
         /// Common header.
         pub header: Header,
@@ -194,49 +194,49 @@ crate::sample! {
         pub omega_desired: [f64; 3],
     }
 
-    /// A frame of the radio link and what it means.
+    /// Frame of the radio link and its meaning.
     pub struct RcFrame {
         /// Common header.
         pub header: Header,
-        /// Channels as sent, in the link's own units: thrust, roll rate, pitch rate, yaw rate, and none after them; all
+        /// Channels as sent, in the link's units: thrust, roll rate, pitch rate, yaw rate, and none after them; all
         /// zero on the ideal link and in failsafe frames.
         pub channels: [u16; 16],
-        /// T that the frame asks for, N.
+        /// T commanded by the frame, N.
         pub thrust: f64,
-        /// τ that the frame asks for in {B}, N m; with `MODE_TORQUE`.
+        /// τ commanded by the frame in {B}, N m; with `MODE_TORQUE`.
         pub torque_body: [f64; 3],
-        /// Body rates that the frame asks for in {B}, rad/s; with `MODE_RATES`.
+        /// Body rates commanded by the frame in {B}, rad/s; with `MODE_RATES`.
         pub rates_body: [f64; 3],
         #[values(MODE_TORQUE = 0, MODE_RATES = 1)]
-        /// What the vehicle is to follow.
+        /// Quantities that the vehicle is to follow.
         pub mode: u32,
         /// Saturated frames since the start of the flight, this one included.
         pub saturated_frames: u32,
-        /// Commands refused since the start of the flight, being none that can be meant.
+        /// Invalid commands refused since the start of the flight.
         pub commands_refused: u32,
-        /// Whether this is a failsafe frame: the motors rest.
+        /// `true` for a failsafe frame: the motors stop.
         pub failsafe: Flag,
-        /// Whether a limit changed what the controller asked for, by more than the link's resolution.
+        /// `true` if a limit changed the controller's command by more than the link's resolution.
         pub saturated: Flag,
         #[values(STAGE_COMMAND = 0, STAGE_HOLD = 1, STAGE_FAILSAFE = 4)]
-        /// What the frame carries: the newest command, or by how old that is something safer.
+        /// Content of the frame: the newest command, or by its age a safer one.
         pub stage: u8,
         #[values(
             LIMIT_NONE = 0, LIMIT_BOX = 1, LIMIT_TILT = 2, LIMIT_SPEED = 3, LIMIT_ESTIMATE = 4, LIMIT_THRUST = 5,
             LIMIT_TORQUE = 6, LIMIT_RATES = 7, LIMIT_LANDING_TIME = 8
         )]
-        /// The limit of the envelope that `action` is taken for; none where the operator killed.
+        /// Limit of the envelope to which `action` belongs; none if the operator killed.
         pub limit: u8,
         #[values(ACTION_NONE = 0, ACTION_WARN = 1, ACTION_LAND = 2, ACTION_KILL = 3)]
-        /// What the transmitter does about it: it says so, demands that the vehicle lands, or lets the motors rest for ever.
+        /// Action of the transmitter for it: a warning, a demand to land, or a permanent stop of the motors.
         pub action: u8,
-        /// Whether what the transmitter needs is there and recent.
+        /// `true` if the transmitter's needed inputs exist and are recent.
         pub inputs_fresh: Flag,
         /// Explicit padding.
         pub pad0: [u8; 6],
     }
 
-    /// Something that the scenario schedules. Never something that happened to the machine.
+    /// Event that the scenario schedules, never an event of the machine.
     pub struct RunEvent {
         /// Common header.
         pub header: Header,
@@ -245,17 +245,17 @@ crate::sample! {
             KIND_OUTAGE_ENDS = 5, KIND_EDGE_FAULT_BEGINS = 6, KIND_EDGE_FAULT_ENDS = 7, KIND_OPERATOR_ARMS = 8,
             KIND_OPERATOR_LANDS = 9, KIND_OPERATOR_KILLS = 10, KIND_OPERATOR_DISARMS = 11
         )]
-        /// What happens.
+        /// Kind of the event.
         pub kind: u32,
         /// Length of `text`, bytes.
         pub text_length: u32,
-        /// What happens, in words, UTF-8, filled up with zeros.
+        /// The event in words, UTF-8, filled up with zeros.
         pub text: [u8; 120],
     }
 }
 
 impl RunEvent {
-    /// What happens, in words; of a text that is no UTF-8, what can be read.
+    /// Returns the event in words; the readable part of a text that is not valid UTF-8.
     #[must_use]
     pub fn words(&self) -> Cow<'_, str> {
         let length = (self.text_length as usize).min(self.text.len());
@@ -264,7 +264,7 @@ impl RunEvent {
 }
 
 impl RcFrame {
-    /// Whether a receiver takes it: its numbers are finite, and what it asks for is something that is known.
+    /// Returns whether a receiver accepts it: its numbers are finite, and its mode is known.
     #[must_use]
     #[inline]
     pub fn is_whole(&self) -> bool {

@@ -1,13 +1,13 @@
-//! Who steps when, and which sample is due where: a timed dataflow that everyone can compute.
+//! Schedule: the steps of the services and the due sample at each, a timed dataflow that every process can compute.
 //!
-//! A service steps at the ticks `phase + n·period`; a topic is published at such ticks of its own, each of
-//! them a step of its publisher; an edge (topic → consumer) delivers `latency` ticks after publication. So at
-//! any tick each consumer knows which sample of each input is due, and in lock-step waits for exactly that
-//! one: results cannot depend on how processes are scheduled. Every cycle of edges holds a tick of delay.
+//! A service steps at the ticks `phase + n·period`; a topic is published at such ticks of its own, each of them a step
+//! of its publisher; an edge (topic → consumer) delivers `latency` ticks after publication. So at any tick each
+//! consumer knows the due sample of each input, and in lock step waits for exactly that one: results cannot depend on
+//! the scheduling of processes. Every cycle of edges holds a tick of delay.
 //!
 //! A planned outage of a service is a part of the schedule: at its ticks the service does not step, nothing is
-//! published, and what its consumers are due is the last sample before. So is a planned fault of an edge: samples
-//! that are late or lost are due later or never. On an edge at which no step of its consumer looks nothing is ever due.
+//! published, and the due sample of its consumers is the last one before. So is a planned fault of an edge: late or
+//! lost samples are due later or never. On an edge that no step of its consumer reads, no sample is ever due.
 
 mod edge;
 mod edge_fault;
@@ -42,11 +42,11 @@ impl Rate {
         phase: u64::MAX,
     };
 
-    /// Whether `tick` is one of the ticks.
+    /// Returns whether `tick` is one of the ticks.
     #[must_use]
     #[inline]
     pub fn occurs_at(self, tick: u64) -> bool {
-        // Most rates are one: spare them the division.
+        // Most periods are one: this avoids the division.
         if self.period == 1 {
             tick >= self.phase
         } else {
@@ -54,7 +54,7 @@ impl Rate {
         }
     }
 
-    /// The last of the ticks that is not after `tick`.
+    /// Returns the last of the ticks that is not after `tick`.
     #[must_use]
     #[inline]
     pub fn last_at_or_before(self, tick: u64) -> Option<u64> {
@@ -66,7 +66,7 @@ impl Rate {
         })
     }
 
-    /// How many of the ticks lie before `tick`: the sequence number of an occurrence at `tick`.
+    /// Returns the number of ticks before `tick`: the sequence number of an occurrence at `tick`.
     #[must_use]
     #[inline]
     pub fn count_before(self, tick: u64) -> u64 {
@@ -78,14 +78,14 @@ impl Rate {
         }
     }
 
-    /// Whether every tick of `self` is one of `other`.
+    /// Returns whether every tick of `self` is one of `other`.
     #[must_use]
     pub fn is_within(self, other: Self) -> bool {
         other.occurs_at(self.phase) && self.period.is_multiple_of(other.period)
     }
 }
 
-/// Why a set of rates and latencies is no schedule.
+/// Error of a set of rates and latencies that is no schedule.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ScheduleError {
     /// Services that wait for each other within one tick, in the order of the cycle.
@@ -101,7 +101,7 @@ pub enum ScheduleError {
     TopicWithoutStep {
         /// The topic.
         topic: Topic,
-        /// Who should publish it.
+        /// The publisher.
         publisher: ServiceId,
     },
     /// The controller joins the state and the reference of equal tick, but gets them of different ticks.
@@ -109,7 +109,7 @@ pub enum ScheduleError {
         "at tick {tick} the controller would join a state and a reference of different ticks: give `path_generator` and `controller` the same period, phase and input latencies"
     )]
     UnequalJoin {
-        /// First tick at which that happens.
+        /// First tick at which it happens.
         tick: u64,
     },
 }
@@ -117,7 +117,7 @@ pub enum ScheduleError {
 const SERVICES: usize = ServiceId::ALL.len();
 const TOPICS: usize = Topic::ALL.len();
 
-/// Most inputs or outputs that a service has.
+/// Largest number of inputs or outputs of a service.
 pub const MAX_PORTS: usize = 4;
 
 const _: () = {
@@ -184,80 +184,82 @@ impl Schedule {
         Ok(schedule)
     }
 
-    /// The same schedule with planned outages of services, each service's in the order of time and apart.
+    /// Returns the same schedule with planned outages of services, each service's in the order of time and apart.
     #[must_use]
     pub fn with_outages(mut self, outages: [Vec<Outage>; SERVICES]) -> Self {
         self.outages = outages.map(Arc::from);
         self
     }
 
-    /// The same schedule with planned faults of edges: of each service and input, in the order of time and apart.
+    /// Returns the same schedule with planned faults of edges: of each service and input, in the order of time and
+    /// apart.
     #[must_use]
     pub fn with_edge_faults(mut self, faults: [[Vec<EdgeFault>; MAX_PORTS]; SERVICES]) -> Self {
         self.edge_faults = faults.map(|inputs| inputs.map(Arc::from));
         self
     }
 
-    /// The same schedule with planned requests of the people responsible for the flight.
+    /// Returns the same schedule with planned requests of the operator.
     #[must_use]
     pub fn with_operator(mut self, plan: OperatorPlan) -> Self {
         self.operator = plan;
         self
     }
 
-    /// The same schedule in a laboratory, where cameras see the world in place of the plant that simulates it.
+    /// Returns the same schedule in a laboratory, where cameras see a real vehicle in place of the simulated plant.
     #[must_use]
     pub fn with_real_world(mut self) -> Self {
         self.world_is_real = true;
         self
     }
 
-    /// The same schedule without what no step looks at: `unread[service][input]`.
+    /// Returns the same schedule without unread inputs: `unread[service][input]`.
     #[must_use]
     pub fn with_unread_inputs(mut self, unread: [[bool; MAX_PORTS]; SERVICES]) -> Self {
         self.unread = unread;
         self
     }
 
-    /// Whether steps of a service look at an input. Nothing is due where they do not, and nobody brings it.
+    /// Returns whether steps of a service read an input. Samples of unread inputs are not due and not delivered.
     #[must_use]
     pub fn reads(&self, service: ServiceId, input: usize) -> bool {
         !self.unread[service.index()][input]
     }
 
-    /// The inputs at which steps of a service look, with their places in the wiring table.
+    /// Returns the inputs that steps of a service read, with their places in the wiring table.
     pub fn inputs_read(&self, service: ServiceId) -> impl Iterator<Item = (usize, &'static InputSpec)> {
         let inputs = service.inputs().iter().enumerate();
         inputs.filter(move |&(input, _)| self.reads(service, input))
     }
 
-    /// The services whose steps look at a topic, with the position of the input in each.
+    /// Returns the services whose steps read a topic, with the position of the input in each.
     pub fn readers(&self, topic: Topic) -> impl Iterator<Item = (ServiceId, usize)> {
         topic
             .consumers()
             .filter(|&(service, input)| self.reads(service, input))
     }
 
-    /// Whether the world is simulated. Of a real one nobody knows the truth, and none is published.
+    /// Returns whether the plant is simulated. The truth of a real one is not known, and is not published.
     #[must_use]
     pub fn simulates_the_world(&self) -> bool {
         !self.world_is_real
     }
 
-    /// When the people responsible for the flight are planned to ask for what.
+    /// Returns the planned requests of the operator.
     #[must_use]
     pub fn operator(&self) -> OperatorPlan {
         self.operator
     }
 
-    /// Whether anything is planned to fail, so that publishers may run ahead until buffers are full.
+    /// Returns whether faults are planned, so that publishers may run ahead until buffers are full.
     #[must_use]
     pub fn has_faults(&self) -> bool {
         let is_out = self.outages.iter().any(|outages| !outages.is_empty());
         is_out || self.edge_faults.iter().flatten().any(|faults| !faults.is_empty())
     }
 
-    /// Every service steps and every topic is published at every tick, latencies as in the wiring table.
+    /// Makes a schedule in which every service steps and every topic is published at every tick, latencies as in the
+    /// wiring table.
     ///
     /// # Panics
     /// Never: the wiring table itself has no cycle without delay.
@@ -274,26 +276,26 @@ impl Schedule {
         .expect("the wiring table has no cycle without delay")
     }
 
-    /// Length of a base tick, ns.
+    /// Returns the length of a base tick, ns.
     #[must_use]
     pub fn tick_ns(&self) -> u64 {
         self.tick_ns
     }
 
-    /// The flight's last tick; it begins with tick 0.
+    /// Returns the flight's last tick; it begins with tick 0.
     #[must_use]
     pub fn last_tick(&self) -> u64 {
         self.last_tick
     }
 
-    /// Time of a tick since the start of the flight, ns.
+    /// Returns the time of a tick since the start of the flight, ns.
     #[must_use]
     #[inline]
     pub fn time_ns(&self, tick: u64) -> u64 {
         tick * self.tick_ns
     }
 
-    /// At which ticks a service steps.
+    /// Returns the ticks at which a service steps.
     #[must_use]
     pub fn steps(&self, service: ServiceId) -> OutageSchedule {
         OutageSchedule::new(
@@ -302,7 +304,7 @@ impl Schedule {
         )
     }
 
-    /// At which ticks a topic is published.
+    /// Returns the ticks at which a topic is published.
     #[must_use]
     pub fn publications(&self, topic: Topic) -> OutageSchedule {
         if self.world_is_real && topic == Topic::VehicleTruth {
@@ -314,34 +316,34 @@ impl Schedule {
         OutageSchedule::new(self.topic_rate(topic), outages.unwrap_or_default())
     }
 
-    /// How often a service steps, were there no outages.
+    /// Returns the rate of a service's steps without outages.
     #[must_use]
     #[inline]
     pub fn service_rate(&self, service: ServiceId) -> Rate {
         self.services[service.index()]
     }
 
-    /// How often a topic is published, were there no outages.
+    /// Returns the rate of a topic's samples without outages.
     #[must_use]
     #[inline]
     pub fn topic_rate(&self, topic: Topic) -> Rate {
         self.topics[topic.index()]
     }
 
-    /// Transport latency of an input, ticks.
+    /// Returns the transport latency of an input, ticks.
     #[must_use]
     #[inline]
     pub fn latency(&self, service: ServiceId, input: usize) -> u64 {
         self.latencies[service.index()][input]
     }
 
-    /// The services in an order in which none waits for a later one within a tick.
+    /// Returns the services in an order in which none waits for a later one within a tick.
     #[must_use]
     pub fn order(&self) -> &[ServiceId; SERVICES] {
         &self.order
     }
 
-    /// An input of a service, to be asked at every step.
+    /// Returns an input of a service, for the queries of each step.
     #[must_use]
     pub fn edge(&self, service: ServiceId, input: usize) -> Edge {
         let topic = service.inputs()[input].topic;
@@ -358,7 +360,7 @@ impl Schedule {
         }
     }
 
-    /// An output of a service, to be asked at every step.
+    /// Returns an output of a service, for the queries of each step.
     #[must_use]
     pub fn publication(&self, topic: Topic) -> Publication {
         Publication {
@@ -368,21 +370,21 @@ impl Schedule {
         }
     }
 
-    /// Header of the sample of a topic that is published at `tick`.
+    /// Returns the header of the sample of a topic that is published at `tick`.
     #[must_use]
     pub fn header(&self, topic: Topic, tick: u64) -> Header {
         self.publication(topic).header(tick)
     }
 
-    /// How many samples of a topic the flight has.
+    /// Returns the number of samples of a topic in the flight.
     #[must_use]
     pub fn sample_count(&self, topic: Topic) -> u64 {
         self.publications(topic).count_before(self.last_tick + 1)
     }
 
-    /// The oldest that the newest sample of an input is at a step of its service while nothing fails, ticks.
+    /// Returns the oldest age of an input's newest sample at a step of its service without faults, ticks.
     ///
-    /// Of equal periods every step finds the sample equally old. Else the steps fall at all distances from a
+    /// With equal periods every step finds the sample equally old. Otherwise the steps occur at all distances from a
     /// publication that the greatest common divisor of the periods allows.
     #[must_use]
     pub fn ordinary_age(&self, service: ServiceId, input: usize) -> u64 {
@@ -395,8 +397,8 @@ impl Schedule {
         latency + published.period - spacing + first
     }
 
-    /// How far, in ticks, the publisher of an input may run ahead of its consumer at most: no further than the
-    /// delays and periods around any cycle of edges through both.
+    /// Returns the largest lead, in ticks, of an input's publisher over its consumer: the delays and periods around any
+    /// cycle of edges through both limit it.
     #[must_use]
     pub fn run_ahead_ticks(&self) -> u64 {
         let late = self.edge_faults.iter().flatten().flat_map(|faults| faults.iter());
@@ -411,7 +413,7 @@ impl Schedule {
         latencies + periods
     }
 
-    /// Places that an input's buffer needs, so that no publisher waits for its consumer.
+    /// Returns the places of an input's buffer with which no publisher waits for its consumer.
     #[must_use]
     pub fn buffer_size(&self, topic: Topic) -> u64 {
         self.run_ahead_ticks() / self.topic_rate(topic).period + 2
@@ -429,7 +431,7 @@ impl Schedule {
         for tick in steps {
             let due = |service, input, tick| self.edge(service, input).due_sample(tick);
             let reference = due(CONTROLLER, 1, tick);
-            // The reference speaks of the state that the path generator had, not of its own tick.
+            // The reference is for the time of the path generator's state, not for its tick.
             let referred = reference.and_then(|at| due(ServiceId::PathGenerator, 0, at));
             if reference.is_some() && referred != due(CONTROLLER, 0, tick) {
                 return Err(ScheduleError::UnequalJoin { tick });
@@ -439,25 +441,25 @@ impl Schedule {
     }
 }
 
-/// An output of a service as the schedule sees it.
+/// Output of a service as the schedule sees it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Publication {
     /// The topic that is published.
     pub topic: Topic,
-    /// When it is published.
+    /// Ticks of its publication.
     pub ticks: OutageSchedule,
     tick_ns: u64,
 }
 
 impl Publication {
-    /// Whether a sample is published at `tick`.
+    /// Returns whether a sample is published at `tick`.
     #[must_use]
     #[inline]
     pub fn is_due(&self, tick: u64) -> bool {
         self.ticks.occurs_at(tick)
     }
 
-    /// Header of the sample that is published at `tick`.
+    /// Returns the header of the sample that is published at `tick`.
     #[must_use]
     #[inline]
     pub fn header(&self, tick: u64) -> Header {
@@ -477,7 +479,7 @@ fn greatest_common_divisor(a: u64, b: u64) -> u64 {
     }
 }
 
-/// The latencies of the wiring table, ticks.
+/// Returns the latencies of the wiring table, ticks.
 #[must_use]
 pub fn default_latencies() -> [[u64; MAX_PORTS]; SERVICES] {
     let mut latencies = [[0; MAX_PORTS]; SERVICES];

@@ -1,9 +1,9 @@
-//! The contract between a service's pure step logic and the hosts that run it.
+//! Contract between a service's pure step logic and the hosts that run it.
 //!
-//! A [`Service`] is a function of its state, the time and its newest inputs. It has no clock, does no input
-//! or output and does not allocate after construction. Hosts differ only in who decides which sample is the
-//! newest one delivered: the schedule (lock-step, in-process), the clock (real time) or a log (replay).
-//! They speak to a service through [`ErasedService`], in bytes, so that one host serves every service.
+//! A [`Service`] is a function of its state, the time and its newest inputs. It has no clock, does no input or output
+//! and does not allocate after construction. Hosts differ only in the source of the newest delivered sample: the
+//! schedule (lock step, in process), the clock (real time) or a log (replay). They call a service through
+//! [`ErasedService`], in bytes, so that one host serves every service.
 
 use zerocopy::{FromBytes, IntoBytes};
 
@@ -12,40 +12,40 @@ pub use crate::ports::{Input, InputView, Inputs, Output, OutputSlot, Outputs, Sa
 use crate::sample::Record;
 use crate::wiring::ServiceId;
 
-/// The pure step logic of a service.
+/// Pure step logic of a service.
 pub trait Service: Send {
-    /// Which service of the wiring table this is.
+    /// Its identifier in the wiring table.
     const ID: ServiceId;
     /// The inputs that the wiring table gives it.
     type Inputs<'a>: Inputs<'a>;
     /// The outputs that the wiring table gives it.
     type Outputs<'a>: Outputs<'a>;
-    /// Everything that the next step depends on besides its inputs.
+    /// State on which the next step depends besides its inputs.
     type State: Record;
 
     /// Advances to `now` and writes the outputs that are due.
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>);
 
-    /// The state after the last step.
+    /// Returns the state after the last step.
     fn save(&self) -> Self::State;
 
     /// Continues from a saved state as if nothing had happened.
     fn restore(&mut self, state: &Self::State);
 }
 
-/// Why a service cannot be built or connected.
+/// Error of a service that cannot be built or connected.
 pub type BuildError = Box<dyn std::error::Error + Send + Sync>;
 
-/// A service, or why there is none.
+/// Service, or the error that prevented it.
 pub type Built = Result<Box<dyn ErasedService>, BuildError>;
 
-/// A service as hosts see it. Implemented for every [`Service`].
+/// Service as hosts see it. Implemented for every [`Service`].
 pub trait ErasedService: Send {
-    /// Which service this is.
+    /// Returns its identifier.
     fn id(&self) -> ServiceId;
     /// [`Service::step`].
     fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]);
-    /// Size of a saved state, bytes.
+    /// Returns the size of a saved state, bytes.
     fn state_size(&self) -> usize;
     /// Hands the bytes of [`Service::save`], `state_size` of them, to `keep`.
     fn save_with(&self, keep: &mut dyn FnMut(&[u8]));

@@ -1,7 +1,7 @@
-//! The wiring table: which service publishes and consumes which topic. Nothing about wiring is written twice.
+//! Wiring table: the publisher and the consumers of each topic, stated in one place only.
 //!
-//! From the one table at the end of this file come the ports, the schedule's edges, the in-process wiring,
-//! the recorder's channels and the picture in the documentation.
+//! The table at the end of this file gives the ports, the schedule's edges, the in-process wiring, the recorder's
+//! channels and the picture in the documentation.
 
 use std::ops::Range;
 
@@ -12,53 +12,53 @@ use crate::samples::{
     VehicleState, VehicleTruth,
 };
 
-/// Of each service in the order of the wiring table, whether a program of one's own flies in its place: it is an external service.
+/// Set of external services: for each service in the order of the wiring table, whether a program flies in its place.
 pub type ExternalServices = [bool; ServiceId::ALL.len()];
 
-/// An input of a service.
+/// Input of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InputSpec {
     /// Name of the input in the step logic.
     pub name: &'static str,
-    /// Where its samples come from.
+    /// Topic of its samples.
     pub topic: Topic,
-    /// Transport latency unless the scenario says otherwise, in base ticks.
+    /// Default transport latency, base ticks.
     pub default_latency_ticks: u64,
 }
 
-/// An output of a service.
+/// Output of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OutputSpec {
     /// Name of the output in the step logic.
     pub name: &'static str,
-    /// Where its samples go.
+    /// Topic of its samples.
     pub topic: Topic,
 }
 
-/// A sample that travels on a topic.
+/// Sample that travels on a topic.
 pub trait Published: Sample {
     /// The topic.
     const TOPIC: Topic;
 }
 
-/// Something to be done with the sample type of a topic, see [`Topic::dispatch`].
+/// Operation on the sample type of a topic, see [`Topic::dispatch`].
 pub trait TopicVisitor {
-    /// What comes of it.
+    /// Result of the operation.
     type Result;
 
-    /// Does it with the sample type `T`.
+    /// Executes the operation for the sample type `T`.
     fn visit<T: Published>(self) -> Self::Result;
 }
 
 impl Topic {
-    /// Position in [`Topic::ALL`], which is also the order of topics within a tick of a log.
+    /// Returns the position in [`Topic::ALL`], which is also the order of topics within a tick of a log.
     #[must_use]
     #[inline]
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// Name of the sample type on the wire and in logs.
+    /// Returns the name of the sample type on the wire and in logs.
     #[must_use]
     pub fn msg_name(self) -> &'static str {
         struct Name;
@@ -71,7 +71,7 @@ impl Topic {
         self.dispatch(Name)
     }
 
-    /// Message definition of the sample type, as logs carry it.
+    /// Returns the message definition of the sample type, as logs carry it.
     #[must_use]
     pub fn msg_definition(self) -> String {
         struct Definition;
@@ -84,7 +84,7 @@ impl Topic {
         self.dispatch(Definition)
     }
 
-    /// Layout hash of the sample type.
+    /// Returns the layout hash of the sample type.
     #[must_use]
     pub fn layout_hash(self) -> String {
         struct Hash;
@@ -97,7 +97,7 @@ impl Topic {
         self.dispatch(Hash)
     }
 
-    /// Members of the sample type.
+    /// Returns the members of the sample type.
     #[must_use]
     pub fn members(self) -> Vec<Member> {
         struct Members;
@@ -110,7 +110,8 @@ impl Topic {
         self.dispatch(Members)
     }
 
-    /// The bytes of the floating-point numbers of a member, given as `name` for all of them or `name.index` for one.
+    /// Returns the bytes of the floating-point numbers of a member, given as `name` for all of them or `name.index` for
+    /// one.
     #[must_use]
     pub fn find_numbers(self, field: &str) -> Option<Range<usize>> {
         let (name, index) = match field.split_once('.') {
@@ -121,13 +122,13 @@ impl Topic {
         members.find(|member| member.name == name)?.numbers(index)
     }
 
-    /// The topic of a name.
+    /// Returns the topic of a name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|topic| topic.name() == name)
     }
 
-    /// The service that publishes the topic; `None` for what the orchestrator itself writes.
+    /// Returns the service that publishes the topic; `None` for topics of the orchestrator.
     #[must_use]
     pub fn publisher(self) -> Option<ServiceId> {
         ServiceId::ALL
@@ -135,7 +136,7 @@ impl Topic {
             .find(|service| service.outputs().iter().any(|output| output.topic == self))
     }
 
-    /// The services that consume the topic, with the position of the input in each.
+    /// Returns the services that consume the topic, with the position of the input in each.
     pub fn consumers(self) -> impl Iterator<Item = (ServiceId, usize)> {
         ServiceId::ALL.into_iter().flat_map(move |service| {
             let inputs = service.inputs().iter().enumerate();
@@ -147,21 +148,21 @@ impl Topic {
 }
 
 impl ServiceId {
-    /// Position in [`ServiceId::ALL`].
+    /// Returns the position in [`ServiceId::ALL`].
     #[must_use]
     #[inline]
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// Whether the service stands for the world in which the vehicle flies, whose time never stands still.
+    /// Returns whether the service simulates the vehicle and its surroundings, whose time never stands still.
     #[must_use]
     #[inline]
     pub const fn is_the_world(self) -> bool {
         matches!(self, Self::Plant)
     }
 
-    /// The service of a name.
+    /// Returns the service of a name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|service| service.name() == name)
@@ -220,13 +221,13 @@ macro_rules! wiring {
             /// All topics, in the order in which a log holds the samples of one tick.
             pub const ALL: [Self; [$(Self::$topic),+].len()] = [$(Self::$topic),+];
 
-            /// Name on the wire and in logs.
+            /// Returns the name on the wire and in logs.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {$(Self::$topic => $topic_name,)+}
             }
 
-            /// How hosts move samples of this topic around as bytes.
+            /// Returns the properties by which hosts move samples of this topic as bytes.
             #[must_use]
             #[inline]
             pub const fn kind(self) -> &'static SampleKind {
@@ -236,7 +237,7 @@ macro_rules! wiring {
                 &KINDS[self.index()]
             }
 
-            /// Does something with the topic's sample type.
+            /// Executes an operation on the topic's sample type.
             pub fn dispatch<V: TopicVisitor>(self, visitor: V) -> V::Result {
                 match self {$(Self::$topic => visitor.visit::<$topic>(),)+}
             }
@@ -269,13 +270,13 @@ macro_rules! wiring {
             /// All services, in the order of the ring.
             pub const ALL: [Self; [$(Self::$service),+].len()] = [$(Self::$service),+];
 
-            /// Name in scenarios, in reports and on the command line.
+            /// Returns the name in scenarios, in reports and on the command line.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {$(Self::$service => stringify!($name),)+}
             }
 
-            /// What the service consumes.
+            /// Returns the inputs of the service.
             #[must_use]
             pub const fn inputs(self) -> &'static [InputSpec] {
                 match self {$(Self::$service => &[$(InputSpec {
@@ -285,7 +286,7 @@ macro_rules! wiring {
                 }),*],)+}
             }
 
-            /// What the service publishes.
+            /// Returns the outputs of the service.
             #[must_use]
             pub const fn outputs(self) -> &'static [OutputSpec] {
                 match self {$(Self::$service => &[$(OutputSpec {
@@ -295,7 +296,7 @@ macro_rules! wiring {
             }
         }
 
-        /// Hands all services to a macro, `name: Service` each: for tables with a field a service.
+        /// Passes all services to a macro, `name: Service` each: for tables with a field per service.
         #[macro_export]
         macro_rules! with_services {
             ($d callback:ident) => {
@@ -342,21 +343,21 @@ wiring! {
     topics {
         /// The plant's true state; for the log, never for a controller.
         VehicleTruth = "vehicle/truth";
-        /// What the cameras saw.
+        /// The captures of the cameras.
         MocapPose = "mocap/pose";
-        /// What the estimator believes.
+        /// The estimated state.
         VehicleState = "vehicle/state";
-        /// Where the path wants the vehicle.
+        /// The desired place of the vehicle on the path.
         PathReference = "path/reference";
-        /// What the controller commands.
+        /// The command of the controller.
         ControlCommand = "control/command";
         /// The controller's estimates, telemetry.
         ControlAdaptation = "control/adaptation";
         /// The controller's errors, telemetry.
         ControlErrors = "control/errors";
-        /// What the radio sends.
+        /// The frames of the radio link.
         RcFrame = "rc/frame";
-        /// What the scenario schedules, written by the orchestrator.
+        /// The events that the scenario schedules, written by the orchestrator.
         RunEvent = "run/events";
     }
     services {

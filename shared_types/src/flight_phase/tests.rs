@@ -1,7 +1,7 @@
 use super::FlightPhase::{Armed, Disarmed, Fly, Land, TakeOff};
 use super::*;
 
-/// In flight with nothing the matter: no row of `TakeOff`, `Fly` and `Land` holds.
+/// Flight without any condition: no row of `TakeOff`, `Fly` and `Land` holds.
 const CALM: Conditions = Conditions {
     armed: true,
     killed: false,
@@ -16,7 +16,7 @@ const CALM: Conditions = Conditions {
     found_flying: false,
 };
 
-/// All that can be the case.
+/// Returns all sets of conditions.
 fn every_condition() -> impl Iterator<Item = Conditions> {
     (0..1_u32 << 11).map(|bits| {
         let is = |place: u32| bits >> place & 1 == 1;
@@ -36,7 +36,7 @@ fn every_condition() -> impl Iterator<Item = Conditions> {
     })
 }
 
-/// Whether every set of conditions that passes leads from one phase to the other, and none that does not pass.
+/// Asserts that all sets of conditions that pass, and no others, lead from one phase to the other.
 fn leads_exactly_when(from: FlightPhase, to: FlightPhase, passes: impl Fn(&Conditions) -> bool) {
     for now in every_condition() {
         assert_eq!(
@@ -52,14 +52,14 @@ fn flies_on(now: &Conditions) -> bool {
 }
 
 #[test]
-fn it_arms_when_asked_anew_with_all_ready_and_nobody_who_wants_it_down() {
+fn it_arms_when_armed_again_with_all_ready_and_no_demand_to_land() {
     leads_exactly_when(Disarmed, Armed, |now| {
         flies_on(now) && now.arming_is_new && now.ready && !now.land && !now.found_flying
     });
 }
 
 #[test]
-fn who_finds_the_vehicle_in_the_air_leads_it_to_the_path() {
+fn a_vehicle_found_in_the_air_is_led_to_the_path() {
     leads_exactly_when(Disarmed, TakeOff, |now| flies_on(now) && now.found_flying);
 }
 
@@ -76,14 +76,14 @@ fn it_takes_off_when_the_motors_have_idled() {
 }
 
 #[test]
-fn a_take_off_that_is_called_off_before_it_has_lifted_off_disarms() {
+fn a_take_off_that_is_aborted_before_it_has_lifted_off_disarms() {
     leads_exactly_when(TakeOff, Disarmed, |now| {
         !flies_on(now) || (now.land || now.overdue) && !now.airborne
     });
 }
 
 #[test]
-fn a_take_off_that_is_called_off_in_the_air_lands() {
+fn a_take_off_that_is_aborted_in_the_air_lands() {
     leads_exactly_when(TakeOff, Land, |now| {
         flies_on(now) && (now.land || now.overdue) && now.airborne
     });
@@ -97,12 +97,12 @@ fn it_flies_once_it_is_airborne_and_at_the_path() {
 }
 
 #[test]
-fn in_flight_only_who_stops_the_motors_disarms() {
+fn in_flight_only_a_stop_of_the_motors_disarms() {
     leads_exactly_when(Fly, Disarmed, |now| !flies_on(now));
 }
 
 #[test]
-fn in_flight_it_lands_when_asked_to() {
+fn in_flight_it_lands_on_demand() {
     leads_exactly_when(Fly, Land, |now| flies_on(now) && now.land);
 }
 
@@ -179,7 +179,7 @@ fn a_flight_passes_through_all_phases() {
             },
             Disarmed,
         ),
-        // What has been used up does not arm again.
+        // A used arming does not arm again.
         (
             Conditions {
                 airborne: false,
@@ -195,7 +195,7 @@ fn a_flight_passes_through_all_phases() {
 }
 
 #[test]
-fn a_phase_is_known_by_its_code_and_no_code_flies_by_mistake() {
+fn a_phase_returns_from_its_code_and_an_unknown_code_does_not_fly() {
     for phase in FlightPhase::ALL {
         assert_eq!(FlightPhase::from_code(phase.code()), phase);
     }

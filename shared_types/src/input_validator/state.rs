@@ -1,14 +1,15 @@
-//! Which state of the vehicle is used.
+//! Input validator of the vehicle's states.
 //!
-//! Without a policy every state whose numbers are those of a flight ([`LARGEST`](super::LARGEST)). With one, a state is good that
-//! * rests on a measurement (`tracked`) and speaks of another time than the last good one;
+//! Without a policy every state with possible numbers ([`LARGEST`](super::LARGEST)) is good. With one, a state is good
+//! that
+//! * rests on a measurement (`tracked`) and has another time than the last good one;
 //! * is in range: no vehicle of this laboratory is further away, faster or turns faster, and R is a rotation;
-//! * is where the last good one was going, up to [`jump`](Policy::jump).
+//! * continues the motion of the last good one, up to [`jump`](Policy::jump).
 //!
-//! A state that jumped is looked at again with the one after it. Once the last good state is too old
-//! ([`max_age_ns`](Policy::max_age_ns)), a state is believed that is where the *refused* one before
-//! it was going: the vehicle really is elsewhere, or was carried there. So a true state is kept out for `max_age` and
-//! two samples at most, and noise, which does not agree with itself, for as long as it lasts.
+//! A state that jumped is tested again with the one after it. Once the last good state is too old
+//! ([`max_age_ns`](Policy::max_age_ns)), a state is accepted that continues the motion of the *refused* one before it:
+//! the vehicle really is elsewhere, or was carried there. So a true state is refused for `max_age` and two samples at
+//! most, and noise, which does not agree with itself, for as long as it lasts.
 
 use nalgebra::Vector3;
 
@@ -18,7 +19,7 @@ use crate::sample::{Field, Flag};
 use crate::samples::VehicleState;
 use crate::service::{Input, Now, seconds};
 
-/// Distance from SO(3) up to which nine numbers are taken for an attitude: single precision passes.
+/// Distance from SO(3) up to which nine numbers count as an attitude: single precision passes.
 const ATTITUDE_DEFECT: f64 = 1e-3;
 /// Largest distance from the origin along each axis, m.
 const FARTHEST: f64 = 1e4;
@@ -28,22 +29,22 @@ const FASTEST: f64 = 1e3;
 const STRONGEST: f64 = 1e4;
 
 crate::sample! {
-    /// What a gate for states remembers.
+    /// State of a validator of states.
     pub struct StateGateState {
-        /// As every gate.
+        /// State that every validator has.
         pub gate: GateState,
         /// The last good state.
         pub held: VehicleState,
         /// The last state that was refused because it had jumped, since the last good one.
         pub suspect: VehicleState,
-        /// Whether there is one.
+        /// `true` if there is one.
         pub has_suspect: Flag,
         /// Explicit padding.
         pub pad0: [u8; 7],
     }
 }
 
-/// An input of states with its last good one.
+/// Input of states with its last good one.
 #[derive(Clone, Debug)]
 pub struct StateValidator {
     policy: Option<Policy>,
@@ -51,17 +52,17 @@ pub struct StateValidator {
     suspect: Option<VehicleState>,
 }
 
-/// What is believed of a state.
+/// Policy for the validation of states.
 #[derive(Clone, Copy, Debug)]
 pub struct Policy {
     /// Age up to which a state is used as if it were new, ns.
     pub max_age_ns: u64,
-    /// Largest distance of a state from where the last good one was going, m; any if `None`.
+    /// Largest distance of a state from the continuation of the last good one, m; any if `None`.
     pub jump: Option<f64>,
 }
 
 impl StateValidator {
-    /// A gate before the first state.
+    /// Makes a validator before the first state.
     #[must_use]
     pub fn new(policy: Option<Policy>) -> Self {
         Self {
@@ -71,7 +72,7 @@ impl StateValidator {
         }
     }
 
-    /// Judges the newest state if it is new; whether there is a new one that is good.
+    /// Validates the newest state if it is new. Returns whether there is a new good one.
     #[inline]
     pub fn look(&mut self, now: &Now, input: &Input<'_, VehicleState>) -> bool {
         let Self {
@@ -81,26 +82,26 @@ impl StateValidator {
         } = self;
         let verdict = gate.look(input, LARGEST, |state, held| match policy {
             None => Validity::Good,
-            Some(policy) => policy.judge(now, state, held, suspect),
+            Some(policy) => policy.validity(now, state, held, suspect),
         });
         verdict == Some(Validity::Good)
     }
 
-    /// The last good state.
+    /// Returns the last good state.
     #[must_use]
     #[inline]
     pub fn held(&self) -> Option<&VehicleState> {
         self.gate.held()
     }
 
-    /// Time since the last good state was published, ns; `None` before the first.
+    /// Returns the time since the last good state was published, ns; `None` before the first.
     #[must_use]
     #[inline]
     pub fn age_ns(&self, now: &Now) -> Option<u64> {
         self.gate.age_ns(now)
     }
 
-    /// Whether the last good state is too old; never without a policy.
+    /// Returns whether the last good state is too old; never without a policy.
     #[must_use]
     #[inline]
     pub fn is_too_old(&self, now: &Now) -> bool {
@@ -108,19 +109,19 @@ impl StateValidator {
         self.age_ns(now).is_some_and(|age| age > oldest)
     }
 
-    /// States refused since the start of the flight.
+    /// Returns the number of states refused since the start of the flight.
     #[must_use]
     #[inline]
     pub fn refused(&self) -> u32 {
         self.gate.refused()
     }
 
-    /// Counts a state as refused that only its use has shown to be impossible.
+    /// Counts a state as refused whose use has shown that it is impossible.
     pub fn refuse(&mut self) {
         self.gate.refuse();
     }
 
-    /// What it remembers.
+    /// Returns its state.
     #[must_use]
     pub fn save(&self) -> StateGateState {
         let (gate, held) = self.gate.save();
@@ -133,7 +134,7 @@ impl StateValidator {
         }
     }
 
-    /// Goes on with what was saved.
+    /// Restores a saved state.
     pub fn restore(&mut self, state: &StateGateState) {
         self.gate.restore(&state.gate, &state.held);
         self.suspect = state.has_suspect.is_set().then_some(state.suspect);
@@ -141,7 +142,7 @@ impl StateValidator {
 }
 
 impl Policy {
-    fn judge(
+    fn validity(
         self,
         now: &Now,
         state: &VehicleState,
@@ -177,7 +178,7 @@ impl Policy {
         Validity::Refused
     }
 
-    /// Whether a vehicle that was at `earlier` can be at `later`.
+    /// Returns whether a vehicle that was at `earlier` can be at `later`.
     fn leads_to(self, earlier: &VehicleState, later: &VehicleState) -> bool {
         let Some(jump) = self.jump else {
             return true;
@@ -191,7 +192,7 @@ impl Policy {
     }
 }
 
-/// Whether a vehicle can be in this state.
+/// Returns whether a vehicle can be in this state.
 fn is_in_range(state: &VehicleState) -> bool {
     state.position_world.is_within(FARTHEST)
         && state.velocity_body.is_within(FASTEST)

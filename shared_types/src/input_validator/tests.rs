@@ -16,14 +16,14 @@ fn now(number: u64) -> Now {
     }
 }
 
-fn gate(jump: Option<f64>) -> StateValidator {
+fn validator(jump: Option<f64>) -> StateValidator {
     StateValidator::new(Some(Policy {
         max_age_ns: 30_000_000,
         jump,
     }))
 }
 
-/// The state of a vehicle that flies along x at 1 m/s from `start`.
+/// Returns the state of a vehicle that flies along x at 1 m/s from `start`.
 fn state(number: u64, start: f64) -> VehicleState {
     let mut state = VehicleState::new_zeroed();
     state.header.seq = number;
@@ -36,44 +36,44 @@ fn state(number: u64, start: f64) -> VehicleState {
     state
 }
 
-fn look(gate: &mut StateValidator, number: u64, state: &VehicleState) -> bool {
+fn look(validator: &mut StateValidator, number: u64, state: &VehicleState) -> bool {
     let input = Input::from_view(InputView {
         bytes: Some(state.as_bytes()),
         fresh: true,
     });
-    gate.look(&now(number), &input)
+    validator.look(&now(number), &input)
 }
 
-fn held(gate: &StateValidator) -> VehicleState {
-    gate.save().held
+fn held(validator: &StateValidator) -> VehicleState {
+    validator.save().held
 }
 
 #[test]
-fn a_number_of_no_flight_is_refused_with_and_without_a_policy_and_the_last_good_sample_stays() {
+fn an_impossible_number_is_refused_with_and_without_a_policy_and_the_last_good_sample_stays() {
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 2e9] {
-        for mut gate in [StateValidator::new(None), gate(None)] {
-            assert!(look(&mut gate, 1, &state(1, 0.0)));
+        for mut validator in [StateValidator::new(None), validator(None)] {
+            assert!(look(&mut validator, 1, &state(1, 0.0)));
             let mut garbage = state(2, 0.0);
             garbage.acceleration_world[1] = value;
-            assert!(!look(&mut gate, 2, &garbage));
-            assert_eq!((gate.refused(), held(&gate)), (1, state(1, 0.0)));
-            assert!(look(&mut gate, 3, &state(3, 0.0)));
+            assert!(!look(&mut validator, 2, &garbage));
+            assert_eq!((validator.refused(), held(&validator)), (1, state(1, 0.0)));
+            assert!(look(&mut validator, 3, &state(3, 0.0)));
         }
     }
 }
 
 #[test]
 fn without_a_policy_every_finite_state_is_good() {
-    let mut gate = StateValidator::new(None);
+    let mut validator = StateValidator::new(None);
     let mut odd = state(1, 5e8);
     odd.tracked = false.into();
     odd.world_from_body = [7.0; 9];
-    assert!(look(&mut gate, 1, &odd) && look(&mut gate, 1, &odd));
-    assert!(!gate.is_too_old(&now(1_000_000)));
+    assert!(look(&mut validator, 1, &odd) && look(&mut validator, 1, &odd));
+    assert!(!validator.is_too_old(&now(1_000_000)));
 }
 
 #[test]
-fn with_a_policy_what_no_vehicle_does_is_refused_and_counted() {
+fn with_a_policy_impossible_states_are_refused_and_counted() {
     let spoil: [fn(&mut VehicleState); 6] = [
         |state| state.position_world[2] = 1.1e4,
         |state| state.velocity_body[0] = -1.1e3,
@@ -83,19 +83,19 @@ fn with_a_policy_what_no_vehicle_does_is_refused_and_counted() {
         |state| state.header.stamp_ns += 10 * PERIOD_NS,
     ];
     for (number, spoil) in (2..).zip(spoil) {
-        let mut gate = gate(None);
-        assert!(look(&mut gate, 1, &state(1, 0.0)));
+        let mut validator = validator(None);
+        assert!(look(&mut validator, 1, &state(1, 0.0)));
         let mut spoilt = state(2, 0.0);
         spoil(&mut spoilt);
-        assert!(!look(&mut gate, 2, &spoilt), "{number}");
-        assert_eq!(gate.refused(), 1, "{number}");
+        assert!(!look(&mut validator, 2, &spoilt), "{number}");
+        assert_eq!(validator.refused(), 1, "{number}");
     }
 }
 
 #[test]
-fn a_state_that_rests_on_nothing_or_repeats_another_is_not_counted_but_makes_nothing_young() {
-    let mut gate = gate(None);
-    assert!(look(&mut gate, 1, &state(1, 0.0)));
+fn an_untracked_or_repeated_state_is_not_counted_and_does_not_reset_the_age() {
+    let mut validator = validator(None);
+    assert!(look(&mut validator, 1, &state(1, 0.0)));
     let untracked = VehicleState {
         tracked: false.into(),
         ..state(2, 0.0)
@@ -104,70 +104,76 @@ fn a_state_that_rests_on_nothing_or_repeats_another_is_not_counted_but_makes_not
         state_time_ns: state(1, 0.0).state_time_ns,
         ..state(3, 0.0)
     };
-    assert!(!look(&mut gate, 2, &untracked) && !look(&mut gate, 3, &repeated));
-    assert_eq!((gate.refused(), gate.age_ns(&now(3))), (0, Some(2 * PERIOD_NS)));
-    assert!(!gate.is_too_old(&now(4)) && gate.is_too_old(&now(5)));
+    assert!(!look(&mut validator, 2, &untracked) && !look(&mut validator, 3, &repeated));
+    assert_eq!(
+        (validator.refused(), validator.age_ns(&now(3))),
+        (0, Some(2 * PERIOD_NS))
+    );
+    assert!(!validator.is_too_old(&now(4)) && validator.is_too_old(&now(5)));
 }
 
 #[test]
 fn a_state_that_jumps_is_refused_and_one_that_goes_on_is_not() {
-    let mut gate = gate(Some(0.05));
-    assert!(look(&mut gate, 1, &state(1, 0.0)));
-    assert!(!look(&mut gate, 2, &state(2, 0.06)));
-    assert!(look(&mut gate, 3, &state(3, 0.0)));
-    assert!(look(&mut gate, 4, &state(4, 0.04)));
+    let mut validator = validator(Some(0.05));
+    assert!(look(&mut validator, 1, &state(1, 0.0)));
+    assert!(!look(&mut validator, 2, &state(2, 0.06)));
+    assert!(look(&mut validator, 3, &state(3, 0.0)));
+    assert!(look(&mut validator, 4, &state(4, 0.04)));
 }
 
 #[test]
-fn a_jump_that_lasts_is_believed_once_the_last_good_state_is_too_old() {
-    let mut gate = gate(Some(0.05));
-    assert!(look(&mut gate, 1, &state(1, 0.0)));
+fn a_lasting_jump_is_accepted_once_the_last_good_state_is_too_old() {
+    let mut validator = validator(Some(0.05));
+    assert!(look(&mut validator, 1, &state(1, 0.0)));
     let believed: Vec<bool> = (2..8)
-        .map(|number| look(&mut gate, number, &state(number, 1.0)))
+        .map(|number| look(&mut validator, number, &state(number, 1.0)))
         .collect();
     assert_eq!(believed, [false, false, false, true, true, true]);
-    assert_eq!(gate.refused(), 3);
+    assert_eq!(validator.refused(), 3);
 }
 
 #[test]
-fn jumps_that_do_not_agree_with_each_other_are_never_believed() {
-    let mut gate = gate(Some(0.05));
-    assert!(look(&mut gate, 1, &state(1, 0.0)));
+fn jumps_that_do_not_agree_with_each_other_are_never_accepted() {
+    let mut validator = validator(Some(0.05));
+    assert!(look(&mut validator, 1, &state(1, 0.0)));
     for number in 2..50 {
         let to = if number % 2 == 0 { 1.0 } else { -1.0 };
-        assert!(!look(&mut gate, number, &state(number, to)), "{number}");
+        assert!(!look(&mut validator, number, &state(number, to)), "{number}");
     }
-    assert!(look(&mut gate, 50, &state(50, 0.0)), "the true one is");
+    assert!(
+        look(&mut validator, 50, &state(50, 0.0)),
+        "the true one is accepted"
+    );
 }
 
 proptest! {
-    /// However it was treated, a gate lets a true state in after a while.
+    /// However it was treated, a validator accepts a true state after some time.
     #[test]
-    fn no_gate_stays_shut(
+    fn no_validator_refuses_for_ever(
         garbage in proptest::collection::vec(proptest::collection::vec(any::<u8>(), size_of::<VehicleState>()), 0..30),
         jump in proptest::option::of(0.01..1.0f64),
     ) {
-        let mut gate = gate(jump);
+        let mut validator = validator(jump);
         let mut number = 0;
         for bytes in &garbage {
             number += 1;
             let mut sample = VehicleState::read_from_bytes(bytes).unwrap();
             sample.header = state(number, 0.0).header;
-            look(&mut gate, number, &sample);
+            look(&mut validator, number, &sample);
         }
-        let opened = (number + 1..number + 10).any(|number| look(&mut gate, number, &state(number, 0.0)));
+        let opened = (number + 1..number + 10).any(|number| look(&mut validator, number, &state(number, 0.0)));
         prop_assert!(opened);
     }
 
     #[test]
-    fn a_restored_gate_goes_on_as_before(starts in proptest::collection::vec(-0.1..0.1f64, 1..20), at in 0..20usize) {
-        let (mut steady, mut restarted) = (gate(Some(0.05)), gate(Some(0.05)));
+    fn a_restored_validator_goes_on_as_before(starts in proptest::collection::vec(-0.1..0.1f64, 1..20), at in 0..20usize) {
+        let (mut steady, mut restarted) = (validator(Some(0.05)), validator(Some(0.05)));
         for (index, (number, &start)) in (1..).zip(&starts).enumerate() {
             let sample = state(number, start);
             prop_assert_eq!(look(&mut steady, number, &sample), look(&mut restarted, number, &sample));
             if index == at {
                 let saved = restarted.save();
-                restarted = gate(Some(0.05));
+                restarted = validator(Some(0.05));
                 restarted.restore(&saved);
                 prop_assert_eq!(restarted.save(), saved);
             }

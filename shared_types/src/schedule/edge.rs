@@ -1,11 +1,11 @@
-//! An input of a service: which sample is due at a step, whatever is planned to happen on the way.
+//! Edge: an input of a service with the due sample at each step, planned faults included.
 
 use std::sync::Arc;
 
 use super::{Corruption, EdgeFault, EdgeFaultKind, OutageSchedule};
 use crate::wiring::Topic;
 
-/// An input of a service as the schedule sees it.
+/// Input of a service as the schedule sees it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edge {
     /// The topic that it consumes.
@@ -19,7 +19,7 @@ pub struct Edge {
 }
 
 impl Edge {
-    /// Tick of the sample that is due at `tick`; `None` before the first.
+    /// Returns the tick of the sample that is due at `tick`; `None` before the first.
     #[must_use]
     #[inline]
     pub fn due_sample(&self, tick: u64) -> Option<u64> {
@@ -29,18 +29,18 @@ impl Edge {
         self.published.last_at_or_before(tick.checked_sub(self.latency)?)
     }
 
-    /// Sequence number of the sample that is published at `tick`, or else of the first after it.
+    /// Returns the sequence number of the sample that is published at `tick`, or else of the first after it.
     #[must_use]
     #[inline]
     pub fn sequence_number(&self, tick: u64) -> u64 {
         self.published.count_before(tick)
     }
 
-    /// Whether the sample `due` at `tick` was not yet due at the consumer's previous step.
+    /// Returns whether the sample `due` at `tick` was not yet due at the consumer's previous step.
     #[must_use]
     #[inline]
     pub fn is_fresh(&self, tick: u64, due: u64) -> bool {
-        // Of a topic with a sample a tick every step gets another.
+        // With a sample at every tick, every step gets a new one.
         if self.published.rate.period == 1 && self.published.is_unbroken() && !self.has_faults() {
             return true;
         }
@@ -48,20 +48,20 @@ impl Edge {
         previous.is_none_or(|previous| self.due_sample(previous) != Some(due))
     }
 
-    /// Whether a fault of it is planned.
+    /// Returns whether a fault of it is planned.
     #[must_use]
     #[inline]
     pub fn has_faults(&self) -> bool {
         !self.faults.is_empty()
     }
 
-    /// Its planned faults.
+    /// Returns its planned faults.
     #[must_use]
     pub fn faults(&self) -> &[EdgeFault] {
         &self.faults
     }
 
-    /// What the sample that was published at `due` holds instead, if it does.
+    /// Returns the corruption of the sample that was published at `due`, if there is one.
     #[must_use]
     pub fn corruption(&self, due: u64) -> Option<&Corruption> {
         match self.fault_at(due + self.latency).map(|fault| &fault.kind) {
@@ -70,8 +70,8 @@ impl Edge {
         }
     }
 
-    /// Tick of the sample whose content the one that was published at `due` repeats, if it does: the one that was
-    /// due at the consumer's last step before the fault.
+    /// Returns the tick of the sample whose content replaces that of the one published at `due`, if a fault does so:
+    /// the sample that was due at the consumer's last step before the fault.
     #[must_use]
     pub fn repeated_by(&self, due: u64) -> Option<u64> {
         let fault = self.fault_at(due + self.latency)?;
@@ -81,8 +81,8 @@ impl Edge {
         self.due_sample(self.step_before(fault.from)?)
     }
 
-    /// Ticks of the samples before `due` that are repeated when this is due or after it. They may also come before the
-    /// first sample that repeats them, where a last one arrived in time for no step before the fault.
+    /// Returns the ticks of the samples before `due` that are repeated when this one is due or after it. Some may
+    /// precede the first sample that repeats them, if a last one arrived in time for no step before the fault.
     pub fn needed_again(&self, due: u64) -> impl Iterator<Item = u64> {
         let repeating = self.faults.iter().filter(move |fault| {
             matches!(fault.kind, EdgeFaultKind::Altered(Corruption::Repeated))
@@ -93,13 +93,13 @@ impl Edge {
             .filter(move |&repeated| repeated < due)
     }
 
-    /// Tick of the oldest sample that is needed when the one of tick `due` is due, and after it.
+    /// Returns the tick of the oldest sample that is needed when the one of tick `due` is due, and after it.
     #[must_use]
     pub fn oldest_needed(&self, due: u64) -> u64 {
         self.needed_again(due).fold(due, u64::min)
     }
 
-    /// Whether the sample that was published at `tick` never arrives.
+    /// Returns whether the sample that was published at `tick` never arrives.
     #[must_use]
     pub fn is_lost(&self, tick: u64) -> bool {
         match self.fault_at(tick + self.latency).map(|fault| &fault.kind) {
@@ -108,7 +108,7 @@ impl Edge {
         }
     }
 
-    /// Ticks of samples that may be needed long after later ones have been published.
+    /// Returns the ticks of samples that may be needed long after later ones have been published.
     #[must_use]
     pub fn remembered(&self) -> Vec<u64> {
         let faults = self.faults.iter();
@@ -120,8 +120,8 @@ impl Edge {
         ticks.collect()
     }
 
-    /// How many samples in a row are lost at most in a flight that ends with `last_tick`, but for those that are all
-    /// lost for a while.
+    /// Returns the largest number of samples in a row that are lost in a flight that ends with `last_tick`, except in
+    /// faults that lose all.
     #[must_use]
     pub fn longest_loss(&self, last_tick: u64) -> u64 {
         let lossy = self.faults.iter().filter_map(|fault| match &fault.kind {
@@ -141,14 +141,14 @@ impl Edge {
         runs.max().unwrap_or_default()
     }
 
-    /// The first tick of which a sample may still become due after `tick`.
+    /// Returns the first tick of a sample that may still become due after `tick`.
     #[must_use]
     pub fn first_to_come(&self, tick: u64) -> u64 {
         let late = self.faults.iter().map(EdgeFault::ticks_late).max();
         tick.saturating_sub(self.latency + late.unwrap_or_default())
     }
 
-    /// The newest sample that has arrived at `tick`, of those that arrive at all.
+    /// Returns the newest sample that has arrived at `tick`, of those that arrive at all.
     fn due_among_faults(&self, tick: u64) -> Option<u64> {
         let mut arrived_by = tick;
         loop {
@@ -218,7 +218,7 @@ mod tests {
         }
     }
 
-    /// When a sample arrives, told sample by sample.
+    /// Returns the arrival of a sample, computed sample by sample.
     fn arrival(edge: &Edge, sample: u64) -> Option<u64> {
         let undisturbed = sample + edge.latency;
         let mut faults = edge.faults().iter();
@@ -269,7 +269,7 @@ mod tests {
         }
 
         #[test]
-        fn what_is_repeated_later_is_not_too_old_now(edge in edge(), early in 0..140u64, later in 0..140u64) {
+        fn a_sample_that_is_repeated_later_is_not_too_old_now(edge in edge(), early in 0..140u64, later in 0..140u64) {
             let (Some(now), Some(then)) = (edge.due_sample(early), edge.due_sample(early + later)) else {
                 return Ok(());
             };
@@ -278,7 +278,7 @@ mod tests {
         }
 
         #[test]
-        fn what_is_repeated_was_due_before_and_is_remembered(edge in edge(), tick in 0..140u64) {
+        fn a_repeated_sample_was_due_before_and_is_remembered(edge in edge(), tick in 0..140u64) {
             let Some(due) = edge.due_sample(tick) else { return Ok(()) };
             prop_assert!(!edge.is_lost(due));
             if let Some(repeated) = edge.repeated_by(due) {

@@ -1,8 +1,8 @@
-//! Planned faults of an edge: samples that come late or not at all, and samples that hold something else.
+//! Planned faults of an edge: samples that are late or lost, and samples with altered contents.
 //!
-//! A fault befalls the samples that would arrive while it lasts. That they are late or lost changes which sample is
-//! due, and is asked here like all else of the schedule; what they hold instead is for hosts to hand out
-//! ([`Corruption`]). What was published stays as it was.
+//! A fault affects the samples that would arrive while it lasts. A delay or loss changes the due sample, and is part of
+//! the schedule's queries. Hosts alter the contents when they deliver a sample ([`Corruption`]). The published sample
+//! itself does not change.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -12,41 +12,41 @@ use zerocopy::IntoBytes;
 use crate::noise::{Noise, Stream};
 use crate::sample::Header;
 
-/// A planned fault of an edge.
+/// Planned fault of an edge.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EdgeFault {
     /// First tick at which arriving samples suffer it.
     pub from: u64,
     /// First tick after it; [`u64::MAX`] if it never ends.
     pub until: u64,
-    /// What they suffer.
+    /// Kind of the fault.
     pub kind: EdgeFaultKind,
 }
 
-/// What becomes of the samples that arrive.
+/// Effect on the samples that arrive.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EdgeFaultKind {
     /// They arrive so many ticks later.
     Late(u64),
     /// Some never arrive.
     Lost(Loss),
-    /// They hold something else.
+    /// Their contents are altered.
     Altered(Corruption),
 }
 
-/// Which samples never arrive: of each a function of seed, edge and tick.
+/// Loss of samples: for each a function of seed, edge and tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loss {
     /// The share of the samples that is lost.
     pub fraction: f64,
-    /// Where the decision comes from.
+    /// Random numbers of the decision.
     pub draws: Draws,
 }
 
-/// What samples hold instead of what was published; their headers stay.
+/// Altered contents of samples; their headers stay.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Corruption {
-    /// What the last sample before the fault held.
+    /// The content of the last sample before the fault.
     Repeated,
     /// Of these numbers (their bytes), x becomes `scale`·x + `bias`.
     Scaled {
@@ -54,7 +54,7 @@ pub enum Corruption {
         numbers: Range<usize>,
         /// Factor.
         scale: f64,
-        /// What is added then.
+        /// Value added then.
         bias: f64,
     },
     /// Random numbers of at most this magnitude in place of these numbers (their bytes).
@@ -63,7 +63,7 @@ pub enum Corruption {
         numbers: Arc<[Range<usize>]>,
         /// Largest magnitude.
         range: f64,
-        /// Where they come from.
+        /// Their random numbers.
         draws: Draws,
     },
     /// Random bits.
@@ -75,7 +75,7 @@ pub enum Corruption {
 pub struct Draws {
     /// Seed of the flight.
     pub seed: u64,
-    /// Which edge of all.
+    /// Index of the edge.
     pub edge: u64,
 }
 
@@ -83,14 +83,14 @@ pub struct Draws {
 const SPREAD: u64 = 16;
 
 impl EdgeFault {
-    /// Whether samples that arrive at `tick` suffer it.
+    /// Returns whether samples that arrive at `tick` are affected.
     #[must_use]
     #[inline]
     pub fn is_on(&self, tick: u64) -> bool {
         (self.from..self.until).contains(&tick)
     }
 
-    /// By how many ticks samples are late.
+    /// Returns the delay of samples, ticks.
     #[must_use]
     pub(super) fn ticks_late(&self) -> u64 {
         match self.kind {
@@ -101,13 +101,13 @@ impl EdgeFault {
 }
 
 impl Loss {
-    /// Whether the sample that was published at `tick` is lost.
+    /// Returns whether the sample that was published at `tick` is lost.
     #[must_use]
     pub fn befalls(&self, tick: u64) -> bool {
         self.is_total() || self.draws.of(Stream::EdgeLoss).at(tick).uniform() < self.fraction
     }
 
-    /// Whether all samples are lost.
+    /// Returns whether all samples are lost.
     #[must_use]
     pub fn is_total(&self) -> bool {
         self.fraction >= 1.0
@@ -164,7 +164,7 @@ impl Corruption {
     }
 }
 
-/// The floating-point numbers in these bytes of a sample.
+/// Returns the floating-point numbers in these bytes of a sample.
 fn numbers_mut<'a>(sample: &'a mut [u8], bytes: &Range<usize>) -> impl Iterator<Item = &'a mut [u8; 8]> {
     sample[bytes.clone()].as_chunks_mut().0.iter_mut()
 }

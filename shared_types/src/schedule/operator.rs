@@ -1,15 +1,15 @@
-//! When the people responsible for the flight are planned to ask for what.
+//! Planned requests of the operator.
 
 use crate::service::Operator;
 
-/// Planned requests, each with the tick from which on it holds.
+/// Planned requests, each with the tick from which it holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OperatorPlan {
     /// First tick at which the motors may turn.
     pub armed_from: u64,
-    /// First tick at which the vehicle shall come down.
+    /// First tick at which the vehicle must land.
     pub land_from: u64,
-    /// First tick at which the motors shall rest for ever.
+    /// First tick at which the motors stop for ever.
     pub killed_from: u64,
 }
 
@@ -21,7 +21,7 @@ impl OperatorPlan {
         killed_from: u64::MAX,
     };
 
-    /// What is asked for at a tick.
+    /// Returns the requests at a tick.
     #[must_use]
     #[inline]
     pub fn at(&self, tick: u64) -> Operator {

@@ -1,44 +1,44 @@
-//! When a service is there: the ticks of a rate but for planned outages.
+//! Outage schedule: the ticks of a rate without those of planned outages.
 
 use std::sync::Arc;
 
 use super::Rate;
 
-/// Ticks at which a service does not step, as planned.
+/// Planned ticks at which a service does not step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outage {
     /// First tick of the outage.
     pub from: u64,
     /// First tick after it; [`u64::MAX`] if it never ends.
     pub until: u64,
-    /// What becomes of the service meanwhile.
+    /// Kind of the outage.
     pub fate: OutageKind,
 }
 
-/// What becomes of a service in a planned outage.
+/// Kind of a planned outage of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutageKind {
-    /// It does not step, and goes on as if no time had passed for its state.
+    /// It does not step, and its state continues as if no time had passed.
     Frozen,
     /// Its process dies; another goes on from the state before.
     Dies,
-    /// Its process dies; another begins anew.
+    /// Its process dies; another makes a cold start.
     DiesAndForgets,
 }
 
-/// The ticks of a rate at which a service, or what it publishes, is there.
+/// Ticks of a rate at which a service, or its samples, are present.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OutageSchedule {
-    /// The rate, were there no outages.
+    /// The rate without outages.
     pub rate: Rate,
     /// In the order of time, apart from each other.
     outages: Arc<[Outage]>,
-    /// Whether these are all ticks: most are, and are asked for at every one.
+    /// `true` if these are all ticks: most are, and are queried at every one.
     is_always: bool,
 }
 
 impl OutageSchedule {
-    /// The ticks of `rate` but for `outages`, which are in the order of time and apart from each other.
+    /// Makes the schedule of `rate` without `outages`, which are in the order of time and apart from each other.
     #[must_use]
     pub fn new(rate: Rate, outages: Arc<[Outage]>) -> Self {
         Self {
@@ -48,40 +48,40 @@ impl OutageSchedule {
         }
     }
 
-    /// No tick of any flight.
+    /// Makes the schedule without any tick.
     #[must_use]
     pub fn never() -> Self {
         Self::new(Rate::NEVER, Arc::default())
     }
 
-    /// Whether there are no outages.
+    /// Returns whether there are no outages.
     #[must_use]
     #[inline]
     pub fn is_unbroken(&self) -> bool {
         self.outages.is_empty()
     }
 
-    /// Whether these are all ticks.
+    /// Returns whether these are all ticks.
     #[must_use]
     #[inline]
     pub fn is_always(&self) -> bool {
         self.is_always
     }
 
-    /// The outages.
+    /// Returns the outages.
     #[must_use]
     pub fn outages(&self) -> &[Outage] {
         &self.outages
     }
 
-    /// Whether `tick` is one of the ticks.
+    /// Returns whether `tick` is one of the ticks.
     #[must_use]
     #[inline]
     pub fn occurs_at(&self, tick: u64) -> bool {
         self.is_always || self.rate.occurs_at(tick) && (self.is_unbroken() || self.outage_at(tick).is_none())
     }
 
-    /// The last of the ticks that is not after `tick`.
+    /// Returns the last of the ticks that is not after `tick`.
     #[must_use]
     #[inline]
     pub fn last_at_or_before(&self, tick: u64) -> Option<u64> {
@@ -104,7 +104,7 @@ impl OutageSchedule {
         Some(last)
     }
 
-    /// The first of the ticks that is not before `tick`; none if an outage never ends.
+    /// Returns the first of the ticks that is not before `tick`; none if an outage never ends.
     #[must_use]
     #[inline]
     pub fn first_at_or_after(&self, tick: u64) -> Option<u64> {
@@ -120,7 +120,7 @@ impl OutageSchedule {
         Some(first)
     }
 
-    /// How many of the ticks lie before `tick`: the sequence number of an occurrence at `tick`.
+    /// Returns the number of ticks before `tick`: the sequence number of an occurrence at `tick`.
     #[must_use]
     #[inline]
     pub fn count_before(&self, tick: u64) -> u64 {
@@ -144,7 +144,7 @@ impl OutageSchedule {
         missed.sum()
     }
 
-    /// The outages that begin after the tick `from` and not after `until`, in the order of time.
+    /// Returns the outages that begin after the tick `from` and not after `until`, in the order of time.
     pub fn outages_between(&self, from: u64, until: u64) -> impl Iterator<Item = &Outage> {
         let outages = self.outages.iter();
         outages.filter(move |outage| (from + 1..=until).contains(&outage.from))

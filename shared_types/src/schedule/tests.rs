@@ -12,7 +12,7 @@ proptest! {
     }
 
     #[test]
-    fn an_order_lets_nobody_wait_for_a_later_one(latencies in proptest::array::uniform5(proptest::array::uniform4(0..2u64))) {
+    fn in_an_order_no_service_waits_for_a_later_one(latencies in proptest::array::uniform5(proptest::array::uniform4(0..2u64))) {
         if let Ok(order) = topological_order(&latencies) {
             let place = |service| order.iter().position(|&other| other == service).unwrap();
             for service in ServiceId::ALL {
@@ -45,7 +45,7 @@ fn a_cycle_without_delay_is_named() {
 }
 
 #[test]
-fn in_a_real_world_all_is_as_in_a_simulated_one_but_for_the_truth() {
+fn a_real_plant_differs_from_a_simulated_one_only_by_the_truth() {
     let simulated = Schedule::ideal(1, 100);
     let real = simulated.clone().with_real_world();
     assert!(simulated.simulates_the_world() && !real.simulates_the_world());

@@ -31,13 +31,13 @@ impl Scenario {
         match &self.flight {
             None => Some(Problem::new(
                 at,
-                "in a laboratory somebody arms the vehicle once cameras and radio link are well, but here the motors turn \
+                "in a laboratory people arm the vehicle once cameras and radio link work, but here the motors turn \
                  from the start",
                 "add `[flight]`: the vehicle then stands on the ground until `gerono arm`",
             )),
             Some(flight) if flight.arm_at.is_some() => Some(Problem::new(
                 at.then("arm_at"),
-                "in a laboratory somebody arms the vehicle once cameras and radio link are well, but here it arms itself",
+                "in a laboratory people arm the vehicle once cameras and radio link work, but here it arms itself",
                 "leave `arm_at` out, and arm with `gerono arm`",
             )),
             Some(_) => None,
