@@ -21,11 +21,11 @@ shared_types::sample! {
     pub struct EstimatorState {
         /// The last state that rested on a measurement.
         pub last: Estimate,
-        /// What the filter remembers; all zero without one.
+        /// Memory of the filter; all zero without one.
         pub kalman: KalmanState,
         /// The last good capture of ideal cameras; all zero without them.
         pub capture: MocapPose,
-        /// What is remembered of these captures.
+        /// State of the input validator of these captures.
         pub captures: GateState,
     }
 }

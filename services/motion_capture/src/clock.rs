@@ -6,7 +6,6 @@
 //!
 //! A stamp that the line finds too early or too late is refused. If 25 in a row agree on another offset, the sender's
 //! clock was set, and the estimate restarts.
-//! offset the sender's clock was set, and the estimate begins anew.
 
 /// Length of a window, ns.
 const WINDOW_NS: u64 = 500_000_000;

@@ -18,7 +18,7 @@ use scenario::{CaptureSystem, MotionCapture};
 
 const FRAMES: u32 = 500;
 
-/// Where the body is in a frame, seen by a system with its usual axes.
+/// Returns the place of the body in a frame of a system with its usual axes.
 fn pose(system: CaptureSystem, number: u32) -> CapturePose {
     let t = f64::from(number) * 0.01;
     Calibration::new(system, None, None).capture_pose(&WorldPose {

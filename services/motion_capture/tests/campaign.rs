@@ -18,7 +18,7 @@ use shared_types::rotation::{exp, from_roll_pitch_yaw, roll_pitch_yaw};
 
 const FRAMES: u64 = 100_000;
 const MS: u64 = 1_000_000;
-/// When the first frame is captured, ns of the local clock.
+/// Capture time of the first frame, ns of the local clock.
 const START: u64 = 1_000_000 * MS;
 /// Lead of the sender's clock, ns.
 const AHEAD: u64 = 123_456_789_000;

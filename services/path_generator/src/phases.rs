@@ -81,13 +81,13 @@ shared_types::sample! {
         #[values(WAY_PATH = 0, WAY_RISE = 1, WAY_TRANSIT = 2, WAY_DESCENT = 3)]
         /// Code of the curve that the parameter moves along.
         pub way: u8,
-        /// Whether the vehicle is airborne.
+        /// `true` if the vehicle is airborne.
         pub airborne: Flag,
-        /// Whether the parameter is being brought to rest.
+        /// `true` if the parameter is being brought to rest.
         pub stopping: Flag,
-        /// Whether the operator's arming has been used.
+        /// `true` if the operator's arming has been used.
         pub spent: Flag,
-        /// Whether the first step has decided if the vehicle was in the air.
+        /// `true` if the first step has decided if the vehicle was in the air.
         pub begun: Flag,
         /// Explicit padding.
         pub pad0: [u8; 2],

@@ -46,7 +46,7 @@ shared_types::sample! {
         pub turbulence_world: [f64; 3],
         /// Fluctuation of the fan's jet in {I}, as a share of its force.
         pub jet_fluctuation_world: [f64; 3],
-        /// Whether a frame was received.
+        /// `true` if a frame was received.
         pub has_received: Flag,
         /// Explicit padding.
         pub pad0: [u8; 7],

@@ -84,9 +84,9 @@ const SET_ATTITUDE_TARGET: Kind = Kind {
 const KINDS: [Kind; 3] = [HEARTBEAT, RC_CHANNELS_OVERRIDE, SET_ATTITUDE_TARGET];
 const LONGEST: usize = SET_ATTITUDE_TARGET.length;
 
-/// Where the fields of `SET_ATTITUDE_TARGET` stand after time and attitude.
+/// Offset of the fields of `SET_ATTITUDE_TARGET` after time and attitude.
 const RATES_AT: usize = 20;
-/// Where the fields of `RC_CHANNELS_OVERRIDE` stand after the first eight channels.
+/// Offset of the fields of `RC_CHANNELS_OVERRIDE` after the first eight channels.
 const TARGET_AT: usize = 16;
 
 /// Appends a message to a frame.

@@ -34,9 +34,9 @@ pub struct Settings {
     pub sub_protocol: u8,
     /// Channels over the air, 4 to 12.
     pub option: u8,
-    /// Whether to send with low power.
+    /// `true` to send with low power.
     pub low_power: bool,
-    /// Whether to bind a receiver.
+    /// `true` to bind a receiver.
     pub bind: bool,
 }
 

@@ -40,9 +40,9 @@ shared_types::sample! {
         pub limit: u8,
         /// Action until the vehicle rests or for ever: none, land or kill.
         pub action: u8,
-        /// Whether the inputs have been recent since the arming.
+        /// `true` if the inputs have been recent since the arming.
         pub passes: Flag,
-        /// Whether a command has moved the vehicle, and the motors have not rested for [`GROUNDED_AFTER`] since.
+        /// `true` if a command has moved the vehicle, and the motors have not rested for [`GROUNDED_AFTER`] since.
         pub moves: Flag,
         /// Explicit padding.
         pub pad0: [u8; 4],

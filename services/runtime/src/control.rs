@@ -115,7 +115,7 @@ pub struct Start {
     pub iceoryx2_configuration: PathBuf,
     /// Core to run on, if any.
     pub core: Option<usize>,
-    /// How the core is shared.
+    /// Scheduler of the process.
     pub scheduler: Scheduler,
     /// Role of the process; a standby process learns it later.
     pub role: Option<Role>,

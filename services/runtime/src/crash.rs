@@ -13,17 +13,17 @@ pub enum CrashPlace {
     AfterPorts,
     /// In recovery, before the first step.
     Recovering,
-    /// When all inputs of a step are here.
+    /// Before a step, with all its inputs here.
     BeforeStep,
-    /// When the step is done and nothing is published.
+    /// After the step, before any publication.
     AfterStep,
-    /// When the first of the outputs is published; before publishing, if there is but one.
+    /// After the first output is published; before publication if there is only one.
     BetweenPublishes,
-    /// When all outputs are published and nothing is checkpointed.
+    /// After all outputs are published, before the checkpoint.
     AfterPublishing,
     /// In the middle of writing the checkpoint.
     Checkpointing,
-    /// When the checkpoint is written and no consumer has been woken.
+    /// Before consumers are woken.
     BeforeWaking,
 }
 

@@ -25,7 +25,7 @@ pub struct OrchestratorWatchdog {
     channel: Channel,
     hand_over: HandOver,
     then: Then,
-    /// When the orchestrator was found to be gone, ns of `CLOCK_MONOTONIC`.
+    /// Time at which the orchestrator was found to be gone, ns of `CLOCK_MONOTONIC`.
     alone_since: Option<u64>,
     /// Time of the next check, ns of `CLOCK_MONOTONIC`.
     look_at: u64,

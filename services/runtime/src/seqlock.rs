@@ -143,9 +143,9 @@ impl<const WORDS: usize, const DEPTH: usize> Default for Ring<WORDS, DEPTH> {
 pub enum Found<const WORDS: usize> {
     /// The record that was asked for.
     Record([u64; WORDS]),
-    /// That record is not whole yet.
+    /// The record is not whole yet.
     Nothing,
-    /// That record was overwritten; the oldest that may still be there has this number.
+    /// The record was overwritten; the oldest that may still be there has this number.
     Overwritten(u64),
 }
 

@@ -15,7 +15,7 @@ pub struct Cameras {
     pub attitude_deviation: f64,
     /// Largest lead of a frame's exposure over its tick, s: evenly distributed between 0 and this.
     pub jitter: f64,
-    /// Whether frames carry the time of their exposure; if not, that of their tick.
+    /// `true` if frames carry the time of their exposure; if not, that of their tick.
     pub jitter_stamped: bool,
     /// Share of the frames in which the body is not found, 0 to 1.
     pub frame_loss: f64,

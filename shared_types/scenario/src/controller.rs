@@ -34,7 +34,7 @@ pub struct Controller {
     pub bounds: Bounds,
     /// Initial values of the estimates.
     pub initial: InitialEstimates,
-    /// Whether the law aims above the path by the offset at which δ makes the vehicle hang below it, so that z1 → 0;
+    /// `true` if the law aims above the path by the offset at which δ makes the vehicle hang below it, so that z1 → 0;
     /// not in the paper.
     pub remove_offset: bool,
     /// Thrust and body rates in place of thrust and torque, for a vehicle with its own rate loop.
@@ -101,12 +101,12 @@ pub struct RateCommand {
     pub yaw_integral_max: f64,
     /// Step at which the law drives the artificial angular velocity over the hold of a frame, s.
     pub roll_out_step: f64,
-    /// Whether vehicle and path move along over the hold; if not the law uses their state at its beginning.
+    /// `true` if vehicle and path move along over the hold; if not the law uses their state at its beginning.
     pub roll_out: bool,
-    /// Whether the acceleration that the estimator sees and the estimates of mass and disturbance do not explain also
+    /// `true` if the acceleration that the estimator sees and the estimates of mass and disturbance do not explain also
     /// acts on the vehicle of the roll-out.
     pub unexplained: bool,
-    /// Whether commands compensate for the modelled lags of thrust and rates.
+    /// `true` if commands compensate for the modelled lags of thrust and rates.
     pub lag_inversion: bool,
 }
 

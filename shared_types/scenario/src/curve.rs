@@ -105,7 +105,7 @@ pub struct Lissajous {
 pub struct Waypoints {
     /// The points in {I}, m: at least two, at least three for a closed curve; no two neighbours coincide.
     pub points: Vec<Vector>,
-    /// Whether the last point leads back to the first.
+    /// `true` if the last point leads back to the first.
     #[serde(default)]
     pub closed: bool,
     /// γ from one point to the next.

@@ -34,7 +34,8 @@ pub struct Kalman {
     pub restart_after: f64,
     /// Time for which the state counts as tracked without a capture, s.
     pub coast: f64,
-    /// Whether the state is predicted to the time at which the next frame acts; if not it is that of the last capture.
+    /// `true` if the state is predicted to the time at which the next frame acts; if not it is that of the last
+    /// capture.
     pub prediction: bool,
 }
 

@@ -24,7 +24,7 @@ pub struct Judge {
     /// Speed above which the vehicle is lost when it touches the ground, m/s; 1 m/s above `flight.landing_speed` unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub impact_speed_max: Option<f64>,
-    /// Whether a flight in simulated time ends when the vehicle is lost; if not it is flown to its planned end.
+    /// `true` if a flight in simulated time ends when the vehicle is lost; if not it is flown to its planned end.
     pub end_when_lost: bool,
 }
 

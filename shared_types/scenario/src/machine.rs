@@ -16,7 +16,7 @@ macro_rules! deployment {
         #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct Deployment {
-            /// Whether a run refuses to fly if the machine does not permit the stated values; if not, it warns and
+            /// `true` to refuse the flight if the machine does not permit the stated values; if not, the run warns and
             /// flies.
             pub strict: bool,
             /// Core that the services run on; chosen as the run begins unless stated.
@@ -25,7 +25,7 @@ macro_rules! deployment {
             /// Priority of `SCHED_FIFO`, 1 to 99, above all ordinary work; the ordinary scheduler unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub priority: Option<u32>,
-            /// Whether memory is locked and touched before the flight, so that no step waits for a page; not unless stated.
+            /// `true` to lock and touch memory before the flight, so that no step waits for a page; not unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub lock_memory: Option<bool>,
             /// Delay by which the system may wake a sleeping service late to save energy, s; the system's 5e-5 unless
@@ -71,7 +71,7 @@ pub struct ServiceDeployment {
     /// Priority of `SCHED_FIFO`, 1 to 99; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub priority: Option<u32>,
-    /// Whether its memory is locked and touched before the flight; as for all services unless stated.
+    /// `true` to lock and touch its memory before the flight; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lock_memory: Option<bool>,
     /// Delay by which the system may wake it late to save energy, s; as for all services unless stated.

@@ -9,7 +9,7 @@ use super::Curve;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Path {
-    /// Whether the path waits for the vehicle.
+    /// `true` if the path waits for the vehicle.
     #[serde(default)]
     pub mode: PathMode,
     /// vd, desired rate of the path parameter, 1/s.

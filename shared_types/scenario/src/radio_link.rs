@@ -98,7 +98,7 @@ pub struct MultiModule {
     pub model: u32,
     /// Channels that are sent over the air, 4 to 12.
     pub channels: u32,
-    /// Whether to send with low power, for tests on the ground.
+    /// `true` to send with low power, for tests on the ground.
     pub low_power: bool,
 }
 

@@ -29,7 +29,6 @@ const TRUSTED: f64 = 0.25;
 
 /// Largest weight of one capture, in means: a jump adds 40 % to the mean, and noise of ten times the deviation is
 /// detected after a dozen captures.
-/// after a dozen captures.
 const LARGEST_SHARE: f64 = 9.0;
 
 /// Scatter of the captures.

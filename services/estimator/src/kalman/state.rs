@@ -13,15 +13,15 @@ use super::motion::{Actuation, NominalState};
 use super::scatter::Scatter;
 
 shared_types::sample! {
-    /// What the filter remembers from step to step.
+    /// Memory of the filter from step to step.
     pub struct KalmanState {
         /// The time that the state speaks of, ns since the start of the flight.
         pub time_ns: u64,
-        /// When a capture was used last, ns since the start of the flight.
+        /// Time at which a capture was used last, ns since the start of the flight.
         pub used_at_ns: u64,
         /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
         pub refused_since_ns: u64,
-        /// Since when all frames have let the motors rest, ns since the start of the flight.
+        /// Time since which all frames have stopped the motors, ns since the start of the flight.
         pub rests_since_ns: u64,
         /// p, position in {I}, m.
         pub position_world: [f64; 3],
@@ -45,17 +45,17 @@ shared_types::sample! {
         pub innovation: [f64; 6],
         /// The commands that act or are under way, oldest first.
         pub commands: [Command; 64],
-        /// How many of them there are.
+        /// Number of these commands.
         pub command_count: u64,
         /// Captures refused since the start of the flight.
         pub captures_refused: u32,
-        /// Whether there is a state.
+        /// `true` if there is a state.
         pub started: Flag,
-        /// Whether the last capture looked at was refused.
+        /// `true` if the last tested capture was refused.
         pub refusing: Flag,
-        /// Whether all frames let the motors rest lately.
+        /// `true` if all recent frames stop the motors.
         pub rests: Flag,
-        /// Whether the ground holds the vehicle.
+        /// `true` if the ground holds the vehicle.
         pub stands: Flag,
     }
 }

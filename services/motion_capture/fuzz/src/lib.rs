@@ -1,4 +1,4 @@
-//! What must hold of every frame that a decoder gives.
+//! Invariants of every frame that a decoder gives.
 
 use motion_capture::wire::{Frame, MOST_BODIES};
 

@@ -36,7 +36,7 @@ struct Flown {
     vehicle: VehicleState,
     frame: RcFrame,
     reference: PathReference,
-    /// Whether the motors can lift it.
+    /// `true` if the motors can lift it.
     lifts: bool,
     phases: Vec<u8>,
 }

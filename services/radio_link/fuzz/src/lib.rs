@@ -1,4 +1,4 @@
-//! What must hold of whatever arrives on a radio link.
+//! Invariants of decoders for any bytes on a radio link.
 
 use radio_link::receiver::{Command, Receiver};
 use radio_link::{crsf, mavlink, msp, multi, sbus};
@@ -30,7 +30,7 @@ fn receiver((link, message): (RadioProtocol, MavlinkPacket)) -> Receiver {
     Receiver::new(&link, &transmitter).expect("it is not the simulated one")
 }
 
-/// What is understood of bytes that come in pieces of a length; and how many bytes belong to no frame.
+/// Decodes bytes that arrive in pieces of a length. Returns the commands and the number of bytes outside of frames.
 fn heard(link: (RadioProtocol, MavlinkPacket), bytes: &[u8], piece: usize) -> (Vec<Command>, u64) {
     let mut receiver = receiver(link);
     let mut commands = Vec::new();
@@ -41,7 +41,7 @@ fn heard(link: (RadioProtocol, MavlinkPacket), bytes: &[u8], piece: usize) -> (V
     (commands, receiver.heard().skipped)
 }
 
-/// Panics unless every decoder takes these bytes for what they are, at once and in pieces.
+/// Asserts that every decoder reads these bytes equally, at once and in pieces.
 ///
 /// # Panics
 /// If one does not.

@@ -199,7 +199,7 @@ fn a_connection_carries_frames_and_comes_back() {
 }
 
 #[test]
-fn a_connection_that_nobody_reads_drops_frames_rather_than_wait() {
+fn a_connection_without_a_reader_drops_frames_rather_than_wait() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let mut port = Port::open(Target::Tcp(listener.local_addr().unwrap())).unwrap();
     let (mut peer, _) = listener.accept().unwrap();
@@ -221,7 +221,7 @@ fn a_connection_that_nobody_reads_drops_frames_rather_than_wait() {
 }
 
 #[test]
-fn packets_that_nobody_takes_are_counted_and_the_socket_stays() {
+fn packets_without_a_receiver_are_counted_and_the_socket_stays() {
     let nobody = UdpSocket::bind("127.0.0.1:0").unwrap();
     let address = nobody.local_addr().unwrap();
     drop(nobody);
@@ -251,7 +251,7 @@ fn crsf_link(path: &Path) -> RcLink {
 }
 
 #[test]
-fn a_sender_repeats_the_newest_sticks_and_stops_when_nobody_renews_them() {
+fn a_sender_repeats_the_newest_sticks_and_stops_when_they_are_not_renewed() {
     let (master, path) = pseudo_terminal();
     let link = RadioLink::open(&crsf_link(&path)).unwrap().unwrap();
     let sender = Sender::start(link, 1_000_000).unwrap();

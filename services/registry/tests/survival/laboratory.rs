@@ -89,7 +89,7 @@ fn wrong(draws: &mut Draws<'_>) -> f64 {
 }
 
 /// Returns a modelled latency of 5 ms that is wrong by up to 30 %, in whole ticks, rounded away from the truth.
-fn believed_latency(draws: &mut Draws<'_>) -> f64 {
+fn modelled_latency(draws: &mut Draws<'_>) -> f64 {
     let ticks = 5.0 * wrong(draws);
     let whole = if ticks < 5.0 { ticks.floor() } else { ticks.ceil() };
     1e-3 * whole
@@ -117,7 +117,7 @@ fn a_laboratory_that_differs_in_everything_by_30_percent_keeps_the_vehicle_on_it
         cameras.position_deviation *= wrong(draws);
         cameras.attitude_deviation *= wrong(draws);
         let model = scenario.model.as_mut().unwrap();
-        model.radio_latency = believed_latency(draws);
-        model.capture_latency = Some(believed_latency(draws));
+        model.radio_latency = modelled_latency(draws);
+        model.capture_latency = Some(modelled_latency(draws));
     });
 }

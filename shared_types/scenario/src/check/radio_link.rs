@@ -207,7 +207,7 @@ impl Transmitter {
                 found.add(key, reason, "give a channel from 5 to 16");
             } else if taken.contains(&channel) {
                 let reason = format!("channel {channel} is taken already");
-                found.add(key, reason, "give every switch a channel of its own");
+                found.add(key, reason, "give every switch a separate channel");
             }
             taken.push(channel);
         }
