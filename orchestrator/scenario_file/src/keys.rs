@@ -265,7 +265,7 @@ mod tests {
         );
         assert_eq!(
             advice(&key("path.mode")),
-            "`path.mode` is \"following\" or \"trajectory_tracking\": Whether the path waits for the vehicle"
+            "`path.mode` is \"following\" or \"trajectory_tracking\": Following, in which the path waits for the vehicle, or the paper's comparison"
         );
     }
 
@@ -281,7 +281,7 @@ mod tests {
     fn advice_on_what_is_in_an_optional_table_is_as_on_all_else() {
         assert_eq!(
             advice(&key("cameras.occlusion.2.lasts")),
-            "`cameras.occlusion.2.lasts` is a number: How long, s"
+            "`cameras.occlusion.2.lasts` is a number: Duration, s"
         );
         assert_eq!(
             advice(&key("rc_output.thrust_range")),
@@ -289,7 +289,7 @@ mod tests {
         );
         assert_eq!(
             advice(&key("vehicle.fan.off_at")),
-            "`vehicle.fan.off_at` is a number: When it is switched off, s; never unless stated"
+            "`vehicle.fan.off_at` is a number: Time at which it is switched off, s; never unless stated"
         );
         assert_eq!(
             advice(&key("vehicle.turbulence")),
@@ -301,7 +301,7 @@ mod tests {
                     .into_iter()
                     .collect()
             ),
-            "`safety.\"vehicle/state -> controller\".jump` is a number: Largest distance of a state from where the last good one was going, m; any unless stated"
+            "`safety.\"vehicle/state -> controller\".jump` is a number: Largest distance of a state from the continuation of the last good one, m; any unless stated"
         );
         assert_eq!(
             advice(&key("estimator")),

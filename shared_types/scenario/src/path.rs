@@ -9,7 +9,7 @@ use super::Curve;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Path {
-    /// `true` if the path waits for the vehicle.
+    /// Following, in which the path waits for the vehicle, or the paper's comparison.
     #[serde(default)]
     pub mode: PathMode,
     /// vd, desired rate of the path parameter, 1/s.

@@ -200,7 +200,7 @@ fn a_missing_key_is_refused_with_what_it_is() {
     let shown = refusal(&with(LABORATORY, "reference_distance = 1.5\n", ""), &[]);
     for piece in [
         "`vehicle.fan.reference_distance` is missing",
-        "`vehicle.fan.reference_distance` is a number: Distance from the fan at which `force` is meant, m",
+        "`vehicle.fan.reference_distance` is a number: Distance from the fan for which `force` is stated, m",
     ] {
         assert!(shown.contains(piece), "no `{piece}` in:\n{shown}");
     }

@@ -49,7 +49,7 @@ fn a_misspelt_key_is_refused_with_the_nearest_and_all_known_ones() {
         &[
             "`controller.sigmamax` is unknown",
             "there is no key `sigmamax` here",
-            "help: did you mean `sigma_max`? Known are: `beta`, `bounds`, `delta`",
+            "help: did you mean `sigma_max`? Known are: `baseline`, `beta`, `bounds`, `delta`",
         ],
     );
 }
@@ -167,7 +167,7 @@ fn a_missing_key_is_refused_at_its_table_with_what_it_is() {
         line_of(&text, "\n[[vehicle.change]]\n") + 1,
         &[
             "`vehicle.change.0.at` is missing",
-            "help: `vehicle.change.0.at` is a number: When, s",
+            "help: `vehicle.change.0.at` is a number: Time of the change, s",
         ],
     );
 }
