@@ -22,7 +22,7 @@ fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
-fn read(path: &str) -> String {
+pub(crate) fn read(path: &str) -> String {
     std::fs::read_to_string(repository(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
@@ -41,7 +41,7 @@ fn documents() -> Vec<(PathBuf, String)> {
 }
 
 /// What stands between `<!-- name -->` and `<!-- end of … -->`.
-fn section<'a>(document: &'a str, name: &str) -> &'a str {
+pub(crate) fn section<'a>(document: &'a str, name: &str) -> &'a str {
     let begin = format!("<!-- {name} -->");
     let (_, rest) = document
         .split_once(&begin)
@@ -67,7 +67,7 @@ fn rows(table: &str) -> Vec<Vec<&str>> {
 }
 
 /// A piece of a document is what it should be, or is made so on request.
-fn assert_same(document: &str, is: &str, should_be: &str) {
+pub(crate) fn assert_same(document: &str, is: &str, should_be: &str) {
     if is.trim() == should_be.trim() {
         return;
     }

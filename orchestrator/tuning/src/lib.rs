@@ -66,10 +66,10 @@ impl Finding {
 }
 
 /// Every rule that applies to a scenario without [`problems`](Scenario::problems), from the inner loop to the outer;
-/// none if the controller is an external service.
+/// none if another law flies.
 #[must_use]
 pub fn findings(scenario: &Scenario) -> Vec<Finding> {
-    if scenario.program_of(ServiceId::Controller).is_some() {
+    if scenario.program_of(ServiceId::Controller).is_some() || !scenario.controller.law.is_adaptive() {
         return Vec::new();
     }
     let inertias = inertias(scenario);

@@ -8,12 +8,14 @@ use shared_types::samples::{ControlCommand, ControlErrors, PathReference, Vehicl
 use shared_types::{Now, ServiceId, Topic, rotation};
 use zerocopy::FromZeros;
 
+use crate::adaptive::evaluation::evaluate;
+use crate::adaptive::parameters::Parameters;
 use crate::bumpless_transfer::Transfer;
 use crate::dead_reckoning::{Commanded, ModelEstimate, Reckoned};
 use crate::failsafe::FailsafeStage;
-use crate::law::{Evaluation, evaluate};
+use crate::law::baseline::BaselineLaw;
+use crate::law::{self, Law};
 use crate::observer::{MassObserver, ObserverSample};
-use crate::parameters::Parameters;
 use crate::phase::ControlMode;
 use crate::rate_controller::{RateController, RateControllerState};
 use crate::safety::Safety;
@@ -28,6 +30,8 @@ pub struct ControlSupervisor {
     pub estimates: Estimates,
     /// Controller of body rates; `None` commands torque.
     pub rate_controller: Option<RateController>,
+    /// Baseline in place of the adaptive law, for commands of body rates.
+    pub baseline: Option<BaselineLaw>,
     /// Mass observer that runs in parallel; its output is recorded, not used.
     pub observer: Option<MassObserver>,
     /// Policy for old states; `None` uses every state, however old.
@@ -102,6 +106,7 @@ impl ControlSupervisor {
                 .rates
                 .as_ref()
                 .map(|rates| RateController::new(scenario, rates)),
+            baseline: BaselineLaw::new(scenario),
             observer: controller
                 .observer_gain
                 .map(|gain| MassObserver::new(gain, controller.initial.mass)),
@@ -131,8 +136,30 @@ impl ControlSupervisor {
         if !flown.learns {
             *telemetry.rates = EstimateRates::ZERO;
         }
+        self.teach_baseline(input, flown.learns);
         self.observe(input.state, flown.thrust, now.elapsed());
         flown
+    }
+
+    /// Lets the baseline learn over the coming hold; its estimates are those of the telemetry and of the failsafe
+    /// stages.
+    fn teach_baseline(&mut self, input: &ControlInput<'_>, learns: bool) {
+        let (Some(baseline), Some(rate_controller)) = (&mut self.baseline, &self.rate_controller) else {
+            return;
+        };
+        if learns {
+            let (measured, acting) = (Measured::from(input.state), Acting::from(input.state));
+            let seen = baseline.seen(&measured, &acting, &input.target);
+            let before = *baseline;
+            baseline.learner_mut().learn(&seen, rate_controller.hold());
+            if !baseline.learner().memory().iter().all(Field::is_finite) {
+                *baseline = before;
+            }
+        } else {
+            baseline.learner_mut().rest();
+        }
+        self.estimates.eta = 1.0 / baseline.mass();
+        self.estimates.disturbance_world = baseline.learner().compensation();
     }
 
     /// Commands nothing, and makes a cold start with the next flight: only the estimates are kept.
@@ -145,6 +172,9 @@ impl ControlSupervisor {
         self.last = None;
         if let Some(rate_controller) = &mut self.rate_controller {
             rate_controller.memory = RateControllerState::NONE;
+        }
+        if let Some(baseline) = &mut self.baseline {
+            baseline.learner_mut().rest();
         }
         if let Some(observer) = &mut self.observer {
             observer.interrupt();
@@ -249,7 +279,7 @@ impl ControlSupervisor {
         let Some(rate_controller) = &mut self.rate_controller else {
             measured.position_world += self.parameters.offset(&measured.world_from_body);
             let law = evaluate(&self.parameters, &measured, target, &self.estimates);
-            telemetry.tell(&law, &z1);
+            telemetry.tell(&law::Telemetry::from(&law), &z1, target);
             return ControlOutput {
                 command: Commanded {
                     thrust: law.thrust,
@@ -261,15 +291,17 @@ impl ControlSupervisor {
                 thrust: tracked.then_some(law.thrust),
             };
         };
-        let output = rate_controller.command(
-            &self.parameters,
-            &measured,
-            &Acting::from(state),
-            target,
-            &self.estimates,
-            reference.yaw,
-        );
-        telemetry.tell(&output.law, &z1);
+        let acting = Acting::from(state);
+        let (output, told) = if let Some(baseline) = &self.baseline {
+            let output = rate_controller.fly(baseline, &measured, &acting, target, reference.yaw);
+            (output.command(), baseline.telemetry(&output.law))
+        } else {
+            let (parameters, estimates) = (&self.parameters, &self.estimates);
+            let yaw = reference.yaw;
+            let output = rate_controller.command(parameters, &measured, &acting, target, estimates, yaw);
+            (output.command(), law::Telemetry::from(&output.law))
+        };
+        telemetry.tell(&told, &z1, target);
         ControlOutput {
             command: Commanded {
                 thrust: output.thrust,
@@ -315,13 +347,13 @@ impl ControlSupervisor {
 impl Telemetry<'_> {
     /// Records the law's values; z1 is without the offset by which the law may be shifted.
     #[inline]
-    fn tell(&mut self, law: &Evaluation, z1: &Vector3<f64>) {
+    fn tell(&mut self, law: &law::Telemetry, z1: &Vector3<f64>, reference: &Reference) {
         *self.rates = law.rates;
         if let Some(errors) = &mut self.errors {
             errors.z1 = (*z1).into();
             errors.z2 = law.z2.into();
             errors.z3 = law.z3.into();
-            errors.z4 = law.z4;
+            errors.z4 = reference.gamma_dot - reference.gamma_dot_desired; // (22)
             errors.zeta = law.zeta.into();
             errors.omega_desired = law.omega_desired.into();
         }

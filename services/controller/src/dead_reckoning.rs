@@ -22,7 +22,7 @@ use vehicle_model::integrator::travelled;
 use vehicle_model::lag::{Lag, between};
 use vehicle_model::rigid_body::{self, Motion, angular_acceleration, free_fall};
 
-use crate::parameters::Parameters;
+use crate::adaptive::parameters::Parameters;
 use crate::rate_controller::link_limits;
 use crate::signals::Estimates;
 

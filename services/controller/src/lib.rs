@@ -1,15 +1,9 @@
 //! The paper's adaptive control law, as step logic and as a pure function.
 //!
-//! * [`projection`]: the smooth projection π (5) and the potential V(s, s̃) (6);
-//! * [`saturation`]: σ and its derivatives;
-//! * [`parameters`]: gains and bounds;
-//! * [`signals`]: the arguments of the law;
-//! * [`law`]: errors, thrust, torque and the estimators' rates, (7) to (21), as one pure function;
-//! * [`zeta_rate`]: ζ̇ as an affine function of the unknown acceleration;
-//! * [`regressor`]: W of (20), kept structured;
-//! * [`lyapunov`]: the Lyapunov function that the law makes decrease;
-//! * [`offset`]: the distance by which δ makes the vehicle hang below the path;
-//! * [`rates`]: the law for a vehicle with body-rate commands, rolled out over the hold of a command;
+//! * [`adaptive`]: the paper's law, (7) to (21), as pure functions;
+//! * [`law`]: a control law as the supervisor flies it, and the baselines;
+//! * [`signals`]: the arguments of a law;
+//! * [`rates`]: a law for a vehicle with body-rate commands, rolled out over the hold of a command;
 //! * [`yaw`]: the yaw law (28);
 //! * [`rate_controller`]: both, from hold to hold;
 //! * [`failsafe`]: the stages of commands when the vehicle's state is too old for the law;
@@ -28,31 +22,23 @@
 //! Difference from the paper: k1 d²σ(z1)/dt² and d³γ/dt³ contain the unknown acceleration as well. Both are part of W
 //! here; the paper leaves that to the reader.
 
+pub mod adaptive;
 pub mod bumpless_transfer;
 pub mod control_supervisor;
 pub mod dead_reckoning;
-pub mod errors;
 pub mod failsafe;
 pub mod law;
-pub mod lyapunov;
 pub mod observer;
-pub mod offset;
-pub mod parameter_vector;
-pub mod parameters;
 pub mod phase;
-pub mod projection;
 pub mod rate_controller;
 pub mod rates;
 pub mod references;
-pub mod regressor;
 pub mod safety;
-pub mod saturation;
 pub mod service;
 pub mod signals;
 pub mod yaw;
-pub mod zeta_rate;
 
-pub use law::{Evaluation, evaluate};
-pub use parameters::Parameters;
+pub use adaptive::evaluation::{Evaluation, evaluate};
+pub use adaptive::parameters::Parameters;
 pub use service::ControllerService;
 pub use signals::{Acting, Estimates, Measured, Reference};

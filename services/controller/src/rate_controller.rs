@@ -3,8 +3,10 @@
 use nalgebra::Vector3;
 use scenario::{GRAVITY, RateCommand, Scenario, Vector};
 
-use crate::law::Evaluation;
-use crate::parameters::Parameters;
+use crate::adaptive::evaluation::Evaluation;
+use crate::adaptive::parameters::Parameters;
+use crate::adaptive::rate_law::AdaptiveLaw;
+use crate::law::Law;
 use crate::rates::{HoldStart, RollOut};
 use crate::signals::{Acting, Estimates, Measured, Reference};
 use crate::yaw::YawLaw;
@@ -41,7 +43,7 @@ impl RateControllerState {
 
 /// Command of thrust and body rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RateCommandOutput {
+pub struct RateCommandOutput<E> {
     /// T, N, before the limits of the link.
     pub thrust: f64,
     /// T as the link will carry it, N.
@@ -49,9 +51,23 @@ pub struct RateCommandOutput {
     /// Body rates, rad/s.
     pub rates_body: Vector3<f64>,
     /// The law at the beginning of the hold.
-    pub law: Evaluation,
+    pub law: E,
     /// `true` if the vehicle can follow the law's command, so that the estimates may learn from its motion.
     pub is_telling: bool,
+}
+
+impl<E> RateCommandOutput<E> {
+    /// Returns the command without the law's values.
+    #[must_use]
+    pub fn command(&self) -> RateCommandOutput<()> {
+        RateCommandOutput {
+            thrust: self.thrust,
+            limited_thrust: self.limited_thrust,
+            rates_body: self.rates_body,
+            law: (),
+            is_telling: self.is_telling,
+        }
+    }
 }
 
 impl RateController {
@@ -69,7 +85,13 @@ impl RateController {
         }
     }
 
-    /// Returns the command for the coming hold, with ψd = `yaw` (rad).
+    /// Returns H, duration of a hold, s.
+    #[must_use]
+    pub fn hold(&self) -> f64 {
+        self.roll_out.hold
+    }
+
+    /// Returns the adaptive law's command for the coming hold, with ψd = `yaw` (rad).
     pub fn command(
         &mut self,
         parameters: &Parameters,
@@ -78,7 +100,24 @@ impl RateController {
         reference: &Reference,
         estimates: &Estimates,
         yaw: f64,
-    ) -> RateCommandOutput {
+    ) -> RateCommandOutput<Evaluation> {
+        let law = AdaptiveLaw {
+            parameters,
+            estimates,
+            inertia: self.roll_out.inertia,
+        };
+        self.fly(&law, measured, acting, reference, yaw)
+    }
+
+    /// Returns a law's command for the coming hold, with ψd = `yaw` (rad).
+    pub fn fly<L: Law>(
+        &mut self,
+        law: &L,
+        measured: &Measured,
+        acting: &Acting,
+        reference: &Reference,
+        yaw: f64,
+    ) -> RateCommandOutput<L::Evaluation> {
         let memory = self.memory;
         let yaw = self.yaw.command(
             &measured.world_from_body,
@@ -89,18 +128,17 @@ impl RateController {
         let start = HoldStart {
             measured,
             reference,
-            estimates,
             artificial_omega: memory.artificial_omega,
             yaw_rate: yaw.rate,
             acting,
         };
-        let output = self.roll_out.command(parameters, &start);
+        let output = self.roll_out.command(law, &start);
         self.memory = RateControllerState {
             artificial_omega: output.artificial_omega,
             yaw_integral: yaw.integral,
         };
         let [least, largest] = self.thrust_limits;
-        let is_within = (least..=largest).contains(&output.first.thrust);
+        let is_within = (least..=largest).contains(&law.thrust(&output.first));
         RateCommandOutput {
             thrust: output.thrust,
             limited_thrust: output.thrust.clamp(least, largest),

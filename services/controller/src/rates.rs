@@ -1,8 +1,8 @@
-//! Control law for a vehicle with commands of thrust and body rates instead of torque (section VI of the paper).
+//! Roll-out of a law for a vehicle with commands of thrust and body rates instead of torque (section VI of the paper).
 //!
-//! The torque (20) drives an *artificial* angular velocity by (4), with the inertia J of the cuboid that models the
-//! vehicle; it is the command of the vehicle's rate loop. Its third component is free in (20) and follows the yaw law
-//! (28).
+//! The law turns an angular velocity, which is the command of the vehicle's rate loop: the paper's law an *artificial*
+//! one by its torque ([`AdaptiveLaw`](crate::adaptive::rate_law::AdaptiveLaw)). Its third component is free in (20) and
+//! follows the yaw law (28).
 //!
 //! A command is held for a whole frame, over which the continuous law would go on. So the law is *rolled out* over the
 //! hold: vehicle, path and artificial ω move along in small steps, each with a new torque. The command is the mean of ω
@@ -21,12 +21,9 @@ use scenario::{Model, RateCommand};
 use shared_types::rotation;
 use vehicle_model::integrator::travelled;
 use vehicle_model::lag::Lag;
-use vehicle_model::rigid_body::{acceleration, angular_acceleration, free_fall};
 
-use crate::law::{Evaluation, evaluate};
-use crate::offset::hanging_offset;
-use crate::parameters::Parameters;
-use crate::signals::{Acting, Estimates, Measured, ProjectedEstimates, Reference};
+use crate::law::Law;
+use crate::signals::{Acting, Measured, Reference};
 
 /// Roll-out with its model of vehicle and link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,8 +53,6 @@ pub struct HoldStart<'a> {
     pub measured: &'a Measured,
     /// The reference.
     pub reference: &'a Reference,
-    /// The estimates.
-    pub estimates: &'a Estimates,
     /// The artificial ω at the end of the hold before, rad/s.
     pub artificial_omega: Vector3<f64>,
     /// ωz of the yaw law, rad/s.
@@ -68,7 +63,7 @@ pub struct HoldStart<'a> {
 
 /// Command of a hold, with the state that it leaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RateOutput {
+pub struct RateOutput<E> {
     /// T to be sent, N.
     pub thrust: f64,
     /// Body rates to be sent, rad/s.
@@ -76,7 +71,7 @@ pub struct RateOutput {
     /// The artificial ω at the end of the hold, rad/s.
     pub artificial_omega: Vector3<f64>,
     /// The law at the beginning of the hold.
-    pub first: Evaluation,
+    pub first: E,
 }
 
 impl RollOut {
@@ -100,13 +95,12 @@ impl RollOut {
         }
     }
 
-    /// Rolls the law out over a hold.
+    /// Rolls a law out over a hold.
     #[must_use]
-    pub fn command(&self, parameters: &Parameters, start: &HoldStart<'_>) -> RateOutput {
+    pub fn command<L: Law>(&self, law: &L, start: &HoldStart<'_>) -> RateOutput<L::Evaluation> {
         let HoldStart {
             measured,
             reference,
-            estimates,
             artificial_omega,
             yaw_rate,
             acting,
@@ -119,23 +113,23 @@ impl RollOut {
             },
             reference: *reference,
             push: if self.is_pushed {
-                unexplained(parameters, measured, estimates, acting)
+                acting.acceleration_world - law.acceleration(measured, acting.thrust)
             } else {
                 Vector3::zeros()
             },
         };
-        let first = flight.evaluate(parameters, estimates);
+        let first = flight.evaluate(law);
         let mut evaluation = first;
         let mut mean = Vector3::zeros();
         for _ in 0..self.steps {
             let before = flight.vehicle.angular_velocity_body;
             if self.moves {
-                flight.move_vehicle(parameters, estimates, evaluation.thrust, h);
+                flight.move_vehicle(law, law.thrust(&evaluation), h);
                 flight.reference = flight.reference.ahead(h);
             }
-            flight.drive(&self.inertia, &evaluation.torque, h);
+            law.turn(&mut flight.vehicle.angular_velocity_body, &evaluation, h);
             mean += (before + flight.vehicle.angular_velocity_body) * (0.5 / f64::from(self.steps));
-            evaluation = flight.evaluate(parameters, estimates);
+            evaluation = flight.evaluate(law);
         }
         debug_assert!(
             rotation::is_rotation(&flight.vehicle.world_from_body)
@@ -145,7 +139,7 @@ impl RollOut {
         );
         let omega_end = flight.vehicle.angular_velocity_body;
         RateOutput {
-            thrust: self.thrust_for(acting.thrust, evaluation.thrust),
+            thrust: self.thrust_for(acting.thrust, law.thrust(&evaluation)),
             rates_body: self.rates_for(&measured.angular_velocity_body, &omega_end, &mean),
             artificial_omega: omega_end,
             first,
@@ -172,58 +166,24 @@ impl RollOut {
     }
 }
 
-/// Returns the part of the acting v̇ that the estimates do not explain, in {I}, m/s².
-fn unexplained(
-    parameters: &Parameters,
-    measured: &Measured,
-    estimates: &Estimates,
-    acting: &Acting,
-) -> Vector3<f64> {
-    acting.acceleration_world - estimated_acceleration(parameters, estimates, measured, acting.thrust)
-}
-
-/// Returns v̇ of (2) in {I}, m/s², with the estimates for the unknown parameters.
-#[inline]
-fn estimated_acceleration(
-    parameters: &Parameters,
-    estimates: &Estimates,
-    vehicle: &Measured,
-    thrust: f64,
-) -> Vector3<f64> {
-    let ProjectedEstimates {
-        eta,
-        disturbance_world,
-    } = estimates.projected(parameters);
-    acceleration(
-        &vehicle.world_from_body,
-        eta * thrust,
-        &free_fall(&disturbance_world),
-    )
-}
-
 /// Vehicle and path in the roll-out.
 struct Flight {
     vehicle: Measured,
     reference: Reference,
-    /// Acceleration of the vehicle besides that of the estimates, in {I}, m/s².
+    /// Acceleration of the vehicle that the law's model does not explain, in {I}, m/s².
     push: Vector3<f64>,
 }
 
 impl Flight {
     #[inline]
-    fn evaluate(&self, parameters: &Parameters, estimates: &Estimates) -> Evaluation {
-        let offset = parameters.offset(&self.vehicle.world_from_body);
-        let vehicle = Measured {
-            position_world: self.vehicle.position_world + offset,
-            ..self.vehicle
-        };
-        evaluate(parameters, &vehicle, &self.reference, estimates)
+    fn evaluate<L: Law>(&self, law: &L) -> L::Evaluation {
+        law.evaluate(&self.vehicle, &self.reference, &self.push)
     }
 
     /// Steps (1)–(3) by `h` seconds.
     #[inline]
-    fn move_vehicle(&mut self, parameters: &Parameters, estimates: &Estimates, thrust: f64, h: f64) {
-        let acceleration = estimated_acceleration(parameters, estimates, &self.vehicle, thrust) + self.push;
+    fn move_vehicle<L: Law>(&mut self, law: &L, thrust: f64, h: f64) {
+        let acceleration = law.acceleration(&self.vehicle, thrust) + self.push;
         let vehicle = &mut self.vehicle;
         let r = vehicle.world_from_body;
         let velocity = r * vehicle.velocity_body;
@@ -231,15 +191,6 @@ impl Flight {
         vehicle.position_world = position;
         vehicle.world_from_body = r * rotation::exp(&(vehicle.angular_velocity_body * h));
         vehicle.velocity_body = vehicle.world_from_body.tr_mul(&velocity_after);
-    }
-
-    /// Steps (4), on the first two components of the artificial ω, by `h` seconds.
-    #[inline]
-    fn drive(&mut self, inertia: &Vector3<f64>, torque: &Vector3<f64>, h: f64) {
-        let omega = &mut self.vehicle.angular_velocity_body;
-        let acceleration = angular_acceleration(inertia, torque, omega);
-        omega.x += acceleration.x * h;
-        omega.y += acceleration.y * h;
     }
 }
 
@@ -263,19 +214,6 @@ impl Reference {
             derivative1_world: d1 + d2 * way + d3 * (way * way / 2.0),
             derivative2_world: d2 + d3 * way,
             ..*self
-        }
-    }
-}
-
-impl Parameters {
-    /// Returns the position shift of the law, in {I}, m: zero unless the offset is to be removed.
-    #[must_use]
-    #[inline]
-    pub fn offset(&self, world_from_body: &nalgebra::Matrix3<f64>) -> Vector3<f64> {
-        if self.removes_offset {
-            hanging_offset(self, world_from_body)
-        } else {
-            Vector3::zeros()
         }
     }
 }

@@ -29,13 +29,14 @@ use shared_types::samples::{ControlAdaptation, PathReference};
 use shared_types::wiring::{ControllerInputs, ControllerOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
 
+use crate::adaptive::parameter_vector::ParameterVector;
+use crate::adaptive::parameters::Parameters;
 use crate::bumpless_transfer::Transfer;
 use crate::control_supervisor::{ControlInput, ControlSupervisor, Telemetry};
 use crate::dead_reckoning::{Commanded, Reckoned};
 use crate::failsafe::FailsafeStage;
+use crate::law::baseline::MEMORY;
 use crate::observer::ObserverSample;
-use crate::parameter_vector::ParameterVector;
-use crate::parameters::Parameters;
 use crate::phase::{ControlMode, ControlModes};
 use crate::rate_controller::RateControllerState;
 use crate::references::References;
@@ -60,6 +61,8 @@ shared_types::sample! {
         pub artificial_omega: [f64; 3],
         /// Integral term of the yaw law, rad/s; zero with commands of torque.
         pub yaw_integral: f64,
+        /// State of a baseline; zero with the adaptive law.
+        pub baseline: [f64; 9],
         /// θ̄ of the mass observer, 1/kg; zero without one.
         pub observer_theta: f64,
         /// Last sample of the observer: velocity in {I}, m/s.
@@ -207,6 +210,9 @@ impl Service for ControllerService {
             w_hat_rate: rates.w.into(),
             artificial_omega: memory.artificial_omega.into(),
             yaw_integral: memory.yaw_integral,
+            baseline: supervisor
+                .baseline
+                .map_or([0.0; MEMORY], |baseline| baseline.learner().memory()),
             observer_theta: supervisor.observer.map_or(0.0, |observer| observer.theta),
             observer_velocity_world: sight.velocity_world.into(),
             observer_thrust_axis_world: sight.thrust_axis_world.into(),
@@ -250,6 +256,9 @@ impl Service for ControllerService {
                 artificial_omega: state.artificial_omega.into(),
                 yaw_integral: state.yaw_integral,
             };
+        }
+        if let Some(baseline) = &mut supervisor.baseline {
+            baseline.learner_mut().restore(&state.baseline);
         }
         if let Some(observer) = &mut supervisor.observer {
             observer.theta = state.observer_theta;

@@ -5,8 +5,8 @@ use scenario::InitialEstimates;
 use shared_types::rotation;
 use shared_types::samples::{PathReference, VehicleState};
 
-use crate::parameter_vector::{ParameterVector, parameter_vector};
-use crate::parameters::Parameters;
+use crate::adaptive::parameter_vector::{ParameterVector, parameter_vector};
+use crate::adaptive::parameters::Parameters;
 
 /// State of the vehicle as the law sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]

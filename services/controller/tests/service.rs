@@ -7,7 +7,7 @@ mod support;
 #[path = "../../../tests/common/restart.rs"]
 mod restart;
 
-use controller::parameter_vector::ParameterVector;
+use controller::adaptive::parameter_vector::ParameterVector;
 use controller::{ControllerService, Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
 use nalgebra::Vector3;
 use scenario::{Controller, Scenario};

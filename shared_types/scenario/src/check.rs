@@ -11,6 +11,7 @@ mod events;
 mod faults;
 mod flight;
 mod judge;
+mod law;
 mod machine;
 mod motion_capture;
 mod path;
@@ -38,6 +39,7 @@ impl Scenario {
             .check(self.duration, &root.then("vehicle"), &mut found);
         self.path.check(self.duration, &root.then("path"), &mut found);
         self.controller.check(&root.then("controller"), &mut found);
+        self.controller.check_law(&root.then("controller"), &mut found);
         self.check_assumption_1(&mut found);
         self.check_rig(&root, &mut found);
         self.check_faults(&mut found);

@@ -3,13 +3,19 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Scenario, Vector};
+use super::{Baseline, LawKind, Scenario, Vector};
 use shared_types::wiring::ServiceId;
 
 /// Gains, bounds and initial estimates of the adaptive law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Controller {
+    /// Control law: the paper's, or a baseline for comparison, which needs `rates`.
+    #[serde(skip_serializing_if = "LawKind::is_adaptive")]
+    pub law: LawKind,
+    /// Gains of the baselines.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub baseline: Option<Baseline>,
     /// k1, gain on the position error.
     pub k1: f64,
     /// k2, gain on the velocity error.
@@ -49,6 +55,8 @@ pub struct Controller {
 impl Default for Controller {
     fn default() -> Self {
         Self {
+            law: LawKind::Adaptive,
+            baseline: None,
             k1: 4.0,
             k2: 4.0,
             k3: 13.0,
@@ -83,7 +91,7 @@ impl Scenario {
     pub fn theorem_bound(&self) -> Option<f64> {
         let law = &self.controller;
         let learns = law.lambda_mass > 0.0 && law.lambda_disturbance.iter().all(|&gain| gain > 0.0);
-        let is_ours = self.program_of(ServiceId::Controller).is_none();
+        let is_ours = law.law.is_adaptive() && self.program_of(ServiceId::Controller).is_none();
         (is_ours && learns && !law.remove_offset).then(|| law.ultimate_bound())
     }
 }

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 use scenario::GRAVITY;
 
-use crate::parameters::Parameters;
-use crate::saturation::Saturated;
+use crate::adaptive::parameters::Parameters;
+use crate::adaptive::saturation::Saturated;
 use crate::signals::{Measured, Reference};
 
 /// Errors of position and velocity, with the terms that follow from them.

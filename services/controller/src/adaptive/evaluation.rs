@@ -4,11 +4,11 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::errors::Errors;
-use crate::parameters::Parameters;
-use crate::regressor::{Regressor, delta_m_times};
+use crate::adaptive::errors::Errors;
+use crate::adaptive::parameters::Parameters;
+use crate::adaptive::regressor::{Regressor, delta_m_times};
+use crate::adaptive::zeta_rate::ZetaRate;
 use crate::signals::{EstimateRates, Estimates, Measured, Reference};
-use crate::zeta_rate::ZetaRate;
 
 /// All values of the law at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,9 +6,9 @@
 
 use nalgebra::Vector3;
 
-use crate::law::Evaluation;
-use crate::parameter_vector::parameter_vector;
-use crate::parameters::Parameters;
+use crate::adaptive::evaluation::Evaluation;
+use crate::adaptive::parameter_vector::parameter_vector;
+use crate::adaptive::parameters::Parameters;
 use crate::signals::Estimates;
 
 /// Parameters of the vehicle that the law does not know.

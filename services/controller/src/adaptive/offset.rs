@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::parameters::Parameters;
+use crate::adaptive::parameters::Parameters;
 
 /// Returns σ⁻¹(Rδ/k1), the offset of the vehicle below the path, in {I}, m. Finite since σmax > δ/k1.
 #[must_use]

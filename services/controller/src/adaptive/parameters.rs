@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 use scenario::Scenario;
 
-use crate::projection::Projection;
-use crate::saturation::Saturation;
+use crate::adaptive::projection::Projection;
+use crate::adaptive::saturation::Saturation;
 
 /// Gains and bounds of the law, with the paper's symbols.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -12,8 +12,8 @@
 
 use nalgebra::{Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
 
-use crate::parameter_vector::ParameterVector;
-use crate::zeta_rate::ZetaRate;
+use crate::adaptive::parameter_vector::ParameterVector;
+use crate::adaptive::zeta_rate::ZetaRate;
 
 /// Returns δm y = (1/δ) [y2, −y1, 0]ᵀ without its third element.
 #[must_use]
@@ -118,7 +118,7 @@ impl Regressor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter_vector::parameter_vector;
+    use crate::adaptive::parameter_vector::parameter_vector;
     use proptest::prelude::*;
 
     fn vector(bound: f64) -> impl Strategy<Value = Vector3<f64>> {

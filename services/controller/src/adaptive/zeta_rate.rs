@@ -10,8 +10,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::errors::Errors;
-use crate::parameters::Parameters;
+use crate::adaptive::errors::Errors;
+use crate::adaptive::parameters::Parameters;
 use crate::signals::{Measured, Reference};
 
 /// ζ̇ = `known` + `sensitivity` A.

@@ -2,6 +2,8 @@
 
 #[path = "../../../../tests/common/garbage.rs"]
 mod garbage;
+
+mod baselines;
 mod law;
 mod phase;
 mod rates;

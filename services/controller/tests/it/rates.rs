@@ -1,6 +1,6 @@
 //! Law for a vehicle with body-rate commands, against a vehicle with lags that is measured without error.
 
-use controller::offset::hanging_offset;
+use controller::adaptive::offset::hanging_offset;
 use controller::rate_controller::RateController;
 use controller::{Acting, Estimates, Measured, Parameters, Reference};
 use nalgebra::Vector3;
@@ -8,10 +8,10 @@ use scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
 use shared_types::rotation;
 
 /// H, s: the paper's radio.
-const HOLD: f64 = 0.022;
-const MASS: f64 = 0.2;
+pub(crate) const HOLD: f64 = 0.022;
+pub(crate) const MASS: f64 = 0.2;
 
-fn scenario(delta: f64, remove_offset: bool, rates: RateCommand) -> Scenario {
+pub(crate) fn scenario(delta: f64, remove_offset: bool, rates: RateCommand) -> Scenario {
     let hover = Curve::Hover(Hover { position: [0.0; 3] });
     let mut scenario = Scenario::new(60.0, Vehicle::new(MASS, [6.5e-4; 3]), Path::new(hover));
     scenario.schedule.period = [("path_generator", HOLD), ("controller", HOLD)]
@@ -24,14 +24,14 @@ fn scenario(delta: f64, remove_offset: bool, rates: RateCommand) -> Scenario {
 }
 
 /// Vehicle whose thrust and body rates follow with first-order lags.
-struct Rig {
-    motion: Measured,
+pub(crate) struct Rig {
+    pub(crate) motion: Measured,
     thrust: f64,
-    disturbance: Vector3<f64>,
+    pub(crate) disturbance: Vector3<f64>,
 }
 
 impl Rig {
-    fn new(position: [f64; 3], attitude: [f64; 3]) -> Self {
+    pub(crate) fn new(position: [f64; 3], attitude: [f64; 3]) -> Self {
         Self {
             motion: Measured {
                 position_world: position.into(),
@@ -44,7 +44,7 @@ impl Rig {
         }
     }
 
-    fn acting(&self) -> Acting {
+    pub(crate) fn acting(&self) -> Acting {
         Acting {
             thrust: self.thrust,
             acceleration_world: self.acceleration(),
@@ -56,7 +56,7 @@ impl Rig {
         Vector3::z() * GRAVITY + self.disturbance - thrust_axis * (self.thrust / MASS)
     }
 
-    fn fly(&mut self, thrust: f64, rates: &Vector3<f64>) {
+    pub(crate) fn fly(&mut self, thrust: f64, rates: &Vector3<f64>) {
         let steps = 220;
         let h = HOLD / f64::from(steps);
         let mut velocity = self.motion.world_from_body * self.motion.velocity_body;
@@ -74,7 +74,7 @@ impl Rig {
     }
 }
 
-fn resting_reference() -> Reference {
+pub(crate) fn resting_reference() -> Reference {
     let zero = Vector3::zeros();
     Reference {
         gamma_dot: 1.0,

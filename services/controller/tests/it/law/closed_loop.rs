@@ -1,8 +1,8 @@
 //! Closed loop in continuous time: vehicle (1) to (4), path, timing law, law and estimators.
 
-use controller::lyapunov::TrueParameters;
-use controller::projection::Projection;
-use controller::saturation::Saturation;
+use controller::adaptive::lyapunov::TrueParameters;
+use controller::adaptive::projection::Projection;
+use controller::adaptive::saturation::Saturation;
 use controller::signals::EstimateRates;
 use controller::{Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
 use nalgebra::{Matrix3, Vector3};
@@ -379,7 +379,7 @@ prop_compose! {
             estimates: Estimates {
                 eta: estimates.0,
                 disturbance_world: estimates.1,
-                w: controller::parameter_vector::ParameterVector::from_row_slice(&w),
+                w: controller::adaptive::parameter_vector::ParameterVector::from_row_slice(&w),
             },
         }
     }

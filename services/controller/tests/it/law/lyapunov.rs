@@ -1,7 +1,8 @@
 //! Rate dVn/dt = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) along the closed loop, and its consequences.
 
-use controller::parameter_vector::parameter_vector;
-use controller::{Estimates, Measured, lyapunov};
+use controller::adaptive::lyapunov;
+use controller::adaptive::parameter_vector::parameter_vector;
+use controller::{Estimates, Measured};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 

@@ -2,7 +2,7 @@
 
 use controller::Estimates;
 use controller::Measured;
-use controller::parameter_vector::parameter_vector;
+use controller::adaptive::parameter_vector::parameter_vector;
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use shared_types::rotation;

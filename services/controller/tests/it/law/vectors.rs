@@ -1,6 +1,6 @@
 //! Agreement with 64 evaluations of the law by another implementation, at the default parameters but for Λw.
 
-use controller::parameter_vector::ParameterVector;
+use controller::adaptive::parameter_vector::ParameterVector;
 use controller::{Estimates, Measured};
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;

@@ -1,0 +1,36 @@
+//! Incremental nonlinear dynamic inversion on the filter's acceleration (Smeur et al. 2016; Tal and Karaman, arXiv 1809.04048).
+//!
+//! The increment of the force is what the desired acceleration lacks beside the measured one. With thrust and
+//! acceleration filtered alike this is the nominal loop with the residual acceleration d as the compensated
+//! disturbance. Cameras alone limit its bandwidth to that of the Kalman filter. Memory: d.
+
+use nalgebra::Vector3;
+
+use super::baseline::{Baseline, MEMORY, Memory, Seen};
+
+/// The last residual.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Indi {
+    /// d in {I}, m/s².
+    residual: Vector3<f64>,
+}
+
+impl Baseline for Indi {
+    fn learn(&mut self, seen: &Seen, _h: f64) {
+        self.residual = seen.residual;
+    }
+
+    fn compensation(&self) -> Vector3<f64> {
+        self.residual
+    }
+
+    fn memory(&self) -> Memory {
+        let mut memory = [0.0; MEMORY];
+        memory[..3].copy_from_slice(self.residual.as_slice());
+        memory
+    }
+
+    fn restore(&mut self, memory: &Memory) {
+        self.residual = Vector3::from_column_slice(&memory[..3]);
+    }
+}

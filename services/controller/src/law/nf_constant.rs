@@ -1,0 +1,63 @@
+//! Composite adaptation with constant basis functions: NF-Constant of Neural-Fly (O'Connell et al., arXiv 2205.06908).
+//!
+//! â̇ = (p/r) (d − â) + p (ė + λe) with constant p and λ = 2 Kp/Kv: the prediction error of the measured residual d and
+//! the tracking error drive one estimate. Memory: â.
+
+use nalgebra::Vector3;
+use scenario::Baseline as Stated;
+
+use super::baseline::{Baseline, MEMORY, Memory, Seen};
+
+/// Estimate of the disturbance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NfConstant {
+    /// p, 1/s².
+    tracking_gain: f64,
+    /// p/r, 1/s.
+    prediction_gain: f64,
+    slope: f64,
+    largest: f64,
+    /// â in {I}, m/s².
+    estimate: Vector3<f64>,
+}
+
+impl NfConstant {
+    /// Makes the adaptation of a scenario.
+    #[must_use]
+    pub fn new(stated: &Stated) -> Self {
+        Self {
+            tracking_gain: stated.composite_tracking_gain,
+            prediction_gain: stated.composite_prediction_gain,
+            slope: stated.error_slope(),
+            largest: stated.disturbance_max,
+            estimate: Vector3::zeros(),
+        }
+    }
+}
+
+impl Baseline for NfConstant {
+    fn learn(&mut self, seen: &Seen, h: f64) {
+        let tracking = &seen.tracking;
+        let share = 1.0 - libm::exp(-self.prediction_gain * h);
+        let mut estimate = self.estimate + (seen.residual - self.estimate) * share;
+        if !tracking.is_limited {
+            let error = tracking.velocity_error + tracking.position_error * self.slope;
+            estimate += error * (self.tracking_gain * h);
+        }
+        self.estimate = estimate.map(|component| component.clamp(-self.largest, self.largest));
+    }
+
+    fn compensation(&self) -> Vector3<f64> {
+        self.estimate
+    }
+
+    fn memory(&self) -> Memory {
+        let mut memory = [0.0; MEMORY];
+        memory[..3].copy_from_slice(self.estimate.as_slice());
+        memory
+    }
+
+    fn restore(&mut self, memory: &Memory) {
+        self.estimate = Vector3::from_column_slice(&memory[..3]);
+    }
+}

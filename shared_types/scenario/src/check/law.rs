@@ -1,0 +1,77 @@
+//! Gains of the baselines, and what they need.
+
+use super::Findings;
+use crate::{Baseline, Controller, Key};
+
+impl Controller {
+    pub(super) fn check_law(&self, at: &Key, found: &mut Findings) {
+        if !self.law.is_adaptive() && self.rates.is_none() {
+            found.add(
+                at.then("law"),
+                "this law commands body rates, but the controller commands torque",
+                "add `[controller.rates]`, as in scenarios/fig3_6.toml, or leave `law` out",
+            );
+        }
+        if let Some(baseline) = &self.baseline {
+            baseline.check(&at.then("baseline"), found);
+        }
+    }
+}
+
+impl Baseline {
+    fn check(&self, at: &Key, found: &mut Findings) {
+        let positive = [
+            ("position_gain", self.position_gain),
+            ("velocity_gain", self.velocity_gain),
+            ("attitude_gain", self.attitude_gain),
+            ("error_limit", self.error_limit.unwrap_or(1.0)),
+            ("disturbance_max", self.disturbance_max),
+            ("l1_leak", self.l1_leak),
+            ("l1_bandwidth", self.l1_bandwidth),
+            ("cascade_scale", self.cascade_scale),
+        ];
+        for (name, value) in positive {
+            found.positive(&at.then(name), name, value);
+        }
+        let not_negative = [
+            ("integral_gain", self.integral_gain),
+            ("composite_tracking_gain", self.composite_tracking_gain),
+            ("composite_prediction_gain", self.composite_prediction_gain),
+        ];
+        for (name, value) in not_negative {
+            found.not_negative(&at.then(name), name, value);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::assert_only;
+    use crate::tests_support::{fig1, rig};
+    use crate::{Baseline, LawKind};
+
+    #[test]
+    fn a_baseline_needs_body_rates_and_gains_that_can_be() {
+        let mut scenario = fig1();
+        scenario.controller.law = LawKind::Indi;
+        assert_only(
+            &scenario.problems(),
+            "controller.law",
+            "commands body rates",
+            "add `[controller.rates]`",
+        );
+        let mut scenario = rig();
+        scenario.controller.law = LawKind::L1;
+        assert_eq!(scenario.problems(), []);
+        scenario.controller.baseline = Some(Baseline {
+            l1_bandwidth: 0.0,
+            ..Baseline::default()
+        });
+        assert_only(
+            &scenario.problems(),
+            "controller.baseline.l1_bandwidth",
+            "is not above 0",
+            "give a number above 0",
+        );
+    }
+}

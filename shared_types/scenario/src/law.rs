@@ -1,0 +1,86 @@
+//! Choice of the control law, and the gains of the baselines.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Control law of a flight.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LawKind {
+    /// The paper's adaptive law.
+    #[default]
+    Adaptive,
+    /// Geometric PID on SE(3).
+    GeometricPid,
+    /// The geometric law with L1 adaptive augmentation.
+    L1,
+    /// The geometric law with incremental dynamic inversion on the filter's acceleration.
+    Indi,
+    /// The geometric law with Neural-Fly's composite adaptation of a constant.
+    NfConstant,
+    /// PX4's cascade.
+    Px4,
+}
+
+impl LawKind {
+    /// Whether this is the paper's law.
+    #[must_use]
+    pub fn is_adaptive(&self) -> bool {
+        *self == Self::Adaptive
+    }
+}
+
+/// Gains of the baselines. All have the nominal loop in common; each of them has one free gain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Baseline {
+    /// Kp, gain on the position error, 1/s².
+    pub position_gain: f64,
+    /// Kv, gain on the velocity error, 1/s.
+    pub velocity_gain: f64,
+    /// kR, rate of the attitude loop, 1/s.
+    pub attitude_gain: f64,
+    /// Largest position error that the loop acts on, m; integrals rest above it. Any unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_limit: Option<f64>,
+    /// Largest component of an integral or an estimate of the disturbance, m/s².
+    pub disturbance_max: f64,
+    /// Integral gain of `geometric_pid`, 1/s².
+    pub integral_gain: f64,
+    /// Leak a of the predictor of `l1`, 1/s.
+    pub l1_leak: f64,
+    /// Bandwidth ωc of the filter of `l1`, rad/s.
+    pub l1_bandwidth: f64,
+    /// Gain p of `nf_constant` on the tracking error, 1/s².
+    pub composite_tracking_gain: f64,
+    /// Gain p/r of `nf_constant` on the prediction error, 1/s.
+    pub composite_prediction_gain: f64,
+    /// Factor on the rates of PX4's loops of position and velocity for `px4`.
+    pub cascade_scale: f64,
+}
+
+impl Default for Baseline {
+    fn default() -> Self {
+        Self {
+            position_gain: 36.0,
+            velocity_gain: 12.0,
+            attitude_gain: 39.24,
+            error_limit: None,
+            disturbance_max: 9.0,
+            integral_gain: 18.0,
+            l1_leak: 1.0,
+            l1_bandwidth: 15.0,
+            composite_tracking_gain: 8.0,
+            composite_prediction_gain: 15.0,
+            cascade_scale: 4.0,
+        }
+    }
+}
+
+impl Baseline {
+    /// λ = 2 Kp/Kv, 1/s: slope of the error ė + λe that integrals add up.
+    #[must_use]
+    pub fn error_slope(&self) -> f64 {
+        2.0 * self.position_gain / self.velocity_gain
+    }
+}

@@ -1,0 +1,82 @@
+//! Every control law flies, is restarted and is replayed as the paper's: nothing of it depends on the process.
+
+use serde_json::Value;
+
+use crate::common::{Place, scenario, succeed};
+use crate::documentation::{assert_same, read, section};
+
+const LAWS: [&str; 6] = ["adaptive", "geometric_pid", "l1", "indi", "nf_constant", "px4"];
+
+fn fly(place: &Place, law: &str, out: &str, more: &[&str]) -> Vec<u8> {
+    let path = scenario("fig3_6");
+    let law = format!("controller.law={law}");
+    let mut command = place.gerono(&["run", path.to_str().unwrap(), "--quiet", "--out", out]);
+    // The coins come within the flight, and the controller dies twice while it learns from them.
+    let sets = ["duration=5.0", "vehicle.change.0.at=2.0", &law];
+    command
+        .args(sets.iter().flat_map(|set| ["--set", set]))
+        .args(more);
+    succeed(&mut command);
+    std::fs::read(place.path(out).join("run.mcap")).unwrap()
+}
+
+#[test]
+fn every_law_gives_the_same_bytes_in_one_process_and_in_processes_that_die_and_can_be_replayed() {
+    for law in LAWS {
+        let place = Place::new();
+        let alone = fly(&place, law, "alone", &["--host", "inprocess"]);
+        let deaths = [
+            "--crash",
+            "controller@2200:after-step",
+            "--crash",
+            "controller@3300:checkpointing",
+        ];
+        let died = fly(&place, law, "died", &deaths);
+        assert!(alone == died, "{law}: the logs differ");
+        succeed(&mut place.gerono(&["replay", "died", "--quiet"]));
+    }
+}
+
+/// Rows of the page about laws: `fig3_6` as it is committed, with the law and Λb.
+fn table() -> String {
+    let place = Place::new();
+    let path = scenario("fig3_6");
+    let flights = LAWS.map(|law| (law, 1)).into_iter().chain([("adaptive", 18)]);
+    let mut table =
+        "| law | largest of the last 5 s before the coins | RMS after | largest after | body rate, rms |\n"
+            .to_owned();
+    table += "| --- | --- | --- | --- | --- |\n";
+    for (number, (law, gain)) in flights.enumerate() {
+        let out = format!("flight{number}");
+        let mut command = place.gerono(&["run", path.to_str().unwrap(), "--host", "inprocess", "--quiet"]);
+        command.args(["--out", &out, "--set", &format!("controller.law={law}")]);
+        command.args([
+            "--set",
+            &format!("controller.lambda_disturbance=[{gain}.0, {gain}.0, {gain}.0]"),
+        ]);
+        succeed(&mut command);
+        let summary = std::fs::read(place.path(&out).join("summary.json")).unwrap();
+        let summary: Value = serde_json::from_slice(&summary).unwrap();
+        let number = |pointer: &str| summary.pointer(pointer).and_then(Value::as_f64).unwrap();
+        let cm = |pointer: &str| format!("{:.2}", 100.0 * number(pointer));
+        let name = if gain == 1 {
+            format!("`{law}`")
+        } else {
+            format!("`{law}`, Λb = {gain}")
+        };
+        table += &format!(
+            "| {name} | {} | {} | {} | {:.2} |\n",
+            cm("/phases/0/ultimate"),
+            cm("/phases/1/metrics/rmse"),
+            cm("/phases/1/metrics/max"),
+            number("/metrics/body_rate_rms")
+        );
+    }
+    table
+}
+
+#[test]
+fn the_page_about_laws_shows_what_they_reach() {
+    let document = read("docs/laws.md");
+    assert_same("docs/laws.md", section(&document, "laws"), &table());
+}
