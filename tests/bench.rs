@@ -43,7 +43,7 @@ fn the_latency_of_flights_stands_beside_its_floor_and_nothing_is_left_behind() {
         "latency.json",
     ];
     let output = succeed(&mut place.gerono(&arguments));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 
     let text = std::fs::read_to_string(place.path("latency.json")).unwrap();
     let measured: Value = serde_json::from_str(&text).unwrap();
@@ -90,7 +90,7 @@ fn the_recorder_stands_beside_the_library_and_nothing_is_left_behind() {
             .gerono(&["bench", "recorder", "--repetitions", "2", "--minutes", "0.5"])
             .args(json),
     );
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 
     let text = std::fs::read_to_string(place.path("recorder.json")).unwrap();
     let measured: Value = serde_json::from_str(&text).unwrap();
@@ -132,7 +132,7 @@ fn what_deaths_cost_is_counted_and_nothing_is_left_behind() {
     let _alone = alone();
     let place = Place::new();
     let output = succeed(&mut place.gerono(&["bench", "deaths", "--deaths", "5", "--json", "deaths.json"]));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
     let text = std::fs::read_to_string(place.path("deaths.json")).unwrap();
     let measured: Value = serde_json::from_str(&text).unwrap();
     assert_eq!([&measured["deaths"], &measured["rebirths"]], [5, 5]);
@@ -159,7 +159,7 @@ fn frames_that_answer_packets_stand_beside_the_bare_hops_and_nothing_is_left_beh
         "laboratory.json",
     ];
     let output = succeed(&mut place.gerono(&asked));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
     let text = std::fs::read_to_string(place.path("laboratory.json")).unwrap();
     let measured: Value = serde_json::from_str(&text).unwrap();
     let [answers, hops] = ["packet_to_frame", "four_hops"].map(|what| number(&measured[what]["p50"]));

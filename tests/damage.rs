@@ -47,7 +47,7 @@ fn assert_ended_in_words(place: &Place, orchestrator: u32, pids: &[u32], ended: 
     until("the end of all processes", || {
         pids.iter().all(|&pid| !is_alive(pid)).then_some(())
     });
-    assert_eq!(place.leavings(), Vec::<String>::new(), "{said}");
+    assert_eq!(place.leftovers(), Vec::<String>::new(), "{said}");
     assert_eq!(shared_memory_of(orchestrator), Vec::<PathBuf>::new(), "{said}");
 }
 
@@ -136,7 +136,7 @@ fn whoever_opens_truncated_memory_is_ended_and_the_flight_with_it() {
     let run = fly(&place, "realtime");
     let orchestrator = run.id();
     let dynamic = shared_memory_of(orchestrator).into_iter();
-    // Nobody looks into these in flight, and whoever opens a topic does.
+    // No process reads these in flight, but one that opens a topic does.
     dynamic
         .filter(|path| path.to_string_lossy().ends_with(".dynamic"))
         .for_each(|path| truncate(&path));
@@ -224,7 +224,7 @@ fn a_run_for_which_there_is_no_room_in_shared_memory_is_refused_with_the_numbers
         ] {
             assert!(said.contains(piece), "no `{piece}` in: {said}");
         }
-        assert_eq!(place.leavings(), Vec::<String>::new());
+        assert_eq!(place.leftovers(), Vec::<String>::new());
     }
 }
 
@@ -291,6 +291,6 @@ fn too_few_descriptors_are_called_so() {
             said.contains("file descriptors") || said.contains("Too many open files"),
             "{limit}: {said}"
         );
-        assert_eq!(place.leavings(), Vec::<String>::new());
+        assert_eq!(place.leftovers(), Vec::<String>::new());
     }
 }

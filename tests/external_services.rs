@@ -1,4 +1,4 @@
-//! Programs of one's own in place of services: that one that keeps the process contract flies as the service itself would,
+//! External services: one that keeps the process contract flies as the service itself would,
 //! and what becomes of those that do not.
 //!
 //! The external services are processes of this very test, which `an_external_service` is when it finds itself started as one, and shells.
@@ -409,7 +409,7 @@ fn who_breaks_the_contract_in_real_time_is_replaced_and_it_is_said_why() {
         place.summary("out")["rebirths"].as_array().unwrap().len() >= 2,
         "{said}"
     );
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// The process of a live run that is an external service of this test.
@@ -455,7 +455,7 @@ fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
     assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
     let restarts = &place.summary("out")["rebirths"];
     assert_eq!(restarts[0]["service"], "controller", "{restarts}");
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]
@@ -480,5 +480,5 @@ fn an_external_service_ends_with_the_orchestrator_and_whoever_takes_over_starts_
     until("another external service", || external_service_of(second.id()));
     let output = end(second);
     assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }

@@ -98,7 +98,7 @@ fn faults_are_flown_judged_and_told_and_the_same_again() {
             assert!(cell["report"]["peak_error"].as_f64().unwrap() < 0.5);
         }
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn processes_that_really_die_fly_every_cell_with_the_same_bytes() {
     assert_eq!(report["compared_with_processes"], true);
     assert_eq!(report["differences"], serde_json::json!([]));
     assert_eq!(report["rows"].as_array().unwrap().len(), 5);
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]

@@ -462,7 +462,7 @@ fn six_processes_and_one_write_the_same_bytes_of_a_flight_with_phases_also_when_
             "{summary}"
         );
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]

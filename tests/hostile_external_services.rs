@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use common::processes::signal;
 use common::{Begun, Place, begin, complaint, finish, until};
-use external_service::{CONDUCT, ExternalService, INVITATION, external_service};
+use external_service::{CONDUCT, ExternalService, MANIFEST, external_service};
 use runtime::control::{ToOrchestrator, ToService};
 use runtime::descriptors::inherited;
 use rustix::process::{Signal, getpid, kill_process};
@@ -43,7 +43,7 @@ const SHARE: usize = 3;
 /// What becomes of the flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Then {
-    /// It goes on until somebody ends it.
+    /// It goes on until it is ended.
     GoesOn,
     /// It ends by itself, and the error has this piece.
     Ends(&'static str),
@@ -504,12 +504,12 @@ fn flood(external_service: &mut ExternalService, goes_on: bool) -> ! {
 
 fn publish_again(external_service: &mut ExternalService, tick: u64) {
     if external_service
-        .outlets
+        .outputs
         .loan(tick, &mut host::step::Slots::default())
         .is_ok()
     {
         let _ = external_service
-            .outlets
+            .outputs
             .send(tick, runtime::crash::CrashPoint::default());
     }
 }
@@ -520,7 +520,7 @@ fn an_external_service() {
     let Ok(conduct) = std::env::var(CONDUCT) else {
         return;
     };
-    let real_time = std::fs::read_to_string(format!("/proc/self/fd/{INVITATION}"))
+    let real_time = std::fs::read_to_string(format!("/proc/self/fd/{MANIFEST}"))
         .is_ok_and(|about| about.contains(r#""host":"real_time""#));
     let mut external_service = ExternalService::join();
     assert_eq!(external_service.id, ServiceId::Controller);
@@ -614,7 +614,7 @@ fn trouble_with(conduct: &str, then: Then, real_time: bool, ended_by: Signal) ->
     let output = finish(run);
     let (said, code) = (complaint(&output), output.status.code());
     let left = (
-        place.leavings(),
+        place.leftovers(),
         common::processes::shared_memory_of(orchestrator),
     );
     let by_signal = Some(128 + ended_by.as_raw());

@@ -90,7 +90,7 @@ fn digest(scenario: &Scenario, mut between: impl FnMut(&mut InProcess)) -> Strin
     sink.0.finish()
 }
 
-/// A service keeps nothing beside what it saves: born anew after every tick, all fly on with the same bytes.
+/// A service keeps nothing beside what it saves: made again after every tick, all fly on with the same bytes.
 #[test]
 fn services_have_no_hidden_state() {
     for scenario in [short_fig1(), short_rig(), short_losses()] {

@@ -31,7 +31,7 @@ fn six_processes_and_one_write_the_same_bytes() {
         succeed(&mut place.short_flight(out, SECONDS, more));
         assert!(log(&place, out) == log(&place, "first"), "{out} differs");
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// How the machine is used is no part of the experiment: neither of its samples nor of the manifest.
@@ -55,7 +55,7 @@ fn a_deployment_changes_no_byte() {
         succeed(&mut place.short_flight(out, 0.5, more));
         assert!(log(&place, out) == log(&place, "first"), "{out} differs");
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]
@@ -75,7 +75,7 @@ fn the_rig_writes_the_same_bytes_from_six_processes_and_one() {
         log(&place, "other") != log(&place, "first"),
         "the seed has no effect"
     );
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn an_interrupted_run_is_a_prefix_that_ends_with_a_whole_tick() {
         let summary = std::fs::read_to_string(place.path(out).join("summary.json")).unwrap();
         assert!(summary.contains("\"interrupted\""), "{summary}");
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// Waits until something of the flight itself is on disk.

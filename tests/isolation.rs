@@ -34,7 +34,7 @@ fn services_end_with_a_killed_orchestrator_and_the_next_run_sweeps_up() {
     finish(child);
     processes.into_iter().for_each(|(_, pid)| await_end(pid));
     assert!(place.path("killed/run.mcap.partial").exists() && !place.path("killed/run.mcap").exists());
-    assert!(!place.leavings().is_empty() && !shared_memory_of(orchestrator).is_empty());
+    assert!(!place.leftovers().is_empty() && !shared_memory_of(orchestrator).is_empty());
 
     succeed(&mut place.short_flight("next", 0.1, &[]));
     place.assert_nothing_is_left_of(orchestrator);
@@ -62,7 +62,7 @@ fn clean_removes_what_dead_runs_have_left_and_no_more() {
     assert!(!shared_memory_of(live.id()).is_empty());
     signal(live.id(), Signal::TERM);
     assert_eq!(finish(live).status.code(), Some(143));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
     let said = String::from_utf8(succeed(&mut place.gerono(&["clean"])).stdout).unwrap();
     assert!(said.contains("nothing was left"), "{said}");
 }
@@ -81,7 +81,7 @@ fn two_runs_at_once_do_not_see_each_other() {
     }
     let bytes = |out: &str| std::fs::read(place.log(out)).unwrap();
     assert!(bytes("one") == bytes("other"));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// A stranger subscribes with iceoryx2's own means and never takes a sample.
@@ -171,7 +171,7 @@ fn a_full_disk_ends_the_run_and_nothing_half_written_is_called_complete() {
         let summary = std::fs::read_to_string(place.path(host).join("summary.json")).unwrap();
         assert!(summary.contains("\"failed\""), "{summary}");
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]
@@ -181,7 +181,7 @@ fn a_place_that_cannot_be_written_is_refused_before_anything_starts() {
     let output = output(&mut place.short_flight("file/out", 1.0, &[]));
     assert_eq!(output.status.code(), Some(4));
     assert!(String::from_utf8_lossy(&output.stderr).contains("--out"));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// Every service is refused the same core: it is said once.
@@ -236,7 +236,7 @@ fn a_strict_deployment_that_is_not_permitted_is_not_flown() {
     }
     let summary = place.summary("out");
     assert_eq!(summary["outcome"], "failed");
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]

@@ -212,7 +212,7 @@ fn arm(place: &Place) -> Option<String> {
     (!output.status.success()).then(|| said(&output))
 }
 
-/// Arms anew, as soon as it is granted.
+/// Arms again, as soon as it is granted.
 fn arm_anew(place: &Place) {
     succeed(&mut place.gerono(&["disarm"]));
     until("arming", || arm(place).is_none().then_some(()));
@@ -509,5 +509,5 @@ fn captures_that_cannot_be_seen_again_end_the_run_before_it_flies_with_the_fix()
         assert!(!ended.status.success() && shown.contains(piece), "{shown}");
         let _ = std::fs::remove_dir_all(place.path("out"));
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }

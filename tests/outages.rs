@@ -69,7 +69,7 @@ fn outages_have_the_same_bytes_in_one_process_and_in_processes_that_really_die()
     }
     succeed(&mut place.short_flight("undisturbed", 1.0, &["--host", "inprocess"]));
     assert!(log(&place, "undisturbed") != log(&place, "one"));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// Every fault of every edge for some milliseconds, one after the other, the edges' each a little later than those of
@@ -135,7 +135,7 @@ fn faults_of_edges_have_the_same_bytes_in_one_process_and_in_processes_also_when
         fly_to_the_end(&mut place.rig_flight(&out, 1.0, &of_rig));
         assert!(log(&place, &out) == log(&place, "rig-processes"), "{out}");
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// Looks at a flight tick by tick.

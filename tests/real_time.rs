@@ -202,7 +202,7 @@ fn nobody_waits_for_the_dead() {
     let place = Place::new();
     let child = take_off(&place, "out", 100.0);
     let orchestrator = child.id();
-    // Whoever is to take the dead one's place is stopped meanwhile.
+    // The standby process is stopped meanwhile.
     place.await_log("out", place.log_bytes("out") + 500_000);
     let spare = until("the spare process", || {
         let mut processes = processes_of(orchestrator).into_iter();
@@ -412,7 +412,7 @@ fn a_vehicle_whose_orchestrator_is_killed_lands() {
         services.iter().all(|&(_, pid)| !runs(pid)).then_some(())
     });
     succeed(&mut place.gerono(&["clean"]));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]
@@ -458,7 +458,7 @@ fn whoever_takes_over_a_flight_records_it_and_replaces_who_dies() {
     succeed(&mut place.gerono(&["stop"]));
     let ended = finish(second);
     assert_flown_to_the_end(&ended);
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
     assert!(services.iter().all(|&(_, pid)| !runs(pid)));
 
     let reader = LogReader::open(&place.log("second")).unwrap();

@@ -29,7 +29,7 @@ const DEATHS: [&str; 9] = [
     "S@600:before-waking",
 ];
 
-/// How many births follow the deaths of [`DEATHS`]: who dies while it makes its ports is not born.
+/// Number of restarts after the deaths of [`DEATHS`]: a process that dies while it makes its ports does not count.
 const BIRTHS: usize = DEATHS.len() - 1;
 
 fn log(place: &Place, out: &str) -> Vec<u8> {
@@ -81,7 +81,7 @@ fn a_death_at_any_place_of_any_service_leaves_no_trace_in_the_log() {
     ));
     assert!(log(&place, "everyone") == log(&place, "undisturbed"));
     assert_eq!(restarts(&place, "everyone").len(), BIRTHS * ServiceId::ALL.len());
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn deaths_in_the_laboratory_leave_no_trace_in_the_log() {
     ));
     assert!(log(&place, "everyone") == log(&place, "undisturbed"));
     assert_eq!(restarts(&place, "everyone").len(), BIRTHS * ServiceId::ALL.len());
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// Every service at the same tick, and each again while it recovers.
@@ -115,10 +115,10 @@ fn deaths_at_once_and_in_recovery_leave_no_trace_in_the_log() {
         succeed(&mut with_crashes(place.short_flight(death, 1.0, &[]), &crashes));
         assert!(log(&place, death) == log(&place, "undisturbed"), "{death}");
         let restarts = restarts(&place, death);
-        // Of the five deaths one is that of a process that was not born yet.
+        // Of the five deaths one is that of a process that was still starting.
         assert_eq!(restarts.len(), 4 * ServiceId::ALL.len(), "{restarts:?}");
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// Flies a committed scenario whole, with these deaths and undisturbed in one process, and compares.
@@ -134,7 +134,7 @@ fn committed_is_the_same_with(name: &str, crashes: &[String]) {
     succeed(&mut place.gerono(&[&run[..], &alone].concat()));
     assert!(log(&place, "killed") == log(&place, "undisturbed"));
     assert_eq!(restarts(&place, "killed").len(), crashes.len());
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]
@@ -202,7 +202,7 @@ fn a_consumer_that_dies_while_its_publisher_waits_in_send_is_mended() {
     assert!(log(&place, "choked") == log(&place, "undisturbed"));
 }
 
-/// Ends the flight `out` of 40 s, in which so many deaths were mended, and compares it with an undisturbed one.
+/// Ends the flight `out` of 40 s with so many restarts, and compares it with an undisturbed one.
 fn finish_like_undisturbed(place: &Place, out: &str, child: Begun, deaths: usize) {
     let orchestrator = child.id();
     let ended = finish(child);
@@ -212,7 +212,7 @@ fn finish_like_undisturbed(place: &Place, out: &str, child: Begun, deaths: usize
     succeed(&mut place.short_flight("undisturbed", 40.0, &["--host", "inprocess"]));
     assert!(log(place, out) == log(place, "undisturbed"));
     assert_eq!(shared_memory_of(orchestrator), Vec::<PathBuf>::new());
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// Kills processes of a run so that it finds them all dead at once.
@@ -225,7 +225,7 @@ fn kill_at_once(child: &Begun, pids: [u32; 2]) {
     signal(child.id(), Signal::CONT);
 }
 
-/// What a connection of everybody who publishes would be called to somebody who has died while he was making it.
+/// Names of the connections of every publisher to a service that died while it made them.
 fn half_made_connections(orchestrator: u32) -> BTreeSet<PathBuf> {
     let half_made = |connection: PathBuf| {
         let name = connection.to_str()?.strip_suffix(".connection")?;
@@ -334,7 +334,7 @@ fn a_service_that_dies_again_and_again_is_given_up_and_the_log_is_whole_up_to_th
         let last = last_tick(&place.log(out));
         assert!((290..=300).contains(&last), "{last}");
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]
@@ -369,7 +369,7 @@ fn how_often_a_service_is_started_again_is_for_each_service_to_choose() {
     ));
     assert_eq!(ended.status.code(), Some(3));
     assert!((290..=300).contains(&last_tick(&place.log("once"))));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// Kills services of a run at random moments from its start on, until it ends; tells how many.
@@ -419,6 +419,6 @@ fn kills_at_random_moments_leave_no_trace_in_the_log_nor_anything_behind() {
             break;
         }
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
     println!("{kills} kills");
 }

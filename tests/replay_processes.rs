@@ -34,7 +34,7 @@ fn replayed(place: &Place, arguments: &[&str]) -> (String, Option<i32>) {
     );
     assert_eq!(said.replace(IN_PROCESSES, ""), text(&in_one.stdout));
     assert_eq!(in_processes.status, in_one.status);
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
     (said, in_processes.status.code())
 }
 

@@ -64,7 +64,7 @@ fn a_figure_is_flown_judged_and_drawn_and_the_same_again() {
             "a value for every seed"
         );
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 #[test]

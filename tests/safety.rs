@@ -126,7 +126,7 @@ fn while_nothing_fails_a_policy_changes_no_byte() {
     }
 }
 
-/// Without a policy the law goes on with the last state and turns the vehicle by an error that it has long mended.
+/// Without a policy the law goes on with the last state and turns the vehicle by an error that is long gone.
 #[test]
 fn a_policy_makes_the_loss_of_the_estimator_on_the_eight_a_small_matter() {
     let fault = out("estimator", ", for=0.2");

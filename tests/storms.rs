@@ -125,7 +125,7 @@ fn a_storm_in_simulated_time_leaves_no_trace_in_the_log_nor_anything_behind() {
             "{out} differs"
         );
         assert!(shared_memory_of(orchestrator).is_empty() && processes_of(orchestrator).is_empty());
-        assert_eq!(place.leavings(), Vec::<String>::new());
+        assert_eq!(place.leftovers(), Vec::<String>::new());
         std::fs::remove_dir_all(place.path(&out)).unwrap();
         if storm.sent >= wanted() {
             println!("{} signals in {} flights", storm.sent, flight + 1);

@@ -106,7 +106,7 @@ fn a_live_flight_is_looked_at_broken_and_left_behind_with_the_terminal_as_it_was
         terminal.screen().text()
     );
     assert_eq!(finish(flight).status.code(), Some(130));
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
 /// The picture follows the size of the terminal.

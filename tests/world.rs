@@ -292,7 +292,7 @@ fn falls_by_a_kill_in_spite_of(signal_sent: Signal, place: &Place, flight: &str,
         signal(run.id(), Signal::INT);
         assert_eq!(finish(run).status.code(), Some(130));
     }
-    assert_eq!(place.leavings(), Vec::<String>::new());
+    assert_eq!(place.leftovers(), Vec::<String>::new());
     simulated.end();
     assert_it_fell(&place.log(world));
     true

@@ -46,7 +46,7 @@ def newest(stream, subscriber, tick, give_up_ns):
             stream["seen"][sample.header[0]] = sample
         elif line in (called := select.select([about["bell"], line], [], [], left_ns / 1e9)[0]):
             [port.update_connections() for _, port in outputs] + [port.has_samples() for _, port in inputs]
-            line.send(json.dumps({"Connected": hear()["Connect"]}).encode())  # to a service that was born again
+            line.send(json.dumps({"Connected": hear()["Connect"]}).encode())  # to a restarted service
         elif called:
             os.eventfd_read(about["bell"])
     found = max((seen for seen in stream["seen"] if seen <= due), default=-1)

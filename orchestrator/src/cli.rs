@@ -139,7 +139,7 @@ pub enum Command {
     /// Take over a flight in real time whose orchestrator has died: record and supervise it to its end.
     ///
     /// The services of such a flight go on alone: they land, or fly on to the end, as the scenario's
-    /// `real_time.orchestrator_loss` says. Whoever takes over records from then on, starts services again that die, and
+    /// `real_time.orchestrator_loss` says. The new orchestrator records from then on, restarts services that die, and
     /// answers `gerono arm`, `stop`, `top` and the like. What was not recorded meanwhile is not recovered.
     Attach(Attach),
     /// Look at a flight in real time while it goes on, from any terminal.

@@ -22,8 +22,8 @@ use shared_types::{Schedule, ServiceId};
 /// Names what an external service of this test is to do.
 pub(crate) const CONDUCT: &str = "GERONO_TEST_GUEST";
 
-/// The invitation's descriptor.
-pub(crate) const INVITATION: i32 = 4;
+/// The launch manifest's descriptor.
+pub(crate) const MANIFEST: i32 = 4;
 
 /// A setting by which this test's `an_external_service` flies in place of a service.
 pub(crate) fn external_service(service: ServiceId, conduct: &str) -> String {
@@ -51,7 +51,7 @@ pub(crate) struct ExternalService {
     pub(crate) service: Box<dyn ErasedService>,
     pub(crate) channel: Channel,
     pub(crate) topics: Topics,
-    pub(crate) outlets: OutputPorts,
+    pub(crate) outputs: OutputPorts,
     pub(crate) bell: Doorbell,
     pub(crate) others: Vec<Doorbell>,
     _member: RunNode,
@@ -64,7 +64,7 @@ pub(crate) type Mischief = Box<dyn FnMut(u64, &mut [&mut [u8]])>;
 
 impl ExternalService {
     pub(crate) fn join() -> Self {
-        let about: Value = serde_json::from_reader(File::from(inherited(INVITATION).unwrap())).unwrap();
+        let about: Value = serde_json::from_reader(File::from(inherited(MANIFEST).unwrap())).unwrap();
         let descriptor =
             |number: &Value| inherited(i32::try_from(number.as_i64().unwrap()).unwrap()).unwrap();
         let scenario: Scenario = serde_json::from_value(about["scenario"].clone()).unwrap();
@@ -75,7 +75,7 @@ impl ExternalService {
         let configuration = about["iceoryx2_configuration"].as_str().unwrap();
         let member = RunNode::join(Path::new(configuration), "external_service").unwrap();
         let topics = Topics::open(&member, id, &schedule).unwrap();
-        let outlets = OutputPorts::open(&topics, id, &schedule, |topic| topic.newest_sender()).unwrap();
+        let outputs = OutputPorts::open(&topics, id, &schedule, |topic| topic.newest_sender()).unwrap();
         let mut bells: Vec<&Value> = about["outputs"]
             .as_array()
             .unwrap()
@@ -88,7 +88,7 @@ impl ExternalService {
             id,
             service: registry::build(id, &scenario).unwrap(),
             channel,
-            outlets,
+            outputs,
             topics,
             bell: Doorbell::inherited(descriptor(&about["bell"])),
             others: bells
@@ -125,8 +125,8 @@ impl ExternalService {
         start_ns
     }
 
-    /// Sleeps until somebody rings or the orchestrator speaks, connects to who was born again, and ends with the run.
-    pub(crate) fn rest(&mut self, inlets: &mut [InputPort]) {
+    /// Sleeps until a bell rings or the orchestrator speaks, connects to restarted services, and ends with the run.
+    pub(crate) fn rest(&mut self, inputs: &mut [InputPort]) {
         let mut files = [
             PollFd::new(&self.bell, PollFlags::IN),
             PollFd::new(&self.channel, PollFlags::IN),
@@ -140,17 +140,17 @@ impl ExternalService {
             let Ok(ToService::Connect { birth }) = self.channel.receive() else {
                 std::process::exit(0);
             };
-            self.outlets.connect().unwrap();
-            inlets
+            self.outputs.connect().unwrap();
+            inputs
                 .iter_mut()
-                .for_each(|inlet| inlet.receiver().connect().unwrap());
+                .for_each(|input| input.receiver().connect().unwrap());
             self.channel.send(&ToOrchestrator::Connected { birth }).unwrap();
         }
     }
 
     pub(crate) fn publish(&mut self, timetable: &Timetable, tick: u64, views: &Views<'_>) {
         let mut slots = Slots::default();
-        self.outlets.loan(tick, &mut slots).unwrap();
+        self.outputs.loan(tick, &mut slots).unwrap();
         timetable
             .step(self.service.as_mut(), tick, views, &mut slots)
             .unwrap();
@@ -159,7 +159,7 @@ impl ExternalService {
             .filter_map(|slot| slot.bytes.as_deref_mut())
             .collect();
         (self.mischief)(tick, &mut samples);
-        self.outlets.send(tick, CrashPoint::default()).unwrap();
+        self.outputs.send(tick, CrashPoint::default()).unwrap();
         self.others.iter().for_each(Doorbell::ring);
     }
 
@@ -167,7 +167,7 @@ impl ExternalService {
         let receivers = self.receivers();
         self.await_go(&receivers);
         let timetable = Timetable::new(&self.schedule, self.id);
-        let mut inlets: Vec<_> = receivers
+        let mut inputs: Vec<_> = receivers
             .into_iter()
             .enumerate()
             .map(|(index, receiver)| {
@@ -179,19 +179,19 @@ impl ExternalService {
         let ticks =
             (0..=self.schedule.last_tick().min(until)).filter(|&tick| timetable.steps.occurs_at(tick));
         for tick in ticks {
-            for at in 0..inlets.len() {
-                let Some(due) = inlets[at].edge.due_sample(tick) else {
+            for at in 0..inputs.len() {
+                let Some(due) = inputs[at].edge.due_sample(tick) else {
                     continue;
                 };
-                while !inlets[at].advance(tick, due).unwrap() {
-                    self.rest(&mut inlets);
+                while !inputs[at].advance(tick, due).unwrap() {
+                    self.rest(&mut inputs);
                 }
             }
             let mut views = Views::default();
-            for inlet in &mut inlets {
-                if let Some(due) = inlet.edge.due_sample(tick) {
-                    let index = inlet.index;
-                    views[index] = inlet.view(tick, due);
+            for input in &mut inputs {
+                if let Some(due) = input.edge.due_sample(tick) {
+                    let index = input.index;
+                    views[index] = input.view(tick, due);
                 }
             }
             self.publish(&timetable, tick, &views);
@@ -204,7 +204,7 @@ impl ExternalService {
         let tick_ns = self.about["tick_ns"].as_u64().unwrap();
         let clock = FlightClock { start_ns, tick_ns };
         let timetable = Timetable::new(&self.schedule, self.id);
-        let mut mailboxes: Vec<_> = receivers
+        let mut queues: Vec<_> = receivers
             .into_iter()
             .enumerate()
             .map(|(index, receiver)| {
@@ -220,15 +220,15 @@ impl ExternalService {
             let tick = due.max(now.unwrap_or(due));
             nap_until(clock.begins_at(tick));
             let give_up = clock.begins_at(tick) + self.about["grace_ns"].as_u64().unwrap();
-            for mailbox in &mut mailboxes {
-                while !mailbox.has_come(tick).unwrap() && clock.start_ns + clock.elapsed_ns() < give_up {
+            for queue in &mut queues {
+                while !queue.has_come(tick).unwrap() && clock.start_ns + clock.elapsed_ns() < give_up {
                     self.bell.sleep_up_to(tick_ns / 10);
                 }
             }
             let mut views = Views::default();
-            for mailbox in &mut mailboxes {
-                let index = mailbox.index;
-                if let Some(delivery) = mailbox.deliver(tick) {
+            for queue in &mut queues {
+                let index = queue.index;
+                if let Some(delivery) = queue.deliver(tick) {
                     views[index] = delivery.view;
                 }
             }

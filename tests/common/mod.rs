@@ -1,4 +1,4 @@
-//! What the tests of real processes share: isolation, a watchdog, and the search for leavings.
+//! What the tests of real processes share: isolation, a watchdog, and the search for leftovers.
 #![allow(dead_code, reason = "every test target uses a part of it")]
 
 pub(crate) mod laboratory;
@@ -162,7 +162,7 @@ impl Place {
     }
 
     /// Everything that runs of this place have left behind: bookkeeping and shared memory.
-    pub(crate) fn leavings(&self) -> Vec<String> {
+    pub(crate) fn leftovers(&self) -> Vec<String> {
         let mut left = Vec::new();
         for base in entries(&self.folder.path().join("tmp")) {
             left.extend(entries(&base).into_iter().filter(|path| path.is_dir()));
@@ -173,7 +173,7 @@ impl Place {
     /// Nothing is left of a run of this place, and no process either.
     #[track_caller]
     pub(crate) fn assert_nothing_is_left_of(&self, orchestrator: u32) {
-        assert_eq!(self.leavings(), Vec::<String>::new());
+        assert_eq!(self.leftovers(), Vec::<String>::new());
         assert_eq!(processes::shared_memory_of(orchestrator), Vec::<PathBuf>::new());
         assert_eq!(processes::processes_of(orchestrator), Vec::new());
     }
@@ -183,7 +183,7 @@ impl Drop for Place {
     /// Sweeps up behind an orchestrator that was killed: once the folder is gone, nobody knows whose the shared memory was.
     fn drop(&mut self) {
         let deadline = Instant::now() + SWEEPING;
-        while !self.leavings().is_empty() && Instant::now() < deadline {
+        while !self.leftovers().is_empty() && Instant::now() < deadline {
             let _ = self.gerono(&["clean"]).output();
         }
     }

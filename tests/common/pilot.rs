@@ -75,7 +75,7 @@ pub(crate) fn await_phase(place: &Place, phase: &str) {
     until(phase, || {
         let snapshot = place.look()?;
         if snapshot.phase != seen {
-            // For whoever asks why it never came.
+            // For the message of a test whose wait failed.
             eprintln!("{} s: {:?}", snapshot.time, snapshot.phase);
             seen.clone_from(&snapshot.phase);
         }

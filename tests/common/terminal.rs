@@ -45,7 +45,7 @@ impl Terminal {
         let end = || Stdio::from(self.line.try_clone().unwrap());
         command.stdin(end()).stdout(end()).stderr(end());
         let lead_a_session = || {
-            // Whoever runs the tests under `nohup` has no terminal that could end; this program has.
+            // Under `nohup` no terminal can end; this program has one.
             // SAFETY: the default handling is no code of this process.
             unsafe { libc::signal(libc::SIGHUP, libc::SIG_DFL) };
             rustix::process::setsid()?;

@@ -53,5 +53,5 @@ check "$work/damaged.recovered.mcap"
 "$GERONO" export "$work/short" --view --out "$work/view.mcap"
 "$venv/bin/python" "$here/view.py" "$work/short/run.mcap" "$work/view.mcap" "$venv/bin/rerun" "$work"
 
-mkdir "$work/guest"
-"$venv/bin/python" "$here/guest.py" "$GERONO" "$work/guest"
+mkdir "$work/external_service"
+"$venv/bin/python" "$here/external_service.py" "$GERONO" "$work/external_service"

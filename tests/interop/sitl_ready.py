@@ -1,6 +1,6 @@
 """Waits until a simulated Betaflight would arm if a receiver asked for it: sitl_ready.py ADDRESS PORT.
 
-It asks for MSP_STATUS_EX. Whoever arms before its gyro is calibrated is refused until the switch is off again.
+It asks for MSP_STATUS_EX. Arming before its gyro is calibrated is refused until the switch is off again.
 """
 
 import socket

@@ -39,7 +39,7 @@ const PERIOD_NS: u64 = 1_000_000;
 /// From the arrival of all until the first round.
 const COUNTDOWN: Duration = Duration::from_millis(5);
 
-/// Longest wait for an event before somebody looks again.
+/// Longest wait for an event before the next check.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
 
 /// What is handed on in place of a time once there is nothing more to come.

@@ -38,7 +38,7 @@ const NEAR_NS: u64 = 100_000_000;
 #[derive(Clone, Debug, Serialize)]
 struct Measured {
     deaths: usize,
-    /// Services that flew again.
+    /// Restarted services.
     #[serde(rename = "rebirths")]
     restarts: usize,
     /// From the moment when a death was noticed until another process flew, s.
@@ -130,7 +130,7 @@ struct Flown {
     largest_distance: f64,
 }
 
-/// A death that was mended.
+/// A death that was followed by a restart.
 struct Restart {
     service: ServiceId,
     died_ns: u64,
@@ -172,7 +172,7 @@ fn largest_distance_of(log: &Path) -> Result<f64> {
 }
 
 impl Flown {
-    /// The deaths that were mended; `tick` in s.
+    /// The restarts; `tick` in s.
     fn restarts(&self, tick: f64) -> Result<Vec<Restart>> {
         let stated = self.summary["rebirths"].as_array();
         let stated =

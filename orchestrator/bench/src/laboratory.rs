@@ -221,7 +221,7 @@ impl FlightUnderWay {
         })
     }
 
-    /// Asks for something, if somebody is there.
+    /// Sends a request, if a peer is connected.
     fn ask(&self, question: &Question) {
         // It says no more than what is seen of it.
         let run = LiveRun::find(Some(&self.name), "bench laboratory");

@@ -36,7 +36,7 @@ const IN_PROCESS_FLIGHTS: u32 = 5;
 const TICKS_PER_SECOND: u64 = 1000;
 
 /// Ticks between two deaths, some hundredths of a second of wall time: the spare process is ready by then, as it is for
-/// whoever kills services by hand.
+/// users who kill services by hand.
 const DEATHS_APART: u64 = 1000;
 
 /// Ticks between two deaths, some milliseconds: the spare process has only just been started.

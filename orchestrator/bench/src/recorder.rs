@@ -103,7 +103,7 @@ fn measure(scenario: &Scenario, arguments: &BenchRecorder) -> Result<Measured> {
                 .write_plainly(&path, ROUNDS)
                 .map_err(FlightFailure::setup)
         };
-        // Whoever comes second finds the memory of the file warm.
+        // The second one finds the memory of the file warm.
         if repetition.is_multiple_of(2) {
             ours.measure(|| Ok(record()?))?;
             library.measure(write)?;

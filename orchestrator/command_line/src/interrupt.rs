@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
 
-/// Tells whether somebody wants the run to end.
+/// Request to end the run.
 #[derive(Clone, Debug)]
 pub struct Interrupt(Arc<AtomicUsize>);
 
@@ -23,7 +23,7 @@ impl Interrupt {
         Ok(interrupt)
     }
 
-    /// Listens to all signals by which somebody ends what uses a terminal: also SIGHUP and SIGQUIT.
+    /// Listens to all signals that end a program at a terminal: also SIGHUP and SIGQUIT.
     ///
     /// # Errors
     /// If the system does not permit it.

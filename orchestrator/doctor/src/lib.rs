@@ -1,4 +1,4 @@
-//! Whether this machine is fit for a flight: what is good, what is poor, what would not work, and how to mend it.
+//! Whether this machine is fit for a flight: what is good, what is poor, what would not work, and the fix.
 //!
 //! A check is a function of what a [`HostFacts`] shows (files of /proc and /sys, free space) and of what the flight needs
 //! ([`Needs`]), or of a measurement; it returns a [`Check`] and changes nothing. Measurements are made apart from

@@ -92,7 +92,7 @@ pub fn write(logs: &[PathBuf], out: &Path) -> Result<Written, ReportError> {
     })
 }
 
-/// Reads a log and writes its page alone into the folder `out`, for whoever has drawn the figures already.
+/// Reads a log and writes its page alone into the folder `out`, for callers that have drawn the figures already.
 ///
 /// # Errors
 /// [`ReportError`].

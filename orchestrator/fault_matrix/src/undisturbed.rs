@@ -19,7 +19,7 @@ pub enum NotFlown {
     /// The flight failed, and not of the fault.
     #[error(transparent)]
     Failed(#[from] FlightFailure),
-    /// Somebody asked for the end, by this signal.
+    /// The user asked for the end, by this signal.
     #[error("ended by signal {0}")]
     Interrupted(i32),
 }

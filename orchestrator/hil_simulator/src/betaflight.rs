@@ -62,7 +62,7 @@ impl Betaflight {
     /// Takes the place of the simulator that it expects, for the vehicle of a scenario.
     ///
     /// # Errors
-    /// [`ReceiverInputError`] if somebody else has that place.
+    /// [`ReceiverInputError`] if another process has that place.
     pub fn open(scenario: &Scenario, rotors: Rotors) -> Result<Self, ReceiverInputError> {
         let actuators = scenario.vehicle.actuators.clone().unwrap_or_default();
         let line = ReceiverInput::open(&Target::Udp(MOTORS_AT.into()))?;

@@ -1,4 +1,4 @@
-//! The laboratory that is none: a vehicle, cameras and a receiver in one process, as a flight meets them over the network and
+//! Hardware-in-the-loop simulator: vehicle, cameras and receiver in one process, which a flight meets over the network and
 //! a radio link. A hardware-in-the-loop simulator of the scenario that is flown.
 //!
 //! ```text
@@ -89,7 +89,7 @@ pub struct HilReport {
     pub signal: Option<i32>,
 }
 
-/// A laboratory that is none.
+/// Hardware-in-the-loop simulator.
 pub struct HilSimulator {
     clock: FlightClock,
     vehicle: SimulatedVehicle,
@@ -119,7 +119,7 @@ impl HilSimulator {
         })
     }
 
-    /// Goes on for so many ticks, or until somebody interrupts it.
+    /// Continues for so many ticks, or until an interrupt.
     ///
     /// # Errors
     /// [`LogError`] if what happened cannot be kept.

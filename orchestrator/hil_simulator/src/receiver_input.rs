@@ -182,7 +182,7 @@ impl Serial {
         })
     }
 
-    /// Lets the line be opened by somebody else than who had it for himself. A device does so by itself once nobody has it
+    /// Lets another process open the line that one had for itself. A device does so by itself once nobody has it
     /// open, but a pseudo-terminal only when this end is closed as well.
     fn release(&self) {
         let _is_free = ioctl_tiocnxcl(&self.transmitter);

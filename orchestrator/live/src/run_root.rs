@@ -1,6 +1,6 @@
 //! A run's own place in the machine: a folder for iceoryx2's bookkeeping and a prefix for its shared memory.
 //!
-//! Two runs on one host never see each other. Whoever makes a place holds a lock on it for as long as it
+//! Two runs on one host never see each other. The process that makes a place holds a lock on it for as long as it
 //! lives; a place whose lock is free belongs to a dead run and is swept by the next one that starts.
 
 mod base;
@@ -78,7 +78,7 @@ impl RunRoot {
         self.folder.join("iceoryx2.toml")
     }
 
-    /// The lock on the place: whoever has it open too, however it came by it, keeps the place from being swept.
+    /// The lock on the place: any process that has it open too keeps the place from being swept.
     #[must_use]
     pub fn lock(&self) -> BorrowedFd<'_> {
         self.lock.as_fd()
@@ -110,7 +110,7 @@ impl RunRoot {
     }
 
     fn write_configuration(&self) -> io::Result<()> {
-        // The orchestrator alone cleans up after the dead: external services and onlookers keep to it too.
+        // The orchestrator alone cleans up after the dead: external services and observers keep to it too.
         let text = format!(
             "[global]\nroot-path = {:?}\nprefix = {:?}\n\n\
              [global.node]\ncleanup-dead-nodes-on-creation = false\ncleanup-dead-nodes-on-destruction = false\n\n\
@@ -280,10 +280,10 @@ mod tests {
             }
         };
         std::thread::scope(|scope| {
-            let onlooker = scope.spawn(look);
+            let observer = scope.spawn(look);
             // On a machine in use it may come late.
             let mut runs = 0;
-            while (runs < 500 || found.load(Ordering::Relaxed) == 0) && !onlooker.is_finished() {
+            while (runs < 500 || found.load(Ordering::Relaxed) == 0) && !observer.is_finished() {
                 drop(RunRoot::create().unwrap());
                 runs += 1;
             }
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dead_runs_leavings_are_swept_and_a_live_runs_are_not() {
+    fn leftovers_of_a_dead_run_are_swept_and_a_live_runs_are_not() {
         let live = RunRoot::create().unwrap();
         let base = Base::open().unwrap();
         let dead = base.path().join("dead-test-0");

@@ -67,7 +67,7 @@ pub struct ServiceSnapshot {
     pub name: String,
     /// Its process.
     pub pid: u32,
-    /// Whether it flies; else it is dead or being born.
+    /// `true` if it flies; else it is dead or being started.
     pub flies: bool,
     /// Steps in the last second.
     pub rate: u64,
@@ -79,7 +79,7 @@ pub struct ServiceSnapshot {
     pub missed_steps: u64,
     /// Inputs that came too late, since the start.
     pub late_inputs: u64,
-    /// How often it was born again.
+    /// Number of restarts.
     #[serde(rename = "rebirths")]
     pub restarts: u64,
     /// Its inputs.

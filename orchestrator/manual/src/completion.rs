@@ -27,7 +27,7 @@ pub fn answer(command: fn() -> Command) {
 /// Returns the script by which a shell completes `gerono`.
 ///
 /// # Errors
-/// [`io::ErrorKind::InvalidInput`] for a shell that is none of [`shells`].
+/// [`io::ErrorKind::InvalidInput`] for a shell that is not in [`shells`].
 pub fn script(shell: &str) -> io::Result<Vec<u8>> {
     let shells = Shells::builtins();
     let shell = shells.completer(shell).ok_or(io::ErrorKind::InvalidInput)?;

@@ -70,7 +70,7 @@ pub enum Outcome {
     /// The last tick was flown.
     #[default]
     Completed,
-    /// Somebody asked for the end.
+    /// The user asked for the end.
     Interrupted,
     /// It could not go on.
     Failed,
@@ -95,7 +95,7 @@ pub struct RunFacts {
     pub in_log: Option<u64>,
     /// Wall time from the first tick to the last, s.
     pub wall_seconds: f64,
-    /// Deaths of services in flight that were mended; nothing of them is in the log.
+    /// Restarts of services in flight; the log shows nothing of them.
     #[serde(rename = "rebirths", skip_serializing_if = "Vec::is_empty")]
     pub restarts: Vec<Restart>,
     /// How well the flight kept time, if it was flown in real time.

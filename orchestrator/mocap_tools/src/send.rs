@@ -20,7 +20,7 @@ use command_line::interrupt::Interrupt;
 use command_line::output::log_path;
 use run_log::LogReader;
 
-/// Longest time without looking whether somebody wants to listen, ns.
+/// Longest time between checks for new listeners, ns.
 const SERVE_NS: u64 = 5_000_000;
 
 /// Standard deviation of the attitude's noise for each metre of the position's, rad/m.

@@ -38,7 +38,7 @@ pub fn diff(first: &Path, second: &Path) -> Result<Vec<TopicDiff>, LogReadError>
         comparison: Comparison::new(topic),
         lonely: [0, 0],
     });
-    // Whoever is behind goes on.
+    // The log that is behind goes on.
     while let Some(at) = (0..2)
         .filter(|&at| !sides[at].has_ended)
         .min_by_key(|&at| sides[at].tick)

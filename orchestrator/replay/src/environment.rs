@@ -34,7 +34,7 @@ pub(super) struct ReplayEnvironment<'a> {
 }
 
 impl<'a> ReplayEnvironment<'a> {
-    /// Makes the place and joins it. Whoever raises `interrupt` ends the replay.
+    /// Makes the place and joins it. Raising `interrupt` ends the replay.
     pub(super) fn open(
         scenario: &Scenario,
         schedule: &'a Schedule,

@@ -93,7 +93,7 @@ pub struct Options {
     pub from: Option<f64>,
     /// Up to which time of the flight, s; to the end of the log if none is stated.
     pub to: Option<f64>,
-    /// Replay every service in a process of its own, until somebody raises this; else all in this process.
+    /// Replay every service in a separate process, until this is raised; else all in this process.
     pub in_processes: Option<Interrupt>,
 }
 
@@ -123,7 +123,7 @@ pub struct Replayed {
     pub lacks_samples: bool,
     /// The service whose steps cannot be done again, if it is to be: in a laboratory the world's are what cameras saw.
     pub not_again: Option<&'static str>,
-    /// Services that are to be replayed and in whose place programs of one's own flew, whose steps nobody can do again.
+    /// Services to be replayed in whose place external services flew: their steps cannot be repeated.
     pub external_services: Vec<ServiceId>,
     /// Of each topic that was published in the replay.
     pub comparisons: Vec<Comparison>,

@@ -30,7 +30,7 @@ use supervisor::supervision::{READY_LIMIT, STOP_LIMIT};
 /// How long a process may take for a batch of steps: some thousand times as long as it takes.
 const BATCH_LIMIT: Duration = READY_LIMIT;
 
-/// How often somebody looks whether the replay is to end.
+/// How often the end of the replay is checked.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
 
 fn timespec(duration: Duration) -> Timespec {

@@ -1,4 +1,4 @@
-//! Who does the steps of a service in a replay. Whoever it is: the [`ServiceReplay`](super::service_replay::ServiceReplay) says what they see.
+//! Process or thread that does the steps of a service in a replay. For both the [`ServiceReplay`](super::service_replay::ServiceReplay) says what they see.
 
 use host::owned_sample::OwnedSample;
 use host::step::{self, Slots, Timetable, Views};

@@ -55,7 +55,7 @@ impl Durability {
 }
 
 impl Drop for Durability {
-    /// Whoever gives a log up has said why: what else fails then is of no use.
+    /// The reason for giving up a log has been reported; what else fails then adds nothing.
     fn drop(&mut self) {
         let _ = self.end();
     }

@@ -154,11 +154,11 @@ shared_types::sample! {
         pub jumped: u64,
         /// Frames with a pose where another body was.
         pub exchanged: u64,
-        /// How often the sender's clock was followed anew.
+        /// Number of jumps of the sender's clock that were followed.
         pub clock_steps: u64,
         /// Frames that never came.
         pub lost: u64,
-        /// How often the numbers of frames began anew.
+        /// Number of times that the numbers of frames started again.
         pub restarted: u64,
         /// How often a place was believed at last.
         pub settled: u64,

@@ -113,7 +113,7 @@ pub fn recovered_path(log: &Path) -> PathBuf {
 
 /// Makes `target` of what is whole of `source`, a log of a flight or of the machine, and tells what that is.
 ///
-/// `scenario` stands in for the one in a manifest that cannot be read, and only then.
+/// `scenario` replaces the one in a manifest that cannot be read, and only then.
 ///
 /// # Errors
 /// [`RecoverError`]; nothing of the name `target` is left then.

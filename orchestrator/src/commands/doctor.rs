@@ -50,7 +50,7 @@ fn needs(arguments: &Doctor) -> Result<Needs, Failure> {
     Ok(Needs::of(&scenario, &schedule))
 }
 
-/// Looks and measures; `None` if somebody has asked for the end.
+/// Looks and measures; `None` if the user has asked for the end.
 fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<MachineReport> {
     let host = HostFacts::this();
     let stopped = || interrupt.signal().is_some();

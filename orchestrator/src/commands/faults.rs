@@ -143,7 +143,7 @@ fn fly_all(
     Ok((flown, differences))
 }
 
-/// Flies all cells on all cores, with a bar of flights where somebody looks.
+/// Flies all cells on all cores, with a progress bar on a terminal.
 fn fly_in_process(
     cells: &[MatrixCell],
     with_digest: bool,

@@ -63,7 +63,7 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
         topic => run_log::export_json(&log, topic, arguments.every, &mut buffered),
     };
     match exported.and_then(|()| Ok(buffered.flush()?)) {
-        // Somebody who reads no more of it has what they wanted.
+        // A reader that stops has what it needs.
         Err(ExportError::Write(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         result => result.map_err(Failure::trouble),
     }

@@ -1,4 +1,4 @@
-//! `gerono reproduce`: the paper's figures, flown again over many seeds, judged and drawn.
+//! `gerono reproduce`: the paper's figures over many seeds, judged and drawn.
 
 use std::path::Path;
 
@@ -132,7 +132,7 @@ fn figures(arguments: &Reproduce) -> Vec<Figure> {
     figures
 }
 
-/// Flies all jobs on all cores, with a bar of flights where somebody looks.
+/// Flies all jobs on all cores, with a progress bar on a terminal.
 fn fly(jobs: &[Job], interrupt: &Interrupt) -> FlightResults {
     let bar = progress::flights(jobs.len());
     let results = FlightResults::fly(jobs, parallel::cores(), interrupt, || bar.inc(1));

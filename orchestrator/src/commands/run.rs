@@ -77,7 +77,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     flown.conclude(sink, ending)
 }
 
-/// A laboratory is for real time only, and there somebody arms; programs of one's own are for processes only.
+/// A laboratory is for real time only, with an operator who arms; external services are for processes only.
 fn refuse_host(scenario: &Scenario, host: Host) -> Result<(), Failure> {
     let reason = match host {
         Host::Realtime => scenario.unattended().map(|problem| problem.to_string()),

@@ -12,7 +12,7 @@ use top::Leaving;
 /// Columns of what is printed where there is no terminal.
 const COLUMNS: u16 = 80;
 
-/// Shows a live run until somebody leaves or it ends, or prints how it is once.
+/// Shows a live run until the user quits or it ends, or prints its state once.
 ///
 /// # Errors
 /// [`Failure`] if there is no such run, or no terminal to show it in.

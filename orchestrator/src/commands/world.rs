@@ -1,4 +1,4 @@
-//! `gerono world`: a laboratory that is none, for a flight that believes to be in one.
+//! `gerono world`: the hardware-in-the-loop simulator.
 
 use std::fmt::{Display, Formatter};
 use std::time::Duration;

@@ -69,7 +69,7 @@ impl Archive {
         2 * waiting < self.samples.depth()
     }
 
-    /// Keeps a sample. One that has come before, from a service that was born again, must be the same.
+    /// Keeps a sample. A restarted service may repeat one, which must be the same.
     ///
     /// # Errors
     /// [`FlightFailure::Lost`] if samples are missing before it, [`FlightFailure::Diverged`] if it is not the same.

@@ -51,7 +51,7 @@ where
     })
 }
 
-/// Ends the flight when somebody asks for it.
+/// Ends the flight on request.
 struct Interruptible<'a, S> {
     sink: &'a mut S,
     interrupt: &'a Interrupt,

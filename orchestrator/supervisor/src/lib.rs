@@ -37,7 +37,7 @@ pub struct Ending {
     pub wall_time: Duration,
     /// What the user should know about the machine, once.
     pub warnings: Vec<String>,
-    /// Deaths in flight that were mended, in their order.
+    /// Restarts in flight, in their order.
     pub restarts: Vec<supervision::Restart>,
     /// How well it kept time, if it was flown in real time.
     pub timing: Option<TimingReport>,
@@ -61,7 +61,7 @@ impl Ending {
 pub enum Outcome {
     /// The last tick was flown.
     Completed,
-    /// Somebody asked for the end, by this signal.
+    /// The user asked for the end, by this signal.
     Interrupted {
         /// Number of the signal.
         signal: i32,
@@ -104,9 +104,9 @@ pub enum FlightFailure {
         /// How often it had died there.
         times: u32,
     },
-    /// A service that was born again published another sample than before its death.
+    /// A restarted service published another sample than before its death.
     #[error(
-        "the service that publishes `{topic}` was born again and published another sample of tick {tick} than before: \
+        "the service that publishes `{topic}` was restarted and published another sample of tick {tick} than before: \
          its step is not a function of state and inputs, or the machine computes wrongly"
     )]
     Diverged {
@@ -131,7 +131,7 @@ pub enum FlightFailure {
         /// How long they had.
         limit: Duration,
     },
-    /// A program of one's own in place of a service did not keep the process contract.
+    /// An external service did not keep the process contract.
     #[error(
         "the program in place of `{service}` (process {pid}) {what}; docs/process_contract.md says what it must do"
     )]
@@ -200,7 +200,7 @@ impl FlightFailure {
 /// When everybody steps in a flight of `scenario`.
 ///
 /// # Errors
-/// [`Unflyable`]; whoever has checked the scenario does not get there.
+/// [`Unflyable`]; never for a checked scenario.
 pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, Unflyable> {
     scenario.schedule().map_err(Unflyable)
 }
@@ -228,7 +228,7 @@ pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
     ))
 }
 
-/// Why a scenario cannot be flown in one process, if programs of one's own are to fly in it.
+/// Reason why a scenario with external services cannot be flown in one process.
 #[must_use]
 pub fn programs_of_its_own(scenario: &Scenario) -> Option<String> {
     let external_services = scenario.external_services();

@@ -79,7 +79,7 @@ struct Flight<'a> {
 }
 
 impl Flight<'_> {
-    /// Records, watches and mends until the flight is over, one way or the other.
+    /// Records, watches and restarts until the flight is over.
     fn supervise<S: TickSink>(
         &mut self,
         sink: &mut S,

@@ -59,7 +59,7 @@ const COUNTDOWN: Duration = Duration::from_millis(50);
 /// Events that are kept for people at other terminals.
 const EVENTS: usize = 50;
 
-/// What happens in a flight in real time, for whoever keeps a record of the machine.
+/// Events of a flight in real time, for the record of the machine.
 pub trait StepObserver: SupervisionObserver {
     /// Tick 0 begins, or began, at this time of `CLOCK_MONOTONIC`, ns.
     fn flight_begins_at(&mut self, start_ns: u64);
@@ -130,7 +130,7 @@ where
 /// # Errors
 /// [`FlightFailure`] if it cannot be taken over. A failure in flight is the ending's outcome.
 pub fn take_over<S: TickSink>(
-    succession: TakeOver,
+    take_over: TakeOver,
     sink: &mut S,
     people: &Clients<'_>,
     observer: &mut dyn StepObserver,
@@ -144,7 +144,7 @@ where
         survivors,
         clock,
         first_tick,
-    } = succession;
+    } = take_over;
     let mut recorder = Recorder::new(context.listen_in()?, first_tick);
     let mut server = ControlServer::open(&context.root).map_err(FlightFailure::setup)?;
     recorder.connect().map_err(FlightFailure::setup)?;

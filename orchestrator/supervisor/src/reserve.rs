@@ -3,7 +3,7 @@
 //! iceoryx2 makes its segments without pages: each page comes when it is touched first, and where /dev/shm is full by
 //! then the process that touches it dies of SIGBUS. So a run begins only if there is room for twice its segments. Once
 //! all ports are made every page of them is allocated, and as much again is held in a file: a service that is restarted makes
-//! segments anew. If there is no other room for them, the file's is given back just before.
+//! segments again. If there is no other room for them, the file's is given back just before.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -20,7 +20,7 @@ use shared_types::Topic;
 /// Bytes that `stat` counts as a block.
 const BLOCK: u64 = 512;
 
-/// Pause before room is sought again that was not to be had.
+/// Pause before the next attempt to reserve room.
 const PAUSE: Duration = Duration::from_secs(1);
 
 /// Most bytes that a sample takes beside its own, and that a connection takes beside its places.
@@ -50,7 +50,7 @@ pub struct Reserve {
     held: u64,
     /// Whether there may be segments without pages, or less is held than should be.
     is_unsettled: bool,
-    /// When room is to be sought again.
+    /// Time of the next attempt to reserve room.
     again_at: Instant,
 }
 

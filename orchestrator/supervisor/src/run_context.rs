@@ -149,7 +149,7 @@ impl RunContext {
         self.root.own();
         let mut supervisor = supervisor;
         if let Ok(mut reserve) = Reserve::new(self.root.prefix()) {
-            // The flight is under way: what there is no room for now is sought again.
+            // The flight is under way: room that is missing now is requested again.
             reserve.refill();
             supervisor.keep_reserve(reserve);
         }

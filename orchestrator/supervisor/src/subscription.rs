@@ -16,7 +16,7 @@ pub struct Subscription {
     pub receiver: Box<dyn Receiver>,
     /// What was refused of it, if an external program publishes it in real time.
     pub refusals: Rc<Refusals>,
-    /// Holds the topic: services can open it as long as somebody does.
+    /// Holds the topic: services can open it as long as a process holds it.
     _ports: Box<dyn TopicPorts>,
 }
 

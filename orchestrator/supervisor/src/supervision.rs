@@ -1,10 +1,10 @@
 //! The service processes of a run: started, watched, started again when they die, stopped, and never left behind.
 //!
-//! A death in flight is mended by a process that goes on from the dead one's last checkpoint and gets from the
+//! After a death in flight another process goes on from the dead one's last checkpoint and gets from the
 //! recorder what it has missed ([`runtime::input_port`]). A service that dies again and again at the same place is given
 //! up: its crash is a function of its inputs, and so will the next be.
 //!
-//! While all is well a standby process waits to take the place of whoever dies next.
+//! In normal operation a standby process waits to take the role of the next service that dies.
 
 mod activity;
 mod external_service;
@@ -52,7 +52,7 @@ pub const STOP_LIMIT: Duration = Duration::from_secs(2);
 /// others.
 const MESSAGES_AT_A_LOOK: usize = 64;
 
-/// How often the supervisor is looked after while a service is being born again.
+/// Period of the supervisor's checks while a service restarts.
 pub(super) const RESTART_POLL_PERIOD: Duration = Duration::from_micros(100);
 
 /// How often and how soon each service is started again.
@@ -79,7 +79,7 @@ pub struct Supervisor<'a> {
     restarts: Vec<Restart>,
 }
 
-/// What happens to the processes of a run, for whoever keeps a record of the machine.
+/// Events of the processes of a run, for the record of the machine.
 pub trait SupervisionObserver {
     /// The processes have been started and are ready.
     fn ready(&mut self, supervisor: &Supervisor<'_>, core: Option<usize>);
@@ -273,7 +273,7 @@ impl<'a> Supervisor<'a> {
         &self.exits
     }
 
-    /// Deaths that were mended, in their order.
+    /// Restarts, in their order.
     #[must_use]
     pub fn restarts(&self) -> &[Restart] {
         &self.restarts
@@ -322,7 +322,7 @@ impl<'a> Supervisor<'a> {
         self.say(service, &ToService::Go { restarted, start_ns })
     }
 
-    /// Whether somebody is dead, on the way back, or has samples to catch up with.
+    /// Returns whether a service is dead, restarting, or has samples to catch up with.
     #[must_use]
     #[inline]
     pub fn needs_care(&self) -> bool {
@@ -330,7 +330,7 @@ impl<'a> Supervisor<'a> {
         !self.members.iter().all(is_well)
     }
 
-    /// Whether a service is in flight: neither being born nor dead nor at its end.
+    /// Returns whether a service is in flight: neither starting nor dead nor at its end.
     #[must_use]
     pub fn flies(&self, service: ServiceId) -> bool {
         self.members[service.index()].phase == Phase::Flying
@@ -342,7 +342,7 @@ impl<'a> Supervisor<'a> {
         Activity::of(self.members[service.index()].process.id())
     }
 
-    /// Kills the process of a service, which is then born again.
+    /// Kills the process of a service, which is then restarted.
     pub fn kill(&mut self, service: ServiceId) {
         self.members[service.index()].process.signal(Signal::KILL);
     }

@@ -36,7 +36,7 @@ const GONE: PollFlags = PollFlags::HUP.union(PollFlags::ERR);
 /// Why the view was left.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Leaving {
-    /// Somebody wanted to, or the terminal is gone.
+    /// The user quit, or the terminal is gone.
     Wanted,
     /// The run has ended; as it was last seen.
     Ended(Option<Box<Snapshot>>),
@@ -55,7 +55,7 @@ pub enum TopError {
     Run(#[from] LiveError),
 }
 
-/// Shows a run until somebody leaves or it ends; the terminal is then as before.
+/// Shows a run until the user quits or it ends; the terminal is then as before.
 ///
 /// # Errors
 /// [`TopError`].
@@ -111,7 +111,7 @@ pub fn once(run: &str, snapshot: &Snapshot, width: u16) -> String {
 /// What ended a wait.
 enum Woken {
     ByKeys,
-    /// The run, a signal (the terminal may have another size, or somebody wants the end), or the time.
+    /// The run, a signal (a new size of the terminal, or a request to end), or the time.
     ByOthers,
     TerminalGone,
 }

@@ -30,7 +30,7 @@ pub fn short_count(count: u64) -> String {
     }
 }
 
-/// Text in at most so many columns; what does not fit is left out aloud.
+/// Text in at most so many columns, with an ellipsis for the rest.
 pub fn cut(text: &str, columns: usize) -> String {
     if text.chars().count() <= columns {
         return text.to_owned();

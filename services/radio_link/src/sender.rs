@@ -3,7 +3,7 @@
 //! Frame n is due at the start + n periods of `CLOCK_MONOTONIC`: an early or late frame does not move the next one. If
 //! the thread wakes up after the next frame is due as well, it leaves out the past frames and counts them.
 //!
-//! The service's step only writes sticks into the [`Mailbox`]: four words of memory.
+//! The service's step only writes sticks into the [`SticksCell`]: four words of memory.
 
 use std::io;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use rustix::time::{ClockId, Timespec, clock_gettime};
 
 use crate::link::RadioLink;
 use crate::port::Counts;
-use crate::sticks::{Mailbox, Sticks};
+use crate::sticks::{Sticks, SticksCell};
 
 /// Longest measured lateness, ns.
 const LONGEST_NS: u64 = 1_000_000_000;
@@ -45,7 +45,7 @@ pub struct LinkReport {
 /// State that a sender shares with other threads.
 #[derive(Debug, Default)]
 struct Shared {
-    mailbox: Mailbox,
+    cell: SticksCell,
     stop: AtomicBool,
     sent: AtomicU64,
     dropped: AtomicU64,
@@ -100,7 +100,7 @@ impl Sender {
     /// Writes the newest sticks. It never waits, and makes no system call but for the time.
     #[inline]
     pub fn put(&self, sticks: &Sticks) {
-        self.shared.mailbox.put(sticks, monotonic_ns());
+        self.shared.cell.put(sticks, monotonic_ns());
     }
 
     /// Returns its condition.
@@ -163,7 +163,7 @@ fn send_until_stopped(mut link: RadioLink, period_ns: u64, shared: &Shared) -> L
         // carry older sticks, with which the motors turn.
         is_last = shared.stop.load(Ordering::Acquire);
         sleep_until(pace.due_ns);
-        newest = shared.mailbox.look().or(newest);
+        newest = shared.cell.look().or(newest);
         let now_ns = monotonic_ns();
         link.transmit(newest, now_ns);
         lateness_ns.saturating_record(now_ns.saturating_sub(pace.due_ns));

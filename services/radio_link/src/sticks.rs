@@ -47,14 +47,14 @@ impl Sticks {
 /// It is a sequence lock: words guarded by a count that is odd while they change. The writer never waits. A reader
 /// during a write gets nothing, and the sender keeps the sticks that it has.
 #[derive(Debug, Default)]
-pub struct Mailbox {
+pub struct SticksCell {
     count: AtomicU64,
     codes: AtomicU64,
     flags: AtomicU64,
     put_at_ns: AtomicU64,
 }
 
-impl Mailbox {
+impl SticksCell {
     /// Writes the newest sticks, at a time of `CLOCK_MONOTONIC`. For one thread only: two writers could leave an even
     /// count over mixed words.
     #[inline]
@@ -117,22 +117,22 @@ mod tests {
 
     #[test]
     fn the_cell_is_empty_before_the_first_sticks_and_then_holds_the_newest() {
-        let mailbox = Mailbox::default();
-        assert_eq!(mailbox.look(), None);
+        let cell = SticksCell::default();
+        assert_eq!(cell.look(), None);
         let sticks = Sticks {
             codes: [1, 0xffff, 3, 0x8000],
             failsafe: false,
             is_lost: true,
             disarmed: false,
         };
-        mailbox.put(&Sticks::AT_REST, 1);
-        mailbox.put(&sticks, 2);
-        assert_eq!([mailbox.look(), mailbox.look()], [Some((sticks, 2)); 2]);
+        cell.put(&Sticks::AT_REST, 1);
+        cell.put(&sticks, 2);
+        assert_eq!([cell.look(), cell.look()], [Some((sticks, 2)); 2]);
     }
 
     #[test]
     fn a_reader_beside_a_writer_sees_sticks_that_were_written_together() {
-        let mailbox = Mailbox::default();
+        let cell = SticksCell::default();
         let last = 200_000_u64;
         std::thread::scope(|scope| {
             scope.spawn(|| {
@@ -144,12 +144,12 @@ mod tests {
                         is_lost: now_ns % 3 == 0,
                         disarmed: now_ns % 5 == 0,
                     };
-                    mailbox.put(&sticks, now_ns);
+                    cell.put(&sticks, now_ns);
                 }
             });
             let mut newest = 0;
             while newest < last {
-                let Some((sticks, now_ns)) = mailbox.look() else {
+                let Some((sticks, now_ns)) = cell.look() else {
                     continue;
                 };
                 assert!(newest <= now_ns);

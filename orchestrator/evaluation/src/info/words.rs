@@ -195,7 +195,7 @@ fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
         let lost = restart["lost_seconds"].as_f64().unwrap_or(f64::NAN);
         writeln!(
             formatter,
-            "{} was born again {place}, within {lost:.3} s",
+            "{} was restarted {place}, within {lost:.3} s",
             text(&restart["service"])
         )?;
     }

@@ -125,7 +125,7 @@ pub enum NotMeasured {
     /// It could not be flown.
     #[error(transparent)]
     Failed(#[from] FlightFailure),
-    /// Somebody asked for the end, by this signal.
+    /// The user asked for the end, by this signal.
     #[error("ended by signal {0}")]
     Interrupted(i32),
     /// The vehicle was lost.

@@ -21,7 +21,7 @@ code { white-space: pre-wrap; }
 pub fn page(report: &ReproductionReport, drawings: &[Drawing], pages: &[FlightPage]) -> String {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Gerono: the paper's figures</title>\n\
-         <style>{STYLE}</style>\n<h1>The paper's figures, flown again</h1>\n"
+         <style>{STYLE}</style>\n<h1>The paper's figures, reproduced</h1>\n"
     );
     html += &laboratories(report);
     for figure in &report.figures {

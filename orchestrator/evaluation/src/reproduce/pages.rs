@@ -102,7 +102,7 @@ fn record(scenario: &Scenario, log: &Path, interrupt: &Interrupt) -> Result<Opti
     let log = RunLogWriter::create(log, &Manifest::new(scenario), Compression::None)?;
     let mut progress = Progress::hidden();
     let mut sink = Both {
-        tape: RecordingSink::new(scenario, &schedule, Some(log), &mut progress),
+        sink: RecordingSink::new(scenario, &schedule, Some(log), &mut progress),
         tracer: Tracer::new(scenario, &schedule),
     };
     let outcome = in_process::fly(scenario, &mut sink, interrupt).map(|ending| ending.outcome);
@@ -110,13 +110,13 @@ fn record(scenario: &Scenario, log: &Path, interrupt: &Interrupt) -> Result<Opti
         Ok(Outcome::Failed(FlightFailure::Log(error))) => return Err(error),
         outcome => matches!(outcome, Ok(Outcome::Completed)),
     };
-    sink.tape.finish().1?;
+    sink.sink.finish().1?;
     Ok(is_completed.then(|| sink.tracer.finish()))
 }
 
 /// Hands everything on to both.
 struct Both<'a> {
-    tape: RecordingSink<'a>,
+    sink: RecordingSink<'a>,
     tracer: Tracer,
 }
 
@@ -126,13 +126,13 @@ impl TickSink for Both<'_> {
     #[inline]
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), LogError> {
         let Ok(()) = self.tracer.sample(topic, bytes);
-        self.tape.sample(topic, bytes)
+        self.sink.sample(topic, bytes)
     }
 
     #[inline]
     fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, LogError> {
         let Ok(_) = self.tracer.end_tick(tick);
-        self.tape.end_tick(tick)
+        self.sink.end_tick(tick)
     }
 }
 

@@ -1,9 +1,9 @@
-//! Deaths that were mended, as the summary and the record of the machine tell of them.
+//! Restarts, as the summary and the record of the machine show them.
 
 use serde::Serialize;
 use shared_types::ServiceId;
 
-/// A death in flight that was mended.
+/// A death in flight with its restart.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Restart {
     /// Which service.

@@ -49,7 +49,7 @@ pub enum ProcessFailure {
         /// How far it had come, in words.
         when: String,
     },
-    /// Somebody asked for the end.
+    /// The user asked for the end.
     #[error("the replay was ended by signal {signal}")]
     Interrupted {
         /// Number of the signal.

@@ -28,7 +28,7 @@ pub struct Recovery {
     pub span: Option<[Moment; 2]>,
     /// Last tick that the scenario plans; none in a log of the machine.
     pub planned_last_tick: Option<u64>,
-    /// Whether the manifest was damaged, so that the scenario was stated anew.
+    /// `true` if the manifest was damaged, so that the scenario was given again.
     pub is_scenario_restated: bool,
     /// If the source itself was a recovered log, what that lacked.
     pub earlier: Option<Box<Recovery>>,

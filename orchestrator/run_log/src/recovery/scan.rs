@@ -167,7 +167,7 @@ impl Scan {
                     return Ok(Some(Piece::Metadata(metadata)));
                 }
                 Found::Index => self.at += bytes,
-                // What follows was to be the summary, which is made anew.
+                // The summary would follow; it is rebuilt.
                 Found::DataEnd => match self.resynchronise(self.at + bytes)? {
                     Some(_) => return self.damage().map(Some),
                     None => {
@@ -362,7 +362,7 @@ impl Scan {
 enum Found {
     Chunk(Chunk),
     Metadata(Metadata),
-    /// What a writer makes anew.
+    /// Records that a writer rebuilds.
     Index,
     DataEnd,
 }

@@ -43,7 +43,7 @@ fn every_committed_scenario_names_its_schema_and_says_what_it_is_for() {
     }
 }
 
-/// Whoever reads fig1.toml has seen every parameter: what it states is all that there is.
+/// fig1.toml shows every parameter.
 #[test]
 fn the_first_scenario_states_every_parameter_but_the_transport() {
     let text = fig1();

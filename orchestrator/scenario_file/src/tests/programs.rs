@@ -1,4 +1,4 @@
-//! Programs of one's own in place of services.
+//! External services.
 
 use shared_types::ServiceId;
 

@@ -185,7 +185,7 @@ impl Flight<'_> {
     }
 }
 
-/// How somebody breaks a service by hand.
+/// Way to break a service by hand.
 #[derive(Clone, Copy)]
 enum Break {
     Kill,

@@ -115,7 +115,7 @@ fn unsendable(link: RadioProtocol, figures: &LinkFigures) -> Option<String> {
     match figures.state {
         LinkFigures::STATE_OPEN => None,
         LinkFigures::STATE_LOST => Some(format!(
-            "the radio link `{name}` is lost: its device or peer is gone, and is sought again"
+            "the radio link `{name}` is lost: its device or peer is gone; it reconnects in the background"
         )),
         _ => Some(format!("the radio link `{name}` has not been opened yet")),
     }

@@ -152,7 +152,7 @@ impl Recorder {
                     break;
                 }
                 let bytes = feed.subscription.receiver.held().expect("just received");
-                // One that was born again may repeat its last words, as the world does: the first count, for its
+                // A restarted service may repeat its last samples, as the HIL simulator does: the first count, for its
                 // consumers too.
                 let tick = header_of(bytes).tick;
                 if feed.newest.replace(tick.max(feed.newest.unwrap_or(0))) >= Some(tick) {

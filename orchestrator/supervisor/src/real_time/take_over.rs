@@ -14,7 +14,7 @@ use crate::FlightFailure;
 use crate::run_context::RunContext;
 use crate::supervision::{OrphanedService, Shared};
 
-/// How long services are waited for: who is alone looks for somebody once in [`SILENCE_NS`].
+/// Longest wait for services: an orphaned one looks for an orchestrator once in [`SILENCE_NS`].
 const PATIENCE: Duration = Duration::from_nanos(3 * SILENCE_NS);
 
 /// A flight that is ready to be taken over.
@@ -33,13 +33,13 @@ impl TakeOver {
     /// # Errors
     /// [`FlightFailure::Setup`] if none comes, or if one is of another build.
     pub fn prepare(place: &Path) -> Result<Self, FlightFailure> {
-        let heir = TakeOverListener::listen(place).map_err(FlightFailure::setup)?;
+        let listener = TakeOverListener::listen(place).map_err(FlightFailure::setup)?;
         let mut survivors = [const { None }; ServiceId::ALL.len()];
         let mut first: Option<InheritedDescriptors> = None;
         let deadline = Instant::now() + PATIENCE;
         while survivors.iter().any(Option::is_none) {
             let left = deadline.saturating_duration_since(Instant::now());
-            let Some(inheritance) = heir.accept(left).map_err(FlightFailure::setup)? else {
+            let Some(inheritance) = listener.accept(left).map_err(FlightFailure::setup)? else {
                 break;
             };
             let InheritedDescriptors {

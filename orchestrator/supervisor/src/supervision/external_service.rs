@@ -1,8 +1,8 @@
-//! What is special about external services: programs of one's own that fly in place of services.
+//! Supervision of external services.
 //!
 //! An external service does not see the words that services share, so that the orchestrator writes there what it says of itself. What
 //! it knows is kept nowhere: in simulated time its death ends the flight, because nobody could go on as if nothing had
-//! happened, and in real time the next one begins anew.
+//! happened, and in real time the next one makes a cold start.
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -165,7 +165,7 @@ impl Supervisor<'_> {
         Err(self.external_service_failure(at, what))
     }
 
-    /// Lets external services in flight connect to a service that was born again.
+    /// Lets external services in flight connect to a restarted service.
     ///
     /// # Errors
     /// [`FlightFailure`] if the system refuses.

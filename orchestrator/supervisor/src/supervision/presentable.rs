@@ -1,4 +1,4 @@
-//! What programs of one's own say, as a terminal may be given it.
+//! Output of external services, made safe for a terminal.
 
 /// Longest quotation of what a program says, characters.
 const QUOTATION: usize = 500;

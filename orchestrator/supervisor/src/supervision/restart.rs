@@ -88,16 +88,16 @@ impl Supervisor<'_> {
         };
         block.forget_receivers(service);
         cell.waiting_for.store(0, Ordering::Relaxed);
-        // One that is born again at once finds everything cleaned up when it makes its ports.
+        // A service that restarts at once finds everything cleaned up when it makes its ports.
         if member.phase != Phase::Dead(now) {
             self.member.clean_up_after_the_dead();
         }
-        // Whoever waited for it in vain looks again.
+        // Services that waited for it check again.
         self.wake_all();
         Some(ServiceEvent::Died)
     }
 
-    /// Lets services that were born again in real time go on at once, with the newest that comes.
+    /// Lets services that restarted in real time go on at once, with the newest samples.
     ///
     /// # Errors
     /// [`FlightFailure`] if the system refuses.
@@ -206,7 +206,7 @@ impl Supervisor<'_> {
         Ok(())
     }
 
-    /// Lets services that were born again in flight go on, once all others are connected to their ports: what is
+    /// Lets services that restarted in flight go on, once all others are connected to their ports: what is
     /// published before might be lost to a consumer that is not.
     ///
     /// # Errors

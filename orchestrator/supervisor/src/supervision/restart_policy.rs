@@ -7,7 +7,7 @@ use command_line::values::ValueError;
 use scenario::suggest::known_names;
 use shared_types::ServiceId;
 
-/// So many deaths in a row at the same place are mended at once, the later ones after a pause that grows.
+/// Number of deaths in a row at the same place that are followed by a restart at once; later restarts come after a growing pause.
 const AT_ONCE: u32 = 3;
 
 /// The first pause.

@@ -1,4 +1,4 @@
-//! A process that waits to take the place of whoever dies next.
+//! Standby process: waits to take the role of the next service that dies.
 //!
 //! It has loaded, joined the run and built all services by then, which is most of what a new process has to do. A run never depends on it: without one the dead are followed by processes that are started then.
 
@@ -50,7 +50,7 @@ impl Standby {
 }
 
 impl Supervisor<'_> {
-    /// Starts a standby process if there is none. To be called while nobody needs care: whoever does comes first.
+    /// Starts a standby process if there is none. Call it while no service needs a restart: those come first.
     pub fn keep_standby(&mut self) {
         if let Some(reserve) = &mut self.reserve {
             reserve.refill();

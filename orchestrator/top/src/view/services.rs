@@ -71,7 +71,7 @@ const COLUMNS: [Column; 11] = [
     column("since start", "late", 4, 5, |service| {
         short_count(service.late_inputs)
     }),
-    column("since start", "born", 4, 4, |service| {
+    column("since start", "died", 4, 4, |service| {
         short_count(service.restarts)
     }),
 ];

@@ -138,7 +138,7 @@ pub struct Rig {
     commands: VecDeque<(u64, Asked)>,
     acting: Asked,
     captures: VecDeque<MocapPose>,
-    unheard: Option<RcFrame>,
+    pending: Option<RcFrame>,
     stamps_are_wrong: bool,
     noises: [Noise; 3],
 }
@@ -204,7 +204,7 @@ impl Rig {
             commands: VecDeque::new(),
             acting: hover,
             captures: VecDeque::new(),
-            unheard: None,
+            pending: None,
             stamps_are_wrong: false,
             noises: [Stream::CameraNoise, Stream::Turbulence, Stream::Fan]
                 .map(|stream| Noise::new(world.seed, stream)),
@@ -234,7 +234,7 @@ impl Rig {
             let capture = self.capture();
             self.captures.push_back(capture);
         }
-        let heard = self.unheard.take();
+        let heard = self.pending.take();
         if let Some(frame) = &heard {
             self.filter.hear(now_ns, frame);
         }
@@ -250,7 +250,7 @@ impl Rig {
             told = self.filter.estimate(now_ns);
             let acts_at = self.tick + self.world.radio_latency;
             let asked = pilot(acts_at as f64 * TICK, told.as_ref());
-            self.unheard = Some(frame(now_ns, asked));
+            self.pending = Some(frame(now_ns, asked));
             self.commands.push_back((acts_at, asked));
         }
         self.advance();

@@ -1,9 +1,9 @@
 """Flies the controller in Python in place of Gerono's own.
 
-    guest.py GERONO FOLDER
+    external_service.py GERONO FOLDER
 
 * In simulated time two flights have the same bytes and end at the point; a replay does the steps of the services beside it again.
-* Services that die beside it are mended, and the log shows nothing of it.
+* Services that die beside it are restarted, and the log shows nothing of it.
 * In real time it ends at the point, too; so it does after it was killed on the way, as another process.
 
 Results go to FOLDER. Fails at the first that is otherwise, naming it.
@@ -60,7 +60,7 @@ def check_simulated_time(gerono, folder):
     return require_arrival(first, IN_SIMULATED_TIME)
 
 
-def guest_of(run):
+def controller_of(run):
     """The process of the controller of a run, if there is one."""
     children = Path(f"/proc/{run}/task/{run}/children").read_text().split()
     lines = ((int(child), Path(f"/proc/{child}/cmdline")) for child in children)
@@ -73,12 +73,12 @@ def check_real_time(gerono, folder):
     fly(gerono, calm, "--host", "realtime")
     with subprocess.Popen(command(gerono, disturbed, "--host", "realtime")) as run:
         time.sleep(2)
-        guest = guest_of(run.pid)
-        require(guest is not None, "the controller has no process 2 s after the start")
-        os.kill(guest, signal.SIGKILL)
+        external = controller_of(run.pid)
+        require(external is not None, "the controller has no process 2 s after the start")
+        os.kill(external, signal.SIGKILL)
         require(run.wait() == 0, "the flight in which the controller is killed failed")
-    rebirths = json.loads((disturbed / "summary.json").read_text())["rebirths"]
-    require([rebirth["service"] for rebirth in rebirths] == ["controller"], f"these were born again: {rebirths}")
+    restarts = json.loads((disturbed / "summary.json").read_text())["rebirths"]
+    require([restart["service"] for restart in restarts] == ["controller"], f"these were restarted: {restarts}")
     return require_arrival(calm, IN_REAL_TIME), require_arrival(disturbed, IN_REAL_TIME)
 
 
@@ -87,7 +87,7 @@ def main(gerono, folder):
     simulated = check_simulated_time(gerono, folder)
     calm, disturbed = check_real_time(gerono, folder)
     print(
-        f"guest: the controller in Python ends {1e3 * simulated:.2f} mm from its point in simulated time, with the same bytes each time; "
+        f"external: the controller in Python ends {1e3 * simulated:.2f} mm from its point in simulated time, with the same bytes each time; "
         f"in real time {1e3 * calm:.2f} mm, and {1e3 * disturbed:.2f} mm after a death on the way"
     )
 
