@@ -66,7 +66,7 @@ pub enum Command {
     /// Numbers are read back to the bit; those that are not finite are the words NaN, inf and -inf.
     ///
     /// With --view, an MCAP file with every message of the log as it is, and beside them what Foxglove, Lichtblick and Rerun need
-    /// to show the flight in space: frames, the vehicle, its way and that of the reference (docs/viewers.md).
+    /// to show the flight in space: frames, the vehicle, its way and that of the reference (docs/viewing.md).
     #[command(after_help = Export::EXAMPLES)]
     Export(Export),
     /// Say what is in a log: scenario, seed, topics with their rates and gaps, planned faults, and how the run went.

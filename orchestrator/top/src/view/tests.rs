@@ -7,7 +7,7 @@ use super::*;
 use live::snapshot::{CamerasSnapshot, InputSnapshot, LinkSnapshot, LiveEvent, ServiceSnapshot};
 use metrics::summary::timing::Quantiles;
 
-const DOCUMENT: &str = include_str!("../../../../docs/top.md");
+const DOCUMENT: &str = include_str!("../../../../docs/viewing.md");
 
 fn times(p50: f64, p99: f64, max: f64) -> Option<Quantiles> {
     Some(Quantiles {
@@ -140,11 +140,11 @@ fn the_view_in_the_documentation_is_the_one_of_80_by_24() {
     let drawn = screen(&selecting(3), 80, 24);
     let (_, shown) = DOCUMENT
         .split_once("```text\n")
-        .expect("docs/top.md shows a view");
+        .expect("docs/viewing.md shows a view");
     let (shown, _) = shown.split_once("\n```").expect("a block ends");
     assert!(
         shown == drawn,
-        "docs/top.md is out of date; it should show\n\n{drawn}\n"
+        "docs/viewing.md is out of date; it should show\n\n{drawn}\n"
     );
 }
 
