@@ -378,9 +378,61 @@ fn no_crate_holds_half_of_the_house() {
     }
 }
 
+/// The anchor of a heading, as forges and mdBook make it.
+fn anchor(heading: &str) -> String {
+    let kept = |character: &char| character.is_alphanumeric() || matches!(character, ' ' | '-' | '_');
+    let text: String = heading.chars().filter(kept).collect();
+    text.trim().to_lowercase().replace(' ', "-")
+}
+
+/// The anchors of a page.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let mut is_code = false;
+    let headings = text.lines().filter(|line| {
+        is_code ^= line.starts_with("```");
+        !is_code && line.starts_with('#')
+    });
+    headings
+        .map(|line| anchor(line.trim_start_matches('#')))
+        .collect()
+}
+
+#[test]
+fn the_manual_lists_every_page_once() {
+    let summary = read("docs/SUMMARY.md");
+    let listed: Vec<_> = summary
+        .split("](")
+        .skip(1)
+        .map(|rest| rest.split(')').next().unwrap().to_owned())
+        .collect();
+    let pages: BTreeSet<_> = documents()
+        .into_iter()
+        .map(|(path, _)| path.file_name().unwrap().to_str().unwrap().to_owned())
+        .filter(|name| !["README.md", "SUMMARY.md"].contains(&name.as_str()))
+        .collect();
+    assert_eq!(listed.len(), pages.len());
+    assert_eq!(listed.into_iter().collect::<BTreeSet<_>>(), pages);
+}
+
 #[test]
 fn every_link_inside_the_repository_leads_somewhere() {
     let mut count = 0;
+    for (path, text) in documents() {
+        for rest in text.split("](").skip(1) {
+            let target = rest.split(')').next().expect("splits into one");
+            let Some((file, fragment)) = target.split_once('#').filter(|_| !target.contains("://")) else {
+                continue;
+            };
+            let page = if file.is_empty() {
+                path.clone()
+            } else {
+                path.parent().unwrap().join(file)
+            };
+            let page = std::fs::read_to_string(&page)
+                .unwrap_or_else(|error| panic!("{}: {target}: {error}", path.display()));
+            assert!(anchors(&page).contains(fragment), "{}: {target}", path.display());
+        }
+    }
     for (path, text) in documents() {
         for rest in text.split("](").skip(1) {
             let target = rest.split(')').next().expect("splits into one");

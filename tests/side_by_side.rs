@@ -12,6 +12,7 @@ mod faults;
 mod figures;
 mod flight;
 mod identity;
+mod language;
 mod laws;
 mod logs;
 mod outages;

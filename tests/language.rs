@@ -1,0 +1,140 @@
+//! The field's language: no word that the glossary retired, and pages that are easy to read and to compare.
+
+use std::path::{Path, PathBuf};
+
+/// Names that programs outside of this repository rely on, and the retired word in each.
+const KEPT: [(&str, &str); 4] = [
+    // Key of the control channel, which running services of an older program read.
+    ("services/runtime/src/control.rs", "reborn"),
+    ("docs/architecture.md", "reborn"),
+    ("docs/process_contract.md", "reborn"),
+    // Name of the socket of a run: a newer orchestrator takes over flights of an older one.
+    ("services/runtime/src/take_over.rs", "succession"),
+];
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// Texts that people read or write, with their paths from the repository's root.
+fn texts() -> Vec<(String, String)> {
+    let mut folders = vec![repository()];
+    let mut texts = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_str().unwrap();
+            let is_left_out =
+                ["target", "runs", "book", ".git", ".venv", "proptest-regressions"].contains(&name);
+            if path.is_dir() {
+                if !is_left_out {
+                    folders.push(path);
+                }
+                continue;
+            }
+            let extension = path.extension().and_then(|extension| extension.to_str());
+            if matches!(
+                extension,
+                Some("rs" | "md" | "toml" | "py" | "sh" | "html" | "js" | "css")
+            ) {
+                let from_root = path
+                    .strip_prefix(repository())
+                    .unwrap()
+                    .to_str()
+                    .unwrap()
+                    .to_owned();
+                texts.push((from_root, std::fs::read_to_string(&path).unwrap()));
+            }
+        }
+    }
+    texts.sort();
+    assert!(texts.len() > 300, "only {} files", texts.len());
+    texts
+}
+
+/// Words of the glossary's table of retired ones, in lower case.
+fn retired() -> Vec<String> {
+    let glossary = std::fs::read_to_string(repository().join("docs/glossary.md")).unwrap();
+    let (_, table) = glossary.split_once("<!-- retired words -->").unwrap();
+    let rows = table.lines().filter(|line| line.starts_with('|')).skip(2);
+    let words = rows.flat_map(|row| {
+        let cell = row
+            .trim_matches('|')
+            .split(" | ")
+            .next()
+            .expect("splits into one");
+        cell.split(',')
+            .map(|word| word.trim().to_owned())
+            .collect::<Vec<_>>()
+    });
+    let words: Vec<_> = words.collect();
+    assert!(words.len() > 20, "{words:?}");
+    words
+}
+
+/// Whether a line has a word or phrase that is not a part of a longer name.
+fn has(line: &str, word: &str) -> bool {
+    let is_part = |character: char| character.is_alphanumeric() || character == '_';
+    line.match_indices(word)
+        .any(|(at, _)| !line[..at].ends_with(is_part) && !line[at + word.len()..].starts_with(is_part))
+}
+
+#[test]
+fn no_text_uses_a_word_that_the_glossary_retired() {
+    let retired = retired();
+    let mut found = Vec::new();
+    for (path, text) in texts() {
+        if ["docs/glossary.md", "tests/language.rs"].contains(&path.as_str()) {
+            continue;
+        }
+        for (number, line) in text.lines().enumerate() {
+            let lower = line.to_lowercase();
+            for word in retired.iter().filter(|word| has(&lower, word)) {
+                if !KEPT.contains(&(path.as_str(), word.as_str())) {
+                    found.push(format!("{path}:{}: {word}: {}", number + 1, line.trim()));
+                }
+            }
+        }
+    }
+    assert!(found.is_empty(), "{} lines:\n{}", found.len(), found.join("\n"));
+}
+
+/// Lines of a page that are prose: no code, table, comment or heading.
+fn prose(page: &str) -> Vec<(usize, &str)> {
+    let mut is_code = false;
+    let lines = page.lines().enumerate().filter(|(_, line)| {
+        let line = line.trim_start();
+        is_code ^= line.starts_with("```");
+        !is_code && !line.starts_with(['`', '|', '#', '<', '!'])
+    });
+    lines.map(|(number, line)| (number + 1, line.trim())).collect()
+}
+
+/// Whether a second sentence begins within a line.
+fn has_two_sentences(line: &str) -> bool {
+    // What ends with a point and is no sentence.
+    const ABBREVIATIONS: [&str; 6] = ["Fig", "Figs", "Sec", "no", "vs", "e.g"];
+    line.match_indices(". ").any(|(at, _)| {
+        let before = line[..at].rsplit([' ', '(']).next().unwrap_or_default();
+        let is_number = before.ends_with(|character: char| character.is_ascii_digit()) && at < 3;
+        let begins = line[at + 2..].trim_start_matches(['*', '`', '[', '(', '"']);
+        !ABBREVIATIONS.contains(&before) && !is_number && begins.starts_with(char::is_uppercase)
+    })
+}
+
+#[test]
+fn pages_have_one_sentence_a_line_and_none_that_begins_with_who() {
+    let mut found = Vec::new();
+    for (path, text) in texts() {
+        if path != "README.md" && !(path.starts_with("docs/") && path.ends_with(".md")) {
+            continue;
+        }
+        for (number, line) in prose(&text) {
+            let first = line.trim_start_matches(['*', '-', ' ']);
+            if has_two_sentences(line) || first.starts_with("Who") {
+                found.push(format!("{path}:{number}: {line}"));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{} lines:\n{}", found.len(), found.join("\n"));
+}
