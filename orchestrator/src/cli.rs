@@ -40,143 +40,144 @@ pub struct Cli {
 pub enum Command {
     /// Fly a scenario and record it.
     ///
-    /// Starts one process a service, flies the scenario in simulated time and writes run.mcap (the experiment:
+    /// Starts one process for each service, flies the scenario in simulated time and writes run.mcap (the experiment:
     /// the same bytes for the same scenario and seed), host.mcap (the machine) and summary.json.
     Run(Run),
-    /// Check a scenario and show its schedule and wiring, without flying it.
+    /// Check a scenario without flying it: schedule, wiring, and whether the gains suit the vehicle.
     Check(Check),
     /// Draw the distance from the path over time of one or several logs as an SVG figure.
     ///
-    /// It is the true distance, whatever the controller says of itself; of a flight in a laboratory, where nobody knows the
-    /// truth, the estimated one. The theorem's bound is drawn where it applies. Planned faults are shaded.
+    /// Draws the true distance; in a laboratory, where the truth is not known, the estimated one. The theorem's bound
+    /// is drawn where it applies, and planned faults are shaded.
     Plot(Plot),
-    /// Show flights as one page that opens in any browser, without a network, and draw the paper's figures that they have.
+    /// Write a page about one or several flights that opens in any browser.
     ///
-    /// DIR/report.html holds everything: the 3D view, which turns with the mouse and shows the vehicle at the moment
-    /// under the pointer; errors, commands, estimates, attitude and timing law over time, on axes that zoom together; what
-    /// happened when; the summary; the scenario; and of flights in real time how the services kept time.
-    /// Several logs are laid over each other, a colour each. Of many samples in a column of pixels the smallest and the
-    /// largest are kept: no peak is lost. Of a log that was never completed, what is whole is shown.
+    /// DIR/report.html holds everything and needs no network: a 3D view that turns with the mouse and shows the vehicle at
+    /// the time under the pointer; errors, commands, estimates, attitude and timing law on axes that zoom together; the
+    /// events, the summary and the scenario; and in real time how the services kept time.
+    /// Several logs are overlaid, one colour each. No peak is lost: the smallest and the largest of the samples in a column of
+    /// pixels are kept. An incomplete log is shown as far as it goes.
     ///
-    /// A flight of one of the paper's figures is drawn as that figure too, as SVG beside the page.
+    /// A flight of one of the paper's figures is also drawn as that figure, as SVG beside the page.
     #[command(after_help = ReportArguments::EXAMPLES)]
     Report(ReportArguments),
-    /// Write the samples of a log as JSON lines, or those of one topic as a table (CSV), for other programs; or a copy for viewers.
+    /// Write samples of a log as JSON lines or as a table (CSV), or a copy of the log for viewers.
     ///
     /// Numbers are read back to the bit; those that are not finite are the words NaN, inf and -inf.
     ///
-    /// With --view, an MCAP file with every message of the log as it is, and beside them what Foxglove, Lichtblick and Rerun need
-    /// to show the flight in space: frames, the vehicle, its way and that of the reference (docs/viewing.md).
+    /// With --view, writes an MCAP file with every message of the log and what Foxglove, Lichtblick and Rerun need to show
+    /// the flight in space: frames, the vehicle, its trajectory and the reference (docs/viewing.md).
     #[command(after_help = Export::EXAMPLES)]
     Export(Export),
-    /// Say what is in a log: scenario, seed, topics with their rates and gaps, planned faults, and how the run went.
+    /// Show the content of a log: scenario, seed, topics with rates and gaps, faults, and the outcome.
     ///
-    /// Reads all of it, so that what is damaged or was never closed is seen. What only summary.json and host.mcap beside it know
-    /// (verdicts, deaths) is shown if they are there.
+    /// Reads the whole log, so that damage is found. Adds what summary.json and host.mcap beside it know (verdicts,
+    /// deaths).
     Info(Info),
-    /// Make a proper log of one that was never closed, was cut, or is damaged, and say what was kept and lost.
+    /// Make a proper log of an incomplete or damaged one, and report what was kept and lost.
     ///
-    /// Keeps every chunk whose checksum holds, before and behind the damage. The new log says in itself that it was recovered
-    /// and what it lacks; the old one is left as it is. Given the folder of a run, does so for run.mcap and host.mcap.
+    /// Keeps every chunk whose checksum holds, before and after the damage. The new log says that it was recovered
+    /// and what it lacks; the old one stays as it is. With the folder of a run, recovers run.mcap and host.mcap.
     #[command(after_help = Recover::EXAMPLES)]
     Recover(Recover),
-    /// Do the steps of a log again on what it has recorded, and compare what comes of them byte for byte.
+    /// Repeat the steps of a log on their recorded inputs, and compare the results byte for byte.
     ///
-    /// Every service is fed the recorded samples, so that a difference names the service that made it. Works on logs of
-    /// simulated and of real time (whose host.mcap must lie beside run.mcap), with planned faults, and cut short. What the
-    /// services knew is compared with the checkpoints in host.mcap; behind a gap in the log they go on from there.
+    /// Every service gets the recorded samples, so a difference names the service that made it. Works on logs of
+    /// simulated and of real time (with host.mcap beside run.mcap), with planned faults, and on incomplete ones. The
+    /// states of the services are compared with the checkpoints in host.mcap; after a gap in the log they continue from there.
     #[command(after_help = Replay::EXAMPLES)]
     Replay(Replay),
-    /// Compare two logs: per topic identical, or how many samples differ, the first of them, and by how much.
+    /// Compare two logs by topic: identical, or how many samples differ, the first of them, and by how much.
     Diff(Diff),
-    /// Print the SHA-256 of a log's messages (topic, time, payload): equal logs of equal experiments.
+    /// Print the SHA-256 of a log's messages (topic, time, payload): equal for equal experiments.
     Digest(Digest),
-    /// Measure this machine: simulated seconds per wall second of every host, beside what iceoryx2 alone needs.
+    /// Measure this machine: simulated seconds per wall second of every host, beside iceoryx2 alone.
     ///
-    /// `gerono bench latency` measures flights in real time instead, `gerono bench recorder` what recording costs.
+    /// `gerono bench latency` measures flights in real time, `gerono bench recorder` the cost of recording.
     Bench(Bench),
-    /// Fly the paper's figures again, over many seeds in three laboratories, judge and draw them.
+    /// Fly the paper's figures over many seeds in three laboratories, judge and draw them.
     ///
-    /// Writes reproduce.json, figures.md, a drawing a figure, a page of the first flight of each, and index.html, which shows and links them. Fails only if a number has regressed: neither
-    /// reaches its bar nor is a known gap. The seeds are 101 and following; gains were tuned on 1 to 6.
+    /// Writes reproduce.json, figures.md, a drawing of each figure, a page about the first flight of each, and index.html,
+    /// which links them. Fails only if a number has regressed: it neither reaches its limit nor is a known gap.
+    /// The seeds are 101 and following; gains were tuned on 1 to 6.
     Reproduce(Reproduce),
-    /// Let every service and every edge of the wiring fail in every way, and see what becomes of the vehicle.
+    /// Let every service and every edge of the wiring fail in every way, and report what the vehicle does.
     ///
-    /// Flies the scenario once without a fault and once for each of them, at several moments: every service but the plant
-    /// off (warm and cold) and frozen, every edge with samples late by 0.05 s, half of them lost, stuck, wrong (a
-    /// position by 0.1 m, a thrust by a fifth), garbage within ±10, and garbage of any bits.
+    /// Flies the scenario once without a fault and once for each fault, at several times: every service but the plant
+    /// off (warm and cold) and frozen; every edge with samples late by 0.05 s, half of them lost, stuck, wrong (a
+    /// position by 0.1 m, a thrust by a fifth), random within ±10, and of random bits.
     ///
-    /// The vehicle has survived if it strayed no further than 1.5 times the bound, which is its largest distance from the
-    /// path in the 5 s before or 0.02 m; it is degraded if it did and came back inside the bound, and lost if it did not,
-    /// came 5 m away, tipped over, a number was not finite, or a service died of it. To lose it is a result, not an error.
+    /// The vehicle has survived if it stayed within 1.5 times the bound, which is its largest distance from the
+    /// path in the 5 s before or 0.02 m. It is degraded if it left this range and came back inside the bound, and lost if
+    /// it did not, came 5 m away, tipped over, a number was not finite, or a service died of it. A loss is a result, not
+    /// an error.
     ///
     /// Writes faults.json and faults.md.
     #[command(after_help = Faults::EXAMPLES)]
     Faults(Faults),
-    /// Check this machine before a flight: what is good (green), poor (yellow) or would not work (red), and how to fix it.
+    /// Check this machine before a flight: good (green), poor (yellow) or unusable (red), each with its fix.
     ///
-    /// Looks at shared memory, limits, cores, clock, governor, other runs and what dead ones have left, and measures for some
-    /// seconds how fast the disk is and how late a sleeper wakes. With a scenario, all of it is judged by what that asks for:
-    /// its `[deployment]`, the size of its log, its `real_time.grace`. Only flights in real time need sharp wake-ups. Changes nothing;
-    /// docs/deployment.md explains every number.
+    /// Checks shared memory, limits, cores, clock, governor, other runs and leftovers of dead ones, and measures for some
+    /// seconds the speed of the disk and the delay of wake-ups. With a scenario, judges all of it by the scenario's
+    /// `[deployment]`, the size of its log and its `real_time.grace`. Only flights in real time need sharp wake-ups. Changes
+    /// nothing; docs/deployment.md explains every number.
     #[command(after_help = Doctor::EXAMPLES)]
     Doctor(Doctor),
     /// Listen to a motion-capture system, or emulate one.
     Mocap(Mocap),
-    /// Arm a flight in real time: its motors turn, and it takes off as soon as all services are ready.
+    /// Arm a flight in real time: motors may turn, and the vehicle takes off when all services are ready.
     ///
-    /// Only a scenario with `[flight]` has something to arm. Refused while a service does not fly, the vehicle is not
-    /// seen, its state is old, or the estimator has not converged.
+    /// Only a scenario with `[flight]` can be armed. Refused while a service does not fly, the vehicle is not
+    /// tracked, its state is old, or the estimator has not converged.
     Arm(Operate),
-    /// Disarm a flight in real time: its motors stop at once, in the air too. `gerono arm` arms it again.
+    /// Stop the motors immediately, even in the air. `gerono arm` re-enables them.
     Disarm(Operate),
-    /// Stop the motors of a flight in real time at once, until the end of the run: no command starts them again.
+    /// Stop the motors immediately until the end of the run, even in the air. Nothing re-enables them.
     Kill(Operate),
-    /// End a flight in real time: the vehicle lands first. Ctrl-C at the run's terminal does the same.
+    /// Land the vehicle and end a flight in real time, as Ctrl-C in the run's terminal does.
     ///
-    /// Asked again it changes nothing: `gerono kill` stops motors in the air.
+    /// Asking again changes nothing: `gerono kill` stops motors in the air.
     Stop(Operate),
     /// Take over a flight in real time whose orchestrator has died: record and supervise it to its end.
     ///
     /// The services of such a flight go on alone: they land, or fly on to the end, as the scenario's
     /// `real_time.orchestrator_loss` says. The new orchestrator records from then on, restarts services that die, and
-    /// answers `gerono arm`, `stop`, `top` and the like. What was not recorded meanwhile is not recovered.
+    /// answers `gerono arm`, `stop`, `top` and the like. Samples that were not recorded meanwhile are lost.
     Attach(Attach),
-    /// Look at a flight in real time while it goes on, from any terminal.
+    /// Show a flight in real time while it flies, from any terminal.
     ///
-    /// Shows how every service keeps time, how long it is from a capture to the frame, the vehicle's error and estimates over
-    /// the last minute, and what has happened. It only looks, and the flight never waits for it. With --allow-faults
-    /// the selected service can be killed or frozen, each after a confirmation. The key `?` explains the keys and what is shown.
+    /// Shows how every service keeps time, the delay from a capture to its frame, the vehicle's error and estimates of
+    /// the last minute, and events. Read-only, and the flight never waits for it. With --allow-faults the selected
+    /// service can be killed or frozen, each after a confirmation. The key `?` explains keys and columns.
     #[command(after_help = Top::EXAMPLES)]
     Top(Top),
-    /// Try a radio link on the ground, or find out what its channels mean.
+    /// Try a radio link on the ground, or identify its channels from a log.
     #[command(subcommand)]
     Rc(RcCommand),
-    /// Be the laboratory for a flight that is to be in one: simulate vehicle, cameras and receiver behind its sockets and links.
+    /// Hardware-in-the-loop simulator: vehicle, cameras and receiver behind real sockets and serial lines.
     ///
-    /// A hardware-in-the-loop simulator. It simulates the scenario's vehicle by the system's clock, sends what the scenario's
-    /// cameras see of it as `motion_capture.source` (VRPN, NatNet, Vicon) to where the flight listens, and flies by the frames of
-    /// `rc_output.link` that arrive where the flight sends them: at a pseudo-terminal, which gets the name that
-    /// `rc_output.transmitter.device` states, or at a socket. The flight, `gerono run --host realtime` with the same settings,
-    /// shares nothing else with it, and cannot tell.
+    /// Simulates the scenario's vehicle by the system's clock, sends what the scenario's cameras see of it as
+    /// `motion_capture.source` (VRPN, NatNet, Vicon) to the flight, and flies by the frames of `rc_output.link` that the
+    /// flight sends: to a pseudo-terminal with the name that `rc_output.transmitter.device` states, or to a socket. The
+    /// flight, `gerono run --host realtime` with the same settings, shares nothing else with it.
     ///
-    /// Its time begins with it: times in `[vehicle]` and `[cameras]` count from there. Writes run.mcap, which holds the truth,
-    /// host.mcap, which says when it began, and summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.
-    #[command(after_help = HilSimulator::EXAMPLES)]
+    /// Its time starts with it: times in `[vehicle]` and `[cameras]` count from there. Writes run.mcap, which holds the truth,
+    /// host.mcap, which holds its start, and summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.
+    #[command(after_help = HilSimulator::EXAMPLES, visible_alias = "hil")]
     World(HilSimulator),
-    /// Print the distance of the true position from the path while the vehicle followed it.
+    /// Print the true distance from the path, part by part, also of a flight in the HIL simulator.
     ///
-    /// The error is the distance of the true position from the point at which the path was at that time, at every tick: not
-    /// the controller's z1, which rests on an estimate. The truth is that of the flight's own log, or of the log of `gerono world`.
+    /// The distance is that of the true position from the point where the path was at that time, at every tick, and not
+    /// the controller's z1, which rests on an estimate. The truth is in the flight's log, or in that of `gerono world`.
     /// Parts: 5 s before the scenario's first event (a fan, a change), from there to the last part, the last part, all.
     #[command(after_help = TruthArguments::EXAMPLES)]
     Truth(TruthArguments),
-    /// Remove what dead runs have left in memory and in the folder for temporary files.
+    /// Remove leftovers of dead runs in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
     /// touched.
     Clean,
-    /// Print the JSON Schema of scenario files; editors complete and check them with it.
+    /// Print the JSON Schema of scenario files, for editors.
     Schema,
     /// Print the completion script of a shell, for example for `source <(gerono completions bash)` in ~/.bashrc.
     ///

@@ -72,7 +72,7 @@ pub enum RecoverError {
     Manifest {
         /// The file.
         path: PathBuf,
-        /// Why the manifest is of no use.
+        /// Reason why the manifest cannot be used.
         source: ManifestProblem,
         /// Samples that are whole.
         samples: u64,
@@ -242,7 +242,7 @@ impl<'a> Survey<'a> {
         recovery.strange += strange;
     }
 
-    /// Takes note of a place that is of no use.
+    /// Records a place that cannot be used.
     fn lose(&mut self, at: u64, bytes: u64) {
         let kept = self.recovery.kept();
         if let Some(gap) = self

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Scenario;
 use shared_types::schedule::OperatorPlan;
 
-/// Flight from the ground to the ground: disarmed, armed, take-off, fly, land, disarmed.
+/// Flight with phases: disarmed, armed, take-off, fly, land, disarmed.
 ///
 /// The ground is at the vehicle's initial height.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

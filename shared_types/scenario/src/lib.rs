@@ -108,7 +108,7 @@ pub struct Scenario {
     /// Model of vehicle and links that estimator and controller use; the truth may differ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<Model>,
-    /// The phases of the flight, from the ground to the ground; without it the vehicle is in the air from the start to
+    /// The phases of the flight, from take-off to landing; without it the vehicle is in the air from the start to
     /// the end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flight: Option<Flight>,

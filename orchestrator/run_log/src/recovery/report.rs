@@ -48,7 +48,7 @@ pub struct Moment {
 pub struct Gap {
     /// Where it begins in the source, bytes.
     pub at: u64,
-    /// How many bytes were of no use.
+    /// Number of bytes that could not be used.
     pub bytes: u64,
     /// Samples of the recovered log that come before it.
     pub samples_before: u64,

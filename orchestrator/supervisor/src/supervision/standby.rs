@@ -96,7 +96,7 @@ impl Supervisor<'_> {
         Some(ServiceEvent::Died)
     }
 
-    /// Ends a standby process that is of no use, and keeps what it `said` of that, or else how it ended.
+    /// Ends a standby process that cannot serve, and keeps what it `said` of that, or else how it ended.
     fn reap_standby(&mut self, mut process: Process, said: Option<String>) {
         // One that has only failed still lives.
         process.signal(Signal::KILL);

@@ -1,4 +1,4 @@
-//! A flight from the ground to the ground: requests in an order that can be meant, and a vehicle that stands at its start.
+//! a flight from take-off to landing: requests in an order that can be meant, and a vehicle that stands at its start.
 
 use super::{Findings, six_digits};
 use crate::{Flight, Key, Problem, Scenario};

@@ -75,7 +75,7 @@ impl Lift {
     }
 }
 
-/// The filter of a flight from the ground to the ground.
+/// The filter of a flight from take-off to landing.
 fn grounded() -> KalmanFilter {
     let model = Model {
         mass: MASS,
