@@ -12,7 +12,12 @@ fn fly(place: &Place, law: &str, out: &str, more: &[&str]) -> Vec<u8> {
     let law = format!("controller.law={law}");
     let mut command = place.gerono(&["run", path.to_str().unwrap(), "--quiet", "--out", out]);
     // The coins come within the flight, and the controller dies twice while it learns from them.
-    let sets = ["duration=5.0", "vehicle.change.0.at=2.0", &law];
+    let sets = [
+        "duration=5.0",
+        "vehicle.change.0.at=2.0",
+        "controller.prediction_gain=1.9",
+        &law,
+    ];
     command
         .args(sets.iter().flat_map(|set| ["--set", set]))
         .args(more);
@@ -37,32 +42,40 @@ fn every_law_gives_the_same_bytes_in_one_process_and_in_processes_that_die_and_c
     }
 }
 
-/// Rows of the page about laws: `fig3_6` as it is committed, with the law and Λb.
+/// Gains of the paper's law beside those of the scenario: Λb and κ.
+const GAINS: [(&str, &str); 3] = [("1", "0"), ("18", "0"), ("8", "1.9")];
+
+/// Rows of the page about laws: `fig3_6` as it is committed, with the law and the paper's law's gains.
 fn table() -> String {
     let place = Place::new();
     let path = scenario("fig3_6");
-    let flights = LAWS.map(|law| (law, 1)).into_iter().chain([("adaptive", 18)]);
+    let baselines = LAWS[1..].iter().map(|&law| (law, GAINS[0]));
+    let flights = GAINS
+        .map(|gains| ("adaptive", gains))
+        .into_iter()
+        .chain(baselines);
     let mut table =
         "| law | largest of the last 5 s before the coins | RMS after | largest after | body rate, rms |\n"
             .to_owned();
     table += "| --- | --- | --- | --- | --- |\n";
-    for (number, (law, gain)) in flights.enumerate() {
+    for (number, (law, (learning, prediction))) in flights.enumerate() {
         let out = format!("flight{number}");
         let mut command = place.gerono(&["run", path.to_str().unwrap(), "--host", "inprocess", "--quiet"]);
         command.args(["--out", &out, "--set", &format!("controller.law={law}")]);
         command.args([
             "--set",
-            &format!("controller.lambda_disturbance=[{gain}.0, {gain}.0, {gain}.0]"),
+            &format!("controller.lambda_disturbance=[{learning}.0, {learning}.0, {learning}.0]"),
         ]);
+        command.args(["--set", &format!("controller.prediction_gain={prediction}")]);
         succeed(&mut command);
         let summary = std::fs::read(place.path(&out).join("summary.json")).unwrap();
         let summary: Value = serde_json::from_slice(&summary).unwrap();
         let number = |pointer: &str| summary.pointer(pointer).and_then(Value::as_f64).unwrap();
         let cm = |pointer: &str| format!("{:.2}", 100.0 * number(pointer));
-        let name = if gain == 1 {
-            format!("`{law}`")
-        } else {
-            format!("`{law}`, Λb = {gain}")
+        let name = match (law, prediction) {
+            ("adaptive", "0") => format!("`{law}`, Λb = {learning}"),
+            ("adaptive", _) => format!("`{law}`, Λb = {learning}, κ = {prediction} s"),
+            _ => format!("`{law}`"),
         };
         table += &format!(
             "| {name} | {} | {} | {} | {:.2} |\n",

@@ -1,6 +1,6 @@
 //! Completion of command lines by the program itself, so that a shell offers keys of scenarios, topics and services too.
 //!
-//! The script of a shell calls `gerono` with [`VARIABLE`] set, and [`answer`] prints the candidates.
+//! The script of a shell calls `gerono` with `COMPLETE` set, and [`answer`] prints the candidates.
 
 use std::ffi::OsStr;
 use std::io;

@@ -36,6 +36,9 @@ pub struct Controller {
     /// Λw is this times the identity, adaptation gain of ŵ; 0 holds the estimate; follows from the other gains unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lambda_inertia: Option<f64>,
+    /// κ, weight of the prediction error beside z2 in the estimators of η and b, s; none in the paper.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prediction_gain: Option<f64>,
     /// Known bounds of the unknown parameters.
     pub bounds: Bounds,
     /// Initial values of the estimates.
@@ -66,6 +69,7 @@ impl Default for Controller {
             lambda_mass: 0.3,
             lambda_disturbance: [1.0; 3],
             lambda_inertia: None,
+            prediction_gain: None,
             bounds: Bounds::default(),
             initial: InitialEstimates::default(),
             remove_offset: false,

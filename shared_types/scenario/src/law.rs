@@ -76,11 +76,3 @@ impl Default for Baseline {
         }
     }
 }
-
-impl Baseline {
-    /// λ = 2 Kp/Kv, 1/s: slope of the error ė + λe that integrals add up.
-    #[must_use]
-    pub fn error_slope(&self) -> f64 {
-        2.0 * self.position_gain / self.velocity_gain
-    }
-}

@@ -44,6 +44,23 @@ pub fn evaluate(
     reference: &Reference,
     estimates: &Estimates,
 ) -> Evaluation {
+    evaluate_composite(parameters, measured, reference, estimates, &Vector3::zeros())
+}
+
+/// Evaluates the law with composite adaptation (not in the paper).
+///
+/// The prediction error ε is the measured acceleration less that of the estimates, in {I}, m/s². The estimators of η and
+/// b learn from z2 + κε instead of z2. Then V̇n = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) − κ‖ε‖²: one κ must serve both, or the
+/// cross terms do not cancel.
+#[must_use]
+#[inline]
+pub fn evaluate_composite(
+    parameters: &Parameters,
+    measured: &Measured,
+    reference: &Reference,
+    estimates: &Estimates,
+    prediction_error: &Vector3<f64>,
+) -> Evaluation {
     let Parameters {
         k1,
         k2,
@@ -72,9 +89,15 @@ pub fn evaluate(
     let omega_desired = with_third(-delta_m_times(delta, &zeta));
     let z3 = omega - omega_desired;
 
-    // Estimators of η and b.
-    let eta_rate = -parameters.lambda_mass * thrust * z2_body.z; // (14)
-    let disturbance_rate = parameters.lambda_disturbance.component_mul(&z2); // (15)
+    // Estimators of η and b. Without κ, ε is not evaluated: it may not be finite.
+    let (learned, learned_body) = if parameters.prediction_gain == 0.0 {
+        (z2, z2_body)
+    } else {
+        let learned = z2 + prediction_error * parameters.prediction_gain;
+        (learned, r.tr_mul(&learned))
+    };
+    let eta_rate = -parameters.lambda_mass * thrust * learned_body.z; // (14)
+    let disturbance_rate = parameters.lambda_disturbance.component_mul(&learned); // (15)
 
     // Torque (20), and the estimator of w (21).
     let disturbance_projected_rate = estimates

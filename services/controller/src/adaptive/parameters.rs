@@ -27,6 +27,8 @@ pub struct Parameters {
     pub lambda_disturbance: Vector3<f64>,
     /// Λw is this times the identity, gain of the estimator of w (21).
     pub lambda_inertia: f64,
+    /// κ, weight of the prediction error beside z2 in the estimators of η and b, s; 0 in the paper.
+    pub prediction_gain: f64,
     /// π for η̂, 1/kg.
     pub eta_projection: Projection,
     /// π for each component of b̂, m/s².
@@ -51,6 +53,7 @@ impl From<&Scenario> for Parameters {
             lambda_mass: controller.lambda_mass,
             lambda_disturbance: Vector3::from(controller.lambda_disturbance),
             lambda_inertia: scenario.lambda_inertia(),
+            prediction_gain: controller.prediction_gain.unwrap_or(0.0),
             eta_projection: Projection {
                 minimum: 1.0 / bounds.mass_max,
                 maximum: 1.0 / bounds.mass_min,

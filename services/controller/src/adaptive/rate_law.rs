@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 use vehicle_model::rigid_body::{acceleration, angular_acceleration, free_fall};
 
-use crate::adaptive::evaluation::{Evaluation, evaluate};
+use crate::adaptive::evaluation::{Evaluation, evaluate_composite};
 use crate::adaptive::offset::hanging_offset;
 use crate::adaptive::parameters::Parameters;
 use crate::law::{Law, Telemetry};
@@ -27,13 +27,14 @@ impl Law for AdaptiveLaw<'_> {
     type Evaluation = Evaluation;
 
     #[inline]
-    fn evaluate(&self, vehicle: &Measured, reference: &Reference, _push: &Vector3<f64>) -> Evaluation {
+    fn evaluate(&self, vehicle: &Measured, reference: &Reference, push: &Vector3<f64>) -> Evaluation {
         let offset = self.parameters.offset(&vehicle.world_from_body);
         let vehicle = Measured {
             position_world: vehicle.position_world + offset,
             ..*vehicle
         };
-        evaluate(self.parameters, &vehicle, reference, self.estimates)
+        // An acceleration that the estimates do not explain is their prediction error.
+        evaluate_composite(self.parameters, &vehicle, reference, self.estimates, push)
     }
 
     #[inline]

@@ -21,6 +21,12 @@ pub const MEMORY: usize = 9;
 /// State of a baseline from hold to hold; each baseline says what its numbers are.
 pub type Memory = [f64; MEMORY];
 
+/// Returns λ = 2 Kp/Kv, 1/s: the slope of the error ė + λe that integrals add up.
+#[must_use]
+pub fn error_slope(stated: &scenario::Baseline) -> f64 {
+    2.0 * stated.position_gain / stated.velocity_gain
+}
+
 /// Motion at the beginning of a hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {

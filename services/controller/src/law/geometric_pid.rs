@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, MEMORY, Memory, Seen};
+use super::baseline::{Baseline, MEMORY, Memory, Seen, error_slope};
 
 /// Integral of the errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +23,7 @@ impl GeometricPid {
     pub fn new(stated: &Stated) -> Self {
         Self {
             gain: stated.integral_gain,
-            slope: stated.error_slope(),
+            slope: error_slope(stated),
             largest: stated.disturbance_max,
             integral: Vector3::zeros(),
         }

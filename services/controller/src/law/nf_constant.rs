@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, MEMORY, Memory, Seen};
+use super::baseline::{Baseline, MEMORY, Memory, Seen, error_slope};
 
 /// Estimate of the disturbance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,7 +28,7 @@ impl NfConstant {
         Self {
             tracking_gain: stated.composite_tracking_gain,
             prediction_gain: stated.composite_prediction_gain,
-            slope: stated.error_slope(),
+            slope: error_slope(stated),
             largest: stated.disturbance_max,
             estimate: Vector3::zeros(),
         }

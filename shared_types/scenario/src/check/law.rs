@@ -12,6 +12,17 @@ impl Controller {
                 "add `[controller.rates]`, as in scenarios/fig3_6.toml, or leave `law` out",
             );
         }
+        let predicts = self.rates.as_ref().is_some_and(|rates| rates.unexplained);
+        if let Some(gain) = self.prediction_gain
+            && found.not_negative(&at.then("prediction_gain"), "κ", gain)
+            && !predicts
+        {
+            found.add(
+                at.then("prediction_gain"),
+                "the prediction error is known with commands of body rates and `rates.unexplained` only",
+                "set `controller.rates.unexplained` to true, or leave `prediction_gain` out",
+            );
+        }
         if let Some(baseline) = &self.baseline {
             baseline.check(&at.then("baseline"), found);
         }
@@ -49,6 +60,18 @@ mod tests {
     use super::super::tests::assert_only;
     use crate::tests_support::{fig1, rig};
     use crate::{Baseline, LawKind};
+
+    #[test]
+    fn composite_adaptation_needs_a_prediction_error() {
+        let mut scenario = fig1();
+        scenario.controller.prediction_gain = Some(1.0);
+        assert_only(
+            &scenario.problems(),
+            "controller.prediction_gain",
+            "with commands of body rates",
+            "rates.unexplained",
+        );
+    }
 
     #[test]
     fn a_baseline_needs_body_rates_and_gains_that_can_be() {

@@ -1,5 +1,6 @@
 //! Closed loop in continuous time: vehicle (1) to (4), path, timing law, law and estimators.
 
+use controller::adaptive::evaluation::evaluate_composite;
 use controller::adaptive::lyapunov::TrueParameters;
 use controller::adaptive::projection::Projection;
 use controller::adaptive::saturation::Saturation;
@@ -98,12 +99,21 @@ impl ClosedLoop {
 
     /// Evaluates the law in a state.
     pub(crate) fn evaluate(&self, state: &State) -> Evaluation {
-        evaluate(
-            &self.parameters,
-            &state.measured,
-            &self.reference(state),
-            &state.estimates,
-        )
+        let (parameters, measured, estimates) = (&self.parameters, &state.measured, &state.estimates);
+        let reference = self.reference(state);
+        // The thrust, and with it the prediction error, do not depend on that error.
+        let without = evaluate(parameters, measured, &reference, estimates);
+        let error = self.prediction_error(state, without.thrust);
+        evaluate_composite(parameters, measured, &reference, estimates, &error)
+    }
+
+    /// ε under a thrust: the true acceleration less that of the estimates, in {I}.
+    pub(crate) fn prediction_error(&self, state: &State, thrust: f64) -> Vector3<f64> {
+        let estimated = state.estimates.projected(&self.parameters);
+        let axis = state.measured.world_from_body.column(2);
+        self.actual.disturbance_world
+            - estimated.disturbance_world
+            - axis * ((self.actual.eta - estimated.eta) * thrust)
     }
 
     /// Returns the vector field, with a command held at the law's.
@@ -314,6 +324,7 @@ prop_compose! {
         lambda_mass in 0.05..2.0f64,
         lambda_disturbance in [0.1..8.0f64, 0.1..8.0, 0.1..8.0],
         lambda_inertia in 1e-9..1e-7f64,
+        prediction_gain in prop_oneof![Just(0.0), 0.1..3.0f64],
     ) -> Parameters {
         Parameters {
             k1: k[0],
@@ -325,6 +336,7 @@ prop_compose! {
             lambda_mass,
             lambda_disturbance: Vector3::from(lambda_disturbance),
             lambda_inertia,
+            prediction_gain,
             eta_projection: Projection { minimum: 1.0 / 0.6, maximum: 10.0, epsilon: 0.01 },
             disturbance_projection: Projection { minimum: -3.0, maximum: 3.0, epsilon: 0.1 },
             removes_offset: false,

@@ -1,4 +1,4 @@
-//! Rate dVn/dt = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) along the closed loop, and its consequences.
+//! Rate dVn/dt = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) − κ‖ε‖² along the closed loop, and its consequences.
 
 use controller::adaptive::lyapunov;
 use controller::adaptive::parameter_vector::parameter_vector;
@@ -34,7 +34,8 @@ proptest! {
             disturbance_error
                 .dot(&rates.estimates.disturbance_world.component_div(&parameters.lambda_disturbance)),
         ];
-        let wanted = lyapunov::rate(parameters, &evaluation);
+        let error = closed_loop.prediction_error(&state, evaluation.thrust);
+        let wanted = lyapunov::rate(parameters, &evaluation) - parameters.prediction_gain * error.norm_squared();
         let difference = terms.iter().sum::<f64>() - wanted;
         // Rounding, relative to the terms that cancel.
         let rounding = 1e-13 * terms.iter().map(|term| term.abs()).sum::<f64>();
