@@ -21,7 +21,7 @@ use shared_types::ServiceId;
 
 const HOSTS: [&str; 2] = ["lockstep", "realtime"];
 
-/// How long a flight with damaged memory is let be, as one with a hostile external service.
+/// Time for which a flight with damaged memory is let be, as one with a hostile external service.
 const WHILE: Duration = Duration::from_millis(700);
 
 /// Begins a flight that lasts longer than any test, and waits until it is under way.

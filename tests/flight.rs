@@ -78,7 +78,7 @@ fn fly(name: &str, settings: &[&str]) -> Flight {
 }
 
 impl Flight {
-    /// When a phase began first, ms.
+    /// Returns when a phase began first, ms.
     fn begin(&self, phase: FlightPhase) -> u64 {
         let begun = self.phases.iter().find(|(other, _)| *other == phase);
         begun

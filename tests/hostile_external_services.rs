@@ -563,10 +563,10 @@ fn an_external_service() {
     std::process::exit(0);
 }
 
-/// How long a user who wants the end of a flight waits for it: services may take 2 s to stop, on a machine that is in use.
+/// Time for which a user who wants the end of a flight waits for it: services may take 2 s to stop, on a machine that is in use.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// How long a hostile external service is let be.
+/// Time for which a hostile external service is let be.
 const WHILE: Duration = Duration::from_millis(700);
 
 /// Flies with an external service until the flight ends by itself or is ended, and says what is not as it should be.

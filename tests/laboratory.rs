@@ -36,10 +36,10 @@ use shared_types::rotation::exp;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState, VehicleTruth};
 use zerocopy::FromBytes;
 
-/// Where the vehicle rests in {I}, m.
+/// Place where the vehicle rests in {I}, m.
 const PLACE: [f64; 3] = [0.3, 0.2, 0.0];
 
-/// Where the origin of the cameras is in {I}, m.
+/// Place where the origin of the cameras is in {I}, m.
 const CAMERAS: [f64; 3] = [0.5, -0.1, 0.25];
 
 /// Time between two frames of the cameras.

@@ -72,7 +72,7 @@ fn retired() -> Vec<String> {
     words
 }
 
-/// Whether a line has a word or phrase that is not a part of a longer name.
+/// Returns whether a line has a word or phrase that is not a part of a longer name.
 fn has(line: &str, word: &str) -> bool {
     let is_part = |character: char| character.is_alphanumeric() || character == '_';
     line.match_indices(word)
@@ -110,7 +110,7 @@ fn prose(page: &str) -> Vec<(usize, &str)> {
     lines.map(|(number, line)| (number + 1, line.trim())).collect()
 }
 
-/// Whether a second sentence begins within a line.
+/// Returns whether a second sentence begins within a line.
 fn has_two_sentences(line: &str) -> bool {
     // What ends with a point and is no sentence.
     const ABBREVIATIONS: [&str; 6] = ["Fig", "Figs", "Sec", "no", "vs", "e.g"];

@@ -367,7 +367,7 @@ fn a_kill_outlives_the_service_that_obeys_it() {
     assert!(after.clone().count() > 20 && after.all(|frame| frame.failsafe.is_set()));
 }
 
-/// Whether a process runs; one that is dead and not waited for does not.
+/// Returns whether a process runs; one that is dead and not waited for does not.
 fn runs(pid: u32) -> bool {
     let state = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
     state

@@ -16,7 +16,7 @@ use runtime::process::SPARE;
 use rustix::process::{Pid, Signal, kill_process};
 use shared_types::ServiceId;
 
-/// Where a service can be killed in a flight that goes on, each after a tick more, with `S` for its name.
+/// Place where a service can be killed in a flight that goes on, each after a tick more, with `S` for its name.
 const DEATHS: [&str; 9] = [
     "S@0:before-ports",
     "S@0:after-ports",

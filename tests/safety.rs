@@ -21,7 +21,7 @@ struct Flight {
     digest: ExperimentDigest,
     /// Time from which on distances count, s.
     counts_from: f64,
-    /// Where the vehicle is.
+    /// Place where the vehicle is.
     position: [f64; 3],
     /// Largest distance from where the path is, m.
     farthest: f64,

@@ -35,7 +35,7 @@ const FIRST_USER: u32 = 61_000;
 struct Users {
     owner: u32,
     other: u32,
-    /// Where the owner's results are, and a copy of the program that both may run.
+    /// Place where the owner's results are, and a copy of the program that both may run.
     place: TempDir,
 }
 

@@ -160,7 +160,7 @@ fn killed_only_after_a_yes(terminal: &mut Terminal, orchestrator: u32) {
     await_rates(terminal);
 }
 
-/// Where there is no terminal, a view is printed, or its numbers.
+/// Returns where there is no terminal, a view is printed, or its numbers.
 fn printed_once(place: &Place) {
     let printed = succeed(&mut place.gerono(&["top", "--once"])).stdout;
     let printed = String::from_utf8(printed).unwrap();

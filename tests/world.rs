@@ -22,10 +22,10 @@ const PAPER: f64 = 0.017;
 /// How far neither the fan nor the death of any service brings it from its path, m: less than its own size.
 const ASTRAY: f64 = 0.1;
 
-/// When the fan is switched on, s after the world began.
+/// Time at which the fan is switched on, s after the world began.
 const FAN: f64 = 14.0;
 
-/// How long the vehicle flies in its jet, s.
+/// Time for which the vehicle flies in its jet, s.
 const IN_THE_JET: f64 = 14.0;
 
 /// For how long the machine may stand still, s: half of what the oldest state may be before the vehicle is levelled.
@@ -121,7 +121,7 @@ fn flown(place: &Place, flight: &str, world: &str) -> bool {
     kept_time
 }
 
-/// Whether the vehicle comes to the path and stays there.
+/// Returns whether the vehicle comes to the path and stays there.
 fn flies_in_the_jet_and_through_deaths(place: &Place) -> bool {
     let is_flying = || {
         place

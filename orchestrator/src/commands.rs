@@ -57,7 +57,7 @@ fn host_record(folder: &RunFolder, recording: RecordingArguments) -> Result<Host
     Ok(HostRecord::new(log.durable(recording.forcing_period())?))
 }
 
-/// When everybody steps in a flight of `scenario`.
+/// Returns when everybody steps in a flight of `scenario`.
 fn schedule_of(scenario: &Scenario) -> Result<Schedule, Failure> {
     supervisor::schedule_of(scenario).map_err(Failure::bad_input)
 }

@@ -27,7 +27,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// How often the current thread allocates during `work`.
+/// Returns how often the current thread allocates during `work`.
 pub(crate) fn allocations_during(work: impl FnOnce()) -> u64 {
     let before = ALLOCATIONS.get();
     work();

@@ -148,7 +148,7 @@ impl Place {
         serde_json::from_slice(&looked.stdout).ok()
     }
 
-    /// How many bytes of the log of a flight to the folder `out`, which goes on, are on the disk.
+    /// Returns how many bytes of the log of a flight to the folder `out`, which goes on, are on the disk.
     pub(crate) fn log_bytes(&self, out: &str) -> u64 {
         let log = self.path(out).join("run.mcap.partial");
         std::fs::metadata(log).map_or(0, |file| file.len())

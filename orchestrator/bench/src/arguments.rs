@@ -147,7 +147,7 @@ pub struct Ring {
     pub wait: RingWait,
     /// Core to run on.
     pub core: usize,
-    /// Whether to run under SCHED_FIFO.
+    /// `true` to run under SCHED_FIFO.
     #[arg(long)]
     pub fifo: bool,
 }
@@ -166,7 +166,7 @@ pub struct RingMember {
     pub core: usize,
     /// The iceoryx2 configuration of the ring.
     pub configuration: PathBuf,
-    /// Whether to run under SCHED_FIFO.
+    /// `true` to run under SCHED_FIFO.
     #[arg(long)]
     pub fifo: bool,
 }
@@ -196,13 +196,13 @@ impl RingWait {
 pub struct ChainMember {
     /// Place in the chain.
     pub place: usize,
-    /// How often the first sends.
+    /// Number of times that the first sends.
     pub rounds: u64,
     /// Core to run on.
     pub core: u32,
     /// The iceoryx2 configuration of the chain.
     pub configuration: PathBuf,
-    /// Whether to run under SCHED_FIFO.
+    /// `true` to run under SCHED_FIFO.
     #[arg(long)]
     pub fifo: bool,
 }

@@ -22,7 +22,7 @@ pub(super) struct BarePorts {
 
 struct Input {
     port: Box<dyn Subscribe>,
-    /// Whether its sample is one of the round before.
+    /// `true` if its sample is one of the round before.
     is_late: bool,
 }
 

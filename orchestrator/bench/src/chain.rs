@@ -45,7 +45,7 @@ const LONGEST_WAIT: Duration = Duration::from_millis(100);
 /// What is handed on in place of a time once there is nothing more to come.
 const THE_END: u64 = u64::MAX;
 
-/// How long it is from the first to the last of a bare chain on `core`, of so many rounds.
+/// Returns how long it is from the first to the last of a bare chain on `core`, of so many rounds.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -137,7 +137,7 @@ fn hop(member: &RunNode, place: usize) -> Result<Event, Box<dyn Error + Send + S
     Ok(member.node().service_builder(&name).event().open_or_create()?)
 }
 
-/// When the round began that has come as far as a member, or that there is none any more.
+/// Returns when the round began that has come as far as a member, or that there is none any more.
 fn newest(block: &ControlBlock, place: usize) -> &AtomicU64 {
     &block.cells[place].steps_until
 }

@@ -22,7 +22,7 @@ use supervisor::{FlightFailure, schedule_of};
 /// The paper's laboratory in hover: its vehicle holds its body rates by itself while nobody commands it.
 const SCENARIO: &str = include_str!("../../../scenarios/fig7.toml");
 
-/// Where the scenario hovers, m.
+/// Place where the scenario hovers, m.
 const HOVER: [f64; 3] = [0.0, 0.0, -1.2];
 
 /// From the start until the first death, s: the estimators have found the mass by then.
@@ -31,7 +31,7 @@ const SETTLING: f64 = 4.0;
 /// Time between two deaths, s.
 const APART: f64 = 0.3;
 
-/// How long after a death the others are looked at, ns: two births.
+/// Time for which after a death the others are observed, ns: two restarts.
 const NEAR_NS: u64 = 100_000_000;
 
 /// All that was measured.

@@ -129,7 +129,7 @@ fn missing() -> FlightFailure {
     FlightFailure::setup("the laboratory has no cameras or no radio link")
 }
 
-/// Where the receiver of a scenario's radio link listens.
+/// Returns where the receiver of a scenario's radio link listens.
 fn receivers_end(scenario: &Scenario) -> Result<Target> {
     let link = scenario.rc_output.as_ref().ok_or_else(missing)?;
     let transmitter = link.transmitter.as_ref().ok_or_else(missing)?;
@@ -250,7 +250,7 @@ impl FlightUnderWay {
 /// A tilt that no frame has answered yet.
 #[derive(Clone, Copy)]
 struct Tilt {
-    /// When the capture was sent that shows it, ns.
+    /// Time at which the capture was sent that shows it, ns.
     sent_ns: u64,
     /// What the last frame before asked for, rad/s.
     rate_before: f64,

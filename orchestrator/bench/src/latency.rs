@@ -54,7 +54,7 @@ struct Row {
     /// Steps that services left out because their time had passed.
     missed_steps: u64,
     services: Vec<ServiceTimes>,
-    /// Why nothing was measured.
+    /// Reason why nothing was measured.
     note: Option<String>,
 }
 
@@ -158,7 +158,7 @@ fn flight_of(seconds: u32) -> Result<Scenario> {
     Ok(flight)
 }
 
-/// Why `SCHED_FIFO` cannot be had, if it cannot. Tried in a thread of its own, with which it ends.
+/// Returns why `SCHED_FIFO` cannot be had, if it cannot. Tried in a thread of its own, with which it ends.
 fn fifo_refused() -> Option<String> {
     let tried = std::thread::spawn(|| deployment::use_scheduler(Scheduler::Fifo)).join();
     let error = tried.ok()?.err()?;
@@ -167,7 +167,7 @@ fn fifo_refused() -> Option<String> {
     ))
 }
 
-/// Where everything is measured.
+/// Place where everything is measured.
 struct Place<'a> {
     flight: &'a FlightCommand,
     core: usize,

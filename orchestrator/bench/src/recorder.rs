@@ -35,7 +35,7 @@ use supervisor::{FlightFailure, Outcome, in_process};
 /// Simulated time of the flight whose samples are written over and over, s.
 const FLIGHT_SECONDS: f64 = 2.0;
 
-/// How often they are written in one measurement.
+/// Number of times that they are written in one measurement.
 const ROUNDS: u64 = 15;
 
 /// All that was measured; medians of the repetitions.

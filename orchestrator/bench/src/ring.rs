@@ -29,7 +29,7 @@ const MEMBERS: usize = ServiceId::ALL.len();
 const PAGE_FD: i32 = 3;
 const FIRST_DOORBELL_FD: i32 = 4;
 
-/// How often the sixth process looks, as the recorder does.
+/// Period at which the sixth process looks, as the recorder does.
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
 /// Thousands of rounds per second of such a ring on `core`: measured by a process of its own, since one can take part in

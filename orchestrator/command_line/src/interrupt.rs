@@ -64,7 +64,7 @@ impl Interrupt {
     }
 }
 
-/// Whether this process has been started with a signal ignored.
+/// Returns whether this process has been started with a signal ignored.
 fn is_ignored(number: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mut masks = status.lines().filter_map(|line| line.strip_prefix("SigIgn:"));

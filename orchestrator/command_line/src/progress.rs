@@ -14,7 +14,7 @@ use crate::terminal::{printable, printable_lines};
 /// Time between two updates of the bar.
 const UPDATE_PERIOD: Duration = Duration::from_millis(100);
 
-/// How long a terminal may take to show the last messages.
+/// Time that a terminal may take to show the last messages.
 const TERMINAL_LIMIT: Duration = Duration::from_secs(1);
 
 /// A bar of whole flights; nothing where standard error is no terminal.

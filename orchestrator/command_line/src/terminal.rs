@@ -93,7 +93,7 @@ fn escaped(text: &str, is_unwanted: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(escaped)
 }
 
-/// Whether a terminal obeys a character or orders text by it instead of showing it.
+/// Returns whether a terminal obeys a character or orders text by it instead of showing it.
 fn is_control(character: char) -> bool {
     character.is_control()
         || matches!(

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// Why a value is refused, and what to give instead.
+/// Reason why a value is refused, and what to give instead.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ValueError {
     /// It is no number.

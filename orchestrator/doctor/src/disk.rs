@@ -18,7 +18,7 @@ const PROBE_SHARE: u64 = 10;
 /// Longest time that measuring takes, but for the end of its last write.
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// How many flights are to fit for comfort.
+/// Number of flights that are to fit for comfort.
 const COMFORTABLE_FLIGHTS: u64 = 10;
 
 /// How many times faster than the log grows the disk is to be for comfort: others write as well.
@@ -33,7 +33,7 @@ pub fn nearest_folder(runs: &Path) -> PathBuf {
         .map_or_else(here, Path::to_owned)
 }
 
-/// Whether a flight's log fits.
+/// Returns whether a flight's log fits.
 #[must_use]
 pub fn space(host: &HostFacts, folder: &Path, needs: &Needs) -> Check {
     const NAME: &str = "disk space";
@@ -59,7 +59,7 @@ pub fn space(host: &HostFacts, folder: &Path, needs: &Needs) -> Check {
     }
 }
 
-/// Whether the log of a flight in real time can be written as fast as it grows.
+/// Returns whether the log of a flight in real time can be written as fast as it grows.
 #[must_use]
 pub fn speed(measured: &io::Result<f64>, needs: &Needs) -> Check {
     const NAME: &str = "disk speed";

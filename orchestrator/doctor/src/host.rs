@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Where the doctor looks: the files of this machine, or those of a test.
+/// Place where the doctor looks: the files of this machine, or those of a test.
 pub struct HostFacts {
     root: PathBuf,
     space: Box<SpaceOf>,
@@ -64,7 +64,7 @@ impl HostFacts {
         }
     }
 
-    /// Whether this process has a capability.
+    /// Returns whether this process has a capability.
     #[must_use]
     pub fn has_capability(&self, number: u32) -> bool {
         let effective = self.status("CapEff:");

@@ -8,10 +8,10 @@ use super::check::{Check, bytes};
 use super::host::{CAP_IPC_LOCK, HostFacts};
 use super::needs::Needs;
 
-/// How often a run's need is to fit into free shared memory for a comfortable flight: runs may be several.
+/// Number of times that a run's need is to fit into free shared memory for a comfortable flight: runs may be several.
 const COMFORTABLE: u64 = 4;
 
-/// Whether there is room for the samples.
+/// Returns whether there is room for the samples.
 #[must_use]
 pub fn shared(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "shared memory";
@@ -39,7 +39,7 @@ pub fn shared(host: &HostFacts, needs: &Needs) -> Check {
     }
 }
 
-/// Whether memory may be locked.
+/// Returns whether memory may be locked.
 #[must_use]
 pub fn locked(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "locked memory";
@@ -71,7 +71,7 @@ pub fn locked(host: &HostFacts, needs: &Needs) -> Check {
     }
 }
 
-/// Whether the system makes large pages of small ones behind everyone's back, which stops who uses them.
+/// Returns whether the system makes large pages of small ones behind everyone's back, which stops who uses them.
 #[must_use]
 pub fn huge_pages(host: &HostFacts) -> Check {
     const NAME: &str = "huge pages";

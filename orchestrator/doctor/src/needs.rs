@@ -9,15 +9,15 @@ use supervisor::reserve;
 /// What a flight needs of the machine, and what its scenario asks for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Needs {
-    /// Whether a scenario was given; if not, the needs are those of an ordinary flight.
+    /// `true` if a scenario was given; if not, the needs are those of an ordinary flight.
     pub is_stated: bool,
-    /// Whether the scenario insists on its deployment.
+    /// `true` if the scenario insists on its deployment.
     pub is_strict: bool,
     /// The cores that it states.
     pub cores: Vec<u32>,
     /// The highest priority that it states.
     pub priority: Option<u32>,
-    /// Whether memory is to be locked.
+    /// `true` if memory is to be locked.
     pub lock_memory: bool,
     /// How the service of highest priority uses the machine.
     pub foremost: ServiceDeployment,
@@ -27,7 +27,7 @@ pub struct Needs {
     pub log_bytes: u64,
     /// Shared memory, bytes.
     pub shared_memory: u64,
-    /// How long a step waits for inputs that are due, s.
+    /// Time for which a step waits for inputs that are due, s.
     pub grace: f64,
 }
 

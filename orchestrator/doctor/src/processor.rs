@@ -27,7 +27,7 @@ fn usable_cores(host: &HostFacts) -> Vec<u32> {
     cores
 }
 
-/// Whether there are cores enough, and those that the scenario states.
+/// Returns whether there are cores enough, and those that the scenario states.
 #[must_use]
 pub fn cores(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "cores";
@@ -54,7 +54,7 @@ pub fn cores(host: &HostFacts, needs: &Needs) -> Check {
     }
 }
 
-/// Whether the stated cores are kept free of other work.
+/// Returns whether the stated cores are kept free of other work.
 #[must_use]
 pub fn isolation(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "isolation of cores";
@@ -85,7 +85,7 @@ pub fn isolation(host: &HostFacts, needs: &Needs) -> Check {
     }
 }
 
-/// Whether the cores run at full speed at once.
+/// Returns whether the cores run at full speed at once.
 #[must_use]
 pub fn governor(host: &HostFacts) -> Check {
     const NAME: &str = "frequency governor";
@@ -106,7 +106,7 @@ pub fn governor(host: &HostFacts) -> Check {
     }
 }
 
-/// Whether the clock is quick to read.
+/// Returns whether the clock is quick to read.
 #[must_use]
 pub fn clock_source(host: &HostFacts) -> Check {
     const NAME: &str = "clock source";

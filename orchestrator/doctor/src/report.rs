@@ -10,7 +10,7 @@ use super::wake_up::{Lateness, microseconds};
 /// Width of the text, characters: that of the smallest terminal.
 const WIDTH: usize = 80;
 
-/// Where what was found begins, characters.
+/// Place where what was found begins, characters.
 const FIGURE_COLUMN: usize = 30;
 
 /// Everything that was found.

@@ -7,7 +7,7 @@ use super::check::Check;
 use live::run_root::Found;
 use live::runs::MachineRun;
 
-/// Whether another run of this machine is alive, of any user.
+/// Returns whether another run of this machine is alive, of any user.
 #[must_use]
 pub fn live(found: &io::Result<Vec<MachineRun>>) -> Check {
     const NAME: &str = "other runs";
@@ -29,7 +29,7 @@ pub fn live(found: &io::Result<Vec<MachineRun>>) -> Check {
     }
 }
 
-/// Whether dead runs have left something behind.
+/// Returns whether dead runs have left something behind.
 #[must_use]
 pub fn dead(found: &io::Result<Found>) -> Check {
     const NAME: &str = "dead runs";

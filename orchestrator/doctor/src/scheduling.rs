@@ -9,7 +9,7 @@ use super::needs::Needs;
 /// Share of a core below which real-time work is held back while it does no wrong.
 const LEAST_SHARE: f64 = 0.5;
 
-/// Whether a real-time priority may be had.
+/// Returns whether a real-time priority may be had.
 #[must_use]
 pub fn priority(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "real-time priority";

@@ -103,7 +103,7 @@ fn sleep_and_look(lasts: Duration, stopped: impl Fn() -> bool) -> Option<Latenes
     Some(Lateness::of(measured))
 }
 
-/// Whether wake-ups are sharp enough: a step flies with what it has once its `grace` is over.
+/// Returns whether wake-ups are sharp enough: a step flies with what it has once its `grace` is over.
 #[must_use]
 pub fn judge(lateness: &Lateness, needs: &Needs) -> Check {
     const NAME: &str = "wake-ups";

@@ -117,7 +117,7 @@ pub struct TopicInfo {
 pub struct HostInfo {
     /// The file.
     pub log: String,
-    /// Whether it is whole.
+    /// `true` if it is whole.
     pub is_whole: bool,
     /// Samples of each channel that are whole.
     pub samples: BTreeMap<String, u64>,

@@ -31,7 +31,7 @@ pub(crate) const FLOOR: f64 = 1e-4;
 pub(crate) const CURVE_COLORS: [&str; 5] = ["#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#000000"];
 pub(crate) const CHANGE_COLOR: &str = "#666666";
 
-/// Why a figure cannot be drawn.
+/// Reason why a figure cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum PlotError {
     /// A log cannot be read.
@@ -48,7 +48,7 @@ pub enum PlotError {
     Scenario {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// Reason why not.
         source: Unflyable,
     },
     /// The figure cannot be written.

@@ -32,7 +32,7 @@ use scenario::Unflyable;
 /// Name of the page.
 pub const PAGE: &str = "report.html";
 
-/// Why there is no report.
+/// Reason why there is no report.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// A log cannot be read.
@@ -43,7 +43,7 @@ pub enum ReportError {
     Scenario {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// Reason why not.
         source: Unflyable,
     },
     /// A log has nothing to show.

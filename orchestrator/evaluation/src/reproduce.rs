@@ -32,7 +32,7 @@ pub mod windows;
 /// The first seed that is flown. Gains were tuned on the seeds 1 to 6, of which none is judged.
 pub const FIRST_SEED: u64 = 101;
 
-/// How many seeds are flown unless told otherwise.
+/// Number of seeds that are flown unless told otherwise.
 pub const SEEDS: u64 = 20;
 
 /// How many seeds the short list flies.

@@ -78,7 +78,7 @@ impl MatrixFault {
         }
     }
 
-    /// Whether it can befall this target: services are off or frozen, samples all else.
+    /// Returns whether it can befall this target: services are off or frozen, samples all else.
     #[must_use]
     pub fn befalls(self, target: Target) -> bool {
         self.kind().is_outage() == matches!(target, Target::Service(_))

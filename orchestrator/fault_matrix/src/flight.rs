@@ -26,7 +26,7 @@ pub struct FlightResult {
     pub report: Option<FaultReport>,
     /// How the vehicle was lost, if it was.
     pub loss: Option<Loss>,
-    /// Why the flight ended early, if the fault ended it.
+    /// Reason why the flight ended early, if the fault ended it.
     pub ended: Option<Ended>,
     /// Digest of all samples, if it was asked for.
     pub digest: Option<String>,
@@ -46,7 +46,7 @@ pub enum Ended {
 pub enum Way {
     /// In this process.
     InProcess {
-        /// Whether to take the digest of all samples, which takes its time.
+        /// `true` to take the digest of all samples, which takes its time.
         with_digest: bool,
     },
     /// As one process a service, with the digest.

@@ -3,7 +3,7 @@
 use scenario::Scenario;
 use shared_types::service::{nanoseconds, seconds};
 
-/// How long the vehicle is left alone after the start and after each change of it, s: it has settled by then.
+/// Time for which the vehicle is left alone after the start and after each change of it, s: it has settled by then.
 const SETTLING: f64 = 10.0;
 
 /// A time as the nearest whole number of ticks, s.

@@ -18,11 +18,11 @@ pub mod table;
 pub mod truth;
 pub mod undisturbed;
 
-/// How long a fault lasts unless told, s: after so long the last frame is still good enough, and a little later it is
+/// Time for which a fault lasts unless told, s: after so long the last frame is still good enough, and a little later it is
 /// not.
 pub const LASTS: f64 = 0.1;
 
-/// How long a cell is flown after its fault unless told, s: two settling times of the law.
+/// Time for which a cell is flown after its fault unless told, s: two settling times of the law.
 pub const AFTER: f64 = 8.0;
 
 /// How many moments there are unless told.

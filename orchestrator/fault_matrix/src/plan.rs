@@ -23,14 +23,14 @@ pub struct MatrixCase {
     pub trouble: MatrixFault,
 }
 
-/// When faults begin, how long they last, and how long is flown after them, s.
+/// Time at which faults begin, how long they last, and how long is flown after them, s.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Times {
-    /// When they begin.
+    /// Time at which they begin.
     pub moments: Vec<f64>,
-    /// How long they last.
+    /// Time for which they last.
     pub lasts: f64,
-    /// How long is flown after them.
+    /// Time for which is flown after them.
     pub after: f64,
 }
 
@@ -39,7 +39,7 @@ pub struct Times {
 pub struct MatrixCell {
     /// What befalls whom; nothing in an undisturbed flight.
     pub case: Option<MatrixCase>,
-    /// When it begins, or would, s.
+    /// Time at which it begins, or would, s.
     pub moment: f64,
     /// What is flown: the scenario to its end, or until some time after the fault.
     pub scenario: Scenario,

@@ -18,16 +18,16 @@ pub struct MatrixReport {
     pub scenario: String,
     /// Its seed.
     pub seed: u64,
-    /// When faults begin and how long they last.
+    /// Time at which faults begin and how long they last.
     #[serde(flatten)]
     pub times: Times,
     /// What faults are made of, and what they are judged by.
     pub values: Values,
-    /// How many faults were survived, and so on.
+    /// Number of faults that were survived, and so on.
     pub counts: Counts,
-    /// Whether the cells were flown as processes too, and had to be equal.
+    /// `true` if the cells were flown as processes too, and had to be equal.
     pub compared_with_processes: bool,
-    /// Where processes differed from the flight in one process, in words.
+    /// Place where processes differed from the flight in one process, in words.
     pub differences: Vec<String>,
     /// One for every target and kind, the undisturbed flight first.
     pub rows: Vec<Row>,
@@ -61,7 +61,7 @@ impl Values {
     };
 }
 
-/// How many faults came to what; the undisturbed flight does not count.
+/// Number of faults by outcome; the undisturbed flight does not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
     /// Survived.
@@ -90,11 +90,11 @@ pub struct Row {
 /// What a flight came to.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CellReport {
-    /// When the fault began, s.
+    /// Time at which the fault began, s.
     pub moment: f64,
     /// What became of the vehicle.
     pub verdict: Survival,
-    /// Why it is lost, if it is.
+    /// Reason why it is lost, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub why: Option<MatrixLoss>,
     /// What the fault did; none if the flight ended before it began.

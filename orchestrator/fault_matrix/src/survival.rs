@@ -33,7 +33,7 @@ impl Survival {
     }
 }
 
-/// Why a vehicle is lost.
+/// Reason why a vehicle is lost.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct MatrixLoss {
     /// In short.

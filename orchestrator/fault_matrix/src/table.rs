@@ -31,7 +31,7 @@ pub fn key() -> String {
     )
 }
 
-/// How many faults came to what.
+/// Returns how many faults came to what.
 #[must_use]
 pub fn counts(report: &MatrixReport) -> String {
     let counts = report.counts;

@@ -19,7 +19,7 @@ use metrics::statistics::Statistics;
 use metrics::{ULTIMATE_WINDOW, read};
 use run_log::{LogReadError, LogReader, flight_start, host_log_beside};
 
-/// Why there is nothing to compare.
+/// Reason why there is nothing to compare.
 #[derive(Debug, thiserror::Error)]
 pub enum TruthError {
     /// A log cannot be read.
@@ -74,7 +74,7 @@ type Span = [u64; 2];
 struct FlightResult {
     references: Vec<PathReference>,
     adaptations: Vec<ControlAdaptation>,
-    /// When the vehicle flew along the path, by the flight's clock, ns.
+    /// Time at which the vehicle flew along the path, by the flight's clock, ns.
     on_path: Span,
 }
 

@@ -13,7 +13,7 @@ use command_line::interrupt::Interrupt;
 use metrics::tracker::{Moment, Tracker};
 use supervisor::{FlightFailure, Outcome, in_process};
 
-/// Why a flight could not be flown.
+/// Reason why a flight could not be flown.
 #[derive(Debug, thiserror::Error)]
 pub enum NotFlown {
     /// The flight failed, and not of the fault.

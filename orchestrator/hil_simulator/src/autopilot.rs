@@ -22,7 +22,7 @@ pub struct AutopilotCommands {
     pub frames: u64,
     /// Bytes that belonged to none.
     pub skipped: u64,
-    /// How often nothing came for so long that the motors were let rest.
+    /// Number of times that nothing came for so long that the motors were let rest.
     pub losses: u64,
 }
 

@@ -33,9 +33,9 @@ use super::receiver_input::{ReceiverInput, ReceiverInputError};
 
 pub use vehicle_model::rotors::Rotors;
 
-/// Where it sends what its motors do.
+/// Place where it sends what its motors do.
 const MOTORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9002);
-/// Where it takes what its sensors feel.
+/// Place where it takes what its sensors feel.
 const SENSORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9003);
 
 /// Pressure of the air at the ground, Pa.

@@ -20,7 +20,7 @@ use shared_types::samples::MocapPose;
 /// Version of the `NatNet` bit stream that is sent.
 const NATNET: Version = Version { major: 4, minor: 1 };
 
-/// Why there are no cameras.
+/// Reason why there are no cameras.
 #[derive(Debug, thiserror::Error)]
 pub enum CamerasError {
     /// The scenario states no address.
@@ -108,7 +108,7 @@ impl CameraSender {
         })
     }
 
-    /// Whether they look at a tick.
+    /// Returns whether they look at a tick.
     #[must_use]
     pub fn see_at(&self, tick: u64) -> bool {
         tick.is_multiple_of(self.period)
@@ -129,7 +129,7 @@ impl CameraSender {
         });
     }
 
-    /// When the next pose is to be sent, ns of `CLOCK_MONOTONIC`.
+    /// Returns when the next pose is to be sent, ns of `CLOCK_MONOTONIC`.
     #[must_use]
     pub fn due_ns(&self) -> u64 {
         self.coming.front().map_or(u64::MAX, |capture| capture.due_ns)

@@ -6,7 +6,7 @@ pub const LOST_AFTER_NS: u64 = 500_000_000;
 /// Since when nothing has been heard.
 #[derive(Debug, Default)]
 pub(super) struct LinkLossTimer {
-    /// When something was heard last, ns of `CLOCK_MONOTONIC`; `None` before the first, and once it has been missed.
+    /// Time at which something was heard last, ns of `CLOCK_MONOTONIC`; `None` before the first, and once it has been missed.
     heard_at_ns: Option<u64>,
     losses: u64,
 }
@@ -17,7 +17,7 @@ impl LinkLossTimer {
         self.heard_at_ns = Some(now_ns);
     }
 
-    /// Whether it has become too long by a time; says so once.
+    /// Returns whether it has become too long by a time; says so once.
     pub(super) fn becomes_too_long(&mut self, at_ns: u64) -> bool {
         let is_lost = |heard_at: &mut u64| at_ns.saturating_sub(*heard_at) > LOST_AFTER_NS;
         let becomes = self.heard_at_ns.take_if(is_lost).is_some();
@@ -25,7 +25,7 @@ impl LinkLossTimer {
         becomes
     }
 
-    /// How often it has.
+    /// Returns how often it has.
     pub(super) fn losses(&self) -> u64 {
         self.losses
     }

@@ -77,7 +77,7 @@ impl Radio {
         self.receiver.heard()
     }
 
-    /// How often nothing was heard for too long.
+    /// Returns how often nothing was heard for too long.
     #[must_use]
     pub fn losses(&self) -> u64 {
         self.silence.losses()

@@ -19,7 +19,7 @@ const FREE_AFTER_NS: u64 = 50_000_000;
 /// Most that is read at once, bytes.
 const PIECE: usize = 4096;
 
-/// Why frames cannot arrive there.
+/// Reason why frames cannot arrive there.
 #[derive(Debug, thiserror::Error)]
 pub enum ReceiverInputError {
     /// There is something already where the device should be.
@@ -49,7 +49,7 @@ pub enum ReceiverInputError {
     },
 }
 
-/// Where frames arrive.
+/// Place where frames arrive.
 #[derive(Debug)]
 pub enum ReceiverInput {
     /// A pseudo-terminal under the name of a serial device.

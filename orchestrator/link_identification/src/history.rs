@@ -7,7 +7,7 @@ use vehicle_model::lag::{Lag, between};
 /// Step of the history, s.
 const STEP: f64 = 0.001;
 
-/// How long the sticks must have been known for what the vehicle follows to be known, s.
+/// Time for which the sticks must have been known for what the vehicle follows to be known, s.
 const SETTLING: f64 = 0.2;
 
 /// The sticks of a frame, and from when on they act.

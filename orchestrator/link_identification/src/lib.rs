@@ -33,7 +33,7 @@ pub const EXPLAINS: f64 = 0.8;
 /// Names of the sticks in the order of a frame's channels.
 pub const STICKS: [&str; 4] = ["thrust", "roll rate", "pitch rate", "yaw rate"];
 
-/// Why nothing can be fitted.
+/// Reason why nothing can be fitted.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
     /// The log cannot be read.

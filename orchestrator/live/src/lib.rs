@@ -31,7 +31,7 @@ use command_line::terminal::printable;
 /// Name of the socket in a run's place.
 pub const SOCKET: &str = "desk";
 
-/// How long an orchestrator may take to answer: it looks for questions a hundred times a second.
+/// Time for which an orchestrator may take to answer: it looks for questions a hundred times a second.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Runs that an error names at most.
@@ -67,7 +67,7 @@ pub enum Answer {
     Closed(String),
 }
 
-/// Why a live run cannot be spoken to.
+/// Reason why a live run cannot be spoken to.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
     /// There is none.
@@ -116,7 +116,7 @@ pub enum LiveError {
     Ended(String),
 }
 
-/// Where was looked for runs, if not everywhere.
+/// Folder that was searched for runs, if not everywhere.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Searched {
     scope: Option<PathBuf>,
@@ -193,7 +193,7 @@ fn in_words_of_the_owners(runs: &Names, command: &str) -> String {
     text
 }
 
-/// Whether a user of this number may operate the runs of the user who runs this.
+/// Returns whether a user of this number may operate the runs of the user who runs this.
 #[must_use]
 pub fn may_operate(user: u32) -> bool {
     let user = User::of(user);

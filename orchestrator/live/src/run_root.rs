@@ -19,7 +19,7 @@ use rustix::fs::{FlockOperation, flock};
 use self::base::{Base, State};
 use run_log::partial_path;
 
-/// How long is waited for another process that makes or sweeps places; it takes milliseconds.
+/// Time for which is waited for another process that makes or sweeps places; it takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A live run's place; removed, with all its shared memory, when dropped.

@@ -62,7 +62,7 @@ impl User {
         Self(rustix::process::geteuid().as_raw())
     }
 
-    /// Whether it may do what belongs to all users.
+    /// Returns whether it may do what belongs to all users.
     #[must_use]
     pub fn is_root(self) -> bool {
         self.0 == 0
@@ -136,7 +136,7 @@ pub fn scope() -> Option<PathBuf> {
     scope.map(PathBuf::from)
 }
 
-/// Whether the system hides the processes of other users from this one (`hidepid`), so that their runs are not found.
+/// Returns whether the system hides the processes of other users from this one (`hidepid`), so that their runs are not found.
 #[must_use]
 pub fn are_hidden() -> bool {
     fs::read("/proc/1/cmdline").is_err()
@@ -203,7 +203,7 @@ impl MachineRun {
         name.expect("a folder without a name is no run's")
     }
 
-    /// Whether this is what the user calls so: the run's name, or the number of one of its processes, which tells runs of
+    /// Returns whether this is what the user calls so: the run's name, or the number of one of its processes, which tells runs of
     /// one name apart.
     #[must_use]
     pub fn is_called(&self, name: &str) -> bool {
@@ -216,14 +216,14 @@ impl MachineRun {
         self.processes.iter().map(|process| process.pid)
     }
 
-    /// Whether the user who runs this may operate it.
+    /// Returns whether the user who runs this may operate it.
     #[must_use]
     pub fn is_permitted(&self) -> bool {
         let user = User::this();
         user == self.owner || user.is_root()
     }
 
-    /// Whether its processes see the file system as this one does; in a container they do not.
+    /// Returns whether its processes see the file system as this one does; in a container they do not.
     #[must_use]
     pub fn is_in_this_file_system(&self) -> bool {
         let ours = rustix::fs::readlink("/proc/self/ns/mnt", Vec::new()).ok();

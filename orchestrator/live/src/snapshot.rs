@@ -15,11 +15,11 @@ pub struct Snapshot {
     pub duration: f64,
     /// The phase of the flight; none if it is flown without phases.
     pub phase: Option<String>,
-    /// Whether the motors may turn.
+    /// `true` if the motors may turn.
     pub armed: bool,
-    /// Whether the vehicle has been asked to land.
+    /// `true` if the vehicle has been asked to land.
     pub landing: bool,
-    /// Whether the motors rest for ever.
+    /// `true` if the motors rest for ever.
     pub killed: bool,
     /// The services, in the order of the wiring table.
     pub services: Vec<ServiceSnapshot>,
@@ -73,7 +73,7 @@ pub struct ServiceSnapshot {
     pub rate: u64,
     /// How late its steps of the last second began.
     pub wake: Option<Quantiles>,
-    /// How long its steps of the last second took.
+    /// Time for which its steps of the last second took.
     pub step: Option<Quantiles>,
     /// Steps left out, since the start.
     pub missed_steps: u64,
@@ -89,7 +89,7 @@ pub struct ServiceSnapshot {
 /// How the cameras of a laboratory are; counts are since the start of the process that listens to them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CamerasSnapshot {
-    /// Why they are not to be trusted; none if they are.
+    /// Reason why they are not to be trusted; none if they are.
     pub trouble: Option<String>,
     /// Frames in the last whole second, Hz.
     pub rate: f64,
@@ -106,7 +106,7 @@ pub struct CamerasSnapshot {
 /// How the radio link of a laboratory is; counts are since the start of the process that drives it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LinkSnapshot {
-    /// Why no frame can leave; none if they do.
+    /// Reason why no frame can leave; none if they do.
     pub trouble: Option<String>,
     /// Frames on their way.
     pub sent: u64,

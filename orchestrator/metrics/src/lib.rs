@@ -37,7 +37,7 @@ pub fn read<T: Sample>(bytes: &[u8]) -> T {
     T::read_from_bytes(bytes).expect("hosts hand out samples of their topic")
 }
 
-/// When a scenario changes the vehicle or the air around it, s.
+/// Returns when a scenario changes the vehicle or the air around it, s.
 pub fn changes(scenario: &Scenario) -> impl Iterator<Item = f64> {
     let vehicle = scenario.vehicle.change.iter().map(|change| change.at);
     let fan = scenario.vehicle.fan.iter();

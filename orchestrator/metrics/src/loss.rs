@@ -26,7 +26,7 @@ const NEAR: f64 = 0.1;
 /// Height below which a vehicle touches the ground, m.
 const TOUCHES: f64 = 1e-6;
 
-/// Why a vehicle is lost.
+/// Reason why a vehicle is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
@@ -66,7 +66,7 @@ pub struct LossWatch {
     /// Distance from the path when it first was known, m.
     distance_at_start: Option<f64>,
     has_arrived: bool,
-    /// Whether it has been upright and near its path. Sound flights that start far away or upside down tip over on their way.
+    /// `true` if it has been upright and near its path. Sound flights that start far away or upside down tip over on their way.
     has_settled: bool,
     loss: Option<Loss>,
 }

@@ -24,7 +24,7 @@ const CARRIED_NS: i128 = 200_000_000;
 /// number of references that are put aside must not grow with what a program writes into its samples.
 const HORIZON_NS: u64 = 1_000_000_000;
 
-/// Where the path is at a moment.
+/// Place where the path is at a moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Demand {
     /// pd in {I}, m.
@@ -66,7 +66,7 @@ impl PathClock {
         });
     }
 
-    /// Where the path is at a time, which must not go back; nothing before the first reference's.
+    /// Returns where the path is at a time, which must not go back; nothing before the first reference's.
     #[inline]
     pub fn at(&mut self, time_ns: u64) -> Option<Demand> {
         while let Some(next) = self.coming.pop_front_if(|next| next.reference_time_ns <= time_ns) {
@@ -76,7 +76,7 @@ impl PathClock {
     }
 }
 
-/// Where the path of a reference is at another time: γ moves by its derivatives, and pd by its Taylor polynomial in γ.
+/// Returns where the path of a reference is at another time: γ moves by its derivatives, and pd by its Taylor polynomial in γ.
 #[must_use]
 #[inline]
 pub fn carried(reference: &PathReference, time_ns: u64) -> Demand {

@@ -23,7 +23,7 @@ impl Statistics {
         self.largest = self.largest.max(value.abs());
     }
 
-    /// How many numbers there were.
+    /// Returns how many numbers there were.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count

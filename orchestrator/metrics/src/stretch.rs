@@ -30,7 +30,7 @@ pub struct Metrics {
     pub p99: f64,
     /// The largest distance, m.
     pub max: f64,
-    /// When it first was so large, s since the start of the flight.
+    /// Time at which it first was so large, s since the start of the flight.
     pub time_of_max: f64,
     /// Time from the first moment after which the distance stayed below [`SETTLED`], s; none if it did not.
     pub settling_time: Option<f64>,

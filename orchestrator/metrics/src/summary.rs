@@ -85,7 +85,7 @@ pub struct RunFacts {
     pub host: String,
     /// How it ended.
     pub outcome: Outcome,
-    /// Why it ended, in words; empty when it was completed.
+    /// Reason why it ended, in words; empty when it was completed.
     pub reason: String,
     /// Tick at which a service computed a number that is not finite, if that ended it.
     #[serde(skip)]
@@ -145,11 +145,11 @@ pub struct Summary {
 /// A phase of a flight: from one change of the vehicle, or the start, to the next, or the end.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Phase {
-    /// When it begins, s.
+    /// Time at which it begins, s.
     pub begins: f64,
-    /// When it ends, or for a phase that was not flown to its end when it was left, s.
+    /// Time at which it ends, or for a phase that was not flown to its end when it was left, s.
     pub ends: f64,
-    /// Whether it was flown to its end.
+    /// `true` if it was flown to its end.
     pub is_complete: bool,
     /// How far the vehicle was from its path; none if it did not fly along it.
     pub metrics: Option<Metrics>,
@@ -177,7 +177,7 @@ pub struct Parameters {
     pub disturbance_estimate: Option<Vector>,
 }
 
-/// How many samples of a topic were recorded.
+/// Number of samples of a topic that were recorded.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct TopicCount {
     /// Name of the topic.
@@ -202,7 +202,7 @@ pub struct FlightSummary {
     tracker: Tracker,
     loss: LossWatch,
     whole: Stretch,
-    /// Whether the vehicle flies along its path, as far as it is known.
+    /// `true` if the vehicle flies along its path, as far as it is known.
     is_on_path: bool,
     phases: Vec<PhaseRecord>,
     /// Only where faults are planned: who plans none does not pay for them.

@@ -118,7 +118,7 @@ impl Moment {
 #[derive(Clone, Debug)]
 pub struct Tracker {
     source: StateSource,
-    /// Whether references tell of phases; a flight without them is flown from its start.
+    /// `true` if references tell of phases; a flight without them is flown from its start.
     has_phases: bool,
     clock: PathClock,
     vehicle: Option<Vehicle>,
@@ -209,7 +209,7 @@ impl Tracker {
     }
 }
 
-/// Whether the vehicle is to follow something in a phase.
+/// Returns whether the vehicle is to follow something in a phase.
 fn is_followed(phase: FlightPhase) -> bool {
     matches!(phase, FlightPhase::TakeOff | FlightPhase::Fly | FlightPhase::Land)
 }

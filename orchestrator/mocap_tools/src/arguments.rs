@@ -100,7 +100,7 @@ pub struct MocapSend {
     /// Port to serve at [default: the system's].
     #[arg(long)]
     pub port: Option<u16>,
-    /// Where frames go, with Vicon and NatNet [default: the system's port at --at].
+    /// Place where frames go, with Vicon and NatNet [default: the system's port at --at].
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub to: Option<SocketAddrV4>,
     /// Version of NatNet's bit stream.

@@ -98,11 +98,11 @@ fn fly(
     Ok(Exit::Success)
 }
 
-/// Where the body is.
+/// Place where the body is.
 enum Flight {
     /// On the paper's tilted eight, upright, with the nose along its way.
     Eight,
-    /// Where the vehicle of a log truly was.
+    /// Place where the vehicle of a log truly was.
     Recorded(Vec<(f64, WorldPose)>),
 }
 

@@ -13,7 +13,7 @@ use super::history::History;
 /// Compares what the steps of a service publish, and what it knows after some of them, with what was recorded.
 pub(super) struct Comparator {
     judges: Vec<Judge>,
-    /// How often what it knows was compared.
+    /// Number of times that what it knows was compared.
     pub(super) checkpoints: u64,
     pub(super) checkpoints_different: u64,
     /// Tick of the first step after which the service knew something else than is recorded.
@@ -61,7 +61,7 @@ impl Comparator {
 /// Compares what the steps of a tick publish on one topic with what was recorded.
 struct Judge {
     comparison: Comparison,
-    /// Whether the recorded sample of the tick has been accounted for.
+    /// `true` if the recorded sample of the tick has been accounted for.
     is_settled: bool,
     /// What the last step published that may not have been, and that is not what was recorded.
     doubtful: Option<OwnedSample>,

@@ -63,12 +63,12 @@ impl Comparison {
         self.compare_with(recorded, replayed);
     }
 
-    /// Whether a sample of the tick of `replayed` was recorded.
+    /// Returns whether a sample of the tick of `replayed` was recorded.
     pub(super) fn has_recorded(&self, replayed: &[u8], history: &History) -> bool {
         history.sample(self.topic, header_of(replayed).seq).is_some()
     }
 
-    /// Whether this very sample was recorded.
+    /// Returns whether this very sample was recorded.
     pub(super) fn is_recorded(&self, replayed: &[u8], history: &History) -> bool {
         history.sample(self.topic, header_of(replayed).seq) == Some(replayed)
     }

@@ -21,7 +21,7 @@ pub struct TopicDiff {
 }
 
 impl TopicDiff {
-    /// Whether both logs have the same samples.
+    /// Returns whether both logs have the same samples.
     #[must_use]
     pub fn is_identical(&self) -> bool {
         self.comparison.different == 0 && self.lonely == [0, 0]

@@ -85,7 +85,7 @@ impl Recorded {
         Some(self.samples[position].1.bytes())
     }
 
-    /// Where a sequence number is, or would be.
+    /// Returns where a sequence number is, or would be.
     fn position(&self, seq: u64) -> Result<usize, usize> {
         self.samples.binary_search_by_key(&seq, |(kept, _)| *kept)
     }

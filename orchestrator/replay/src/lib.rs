@@ -42,7 +42,7 @@ use run_log::{HostReadError, LogReadError, LogReader};
 /// How far beyond a tick the log is read before the tick is replayed: in real time a sample may come that much late.
 const READ_AHEAD_TICKS: u64 = 512;
 
-/// Why a log cannot be replayed.
+/// Reason why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
     /// The log cannot be read.
@@ -62,9 +62,9 @@ pub enum ReplayError {
     /// The flight has no tick in the part that is asked for.
     #[error("the flight has no tick between --from {from} s and --to {to} s; let the second be later")]
     NothingBetween {
-        /// Where the part begins, s.
+        /// Place where the part begins, s.
         from: f64,
-        /// Where it ends, s.
+        /// Place where it ends, s.
         to: f64,
     },
     /// What is asked for is not in the log.
@@ -72,7 +72,7 @@ pub enum ReplayError {
     BeyondTheEnd {
         /// Which end of the part.
         option: &'static str,
-        /// Where it is, s.
+        /// Place where it is, s.
         stated: f64,
         /// Time of the log's last tick, s.
         ends: f64,
@@ -100,16 +100,16 @@ pub struct Options {
 /// What came of a replay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replayed {
-    /// Whether the log is one of real time.
+    /// `true` if the log is one of real time.
     pub in_real_time: bool,
-    /// Where the services began, if not with the flight.
+    /// Place where the services began, if not with the flight.
     pub starts: Vec<Start>,
     /// Steps that were done again, of the part that was asked for.
     pub steps: u64,
     /// Steps that could not be, because samples that they had seen were not recorded; nor could those after them, up to
     /// the next recorded checkpoint of the service.
     pub steps_without_inputs: u64,
-    /// How often services went on from a checkpoint, not having been able to do the steps before.
+    /// Number of times that services went on from a checkpoint, not having been able to do the steps before.
     pub resumptions: u64,
     /// Recorded checkpoints that were compared with what the replayed services knew.
     pub checkpoints: u64,
@@ -119,7 +119,7 @@ pub struct Replayed {
     pub first_checkpoint: Option<CheckpointDifference>,
     /// Services whose checkpoints another build has written: they were not looked at.
     pub strange_checkpoints: Vec<ServiceId>,
-    /// Whether samples are missing in the recovered log, of the part that was replayed.
+    /// `true` if samples are missing in the recovered log, of the part that was replayed.
     pub lacks_samples: bool,
     /// The service whose steps cannot be done again, if it is to be: in a laboratory the world's are what cameras saw.
     pub not_again: Option<&'static str>,
@@ -127,11 +127,11 @@ pub struct Replayed {
     pub external_services: Vec<ServiceId>,
     /// Of each topic that was published in the replay.
     pub comparisons: Vec<Comparison>,
-    /// Why the log ends early, if it does.
+    /// Reason why the log ends early, if it does.
     pub log_ends: Option<String>,
 }
 
-/// Where a service began that did not begin with the flight.
+/// Place where a service began that did not begin with the flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// The service.
@@ -170,7 +170,7 @@ impl Replayed {
             .sum()
     }
 
-    /// Whether all that could be compared is the same, and all could.
+    /// Returns whether all that could be compared is the same, and all could.
     #[must_use]
     pub fn is_identical(&self) -> bool {
         let is_whole = self.steps_without_inputs == 0 && self.resumptions == 0 && !self.lacks_samples;
@@ -316,13 +316,13 @@ impl Replay<'_> {
         Ok(())
     }
 
-    /// Whether the log has all that was asked for.
+    /// Returns whether the log has all that was asked for.
     fn check_end(&self, options: &Options) -> Result<(), ReplayError> {
         let last_tick = self.ends_before.saturating_sub(1);
         self.scope.check_end(options, last_tick, self.schedule.tick_ns())
     }
 
-    /// Whether samples are missing between others that the replayed steps may have seen or published.
+    /// Returns whether samples are missing between others that the replayed steps may have seen or published.
     fn lacks_samples(&self) -> bool {
         let begins = self.replays.iter().map(ServiceReplay::begins_at).min();
         let replayed = begins.unwrap_or_default()..=self.scope.last;
@@ -370,9 +370,9 @@ struct LogSource {
     history: History,
     /// All samples of ticks before this one have been read.
     read_until: u64,
-    /// Why the log ends early.
+    /// Reason why the log ends early.
     ends: Option<String>,
-    /// Whether it ends anywhere, and not with a whole tick.
+    /// `true` if it ends anywhere, and not with a whole tick.
     breaks_off: bool,
 }
 
@@ -400,7 +400,7 @@ impl LogSource {
         Ok(())
     }
 
-    /// Whether the log ends before a tick is whole. Of one that breaks off, the last tick may be broken, too.
+    /// Returns whether the log ends before a tick is whole. Of one that breaks off, the last tick may be broken, too.
     fn is_exhausted_before(&self, tick: u64) -> bool {
         let whole_until = self
             .history

@@ -21,7 +21,7 @@ pub(super) struct RecordedStep {
     /// Tick of the step before it that the service remembered.
     pub(super) previous: Option<u64>,
     pub(super) operator: Operator,
-    /// Whether all that it had to publish was published; else its process died meanwhile.
+    /// `true` if all that it had to publish was published; else its process died meanwhile.
     pub(super) is_finished: bool,
     /// Of each input, the sequence number of the sample that it saw, and whether the step before saw another one.
     pub(super) seen: Seen,
@@ -44,7 +44,7 @@ struct OfService {
     checkpoints: RecordedCheckpoints,
     /// Tick of the last step that was read.
     read_to: Option<u64>,
-    /// Whether there are checkpoints of another build, which mean nothing here.
+    /// `true` if there are checkpoints of another build, which mean nothing here.
     has_strange_checkpoints: bool,
 }
 
@@ -63,7 +63,7 @@ impl RecordedSteps {
         Ok(recorded_steps)
     }
 
-    /// Whether the flight was flown in real time.
+    /// Returns whether the flight was flown in real time.
     pub(super) fn is_of_real_time(&self) -> bool {
         self.has_steps
     }
@@ -74,7 +74,7 @@ impl RecordedSteps {
         ServiceId::ALL.into_iter().filter(is_strange).collect()
     }
 
-    /// Where a service can begin: the newest checkpoint before the tick by which it is to have begun.
+    /// Returns where a service can begin: the newest checkpoint before the tick by which it is to have begun.
     pub(super) fn start_of(&mut self, service: ServiceId) -> Result<Option<(u64, &[u8])>, ReplayError> {
         self.read_to(service, self.begins_by)?;
         let checkpoints = &self.services[service.index()].checkpoints;

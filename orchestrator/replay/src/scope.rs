@@ -34,7 +34,7 @@ impl Scope {
         }
     }
 
-    /// Whether what is asked for lies before the end of the log, whose last tick is `last_tick`.
+    /// Returns whether what is asked for lies before the end of the log, whose last tick is `last_tick`.
     pub(super) fn check_end(
         &self,
         options: &Options,

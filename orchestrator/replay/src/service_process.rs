@@ -27,10 +27,10 @@ use command_line::interrupt::Interrupt;
 use supervisor::supervision::process::Process;
 use supervisor::supervision::{READY_LIMIT, STOP_LIMIT};
 
-/// How long a process may take for a batch of steps: some thousand times as long as it takes.
+/// Time that a process may take for a batch of steps: some thousand times as long as it takes.
 const BATCH_LIMIT: Duration = READY_LIMIT;
 
-/// How often the end of the replay is checked.
+/// Period at which the end of the replay is checked.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
 
 fn timespec(duration: Duration) -> Timespec {
@@ -61,14 +61,14 @@ pub(super) struct ServiceProcess {
     interrupt: Interrupt,
     inputs: Vec<InputPort>,
     outputs: Vec<OutputPort>,
-    /// Whether it has made its ports.
+    /// `true` if it has made its ports.
     is_ready: bool,
     /// What it is to know before the step that is told next.
     memory: Memory,
     /// The steps that are to be handed over next.
     orders: Vec<StepOrder>,
     told: Vec<Told>,
-    /// Whether the process is to tell what it knows after them.
+    /// `true` if the process is to tell what it knows after them.
     tells_state: bool,
     /// What the process is doing.
     under_way: Vec<Told>,

@@ -22,7 +22,7 @@ pub(super) struct ServiceReplay {
     /// Ticks of the last step and of the one before it.
     last: Option<u64>,
     last_but_one: Option<u64>,
-    /// Whether what the service knows by now cannot be known here: a step saw a sample that was not recorded.
+    /// `true` if what the service knows by now cannot be known here: a step saw a sample that was not recorded.
     is_lost: bool,
     /// What is compared; before it steps are only done.
     scope: Scope,
@@ -35,7 +35,7 @@ pub(super) struct ServiceReplay {
     comparator: Comparator,
     pub(super) steps: u64,
     pub(super) steps_without_inputs: u64,
-    /// How often it went on from a recorded checkpoint because what the service knew could not be known otherwise.
+    /// Number of times that it went on from a recorded checkpoint because what the service knew could not be known otherwise.
     pub(super) resumptions: u64,
 }
 
@@ -84,7 +84,7 @@ impl ServiceReplay {
         self.timetable.service
     }
 
-    /// Whether the service sees or publishes samples of a topic.
+    /// Returns whether the service sees or publishes samples of a topic.
     pub(super) fn is_about(&self, topic: Topic) -> bool {
         let mut inputs = self.timetable.inputs.iter();
         let mut outputs = self.timetable.outputs.iter();
@@ -159,7 +159,7 @@ impl ServiceReplay {
         Ok(())
     }
 
-    /// Whether a fault has a step see the content of an older sample that was not recorded.
+    /// Returns whether a fault has a step see the content of an older sample that was not recorded.
     fn lacks_repeated(&mut self, tick: u64, history: &History) -> bool {
         self.fill_stores(tick, history);
         let mut inputs = self.stores.iter().zip(&self.timetable.inputs);

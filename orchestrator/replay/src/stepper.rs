@@ -18,9 +18,9 @@ pub(super) struct Step<'a> {
     pub(super) views: Views<'a>,
     /// Of each input, the sequence number of the recorded sample that it sees; none where it is altered on its way.
     pub(super) as_recorded: [Option<u64>; MAX_PORTS],
-    /// Whether all that it had to publish was published in the flight.
+    /// `true` if all that it had to publish was published in the flight.
     pub(super) is_finished: bool,
-    /// Whether the comparator is to hear of it.
+    /// `true` if the comparator is to hear of it.
     pub(super) is_compared: bool,
 }
 

@@ -37,7 +37,7 @@ impl Durability {
         })
     }
 
-    /// Whether a failure has ended it before its time.
+    /// Returns whether a failure has ended it before its time.
     #[inline]
     pub(super) fn has_failed(&self) -> bool {
         self.thread.as_ref().is_some_and(JoinHandle::is_finished)

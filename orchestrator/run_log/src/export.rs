@@ -9,7 +9,7 @@ use shared_types::Topic;
 use super::reader::{LogReadError, LogReader};
 use super::schema::Schema;
 
-/// Why a log cannot be exported.
+/// Reason why a log cannot be exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The log cannot be read.

@@ -62,7 +62,7 @@ impl Compression {
     }
 }
 
-/// Why a log cannot be written.
+/// Reason why a log cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// The file cannot be made.

@@ -14,7 +14,7 @@ use zerocopy::FromBytes;
 use super::host_samples::{HostSample, LoggedCheckpoint, PieceByPiece, ServiceCheckpoint, ServiceStep};
 use super::records::{self, RawRecord, Records};
 
-/// Why the record of the machine cannot be read on.
+/// Reason why the record of the machine cannot be read on.
 #[derive(Debug, thiserror::Error)]
 pub enum HostReadError {
     /// The file cannot be opened.

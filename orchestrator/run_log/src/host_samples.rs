@@ -120,7 +120,7 @@ shared_types::sample! {
         pub health: u32,
         /// Explicit padding.
         pub pad0: u32,
-        /// When the last pose that was believed arrived, ns since the start of the flight; 0 before the first.
+        /// Time at which the last pose that was believed arrived, ns since the start of the flight; 0 before the first.
         pub believed_at_ns: u64,
         /// Frames a second in the last whole second in which any came, Hz; 0 before the first.
         pub rate: f64,
@@ -160,7 +160,7 @@ shared_types::sample! {
         pub lost: u64,
         /// Number of times that the numbers of frames started again.
         pub restarted: u64,
-        /// How often a place was believed at last.
+        /// Number of times that a place was believed at last.
         pub settled: u64,
         /// Seconds whose rate was outside the stated band.
         pub rate_warnings: u64,
@@ -191,9 +191,9 @@ shared_types::sample! {
         pub silent: u64,
         /// Frames left out because the sender woke up too late.
         pub left_out: u64,
-        /// How often the device or connection was lost.
+        /// Number of times that the device or connection was lost.
         pub losses: u64,
-        /// How often it was found again.
+        /// Number of times that it was found again.
         pub recoveries: u64,
         /// How much later than due half of the frames left at most, s; known at the end only, as the next two.
         pub late_p50: f64,

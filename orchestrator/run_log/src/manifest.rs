@@ -27,7 +27,7 @@ pub struct Manifest {
     pub scenario: Scenario,
 }
 
-/// Why metadata of a log is no manifest of this program.
+/// Reason why metadata of a log is no manifest of this program.
 #[derive(Debug, thiserror::Error)]
 pub enum ManifestProblem {
     /// There is none.

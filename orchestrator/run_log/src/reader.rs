@@ -18,7 +18,7 @@ use super::manifest::{COPY_RECORD_NAME, FORMAT_VERSION, Manifest, ManifestProble
 use super::records::{self, RawRecord, Records, is_message_index};
 use super::recovery::Recovery;
 
-/// Why a log cannot be read.
+/// Reason why a log cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum LogReadError {
     /// The file cannot be opened or read.
@@ -42,7 +42,7 @@ pub enum LogReadError {
     Manifest {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// Reason why not.
         source: ManifestProblem,
     },
     /// The log is arranged in another way.
@@ -111,7 +111,7 @@ pub struct LogReader {
     sample: Vec<u64>,
     samples: u64,
     last_tick: Option<u64>,
-    /// Whether only the summary is left.
+    /// `true` if only the summary is left.
     is_in_summary: bool,
     has_ended: bool,
 }
@@ -242,7 +242,7 @@ impl LogReader {
         }
     }
 
-    /// Where `self.record` stands.
+    /// Returns where `self.record` stands.
     fn place(&self) -> Place {
         match (self.record.is_in_chunk, self.is_in_summary) {
             (true, false) => Place::Chunk,

@@ -64,7 +64,7 @@ pub(super) struct ChunkRecords {
     chunk_read: usize,
     /// How the last chunk was compressed, as MCAP calls it.
     pub(super) compression: String,
-    /// Whether nothing of the chunk has been handed out yet.
+    /// `true` if nothing of the chunk has been handed out yet.
     is_new: bool,
     /// Chunks of which something was handed out, so that their checksums hold.
     pub(super) chunks: u64,
@@ -75,7 +75,7 @@ pub(super) struct ChunkRecords {
 pub(super) struct RawRecord {
     /// One of [`op`].
     pub(super) opcode: u8,
-    /// Whether it stood in a chunk, under the chunk's checksum.
+    /// `true` if it stood in a chunk, under the chunk's checksum.
     pub(super) is_in_chunk: bool,
     /// What follows the length.
     pub(super) body: Vec<u8>,
@@ -255,7 +255,7 @@ fn check_chunk(body: &[u8]) -> McapResult<ChunkHeader> {
     Ok(header)
 }
 
-/// Whether the lengths of the records in `data` add up to it.
+/// Returns whether the lengths of the records in `data` add up to it.
 fn holds_whole_records(mut data: &[u8]) -> bool {
     while let Some((frame, rest)) = data.split_first_chunk::<FRAME_BYTES>() {
         let length: [u8; 8] = std::array::from_fn(|index| frame[1 + index]);
@@ -270,7 +270,7 @@ fn holds_whole_records(mut data: &[u8]) -> bool {
     data.is_empty()
 }
 
-/// Whether these bytes can be an index of messages: a channel and a list of pairs that fills the rest.
+/// Returns whether these bytes can be an index of messages: a channel and a list of pairs that fills the rest.
 pub(super) fn is_message_index(body: &[u8]) -> bool {
     const PAIR_BYTES: usize = 16;
     let Some((length, pairs)) = body.get(2..).and_then(<[u8]>::split_first_chunk) else {

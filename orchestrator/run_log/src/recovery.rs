@@ -28,7 +28,7 @@ use super::records::{RawRecord, Records};
 
 pub use self::report::{Gap, Moment, Recovery};
 
-/// Why a log cannot be recovered.
+/// Reason why a log cannot be recovered.
 #[derive(Debug, thiserror::Error)]
 pub enum RecoverError {
     /// The file cannot be opened or read.
@@ -82,7 +82,7 @@ pub enum RecoverError {
     Write(#[from] LogError),
 }
 
-/// Whether a log is complete to its last checksum.
+/// Returns whether a log is complete to its last checksum.
 ///
 /// # Errors
 /// What the system says if the file cannot be read.
@@ -101,7 +101,7 @@ pub fn is_whole(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// Where the recovered log is put unless another place is named: `run.recovered.mcap` for `run.mcap` and
+/// Returns where the recovered log is put unless another place is named: `run.recovered.mcap` for `run.mcap` and
 /// `run.mcap.partial`.
 #[must_use]
 pub fn recovered_path(log: &Path) -> PathBuf {
@@ -301,7 +301,7 @@ impl<'a> Survey<'a> {
     }
 }
 
-/// Why there is no sample to recover in a file.
+/// Returns why there is no sample to recover in a file.
 fn nothing_in(path: PathBuf) -> RecoverError {
     let begin = File::open(&path).and_then(|file| {
         let mut begin = Vec::new();

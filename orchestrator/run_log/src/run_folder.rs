@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::{partial_path, recovered_path};
 
-/// Why there is no folder for the results.
+/// Reason why there is no folder for the results.
 #[derive(Debug, thiserror::Error)]
 pub enum RunFolderError {
     /// The folder named holds something already.

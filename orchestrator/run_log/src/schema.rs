@@ -94,7 +94,7 @@ impl Schema {
 }
 
 impl Member {
-    /// Whether it is UTF-8 filled up with zeros: our samples have no other use for so many bytes.
+    /// Returns whether it is UTF-8 filled up with zeros: our samples have no other use for so many bytes.
     fn is_text(&self) -> bool {
         self.kind == Kind::Unsigned(1) && self.name == "text" && self.length.is_some()
     }

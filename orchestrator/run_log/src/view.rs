@@ -33,7 +33,7 @@ const POINTS_MAX: usize = 20_000;
 /// Size at which a chunk is closed, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// Why there is no copy for viewers.
+/// Reason why there is no copy for viewers.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
     /// The log cannot be read.
@@ -50,7 +50,7 @@ pub enum ViewError {
     Write(#[from] LogError),
 }
 
-/// Where the copy for viewers is put unless another place is named: `run.view.mcap` for `run.mcap`.
+/// Returns where the copy for viewers is put unless another place is named: `run.view.mcap` for `run.mcap`.
 #[must_use]
 pub fn view_path(log: &Path) -> PathBuf {
     log.with_extension("view.mcap")
@@ -82,7 +82,7 @@ struct Display {
 }
 
 impl Display {
-    /// Whether a sample of this time is the first in its thirtieth of a second.
+    /// Returns whether a sample of this time is the first in its thirtieth of a second.
     fn is_due(&mut self, time_ns: u64) -> bool {
         let frame = u128::from(time_ns) * u128::from(DISPLAY_RATE) / 1_000_000_000;
         let frame = u64::try_from(frame).unwrap_or(u64::MAX);
@@ -156,7 +156,7 @@ impl Survey {
     }
 }
 
-/// Where a sample says that the vehicle is, or should be; nothing if it does not know.
+/// Returns where a sample says that the vehicle is, or should be; nothing if it does not know.
 fn placed(topic: Topic, bytes: &[u8]) -> Option<Placed> {
     let (position_world, world_from_body) = match topic {
         Topic::VehicleTruth => {

@@ -8,14 +8,14 @@ use miette::{Diagnostic, LabeledSpan, SourceCode};
 use super::snippet::Snippet;
 use command_line::terminal::printable;
 
-/// Why a scenario is not flown. Displayed as one line, or as one line a finding with `{:#}`.
+/// Reason why a scenario is not flown. Displayed as one line, or as one line a finding with `{:#}`.
 #[derive(Debug, thiserror::Error)]
 pub enum ScenarioError {
     /// The file could not be read.
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// Why it could not be read.
+        /// Reason why it could not be read.
         reason: String,
         /// What to do about it.
         fix: String,

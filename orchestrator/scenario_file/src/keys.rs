@@ -90,7 +90,7 @@ pub fn keys_for_completion() -> Vec<(String, String)> {
         .collect()
 }
 
-/// Whether a key is this one, or a number inside its value.
+/// Returns whether a key is this one, or a number inside its value.
 fn is_of(key: &Key, pattern: &Key) -> bool {
     let (key, pattern) = (key.segments(), pattern.segments());
     let is_position = |segment: &String| segment.parse::<usize>().is_ok();
@@ -203,7 +203,7 @@ pub(super) fn resolved(part: &Value) -> &Value {
         .unwrap_or(part)
 }
 
-/// Whether it is a table, or one of several.
+/// Returns whether it is a table, or one of several.
 pub(super) fn is_table(part: &Value) -> bool {
     let variants = part["oneOf"].as_array();
     let is_choice_of_tables =

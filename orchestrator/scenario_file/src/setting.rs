@@ -55,7 +55,7 @@ struct Setting<'i> {
     value: Spanned<DeValue<'i>>,
 }
 
-/// Why an argument cannot be used.
+/// Reason why an argument cannot be used.
 struct Refusal {
     span: Range<usize>,
     reason: String,
@@ -154,7 +154,7 @@ fn parse_value(placed: &str) -> Result<Spanned<DeValue<'_>>, Refusal> {
     ))
 }
 
-/// Whether a value that TOML does not understand is plainly meant as a string.
+/// Returns whether a value that TOML does not understand is plainly meant as a string.
 fn is_word(text: &str) -> bool {
     let is_punctuation = |character| matches!(character, '"' | '\'' | '[' | ']' | '{' | '}' | '=');
     text.starts_with(char::is_alphabetic) && !text.contains(is_punctuation)

@@ -31,7 +31,7 @@ pub(super) struct Snippet {
     lines_before: usize,
     /// Line and column of the place in the whole text, from 1, the column in characters.
     place: [usize; 2],
-    /// Whether the line is shown without its begin.
+    /// `true` if the line is shown without its begin.
     is_cut: bool,
 }
 
@@ -106,7 +106,7 @@ impl Lines {
 }
 
 impl Snippet {
-    /// Where the place is: name of the text, line, and column in characters.
+    /// Returns where the place is: name of the text, line, and column in characters.
     pub(super) fn place(&self) -> String {
         let [line, column] = self.place;
         format!("{}:{line}:{column}", self.name)
@@ -116,7 +116,7 @@ impl Snippet {
         self.span.clone().into()
     }
 
-    /// Where the place is, if the snippet shows it elsewhere.
+    /// Returns where the place is, if the snippet shows it elsewhere.
     pub(super) fn true_column(&self) -> Option<usize> {
         self.is_cut.then_some(self.place[1])
     }
@@ -157,7 +157,7 @@ fn cut(line: &str, left_out: usize) -> String {
     format!("{begin_mark}{}{end_mark}", printable_in_place(&rest[..end]))
 }
 
-/// Where the character of a number begins, or the line ends.
+/// Returns where the character of a number begins, or the line ends.
 fn byte_of(line: &str, character: usize) -> usize {
     line.char_indices()
         .nth(character)

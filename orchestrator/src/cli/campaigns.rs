@@ -39,13 +39,13 @@ pub struct Faults {
     /// What to fly.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
-    /// When faults begin, s [default: three moments at which nothing else happens; with --quick one].
+    /// Time at which faults begin, s [default: three moments at which nothing else happens; with --quick one].
     #[arg(long, value_delimiter = ',', value_name = "T,T,…")]
     pub moments: Vec<f64>,
-    /// How long faults last, s.
+    /// Time for which faults last, s.
     #[arg(long = "for", value_name = "T", default_value_t = fault_matrix::LASTS)]
     pub lasts: f64,
-    /// How long to fly after a fault, s.
+    /// Time for which to fly after a fault, s.
     #[arg(long, value_name = "T", default_value_t = fault_matrix::AFTER)]
     pub after: f64,
     /// Which faults: off (off-warm, off-cold), freeze, delay, intermittent, stuck, wrong, garbage (garbage-in-range,

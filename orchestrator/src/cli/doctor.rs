@@ -15,7 +15,7 @@ pub struct Doctor {
     /// Change a value of the scenario, for example `--set deployment.core=1`; may be given several times.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE", add = setting(), requires = "scenario")]
     pub sets: Vec<String>,
-    /// How long to measure wake-ups, s; the longer, the more of what is rare is seen.
+    /// Time for which to measure wake-ups, s; the longer, the more of what is rare is seen.
     #[arg(long, value_name = "T", default_value = "3", value_parser = between(0.01, 3600.0, "s"))]
     pub seconds: f64,
     /// The folder into which runs write.

@@ -36,7 +36,7 @@ pub struct Run {
     /// What to fly.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
-    /// Where the services run and what makes them step; in simulated time the log is the same.
+    /// Place where the services run and what makes them step; in simulated time the log is the same.
     #[arg(long, value_enum, default_value_t)]
     pub host: Host,
     /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-N].
@@ -66,7 +66,7 @@ pub struct RecordingArguments {
 }
 
 impl RecordingArguments {
-    /// How long apart the logs are to be forced to the disk.
+    /// Returns how long apart the logs are to be forced to the disk.
     #[must_use]
     pub fn forcing_period(self) -> Option<Duration> {
         self.durable.map(Duration::from_secs_f64)
@@ -111,7 +111,7 @@ fn seconds_per_service(text: &str) -> Result<PerService<f64>, ValueError> {
     Ok(parsed)
 }
 
-/// Where the process of a service shall kill itself.
+/// Place where the process of a service shall kill itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServiceCrash {
     /// The service.

@@ -28,7 +28,7 @@ pub struct RcProbe {
     /// Whose link.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
-    /// How long a stick takes from the middle to both ends and back, s.
+    /// Time that a stick takes from the middle to both ends and back, s.
     #[arg(long, default_value_t = 8.0, value_name = "S", value_parser = between(0.1, 600.0, "s"))]
     pub seconds: f64,
     /// Move the thrust stick too although nothing keeps the vehicle disarmed: its propellers are off.

@@ -14,9 +14,9 @@ use supervisor::{Ending, FlightFailure, Outcome};
 pub(super) struct FlightResult<'a> {
     pub(super) name: &'a str,
     pub(super) host: Host,
-    /// Where its results go.
+    /// Place where its results go.
     pub(super) folder: &'a RunFolder,
-    /// Whether nothing is shown that went well.
+    /// `true` if nothing is shown that went well.
     pub(super) quiet: bool,
 }
 
@@ -93,7 +93,7 @@ impl FlightResult<'_> {
     }
 }
 
-/// Whether the run has failed before it had a sample, so that there is nothing to tell but why, and nothing to keep.
+/// Returns whether the run has failed before it had a sample, so that there is nothing to tell but why, and nothing to keep.
 fn has_flown_nothing(outcome: &Outcome, summary: &Summary) -> bool {
     let has_failed = matches!(outcome, Outcome::Failed(_));
     has_failed && summary.topics.iter().all(|topic| topic.recorded == 0)

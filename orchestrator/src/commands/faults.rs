@@ -58,7 +58,7 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
     })
 }
 
-/// When faults begin and how long they last, as asked for.
+/// Returns when faults begin and how long they last, as asked for.
 fn times(arguments: &Faults, scenario: &Scenario) -> Result<Times, Failure> {
     let Faults { lasts, after, .. } = *arguments;
     let count = if arguments.quick { 1 } else { fault_matrix::MOMENTS };

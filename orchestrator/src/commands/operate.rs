@@ -10,7 +10,7 @@ use command_line::exit::Exit;
 use live::runs::MachineRun;
 use live::{Answer, LiveError, LiveRun, PATIENCE, Question};
 
-/// How long an orchestrator may take to answer a kill, which has been carried out by then if it can be without it.
+/// Time for which an orchestrator may take to answer a kill, which has been carried out by then if it can be without it.
 const KILL_PATIENCE: Duration = Duration::from_secs(1);
 
 /// Asks a live run, by the command of this name, and says what it answered.

@@ -178,7 +178,7 @@ fn report(replayed: &Replayed, options: &Options) -> String {
     text
 }
 
-/// Where the services began.
+/// Returns where the services began.
 fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
     if replayed.starts.is_empty() {
         return "No checkpoint was recorded before: begun with the flight.".to_owned();

@@ -155,7 +155,7 @@ struct Summary {
     frames: u64,
     /// Bytes that belonged to none.
     skipped: u64,
-    /// How often none came for too long.
+    /// Number of times that none came for too long.
     losses: u64,
     /// How much later than due ticks were: half of them, 99 of 100, and all, s.
     late: [f64; 3],

@@ -17,11 +17,11 @@ const LEAST_HISTORY: u64 = 64;
 pub struct Archive {
     publication: Publication,
     samples: SampleRing,
-    /// How many samples have come.
+    /// Number of samples that have come.
     count: u64,
     /// Samples that are kept for good, by place: consumers need them long after later ones, as planned.
     remembered: BTreeMap<u64, Option<Box<[u8]>>>,
-    /// Whether an external program publishes: no process takes its place that might repeat samples, and nobody else sees
+    /// `true` if an external program publishes: no process takes its place that might repeat samples, and nobody else sees
     /// to its headers.
     is_external: bool,
 }
@@ -61,7 +61,7 @@ impl Archive {
         self.is_external = true;
     }
 
-    /// Whether there is room for another sample while those from the one of `tick` on are waited for.
+    /// Returns whether there is room for another sample while those from the one of `tick` on are waited for.
     #[must_use]
     #[inline]
     pub fn has_room(&self, tick: u64) -> bool {
@@ -91,7 +91,7 @@ impl Archive {
         self.compare(tick, place, bytes)
     }
 
-    /// Whether a sample is the one that is due.
+    /// Returns whether a sample is the one that is due.
     fn check(&self, header: Header) -> Result<(), FlightFailure> {
         let due = self.next_due();
         if self.publication.header(due) == header {
@@ -157,7 +157,7 @@ impl Archive {
         Some((header_of(newest).tick, self.count))
     }
 
-    /// How many samples have come.
+    /// Returns how many samples have come.
     #[must_use]
     #[inline]
     pub fn count(&self) -> u64 {

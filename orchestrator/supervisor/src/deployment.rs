@@ -14,7 +14,7 @@ pub struct Deployment {
     pub placement: Placement,
     /// How the services' core is shared.
     pub scheduler: Scheduler,
-    /// Whether a waiting service may yield first or always sleeps at once.
+    /// `true` if a waiting service may yield first or always sleeps at once.
     pub yielding: bool,
     /// Deaths that processes shall bring upon themselves: the first of a service upon its first process, and so on.
     pub crashes: Vec<(ServiceId, Crash)>,

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 
-/// Where the services of a flight run.
+/// Place where the services of a flight run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Host {
     /// One process a service, simulated time, no sample ever lost.

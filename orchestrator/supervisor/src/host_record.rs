@@ -25,9 +25,9 @@ use run_log::{
 pub struct HostRecord {
     log: HostLogWriter,
     started: Instant,
-    /// When tick 0 began, in real time, since the start of the run.
+    /// Time at which tick 0 began, in real time, since the start of the run.
     flight_begins_ns: u64,
-    /// Whether a write has failed.
+    /// `true` if a write has failed.
     has_failed: bool,
     /// With what, until it is told.
     failure: Option<LogError>,

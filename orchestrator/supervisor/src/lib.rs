@@ -56,7 +56,7 @@ impl Ending {
     }
 }
 
-/// Why a flight ended.
+/// Reason why a flight ended.
 #[derive(Debug)]
 pub enum Outcome {
     /// The last tick was flown.
@@ -80,7 +80,7 @@ impl Display for Outcome {
     }
 }
 
-/// Why a flight could not go on.
+/// Reason why a flight could not go on.
 #[derive(Debug, thiserror::Error)]
 pub enum FlightFailure {
     /// A service computed a number that is not finite.
@@ -101,7 +101,7 @@ pub enum FlightFailure {
         tick: u64,
         /// How it ended.
         how: String,
-        /// How often it had died there.
+        /// Number of times that it had died there.
         times: u32,
     },
     /// A restarted service published another sample than before its death.
@@ -128,7 +128,7 @@ pub enum FlightFailure {
     NotReady {
         /// Their names.
         services: Vec<String>,
-        /// How long they had.
+        /// Time for which they had.
         limit: Duration,
     },
     /// An external service did not keep the process contract.
@@ -197,7 +197,7 @@ impl FlightFailure {
     }
 }
 
-/// When everybody steps in a flight of `scenario`.
+/// Returns when everybody steps in a flight of `scenario`.
 ///
 /// # Errors
 /// [`Unflyable`]; never for a checked scenario.
@@ -211,7 +211,7 @@ impl From<Unflyable> for FlightFailure {
     }
 }
 
-/// Why a scenario cannot be flown in simulated time, if its poses come from elsewhere: never silently with others.
+/// Returns why a scenario cannot be flown in simulated time, if its poses come from elsewhere: never silently with others.
 #[must_use]
 pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
     if scenario.recorded_captures().is_some() {

@@ -16,7 +16,7 @@ use super::supervision::{RESTART_POLL_PERIOD, ServiceEvent, SupervisionObserver,
 use super::{Ending, FlightFailure, Outcome};
 use command_line::interrupt::Interrupt;
 
-/// How often the recorder looks: between two looks the fastest flight fills a tenth of its buffers.
+/// Period at which the recorder looks: between two looks the fastest flight fills a tenth of its buffers.
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
 /// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.

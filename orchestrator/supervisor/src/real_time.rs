@@ -50,7 +50,7 @@ use live::snapshot::LiveEvent;
 use metrics::summary::timing::{TimingReport, Unrecorded};
 use run_log::{CaptureFigures, LinkFigures, LogError};
 
-/// How often the recorder looks: a fast flight fills a hundredth of its buffers meanwhile.
+/// Period at which the recorder looks: a fast flight fills a hundredth of its buffers meanwhile.
 const RECORDER_PERIOD: Duration = Duration::from_millis(10);
 
 /// From the decision to fly until tick 0 begins: everybody has been told by then.
@@ -65,7 +65,7 @@ pub trait StepObserver: SupervisionObserver {
     fn flight_begins_at(&mut self, start_ns: u64);
     /// A service has stepped; its inputs as the schedule sees them.
     fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]);
-    /// Why the record cannot go on, once.
+    /// Returns why the record cannot go on, once.
     fn failure(&mut self) -> Option<LogError>;
     /// Clients have done something.
     fn note(&mut self, text: &str);
@@ -289,7 +289,7 @@ impl<'a> Flight<'a> {
         }
     }
 
-    /// Whether all steps are done, or the flight may end before.
+    /// Returns whether all steps are done, or the flight may end before.
     fn is_over(&self) -> bool {
         let last = self.clock.begins_at(self.schedule.last_tick());
         // A service that cannot be restarted never finishes.

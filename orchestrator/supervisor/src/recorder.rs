@@ -107,7 +107,7 @@ impl Recorder {
         newest.max()
     }
 
-    /// Whether a sample of a service is missing to the tick that is being put together.
+    /// Returns whether a sample of a service is missing to the tick that is being put together.
     #[must_use]
     pub fn waits_for(&self, service: ServiceId) -> bool {
         let mut feeds = self.feeds.iter();

@@ -23,7 +23,7 @@ pub struct RecordingSink<'a> {
     /// Number of the next event in the log.
     next_event: u64,
     progress: &'a mut Progress,
-    /// Whether the flight is to end once the vehicle is lost. Flights in real time end by their clock all the same.
+    /// `true` if the flight is to end once the vehicle is lost. Flights in real time end by their clock all the same.
     ends_when_lost: bool,
 }
 

@@ -48,7 +48,7 @@ pub struct Reserve {
     file: File,
     /// Bytes that are held.
     held: u64,
-    /// Whether there may be segments without pages, or less is held than should be.
+    /// `true` if there may be segments without pages, or less is held than should be.
     is_unsettled: bool,
     /// Time of the next attempt to reserve room.
     again_at: Instant,

@@ -15,9 +15,9 @@ use super::subscription::Subscription;
 use super::supervision::{OrphanedService, Shared, Supervisor};
 use live::run_root::RunRoot;
 
-/// Where a run takes place: its schedule, its place in shared memory, its cores.
+/// Place where a run takes place: its schedule, its place in shared memory, its cores.
 pub(super) struct RunContext {
-    /// When everybody steps.
+    /// Time at which everybody steps.
     pub(super) schedule: Schedule,
     /// The scenario, with the command line's word about the machine.
     pub(super) scenario: Scenario,

@@ -42,7 +42,7 @@ impl Subscription {
         published.map(subscribe).collect()
     }
 
-    /// Whether one of these external programs publishes the topic.
+    /// Returns whether one of these external programs publishes the topic.
     #[must_use]
     pub fn is_of(&self, external_services: ExternalServices) -> bool {
         self.topic

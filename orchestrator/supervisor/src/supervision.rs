@@ -43,9 +43,9 @@ pub use take_over::OrphanedService;
 use super::reserve::Reserve;
 use super::{FlightFailure, Outcome};
 
-/// How long a service may take to make its ports.
+/// Time that a service may take to make its ports.
 pub const READY_LIMIT: Duration = Duration::from_secs(30);
-/// How long a service that was told to stop may take before it is killed.
+/// Time for which a service that was told to stop may take before it is killed.
 pub const STOP_LIMIT: Duration = Duration::from_secs(2);
 
 /// Messages of one process that are taken at a look: one that speaks without a pause must not keep this process from the
@@ -210,7 +210,7 @@ impl<'a> Supervisor<'a> {
         self.members.push(member);
     }
 
-    /// Where the process of a service is to kill itself that follows so many others.
+    /// Returns where the process of a service is to kill itself that follows so many others.
     fn crash_of(&self, service: ServiceId, lives: u32) -> Option<Crash> {
         let mut own = self.crashes.iter().filter(|(whose, _)| *whose == service);
         own.nth(lives as usize).map(|(_, crash)| *crash)
@@ -254,7 +254,7 @@ impl<'a> Supervisor<'a> {
         &self.checkpoints
     }
 
-    /// When everybody steps.
+    /// Returns when everybody steps.
     #[must_use]
     pub fn schedule(&self) -> &Schedule {
         self.schedule
@@ -352,7 +352,7 @@ impl<'a> Supervisor<'a> {
         self.members[service.index()].process.signal(Signal::STOP);
     }
 
-    /// Whether every service has flown its last tick.
+    /// Returns whether every service has flown its last tick.
     #[must_use]
     pub fn has_finished(&self) -> bool {
         self.members.iter().all(|member| member.phase == Phase::Finished)

@@ -112,7 +112,7 @@ impl Controls {
         }
     }
 
-    /// Whether services may be broken.
+    /// Returns whether services may be broken.
     #[must_use]
     pub fn may_break(&self) -> bool {
         self.may_break

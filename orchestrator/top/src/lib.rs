@@ -24,7 +24,7 @@ use self::view::View;
 use command_line::interrupt::Interrupt;
 use live::{Answer, LiveError, LiveRun, Question, Snapshot};
 
-/// How often the run is asked how it is; its numbers are those of whole seconds.
+/// Period at which the run is asked how it is; its numbers are those of whole seconds.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);
 
 /// A run that has not answered for this long is said not to.
@@ -33,7 +33,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// How the system tells that the other end of the terminal is closed.
 const GONE: PollFlags = PollFlags::HUP.union(PollFlags::ERR);
 
-/// Why the view was left.
+/// Reason why the view was left.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Leaving {
     /// The user quit, or the terminal is gone.
@@ -44,7 +44,7 @@ pub enum Leaving {
     Signal(i32),
 }
 
-/// Why there is no view.
+/// Reason why there is no view.
 #[derive(Debug, thiserror::Error)]
 pub enum TopError {
     /// The terminal failed.

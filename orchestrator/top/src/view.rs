@@ -39,7 +39,7 @@ pub struct View<'a> {
     pub history: &'a History,
     /// What the user has selected and is about to do.
     pub controls: &'a Controls,
-    /// How long the run has not answered, if that is long.
+    /// Time for which the run has not answered, if that is long.
     pub silence: Option<Duration>,
 }
 
@@ -154,7 +154,7 @@ fn confirmation(Intent { how, service, pid }: &Intent) -> String {
     format!("{verb} {service} ({pid})? y: yes, else: no")
 }
 
-/// Where everything goes.
+/// Place where everything goes.
 struct Rows {
     title: Rect,
     status: Rect,
@@ -221,7 +221,7 @@ impl Rows {
     }
 }
 
-/// Where the flight is, and what it is permitted.
+/// Returns where the flight is, and what it is permitted.
 fn status(snapshot: &Snapshot) -> Vec<Span<'static>> {
     let time = format!("{:.1} s of {:.1} s", snapshot.time, snapshot.duration);
     let mut parts = vec![Span::raw(time).bold()];

@@ -32,7 +32,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Whether the scenario keeps the rule.
+    /// Returns whether the scenario keeps the rule.
     #[must_use]
     pub fn is_kept(&self) -> bool {
         if self.rule.is_upper_limit() {

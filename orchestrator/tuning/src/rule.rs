@@ -80,7 +80,7 @@ impl Rule {
         }
     }
 
-    /// Whether the left side must not exceed the right one, rather than reach it.
+    /// Returns whether the left side must not exceed the right one, rather than reach it.
     #[must_use]
     pub fn is_upper_limit(self) -> bool {
         matches!(self, Self::AngularVelocityStep | Self::InertiaLearning)

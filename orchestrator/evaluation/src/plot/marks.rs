@@ -105,7 +105,7 @@ fn in_short(fault: &Fault) -> String {
     format!("{target} {}{state}", fault.kind)
 }
 
-/// How long the planned faults of any flight last.
+/// Returns how long the planned faults of any flight last.
 pub(super) fn fault_regions(curves: &[Curve], span: [f64; 2]) -> Vec<ShadedRegion> {
     let [from, to] = span;
     let mut spans: Vec<(f64, f64)> = faults(curves)

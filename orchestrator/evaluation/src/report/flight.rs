@@ -25,7 +25,7 @@ pub(super) struct Flight {
     /// What it is called in legends.
     pub(super) label: String,
     pub(super) scenario: Scenario,
-    /// Why only a part of the log could be read, if so.
+    /// Reason why only a part of the log could be read, if so.
     pub(super) broken: Option<String>,
     pub(super) tables: Vec<(Topic, PageTable)>,
     pub(super) track: PageTrack,
@@ -96,9 +96,9 @@ struct Gatherer {
     tracker: Tracker,
     /// The truth of the moment that is not whole yet; none of a flight in a laboratory, whose way is the estimator's.
     truth: Option<VehicleTruth>,
-    /// Whether something is to be followed, as far as it is known.
+    /// `true` if something is to be followed, as far as it is known.
     is_led: bool,
-    /// Whether the controller goes by its law.
+    /// `true` if the controller goes by its law.
     goes_by_law: bool,
     has_observer: bool,
     truths: Table,

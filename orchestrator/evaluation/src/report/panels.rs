@@ -8,7 +8,7 @@ pub(super) struct Panel {
     title: &'static str,
     unit: &'static str,
     is_logarithmic: bool,
-    /// Whether the theorem's bound of each flight is drawn too.
+    /// `true` if the theorem's bound of each flight is drawn too.
     has_bound: bool,
     groups: &'static [Group],
 }

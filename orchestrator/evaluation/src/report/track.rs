@@ -9,7 +9,7 @@ use shared_types::service::seconds;
 use super::encoding::base64;
 use metrics::tracker::{Moment, StateSource};
 
-/// How many points of the way are kept.
+/// Number of points of the way that are kept.
 const MOST_PLACES: u64 = 2_000;
 
 /// Numbers of a place: time (s), p (m), pd (m; NaN where it is not known), roll, pitch and yaw (rad).
@@ -26,7 +26,7 @@ pub(super) struct Track {
 /// The way as the page reads it.
 #[derive(Serialize)]
 pub(super) struct PageTrack {
-    /// Whether it is where the estimator believed the vehicle to be: in a laboratory nobody knows more.
+    /// `true` if it is where the estimator believed the vehicle to be: in a laboratory nobody knows more.
     is_estimated: bool,
     numbers_per_place: usize,
     /// Little-endian f32 in base 64.

@@ -81,7 +81,7 @@ pub struct AblationRow {
     pub peak: Option<f64>,
     /// Root mean square of the body rates over the last 20 s, rad/s.
     pub rates: Option<f64>,
-    /// Why a flight came to nothing.
+    /// Reason why a flight came to nothing.
     pub note: String,
 }
 

@@ -109,7 +109,7 @@ impl Figure {
         }
     }
 
-    /// How many seeds the bar of a median needs: one where all are the same flight.
+    /// Returns how many seeds the bar of a median needs: one where all are the same flight.
     #[must_use]
     pub fn least_seeds(self) -> usize {
         match self {
@@ -153,7 +153,7 @@ impl FromStr for Figure {
 /// The settings of "paper mode": the paper's δ, and the vehicle hangs below the path by what δ makes it.
 const PAPER_MODE: [&str; 2] = ["controller.delta=0.1", "controller.remove_offset=false"];
 
-/// How many times larger one value is than another.
+/// Returns how many times larger one value is than another.
 fn ratio(
     flown: &SeedResults<'_>,
     larger: &str,

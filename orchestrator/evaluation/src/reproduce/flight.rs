@@ -119,7 +119,7 @@ pub struct Job {
 #[derive(Debug, Default)]
 pub struct FlightResults(BTreeMap<(Column, u64, String), Result<Measured, NotMeasured>>);
 
-/// Why a flight came to nothing.
+/// Reason why a flight came to nothing.
 #[derive(Debug, thiserror::Error)]
 pub enum NotMeasured {
     /// It could not be flown.

@@ -14,7 +14,7 @@ pub struct KnownGap {
     column: Column,
     /// The value that the worst seed must not worsen to, in the row's unit.
     pub worst: f64,
-    /// Why the bar is not reached.
+    /// Reason why the bar is not reached.
     pub why: String,
 }
 

@@ -18,7 +18,7 @@ use run_log::{Compression, LogError, Manifest, RunLogWriter};
 use supervisor::recording_sink::RecordingSink;
 use supervisor::{FlightFailure, Outcome, in_process};
 
-/// Why there is no page.
+/// Reason why there is no page.
 #[derive(Debug, thiserror::Error)]
 pub enum PageError {
     /// The log that it is made of cannot be kept for a moment.
@@ -55,7 +55,7 @@ impl FlightPage {
         Some(Self { figure, flight })
     }
 
-    /// Where it is, from the gallery.
+    /// Returns where it is, from the gallery.
     #[must_use]
     pub fn link(&self) -> String {
         format!("{}/{}", self.folder(), report::PAGE)

@@ -74,7 +74,7 @@ pub struct ReportCell {
     pub worst: Option<f64>,
     /// What to think of it; nothing where there is no bar.
     pub verdict: Option<Verdict>,
-    /// Why a flight came to nothing, or why the bar is not reached.
+    /// Reason why a flight came to nothing, or why the bar is not reached.
     pub note: String,
 }
 
@@ -106,7 +106,7 @@ impl Verdict {
 }
 
 impl ReproductionReport {
-    /// Whether any number regressed.
+    /// Returns whether any number regressed.
     #[must_use]
     pub fn has_regressed(&self) -> bool {
         let cells = self

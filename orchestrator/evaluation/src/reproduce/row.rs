@@ -72,7 +72,7 @@ impl AcceptanceLimit {
         }
     }
 
-    /// Whether `value` is no worse than `limit`.
+    /// Returns whether `value` is no worse than `limit`.
     #[must_use]
     pub fn keeps(self, value: f64, limit: f64) -> bool {
         match self {
@@ -82,7 +82,7 @@ impl AcceptanceLimit {
         }
     }
 
-    /// Whether a single value is as good as the worst seed's must be.
+    /// Returns whether a single value is as good as the worst seed's must be.
     #[must_use]
     pub fn is_possible(self, value: f64) -> bool {
         match self {
@@ -92,7 +92,7 @@ impl AcceptanceLimit {
         }
     }
 
-    /// Whether a median and a worst value reach the bar.
+    /// Returns whether a median and a worst value reach the bar.
     #[must_use]
     pub fn is_reached(self, median: f64, worst: f64) -> bool {
         let reaches = match self {
@@ -125,7 +125,7 @@ impl AcceptanceLimit {
 }
 
 impl Unit {
-    /// How many of it are one of the SI unit.
+    /// Returns how many of it are one of the SI unit.
     #[must_use]
     pub fn per_si(self) -> f64 {
         match self {

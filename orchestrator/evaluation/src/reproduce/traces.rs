@@ -14,7 +14,7 @@ use super::latest::{Known, Latest};
 use crate::plot::COLUMNS;
 use crate::plot::downsample::Extremes;
 
-/// How many points of the trajectory are kept.
+/// Number of points of the trajectory that are kept.
 const PLACES: u64 = 2_000;
 
 /// What is drawn over time.

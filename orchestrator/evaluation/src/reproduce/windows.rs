@@ -12,7 +12,7 @@ pub const JUDGED: f64 = 20.0;
 /// How much of a flight's end the estimates of the disturbance are averaged over, s.
 pub const AVERAGED: f64 = 10.0;
 
-/// How long after a step of the desired yaw, or the start, the yaw counts as on its way, s.
+/// Time for which after a step of the desired yaw, or the start, the yaw counts as on its way, s.
 pub const YAW_SETTLES: f64 = 10.0;
 
 /// The parts of a flight, in ticks.
@@ -53,13 +53,13 @@ impl Windows {
         }
     }
 
-    /// Whether the yaw has had the time to settle at a tick.
+    /// Returns whether the yaw has had the time to settle at a tick.
     #[must_use]
     pub fn yaw_is_steady(&self, tick: u64) -> bool {
         tick >= self.last_yaw_step(tick) + self.yaw_settles
     }
 
-    /// Whether the yaw is on its way after a step at a tick.
+    /// Returns whether the yaw is on its way after a step at a tick.
     #[must_use]
     pub fn yaw_is_stepping(&self, tick: u64) -> bool {
         self.last_yaw_step(tick) > 0 && !self.yaw_is_steady(tick)

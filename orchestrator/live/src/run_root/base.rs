@@ -117,7 +117,7 @@ impl Base {
         Ok(Self { path, folder })
     }
 
-    /// Where it is.
+    /// Returns where it is.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
@@ -155,7 +155,7 @@ impl Base {
         Ok(door.map_err(|error| named(&self.path.join(DOOR), error))?.into())
     }
 
-    /// Whether there is an entry of this name.
+    /// Returns whether there is an entry of this name.
     pub(super) fn has(&self, id: &str) -> bool {
         statat(&self.folder, id, AtFlags::SYMLINK_NOFOLLOW).is_ok()
     }
@@ -191,7 +191,7 @@ impl Base {
         Ok(places)
     }
 
-    /// Whether places are being made or swept at this moment.
+    /// Returns whether places are being made or swept at this moment.
     pub(super) fn is_in_use(&self) -> bool {
         let shared = |door: File| flock(&door, FlockOperation::NonBlockingLockShared);
         self.door()
@@ -209,7 +209,7 @@ fn state_of(place: &impl AsFd) -> State {
     }
 }
 
-/// Where the places of all of this user's runs are: in memory, because iceoryx2 writes its bookkeeping to disk before
+/// Returns where the places of all of this user's runs are: in memory, because iceoryx2 writes its bookkeeping to disk before
 /// it goes on, which would make every start of a process wait for the disk.
 fn path() -> io::Result<PathBuf> {
     let of_this_user = std::env::var_os(RUNTIME_FOLDER).filter(|folder| !folder.is_empty());
@@ -230,7 +230,7 @@ fn path() -> io::Result<PathBuf> {
     Ok(above.join(format!("gerono-{}", rustix::process::geteuid().as_raw())))
 }
 
-/// Whether nobody but this user and root can replace an entry of this user's in a folder. `sudo -E` keeps the caller's
+/// Returns whether nobody but this user and root can replace an entry of this user's in a folder. `sudo -E` keeps the caller's
 /// runtime folder, which is not root's.
 fn keeps_entries(folder: &Path) -> bool {
     let me = rustix::process::geteuid().as_raw();

@@ -17,7 +17,7 @@ use signs::Observers;
 pub use signs::Reactions;
 pub(super) use table::faults_in_words;
 
-/// How long before a fault the error is looked at, s: its largest value there is what the vehicle must come back to.
+/// Time for which before a fault the error is looked at, s: its largest value there is what the vehicle must come back to.
 pub const BEFORE: f64 = 5.0;
 
 /// A fault as planned.
@@ -36,9 +36,9 @@ pub struct PlannedFault {
 pub struct FaultReport {
     /// What happened to what, in words.
     pub fault: String,
-    /// When it began, s.
+    /// Time at which it began, s.
     pub begins: f64,
-    /// When it ended, s; none if it was for good.
+    /// Time at which it ended, s; none if it was for good.
     pub ends: Option<f64>,
     /// Its length, s; to the end of what was flown, if it had not ended by then.
     pub outage: f64,
@@ -76,7 +76,7 @@ pub struct Detection {
 }
 
 impl FaultReport {
-    /// Whether the end of the fault was seen.
+    /// Returns whether the end of the fault was seen.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.ends.is_some_and(|ends| ends <= self.watched_until)

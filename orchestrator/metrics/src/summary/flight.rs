@@ -8,14 +8,14 @@ use shared_types::service::seconds;
 /// Most begins of phases, and most requests of the operator, that are kept: eight flights with all of them.
 const MOST: usize = 40;
 
-/// When a phase of the flight began.
+/// Time at which a phase of the flight began.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FlightPhaseBegin {
     /// Its name.
     pub phase: &'static str,
-    /// When its first reference was published, s.
+    /// Time at which its first reference was published, s.
     pub begins: f64,
-    /// Why the vehicle was landed or disarmed; none of other phases, and of the first.
+    /// Reason why the vehicle was landed or disarmed; none of other phases, and of the first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
 }
@@ -99,7 +99,7 @@ impl FlightWatch {
         begins.collect()
     }
 
-    /// Why the vehicle was landed or disarmed. Requests are looked at only now: those of a tick come after its samples.
+    /// Returns why the vehicle was landed or disarmed. Requests are looked at only now: those of a tick come after its samples.
     fn reason(&self, change: &Change) -> Option<String> {
         let from = change.from?;
         match change.to {
@@ -229,7 +229,7 @@ mod tests {
             self
         }
 
-        /// Why the last phase began.
+        /// Returns why the last phase began.
         fn reason(&self) -> Option<String> {
             self.watch.finish().pop()?.reason
         }

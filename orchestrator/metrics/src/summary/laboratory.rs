@@ -47,9 +47,9 @@ pub struct LinkReport {
     pub silent: u64,
     /// Frames left out because the sender woke up too late.
     pub left_out: u64,
-    /// How often the device or connection was lost.
+    /// Number of times that the device or connection was lost.
     pub losses: u64,
-    /// How often it was found again.
+    /// Number of times that it was found again.
     pub recoveries: u64,
     /// How much later than due frames left: half of them, 99 of 100, and all, s; none if the sender did not come to its end.
     pub late: Option<[f64; 3]>,

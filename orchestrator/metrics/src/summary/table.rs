@@ -334,7 +334,7 @@ impl Display for AgainstBound {
     }
 }
 
-/// How many samples there are, and which are missing: those that nobody has published, and those that were and are not in
+/// Returns how many samples there are, and which are missing: those that nobody has published, and those that were and are not in
 /// the log.
 fn samples_in_words(summary: &Summary) -> String {
     let topics = &summary.topics;

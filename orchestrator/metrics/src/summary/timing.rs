@@ -59,7 +59,7 @@ pub fn histogram() -> Histogram<u64> {
 /// Quantiles of a time, s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quantiles {
-    /// How many times were measured.
+    /// Number of times that were measured.
     pub count: u64,
     /// Median, s.
     pub p50: f64,

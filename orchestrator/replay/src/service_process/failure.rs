@@ -4,7 +4,7 @@ use std::error::Error;
 
 use super::BATCH_LIMIT;
 
-/// Why a replay into service processes ended early.
+/// Reason why a replay into service processes ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum ProcessFailure {
     /// The recorded_steps refused something that every run needs.

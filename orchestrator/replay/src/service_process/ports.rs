@@ -4,7 +4,7 @@ use runtime::ports::{PortError, Receiver, Sender, TopicPorts};
 use shared_types::schedule::Publication;
 use shared_types::service::header_of;
 
-/// Where the recorded samples of an input are published.
+/// Place where the recorded samples of an input are published.
 pub(crate) struct InputPort {
     sender: Box<dyn Sender>,
     /// The sequence number of the recorded sample that was published last, if that was one and as it was recorded.
@@ -39,7 +39,7 @@ impl InputPort {
     }
 }
 
-/// Where an output of the service comes.
+/// Place where an output of the service comes.
 pub(crate) struct OutputPort {
     publication: Publication,
     receiver: Box<dyn Receiver>,
@@ -65,7 +65,7 @@ impl OutputPort {
         self.receiver.connect()
     }
 
-    /// Whether a step at `tick` publishes a sample.
+    /// Returns whether a step at `tick` publishes a sample.
     pub(super) fn is_due(&self, tick: u64) -> bool {
         self.publication.is_due(tick)
     }

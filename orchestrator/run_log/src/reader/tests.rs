@@ -182,7 +182,7 @@ fn a_chunk_of_damaged_kind_is_not_passed_over() {
     }
 }
 
-/// Where the chunks of a file begin.
+/// Returns where the chunks of a file begin.
 fn chunk_offsets(file: &[u8]) -> Vec<usize> {
     let mut offsets = Vec::new();
     let mut offset = mcap::MAGIC.len();

@@ -45,7 +45,7 @@ impl Kind {
         Self::new::<T>(T::CHANNEL, None)
     }
 
-    /// Whether these bytes can be such a sample of a time.
+    /// Returns whether these bytes can be such a sample of a time.
     fn fits(&self, sample: &[u8], time_ns: u64) -> bool {
         sample.len() == self.size && self.time_ns(sample) == Some(time_ns)
     }

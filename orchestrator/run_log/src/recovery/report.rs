@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub struct Recovery {
     /// Name of the file that it was made of.
     pub source: String,
-    /// Whether the source had its proper end; if not, nobody knows how much came after the last sample.
+    /// `true` if the source had its proper end; if not, nobody knows how much came after the last sample.
     pub was_closed: bool,
     /// Chunks that were kept.
     pub chunks: u64,
@@ -34,7 +34,7 @@ pub struct Recovery {
     pub earlier: Option<Box<Recovery>>,
 }
 
-/// When a sample was published.
+/// Time at which a sample was published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Moment {
     /// Its tick; none in a log of the machine.
@@ -46,7 +46,7 @@ pub struct Moment {
 /// A damaged place of a log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
-    /// Where it begins in the source, bytes.
+    /// Place where it begins in the source, bytes.
     pub at: u64,
     /// Number of bytes that could not be used.
     pub bytes: u64,
@@ -61,7 +61,7 @@ pub struct Gap {
 }
 
 impl Gap {
-    /// Whether samples are missing, or may be.
+    /// Returns whether samples are missing, or may be.
     #[must_use]
     pub fn lacks_samples(&self) -> bool {
         self.before.is_none() || !self.lost.is_empty()
@@ -87,7 +87,7 @@ impl Recovery {
         total(self.gaps.iter().flat_map(|gap| gap.lost.values()))
     }
 
-    /// Whether the log reaches to the planned end and lacks nothing before it.
+    /// Returns whether the log reaches to the planned end and lacks nothing before it.
     #[must_use]
     pub fn lacks_nothing(&self) -> bool {
         let ends_as_planned = match self.planned_last_tick {
@@ -102,7 +102,7 @@ impl Recovery {
                 .is_none_or(|earlier| earlier.lacks_nothing())
     }
 
-    /// Whether samples of these ticks are missing between others, or may be.
+    /// Returns whether samples of these ticks are missing between others, or may be.
     #[must_use]
     pub fn lacks_samples_in(&self, ticks: &RangeInclusive<u64>) -> bool {
         let tick_of = |moment: Option<Moment>| moment.and_then(|moment| moment.tick);

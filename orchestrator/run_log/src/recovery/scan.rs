@@ -36,7 +36,7 @@ pub(super) enum Piece {
     Cut {
         /// What is left.
         chunk: Chunk,
-        /// Where it begins in the file.
+        /// Place where it begins in the file.
         at: u64,
         /// Bytes to the end of the file.
         bytes: u64,
@@ -45,9 +45,9 @@ pub(super) enum Piece {
     Metadata(Metadata),
     /// Bytes that are none of the above.
     Damage {
-        /// Where they begin in the file.
+        /// Place where they begin in the file.
         at: u64,
-        /// How many they are.
+        /// Number of they that are.
         bytes: u64,
     },
     /// The proper end of all data.
@@ -120,11 +120,11 @@ impl Chunk {
 pub(super) struct Scan {
     file: File,
     budget: RefCell<Budget>,
-    /// Where the next piece begins.
+    /// Place where the next piece begins.
     at: u64,
-    /// Where the data end: before the record that says so, or with the file.
+    /// Place where the data end: before the record that says so, or with the file.
     end: u64,
-    /// Whether there is such a record.
+    /// `true` if there is such a record.
     is_closed: bool,
     has_ended: bool,
 }
@@ -182,7 +182,7 @@ impl Scan {
         Ok(ends_now.then_some(Piece::End))
     }
 
-    /// Where the data end, as the last record of a complete file says.
+    /// Returns where the data end, as the last record of a complete file says.
     fn stated_end(&self) -> io::Result<Option<u64>> {
         let footer_bytes = FRAME_BYTES as u64 + FOOTER_BYTES;
         let tail_bytes = footer_bytes + mcap::MAGIC.len() as u64;
@@ -223,7 +223,7 @@ impl Scan {
         })
     }
 
-    /// Where the next chunk or metadata that holds begins, from `from` on.
+    /// Returns where the next chunk or metadata that holds begins, from `from` on.
     fn resynchronise(&self, from: u64) -> io::Result<Option<u64>> {
         let mut begin = from;
         while begin < self.end {

@@ -18,7 +18,7 @@ struct Log {
     folder: TempDir,
     scenario: Scenario,
     bytes: Vec<u8>,
-    /// Where its chunks are.
+    /// Place where its chunks are.
     chunks: Vec<std::ops::Range<usize>>,
 }
 

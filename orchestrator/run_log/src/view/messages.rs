@@ -95,7 +95,7 @@ messages! {
         4 a: required double as f64,
     }
 
-    /// Where something is and how it is turned.
+    /// Place where something is and how it is turned.
     Pose {
         1 position: required message as Vector3,
         2 orientation: required message as Quaternion,
@@ -108,7 +108,7 @@ messages! {
         3 pose: required message as Pose,
     }
 
-    /// Where a frame is in its parent.
+    /// Place where a frame is in its parent.
     FrameTransform {
         1 timestamp: required message as Timestamp,
         2 parent_frame_id: required string as String,
@@ -160,7 +160,7 @@ messages! {
         2 entities: repeated message as Vec<SceneEntity>,
     }
 
-    /// Where a number of a point stands in its bytes.
+    /// Place where a number of a point stands in its bytes.
     PackedElementField {
         1 name: required string as String,
         2 offset: required fixed32 as u32,

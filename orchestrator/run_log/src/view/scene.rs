@@ -18,7 +18,7 @@ pub(super) const WORLD: &str = "world";
 /// {B}.
 pub(super) const BODY: &str = "body";
 
-/// Where the vehicle was.
+/// Place where the vehicle was.
 const FLOWN: Color = Color {
     r: 0.90,
     g: 0.38,
@@ -26,7 +26,7 @@ const FLOWN: Color = Color {
     a: 1.0,
 };
 
-/// Where it should have been.
+/// Place where it should have been.
 const DESIRED: Color = Color {
     r: 0.0,
     g: 0.45,

@@ -61,7 +61,7 @@ impl Flight<'_> {
         self.happened.push((tick, kind, event));
     }
 
-    /// Why the vehicle may not be armed now, if it may not.
+    /// Returns why the vehicle may not be armed now, if it may not.
     fn refusal_to_arm(&self) -> Option<String> {
         let Some(settings) = &self.scenario.flight else {
             return Some(

@@ -42,9 +42,9 @@ pub struct ControlServer {
 /// A program that asks.
 struct Client {
     channel: Channel,
-    /// When it came or asked last.
+    /// Time at which it came or asked last.
     heard: Instant,
-    /// Whether it has had its answer of this round.
+    /// `true` if it has had its answer of this round.
     is_served: bool,
 }
 

@@ -12,7 +12,7 @@ use shared_types::{Schedule, ServiceId};
 
 use crate::supervision::Activity;
 
-/// When each service was last seen to step.
+/// Time at which each service was last seen to step.
 pub struct Heartbeats {
     pulses: [Pulse; ServiceId::ALL.len()],
     tick_ns: u64,
@@ -94,7 +94,7 @@ impl Pulse {
         (self.since, self.owed, self.cpu_time_ns) = (now, 0, None);
     }
 
-    /// Whether it has not stepped for so many ticks although it should have.
+    /// Returns whether it has not stepped for so many ticks although it should have.
     fn is_late(&self, now: u64, ticks: u64) -> bool {
         let due = self.steps.first_at_or_after(self.since.max(self.steps_until));
         due.is_some_and(|due| now > due + ticks)

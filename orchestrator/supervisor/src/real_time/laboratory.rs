@@ -19,7 +19,7 @@ const WELL: [&str; 2] = ["the radio link is open", "the cameras see the vehicle"
 pub struct Laboratory<'a> {
     cameras: Option<(CaptureSystem, &'a MotionCapture)>,
     link: Option<RadioProtocol>,
-    /// Whether link and cameras were well when it was told of them last.
+    /// `true` if link and cameras were well when it was told of them last.
     were_well: [Option<bool>; 2],
 }
 
@@ -78,7 +78,7 @@ impl<'a> Laboratory<'a> {
         LaboratoryReport::of(self.capture(block).as_ref(), self.link(block).as_ref())
     }
 
-    /// Why the vehicle may not be armed so long after the start of the flight, if it may not.
+    /// Returns why the vehicle may not be armed so long after the start of the flight, if it may not.
     #[must_use]
     pub fn refusal_to_arm(&self, block: &ControlBlock, elapsed_ns: u64) -> Option<String> {
         self.troubles(block, elapsed_ns).into_iter().flatten().next()
@@ -109,7 +109,7 @@ impl<'a> Laboratory<'a> {
     }
 }
 
-/// Why no frame can leave, if none can.
+/// Returns why no frame can leave, if none can.
 fn unsendable(link: RadioProtocol, figures: &LinkFigures) -> Option<String> {
     let name = link.name();
     match figures.state {
@@ -121,7 +121,7 @@ fn unsendable(link: RadioProtocol, figures: &LinkFigures) -> Option<String> {
     }
 }
 
-/// Why the cameras are not to be trusted, if they are not.
+/// Returns why the cameras are not to be trusted, if they are not.
 fn unseen(
     system: CaptureSystem,
     stated: &MotionCapture,
@@ -197,7 +197,7 @@ mod tests {
         block
     }
 
-    /// Why nobody may arm with them.
+    /// Returns why nobody may arm with them.
     fn refusal(figures: &CaptureFigures, state: u32) -> Option<String> {
         laboratory(&stated()).refusal_to_arm(&told(figures, state), NOW_NS)
     }

@@ -18,7 +18,7 @@ use shared_types::{Published, Schedule, ServiceId, Topic};
 use crate::FlightFailure;
 use crate::subscription::Subscription;
 
-/// How long samples of a tick are waited for before the tick is written, ns.
+/// Time for which samples of a tick are waited for before the tick is written, ns.
 pub const SETTLING_NS: u64 = 50_000_000;
 
 /// Subscribes to every topic of a flight in real time.

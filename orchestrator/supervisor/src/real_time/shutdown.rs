@@ -53,7 +53,7 @@ impl Motors {
         }
     }
 
-    /// Whether they have rested for so long that the vehicle is on the ground, wherever it was.
+    /// Returns whether they have rested for so long that the vehicle is on the ground, wherever it was.
     #[must_use]
     pub fn are_grounded(&self) -> bool {
         let fall = Duration::from_nanos(nanoseconds(GROUNDED_AFTER));
@@ -68,7 +68,7 @@ impl Shutdown {
         if has_phases { Self::Land } else { Self::Now }
     }
 
-    /// Whether the flight may end now.
+    /// Returns whether the flight may end now.
     #[must_use]
     pub fn permits_end(self, motors: &Motors) -> bool {
         match self {

@@ -85,7 +85,7 @@ impl TakeOver {
         &self.context.scenario
     }
 
-    /// When everybody steps.
+    /// Returns when everybody steps.
     #[must_use]
     pub fn schedule(&self) -> &Schedule {
         &self.context.schedule

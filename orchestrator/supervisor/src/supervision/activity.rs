@@ -3,9 +3,9 @@
 /// What a process does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Activity {
-    /// Whether it runs, waits for a processor, or for a page of its memory: not for an event, and not stopped.
+    /// `true` if it runs, waits for a processor, or for a page of its memory: not for an event, and not stopped.
     pub is_runnable: bool,
-    /// How long it has been on a processor, ns.
+    /// Time for which it has been on a processor, ns.
     pub cpu_time_ns: u64,
 }
 

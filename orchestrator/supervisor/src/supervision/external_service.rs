@@ -17,10 +17,10 @@ use super::presentable::presentable;
 use super::{Exit, STOP_LIMIT, ServiceEvent, Supervisor};
 use crate::FlightFailure;
 
-/// How long an external service may take to make its ports, and to connect to those of a service that was started again.
+/// Time for which an external service may take to make its ports, and to connect to those of a service that was started again.
 pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 
-/// How long an external service may live after it has closed its line: a program that ends closes it a little before.
+/// Time for which an external service may live after it has closed its line: a program that ends closes it a little before.
 const AFTER_CLOSING: Duration = Duration::from_millis(100);
 
 impl Supervisor<'_> {
@@ -119,7 +119,7 @@ impl Supervisor<'_> {
         Some(self.external_service_failure(at, what))
     }
 
-    /// Whether another process may take the place of an external service.
+    /// Returns whether another process may take the place of an external service.
     fn can_be_followed(&self) -> bool {
         let is_in_flight = self.page.control_block().start_ns.load(Ordering::Acquire) != 0;
         self.start.host == Host::RealTime && is_in_flight
@@ -181,7 +181,7 @@ impl Supervisor<'_> {
         self.external_service_failure(external_service.index(), what.to_owned())
     }
 
-    /// Whether a service has flown its last step, as it says.
+    /// Returns whether a service has flown its last step, as it says.
     pub(crate) fn is_finished(&self, service: ServiceId) -> bool {
         self.members[service.index()].phase == Phase::Finished
     }
@@ -207,7 +207,7 @@ impl Supervisor<'_> {
     }
 }
 
-/// Why a message is none, without what is said of services of another build.
+/// Returns why a message is none, without what is said of services of another build.
 pub(super) fn reason(error: &ControlError) -> String {
     match error {
         ControlError::Message(problem) => problem.to_string(),

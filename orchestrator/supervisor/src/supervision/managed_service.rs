@@ -19,13 +19,13 @@ pub(super) struct ManagedService {
     pub(super) name: &'static str,
     pub(super) process: Process,
     pub(super) phase: Phase,
-    /// How many processes have been started.
+    /// Number of processes that have been started.
     pub(super) lives: u32,
-    /// How often in a row one has died without flying a tick more.
+    /// Number of times that in a row one has died without flying a tick more.
     pub(super) fruitless: u32,
     /// 1 + the last tick that was flown before the last death.
     pub(super) flown_until: u64,
-    /// When the last death was noticed.
+    /// Time at which the last death was noticed.
     pub(super) died_at: Option<Instant>,
     /// Number of this birth, and when it was announced to the others.
     pub(super) birth: Option<(u32, Instant)>,
@@ -39,7 +39,7 @@ pub(super) struct ManagedService {
     pub(super) remembered: Vec<(usize, u64)>,
 }
 
-/// Where a service is in its life.
+/// Stage of a service in its life.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Phase {
     /// It makes its ports.

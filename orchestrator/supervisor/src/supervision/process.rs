@@ -25,16 +25,16 @@ pub struct Process {
     pub death: OwnedFd,
     /// The line to it.
     pub channel: Channel,
-    /// When it was started, or asked for what it does now.
+    /// Time at which it was started, or asked for what it does now.
     pub asked_at: Instant,
-    /// Whether it has ended, and its end was taken note of.
+    /// `true` if it has ended, and its end was taken note of.
     pub is_gone: bool,
 }
 
 /// How a process ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exit {
-    /// Whether a signal ended it.
+    /// `true` if a signal ended it.
     pub killed: bool,
     /// How it ended, in words.
     pub description: String,
@@ -114,7 +114,7 @@ impl Process {
         }
     }
 
-    /// Whether it has ended.
+    /// Returns whether it has ended.
     pub fn has_ended(&self) -> bool {
         self.ends_within(Duration::ZERO)
     }

@@ -16,7 +16,7 @@ const FIRST_PAUSE: Duration = Duration::from_millis(5);
 /// How often and how soon a service is started again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RestartPolicy {
-    /// How often in a row it is started again without having flown a tick more; with 0 its first death ends the run.
+    /// Number of times that in a row it is started again without having flown a tick more; with 0 its first death ends the run.
     pub limit: u32,
     /// Longest pause before it is.
     pub longest_pause: Duration,
@@ -32,7 +32,7 @@ impl Default for RestartPolicy {
 }
 
 impl RestartPolicy {
-    /// How long the service waits for its next life after so many deaths in a row at the same place; `None` if it
+    /// Returns how long the service waits for its next life after so many deaths in a row at the same place; `None` if it
     /// gets none.
     #[must_use]
     pub fn pause(&self, fruitless: u32) -> Option<Duration> {

@@ -21,7 +21,7 @@ pub(super) struct Standby {
     pub(super) process: Option<Process>,
     /// How many in a row have died young.
     fruitless: u32,
-    /// When the next one may be started, if not at once.
+    /// Time at which the next one may be started, if not at once.
     again_at: Option<Instant>,
     policy: RestartPolicy,
 }

@@ -24,7 +24,7 @@ struct Column {
     group: &'static str,
     label: &'static str,
     width: usize,
-    /// Where there is little room, the lowest ranks stay.
+    /// Place where there is little room, the lowest ranks stay.
     rank: u8,
     value: fn(&ServiceSnapshot) -> String,
 }

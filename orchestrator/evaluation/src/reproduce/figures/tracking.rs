@@ -9,7 +9,7 @@ const FOLLOWING: &str = "trajectory_tracking, path.mode=following";
 const TRACKING_AFAR: &str = "trajectory_tracking, 0.68 m away";
 const FOLLOWING_AFAR: &str = "trajectory_tracking, path.mode=following, 0.68 m away";
 
-/// Where the flight of Figs. 3 to 6 begins.
+/// Place where the flight of Figs. 3 to 6 begins.
 const AFAR: &str = "vehicle.initial.position=[0.4, 0.2, -0.8]";
 
 pub(super) fn experiment() -> Experiment {

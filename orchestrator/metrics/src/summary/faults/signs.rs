@@ -207,29 +207,29 @@ impl Tally {
 /// What the services did while a fault was watched. Times in s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Reactions {
-    /// How long the estimator did not track the body.
+    /// Time for which the estimator did not track the body.
     pub untracked: f64,
-    /// How long it coasted.
+    /// Time for which it coasted.
     pub coasted: f64,
     /// How many captures it refused.
     pub captures_refused: u64,
-    /// How long the path stood, not knowing where the vehicle is.
+    /// Time for which the path stood, not knowing where the vehicle is.
     pub path_stood: f64,
     /// How many states its generator refused.
     pub states_refused: u64,
-    /// How long the controller held its command.
+    /// Time for which the controller held its command.
     pub held: f64,
-    /// How long it commanded to be level.
+    /// Time for which it commanded to be level.
     pub level: f64,
-    /// How long it commanded to descend.
+    /// Time for which it commanded to descend.
     pub descended: f64,
-    /// How long it commanded nothing, in failsafe.
+    /// Time for which it commanded nothing, in failsafe.
     pub commanded_nothing: f64,
     /// How many inputs it refused.
     pub inputs_refused: u64,
-    /// How long its estimators rested.
+    /// Time for which its estimators rested.
     pub estimates_rested: f64,
-    /// How long the radio held a command.
+    /// Time for which the radio held a command.
     pub link_held: f64,
     /// How many failsafe frames it sent.
     pub failsafe_frames: u64,
