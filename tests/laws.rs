@@ -93,3 +93,24 @@ fn the_page_about_laws_shows_what_they_reach() {
     let document = read("docs/laws.md");
     assert_same("docs/laws.md", section(&document, "laws"), &table());
 }
+
+/// Near its path a vehicle that follows flies as one that tracks with the same start of the clock: docs/laboratory.md.
+#[test]
+fn following_is_tracking_as_long_as_the_path_does_not_wait() {
+    let place = Place::new();
+    let path = scenario("trajectory_tracking");
+    let truth = |out: &str, sets: &[&str]| {
+        let mut command = place.gerono(&["run", path.to_str().unwrap(), "--host", "inprocess", "--quiet"]);
+        command.args(["--out", out, "--set", "duration=5.0"]);
+        command.args(sets.iter().flat_map(|set| ["--set", set]));
+        succeed(&mut command);
+        succeed(&mut place.gerono(&["export", out, "--csv", "--topic", "vehicle/truth"])).stdout
+    };
+    let following = "path.mode=following";
+    let never_waits = ["path.alpha1=20.0", "path.alpha2=30.0"];
+    let ramped = truth("ramped", &[following]);
+    assert!(ramped == truth("never_waits", &[following, never_waits[0], never_waits[1]]));
+    let jump = truth("jump", &[following, "path.initial_gamma_dot=1.0"]);
+    assert!(jump == truth("tracking", &[]));
+    assert!(ramped != jump);
+}
