@@ -79,6 +79,7 @@ pub fn findings(scenario: &Scenario) -> Vec<Finding> {
     of_inertias
         .chain([inertia_learning(scenario), attitude(scenario)])
         .chain(disturbance_learning(scenario))
+        .chain(prediction_step(scenario))
         .chain(thrust_reserve(scenario))
         .collect()
 }
@@ -147,22 +148,44 @@ fn attitude(scenario: &Scenario) -> Finding {
     }
 }
 
+/// Gain of the loop that learns from z2: Λb + λm (m g)², 1/s², with the disturbance's and the mass's part.
+fn learning_gains(scenario: &Scenario) -> [f64; 2] {
+    let law = &scenario.controller;
+    let thrust = masses(scenario).fold(0.0, f64::max) * GRAVITY;
+    let disturbance = law.lambda_disturbance.into_iter().fold(0.0, f64::max);
+    [disturbance, law.lambda_mass * thrust * thrust]
+}
+
+fn prediction_step(scenario: &Scenario) -> Option<Finding> {
+    let kappa = scenario.controller.prediction_gain?;
+    let gain: f64 = learning_gains(scenario).into_iter().sum();
+    let hold = scenario.command_hold();
+    Some(Finding {
+        rule: Rule::PredictionStep,
+        key: controller("prediction_gain"),
+        value: hold * kappa * gain,
+        limit: 1.0,
+        fix: format!("set it to at most {}", digits(0.98 / (hold * gain))),
+    })
+}
+
 /// Damping of what is learned; where the law commands torque at the base tick nothing between it and the vehicle is
 /// late, and it bears less.
 fn disturbance_learning(scenario: &Scenario) -> Option<Finding> {
     let law = &scenario.controller;
     law.rates.as_ref()?;
     let velocity_rate = law.k2 * law.sigma_max;
-    let thrust = masses(scenario).fold(0.0, f64::max) * GRAVITY;
-    let disturbance = law.lambda_disturbance.into_iter().fold(0.0, f64::max);
-    let mass = law.lambda_mass * thrust * thrust;
+    let [disturbance, mass] = learning_gains(scenario);
     // Where the damping is 0.71.
     let good = velocity_rate * velocity_rate / 2.0;
     let (key, fix) = if disturbance > good || mass == 0.0 {
         let fix = format!("set its elements to at most {}", digits(good));
         ("lambda_disturbance", fix)
     } else {
-        let fix = format!("set it to {}", digits((good - disturbance) / (thrust * thrust)));
+        let fix = format!(
+            "set it to {}",
+            digits(law.lambda_mass * (good - disturbance) / mass)
+        );
         ("lambda_mass", fix)
     };
     (disturbance + mass > 0.0).then(|| Finding {

@@ -13,18 +13,21 @@ pub enum Rule {
     AttitudeRate,
     /// Damping of the loop that learns b̂ and η̂.
     LearningDamping,
+    /// Share of the prediction error that one hold takes away.
+    PredictionStep,
     /// Largest thrust beside the heaviest weight of the flight.
     ThrustReserve,
 }
 
 impl Rule {
     /// All rules, from the inner loop to the outer.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::AngularVelocityStep,
         Self::AngularVelocityRate,
         Self::InertiaLearning,
         Self::AttitudeRate,
         Self::LearningDamping,
+        Self::PredictionStep,
         Self::ThrustReserve,
     ];
 
@@ -37,6 +40,7 @@ impl Rule {
             Self::InertiaLearning => "Λw",
             Self::AttitudeRate => "the rate of the attitude loop",
             Self::LearningDamping => "the damping of the learning loop",
+            Self::PredictionStep => "the share of ε that a hold removes",
             Self::ThrustReserve => "thrust over weight",
         }
     }
@@ -50,6 +54,7 @@ impl Rule {
             Self::InertiaLearning => "Λw ≤ 27 k3 σmax / (2 h β² ω̄² (ω̄ + κ)³)",
             Self::AttitudeRate => "g / |δ| ≥ 2 max(k1, k2) σmax",
             Self::LearningDamping => "k2 σmax / (2 √(Λb + λm (m g)²)) ≥ 0.35",
+            Self::PredictionStep => "H κ (Λb + λm (m g)²) ≤ 1",
             Self::ThrustReserve => "Tmax / (m g) ≥ 1.1",
         }
     }
@@ -76,6 +81,7 @@ impl Rule {
             Self::LearningDamping => {
                 "below, estimates and vehicle oscillate with the delays of cameras and radio"
             }
+            Self::PredictionStep => "above, the estimates overshoot, and the mass estimate is spoilt first",
             Self::ThrustReserve => "below, the vehicle sinks while the mass estimate learns",
         }
     }
@@ -83,7 +89,10 @@ impl Rule {
     /// Returns whether the left side must not exceed the right one, rather than reach it.
     #[must_use]
     pub fn is_upper_limit(self) -> bool {
-        matches!(self, Self::AngularVelocityStep | Self::InertiaLearning)
+        matches!(
+            self,
+            Self::AngularVelocityStep | Self::InertiaLearning | Self::PredictionStep
+        )
     }
 }
 

@@ -132,6 +132,20 @@ fn what_is_learned_is_damped_and_the_mass_of_the_vehicle_counts() {
 }
 
 #[test]
+fn a_hold_does_not_learn_more_than_the_prediction_error() {
+    assert_broken(
+        "fig3_6",
+        &[
+            "controller.lambda_disturbance=[8.0, 8.0, 8.0]",
+            "controller.prediction_gain=8.0",
+        ],
+        "controller.prediction_gain",
+        "the share of ε that a hold removes is 1.",
+        "set it to at most 4.",
+    );
+}
+
+#[test]
 fn motors_that_hardly_lift_the_load_are_named() {
     assert_broken(
         "fig3_6",
