@@ -13,7 +13,7 @@ use crate::adaptive::parameters::Parameters;
 use crate::bumpless_transfer::Transfer;
 use crate::dead_reckoning::{Commanded, ModelEstimate, Reckoned};
 use crate::failsafe::FailsafeStage;
-use crate::law::baseline::BaselineLaw;
+use crate::law::baseline_law::BaselineLaw;
 use crate::law::{self, Law};
 use crate::observer::{MassObserver, ObserverSample};
 use crate::phase::ControlMode;

@@ -4,11 +4,13 @@
 //! yaw law, limits and the roll-out over the hold of a command. A law is an evaluation at one moment ([`Law`]) and, for
 //! the baselines, what it learns from hold to hold ([`baseline::Baseline`]).
 //!
-//! * [`baseline`]: the baselines' trait, and the choice of one;
+//! * [`baseline`]: the trait of the baselines;
+//! * [`baseline_law`]: the baseline of a flight;
 //! * [`nominal`]: the loop that all baselines have in common;
 //! * [`geometric_pid`], [`l1`], [`indi`], [`nf_constant`], [`px4`]: one baseline each.
 
 pub mod baseline;
+pub mod baseline_law;
 pub mod geometric_pid;
 pub mod indi;
 pub mod l1;

@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, MEMORY, Memory, Seen, error_slope};
+use super::baseline::{Baseline, Memory, Seen, error_slope, memory_of, vector_of};
 
 /// Integral of the errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,12 +47,10 @@ impl Baseline for GeometricPid {
     }
 
     fn memory(&self) -> Memory {
-        let mut memory = [0.0; MEMORY];
-        memory[..3].copy_from_slice(self.integral.as_slice());
-        memory
+        memory_of(&self.integral)
     }
 
     fn restore(&mut self, memory: &Memory) {
-        self.integral = Vector3::from_column_slice(&memory[..3]);
+        self.integral = vector_of(memory);
     }
 }

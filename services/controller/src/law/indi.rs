@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use super::baseline::{Baseline, MEMORY, Memory, Seen};
+use super::baseline::{Baseline, Memory, Seen, memory_of, vector_of};
 
 /// The last residual.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -25,12 +25,10 @@ impl Baseline for Indi {
     }
 
     fn memory(&self) -> Memory {
-        let mut memory = [0.0; MEMORY];
-        memory[..3].copy_from_slice(self.residual.as_slice());
-        memory
+        memory_of(&self.residual)
     }
 
     fn restore(&mut self, memory: &Memory) {
-        self.residual = Vector3::from_column_slice(&memory[..3]);
+        self.residual = vector_of(memory);
     }
 }

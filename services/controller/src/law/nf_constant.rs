@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, MEMORY, Memory, Seen, error_slope};
+use super::baseline::{Baseline, Memory, Seen, error_slope, memory_of, vector_of};
 
 /// Estimate of the disturbance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,12 +52,10 @@ impl Baseline for NfConstant {
     }
 
     fn memory(&self) -> Memory {
-        let mut memory = [0.0; MEMORY];
-        memory[..3].copy_from_slice(self.estimate.as_slice());
-        memory
+        memory_of(&self.estimate)
     }
 
     fn restore(&mut self, memory: &Memory) {
-        self.estimate = Vector3::from_column_slice(&memory[..3]);
+        self.estimate = vector_of(memory);
     }
 }

@@ -1,7 +1,7 @@
 //! Baselines: their nominal loop by finite differences, their estimates by what they converge to, their memory.
 
 use controller::law::Law;
-use controller::law::baseline::BaselineLaw;
+use controller::law::baseline_law::BaselineLaw;
 use controller::law::nominal::Nominal;
 use controller::rate_controller::RateController;
 use controller::{Measured, Reference};
