@@ -4,8 +4,8 @@
 //! stamp. A line below such points relates the clocks: its slope is the median of the slopes between points far apart,
 //! which a few bad windows do not move.
 //!
-//! A stamp that the line finds too early or too late is refused. If 25 in a row agree on another offset, the sender's
-//! clock was set, and the estimate restarts.
+//! A stamp that the line finds too early or too late is refused. If more of them agree on another offset than do not, by
+//! 25, the sender's clock was set, and the estimate restarts.
 
 /// Length of a window, ns.
 const WINDOW_NS: u64 = 500_000_000;
@@ -25,7 +25,7 @@ const LATE_NS: i64 = 60_000_000;
 const WINDOW_LATE_NS: i64 = 4_000_000;
 /// Windows in a row that are later after which the clock was set.
 const LATE_WINDOWS: u32 = 2;
-/// Refused stamps in a row that agree, after which they are accepted.
+/// Refused stamps that agree, beyond those that do not, after which they are accepted.
 const CONFIRMATIONS: u32 = 25;
 /// Largest distance of offsets that agree, ns.
 const AGREEMENT_NS: i64 = 20_000_000;
@@ -146,8 +146,16 @@ impl RemoteClock {
     fn doubt(&mut self, point: Point) -> Mapped {
         let agrees = self.doubted > 0
             && point.offset_ns.abs_diff(self.doubted_offset_ns) <= AGREEMENT_NS.unsigned_abs();
-        self.doubted = if agrees { self.doubted + 1 } else { 1 };
-        if !agrees {
+        // A majority vote (Boyer and Moore): a packet that is late by chance takes back one confirmation and not all of
+        // them, and a wrong stamp cannot stand against the right ones. The soonest packet stands for those that agree, or
+        // one that was late itself would be so far from half of the others that they never agree.
+        if agrees {
+            self.doubted += 1;
+            self.doubted_offset_ns = self.doubted_offset_ns.min(point.offset_ns);
+        } else if self.doubted > 1 {
+            self.doubted -= 1;
+        } else {
+            self.doubted = 1;
             self.doubted_offset_ns = point.offset_ns;
         }
         if self.doubted < CONFIRMATIONS {
