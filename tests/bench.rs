@@ -9,7 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use common::{Place, succeed};
 use serde_json::Value;
 
-/// Who measures is alone.
+/// The lock of a test that measures, which must be alone.
 static ALONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {

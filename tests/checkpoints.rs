@@ -1,5 +1,5 @@
-//! What services knew, in the log: it is what replayed services know, a replay of a part of a flight begins with it, and
-//! behind a gap services go on with it.
+//! The services' states in the log: replayed services start from them, a replay of a part of a flight begins with them,
+//! and behind a gap services go on with it.
 
 use crate::common;
 

@@ -17,7 +17,7 @@ fn doctor(place: &Place, more: &[&str]) -> Command {
     place.gerono(&arguments)
 }
 
-/// What it finds, by the names of its checks.
+/// Returns its findings, by the names of its checks.
 fn found(place: &Place, more: &[&str]) -> impl Fn(&str) -> Value {
     let arguments = [more, &["--json"]].concat();
     let report: Value = serde_json::from_slice(&output(&mut doctor(place, &arguments)).stdout).unwrap();

@@ -40,7 +40,7 @@ fn documents() -> Vec<(PathBuf, String)> {
         .collect()
 }
 
-/// What stands between `<!-- name -->` and `<!-- end of … -->`.
+/// Returns the text between `<!-- name -->` and `<!-- end of … -->`.
 pub(crate) fn section<'a>(document: &'a str, name: &str) -> &'a str {
     let begin = format!("<!-- {name} -->");
     let (_, rest) = document

@@ -15,7 +15,7 @@ use shared_types::samples::PathReference;
 use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 
-/// How far the vehicle was from its path and what the timing law did, tick by tick.
+/// The vehicle's distance from its path and the state of the timing law, tick by tick.
 struct Flight {
     tracker: Tracker,
     /// Distance from the path, m.

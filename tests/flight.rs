@@ -100,7 +100,7 @@ impl Flight {
             .fold(0.0, |most, truth| most.max(-truth.position_world[2]))
     }
 
-    /// What acted on the vehicle in the last frame that did anything.
+    /// Returns what acted on the vehicle in the last frame that did anything.
     fn last_deed(&self) -> (u8, u8) {
         let deed = self
             .frames
@@ -257,7 +257,7 @@ fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
         .sqrt()
 }
 
-/// What the ground has borne until then is no disturbance.
+/// The ground's support until then is no disturbance.
 #[test]
 fn at_every_speed_of_take_off_the_vehicle_is_known_and_led_from_the_first_moment() {
     for speed in [0.2, 0.4, 0.8, 1.5] {

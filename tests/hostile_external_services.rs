@@ -40,7 +40,7 @@ const AT_ONCE: usize = 4;
 /// Of so many kinds of external services one flies in real time, unless `GERONO_TEST_CONDUCT` chooses: all of them fly in simulated time.
 const SHARE: usize = 3;
 
-/// What becomes of the flight.
+/// The expected end of the flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Then {
     /// It goes on until it is ended.
@@ -52,7 +52,7 @@ enum Then {
 }
 use Then::{Either, Ends, GoesOn};
 
-/// What names the external service: its service, or a topic that it alone publishes.
+/// The names of the external service: its service, or a topic that it alone publishes.
 const NAMES: [&str; 2] = ["`controller`", "`control/"];
 
 /// Every kind of external service, and what becomes of a flight in simulated time and of one in real time, where a program that dies
@@ -232,7 +232,7 @@ fn scribble(from: usize) -> ! {
     unreachable!()
 }
 
-/// What an external service does once, in the middle of a step.
+/// Does the external service's single act in the middle of a step.
 fn act(conduct: &str) {
     match conduct {
         "silence" => sleep_for_ever(),
@@ -383,7 +383,7 @@ fn hand_on_everything(_command: &mut std::process::Command) {
     }
 }
 
-/// What an external service does with the samples of every step from [`BEGIN`] on.
+/// Alters the external service's samples of every step from [`BEGIN`] on.
 fn alter(conduct: &str, tick: u64, samples: &mut [&mut [u8]]) {
     let header = |alter: fn(Header) -> Header| move |header| alter(header);
     match conduct {

@@ -34,7 +34,7 @@ fn six_processes_and_one_write_the_same_bytes() {
     assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
-/// How the machine is used is no part of the experiment: neither of its samples nor of the manifest.
+/// The use of the machine is no part of the experiment: neither of its samples nor of the manifest.
 #[test]
 fn a_deployment_changes_no_byte() {
     let place = Place::new();

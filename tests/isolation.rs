@@ -1,4 +1,4 @@
-//! What processes do to each other, and what they leave behind: deaths, neighbours, observers, full disks.
+//! Effects of processes on each other, and their leftovers: deaths, neighbours, observers, full disks.
 
 mod common;
 

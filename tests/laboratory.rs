@@ -185,7 +185,7 @@ impl Receiver {
     }
 }
 
-/// What lets `laboratory.toml` fly here.
+/// The settings that let `laboratory.toml` fly here.
 fn settings(port: u16, device: &str) -> [String; 4] {
     let [x, y, z] = CAMERAS;
     [
@@ -245,7 +245,7 @@ fn last_of_host<T: FromBytes>(place: &Place, channel: &str) -> T {
     T::read_from_bytes(&of_channel.last().unwrap().data[4..]).unwrap()
 }
 
-/// What the receiver should get of the frames that were recorded, and of sticks at rest.
+/// Returns the recorded frames that the receiver should get, and those of sticks at rest.
 fn sticks_of(place: &Place, link: &RcLink) -> Vec<ChannelCodes> {
     let mut encoder = Encoder::new(link, link.transmitter.as_ref().unwrap()).unwrap();
     let mut frame = Frame::default();

@@ -1,4 +1,4 @@
-//! What fails outside of the control path lands the vehicle: no such failure ends a flight in the air.
+//! Failures outside of the control path land the vehicle: none of them ends a flight in the air.
 
 mod common;
 

@@ -21,7 +21,7 @@ const COMPRESSIONS: [&str; 3] = ["none", "lz4", "zstd"];
 /// Topic and bytes of samples.
 type Samples = Vec<(String, Vec<u8>)>;
 
-/// What a reader finds, and how it ended.
+/// Returns the findings of a reader, and its end.
 fn read(log: &Path) -> (Samples, Result<(), LogReadError>) {
     let mut samples = Vec::new();
     let mut reader = LogReader::open(log).unwrap();

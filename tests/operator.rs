@@ -1,4 +1,4 @@
-//! What an operator asks for reaches the flight, from whatever environment and whatever else is in the way.
+//! An operator's requests reach the flight, from whatever environment and whatever else is in the way.
 
 mod common;
 
@@ -20,7 +20,7 @@ fn take_off(place: &Place, out: &str) -> Begun {
     child
 }
 
-/// How a run is.
+/// Returns the state of a run.
 fn look(place: &Place, run: &Begun) -> Option<Snapshot> {
     let looked = place
         .gerono(&["top", "--once", "--json", "--run", &name_of(run)])

@@ -60,7 +60,7 @@ fn take_off(place: &Place, out: &str, seconds: f64) -> Begun {
     child
 }
 
-/// What makes of `hover.toml` a short flight that any machine has the time for.
+/// The settings that make of `hover.toml` a short flight that any machine has the time for.
 const SHORT_HOVER: [&str; 2] = ["schedule.tick=0.002", "duration=2.0"];
 
 #[test]
@@ -278,7 +278,7 @@ fn an_interrupt_ends_a_flight_with_its_log_whole() {
     place.assert_nothing_is_left_of(orchestrator);
 }
 
-/// What made it so may be gone by then; here it is not, being the world's own state.
+/// The cause may be gone by then; here it is not, being the world's own state.
 #[test]
 fn who_computes_a_number_that_is_not_finite_is_replaced_until_that_is_in_vain() {
     let _machine = the_machine();

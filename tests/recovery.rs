@@ -43,7 +43,7 @@ fn restarts(place: &Place, out: &str) -> Vec<String> {
     restarts.into_iter().flatten().map(ToString::to_string).collect()
 }
 
-/// How the spare processes of a run have ended, in the words of its record.
+/// Returns the ends of the spare processes of a run, in the words of its record.
 fn deaths_of_spares(place: &Place, out: &str) -> Vec<String> {
     let record = std::fs::read(place.path(out).join("host.mcap")).unwrap();
     let events = mcap::MessageStream::new(&record).unwrap().map(Result::unwrap);

@@ -10,7 +10,7 @@ use common::{Begun, Place, begin, complaint, finish, fly_to_the_end, output, suc
 use rustix::process::Signal;
 use shared_types::ServiceId;
 
-/// What a replay into processes adds to its last line.
+/// The addition of a replay into processes to its last line.
 const IN_PROCESSES: &str = ", done by service processes";
 
 fn text(bytes: &[u8]) -> String {

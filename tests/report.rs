@@ -11,7 +11,7 @@ use metrics::tracker::Tracker;
 use run_log::LogReader;
 use serde_json::Value;
 
-/// What a page may weigh that shows a flight of a minute at 1 kHz, bytes.
+/// The largest size of a page that shows a flight of a minute at 1 kHz, bytes.
 const LARGEST_PAGE: usize = 5_000_000;
 
 /// Writes the report of these logs and reads the page.
@@ -23,7 +23,7 @@ fn report(place: &Place, logs: &[&str]) -> String {
     std::fs::read_to_string(place.path("report/report.html")).unwrap()
 }
 
-/// What the page shows, as its own script reads it.
+/// Returns the data of the page, as its own script reads it.
 fn data_of(page: &str) -> Value {
     let (_, rest) = page
         .split_once("<script id=\"data\" type=\"application/json\">")

@@ -1,4 +1,4 @@
-//! What a policy for old and impossible samples is worth in flight, and what it costs while nothing fails.
+//! The worth of a policy for old and impossible samples in flight, and its cost while nothing fails.
 
 use crate::common;
 
@@ -15,7 +15,7 @@ use zerocopy::FromBytes;
 /// The policy for the vehicle's state, with all of it switched off but one value.
 const STATE: &str = "safety.\"vehicle/state -> controller\"";
 
-/// What is to be known of a flight.
+/// The facts about a flight.
 #[derive(Default)]
 struct Flight {
     digest: ExperimentDigest,

@@ -1,4 +1,4 @@
-//! What another user of the machine can do to a run, attempt by attempt: docs/security.md lists what comes of each.
+//! Attacks of another user of the machine on a run: docs/security.md lists what comes of each.
 //!
 //! Needs root, to act as two users whom nobody else is. Without it these tests are skipped with a message.
 
@@ -123,7 +123,7 @@ impl Users {
         run
     }
 
-    /// How the owner's run is, as a user sees it.
+    /// Returns the state of the owner's run, as a user sees it.
     fn look(&self, user: u32) -> Option<Snapshot> {
         let looked = self.gerono(user, &["top", "--once", "--json"]).output().unwrap();
         serde_json::from_slice(&looked.stdout).ok()

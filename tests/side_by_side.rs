@@ -1,4 +1,5 @@
-//! What is shown with real processes and not judged by how punctual they were, so that tests may go on beside each other.
+//! Properties shown with real processes and not judged by how punctual they were, so that tests may go on beside each
+//! other.
 //!
 //! One program, because each is linked with the whole product. What needs the machine for itself has programs of its own,
 //! which follow each other.

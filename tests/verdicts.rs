@@ -1,4 +1,5 @@
-//! What becomes of a flight is said truly: on the terminal, in `summary.json`, in the exit code, and of the log alone.
+//! The reported end of a flight is the true one: on the terminal, in `summary.json`, in the exit code, and of the log
+//! alone.
 
 use crate::common;
 

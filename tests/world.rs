@@ -16,10 +16,11 @@ use serde_json::Value;
 use shared_types::samples::{RcFrame, VehicleTruth};
 use shared_types::{Published, ServiceId};
 
-/// What the paper reached in Fig. 7, root mean square, m.
+/// The paper's error in Fig. 7, root mean square, m.
 const PAPER: f64 = 0.017;
 
-/// How far neither the fan nor the death of any service brings it from its path, m: less than its own size.
+/// The largest distance from the path, m, that the fan or the death of any service may cause: less than the vehicle's
+/// own size.
 const ASTRAY: f64 = 0.1;
 
 /// Time at which the fan is switched on, s after the world began.

@@ -1,4 +1,4 @@
-//! How long a tick takes with all services in one thread: Fig. 1's first seconds, with and without a log.
+//! The duration of a tick with all services in one thread: Fig. 1's first seconds, with and without a log.
 
 use std::convert::Infallible;
 use std::path::Path;

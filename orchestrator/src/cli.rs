@@ -30,12 +30,12 @@ pub use mocap_tools::arguments::*;
 #[derive(Debug, Parser)]
 #[command(name = "gerono", version, propagate_version = true, after_help = Exit::help())]
 pub struct Cli {
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// What `gerono` can do.
+/// The commands of `gerono`.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Fly a scenario and record it.
@@ -200,7 +200,7 @@ pub enum Command {
         /// Folder of the run, by which `gerono kill` and the like find it (`live::runs`).
         #[arg(long)]
         run: Option<PathBuf>,
-        /// What its steps follow, for the same.
+        /// The host of its steps, for the same.
         #[arg(long)]
         host: Option<String>,
     },

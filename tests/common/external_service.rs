@@ -55,11 +55,11 @@ pub(crate) struct ExternalService {
     pub(crate) bell: Doorbell,
     pub(crate) others: Vec<Doorbell>,
     _member: RunNode,
-    /// What it does beside its work, with each tick before its samples are sent.
+    /// Its misconduct beside its work, with each tick before its samples are sent.
     pub(crate) mischief: Mischief,
 }
 
-/// What an external service does that it should not: it gets the tick, and the bytes of each sample that it is about to send.
+/// The misconduct of an external service: it gets the tick, and the bytes of each sample that it is about to send.
 pub(crate) type Mischief = Box<dyn FnMut(u64, &mut [&mut [u8]])>;
 
 impl ExternalService {

@@ -1,4 +1,4 @@
-//! What a laboratory is connected by, for tests.
+//! Settings that connect a laboratory, for tests.
 
 use std::net::{TcpListener, UdpSocket};
 use std::os::fd::OwnedFd;

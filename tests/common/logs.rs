@@ -1,4 +1,4 @@
-//! What is in logs, and what replays make of it.
+//! The content of logs, and the results of their replays.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ pub(crate) fn replayed_with_another_controller(log: &Path) -> Replayed {
     replay(log, &options, None).unwrap()
 }
 
-/// What the controller publishes differs, and nothing else.
+/// Asserts that what the controller publishes differs, and nothing else.
 #[track_caller]
 pub(crate) fn assert_only_the_controller_differs(replayed: &Replayed) {
     for comparison in &replayed.comparisons {

@@ -1,4 +1,4 @@
-//! What the tests of real processes share: isolation, a watchdog, and the search for leftovers.
+//! Parts that the tests of real processes share: isolation, a watchdog, and the search for leftovers.
 #![allow(dead_code, reason = "every test target uses a part of it")]
 
 pub(crate) mod laboratory;
@@ -142,7 +142,7 @@ impl Place {
         serde_json::from_str(&text).unwrap()
     }
 
-    /// How the only live run is, if there is one.
+    /// Returns the state of the only live run, if there is one.
     pub(crate) fn look(&self) -> Option<Snapshot> {
         let looked = self.gerono(&["top", "--once", "--json"]).output().unwrap();
         serde_json::from_slice(&looked.stdout).ok()
@@ -316,7 +316,7 @@ pub(crate) fn said(output: &Output) -> String {
         .concat()
 }
 
-/// What a command has complained of, without the line breaks and the frame that long errors get.
+/// Returns a command's complaint, without the line breaks and the frame that long errors get.
 pub(crate) fn complaint(output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stderr).replace('│', " ");
     text.split_whitespace().collect::<Vec<_>>().join(" ")

@@ -1,4 +1,4 @@
-//! What an operator does by the command line: looks, and arms.
+//! An operator's acts by the command line: looks, and arms.
 
 use std::process::Command;
 use std::time::Duration;

@@ -33,7 +33,7 @@ pub(crate) fn processes_of(orchestrator: u32) -> Vec<(String, u32)> {
     pids.filter_map(|pid| Some((name_of(pid)?, pid))).collect()
 }
 
-/// What a process of a run is called by the system, or, if it has only just been started, by its command line.
+/// Returns the system's name for a process of a run or, if it has only just been started, that of its command line.
 fn name_of(pid: u32) -> Option<String> {
     let called = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
     let called = called.trim_end();

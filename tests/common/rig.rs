@@ -1,6 +1,7 @@
 //! Everything that the rig knows, at once.
 
-/// What makes of the first seconds of `fig3_6.toml` a flight in which everything happens that the rig knows.
+/// The settings that make of the first seconds of `fig3_6.toml` a flight in which everything happens that the rig
+/// knows.
 pub(crate) const ALL_OF_THE_RIG: [&str; 12] = [
     "vehicle.change=[{at = 0.4, mass = 0.23, center_of_mass = [0.003, 0.0, 0.002]}]",
     "vehicle.drag=[0.05, 0.05, 0.1]",

@@ -106,7 +106,7 @@ impl Terminal {
         status
     }
 
-    /// What it shows, as far as it has been looked at.
+    /// The content of its screen, as far as it has been looked at.
     pub(crate) fn screen(&self) -> &Screen {
         &self.screen
     }
@@ -119,7 +119,7 @@ impl Terminal {
     }
 }
 
-/// What a terminal shows, as far as programs ask for it that move the cursor and print.
+/// The content of a terminal, as far as programs ask for it that move the cursor and print.
 pub(crate) struct Screen {
     cells: Vec<Vec<String>>,
     row: usize,

@@ -10,7 +10,7 @@ use command_line::values::between;
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct Bench {
-    /// What to measure instead.
+    /// The measurement to take instead.
     #[command(subcommand)]
     pub measurement: Option<Measurement>,
     /// Repetitions of each measurement; medians are shown.
@@ -24,7 +24,7 @@ pub struct Bench {
     pub json: Option<PathBuf>,
 }
 
-/// What `gerono bench` can measure instead of simulated seconds per wall second.
+/// Measurements of `gerono bench` other than simulated seconds per wall second.
 #[derive(Debug, Subcommand)]
 pub enum Measurement {
     /// Measure how long it is from a capture to the radio frame that comes of it, in real time.
@@ -96,7 +96,7 @@ pub struct BenchRecorder {
 }
 
 impl BenchRecorder {
-    /// What `gerono bench recorder --help` shows.
+    /// The end of `gerono bench recorder --help`.
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono bench recorder\n  \
         gerono bench recorder --repetitions 31 --minutes 60 --json recorder.json";
@@ -105,7 +105,7 @@ impl BenchRecorder {
 /// Arguments of `gerono bench deaths`.
 #[derive(Debug, Args)]
 pub struct BenchDeaths {
-    /// How many processes die.
+    /// The number of processes that die.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub deaths: u32,
     /// Fly under SCHED_FIFO (docs/deployment.md).
@@ -131,7 +131,7 @@ pub struct BenchLatency {
 }
 
 impl BenchLatency {
-    /// What `gerono bench latency --help` shows.
+    /// The end of `gerono bench latency --help`.
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono bench latency\n  \
         gerono bench latency --seconds 60 --repetitions 3 --json latency.json";
@@ -142,7 +142,7 @@ impl BenchLatency {
 pub struct Ring {
     /// Rounds to go.
     pub rounds: u64,
-    /// How to wait for the neighbour.
+    /// The way to wait for the neighbour.
     #[arg(value_enum)]
     pub wait: RingWait,
     /// Core to run on.
@@ -159,7 +159,7 @@ pub struct RingMember {
     pub place: usize,
     /// Rounds to go.
     pub rounds: u64,
-    /// How to wait for the neighbour.
+    /// The way to wait for the neighbour.
     #[arg(value_enum)]
     pub wait: RingWait,
     /// Core to run on.
@@ -171,7 +171,7 @@ pub struct RingMember {
     pub fifo: bool,
 }
 
-/// How the members of such a ring wait.
+/// The way in which the members of such a ring wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum RingWait {
     /// Yield the core until the neighbour has been there.

@@ -42,7 +42,7 @@ const COUNTDOWN: Duration = Duration::from_millis(5);
 /// Longest wait for an event before the next check.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
 
-/// What is handed on in place of a time once there is nothing more to come.
+/// The value handed on in place of a time once there is nothing more to come.
 const THE_END: u64 = u64::MAX;
 
 /// Returns how long it is from the first to the last of a bare chain on `core`, of so many rounds.

@@ -57,7 +57,7 @@ const POSE_LENGTH: usize = 96;
 /// Rounds of a bare hop, one a millisecond.
 const ROUNDS: u64 = 3000;
 
-/// How fast the vehicle seems to rise, m/s; and how high, m.
+/// The apparent speed of the climb, m/s, and its height, m.
 const RISE: f64 = 0.4;
 const HEIGHT: f64 = 1.2;
 /// From the first frame with which motors turn until the vehicle seems to rise, and until it seems to tilt, ns.
@@ -252,11 +252,11 @@ impl FlightUnderWay {
 struct Tilt {
     /// Time at which the capture was sent that shows it, ns.
     sent_ns: u64,
-    /// What the last frame before asked for, rad/s.
+    /// The rates of the frame before, rad/s.
     rate_before: f64,
 }
 
-/// What became of the tilts.
+/// The outcome of the tilts.
 struct Tilts {
     /// Times until the answer, ns.
     answered: hdrhistogram::Histogram<u64>,
@@ -270,7 +270,7 @@ struct Here {
     line: ReceiverInput,
     receiver: Receiver,
     link: RcLink,
-    /// What the last frame asked for: the rate about the x axis, rad/s, and whether motors may turn.
+    /// The last frame's rate about the x axis, rad/s, and whether motors may turn.
     asked: (f64, bool),
 }
 
@@ -378,7 +378,7 @@ impl Here {
     }
 }
 
-/// How high the vehicle seems to be so long after its motors began to turn, m.
+/// The apparent height of the vehicle so long after its motors began to turn, m.
 fn height(flown_ns: u64) -> f64 {
     let rising_ns = flown_ns.saturating_sub(LIFT_AFTER_NS);
     (RISE * shared_types::service::seconds(rising_ns)).min(HEIGHT)

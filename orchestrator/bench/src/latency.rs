@@ -18,7 +18,7 @@ use supervisor::FlightFailure;
 /// Rounds of the bare chain in a second: as many as frames.
 const ROUNDS_PER_SECOND: u64 = 1000;
 
-/// What keeps the cores busy meanwhile.
+/// The work that keeps the cores busy meanwhile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LoadOn {
     Nothing,
@@ -38,7 +38,7 @@ impl LoadOn {
     }
 }
 
-/// What was measured under one load and one scheduler.
+/// The measurement under one load and one scheduler.
 #[derive(Clone, Debug, Serialize)]
 struct Row {
     load: &'static str,
@@ -58,7 +58,7 @@ struct Row {
     note: Option<String>,
 }
 
-/// How late a service woke and how long it stepped.
+/// The lateness of a service's wake-ups and the durations of its steps.
 #[derive(Clone, Debug, Serialize)]
 struct ServiceTimes {
     service: String,
@@ -186,8 +186,8 @@ impl Place<'_> {
         chain::four_hops(self.core, scheduler == Scheduler::Fifo, self.rounds).map_err(FlightFailure::setup)
     }
 
-    /// What the summary of a flight says of its timing. On a machine that is away for too long the vehicle may be lost; what
-    /// was measured until then counts.
+    /// Returns the timing in the summary of a flight. On a machine that is away for too long the vehicle may be lost;
+    /// what was measured until then counts.
     fn fly(&self, scheduler: Scheduler) -> Result<serde_json::Value> {
         let core = self.core.to_string();
         let mut options = vec!["--host", "realtime", "--core", &core];
@@ -200,7 +200,7 @@ impl Place<'_> {
     }
 }
 
-/// What was measured under one load and one scheduler, pairs at equal places.
+/// The measurements under one load and one scheduler, pairs at equal places.
 struct Series {
     load: LoadOn,
     scheduler: Scheduler,
@@ -271,7 +271,7 @@ impl Series {
     }
 }
 
-/// What a part of a summary says.
+/// Returns a part of a summary.
 fn stated<T: DeserializeOwned>(part: &serde_json::Value) -> Result<T> {
     T::deserialize(part).map_err(|error| {
         FlightFailure::setup(format!(

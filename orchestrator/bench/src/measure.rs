@@ -72,7 +72,7 @@ pub(super) fn progress_of(what: &str, number: u64) -> ProgressBar {
     bar
 }
 
-/// What was measured, one list a row, pairs at equal places.
+/// The measurements, one list a row, pairs at equal places.
 #[derive(Default)]
 struct Series {
     yield_ring: Vec<f64>,
@@ -260,7 +260,7 @@ pub(super) fn fly_by_command(
     Ok((output, serde_json::from_str(&text).map_err(FlightFailure::setup)?))
 }
 
-/// What a command said of why it failed.
+/// Returns a command's message about its failure.
 pub(super) fn complaint(output: &Output) -> FlightFailure {
     FlightFailure::setup(String::from_utf8_lossy(&output.stderr).into_owned())
 }

@@ -54,7 +54,7 @@ struct Measured {
     memory: Memory,
 }
 
-/// How much memory this process had while it recorded a long flight, bytes.
+/// The memory of this process while it recorded a long flight, bytes.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Memory {
     samples: u64,

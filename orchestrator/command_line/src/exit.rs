@@ -1,8 +1,8 @@
-//! What the exit code of `gerono` means.
+//! The meanings of `gerono`'s exit codes.
 
 use std::process::ExitCode;
 
-/// How a command ended, as other programs see it.
+/// The end of a command, as other programs see it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
     /// It did what it was asked to.
@@ -21,7 +21,7 @@ pub enum Exit {
     Unfit,
     /// A live run refused what it was asked for.
     Refused,
-    /// What came of a log's steps in a replay is not what was recorded, or not all could be compared; or two logs differ.
+    /// A replay's samples differ from the log, or not all could be compared; or two logs differ.
     Diverged,
     /// The flight was flown to its end, and the vehicle was lost.
     Lost,

@@ -1,4 +1,4 @@
-//! What ends a command early.
+//! Failures that end a command early.
 
 use std::error::Error;
 use std::iter::successors;
@@ -8,17 +8,17 @@ use miette::Report;
 use crate::exit::Exit;
 use crate::terminal::printable_lines;
 
-/// What ends a command early: what to tell the user and the exit code.
+/// A failure that ends a command early: the message for the user and the exit code.
 #[derive(Debug)]
 pub struct Failure {
-    /// What to tell the user.
+    /// The message for the user.
     pub report: Report,
     /// The exit code.
     pub exit: Exit,
 }
 
 impl Failure {
-    /// What an error, or a sentence, makes of a command.
+    /// Makes the failure of a command from an error or a sentence.
     #[must_use]
     pub fn new(exit: Exit, error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self {
@@ -46,7 +46,7 @@ impl Failure {
     }
 }
 
-/// What a terminal is told of an error: its message, and below it the causes that no message above has told already.
+/// Returns the report of an error for a terminal: its message, and below it the causes that no message above has told.
 ///
 /// Many messages tell their cause within the sentence, before they say what to do about it.
 #[must_use]

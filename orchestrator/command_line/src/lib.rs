@@ -1,4 +1,4 @@
-//! What commands share: how they fail and end, what they print and write, how far they have come.
+//! Functions that commands share: failure and exit, output, progress.
 
 pub mod exit;
 pub mod failure;

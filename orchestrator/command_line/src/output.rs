@@ -1,4 +1,4 @@
-//! What commands print and write, and the logs that they are given.
+//! The output of commands, and the logs that they are given.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

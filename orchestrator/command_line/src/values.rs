@@ -14,9 +14,9 @@ pub enum ValueError {
     /// It names nothing that there is.
     #[error("there is no such {what}; {there_is}")]
     Unknown {
-        /// What is named so.
+        /// The kind of thing that has this name.
         what: &'static str,
-        /// What there is instead, in words.
+        /// The names that exist instead, in words.
         there_is: String,
     },
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// How good something is for a flight.
+/// The fitness of something for a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CheckOutcome {
@@ -31,11 +31,11 @@ impl CheckOutcome {
 pub struct Check {
     /// What.
     pub name: &'static str,
-    /// How good it is.
+    /// Its fitness.
     pub verdict: CheckOutcome,
-    /// What was found, with the number that the verdict rests on.
+    /// The finding, with the number that the verdict rests on.
     pub figure: String,
-    /// What to do about it, unless it is good.
+    /// The fix, unless it is good.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fix: Option<String>,
 }

@@ -9,7 +9,7 @@ use super::check::{Check, bytes};
 use super::host::{HostFacts, Space};
 use super::needs::Needs;
 
-/// What is written to measure, bytes.
+/// The number of bytes that the measurement writes.
 const PROBE: u64 = 64 << 20;
 
 /// Share of the free space that measuring may take for its while.
@@ -21,7 +21,7 @@ const LONGEST: Duration = Duration::from_secs(2);
 /// Number of flights that are to fit for comfort.
 const COMFORTABLE_FLIGHTS: u64 = 10;
 
-/// How many times faster than the log grows the disk is to be for comfort: others write as well.
+/// The least ratio of the disk's speed to the log's for comfort: others write as well.
 const COMFORTABLE_SPEED: f64 = 4.0;
 
 /// The folder that results of `runs` would be on: itself, or the nearest above it that is there already.
@@ -99,7 +99,7 @@ fn flight(needs: &Needs) -> &'static str {
     }
 }
 
-/// How fast a folder takes data that is forced to the disk, bytes/s; `None` if it was stopped.
+/// Measures the speed at which a folder takes data that is forced to the disk, bytes/s; `None` if it was stopped.
 ///
 /// The file has no name while it is written: whatever ends this process, nothing is left.
 ///

@@ -1,4 +1,4 @@
-//! What a machine shows of itself.
+//! Facts that a machine shows of itself.
 
 use std::fs;
 use std::io;
@@ -18,7 +18,7 @@ type SpaceOf = dyn Fn(&Path) -> io::Result<Space>;
 pub struct Space {
     /// In all.
     pub total: u64,
-    /// What this user may still write.
+    /// The bytes that this user may still write.
     pub free: u64,
 }
 
@@ -37,7 +37,7 @@ impl HostFacts {
         }
     }
 
-    /// What a file shows, without the space around it.
+    /// Returns the content of a file without the space around it.
     #[must_use]
     pub fn text(&self, path: &str) -> Option<String> {
         let text = fs::read_to_string(self.root.join(path)).ok()?;

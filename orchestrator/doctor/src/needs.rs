@@ -1,4 +1,4 @@
-//! What a flight needs of the machine.
+//! The demands of a flight on the machine.
 
 use scenario::{Curve, Hover, Path, Scenario, ServiceDeployment, Vehicle};
 use shared_types::{Schedule, ServiceId};
@@ -6,7 +6,7 @@ use shared_types::{Schedule, ServiceId};
 use run_log::predicted_bytes;
 use supervisor::reserve;
 
-/// What a flight needs of the machine, and what its scenario asks for.
+/// The demands of a flight on the machine, and those of its scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Needs {
     /// `true` if a scenario was given; if not, the needs are those of an ordinary flight.
@@ -19,7 +19,7 @@ pub struct Needs {
     pub priority: Option<u32>,
     /// `true` if memory is to be locked.
     pub lock_memory: bool,
-    /// How the service of highest priority uses the machine.
+    /// The use that the service of highest priority makes of the machine.
     pub foremost: ServiceDeployment,
     /// Length of the flight, s.
     pub duration: f64,
@@ -73,7 +73,7 @@ impl Needs {
         }
     }
 
-    /// How fast the log of a flight in real time grows, bytes/s.
+    /// Returns the speed at which the log of a flight in real time grows, bytes/s.
     #[must_use]
     pub fn log_rate(&self) -> f64 {
         self.log_bytes as f64 / self.duration.max(f64::MIN_POSITIVE)

@@ -1,4 +1,4 @@
-//! What was found, for people and for programs.
+//! The findings, for people and for programs.
 
 use std::fmt::Write;
 
@@ -20,7 +20,7 @@ pub struct MachineReport {
     pub verdict: CheckOutcome,
     /// The checks.
     pub checks: Vec<Check>,
-    /// How late wake-ups were.
+    /// The lateness of wake-ups.
     pub wake_ups: Lateness,
 }
 
@@ -61,7 +61,7 @@ impl MachineReport {
     }
 }
 
-/// How late wake-ups were.
+/// The lateness of wake-ups.
 fn table(wake_ups: &Lateness) -> String {
     let rows = wake_ups.rows();
     let names = rows.map(|(name, _)| format!("{name:>10}")).concat();

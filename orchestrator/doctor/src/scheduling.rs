@@ -1,4 +1,4 @@
-//! Who goes first on a core: real-time priority, and how much of a core it may take.
+//! Precedence on a core: real-time priority, and the share of a core that it may take.
 
 use runtime::deployment::{FIFO_PRIORITY, Setting};
 
@@ -39,7 +39,7 @@ pub fn priority(host: &HostFacts, needs: &Needs) -> Check {
     }
 }
 
-/// How much of a core real-time work may take before it is held back.
+/// Checks the share of a core that real-time work may take before it is held back.
 #[must_use]
 pub fn throttling(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "real-time throttling";

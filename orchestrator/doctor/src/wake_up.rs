@@ -1,4 +1,4 @@
-//! How late a sleeper wakes: the least time by which every step of a flight in real time is late.
+//! The wake-up latency of a sleeper: the least time by which every step of a flight in real time is late.
 
 use std::time::Duration;
 
@@ -14,10 +14,10 @@ use super::needs::Needs;
 /// Time between two wake-ups, ns.
 const PERIOD_NS: u64 = 1_000_000;
 
-/// How late wake-ups were.
+/// The lateness of wake-ups.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Lateness {
-    /// How many were measured.
+    /// The number of measurements.
     pub count: usize,
     /// Half of them were at most so late, s.
     pub p50: f64,

@@ -1,4 +1,4 @@
-//! What is in a log, and what is known of its run beside it.
+//! The content of a log, and the facts beside it about its run.
 
 mod words;
 
@@ -17,7 +17,7 @@ use metrics::tracker::StateSource;
 use run_log::run_folder::summary_text_beside;
 use run_log::{FORMAT_VERSION, LogReadError, LogReader, Recovery, host_log_beside, inspect, is_whole};
 
-/// What is in a log.
+/// The content of a log.
 #[derive(Debug, Serialize)]
 pub struct Info {
     /// The file.
@@ -28,15 +28,15 @@ pub struct Info {
     pub state: State,
     /// If not, what ended the reading.
     pub reason: Option<String>,
-    /// What the log lacks, if it was recovered; of a log that is not whole, what a recovery would keep.
+    /// The gaps of the log, if it was recovered; of a log that is not whole, the result that a recovery would have.
     pub recovery: Option<Recovery>,
     /// Version of its arrangement.
     pub format_version: u32,
-    /// How its chunks are compressed: `none`, `lz4` or `zstd`.
+    /// The compression of its chunks: `none`, `lz4` or `zstd`.
     pub compression: String,
     /// Chunks read.
     pub chunks: u64,
-    /// What was flown.
+    /// The scenario of the flight.
     pub scenario: Scenario,
     /// Samples read.
     pub samples: u64,
@@ -50,7 +50,7 @@ pub struct Info {
     pub topics: Vec<TopicInfo>,
     /// The planned faults, in words.
     pub faults: Vec<String>,
-    /// What the samples tell of the vehicle; none of a log whose scenario makes no schedule.
+    /// The vehicle's flight by the samples; none of a log whose scenario makes no schedule.
     pub judged: Option<Judged>,
     /// `summary.json` beside the log, if it is there.
     pub summary: Option<Value>,
@@ -58,14 +58,14 @@ pub struct Info {
     pub host: Option<HostInfo>,
 }
 
-/// What a log's samples tell of the vehicle.
+/// The vehicle's flight by a log's samples.
 #[derive(Debug, Serialize)]
 pub struct Judged {
-    /// How it was lost, if it was.
+    /// The loss of the vehicle, if it was lost.
     pub lost: Option<Loss>,
-    /// Who told where it was.
+    /// The source of its position.
     pub source: StateSource,
-    /// How far it was from its path; none if it never flew along it.
+    /// Its distance from the path; none if it never flew along it.
     pub metrics: Option<Metrics>,
 }
 
@@ -189,7 +189,7 @@ impl Info {
     }
 }
 
-/// What has been seen of a topic.
+/// The samples of a topic so far.
 struct Tally {
     first: Header,
     last: Header,

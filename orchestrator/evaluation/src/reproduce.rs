@@ -35,7 +35,7 @@ pub const FIRST_SEED: u64 = 101;
 /// Number of seeds that are flown unless told otherwise.
 pub const SEEDS: u64 = 20;
 
-/// How many seeds the short list flies.
+/// The number of seeds of the short list.
 pub const QUICK_SEEDS: u64 = 2;
 
 /// So many seeds from [`FIRST_SEED`] on.

@@ -64,7 +64,7 @@ impl MatrixFault {
         }
     }
 
-    /// What a scenario calls it.
+    /// Returns its kind in a scenario.
     #[must_use]
     pub fn kind(self) -> FaultKind {
         match self {
@@ -128,8 +128,8 @@ struct Error {
 }
 
 impl Error {
-    /// What is wrong with a topic: something that nobody can see in one sample alone. A position is off by 0.1 m, a
-    /// thrust is a fifth too small.
+    /// Returns the wrong content of a topic: something that nobody can see in one sample alone. A position is off by
+    /// 0.1 m, a thrust is a fifth too small.
     fn of(topic: Topic) -> Self {
         match topic {
             Topic::ControlCommand | Topic::RcFrame => Self {

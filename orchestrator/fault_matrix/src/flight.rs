@@ -19,12 +19,12 @@ use supervisor::supervision::SupervisionObserver;
 use supervisor::supervision::Supervisor;
 use supervisor::{FlightFailure, Outcome, in_process, lock_step};
 
-/// What a flight came to.
+/// The result of a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlightResult {
-    /// What the fault did; nothing if it was not reached.
+    /// The effect of the fault; none if it was not reached.
     pub report: Option<FaultReport>,
-    /// How the vehicle was lost, if it was.
+    /// The loss of the vehicle, if it was lost.
     pub loss: Option<Loss>,
     /// Reason why the flight ended early, if the fault ended it.
     pub ended: Option<Ended>,
@@ -32,7 +32,7 @@ pub struct FlightResult {
     pub digest: Option<String>,
 }
 
-/// What a fault can do to a flight beside losing the vehicle.
+/// Effects of a fault on a flight beside losing the vehicle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ended {
     /// A service computed a number that is not finite; these are the words for it.
@@ -41,7 +41,7 @@ pub enum Ended {
     Died,
 }
 
-/// How a cell is flown.
+/// The way to fly a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// In this process.
@@ -88,7 +88,7 @@ pub fn fly(
     Ok(observer.finish(&schedule, ended))
 }
 
-/// How the flight ended; nothing if a service panicked, which is how it would die as a process.
+/// Returns the end of the flight; nothing if a service panicked, which is how it would die as a process.
 fn in_this_process(
     scenario: &Scenario,
     observer: &mut Observer,

@@ -25,7 +25,7 @@ pub const LASTS: f64 = 0.1;
 /// Time for which a cell is flown after its fault unless told, s: two settling times of the law.
 pub const AFTER: f64 = 8.0;
 
-/// How many moments there are unless told.
+/// The default number of moments.
 pub const MOMENTS: usize = 3;
 
 /// By how much samples are late with a delay, s: more than twice the longest period of the laboratory.
@@ -37,9 +37,10 @@ pub const FRACTION: f64 = 0.5;
 /// Largest magnitude of garbage in range: each number could be true, in m, m/s, rad/s or N.
 pub const RANGE: f64 = 10.0;
 
-/// How many times the bound that the vehicle must come back to it may stray and still count as having survived.
+/// The largest ratio of the vehicle's distance to the bound, which it must come back to, for a fault to count as
+/// survived.
 pub const SURVIVES: f64 = 1.5;
 
-/// How far from a moment the undisturbed flight is looked at, s: a vehicle that a fault holds up meets what the scenario
-/// plans a little later.
+/// The distance from a moment at which the undisturbed flight is looked at, s: a vehicle that a fault holds up meets
+/// what the scenario plans a little later.
 pub const BESIDE: f64 = 0.5;

@@ -14,7 +14,7 @@ pub fn services() -> impl Iterator<Item = ServiceId> {
     all.filter(|&service| service != ServiceId::Plant)
 }
 
-/// What befalls whom.
+/// A fault and its target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatrixCase {
     /// Whom.
@@ -37,11 +37,11 @@ pub struct Times {
 /// One flight of the matrix.
 #[derive(Clone, Debug)]
 pub struct MatrixCell {
-    /// What befalls whom; nothing in an undisturbed flight.
+    /// The fault and its target; none in an undisturbed flight.
     pub case: Option<MatrixCase>,
     /// Time at which it begins, or would, s.
     pub moment: f64,
-    /// What is flown: the scenario to its end, or until some time after the fault.
+    /// The scenario that is flown: to its end, or until some time after the fault.
     pub scenario: Scenario,
     /// The fault as the flight is watched for it, also where there is none.
     pub watched: PlannedFault,

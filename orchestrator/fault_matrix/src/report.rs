@@ -1,4 +1,4 @@
-//! What the cells came to: the content of `faults.json` and of the table.
+//! The results of the cells: the content of `faults.json` and of the table.
 //!
 //! Nothing of the machine is in it: equal programs and scenarios write equal reports.
 
@@ -21,7 +21,7 @@ pub struct MatrixReport {
     /// Time at which faults begin and how long they last.
     #[serde(flatten)]
     pub times: Times,
-    /// What faults are made of, and what they are judged by.
+    /// The values of the faults and of their verdicts.
     pub values: Values,
     /// Number of faults that were survived, and so on.
     pub counts: Counts,
@@ -33,7 +33,7 @@ pub struct MatrixReport {
     pub rows: Vec<Row>,
 }
 
-/// What faults are made of, and what they are judged by.
+/// The values of the faults and of their verdicts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Values {
     /// By how much samples are late, s.
@@ -44,9 +44,9 @@ pub struct Values {
     pub range: f64,
     /// Least bound, m.
     pub settled: f64,
-    /// How many times the bound is survived.
+    /// The largest ratio to the bound that counts as survived.
     pub survives: f64,
-    /// How far from a moment the undisturbed flight is looked at, s.
+    /// The distance from a moment at which the undisturbed flight is looked at, s.
     pub beside: f64,
 }
 
@@ -74,7 +74,7 @@ pub struct Counts {
     pub noticed: usize,
 }
 
-/// What one kind of fault did to one target.
+/// The effect of one kind of fault on one target.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Service or edge; none in the undisturbed flight.
@@ -87,17 +87,17 @@ pub struct Row {
     pub cells: Vec<CellReport>,
 }
 
-/// What a flight came to.
+/// The result of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CellReport {
     /// Time at which the fault began, s.
     pub moment: f64,
-    /// What became of the vehicle.
+    /// The verdict on the vehicle.
     pub verdict: Survival,
     /// Reason why it is lost, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub why: Option<MatrixLoss>,
-    /// What the fault did; none if the flight ended before it began.
+    /// The effect of the fault; none if the flight ended before it began.
     pub report: Option<FaultReport>,
 }
 

@@ -6,7 +6,7 @@ use super::SURVIVES;
 use super::flight::{Ended, FlightResult};
 use metrics::loss::Reason;
 
-/// What became of the vehicle. The worst comes last.
+/// The verdicts on the vehicle. The worst comes last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Survival {
@@ -38,7 +38,7 @@ impl Survival {
 pub struct MatrixLoss {
     /// In short.
     pub reason: &'static str,
-    /// What else is known of it.
+    /// More details, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub details: Option<String>,
 }

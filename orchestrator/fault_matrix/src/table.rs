@@ -20,7 +20,7 @@ pub fn sheet(report: &MatrixReport) -> TextTable {
     }
 }
 
-/// How to read the table.
+/// Returns the key of the table.
 #[must_use]
 pub fn key() -> String {
     format!(
@@ -42,7 +42,7 @@ pub fn counts(report: &MatrixReport) -> String {
     )
 }
 
-/// What was flown, in a line.
+/// Describes the flight in a line.
 #[must_use]
 pub fn title(report: &MatrixReport) -> String {
     let moments: Vec<_> = report.times.moments.iter().map(f64::to_string).collect();
@@ -88,7 +88,7 @@ impl Display for MatrixReport {
     }
 }
 
-/// What else is to be said: of numbers that are not finite, and of the comparison with processes.
+/// Returns the remarks: on numbers that are not finite, and on the comparison with processes.
 fn remarks(report: &MatrixReport) -> Vec<String> {
     let mut lines = Vec::new();
     for row in &report.rows {

@@ -1,4 +1,4 @@
-//! How far a vehicle truly was from its path, also where the truth stands in another log than the flight.
+//! The true distance of a vehicle from its path, also where the truth stands in another log than the flight.
 //!
 //! The error is the distance from the path of [`metrics`] at every tick of the truth. A flight in a laboratory does not know the truth. If its world was simulated
 //! (`gerono world`), that has kept it, by a clock of its own; both logs say when their clocks began.
@@ -41,7 +41,7 @@ pub enum TruthError {
     NoTruth(PathBuf),
 }
 
-/// How far it was in a part of a flight.
+/// Its distance in a part of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Part {
     /// Which part.
@@ -56,7 +56,7 @@ pub struct Part {
     pub largest: f64,
 }
 
-/// How far it was.
+/// Its distance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Truth {
     /// By parts.
@@ -70,7 +70,7 @@ pub struct Truth {
 /// A span of time, ns since the beginning of the truth's clock.
 type Span = [u64; 2];
 
-/// What a flight has published.
+/// The samples of a flight.
 struct FlightResult {
     references: Vec<PathReference>,
     adaptations: Vec<ControlAdaptation>,

@@ -1,4 +1,4 @@
-//! What must hold of any file that is taken for a log.
+//! Properties that hold of any file that is taken for a log.
 //!
 //! An input is not the file itself, because a reader hands out nothing whose checksum does not hold, and no checksum is found by chance.
 //! It tells how to make one: what of a real log to begin with, and then pieces, each a kind (a byte), a length (two bytes,
@@ -13,7 +13,7 @@ use scenario::Scenario;
 use shared_types::Topic;
 use tempfile::TempDir;
 
-/// What is flown in the log that inputs begin with.
+/// The scenario of the log that inputs begin with.
 const SCENARIO: &str = "description = \"fuzz\"\nduration = 1.0\n[vehicle]\nmass = 0.2\ninertia = [1e-3, 1e-3, 2e-3]\n\
                         [path.curve.hover]\nposition = [0.0, 0.0, -1.0]\n";
 

@@ -1,4 +1,4 @@
-//! What flies on board the vehicle: by which the commands of a flight become forces.
+//! The autopilot on board the vehicle, by which the commands of a flight become forces.
 
 use shared_types::samples::{RcFrame, VehicleTruth};
 
@@ -6,7 +6,7 @@ use super::betaflight::Betaflight;
 use super::radio::Radio;
 use super::receiver_input::ReceiverInput;
 
-/// What flies on board.
+/// The autopilot on board.
 #[derive(Debug)]
 pub enum Autopilot {
     /// The scenario's own rate loop, behind a receiver.
@@ -15,7 +15,7 @@ pub enum Autopilot {
     Betaflight(Betaflight),
 }
 
-/// What it has heard.
+/// The commands that it has received.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AutopilotCommands {
     /// Frames or packets that asked for something.
@@ -37,7 +37,7 @@ impl Autopilot {
         }
     }
 
-    /// What begins to act at a time, if anything does.
+    /// Returns the frame that begins to act at a time, if one does.
     pub(super) fn acting(&mut self, at_ns: u64) -> Option<RcFrame> {
         match self {
             Self::RateLoop(_, radio) => radio.acting(at_ns),
@@ -45,14 +45,14 @@ impl Autopilot {
         }
     }
 
-    /// What its sensors feel.
+    /// Returns what its sensors feel.
     pub(super) fn feel(&mut self, truth: &VehicleTruth) {
         if let Self::Betaflight(betaflight) = self {
             betaflight.feel(truth);
         }
     }
 
-    /// What it has heard.
+    /// The commands that it has received.
     #[must_use]
     pub fn heard(&self) -> AutopilotCommands {
         match self {

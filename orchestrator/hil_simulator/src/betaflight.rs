@@ -41,7 +41,7 @@ const SENSORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9003);
 /// Pressure of the air at the ground, Pa.
 const PRESSURE: f64 = 101_325.0;
 
-/// What Betaflight's motors do.
+/// Betaflight and its motors.
 #[derive(Debug)]
 pub struct Betaflight {
     line: ReceiverInput,
@@ -51,7 +51,7 @@ pub struct Betaflight {
     largest_force: f64,
     /// Share of its way that a motor goes in a tick.
     share: f64,
-    /// What it asks of its motors, and what they do, 0 to 1.
+    /// The demand on its motors and their speeds, 0 to 1.
     asked: [f64; 4],
     motors: [f64; 4],
     silence: LinkLossTimer,
@@ -102,7 +102,7 @@ impl Betaflight {
         });
     }
 
-    /// What acts in the tick before a time.
+    /// Returns the commands that act in the tick before a time.
     pub fn acting(&mut self, at_ns: u64) -> RcFrame {
         if self.silence.becomes_too_long(at_ns) {
             self.asked = [0.0; 4];
@@ -132,7 +132,7 @@ impl Betaflight {
     }
 }
 
-/// What a packet asks of the motors, if it is one.
+/// Returns the demand of a packet on the motors, if it is one.
 fn motors_of(packet: &[u8]) -> Option<[f64; 4]> {
     let packet: &[u8; 16] = packet.try_into().ok()?;
     let motors: [f32; 4] =

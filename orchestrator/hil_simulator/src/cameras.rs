@@ -39,7 +39,7 @@ pub enum CamerasError {
     Server {
         /// Where.
         at: SocketAddrV4,
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
 }
@@ -59,7 +59,7 @@ pub struct CameraSender {
     sent: u64,
 }
 
-/// What was captured; `None` where the body was not seen. Times are ns of `CLOCK_MONOTONIC`.
+/// A capture; `None` where the body was not seen. Times are ns of `CLOCK_MONOTONIC`.
 #[derive(Clone, Copy, Debug)]
 struct Capture {
     exposed_ns: u64,

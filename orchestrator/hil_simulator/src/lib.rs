@@ -42,7 +42,7 @@ use run_log::LogError;
 /// Longest lateness that is told apart, ns.
 const LATEST_NS: u64 = 10_000_000_000;
 
-/// What a world is made of that the scenario does not state.
+/// The timing of a world that the scenario does not state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// Captures a second, Hz.
@@ -54,9 +54,9 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// What makes the scenario's beliefs true on average: cameras in the middle of their rates, as late as they are
-    /// believed to be, and a radio that is late by what is left of the believed latency when a command has waited for the
-    /// next frame, which takes half the time between two.
+    /// Returns the timing that makes the scenario's beliefs true on average: cameras in the middle of their rates, as
+    /// late as they are believed to be, and a radio that is late by what is left of the believed latency when a command
+    /// has waited for the next frame, which takes half the time between two.
     #[must_use]
     pub fn believed(scenario: &Scenario) -> Self {
         let rates = scenario.motion_capture.as_ref().map(|stated| stated.rate);
@@ -74,16 +74,16 @@ impl Timing {
     }
 }
 
-/// What a world came to.
+/// The result of a world.
 #[derive(Clone, Debug)]
 pub struct HilReport {
     /// Ticks that were simulated.
     pub ticks: u64,
-    /// How much later than due they were, ns.
+    /// The lateness of its ticks, ns.
     pub lateness_ns: Histogram<u64>,
     /// Poses that were sent.
     pub poses: u64,
-    /// What was heard on board.
+    /// The commands received on board.
     pub heard: AutopilotCommands,
     /// The signal that ended it, if one did.
     pub signal: Option<i32>,

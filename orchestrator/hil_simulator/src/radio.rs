@@ -71,7 +71,7 @@ impl Radio {
         newest
     }
 
-    /// What has arrived since the start.
+    /// Returns the commands that have arrived since the start.
     #[must_use]
     pub fn heard(&self) -> ReceivedCommands {
         self.receiver.heard()

@@ -33,7 +33,7 @@ pub enum ReceiverInputError {
     Name {
         /// Its path.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// There are no pseudo-terminals.
@@ -44,7 +44,7 @@ pub enum ReceiverInputError {
     Socket {
         /// Where.
         at: SocketAddr,
-        /// What the system says.
+        /// The error of the system.
         source: std::io::Error,
     },
 }

@@ -1,4 +1,4 @@
-//! What truly happened, kept in the logs of a run: `run.mcap` with the truth, what the cameras saw and the frames as they
+//! The truth, kept in the logs of a run: `run.mcap` with the truth, what the cameras saw and the frames as they
 //! began to act, `host.mcap` with the moment at which it began.
 //!
 //! A thread of its own writes, so that a slow disk does not hold the world.
@@ -14,12 +14,12 @@ use zerocopy::IntoBytes;
 use run_log::run_folder::RunFolder;
 use run_log::{Compression, HostLogWriter, LogError, Manifest, RunLogWriter, flight_start};
 
-/// What there was at a tick: the truth, a pose if cameras looked, a frame if one began to act.
+/// The samples of a tick: the truth, a pose if cameras looked, a frame if one began to act.
 #[derive(Clone, Debug)]
 pub struct RecordedTick {
     /// The truth.
     pub truth: VehicleTruth,
-    /// What cameras saw.
+    /// The pose that cameras saw.
     pub pose: Option<MocapPose>,
     /// The frame.
     pub frame: Option<RcFrame>,

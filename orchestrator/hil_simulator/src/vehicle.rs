@@ -24,7 +24,7 @@ impl SimulatedVehicle {
         })
     }
 
-    /// What there is at a tick, and what cameras see of it if they look, when the frame before it has acted. `begins_to_act`
+    /// Returns the samples of a tick, with a pose if cameras look, when the frame before it has acted. `begins_to_act`
     /// takes the place of that frame from the tick before on.
     pub(super) fn step(
         &mut self,

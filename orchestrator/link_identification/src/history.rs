@@ -90,7 +90,7 @@ impl History {
         (self.unknown[settled] == self.unknown[steps[1] + 1]).then_some(steps)
     }
 
-    /// What the vehicle follows at a time, s; `None` where that is not known.
+    /// Returns what the vehicle follows at a time, s; `None` where that is not known.
     pub(super) fn at(&self, time: f64) -> Option<[f64; 4]> {
         self.steps(time, time).map(|[step, _]| self.travels[step])
     }

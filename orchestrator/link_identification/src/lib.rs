@@ -47,7 +47,7 @@ pub enum IdentifyError {
     NothingMeasured(&'static str, &'static str),
 }
 
-/// What thrust and rates are measured by.
+/// The measure of thrust and rates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum FrameSource {
@@ -80,7 +80,7 @@ impl Calibration {
 /// The calibration of all sticks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
-    /// What was measured by.
+    /// The source of the measurement.
     pub source: FrameSource,
     /// Mass that accelerations were multiplied with, kg; only with poses.
     pub mass: Option<f64>,

@@ -47,7 +47,7 @@ impl Pose {
     }
 }
 
-/// What was true.
+/// The true values.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Truth {
     time: f64,
@@ -64,7 +64,7 @@ impl Truth {
     }
 }
 
-/// What the truth says.
+/// Returns the true values.
 pub(super) fn by_truth(truths: &[Truth], history: &History) -> Points {
     let mut points = Points::default();
     let mut next = f64::NEG_INFINITY;
@@ -82,7 +82,7 @@ pub(super) fn by_truth(truths: &[Truth], history: &History) -> Points {
     points
 }
 
-/// What poses in the order of time say of a vehicle of this mass, kg.
+/// Returns what poses in the order of time say of a vehicle of this mass, kg.
 pub(super) fn by_poses(poses: &[Pose], mass: f64, history: &History) -> Points {
     let mut points = Points::default();
     let [mut turn, mut window] = [0, 0];

@@ -1,4 +1,4 @@
-//! What is known comes back: the calibration of simulated vehicles that are not as their links believe.
+//! Known values come back: the calibration of simulated vehicles that are not as their links believe.
 
 use std::convert::Infallible;
 use std::path::Path;

@@ -37,13 +37,13 @@ pub const PATIENCE: Duration = Duration::from_secs(5);
 /// Runs that an error names at most.
 const NAMED: usize = 8;
 
-/// What is asked of a live run.
+/// A question to a live run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Question {
-    /// How is it?
+    /// Its snapshot.
     Look,
-    /// What the operator of the flight asks for.
+    /// A request of the operator.
     Operate(Request),
     /// End the run, with the vehicle on the ground.
     Stop,
@@ -53,11 +53,11 @@ pub enum Question {
     FreezeService(String),
 }
 
-/// What the run says.
+/// The answer of the run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer {
-    /// How it is.
+    /// Its snapshot.
     Snapshot(Box<Snapshot>),
     /// It has been done; what, in words.
     Done(String),
@@ -108,7 +108,7 @@ pub enum LiveError {
     Socket {
         /// Its name.
         run: String,
-        /// What the system, or the run, says; harmless for a terminal.
+        /// The error of the system or of the run; harmless for a terminal.
         source: Box<dyn Error + Send + Sync>,
     },
     /// The run has ended meanwhile.

@@ -97,7 +97,7 @@ impl RunRoot {
         &self.folder
     }
 
-    /// What the names of all shared memory of the run begin with.
+    /// Returns the beginning of the names of all shared memory of the run.
     #[must_use]
     pub fn prefix(&self) -> &str {
         &self.prefix
@@ -136,7 +136,7 @@ impl Drop for RunRoot {
     }
 }
 
-/// What a sweep found.
+/// The findings of a sweep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Swept {
     /// Places of dead runs, which are gone now.
@@ -178,13 +178,13 @@ pub fn find() -> io::Result<Found> {
     look(&base, |state| state == State::Unfinished && is_in_use)
 }
 
-/// What the names of all shared memory of a run begin with that has this id.
+/// Returns the beginning of the names of all shared memory of a run that has this id.
 fn common_prefix(id: &str) -> String {
     format!("gerono_{id}_")
 }
 
-/// What the names of a new run's shared memory begin with. Nobody can make memory of such a name before the run does:
-/// /dev/shm is open to all.
+/// Returns the beginning of the names of a new run's shared memory. Nobody can make memory of such a name before the
+/// run does: /dev/shm is open to all.
 ///
 /// What is random is drawn once: iceoryx2 has one configuration for a whole process, which flies its runs one after another
 /// under the same names.

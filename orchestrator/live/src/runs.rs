@@ -37,7 +37,7 @@ pub struct MachineRun {
     pub folder: PathBuf,
     /// The user whose processes these are.
     pub owner: User,
-    /// What its steps follow.
+    /// The host of its steps.
     pub host: Host,
     /// At least one.
     processes: Vec<RunProcess>,

@@ -1,10 +1,10 @@
-//! How a live run is, at one moment.
+//! The state of a live run at one moment.
 
 use serde::{Deserialize, Serialize};
 
 use metrics::summary::timing::Quantiles;
 
-/// How a run in real time is.
+/// The state of a run in real time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     /// Name of the scenario.
@@ -25,9 +25,9 @@ pub struct Snapshot {
     pub services: Vec<ServiceSnapshot>,
     /// From a capture to the frame that rests on it, in the last second.
     pub capture_to_frame: Option<Quantiles>,
-    /// How the cameras are, if there are real ones.
+    /// The state of the cameras, if there are real ones.
     pub cameras: Option<CamerasSnapshot>,
-    /// How the radio link is, if there is a real one.
+    /// The state of the radio link, if there is a real one.
     pub radio_link: Option<LinkSnapshot>,
     /// Distance from the path, m: the true one, or in a laboratory the estimated one; none while nothing is to be followed.
     pub position_error: Option<f64>,
@@ -60,7 +60,7 @@ impl Snapshot {
     }
 }
 
-/// How a service is.
+/// The state of a service.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ServiceSnapshot {
     /// Its name.
@@ -71,7 +71,7 @@ pub struct ServiceSnapshot {
     pub flies: bool,
     /// Steps in the last second.
     pub rate: u64,
-    /// How late its steps of the last second began.
+    /// The lateness of its steps of the last second.
     pub wake: Option<Quantiles>,
     /// Time for which its steps of the last second took.
     pub step: Option<Quantiles>,
@@ -86,7 +86,7 @@ pub struct ServiceSnapshot {
     pub inputs: Vec<InputSnapshot>,
 }
 
-/// How the cameras of a laboratory are; counts are since the start of the process that listens to them.
+/// The state of a laboratory's cameras; counts are since the start of the process that listens to them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CamerasSnapshot {
     /// Reason why they are not to be trusted; none if they are.
@@ -103,7 +103,7 @@ pub struct CamerasSnapshot {
     pub believed: u64,
 }
 
-/// How the radio link of a laboratory is; counts are since the start of the process that drives it.
+/// The state of a laboratory's radio link; counts are since the start of the process that drives it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LinkSnapshot {
     /// Reason why no frame can leave; none if they do.
@@ -114,7 +114,7 @@ pub struct LinkSnapshot {
     pub lost: u64,
 }
 
-/// How old an input is.
+/// The age of an input.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct InputSnapshot {
     /// Name of the topic.

@@ -1,4 +1,4 @@
-//! How far the vehicle was from its path, how hard it worked for that, and whether it was lost: measured in one place, for
+//! The vehicle's distance from its path, its effort, and its loss: measured in one place, for
 //! the summary, the fault matrix, the report, the plots and the reproduced figures alike, and for every controller alike.
 //!
 //! * [`path_clock`]: where the path was at any moment;
@@ -21,7 +21,7 @@ pub mod tracker;
 use scenario::Scenario;
 use shared_types::Sample;
 
-/// How much of the end of a stretch counts as its ultimate behaviour, s: what the paper's figures show.
+/// The length of a stretch's end that counts as its ultimate behaviour, s: what the paper's figures show.
 pub const ULTIMATE_WINDOW: f64 = 5.0;
 
 /// Distance from the path below which the vehicle counts as settled on it, m: the theorem's bound for the paper's gains and

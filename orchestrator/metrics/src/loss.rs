@@ -40,7 +40,7 @@ pub enum Reason {
     NotFinite,
 }
 
-/// How a vehicle was lost.
+/// The loss of a vehicle.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Loss {
     /// Why.
@@ -49,9 +49,9 @@ pub struct Loss {
     pub time: f64,
     /// Distance from the path, m; angle against the vertical, rad; speed at the touch, m/s. None of numbers that are not finite.
     pub value: Option<f64>,
-    /// What it exceeded, in the same unit; none where any value is too large.
+    /// The limit that it exceeded, in the same unit; none where any value is too large.
     pub limit: Option<f64>,
-    /// Who told where the vehicle was.
+    /// The source of the vehicle's position.
     pub source: StateSource,
 }
 
@@ -107,7 +107,7 @@ impl LossWatch {
         }
     }
 
-    /// How the vehicle was lost, if it was.
+    /// The loss of the vehicle, if it was lost.
     #[must_use]
     pub fn loss(&self) -> Option<&Loss> {
         self.loss.as_ref()
@@ -198,7 +198,7 @@ impl Loss {
     }
 }
 
-/// What was found: reason, value and limit.
+/// A finding: reason, value and limit.
 type Found = (Reason, Option<f64>, Option<f64>);
 
 fn speed_downwards(vehicle: &Vehicle) -> f64 {

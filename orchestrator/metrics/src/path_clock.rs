@@ -13,15 +13,15 @@ use scenario::Vector;
 use shared_types::FlightPhase;
 use shared_types::samples::PathReference;
 
-/// How far from the time that it speaks of a reference is carried along the path, s.
+/// The longest time over which a reference is carried along the path.
 ///
 /// References are seldom made, and of times to come; between them the point moves on. A path that nothing has moved for
 /// longer stands. The polynomial of third order in γ is exact to a tenth of a millimetre over this time on the paper's
 /// eight, and to 1e-7 m between two references of the laboratory.
 const CARRIED_NS: i128 = 200_000_000;
 
-/// How far ahead of its publication a reference may speak at most, ns. Predictions reach some tens of milliseconds; the
-/// number of references that are put aside must not grow with what a program writes into its samples.
+/// The furthest time ahead of its publication that a reference may speak of, ns. Predictions reach some tens of
+/// milliseconds; the number of references that are put aside must not grow with what a program writes into its samples.
 const HORIZON_NS: u64 = 1_000_000_000;
 
 /// Place where the path is at a moment.

@@ -1,6 +1,6 @@
 //! Mean, deviation and extremes of a stream of numbers, in fixed memory.
 
-/// What is kept of the numbers seen so far (Welford's method: no digits are lost to a large mean).
+/// The statistics of the numbers seen so far (Welford's method: no digits are lost to a large mean).
 ///
 /// Of no numbers at all every statistic is NaN, which no bar calls reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -9,7 +9,7 @@ use super::percentiles::Percentiles;
 use super::statistics::Statistics;
 use super::tracker::Moment;
 
-/// How far the vehicle was from its path in a stretch, and how hard it worked for that: while it flew along the path.
+/// The vehicle's distance from the path in a stretch, and its effort: while it flew along the path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Metrics {
     /// From the first moment to the last, s since the start of the flight.

@@ -1,4 +1,4 @@
-//! What a flight came to: the numbers of the paper, computed while it flies.
+//! The results of a flight: the numbers of the paper, computed while it flies.
 //!
 //! [`FlightSummary`] sees every sample once, in the order of the log, and keeps a fixed amount of memory however
 //! long the flight is. [`Summary`] is what comes of it: `summary.json` for programs, a table for people.
@@ -31,13 +31,13 @@ use laboratory::LaboratoryReport;
 use phase::PhaseRecord;
 use timing::TimingReport;
 
-/// How far above the theorem's bound still counts as near it.
+/// The largest ratio to the theorem's bound that still counts as near it.
 ///
 /// The theorem speaks of a controller in continuous time and of the limit t → ∞; a 1 kHz hold and half a minute
 /// leave some percent.
 pub const NEAR_THE_BOUND: f64 = 1.1;
 
-/// How a phase ended, compared with what the theorem promises of Gerono's own law.
+/// The end of a phase, compared with what the theorem promises of Gerono's own law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AgainstBound {
@@ -63,7 +63,7 @@ impl AgainstBound {
     }
 }
 
-/// How a flight ended.
+/// The end of a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
@@ -76,14 +76,14 @@ pub enum Outcome {
     Failed,
 }
 
-/// What only the caller knows of a run; by default that of a log alone, which does not tell of its run.
+/// Facts that only the caller knows of a run; by default those of a log alone, which does not tell of its run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RunFacts {
     /// Name of the scenario.
     pub scenario: String,
     /// Which host flew it.
     pub host: String,
-    /// How it ended.
+    /// The outcome of the run.
     pub outcome: Outcome,
     /// Reason why it ended, in words; empty when it was completed.
     pub reason: String,
@@ -98,18 +98,18 @@ pub struct RunFacts {
     /// Restarts of services in flight; the log shows nothing of them.
     #[serde(rename = "rebirths", skip_serializing_if = "Vec::is_empty")]
     pub restarts: Vec<Restart>,
-    /// How well the flight kept time, if it was flown in real time.
+    /// The timing of the flight, if it was flown in real time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingReport>,
-    /// How cameras and radio link fared, if it was flown in a laboratory.
+    /// The performance of cameras and radio link, if it was flown in a laboratory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub laboratory: Option<LaboratoryReport>,
 }
 
-/// What a flight came to.
+/// The result of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// What only the caller knew.
+    /// The facts that only the caller knew.
     #[serde(flatten)]
     pub run: RunFacts,
     /// Seed of the flight.
@@ -118,11 +118,11 @@ pub struct Summary {
     pub simulated_seconds: f64,
     /// Simulated seconds per wall second.
     pub real_time_factor: f64,
-    /// How the vehicle was lost; none if it was not.
+    /// The loss of the vehicle; none if it was not lost.
     pub lost: Option<Loss>,
-    /// Who told where the vehicle was: the truth, or in a laboratory the estimator.
+    /// The source of the vehicle's position: the truth, or in a laboratory the estimator.
     pub source: StateSource,
-    /// How far the vehicle was from its path in all of the flight; none if it never flew along it.
+    /// The vehicle's distance from the path in all of the flight; none if it never flew along it.
     pub metrics: Option<Metrics>,
     /// atanh(δ/(k1 σmax)): what the theorem bounds the distance from the path by ultimately, m; none of another controller
     /// than Gerono's own.
@@ -138,7 +138,7 @@ pub struct Summary {
     /// The planned faults, as far as they were flown.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultReport>,
-    /// What was recorded of each topic.
+    /// The recorded samples of each topic.
     pub topics: Vec<TopicCount>,
 }
 
@@ -151,7 +151,7 @@ pub struct Phase {
     pub ends: f64,
     /// `true` if it was flown to its end.
     pub is_complete: bool,
-    /// How far the vehicle was from its path; none if it did not fly along it.
+    /// The vehicle's distance from the path; none if it did not fly along it.
     pub metrics: Option<Metrics>,
     /// Largest distance from the path in the last [`ULTIMATE_WINDOW`](crate::ULTIMATE_WINDOW) of the phase, m; in all of it, if it is shorter. Only
     /// of a complete phase, and only if the vehicle flew along the path there: not of one that stands on the ground by then.
@@ -316,7 +316,7 @@ impl FlightSummary {
         }
     }
 
-    /// How the vehicle was lost so far, if it was.
+    /// Returns the loss of the vehicle so far, if it was lost.
     #[must_use]
     pub fn loss(&self) -> Option<&Loss> {
         self.loss.loss()
@@ -394,7 +394,7 @@ impl FlightSummary {
         &mut self.phases[self.current]
     }
 
-    /// What was recorded of a topic; of the orchestrator's own topics only gaps can be told.
+    /// Returns the recorded samples of a topic; of the orchestrator's own topics only gaps can be told.
     ///
     /// In simulated time everything due is published. In real time `timing` tells what was; of a topic that is not published
     /// at every step nobody knows it, and what is missing counts as not flown.

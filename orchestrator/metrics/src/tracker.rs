@@ -12,7 +12,7 @@ use super::path_clock::{Demand, PathClock, carried};
 use super::read;
 use run_log::{LogReadError, LogReader};
 
-/// Who tells where the vehicle was.
+/// The source of the vehicle's position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StateSource {
@@ -136,7 +136,7 @@ impl Tracker {
         }
     }
 
-    /// Who tells where the vehicle is.
+    /// Returns the source of the vehicle's position.
     #[must_use]
     pub fn source(&self) -> StateSource {
         self.source

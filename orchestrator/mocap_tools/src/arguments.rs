@@ -18,7 +18,7 @@ pub struct Mocap {
     pub command: MocapCommand,
 }
 
-/// What `gerono mocap` can do.
+/// The commands of `gerono mocap`.
 #[derive(Debug, Subcommand)]
 pub enum MocapCommand {
     /// Listen to a motion-capture system for some seconds and print what arrives.
@@ -58,7 +58,7 @@ impl From<Capture> for CaptureSystem {
 /// Arguments of `gerono mocap probe`.
 #[derive(Debug, Args)]
 pub struct MocapProbe {
-    /// What the system speaks.
+    /// The protocol of the system.
     #[arg(long, value_enum)]
     pub source: Capture,
     /// IPv4 address of the machine that sends.

@@ -154,7 +154,7 @@ fn sleep(source: &CaptureSource, end_ns: u64) {
     let _ = poll(&mut waits, Some(&timeout));
 }
 
-/// What has come of a body.
+/// The poses of a body.
 #[derive(Default)]
 struct Body {
     frames: u64,
@@ -198,7 +198,7 @@ impl Body {
     }
 }
 
-/// What has come at all.
+/// The packets received.
 #[derive(Default)]
 struct Heard {
     frames: u64,

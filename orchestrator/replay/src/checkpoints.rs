@@ -1,4 +1,4 @@
-//! What a service is recorded to have known before some of its steps.
+//! The recorded states of a service before some of its steps.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ impl RecordedCheckpoints {
         self.0.insert(next_tick, state);
     }
 
-    /// What the service knew after its step at a tick, if that was recorded.
+    /// Returns the service's state after its step at a tick, if that was recorded.
     pub(super) fn after(&self, tick: u64) -> Option<&[u8]> {
         self.0.get(&(tick + 1)).map(Vec::as_slice)
     }

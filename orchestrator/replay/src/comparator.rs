@@ -1,4 +1,4 @@
-//! What was recorded of a topic at a tick, where several steps of that tick may have published it.
+//! The recorded samples of a topic at a tick, where several steps of that tick may have published it.
 //!
 //! A process that dies in the middle of publishing may have published a sample or not. Who takes its place may do the
 //! tick again, and of two samples of one tick the first counts. So what was recorded is that of the first step which was
@@ -52,7 +52,7 @@ impl Comparator {
         }
     }
 
-    /// What was found.
+    /// Returns the findings.
     pub(super) fn into_comparisons(self) -> impl Iterator<Item = Comparison> {
         self.judges.into_iter().map(Judge::into_comparison)
     }
@@ -63,7 +63,7 @@ struct Judge {
     comparison: Comparison,
     /// `true` if the recorded sample of the tick has been accounted for.
     is_settled: bool,
-    /// What the last step published that may not have been, and that is not what was recorded.
+    /// A sample of the last step that may not have been published, and that is not what was recorded.
     doubtful: Option<OwnedSample>,
 }
 

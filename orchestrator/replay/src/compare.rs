@@ -1,4 +1,4 @@
-//! What a service published in a replay against what was recorded.
+//! The samples of a service in a replay against those that were recorded.
 
 use serde_json::Value;
 use shared_types::Topic;

@@ -39,7 +39,8 @@ use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
 use run_log::{HostReadError, LogReadError, LogReader};
 
-/// How far beyond a tick the log is read before the tick is replayed: in real time a sample may come that much late.
+/// The number of ticks beyond a tick that are read before it is replayed: in real time a sample may come that much
+/// late.
 const READ_AHEAD_TICKS: u64 = 512;
 
 /// Reason why a log cannot be replayed.
@@ -67,7 +68,7 @@ pub enum ReplayError {
         /// Place where it ends, s.
         to: f64,
     },
-    /// What is asked for is not in the log.
+    /// The requested time is not in the log.
     #[error("the log ends at {ends} s, and {option} {stated} s is beyond it; ask for less")]
     BeyondTheEnd {
         /// Which end of the part.
@@ -82,7 +83,7 @@ pub enum ReplayError {
     Process(#[from] ProcessFailure),
 }
 
-/// What is to be replayed.
+/// The extent of a replay.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Which services; all of them if none is named.
@@ -97,7 +98,7 @@ pub struct Options {
     pub in_processes: Option<Interrupt>,
 }
 
-/// What came of a replay.
+/// The result of a replay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replayed {
     /// `true` if the log is one of real time.

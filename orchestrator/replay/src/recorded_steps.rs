@@ -1,4 +1,5 @@
-//! What `host.mcap` tells of a flight: its steps, if it was one of real time, and what the services knew before some.
+//! The record of a flight in `host.mcap`: its steps, if it was one of real time, and the states of the services before
+//! some.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -11,7 +12,7 @@ use super::checkpoints::RecordedCheckpoints;
 use super::{READ_AHEAD_TICKS, ReplayError};
 use run_log::{HostEntry, HostReader, LoggedCheckpoint, ServiceStep, host_log_beside};
 
-/// What a step sees of an input: the sequence number of the sample, and whether the step before saw another one.
+/// A step's view of an input: the sequence number of the sample, and whether the step before saw another one.
 pub(super) type Seen = [Option<(u64, bool)>; MAX_PORTS];
 
 /// One step, and what it saw.
@@ -27,7 +28,7 @@ pub(super) struct RecordedStep {
     pub(super) seen: Seen,
 }
 
-/// What was recorded beside a flight's log, read as far as it is needed. Of one tick there are several steps where a process
+/// The record beside a flight's log, read as far as it is needed. Of one tick there are several steps where a process
 /// died in its step and the one that took its place did it again.
 pub(super) struct RecordedSteps {
     /// None if there is no record of the recorded_steps.
@@ -49,7 +50,7 @@ struct OfService {
 }
 
 impl RecordedSteps {
-    /// What is beside the flight's log `log`.
+    /// Reads the record beside the flight's log `log`.
     pub(super) fn beside(log: &Path, begins_by: u64) -> Result<Self, ReplayError> {
         let source = host_log_beside(log).map(|path| HostReader::open(&path));
         let mut recorded_steps = Self {
@@ -93,7 +94,7 @@ impl RecordedSteps {
         Ok(waiting.drain(..count).collect())
     }
 
-    /// What a service knew before steps, as far as the steps at `tick` or later may ask for it.
+    /// Returns a service's states before steps, as far as the steps at `tick` or later may ask for them.
     pub(super) fn checkpoints(&mut self, service: ServiceId, tick: u64) -> &RecordedCheckpoints {
         let checkpoints = &mut self.services[service.index()].checkpoints;
         checkpoints.forget_old(tick);

@@ -14,7 +14,7 @@ pub(super) struct Scope {
 }
 
 impl Scope {
-    /// What is asked for of a flight of `schedule`.
+    /// Returns the extent that is asked for of a flight of `schedule`.
     pub(super) fn of(options: &Options, schedule: &Schedule) -> Result<Self, ReplayError> {
         let tick_ns = schedule.tick_ns();
         let first = options.from.map_or(0, |from| nanoseconds(from).div_ceil(tick_ns));

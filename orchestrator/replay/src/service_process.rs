@@ -40,7 +40,7 @@ fn timespec(duration: Duration) -> Timespec {
     }
 }
 
-/// What the comparator is to hear of, in its order.
+/// Messages to the comparator, in their order.
 enum Told {
     /// A step; whether it was finished in the flight, and whether it is compared.
     Step {
@@ -48,7 +48,7 @@ enum Told {
         is_finished: bool,
         is_compared: bool,
     },
-    /// What the service is recorded to have known after the last step of a batch.
+    /// The recorded state of the service after the last step of a batch.
     State { tick: u64, recorded: Vec<u8> },
     /// No more steps of a tick follow.
     EndOfTick,
@@ -63,14 +63,14 @@ pub(super) struct ServiceProcess {
     outputs: Vec<OutputPort>,
     /// `true` if it has made its ports.
     is_ready: bool,
-    /// What it is to know before the step that is told next.
+    /// The state before the step that is told next.
     memory: Memory,
     /// The steps that are to be handed over next.
     orders: Vec<StepOrder>,
     told: Vec<Told>,
     /// `true` if the process is to tell what it knows after them.
     tells_state: bool,
-    /// What the process is doing.
+    /// The work of the process.
     under_way: Vec<Told>,
     /// The tick from which on the next batch is.
     batch_begins: u64,

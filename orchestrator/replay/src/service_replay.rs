@@ -24,7 +24,7 @@ pub(super) struct ServiceReplay {
     last_but_one: Option<u64>,
     /// `true` if what the service knows by now cannot be known here: a step saw a sample that was not recorded.
     is_lost: bool,
-    /// What is compared; before it steps are only done.
+    /// The steps to compare; before them steps are only done.
     scope: Scope,
     /// Steps before this tick are not done: the service began with what it is recorded to have known.
     begins_at: u64,
@@ -96,7 +96,7 @@ impl ServiceReplay {
         self.begins_at
     }
 
-    /// What was found by now. It is all once the replay has settled.
+    /// Returns the findings by now. They are all once the replay has settled.
     pub(super) fn comparator(&self) -> &Comparator {
         &self.comparator
     }

@@ -14,7 +14,7 @@ use super::history::History;
 pub(super) struct Step<'a> {
     /// Its moment.
     pub(super) now: Now,
-    /// What it sees.
+    /// Its views of the inputs.
     pub(super) views: Views<'a>,
     /// Of each input, the sequence number of the recorded sample that it sees; none where it is altered on its way.
     pub(super) as_recorded: [Option<u64>; MAX_PORTS],

@@ -17,7 +17,7 @@ use super::durability::Durability;
 /// Key of a channel's metadata under which the layout hash of its samples stands.
 pub(super) const LAYOUT_KEY: &str = "layout";
 
-/// What the logs name as their library: the bytes are to depend on no version of any.
+/// The name of the library in the logs: the bytes are to depend on no version of any.
 pub(super) const LIBRARY: &str = "gerono";
 
 /// The profile of a log whose messages are all CDR.
@@ -26,7 +26,7 @@ const ROS2_PROFILE: &str = "ros2";
 /// Only small records go through this buffer: a chunk is larger and is handed to the system in one piece.
 const BUFFER_BYTES: usize = 64 * 1024;
 
-/// How the chunks of a log are compressed. The digest of a log does not depend on it.
+/// The compression of a log's chunks. The digest of a log does not depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Compression {
     /// Not at all: the least work.
@@ -70,7 +70,7 @@ pub enum LogError {
     Create {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// The file cannot be written further.
@@ -78,7 +78,7 @@ pub enum LogError {
     Write {
         /// The file, with the name of an incomplete log.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// The file was removed, or renamed, while it was written.
@@ -94,7 +94,7 @@ pub enum LogError {
         partial: PathBuf,
         /// The name it should have.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// An earlier write failed.
@@ -105,7 +105,7 @@ pub enum LogError {
     },
 }
 
-/// What a finished log holds.
+/// The content of a finished log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Written {
     /// Messages in the log.
@@ -336,12 +336,14 @@ impl McapFile {
             source,
         };
         let bytes = fs::metadata(&partial).map_err(written)?.len();
+        // Last of all: under its own name a log is whole, and a process that dies before leaves the partial name for `recover`.
         fs::rename(&partial, &self.path).map_err(|source| LogError::Rename {
             partial,
             path: self.path.clone(),
             source,
         })?;
         if is_durable {
+            // The bytes are on the disk already; without this the new name might not outlive a power failure.
             force_names(&self.path).map_err(|source| LogError::Write {
                 path: self.path.clone(),
                 source,
@@ -397,7 +399,7 @@ fn new_file(path: &Path) -> Result<File, LogError> {
 /// which others may write it leads to where they want it.
 ///
 /// # Errors
-/// What the system says.
+/// The error of the system.
 pub fn make_anew(path: &Path) -> io::Result<File> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),

@@ -22,7 +22,7 @@ pub enum HostReadError {
     Open {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// The record is not what was written.
@@ -30,7 +30,7 @@ pub enum HostReadError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What does not hold.
+        /// The requirement that does not hold.
         source: McapError,
     },
     /// Its samples are laid out in another way.
@@ -41,12 +41,12 @@ pub enum HostReadError {
     OtherLayout(PathBuf),
 }
 
-/// What the record of the machine tells of a service.
+/// An entry of the machine's record about a service.
 #[derive(Clone, Debug, PartialEq)]
 pub enum HostEntry {
     /// A step in real time.
     Step(ServiceId, ServiceStep),
-    /// What a service knew before a step.
+    /// The state of a service before a step.
     Checkpoint(LoggedCheckpoint),
 }
 
@@ -141,7 +141,7 @@ impl Channels {
         }
     }
 
-    /// What a message of a channel tells, if it is one of those that are read and tells something by itself.
+    /// Returns the entry of a channel's message, if it is one of those that are read and tells something by itself.
     fn take(&mut self, channel: u16, data: &[u8]) -> Result<Option<HostEntry>, OtherLayout> {
         if self.steps == Some(channel) {
             let step: ServiceStep = sample(data)?;

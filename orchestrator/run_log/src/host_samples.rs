@@ -1,4 +1,4 @@
-//! What the machine did, as samples of `host.mcap`.
+//! The machine's record, as samples of `host.mcap`.
 
 use runtime::checkpoints::{CAPACITY, Checkpoint};
 use shared_types::ServiceId;
@@ -29,17 +29,17 @@ shared_types::sample! {
             KIND_NOTE = 0, KIND_SPAWNED = 1, KIND_READY = 2, KIND_EXITED = 3, KIND_KILLED = 4, KIND_FINISHED = 5,
             KIND_REBORN = 6, KIND_HUNG = 7
         )]
-        /// What happened.
+        /// The kind of event.
         pub kind: u32,
         /// Process id of the service, 0 if there is none.
         pub pid: u32,
         /// Length of `text`, bytes.
         pub text_length: u32,
-        /// What happened, in words, UTF-8, filled up with zeros.
+        /// The event, in words, UTF-8, filled up with zeros.
         pub text: [u8; 200],
     }
 
-    /// How a service's process fares; all counts since its start.
+    /// The health of a service's process; all counts since its start.
     pub struct ServiceHealth {
         /// Wall time since the start of the run, ns.
         pub time_ns: u64,
@@ -81,7 +81,7 @@ shared_types::sample! {
         pub late_inputs: u32,
         /// Inputs of which it saw another sample than the step before: bit i for input i.
         pub fresh_inputs: u32,
-        /// What the operator asked for: bit 0 armed, bit 1 land, bit 2 killed.
+        /// The operator's requests: bit 0 armed, bit 1 land, bit 2 killed.
         pub operator: u32,
         /// Explicit padding.
         pub pad0: u32,
@@ -93,7 +93,7 @@ shared_types::sample! {
         pub time_ns: u64,
         /// Tick of the first step that the state does not know of.
         pub next_tick: u64,
-        /// What tells the layout of the state from any other.
+        /// The number that tells the layout of the state from any other.
         pub layout: u64,
         /// Position of the service in the wiring table.
         pub service: u32,
@@ -107,7 +107,7 @@ shared_types::sample! {
         pub state: [u8; 1024],
     }
 
-    /// How the motion capture of a laboratory fares; all counts since the start of the process that listens to it.
+    /// The performance of a laboratory's motion capture; all counts since the start of the process that listens to it.
     pub struct CaptureFigures {
         /// Wall time since the start of the run, ns.
         pub time_ns: u64,
@@ -174,7 +174,7 @@ shared_types::sample! {
         pub failures: u64,
     }
 
-    /// How the radio link of a laboratory fares; all counts since the start of the process that drives it.
+    /// The performance of a laboratory's radio link; all counts since the start of the process that drives it.
     pub struct LinkFigures {
         /// Wall time since the start of the run, ns.
         pub time_ns: u64,
@@ -195,11 +195,11 @@ shared_types::sample! {
         pub losses: u64,
         /// Number of times that it was found again.
         pub recoveries: u64,
-        /// How much later than due half of the frames left at most, s; known at the end only, as the next two.
+        /// The lateness below which half of the frames left, s; known at the end only, as the next two.
         pub late_p50: f64,
-        /// How much later 99 of 100 left at most, s.
+        /// The lateness below which 99 of 100 left, s.
         pub late_p99: f64,
-        /// How much later all of them left at most, s.
+        /// The largest lateness, s.
         pub late_max: f64,
     }
 }
@@ -259,7 +259,7 @@ const PIECE: usize = 1024;
 pub struct LoggedCheckpoint {
     /// Whose it is.
     pub service: ServiceId,
-    /// What tells the layout of its state from any other.
+    /// The number that tells the layout of its state from any other.
     pub layout: u64,
     /// The checkpoint.
     pub checkpoint: Checkpoint,

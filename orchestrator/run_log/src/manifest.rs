@@ -1,4 +1,4 @@
-//! What determined the results in a log, inside the log.
+//! The manifest, which determined the results in a log, inside the log.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ const LAYOUT_PREFIX: &str = "layout/";
 /// Name of the metadata record by which a copy for viewers is known, which is no log.
 pub(super) const COPY_RECORD_NAME: &str = "gerono_view";
 
-/// What determines a run's results, and nothing else: no wall clock, no path, nothing of the machine.
+/// The facts that determine a run's results, and nothing else: no wall clock, no path, nothing of the machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Manifest {
     /// The scenario as flown, seed included; without what says how the machine is used.

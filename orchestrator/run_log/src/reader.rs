@@ -26,7 +26,7 @@ pub enum LogReadError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// The file is no run log.
@@ -34,10 +34,10 @@ pub enum LogReadError {
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What gives it away.
+        /// The sign of it.
         reason: &'static str,
     },
-    /// What is to tell what was flown makes no sense.
+    /// The manifest, which tells what was flown, makes no sense.
     #[error("{} is not a run log: {source}; give a `run.mcap` that `gerono run` has written", .path.display())]
     Manifest {
         /// The file.
@@ -78,7 +78,7 @@ pub enum LogReadError {
         path: PathBuf,
         /// Samples before the damage.
         samples: u64,
-        /// What does not hold.
+        /// The requirement that does not hold.
         source: Box<dyn Error + Send + Sync>,
     },
 }
@@ -146,19 +146,19 @@ impl LogReader {
         })
     }
 
-    /// What determined the results in the log.
+    /// Returns the manifest, which determined the results in the log.
     #[must_use]
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
 
-    /// What the log lacks, if it is not the one that was recorded but was made of what was left of that.
+    /// Returns the gaps of the log, if it is not the one that was recorded but was made of what was left of that.
     #[must_use]
     pub fn recovery(&self) -> Option<&Recovery> {
         self.recovery.as_ref()
     }
 
-    /// How the chunk that was read last is compressed, as `gerono run --compression` calls it.
+    /// Returns the compression of the chunk that was read last, as `gerono run --compression` calls it.
     #[must_use]
     pub fn compression(&self) -> &str {
         match self.records.chunk.compression.as_str() {
@@ -382,7 +382,7 @@ fn explain_manifest(path: &Path, problem: ManifestProblem) -> LogReadError {
     }
 }
 
-/// What an error of the MCAP library means to the user.
+/// Explains an error of the MCAP library to the user.
 fn explain(path: &Path, error: McapError, samples: u64, last_tick: Option<u64>) -> LogReadError {
     let path = path.to_owned();
     match error {

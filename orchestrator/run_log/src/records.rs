@@ -15,12 +15,12 @@ pub(super) const RECORD_BYTES_MAX: usize = 256 << 20;
 /// Largest content of a chunk that is unpacked, bytes. The writer's chunks have some megabytes at most.
 pub(super) const CHUNK_BYTES_MAX: u64 = 16 << 20;
 
-/// How many times its size a file may unpack to, beyond what is unpacked of any file. Logs of flights come to five times
-/// theirs; a file that was made to keep its reader busy comes to thousands.
+/// The largest ratio of unpacked to packed size, beyond what is unpacked of any file. Logs of flights come to five
+/// times theirs; a file that was made to keep its reader busy comes to thousands.
 const UNPACKED_RATIO_MAX: u64 = 100;
 const UNPACKED_BYTES_FREE: u64 = 256 << 20;
 
-/// How much of a file may still be unpacked, bytes.
+/// The number of bytes of a file that may still be unpacked.
 pub(super) struct Budget(u64);
 
 impl Budget {
@@ -62,7 +62,7 @@ pub(super) struct ChunkRecords {
     /// The chunk that is being read, framed as a record, and how much of it was read.
     chunk: Vec<u8>,
     chunk_read: usize,
-    /// How the last chunk was compressed, as MCAP calls it.
+    /// The compression of the last chunk, as MCAP calls it.
     pub(super) compression: String,
     /// `true` if nothing of the chunk has been handed out yet.
     is_new: bool,
@@ -77,7 +77,7 @@ pub(super) struct RawRecord {
     pub(super) opcode: u8,
     /// `true` if it stood in a chunk, under the chunk's checksum.
     pub(super) is_in_chunk: bool,
-    /// What follows the length.
+    /// The bytes after the length.
     pub(super) body: Vec<u8>,
 }
 
@@ -222,8 +222,8 @@ fn read_some(source: &mut impl Read, place: &mut [u8]) -> io::Result<usize> {
     }
 }
 
-/// What a record of a kind says. Of an attachment only that it is one: logs have none, and the library (0.26) believes their
-/// lengths and panics.
+/// Parses a record of a kind. Of an attachment only that it is one: logs have none, and the library (0.26) believes
+/// their lengths and panics.
 pub(super) fn parse(opcode: u8, body: &[u8]) -> McapResult<Record<'_>> {
     match opcode {
         op::ATTACHMENT => Ok(Record::Unknown {

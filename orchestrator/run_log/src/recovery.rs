@@ -36,7 +36,7 @@ pub enum RecoverError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// The file was made to keep its reader busy.
@@ -44,7 +44,7 @@ pub enum RecoverError {
     Implausible {
         /// The file.
         path: PathBuf,
-        /// What gives it away.
+        /// The sign of it.
         source: io::Error,
     },
     /// Something has the name of the recovered log.
@@ -67,7 +67,7 @@ pub enum RecoverError {
         /// Names of the types that differ.
         types: Vec<&'static str>,
     },
-    /// What was flown is not known any more.
+    /// The manifest is lost.
     #[error("{samples} samples of the log {} are whole, but not its manifest ({source}); state what was flown with `--scenario FILE`, and `--seed` and `--set` as it was flown", .path.display())]
     Manifest {
         /// The file.
@@ -127,7 +127,7 @@ pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Res
     Ok(recovery)
 }
 
-/// What a recovery would keep of a log.
+/// Returns the result that a recovery of a log would have.
 ///
 /// # Errors
 /// [`RecoverError::Read`].
@@ -146,7 +146,7 @@ fn unreadable(path: &Path) -> impl Fn(io::Error) -> RecoverError {
     }
 }
 
-/// What there is in a log.
+/// The content of a log.
 struct Survey<'a> {
     kinds: &'a [Kind],
     channels: Channels<'a>,

@@ -17,7 +17,7 @@ pub enum RunFolderError {
     Io {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
 }

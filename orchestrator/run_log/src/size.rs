@@ -1,9 +1,9 @@
-//! How large the log of a flight becomes, known before it is flown.
+//! The size of a flight's log, known before it is flown.
 
 use shared_types::sample::CDR_HEADER;
 use shared_types::{Schedule, Topic};
 
-/// What a message costs beside its sample, bytes: frame and fields of its record, the mark of CDR, its place in the
+/// The size of a message beside its sample, bytes: frame and fields of its record, the mark of CDR, its place in the
 /// index of its chunk.
 const BESIDE_THE_SAMPLE: u64 = (1 + 8) + (2 + 4 + 8 + 8) + CDR_HEADER.len() as u64 + (8 + 8);
 

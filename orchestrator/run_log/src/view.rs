@@ -111,7 +111,7 @@ impl Way {
     }
 }
 
-/// What must be known of a log before it is copied.
+/// The facts about a log that must be known before it is copied.
 struct Survey {
     compression: Compression,
     begin_ns: u64,
@@ -283,7 +283,7 @@ impl Copy {
     }
 }
 
-/// What the copy says of itself, and what the log says of the flight.
+/// Returns the facts of the copy, and those of the log about the flight.
 fn facts(reader: &LogReader) -> Vec<Metadata> {
     let view = Metadata {
         name: COPY_RECORD_NAME.to_owned(),

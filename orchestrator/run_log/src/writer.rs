@@ -143,7 +143,7 @@ impl RunLogWriter {
     }
 }
 
-/// How many ticks of `tick` seconds a chunk of so many seconds spans.
+/// Returns the number of ticks of `tick` seconds that a chunk of so many seconds spans.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

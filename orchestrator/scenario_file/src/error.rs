@@ -17,14 +17,14 @@ pub enum ScenarioError {
         path: PathBuf,
         /// Reason why it could not be read.
         reason: String,
-        /// What to do about it.
+        /// The fix.
         fix: String,
     },
-    /// What is in the file, or in the arguments, is wrong.
+    /// The content of the file, or of the arguments, is wrong.
     Refused {
         /// The file.
         path: PathBuf,
-        /// What is wrong; at least one thing.
+        /// The findings; at least one.
         findings: Vec<Finding>,
     },
 }

@@ -16,11 +16,11 @@ const ANY_NAME: &str = "NAME";
 #[derive(Debug)]
 struct KeyInfo {
     key: Key,
-    /// What it is, with its unit.
+    /// Its description, with its unit.
     description: String,
-    /// What its value looks like.
+    /// The form of its value.
     kind: String,
-    /// What holds where nothing is stated.
+    /// The value where nothing is stated.
     default: Default,
 }
 
@@ -34,7 +34,7 @@ enum Default {
     None,
 }
 
-/// What belongs at a key, as advice.
+/// Returns the content that belongs at a key, as advice.
 pub(super) fn advice(key: &Key) -> String {
     let keys = all();
     if let Some(info) = keys.iter().find(|info| is_of(key, &info.key)) {
@@ -216,7 +216,7 @@ pub(super) fn type_name(part: &Value) -> Option<&str> {
     part["type"].as_str().or_else(|| part["type"][0].as_str())
 }
 
-/// What a value looks like, in words.
+/// Describes the form of a value, in words.
 fn kind(part: &Value) -> String {
     if let Some(variants) = part["oneOf"].as_array() {
         let words = variants.iter().map(|variant| toml_text(&variant["const"]));

@@ -10,7 +10,7 @@ use command_line::terminal::printable_in_place;
 const LONGEST_LINE: usize = 200;
 const SHOWN_BEFORE: usize = 60;
 
-/// What stands in place of what is left out.
+/// The mark in place of text that is left out.
 const CUT: &str = "…";
 
 /// A text and where its lines begin.
@@ -48,7 +48,7 @@ impl Lines {
         &self.text
     }
 
-    /// What is shown of a part of the text; of a part of several lines, the first.
+    /// Returns a part of the text to show; of a part of several lines, the first.
     pub(super) fn snippet(&self, name: &str, span: Range<usize>) -> Snippet {
         let text = &self.text;
         let begin = text.floor_char_boundary(span.start.min(text.len().saturating_sub(1)));
@@ -148,7 +148,7 @@ impl SourceCode for Snippet {
     }
 }
 
-/// What is shown of a line without so many characters at its begin.
+/// Returns a line to show without so many characters at its begin.
 fn cut(line: &str, left_out: usize) -> String {
     let rest = &line[byte_of(line, left_out)..];
     let end = byte_of(rest, LONGEST_LINE);

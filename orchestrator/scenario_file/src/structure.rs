@@ -193,7 +193,7 @@ impl Walk<'_> {
     }
 }
 
-/// What the schema wants in a place.
+/// The schema's demand in a place.
 #[derive(Clone, Copy)]
 enum Wanted<'a> {
     Table,

@@ -1,4 +1,4 @@
-//! What a user sees of scenarios that are right, and of every kind that is wrong.
+//! The messages about scenarios that are right, and about every kind that is wrong.
 
 mod arguments;
 mod committed;
@@ -113,7 +113,7 @@ fn load_text(text: &str, sets: &[&str]) -> Result<Scenario, ScenarioError> {
         .map_err(|findings| ScenarioError::refused(Path::new("flight.toml"), findings))
 }
 
-/// What is shown without a terminal of the error of a text.
+/// Returns the message without a terminal about the error of a text.
 #[track_caller]
 fn refusal(text: &str, sets: &[&str]) -> String {
     narrated(&load_text(text, sets).expect_err("the scenario is wrong"))

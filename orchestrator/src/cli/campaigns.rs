@@ -16,7 +16,7 @@ use fault_matrix::{fault_kind::MatrixFaults, plan};
 /// Arguments of `gerono reproduce`.
 #[derive(Debug, Args)]
 pub struct Reproduce {
-    /// How many seeds to fly [default: 20; with --quick 2].
+    /// Number of seeds [default: 20; with --quick 2].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub seeds: Option<u64>,
     /// Which figures: 1, 2, 3-6, 7, 8, 9, 10, 11, tracking [default: all].
@@ -36,7 +36,7 @@ pub struct Reproduce {
 /// Arguments of `gerono faults`.
 #[derive(Debug, Args)]
 pub struct Faults {
-    /// What to fly.
+    /// The scenario to fly.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
     /// Time at which faults begin, s [default: three moments at which nothing else happens; with --quick one].
@@ -70,7 +70,7 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// What `gerono faults --help` shows.
+    /// The end of `gerono faults --help`.
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono faults scenarios/fig1.toml\n  \
         gerono faults scenarios/fig3_6.toml --quick --fault off,freeze --for 0.2\n  \

@@ -27,7 +27,7 @@ pub struct Doctor {
 }
 
 impl Doctor {
-    /// What `gerono doctor --help` shows.
+    /// The end of `gerono doctor --help`.
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono doctor\n  \
         gerono doctor scenarios/fig1.toml --set deployment.core=1 --set deployment.priority=20\n  \

@@ -16,7 +16,7 @@ use command_line::values::{ValueError, between, value_between};
 use run_log::Compression;
 use supervisor::supervision::restart_policy::PerService;
 
-/// What a scenario is made of: a file and what is changed of it.
+/// The parts of a scenario: a file and the settings that change it.
 #[derive(Debug, Args)]
 pub struct ScenarioArguments {
     /// The scenario file.
@@ -33,7 +33,7 @@ pub struct ScenarioArguments {
 /// Arguments of `gerono run`.
 #[derive(Debug, Args)]
 pub struct Run {
-    /// What to fly.
+    /// The scenario to fly.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
     /// Place where the services run and what makes them step; in simulated time the log is the same.
@@ -42,18 +42,18 @@ pub struct Run {
     /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// How the logs are written.
+    /// The writing of the logs.
     #[command(flatten)]
     pub recording: RecordingArguments,
     /// Say nothing unless something is wrong.
     #[arg(long, short)]
     pub quiet: bool,
-    /// How the services use the machine.
+    /// The services' use of the machine.
     #[command(flatten)]
     pub deployment: DeploymentArguments,
 }
 
-/// How logs are written.
+/// Arguments for the writing of logs.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct RecordingArguments {
     /// Compression of the logs' chunks.
@@ -73,7 +73,7 @@ impl RecordingArguments {
     }
 }
 
-/// How the processes of a run use the machine. Nothing of it changes run.mcap.
+/// Arguments for the processes' use of the machine. Nothing of them changes run.mcap.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Use of the machine (lock-step)")]
 pub struct DeploymentArguments {
@@ -89,7 +89,7 @@ pub struct DeploymentArguments {
     /// Let a waiting service always sleep instead of yielding first.
     #[arg(long)]
     pub no_yield: bool,
-    /// How often in a row a service is started again without having flown a tick more [default: 8].
+    /// Number of restarts in a row of a service that has not flown a tick more [default: 8].
     ///
     /// For one service as SERVICE=N, else for all; may be given several times. With 0 its first death ends the run.
     #[arg(long, value_name = "[SERVICE=]N", value_parser = str::parse::<PerService<u32>>)]
@@ -151,7 +151,7 @@ impl FromStr for ServiceCrash {
 /// Arguments of `gerono check`.
 #[derive(Debug, Args)]
 pub struct Check {
-    /// What to check.
+    /// The scenario to check.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
     /// Print the wiring as a Mermaid diagram instead.

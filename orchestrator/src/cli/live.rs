@@ -1,4 +1,4 @@
-//! What can be asked of a run that goes on.
+//! Questions to a live run.
 
 use std::path::PathBuf;
 
@@ -24,7 +24,7 @@ pub struct Attach {
     /// Folder for the results; must be empty if it exists [default: the next free runs/attached-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// How the logs are written.
+    /// The writing of the logs.
     #[command(flatten)]
     pub recording: RecordingArguments,
     /// Say nothing unless something is wrong.
@@ -35,7 +35,7 @@ pub struct Attach {
 /// Arguments of `gerono postmortem`.
 #[derive(Debug, Args)]
 pub struct Postmortem {
-    /// How the flight was flown.
+    /// The host of the flight.
     #[arg(long, value_name = "HOST")]
     pub host: Host,
     /// Folder of its results.
@@ -44,7 +44,7 @@ pub struct Postmortem {
     /// A service in whose place a program flew.
     #[arg(long = "external-service", value_name = "SERVICE")]
     pub external_services: Vec<String>,
-    /// What has happened, as a fault tells it.
+    /// The cause, as a fault tells it.
     #[arg(long, value_name = "CAUSE")]
     pub cause: String,
 }
@@ -67,7 +67,7 @@ pub struct Top {
 }
 
 impl Top {
-    /// What `gerono top --help` shows.
+    /// The end of `gerono top --help`.
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono top\n  \
         gerono top --allow-faults\n  \

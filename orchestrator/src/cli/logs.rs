@@ -1,4 +1,4 @@
-//! What can be done with logs.
+//! Commands on logs.
 
 use std::path::PathBuf;
 
@@ -97,7 +97,7 @@ pub struct ReportArguments {
 }
 
 impl ReportArguments {
-    /// What `gerono report --help` shows.
+    /// The end of `gerono report --help`.
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono report runs/fig1-1 -o report\n  \
         gerono report runs/fig1-1 runs/fig1-2 -o compared\n  \
@@ -127,7 +127,7 @@ pub struct Export {
 }
 
 impl Export {
-    /// What `gerono export --help` shows.
+    /// The end of `gerono export --help`.
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono export runs/fig1-1 --every 100 --output fig1.jsonl\n  \
         gerono export runs/fig1-1 --csv --topic control/errors --out errors.csv\n  \
@@ -168,13 +168,13 @@ pub struct Recover {
     /// The seed that was flown with, in place of the scenario's.
     #[arg(allow_negative_numbers = true, long, requires = "scenario")]
     pub seed: Option<u64>,
-    /// What was changed of the scenario when it was flown; may be given several times.
+    /// Setting that changed the scenario when it was flown; may be given several times.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE", add = setting(), requires = "scenario")]
     pub sets: Vec<String>,
 }
 
 impl Recover {
-    /// What `gerono recover --help` shows.
+    /// The end of `gerono recover --help`.
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono recover runs/fig1-1\n  \
         gerono recover runs/fig1-1/run.mcap.partial --out saved.mcap\n  \

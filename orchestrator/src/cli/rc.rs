@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 use super::flight::ScenarioArguments;
 use command_line::values::{ValueError, between};
 
-/// What `gerono rc` can do.
+/// The commands of `gerono rc`.
 #[derive(Debug, Subcommand)]
 pub enum RcCommand {
     /// Move one stick after another, slowly and disarmed, and say what the receiver should show.
@@ -41,7 +41,7 @@ pub struct RcProbe {
 pub struct RcIdentify {
     /// The log (run.mcap), or the folder that holds it.
     pub log: PathBuf,
-    /// What thrust and rates are measured by.
+    /// The measure of thrust and rates.
     #[arg(long, value_enum, default_value_t)]
     pub from: link_identification::FrameSource,
     /// Mass of the vehicle, kg [default: the scenario's].

@@ -1,4 +1,4 @@
-//! What several commands are given.
+//! Arguments of several commands.
 
 use command_line::values::ValueError;
 use doctor::HostFacts;

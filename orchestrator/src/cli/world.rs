@@ -60,7 +60,7 @@ pub struct TruthArguments {
     /// The log of the world that it was flown in, or the folder that holds it [default: the flight's own truth].
     #[arg(long, value_name = "LOG")]
     pub world: Option<PathBuf>,
-    /// How much of the end of the flight along the path counts as its last part, s.
+    /// Length of the flight's end along the path that counts as its last part, s.
     #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = between(0.0, 1e9, "s"))]
     pub last: f64,
     /// Print it as JSON, for other programs; SI units.

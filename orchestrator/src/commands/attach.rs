@@ -14,7 +14,7 @@ use supervisor::postmortem::Postmortem;
 use supervisor::real_time::{self, Clients, TakeOver};
 use supervisor::recording_sink::RecordingSink;
 
-/// What the results are called: what the scenario's file was called died with the orchestrator.
+/// The name of the results: that of the scenario's file died with the orchestrator.
 const NAME: &str = "attached";
 
 /// Records and supervises the flight from now to its end.

@@ -95,7 +95,7 @@ fn gains(scenario: &Scenario) -> String {
     )
 }
 
-/// What is dubious about a scenario that can be flown, a line each.
+/// Returns warnings about a scenario that can be flown, a line each.
 fn warnings(scenario: &Scenario) -> String {
     let warnings = tuning::warnings(scenario).into_iter();
     warnings.map(|warning| format!("warning: {warning}\n")).collect()

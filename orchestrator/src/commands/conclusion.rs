@@ -1,4 +1,4 @@
-//! What comes after a recorded flight: its log is closed, its summary made, kept and shown.
+//! The work after a recorded flight: its log is closed, its summary made, kept and shown.
 
 use super::{Failure, note, print, write_result};
 use crate::cli::Host;
@@ -99,7 +99,8 @@ fn has_flown_nothing(outcome: &Outcome, summary: &Summary) -> bool {
     has_failed && summary.topics.iter().all(|topic| topic.recorded == 0)
 }
 
-/// What went wrong with the machine or the log counts first, then that the flight failed, then that the vehicle was lost.
+/// Returns the exit code: a failure of the machine or the log counts first, then that the flight failed, then that the
+/// vehicle was lost.
 fn exit(outcome: &Outcome, summary: &Summary) -> Exit {
     match outcome {
         Outcome::Completed if summary.lost.is_some() => Exit::Lost,

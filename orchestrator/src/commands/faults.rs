@@ -101,7 +101,7 @@ fn check_time(scenario: &Scenario, name: &str, time: f64) -> Result<(), Failure>
     Ok(())
 }
 
-/// What shall befall whom, as asked for. Who names services only wants no edges, and the other way round.
+/// Returns faults and targets, as asked for. A caller that names services only wants no edges, and the other way round.
 fn cases(arguments: &Faults) -> Result<Vec<MatrixCase>, Failure> {
     let faults: Vec<MatrixFault> = if arguments.faults.is_empty() {
         MatrixFault::ALL.to_vec()

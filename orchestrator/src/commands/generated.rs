@@ -1,4 +1,4 @@
-//! What is generated from the code: the JSON Schema of scenarios, completions for shells, man pages.
+//! Texts generated from the code: the JSON Schema of scenarios, completions for shells, man pages.
 
 use clap::CommandFactory;
 

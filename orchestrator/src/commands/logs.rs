@@ -1,4 +1,4 @@
-//! What can be done with a log without flying: `gerono info`, `recover`, `export`, `digest` and `plot`.
+//! Commands on a log without a flight: `gerono info`, `recover`, `export`, `digest` and `plot`.
 
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};

@@ -17,7 +17,7 @@ use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 use link_identification::{EXPLAINS, Identification, STICKS};
 
-/// How often the sticks are moved on and given to the sender, s.
+/// The period at which the sticks are moved on and given to the sender, s.
 const STEP: f64 = 0.01;
 
 /// Steps between two lines that are shown.

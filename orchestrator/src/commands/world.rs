@@ -144,7 +144,7 @@ fn introduction(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> 
     )
 }
 
-/// What a world came to, for people and programs.
+/// The result of a world, for people and programs.
 #[derive(Serialize)]
 struct Summary {
     /// Time that was simulated, s.
@@ -157,7 +157,7 @@ struct Summary {
     skipped: u64,
     /// Number of times that none came for too long.
     losses: u64,
-    /// How much later than due ticks were: half of them, 99 of 100, and all, s.
+    /// The lateness of ticks: half of them, 99 of 100, and all, s.
     late: [f64; 3],
 }
 

@@ -1,4 +1,4 @@
-//! How the processes of a run use the machine. Nothing of it changes what is flown.
+//! The processes' use of the machine. Nothing of it changes what is flown.
 
 use runtime::crash::Crash;
 use runtime::deployment::{self, Scheduler};
@@ -7,18 +7,18 @@ use shared_types::ServiceId;
 
 use super::supervision::RestartPolicies;
 
-/// What the command line says of how the processes of a run use the machine.
+/// The command line's statements on the processes' use of the machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Deployment {
     /// Which core the services use.
     pub placement: Placement,
-    /// How the services' core is shared.
+    /// The sharing of the services' core.
     pub scheduler: Scheduler,
     /// `true` if a waiting service may yield first or always sleeps at once.
     pub yielding: bool,
     /// Deaths that processes shall bring upon themselves: the first of a service upon its first process, and so on.
     pub crashes: Vec<(ServiceId, Crash)>,
-    /// How often and how soon each service is started again.
+    /// The restart policy of each service.
     pub restart_policies: RestartPolicies,
 }
 

@@ -1,4 +1,4 @@
-//! What the machine did during a run, written to `host.mcap`: which processes, on which core, how they fared.
+//! The machine's record of a run, written to `host.mcap`: which processes, on which core, in what health.
 
 mod snapshots;
 
@@ -31,9 +31,9 @@ pub struct HostRecord {
     has_failed: bool,
     /// With what, until it is told.
     failure: Option<LogError>,
-    /// How many of the supervisor's ends have been written.
+    /// The number of the supervisor's ends that have been written.
     ends_written: usize,
-    /// How many of its restarts have been written.
+    /// The number of its restarts that have been written.
     restarts_written: usize,
     snapshots: Snapshots,
 }

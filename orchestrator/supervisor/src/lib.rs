@@ -26,7 +26,7 @@ use shared_types::{Header, Schedule, ServiceId};
 use metrics::summary::laboratory::LaboratoryReport;
 use metrics::summary::timing::TimingReport;
 
-/// How a flight ended.
+/// The end of a flight.
 #[derive(Debug)]
 pub struct Ending {
     /// Why.
@@ -35,13 +35,13 @@ pub struct Ending {
     pub ticks: u64,
     /// Wall time from the first tick to the last.
     pub wall_time: Duration,
-    /// What the user should know about the machine, once.
+    /// Warnings about the machine, once.
     pub warnings: Vec<String>,
     /// Restarts in flight, in their order.
     pub restarts: Vec<supervision::Restart>,
-    /// How well it kept time, if it was flown in real time.
+    /// Its timing, if it was flown in real time.
     pub timing: Option<TimingReport>,
-    /// How cameras and radio link fared, if it was flown in a laboratory.
+    /// The performance of cameras and radio link, if it was flown in a laboratory.
     pub laboratory: Option<LaboratoryReport>,
 }
 
@@ -99,7 +99,7 @@ pub enum FlightFailure {
         pid: u32,
         /// The last tick that it had stepped.
         tick: u64,
-        /// How it ended.
+        /// The outcome of the run.
         how: String,
         /// Number of times that it had died there.
         times: u32,
@@ -120,7 +120,7 @@ pub enum FlightFailure {
     GaveUp {
         /// Name of the service.
         service: String,
-        /// What it said.
+        /// The reason that it gave.
         reason: String,
     },
     /// A service did not become ready.
@@ -140,7 +140,7 @@ pub enum FlightFailure {
         service: String,
         /// Its process id.
         pid: u32,
-        /// What it did, in words.
+        /// Its action, in words.
         what: String,
     },
     /// A program in place of a service published another sample than the one that was due.
@@ -166,7 +166,7 @@ pub enum FlightFailure {
         .refusals.join("; ")
     )]
     NotPermitted {
-        /// What is not permitted, with the fixes.
+        /// The refused permissions, with the fixes.
         refusals: Vec<String>,
     },
     /// A sample did not reach the recorder.

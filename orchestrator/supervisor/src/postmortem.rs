@@ -1,4 +1,4 @@
-//! What remains to be done when an orchestrator cannot go on at all: it met a fault in shared memory, its work inside
+//! The last resort when an orchestrator cannot go on at all: it met a fault in shared memory, its work inside
 //! iceoryx2 does not end, or it met what it holds to be impossible.
 //!
 //! Its memory cannot be trusted then, and part of it is gone. So it becomes a fresh image of the same program,
@@ -29,7 +29,7 @@ use crate::host_kind::Host;
 /// Longest description of a cause, bytes.
 const CAUSE: usize = 1024;
 
-/// What a cause begins with that is described in words, not by a signal and a mapping.
+/// The beginning of a cause that is described in words, not by a signal and a mapping.
 pub const IN_WORDS: &str = "WORDS ";
 
 /// The signals that end an orchestrator whose memory is damaged, and what a cause begins with.
@@ -87,6 +87,7 @@ impl Postmortem {
             page: Box::new([0; 4096]),
         };
         // That of an earlier flight of this process was taken back.
+        // Release: a signal handler on any thread that sees the pointer sees the plan behind it.
         PLAN.store(Box::into_raw(Box::new(plan)), Ordering::Release);
         handle_faults()?;
         handle_panics();
@@ -105,6 +106,7 @@ impl Drop for Postmortem {
 }
 
 fn take_plan() -> Option<Box<Plan>> {
+    // One atomic swap: of two threads that fail at once, one finds the plan and the other finds nothing.
     let plan = PLAN.swap(null_mut(), Ordering::AcqRel);
     // SAFETY: the pointer came from `Box::into_raw`, and the swap gives it to one taker only.
     (!plan.is_null()).then(|| unsafe { Box::from_raw(plan) })
@@ -254,7 +256,7 @@ pub struct Fault<'a> {
 }
 
 impl<'a> Fault<'a> {
-    /// What a cause tells.
+    /// Returns the meaning of a cause.
     #[must_use]
     pub fn of(cause: &'a str) -> Self {
         let (signal, path) = cause.split_once(' ').unwrap_or((cause, ""));

@@ -71,11 +71,11 @@ pub trait StepObserver: SupervisionObserver {
     fn note(&mut self, text: &str);
     /// A service hung and was killed.
     fn hung(&mut self, service: ServiceId);
-    /// How the cameras of a laboratory fare, about once a second and at the end.
+    /// Records the figures of a laboratory's cameras, about once a second and at the end.
     fn capture(&mut self, figures: &CaptureFigures);
-    /// How the radio link of a laboratory fares, about once a second and at the end.
+    /// Records the figures of a laboratory's radio link, about once a second and at the end.
     fn link(&mut self, figures: &LinkFigures);
-    /// How well the flight kept time.
+    /// Records the timing of the flight.
     fn timing(&mut self, report: &TimingReport);
 }
 
@@ -164,7 +164,7 @@ where
 pub struct Clients<'a> {
     /// Signals by which they ask for the end.
     pub interrupt: &'a Interrupt,
-    /// What they are told meanwhile.
+    /// The messages to them meanwhile.
     pub messages: Messages,
 }
 

@@ -33,7 +33,7 @@ struct Feed {
     subscription: Subscription,
 }
 
-/// How far the recorder has come.
+/// The progress of the recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
     /// Samples are still missing.
@@ -89,7 +89,7 @@ impl Recorder {
         }
     }
 
-    /// What has been recorded of a topic that a service publishes.
+    /// Returns the recorded samples of a topic that a service publishes.
     ///
     /// # Panics
     /// If no service publishes it.

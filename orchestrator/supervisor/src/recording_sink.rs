@@ -18,7 +18,7 @@ pub struct RecordingSink<'a> {
     log: Option<RunLogWriter>,
     summary: FlightSummary,
     schedule: Schedule,
-    /// What is still to happen, or has happened and is not written yet, in the order of time.
+    /// The events that are still to happen, or have happened and are not written yet, in the order of time.
     events: VecDeque<Event>,
     /// Number of the next event in the log.
     next_event: u64,
@@ -178,7 +178,7 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<Event> {
     events.into_iter().map(event).collect()
 }
 
-/// What the operator is planned to ask for.
+/// Returns the planned requests of the operator.
 fn operator_requests(scenario: &Scenario) -> Vec<(u64, u32, String)> {
     let kinds = [
         (RunEvent::KIND_OPERATOR_ARMS, "the operator arms"),

@@ -27,7 +27,7 @@ const PAUSE: Duration = Duration::from_secs(1);
 const SAMPLE_OVERHEAD: u64 = 48;
 const CONNECTION: u64 = 24 << 10;
 
-/// What a run needs in shared memory and what there is, bytes.
+/// The sizes that a run needs in shared memory and that there are, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the run needs {:.1} MB in {}, half of it for services that have to be started again, and {:.1} MB are free; remove \
@@ -68,7 +68,7 @@ pub fn check() -> Result<(), Shortage> {
     Ok(())
 }
 
-/// What a run needs, bytes: its segments, and as much again for services that are started again.
+/// Returns the size that a run needs, bytes: its segments, and as much again for services that are started again.
 #[must_use]
 pub fn needed() -> u64 {
     2 * estimate()

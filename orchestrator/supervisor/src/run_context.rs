@@ -1,4 +1,4 @@
-//! What the hosts of several processes set up before the first of them starts.
+//! The preparation that the hosts of several processes make before the first of them starts.
 
 use std::os::fd::OwnedFd;
 
@@ -156,7 +156,7 @@ impl RunContext {
         Ok(supervisor)
     }
 
-    /// What every process of the run is told.
+    /// Returns the message to every process of the run.
     fn start(&self, host: Host) -> Start {
         Start {
             scenario: self.scenario.clone(),

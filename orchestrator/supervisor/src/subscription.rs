@@ -12,9 +12,9 @@ use shared_types::{Schedule, Topic};
 pub struct Subscription {
     /// The topic.
     pub topic: Topic,
-    /// What comes of it.
+    /// The receiver of its samples.
     pub receiver: Box<dyn Receiver>,
-    /// What was refused of it, if an external program publishes it in real time.
+    /// The refusals of it, if an external program publishes it in real time.
     pub refusals: Rc<Refusals>,
     /// Holds the topic: services can open it as long as a process holds it.
     _ports: Box<dyn TopicPorts>,

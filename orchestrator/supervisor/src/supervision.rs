@@ -55,7 +55,7 @@ const MESSAGES_AT_A_LOOK: usize = 64;
 /// Period of the supervisor's checks while a service restarts.
 pub(super) const RESTART_POLL_PERIOD: Duration = Duration::from_micros(100);
 
-/// How often and how soon each service is started again.
+/// The restart policy of each service.
 pub type RestartPolicies = [RestartPolicy; ServiceId::ALL.len()];
 
 /// All service processes of a run. Dropping it ends them.
@@ -115,7 +115,7 @@ impl Shared {
     }
 }
 
-/// What a service process told or did.
+/// A message or an act of a service process.
 #[derive(Debug)]
 pub enum ServiceEvent {
     /// It made its ports; what it could not have of its deployment.
@@ -195,7 +195,7 @@ impl<'a> Supervisor<'a> {
         self.say(service, &ToService::MakePorts)
     }
 
-    /// What the process of a service is called.
+    /// Returns the name of a service's process.
     #[must_use]
     pub fn name_of(&self, service: ServiceId) -> &'static str {
         self.start.scenario.process_name(service)
@@ -242,13 +242,13 @@ impl<'a> Supervisor<'a> {
         &self.page
     }
 
-    /// What the services tell of their steps in real time.
+    /// Returns the services' log of their steps in real time.
     #[must_use]
     pub fn step_log(&self) -> &StepLog {
         &self.step_log
     }
 
-    /// What the services knew after their last steps.
+    /// Returns the services' states after their last steps.
     #[must_use]
     pub fn checkpoints(&self) -> &Checkpoints {
         &self.checkpoints
@@ -267,7 +267,7 @@ impl<'a> Supervisor<'a> {
             .map(|member| (member.service, member.process.id()))
     }
 
-    /// How the processes that have ended did, in the order of their ends; a standby one was of no service.
+    /// Returns the processes that have ended, in the order of their ends; a standby one was of no service.
     #[must_use]
     pub fn exits(&self) -> &[(Option<ServiceId>, u32, Exit)] {
         &self.exits
@@ -317,6 +317,7 @@ impl<'a> Supervisor<'a> {
 
     fn say_go(&self, service: ServiceId, restarted: bool) -> Result<(), FlightFailure> {
         let block = self.page.control_block();
+        // Before `Go`, which the service acts upon: a consumer that waits for it again finds it flying, or soon to be.
         block.cells[service.index()].gone.store(0, Ordering::SeqCst);
         let start_ns = block.start_ns.load(Ordering::Acquire);
         self.say(service, &ToService::Go { restarted, start_ns })
@@ -336,7 +337,7 @@ impl<'a> Supervisor<'a> {
         self.members[service.index()].phase == Phase::Flying
     }
 
-    /// What the process of a service does now, if the system tells.
+    /// Returns the activity of a service's process, if the system tells.
     #[must_use]
     pub fn activity(&self, service: ServiceId) -> Option<Activity> {
         Activity::of(self.members[service.index()].process.id())
@@ -394,7 +395,7 @@ impl<'a> Supervisor<'a> {
         events
     }
 
-    /// What a process has said, and its end if it has ended.
+    /// Takes a process's messages, and its end if it has ended.
     fn listen(&mut self, at: usize) -> Vec<ServiceEvent> {
         let mut events = Vec::new();
         for _ in 0..MESSAGES_AT_A_LOOK {
@@ -459,6 +460,7 @@ impl<'a> Supervisor<'a> {
             return;
         }
         let block = self.page.control_block();
+        // The word first, then the message, then the doorbells: a sleeper that wakes must find the reason.
         block.stopping.store(1, Ordering::SeqCst);
         for member in &self.members {
             // Who is gone already need not be told, and who takes no messages is killed below.

@@ -1,10 +1,10 @@
-//! What a live run was in the last minute: the run itself tells only how it is now.
+//! The last minute of a live run: the run itself tells only its present state.
 
 use std::collections::VecDeque;
 
 use live::Snapshot;
 
-/// How far back it goes, s.
+/// Its length, s.
 pub const SPAN: f64 = 60.0;
 
 /// A quantity that is followed.

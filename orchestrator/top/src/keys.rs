@@ -1,4 +1,4 @@
-//! What the keys do. Nothing is broken without a confirmation, and nothing at all unless that was permitted.
+//! The meanings of the keys. Nothing is broken without a confirmation, and nothing at all unless that was permitted.
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
@@ -40,7 +40,7 @@ impl Key {
     }
 }
 
-/// How a service can be broken.
+/// A way to break a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Break {
     /// SIGKILL.
@@ -49,10 +49,10 @@ pub enum Break {
     Freeze,
 }
 
-/// What waits for a confirmation.
+/// An intent that waits for a confirmation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Intent {
-    /// What is to be done.
+    /// The way to do it.
     pub how: Break,
     /// To the service of this name.
     pub service: String,
@@ -69,7 +69,7 @@ impl Intent {
     }
 }
 
-/// What the keys mean now.
+/// The present meaning of the keys.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Looking.
@@ -80,7 +80,7 @@ pub enum Mode {
     Confirm(Intent),
 }
 
-/// What follows from a key.
+/// The consequence of a key.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Nothing beyond another picture.
@@ -91,7 +91,7 @@ pub enum Action {
     Ask(Question),
 }
 
-/// What the user has selected and is about to do.
+/// The user's selection and intent.
 #[derive(Clone, Debug)]
 pub struct Controls {
     may_break: bool,
@@ -118,7 +118,7 @@ impl Controls {
         self.may_break
     }
 
-    /// What the keys mean now.
+    /// The present meaning of the keys.
     #[must_use]
     pub fn mode(&self) -> &Mode {
         &self.mode
@@ -130,7 +130,7 @@ impl Controls {
         self.selected
     }
 
-    /// What the user is told; empty if nothing.
+    /// Returns the notice to the user; empty if there is none.
     #[must_use]
     pub fn notice(&self) -> &str {
         &self.notice

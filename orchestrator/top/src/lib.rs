@@ -30,7 +30,7 @@ const LOOK_PERIOD: Duration = Duration::from_millis(250);
 /// A run that has not answered for this long is said not to.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// How the system tells that the other end of the terminal is closed.
+/// The system's sign that the other end of the terminal is closed.
 const GONE: PollFlags = PollFlags::HUP.union(PollFlags::ERR);
 
 /// Reason why the view was left.
@@ -108,7 +108,7 @@ pub fn once(run: &str, snapshot: &Snapshot, width: u16) -> String {
     view.without_keys(width)
 }
 
-/// What ended a wait.
+/// The cause that ended a wait.
 enum Woken {
     ByKeys,
     /// The run, a signal (a new size of the terminal, or a request to end), or the time.
@@ -144,7 +144,7 @@ fn is_terminal_gone() -> bool {
     looked.is_ok() && files[0].revents().intersects(GONE)
 }
 
-/// What is known of the run, and what the user is about to do.
+/// The state of the run, and the user's intent.
 struct Watch<'a> {
     run: &'a LiveRun,
     snapshot: Option<Snapshot>,

@@ -33,11 +33,11 @@ const PRINTED_ROWS: u16 = 24;
 pub struct View<'a> {
     /// Name of the run.
     pub run: &'a str,
-    /// How the run is; none before its first answer.
+    /// The snapshot of the run; none before its first answer.
     pub snapshot: Option<&'a Snapshot>,
     /// The last minute.
     pub history: &'a History,
-    /// What the user has selected and is about to do.
+    /// The user's selection and intent.
     pub controls: &'a Controls,
     /// Time for which the run has not answered, if that is long.
     pub silence: Option<Duration>,
@@ -168,7 +168,7 @@ struct Rows {
 }
 
 impl Rows {
-    /// What matters most takes its rows first.
+    /// Divides the rows: what matters most takes its rows first.
     fn within(area: Rect, table: u16, has_laboratory: bool) -> Self {
         let mut left = area.height;
         let mut take = |wanted: u16| {

@@ -1,4 +1,4 @@
-//! What is in a log, as people read it.
+//! The content of a log, as people read it.
 
 use std::fmt::{Display, Formatter, Result};
 
@@ -114,7 +114,7 @@ fn topic_table(topics: &[TopicInfo]) -> Table {
     table
 }
 
-/// How the vehicle was lost, as the log itself tells it, and how far from its path it was.
+/// Writes the vehicle's loss, as the log itself tells it, and its distance from the path.
 fn write_judged(formatter: &mut Formatter<'_>, judged: &Judged) -> Result {
     if let Some(loss) = &judged.lost {
         writeln!(formatter, "\nLOST at {} s: {loss}", loss.time)?;
@@ -158,7 +158,7 @@ fn write_phases(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
     Ok(())
 }
 
-/// How the run went. An older program may have left a member out, which is then not shown.
+/// Writes the course of the run. An older program may have left a member out, which is then not shown.
 fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
     let text = |value: &Value| printable(value.as_str().unwrap_or_default()).into_owned();
     let list = |key: &str| summary[key].as_array().cloned().unwrap_or_default();

@@ -102,7 +102,7 @@ impl Pen {
     }
 }
 
-/// What a log is called in a legend: its folder, which tells runs apart, or its own name.
+/// Returns a log's name in a legend: its folder, which tells runs apart, or its own name.
 pub(crate) fn label(log: &Path) -> String {
     let folder = log.parent().and_then(Path::file_name);
     let name = if log.file_name().is_some_and(|name| name == "run.mcap") {

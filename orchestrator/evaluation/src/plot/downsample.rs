@@ -1,6 +1,6 @@
 //! Fewer points that look the same: of every column of pixels the smallest and the largest value.
 
-/// What is kept of some points: those of the smallest and of the largest value.
+/// The points that are kept of some: those of the smallest and of the largest value.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extreme {
     least: (f64, f64),

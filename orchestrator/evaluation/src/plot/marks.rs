@@ -1,4 +1,4 @@
-//! What a figure marks beside the curves: the theorem's bound, changes of the vehicle, planned faults.
+//! Marks of a figure beside the curves: the theorem's bound, changes of the vehicle, planned faults.
 
 use kuva::prelude::{ReferenceLine, ShadedRegion};
 use scenario::{Fault, FaultState, VehicleChange};
@@ -51,7 +51,7 @@ pub(super) fn change_lines(curves: &[Curve], span: [f64; 2]) -> Vec<ReferenceLin
         .collect()
 }
 
-/// What of the vehicle changes.
+/// Names the property of the vehicle that changes.
 fn describe(change: &VehicleChange) -> String {
     let mut parts = Vec::new();
     if let Some(mass) = change.mass {
@@ -93,7 +93,7 @@ pub(super) fn fault_lines(curves: &[Curve], span: [f64; 2]) -> Vec<ReferenceLine
         .collect()
 }
 
-/// What fails and how: there is little room.
+/// Describes target and kind of the fault: there is little room.
 fn in_short(fault: &Fault) -> String {
     let target = fault
         .target()

@@ -1,4 +1,4 @@
-//! What a figure shows of logs whose content is known.
+//! Figures of logs whose content is known.
 
 use super::*;
 use run_log::test_flight::{away, record_samples, scenario};

@@ -1,4 +1,4 @@
-//! What is shown of each topic over time: names, and the values of a sample in the same order.
+//! The figure's view of each topic over time: names, and the values of a sample in the same order.
 //!
 //! A value that a sample does not have is NaN.
 
@@ -76,7 +76,7 @@ pub(super) const COMMAND: [&str; 7] = [
     "thrust", "torque_x", "torque_y", "torque_z", "rate_x", "rate_y", "rate_z",
 ];
 
-/// What is commanded: torques or rates, and nothing in failsafe.
+/// The commanded torques or rates; nothing in failsafe.
 pub(super) fn command(command: &ControlCommand) -> [f64; COMMAND.len()] {
     let only_with = |mode: u32, values: [f64; 3]| {
         if command.mode == mode {

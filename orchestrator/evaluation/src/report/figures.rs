@@ -17,8 +17,8 @@ pub(super) struct Drawn {
     pub(super) svg: String,
 }
 
-/// What the paper's figures call the flight of this scenario, whatever its seed and its length; none if it is not one of
-/// theirs.
+/// Returns the paper's figure that shows the flight of this scenario, whatever its seed and its length; none if it is
+/// not one of theirs.
 pub(super) fn name_in_the_paper(flown: &Scenario) -> Option<String> {
     let recipes = Figure::ALL
         .into_iter()

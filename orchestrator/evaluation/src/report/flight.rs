@@ -1,4 +1,4 @@
-//! What is shown of a log, gathered in one pass over it.
+//! The page's data of a log, gathered in one pass over it.
 
 use std::path::Path;
 
@@ -20,9 +20,9 @@ use metrics::summary::{self, FlightSummary, Summary};
 use metrics::tracker::{Moment, StateSource, Tracker};
 use run_log::{LogReadError, LogReader};
 
-/// What is shown of a flight.
+/// The page's data of a flight.
 pub(super) struct Flight {
-    /// What it is called in legends.
+    /// Its name in legends.
     pub(super) label: String,
     pub(super) scenario: Scenario,
     /// Reason why only a part of the log could be read, if so.

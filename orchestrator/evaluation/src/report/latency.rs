@@ -1,4 +1,4 @@
-//! How the services kept time, of a flight in real time: histograms of what `host.mcap` tells of every step.
+//! Timing of the services in a flight in real time: histograms of what `host.mcap` tells of every step.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ const DECADES: u32 = 7;
 pub(super) struct Histogram {
     /// Name of the service.
     service: &'static str,
-    /// What was measured.
+    /// The measured quantity.
     what: &'static str,
     /// Lower edges of the bins, s; the last one has no upper edge, and the first no lower one.
     edges: Vec<f64>,
@@ -53,7 +53,7 @@ fn edges() -> impl Iterator<Item = u64> {
     (0..DECADES).flat_map(|decade| EDGES.map(|edge| edge * 10_u64.pow(decade)))
 }
 
-/// How late steps began and how long they took, of each service; none of a flight in simulated time, or if what is
+/// Returns the lateness and the duration of each service's steps; none of a flight in simulated time, or if what is
 /// beside the log cannot be read.
 pub(super) fn histograms(log: &Path, scenario: &Scenario, schedule: &Schedule) -> Vec<Histogram> {
     let steps = host_log_beside(log).and_then(|path| HostReader::open(&path).ok());

@@ -1,4 +1,4 @@
-//! What happened when: what the scenario plans, and what the samples tell of the services.
+//! Events over time: those that the scenario plans, and those that the samples tell of the services.
 
 use scenario::Scenario;
 use serde::Serialize;
@@ -21,7 +21,7 @@ pub(super) struct Mark {
     pub(super) text: String,
 }
 
-/// Who tells of a mark.
+/// The source of a mark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum MarkKind {
@@ -46,7 +46,7 @@ pub(super) struct Span {
     text: String,
 }
 
-/// What a scenario plans that lasts.
+/// Returns the planned events of a scenario that last.
 pub(super) fn spans(scenario: &Scenario) -> Vec<Span> {
     let span = |from: f64, lasts: Option<f64>, text: String| Span {
         from,
@@ -72,7 +72,7 @@ pub(super) fn spans(scenario: &Scenario) -> Vec<Span> {
         .collect()
 }
 
-/// What a scenario plans at a moment without an event that tells of it.
+/// Returns the planned events of a moment without an event that tells of them.
 fn untold(scenario: &Scenario) -> impl Iterator<Item = Mark> {
     let fan = scenario.vehicle.fan.iter().flat_map(|fan| {
         let on = std::iter::once((fan.on_at, "the fan is switched on".to_owned()));
@@ -101,7 +101,7 @@ pub(super) struct Marks {
     link: Option<Link>,
 }
 
-/// How the transmitter is.
+/// The state of the transmitter.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Link {
     failsafe: bool,
@@ -179,7 +179,7 @@ impl Marks {
     }
 }
 
-/// What the scenario plans; begin and end of a flight are seen anyway.
+/// Describes a planned event; begin and end of a flight are seen anyway.
 fn planned(event: &RunEvent) -> Option<(MarkKind, String)> {
     let kind = match event.kind {
         RunEvent::KIND_FLIGHT_STARTS | RunEvent::KIND_FLIGHT_ENDS => return None,

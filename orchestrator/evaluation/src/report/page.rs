@@ -21,7 +21,7 @@ use metrics::tracker::StateSource;
 /// The page with marks `{{name}}` where the parts belong.
 const PAGE: &str = include_str!("assets/page.html");
 
-/// What stands in place of the marks, but for the flights themselves.
+/// The parts that replace the marks, but for the flights themselves.
 const PARTS: [(&str, &str); 5] = [
     ("uplot.css", include_str!("assets/uplot.css")),
     ("report.css", include_str!("assets/report.css")),
@@ -65,7 +65,7 @@ struct PageFlight<'a> {
     histograms: &'a [Histogram],
 }
 
-/// How a vehicle was lost, with the words for it.
+/// The loss of a vehicle, with the words for it.
 #[derive(Serialize)]
 struct LostInWords<'a> {
     words: String,

@@ -1,4 +1,4 @@
-//! What is drawn beside what. The page draws what this says, and knows no channel by name.
+//! The arrangement of the drawings. The page draws what this says, and knows no channel by name.
 
 use serde::Serialize;
 
@@ -16,7 +16,7 @@ pub(super) struct Panel {
 /// Curves of one quantity. With several logs each group gets a panel of its own.
 #[derive(Serialize)]
 struct Group {
-    /// What tells the group from others in the panel.
+    /// The name that tells the group from others in the panel.
     name: &'static str,
     curves: &'static [Curve],
 }

@@ -1,4 +1,4 @@
-//! What only the run itself knew: `summary.json` beside the log, as far as it is there.
+//! Facts that only the run itself knew: `summary.json` beside the log, as far as it is there.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use run_log::run_folder::summary_text_beside;
 
-/// What the page shows of it.
+/// The page's facts about the run.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(default)]
 pub(super) struct RunFacts {
@@ -15,13 +15,13 @@ pub(super) struct RunFacts {
     scenario: String,
     /// Which host flew it.
     host: String,
-    /// How it ended.
+    /// The outcome of the run.
     outcome: String,
     /// Why, in words.
     reason: String,
     /// Wall time of the flight, s.
     wall_seconds: Option<f64>,
-    /// How well the flight kept time, if it was flown in real time.
+    /// The timing of the flight, if it was flown in real time.
     pub(super) timing: Option<Value>,
 }
 

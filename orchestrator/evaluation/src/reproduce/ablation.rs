@@ -1,4 +1,4 @@
-//! What each part of the rig's design is worth: the eight of Figs. 3 to 6 without it.
+//! The worth of each part of the rig's design: the eight of Figs. 3 to 6 without it.
 
 use serde::Serialize;
 
@@ -64,12 +64,12 @@ const VARIANTS: [Variant; 10] = [
     },
 ];
 
-/// What a design comes to: medians over the seeds, in the baseline laboratory.
+/// The results of a design: medians over the seeds, in the baseline laboratory.
 #[derive(Clone, Debug, Serialize)]
 pub struct AblationRow {
-    /// What is left out.
+    /// The part that is left out.
     pub variant: &'static str,
-    /// How it is left out.
+    /// The settings that leave it out.
     pub settings: &'static [&'static str],
     /// RMSE of the error over the last 20 s, cm.
     pub rmse: Option<f64>,

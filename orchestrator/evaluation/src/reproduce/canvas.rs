@@ -13,7 +13,7 @@ const PANEL_HEIGHT: f64 = 250.0;
 /// A curve.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// What it is called where there are several.
+    /// Its name where there are several.
     pub label: &'static str,
     /// Its points.
     pub points: Vec<(f64, f64)>,
@@ -22,19 +22,19 @@ pub struct Curve {
 /// Axes and what is drawn in them.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// What is drawn to the right.
+    /// The label of the horizontal axis.
     pub x_label: &'static str,
-    /// What is drawn upwards.
+    /// The label of the vertical axis.
     pub y_label: &'static str,
-    /// How it is drawn.
+    /// The scale of the drawing.
     pub scale: Scale,
-    /// What is drawn.
+    /// The curves.
     pub curves: Vec<Curve>,
     /// Moments at which something happens, with what.
     pub marks: Vec<(f64, &'static str)>,
 }
 
-/// How a panel is drawn.
+/// The scale of a panel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// Linear.

@@ -17,10 +17,10 @@ pub enum Column {
     WrongModel,
 }
 
-/// How much slower than believed the actuators are in [`Column::WrongModel`].
+/// The ratio of the actuators' lag to the believed one in [`Column::WrongModel`].
 const LAG_FACTOR: f64 = 1.5;
 
-/// How much stronger than commanded the thrust is there.
+/// The ratio of the thrust to the commanded one there.
 const THRUST_FACTOR: f64 = 1.05;
 
 /// By how much the radio's latency is shorter than believed there, s.
@@ -36,7 +36,7 @@ impl Column {
     /// All laboratories, in the order of the tables.
     pub const ALL: [Self; 3] = [Self::Baseline, Self::Doubled, Self::WrongModel];
 
-    /// What it is called in tables.
+    /// Returns its name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -46,7 +46,7 @@ impl Column {
         }
     }
 
-    /// What it is, in a sentence.
+    /// Describes it in a sentence.
     #[must_use]
     pub fn description(self) -> &'static str {
         match self {

@@ -16,7 +16,7 @@ pub struct Drawing {
     pub figure: Figure,
     /// Its file's name.
     pub file: &'static str,
-    /// What it shows.
+    /// The title of the drawing.
     pub title: &'static str,
     /// The flights that it is made of.
     pub flights: &'static [&'static str],

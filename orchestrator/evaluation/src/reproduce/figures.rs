@@ -40,10 +40,10 @@ pub enum Figure {
     Tracking,
 }
 
-/// What a figure is made of.
+/// The parts of a figure.
 #[derive(Debug)]
 pub struct Experiment {
-    /// What is shown.
+    /// The title of the figure.
     pub title: &'static str,
     /// The flights.
     pub specifications: Vec<FlightSpecification>,
@@ -75,7 +75,7 @@ impl Figure {
         Self::Fig11,
     ];
 
-    /// What it is called on the command line and in tables.
+    /// Returns its name on the command line and in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -118,7 +118,7 @@ impl Figure {
         }
     }
 
-    /// What it is made of.
+    /// Returns its parts.
     #[must_use]
     pub fn experiment(self) -> Experiment {
         match self {

@@ -67,11 +67,11 @@ impl ScenarioSource {
 /// A flight but for laboratory and seed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FlightSpecification {
-    /// What the flight is called; equal names are equal flights.
+    /// The name of the flight; equal names are equal flights.
     pub name: String,
     /// The scenario.
     pub source: ScenarioSource,
-    /// What is changed of it.
+    /// The settings that change it.
     pub settings: Vec<String>,
 }
 
@@ -107,15 +107,15 @@ impl FlightSpecification {
 /// A flight to be flown.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// What it is called among the flights of its laboratory and seed.
+    /// Its name among the flights of its laboratory and seed.
     pub name: String,
     /// The laboratory.
     pub column: Column,
-    /// What to fly, the seed with it.
+    /// The scenario to fly, the seed with it.
     pub scenario: Scenario,
 }
 
-/// What all flights came to, or why one came to nothing.
+/// The results of all flights, or why one has none.
 #[derive(Debug, Default)]
 pub struct FlightResults(BTreeMap<(Column, u64, String), Result<Measured, NotMeasured>>);
 
@@ -173,7 +173,7 @@ pub struct SeedResults<'a> {
 }
 
 impl SeedResults<'_> {
-    /// What the flight of a name came to.
+    /// Returns the result of the flight of a name.
     ///
     /// # Errors
     /// Why it came to nothing, as a note of the table.

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use super::column::Column;
 use super::figures::Figure;
 
-/// What is known of a number that does not reach its bar.
+/// The known gap of a number that does not reach its bar.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownGap {
@@ -36,7 +36,7 @@ impl KnownGaps {
         toml::from_str(include_str!("known_gaps.toml")).expect("known_gaps.toml is well-formed")
     }
 
-    /// What is known of a number.
+    /// Returns the known gap of a number.
     #[must_use]
     pub fn of(&self, figure: Figure, quantity: &str, column: Column) -> Option<&KnownGap> {
         self.gap

@@ -1,4 +1,5 @@
-//! What a flight published about one moment: the vehicle beside its path, the truth about it, and what the controller believes.
+//! A flight's samples about one moment: the vehicle beside its path, the truth about it, and the controller's
+//! estimates.
 
 use shared_types::samples::{ControlAdaptation, VehicleTruth};
 use shared_types::{Schedule, Topic};
@@ -6,14 +7,14 @@ use shared_types::{Schedule, Topic};
 use metrics::read;
 use metrics::tracker::{Moment, Tracker};
 
-/// What is known of a moment.
+/// The samples about a moment.
 #[derive(Clone, Debug)]
 pub struct Known {
     /// The vehicle and its path.
     pub moment: Moment,
     /// The truth.
     pub truth: VehicleTruth,
-    /// What the controller believed last.
+    /// The controller's last estimates.
     pub adaptation: Option<ControlAdaptation>,
 }
 
@@ -49,7 +50,7 @@ impl Latest {
         known
     }
 
-    /// What is known of the last moment, once nothing more of it comes.
+    /// Returns the last moment, once nothing more of it comes.
     pub fn last(&mut self) -> Option<Known> {
         let moment = self.tracker.last();
         self.known(moment)

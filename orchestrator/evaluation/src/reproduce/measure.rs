@@ -1,4 +1,4 @@
-//! What a flight came to, measured while it flies, in fixed memory and against the truth.
+//! The results of a flight, measured while it flies, in fixed memory and against the truth.
 //!
 //! The error is the distance from the path of [`metrics`] at every tick. The controller's own z1 is not used:
 //! it rests on an estimated position.
@@ -21,7 +21,7 @@ use metrics::read;
 use metrics::statistics::Statistics;
 use metrics::tracker::StateSource;
 
-/// What a flight came to; SI units.
+/// The results of a flight; SI units.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measured {
     /// ‖p − pd(γ)‖ in the judged part, m.
@@ -91,10 +91,10 @@ impl Meter {
         }
     }
 
-    /// What the flight came to.
+    /// Returns the results of the flight.
     ///
     /// # Errors
-    /// How the vehicle was lost, if it was.
+    /// The loss of the vehicle, if it was lost.
     pub fn finish(mut self) -> Result<Measured, Loss> {
         if let Some(known) = self.latest.last() {
             self.observe(&known);

@@ -1,4 +1,4 @@
-//! What the mass estimate can know: its error over prior, vertical wind and what is flown.
+//! The observability of the mass: the error of its estimate over prior, vertical wind and what is flown.
 //!
 //! In hover only −η T + bz can be seen. A wrong prior stays, and a wind is shared between η̂ and b̂z by their
 //! adaptation gains. What makes the thrust change tells the two apart.
@@ -11,7 +11,7 @@ use super::flight::{FlightResults, FlightSpecification};
 use super::row::median;
 use metrics::statistics::Statistics;
 
-/// How many of the seeds are flown for it.
+/// The number of seeds that are flown for it.
 const SEEDS: usize = 5;
 
 /// The table.
@@ -26,7 +26,7 @@ pub struct Observability {
 /// The errors of one kind of flight.
 #[derive(Clone, Debug, Serialize)]
 pub struct ObservabilityRow {
-    /// What was flown.
+    /// The scenario of the flight.
     pub curve: &'static str,
     /// Prior less true mass, g.
     pub prior_error: f64,

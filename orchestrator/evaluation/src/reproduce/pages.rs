@@ -26,7 +26,7 @@ pub enum PageError {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// The log cannot be written.

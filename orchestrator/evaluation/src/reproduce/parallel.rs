@@ -9,7 +9,7 @@ pub fn cores() -> usize {
     thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 
-/// What `work` makes of every item, in the order of the items, whatever thread has done it and when.
+/// Returns what `work` makes of every item, in the order of the items, whatever thread has done it and when.
 ///
 /// # Panics
 /// If `work` does.

@@ -1,4 +1,4 @@
-//! What the flights came to, judged: the content of `reproduce.json`, of the tables and of the gallery.
+//! The results of the flights, judged: the content of `reproduce.json`, of the tables and of the gallery.
 //!
 //! Nothing of the machine is in it: equal programs and seeds write equal reports.
 
@@ -16,11 +16,11 @@ use super::row::{AcceptanceLimit, Row, median};
 pub struct ReproductionReport {
     /// The seeds flown.
     pub seeds: Vec<u64>,
-    /// What was changed of every scenario in each laboratory, as it comes out for Figs. 3 to 6.
+    /// The changes of every scenario in each laboratory, as it comes out for Figs. 3 to 6.
     pub laboratories: Vec<Laboratory>,
     /// The figures.
     pub figures: Vec<FigureReport>,
-    /// What can be known of the mass; not on the short list.
+    /// The observability of the mass; not on the short list.
     pub observability: Option<Observability>,
 }
 
@@ -29,7 +29,7 @@ pub struct ReproductionReport {
 pub struct Laboratory {
     /// Which.
     pub column: Column,
-    /// What it is.
+    /// Its description.
     pub description: &'static str,
     /// The settings that make it of `fig3_6.toml`.
     pub settings: Vec<String>,
@@ -40,7 +40,7 @@ pub struct Laboratory {
 pub struct FigureReport {
     /// Its name.
     pub figure: &'static str,
-    /// What is shown.
+    /// The title of the figure.
     pub title: &'static str,
     /// Its numbers.
     pub rows: Vec<RowReport>,
@@ -49,13 +49,13 @@ pub struct FigureReport {
 /// A number of a figure, as judged.
 #[derive(Clone, Debug, Serialize)]
 pub struct RowReport {
-    /// What it is.
+    /// Its description.
     pub quantity: &'static str,
     /// Unit of all its values.
     pub unit: &'static str,
-    /// What the paper reports.
+    /// The paper's value.
     pub paper: &'static str,
-    /// What it must reach.
+    /// The bar that it must reach.
     pub bar: AcceptanceLimit,
     /// One for every laboratory.
     pub cells: Vec<ReportCell>,
@@ -72,13 +72,13 @@ pub struct ReportCell {
     pub median: Option<f64>,
     /// The worst seed's.
     pub worst: Option<f64>,
-    /// What to think of it; nothing where there is no bar.
+    /// The verdict; none where there is no bar.
     pub verdict: Option<Verdict>,
     /// Reason why a flight came to nothing, or why the bar is not reached.
     pub note: String,
 }
 
-/// What to think of a number.
+/// The verdict on a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -175,12 +175,12 @@ pub fn judge(figure: Figure, results: &FlightResults, seeds: &[u64], gaps: &Know
     }
 }
 
-/// What a number is judged by besides its bar.
+/// The limits of a number besides its bar.
 #[derive(Clone, Copy)]
 struct Limits<'a> {
     /// The limit of a known gap and its reason.
     gap: Option<(f64, &'a str)>,
-    /// How many seeds the bar of a median needs.
+    /// The least number of seeds for the bar of a median.
     least_seeds: usize,
 }
 

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::flight::SeedResults;
 
-/// How much worse than the bar's median the worst seed may be.
+/// The largest ratio of the worst seed to the bar of the median.
 pub const WORST_FACTOR: f64 = 1.5;
 
 /// Of fewer seeds the median says too little to be judged by its bar.
@@ -13,19 +13,19 @@ pub const LEAST_SEEDS: usize = 5;
 /// A number of a figure.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// What it is; unique in its figure.
+    /// Its name, unique in its figure.
     pub quantity: &'static str,
-    /// What the paper reports, in words and in `unit`.
+    /// The paper's value, in words and in `unit`.
     pub paper: &'static str,
     /// In what it is shown.
     pub unit: Unit,
-    /// What it must reach, in `unit`.
+    /// The bar that it must reach, in `unit`.
     pub bar: AcceptanceLimit,
     /// From the flights of a laboratory and a seed to the number, in SI units.
     pub value: fn(&SeedResults<'_>) -> Result<f64, String>,
 }
 
-/// What a number must reach.
+/// The bar of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AcceptanceLimit {

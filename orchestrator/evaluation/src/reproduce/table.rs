@@ -138,7 +138,7 @@ pub fn cell_text(cell: &ReportCell) -> String {
     format!("{values}  {verdict}").trim_end().to_owned()
 }
 
-/// What is to be said of single numbers, with the place.
+/// Returns the notes on single numbers, with the place.
 #[must_use]
 pub fn notes(figures: &[FigureReport]) -> Vec<(String, String)> {
     let mut notes = Vec::new();

@@ -1,4 +1,4 @@
-//! What a flight's drawings are made of, gathered while it flies: of every column of pixels the extremes.
+//! The data of a flight's drawings, gathered while it flies: of every column of pixels the extremes.
 
 use std::convert::Infallible;
 
@@ -17,7 +17,7 @@ use crate::plot::downsample::Extremes;
 /// Number of points of the trajectory that are kept.
 const PLACES: u64 = 2_000;
 
-/// What is drawn over time.
+/// A quantity that is drawn over time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
     /// ‖p − pd(γ)‖, m.
@@ -54,7 +54,7 @@ pub enum Channel {
 
 const CHANNELS: usize = Channel::YawError as usize + 1;
 
-/// What was gathered of a flight.
+/// The data gathered of a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Traces {
     channels: Vec<Vec<(f64, f64)>>,
@@ -65,7 +65,7 @@ pub struct Traces {
 }
 
 impl Traces {
-    /// What is drawn of a channel: time, s, and value.
+    /// Returns the points of a channel: time, s, and value.
     #[must_use]
     pub fn channel(&self, channel: Channel) -> &[(f64, f64)] {
         &self.channels[channel as usize]
@@ -95,7 +95,7 @@ impl Tracer {
         }
     }
 
-    /// What was gathered.
+    /// Returns the gathered data.
     #[must_use]
     pub fn finish(mut self) -> Traces {
         if let Some(known) = self.latest.last() {

@@ -6,10 +6,10 @@ use scenario::Scenario;
 
 use metrics::ULTIMATE_WINDOW;
 
-/// How much of a flight's end is judged, s: what the bars speak of.
+/// The length of a flight's end that is judged, s: the subject of the bars.
 pub const JUDGED: f64 = 20.0;
 
-/// How much of a flight's end the estimates of the disturbance are averaged over, s.
+/// The length of a flight's end over which the estimates of the disturbance are averaged, s.
 pub const AVERAGED: f64 = 10.0;
 
 /// Time for which after a step of the desired yaw, or the start, the yaw counts as on its way, s.

@@ -47,7 +47,7 @@ pub(super) struct Base {
     folder: OwnedFd,
 }
 
-/// What became of the run that a place was made for.
+/// The state of the run that a place was made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum State {
     /// One of its processes holds the lock.

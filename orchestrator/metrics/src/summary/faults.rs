@@ -1,4 +1,5 @@
-//! What is kept of a planned fault: who noticed it, how far the vehicle strayed, when it was back, what the services did.
+//! The report on a planned fault: which service noticed it, how far the vehicle strayed, when it was back, how the
+//! services reacted.
 //!
 //! All of it is seen in the samples alone: nobody tells the services that a fault is planned.
 
@@ -23,7 +24,7 @@ pub const BEFORE: f64 = 5.0;
 /// A fault as planned.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlannedFault {
-    /// What happens to what, in words.
+    /// Target and effect, in words.
     pub words: String,
     /// First tick.
     pub from: u64,
@@ -31,10 +32,10 @@ pub struct PlannedFault {
     pub until: Option<u64>,
 }
 
-/// What a planned fault did.
+/// The effect of a planned fault.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FaultReport {
-    /// What happened to what, in words.
+    /// Target and effect, in words.
     pub fault: String,
     /// Time at which it began, s.
     pub begins: f64,
@@ -47,7 +48,7 @@ pub struct FaultReport {
     pub watched_until: f64,
     /// The first sign that a service had noticed; none if there was none.
     pub detection: Option<Detection>,
-    /// What the error must come back to, m: its largest value in the [`BEFORE`] of the fault, or
+    /// The bound that the error must come back to, m: its largest value in the [`BEFORE`] of the fault, or
     /// [`SETTLED`](crate::SETTLED) if that is larger.
     pub bound: f64,
     /// Largest distance from the path from its begin on, m; none if nothing is known of it.
@@ -58,7 +59,7 @@ pub struct FaultReport {
     /// Time from its end after which the error stayed within the bound, s; none if it did not, or if the end was
     /// not seen.
     pub back_after: Option<f64>,
-    /// What the services did about it.
+    /// The reactions of the services.
     pub reactions: Reactions,
     /// The same in words.
     pub others: String,
@@ -71,7 +72,7 @@ pub struct Detection {
     pub after: f64,
     /// Name of the service.
     pub by: &'static str,
-    /// What the sign was.
+    /// The sign.
     pub sign: &'static str,
 }
 
@@ -145,7 +146,7 @@ impl FaultWatch {
         }
     }
 
-    /// What the faults did, as far as they were flown.
+    /// Returns the effects of the faults, as far as they were flown.
     #[must_use]
     pub fn finish(&self, schedule: &Schedule) -> Vec<FaultReport> {
         let Some(last_tick) = self.last_tick else {

@@ -41,7 +41,7 @@ struct Change {
     limit: u8,
 }
 
-/// What the operator asked for.
+/// A request of the operator.
 #[derive(Clone, Debug)]
 struct Request {
     kind: u32,

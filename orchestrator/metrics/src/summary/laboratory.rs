@@ -1,4 +1,4 @@
-//! How cameras and radio link of a laboratory fared in a flight.
+//! The performance of a laboratory's cameras and radio link in a flight.
 
 use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter, Result};
@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use run_log::{CaptureFigures, LinkFigures};
 
-/// How what is in a laboratory fared, as far as it is there. All counts are since the start of the last process that was
-/// connected to it.
+/// The performance of a laboratory's equipment, as far as it is there. All counts are since the start of the last
+/// process that was connected to it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LaboratoryReport {
     /// The cameras.
@@ -19,7 +19,7 @@ pub struct LaboratoryReport {
     pub radio_link: Option<LinkReport>,
 }
 
-/// How the cameras fared.
+/// The performance of the cameras.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CaptureReport {
     /// Frames a second in the last whole second in which any came, Hz.
@@ -32,11 +32,11 @@ pub struct CaptureReport {
     pub frames: u64,
     /// Frames whose pose was believed.
     pub believed: u64,
-    /// What else has happened and how often, by the words of docs/motion_capture.md; only what has.
+    /// The number of other happenings, by the words of docs/motion_capture.md; only those that occurred.
     pub happened: BTreeMap<&'static str, u64>,
 }
 
-/// How the radio link fared.
+/// The performance of the radio link.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkReport {
     /// Frames on their way.
@@ -51,12 +51,13 @@ pub struct LinkReport {
     pub losses: u64,
     /// Number of times that it was found again.
     pub recoveries: u64,
-    /// How much later than due frames left: half of them, 99 of 100, and all, s; none if the sender did not come to its end.
+    /// The lateness of the frames that left: half of them, 99 of 100, and all, s; none if the sender did not come to
+    /// its end.
     pub late: Option<[f64; 3]>,
 }
 
 impl LaboratoryReport {
-    /// What the last figures say; none if there are none.
+    /// Returns the report of the last figures; none if there are none.
     #[must_use]
     pub fn of(capture: Option<&CaptureFigures>, link: Option<&LinkFigures>) -> Option<Self> {
         let is_there = capture.is_some() || link.is_some();

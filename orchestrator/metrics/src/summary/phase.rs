@@ -1,4 +1,4 @@
-//! What is kept of a phase: of the time between two changes of the vehicle.
+//! The record of a phase: of the time between two changes of the vehicle.
 
 use scenario::Scenario;
 use shared_types::service::{nanoseconds, seconds};

@@ -9,7 +9,7 @@ pub struct Restart {
     /// Which service.
     #[serde(skip)]
     pub service: ServiceId,
-    /// What its process is called.
+    /// The name of its process.
     #[serde(rename = "service")]
     pub name: &'static str,
     /// Id of the new process.

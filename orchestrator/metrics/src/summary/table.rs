@@ -54,7 +54,8 @@ impl Display for Summary {
 }
 
 impl Summary {
-    /// How it ended and what became of the vehicle. That the machine was late comes first: all else may follow from it.
+    /// Writes its end and the verdict on the vehicle. That the machine was late comes first: all else may follow from
+    /// it.
     fn write_verdict(&self, formatter: &mut Formatter<'_>) -> Result {
         let Self { run, seed, .. } = self;
         if let Some(lateness) = self.lateness() {

@@ -1,4 +1,4 @@
-//! What a summary says of flights whose errors are known.
+//! Summaries of flights whose errors are known.
 
 use proptest::prelude::*;
 use scenario::Scenario;

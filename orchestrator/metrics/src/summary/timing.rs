@@ -1,4 +1,4 @@
-//! How well a flight in real time kept time.
+//! The timing of a flight in real time.
 
 use std::time::Duration;
 
@@ -43,7 +43,7 @@ pub struct ServiceTiming {
 pub struct Unrecorded {
     /// Name of the topic.
     pub topic: &'static str,
-    /// How many.
+    /// The number of samples.
     pub samples: u64,
 }
 
@@ -89,7 +89,7 @@ pub struct Distribution {
 pub struct Bucket {
     /// The longest that belongs here, ns.
     pub up_to_ns: u64,
-    /// How many were measured.
+    /// The number of measurements.
     pub count: u64,
 }
 

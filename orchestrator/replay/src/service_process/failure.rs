@@ -19,9 +19,9 @@ pub enum ProcessFailure {
         service: &'static str,
         /// Its process.
         pid: u32,
-        /// How far it had come, in words.
+        /// The progress that it had made, in words.
         when: String,
-        /// How it ended.
+        /// The outcome of the run.
         how: String,
     },
     /// A process could not do its work and said so.
@@ -31,9 +31,9 @@ pub enum ProcessFailure {
         service: &'static str,
         /// Its process.
         pid: u32,
-        /// How far it had come, in words.
+        /// The progress that it had made, in words.
         when: String,
-        /// What it said.
+        /// The reason that it gave.
         reason: String,
     },
     /// A process neither died nor answered.
@@ -46,7 +46,7 @@ pub enum ProcessFailure {
         service: &'static str,
         /// Its process.
         pid: u32,
-        /// How far it had come, in words.
+        /// The progress that it had made, in words.
         when: String,
     },
     /// The user asked for the end.

@@ -1,4 +1,4 @@
-//! What a reader promises about whole, broken and foreign files.
+//! Promises of a reader about whole, broken and foreign files.
 
 use std::fs;
 

@@ -94,7 +94,7 @@ pub(super) fn kinds() -> Vec<Kind> {
     kinds
 }
 
-/// What is known of a log's channels.
+/// The known channels of a log.
 pub(super) struct Channels<'a> {
     kinds: &'a [Kind],
     /// Names of schemas and positions of kinds, by the log's numbers.

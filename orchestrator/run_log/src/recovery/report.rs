@@ -1,4 +1,4 @@
-//! What a recovered log holds and what it lacks, inside the log.
+//! The content and the gaps of a recovered log, inside the log.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -7,7 +7,8 @@ use std::ops::RangeInclusive;
 use mcap::records::Metadata;
 use serde::{Deserialize, Serialize};
 
-/// What was kept of a log, and what was not. It stands in the recovered log, so that nobody takes that for a whole one.
+/// The parts of a log that were kept, and those that were not. It stands in the recovered log, so that nobody takes
+/// that for a whole one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Recovery {
     /// Name of the file that it was made of.
@@ -185,7 +186,7 @@ impl fmt::Display for Recovery {
 }
 
 impl Recovery {
-    /// How far the log reaches, in words.
+    /// Describes the end of the log, in words.
     fn ending(&self) -> String {
         if self.lacks_nothing() {
             return "nothing is missing".to_owned();

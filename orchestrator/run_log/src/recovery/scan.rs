@@ -1,4 +1,4 @@
-//! What is whole of a log of which something is not.
+//! The whole parts of a log of which something is not.
 //!
 //! Records are walked one after the other. Where one does not hold, the file is searched byte by byte for the next that
 //! does: a chunk whose checksum holds, or metadata whose lengths add up. So damage costs what it hits and no more.
@@ -25,7 +25,7 @@ const DATA_END_BYTES: u64 = 4;
 /// Length of the body of the last record.
 const FOOTER_BYTES: u64 = 8 + 8 + 4;
 
-/// How much of a file is searched at once.
+/// The number of bytes of a file that are searched at once.
 const BLOCK_BYTES: usize = 1 << 16;
 
 /// A part of a log.
@@ -34,7 +34,7 @@ pub(super) enum Piece {
     Chunk(Chunk),
     /// The whole records of a chunk with which the file breaks off: no checksum says that they are as written.
     Cut {
-        /// What is left.
+        /// The rest.
         chunk: Chunk,
         /// Place where it begins in the file.
         at: u64,
@@ -56,7 +56,7 @@ pub(super) enum Piece {
 
 /// The records of a chunk.
 pub(super) struct Chunk {
-    /// How it was compressed, as MCAP calls it.
+    /// Its compression, as MCAP calls it.
     pub(super) compression: String,
     content: Vec<u8>,
     records: Vec<(u8, Range<usize>)>,
@@ -312,7 +312,7 @@ impl Scan {
         }))
     }
 
-    /// What is left of a chunk that is not compressed and reaches beyond the end of the file.
+    /// Returns the rest of a chunk that is not compressed and reaches beyond the end of the file.
     ///
     /// Nothing but its own lengths can say that it does, so they must agree.
     fn cut_at(&self, at: u64) -> io::Result<Option<Chunk>> {
@@ -388,7 +388,7 @@ fn metadata(body: &[u8]) -> Option<Metadata> {
     }
 }
 
-/// What follows so many texts.
+/// Returns the bytes after so many texts.
 fn skip_texts(bytes: &[u8], count: usize) -> Option<&[u8]> {
     (0..count).try_fold(bytes, |bytes, _| Some(split_text(bytes)?.1))
 }

@@ -1,4 +1,4 @@
-//! What a recovery keeps of made-up flights, byte by byte and chunk by chunk.
+//! Recovery of made-up flights, byte by byte and chunk by chunk.
 
 use std::fs;
 

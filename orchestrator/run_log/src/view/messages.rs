@@ -178,7 +178,7 @@ messages! {
     }
 }
 
-/// What a packed number is.
+/// The type of a packed number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
 #[repr(i32)]
 pub(super) enum NumericType {

@@ -1,4 +1,4 @@
-//! What a viewer shows: frames, the vehicle, its way and that of the point it follows.
+//! The scene of a viewer: frames, the vehicle, its way and that of the point it follows.
 //!
 //! Our frame {I} has z down, viewers have z up: {I} hangs upside down in a frame of theirs, and everything else is told in {I}.
 
@@ -67,7 +67,7 @@ impl Placed {
     }
 }
 
-/// How {I} hangs in the viewers' frame: half a turn about x.
+/// Returns {I} in the viewers' frame: half a turn about x.
 pub(super) fn upright(time_ns: u64) -> FrameTransform {
     FrameTransform {
         timestamp: Timestamp::from_ns(time_ns),

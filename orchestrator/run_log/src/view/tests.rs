@@ -1,4 +1,4 @@
-//! What is in a copy for viewers, read by other means than it was written with.
+//! The content of a copy for viewers, read by other means than it was written with.
 
 use std::collections::BTreeMap;
 use std::fs;

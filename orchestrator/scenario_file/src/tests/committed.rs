@@ -6,7 +6,7 @@ use scenario::{Curve, VehicleChange};
 
 use super::*;
 
-/// What every scenario file begins with, so that editors complete and check it.
+/// The line that every scenario file begins with, so that editors complete and check it.
 const SCHEMA_LINE: &str = "#:schema scenario.schema.json\n";
 
 fn scenario_files() -> Vec<PathBuf> {

@@ -283,7 +283,7 @@ fn a_value_that_cannot_be_flown_is_refused_at_its_line() {
     }
 }
 
-/// What another section would need is shown where the need arises.
+/// A section that another one needs is shown where the need arises.
 #[test]
 fn a_section_that_lacks_another_is_refused_at_its_table() {
     let text = with(

@@ -1,4 +1,4 @@
-//! What frames leave on, as a file states it.
+//! The carrier of frames, as a file states it.
 
 use scenario::{DsmProtocol, RadioProtocol};
 

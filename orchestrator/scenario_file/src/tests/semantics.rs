@@ -265,7 +265,7 @@ fn a_number_that_is_none_anywhere() {
     assert!(checked > 80, "only {checked}");
 }
 
-/// What is wrong with a value that the file does not state is shown at the deepest table on the way to it.
+/// A wrong value that the file does not state is shown at the deepest table on the way to it.
 #[test]
 fn a_default_that_does_not_fit_is_shown_at_its_table() {
     let text = with(&fig1(), "mass = 0.2                      # 1/η̂(0), kg\n", "");

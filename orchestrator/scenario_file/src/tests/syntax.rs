@@ -293,7 +293,7 @@ fn a_text_of_nothing_but_unknown_keys_is_not_read_to_its_end() {
     assert!(shown.contains("20 problems in flight.toml"), "{shown}");
 }
 
-/// What a terminal shows of the error of a text.
+/// Returns the message on a terminal about the error of a text.
 fn drawn(text: &str) -> String {
     let error = load_text(text, &[]).expect_err("the scenario is wrong");
     let mut shown = String::new();

@@ -1,4 +1,4 @@
-//! What people at other terminals ask of a flight, and what they are told.
+//! Questions of people at other terminals about a flight, and the answers.
 
 use runtime::shared_page::Request;
 use shared_types::ServiceId;

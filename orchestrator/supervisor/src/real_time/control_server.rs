@@ -48,7 +48,7 @@ struct Client {
     is_served: bool,
 }
 
-/// What a client has done.
+/// The request of a client.
 #[derive(PartialEq)]
 enum Heard {
     Nothing,

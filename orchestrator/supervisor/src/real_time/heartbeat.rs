@@ -27,7 +27,7 @@ struct Pulse {
     steps_until: u64,
     /// The tick at which that was new, or since which the service flies.
     since: u64,
-    /// How many ticks since then the machine owes to the service.
+    /// The number of ticks since then that the machine owes to the service.
     owed: u64,
     /// Time on a processor at the last look, ns, while it is late.
     cpu_time_ns: Option<u64>,
@@ -59,6 +59,7 @@ impl Heartbeats {
         self.looked_at = now;
         let (limit, tick_ns) = (self.limit_ticks, self.tick_ns);
         let hangs = |&service: &ServiceId| {
+            // Relaxed: only progress counts here, and a value that is a little old makes the service no later than it was.
             let steps_until = block.cells[service.index()].steps_until.load(Ordering::Relaxed);
             let pulse = &mut self.pulses[service.index()];
             pulse.observe(now, steps_until, flies(service));

@@ -1,4 +1,4 @@
-//! What the laboratory around a flight tells: why nobody may arm yet, and how cameras and radio link fare.
+//! News of the laboratory around a flight: the obstacles to arming, and the state of cameras and radio link.
 
 use runtime::shared_page::ControlBlock;
 use scenario::{CaptureSystem, MotionCapture, RadioProtocol, Scenario};
@@ -12,10 +12,10 @@ use run_log::{CaptureFigures, LinkFigures};
 /// Age of the last pose with which nobody arms, s.
 const STALE: f64 = 0.5;
 
-/// What is told of the link and of the cameras once they are well.
+/// The messages about the link and the cameras once they are well.
 const WELL: [&str; 2] = ["the radio link is open", "the cameras see the vehicle"];
 
-/// What a scenario says is in the laboratory.
+/// The equipment of the laboratory by the scenario.
 pub struct Laboratory<'a> {
     cameras: Option<(CaptureSystem, &'a MotionCapture)>,
     link: Option<RadioProtocol>,
@@ -34,21 +34,21 @@ impl<'a> Laboratory<'a> {
         }
     }
 
-    /// How the cameras fare, if there are any.
+    /// Returns the figures of the cameras, if there are any.
     #[must_use]
     pub fn capture(&self, block: &ControlBlock) -> Option<CaptureFigures> {
         let notice = &block.notices[ServiceId::Plant.index()];
         self.cameras.map(|_| notice.look())
     }
 
-    /// How the radio link fares, if there is one.
+    /// Returns the figures of the radio link, if there is one.
     #[must_use]
     pub fn link(&self, block: &ControlBlock) -> Option<LinkFigures> {
         let notice = &block.notices[ServiceId::RcOutput.index()];
         self.link.map(|_| notice.look())
     }
 
-    /// How link and cameras are so long after the start of the flight, for people who look.
+    /// Returns the state of link and cameras so long after the start of the flight, for people who look.
     #[must_use]
     pub fn snapshot(
         &self,
@@ -84,7 +84,7 @@ impl<'a> Laboratory<'a> {
         self.troubles(block, elapsed_ns).into_iter().flatten().next()
     }
 
-    /// What has become well or is not any more since it was asked last, in words.
+    /// Returns what has become well or is not any more since it was asked last, in words.
     pub fn news(&mut self, block: &ControlBlock, elapsed_ns: u64) -> Vec<String> {
         let is_there = [self.link.is_some(), self.cameras.is_some()];
         let troubles = self.troubles(block, elapsed_ns).into_iter();
@@ -98,7 +98,7 @@ impl<'a> Laboratory<'a> {
         news
     }
 
-    /// What is the matter with the link and with the cameras.
+    /// Returns the troubles of the link and of the cameras.
     fn troubles(&self, block: &ControlBlock, elapsed_ns: u64) -> [Option<String>; 2] {
         let link = self.link.zip(self.link(block));
         let cameras = self.cameras.zip(self.capture(block));

@@ -31,10 +31,10 @@ pub struct Monitor {
     last_chain_window: Histogram<u64>,
 }
 
-/// What is known of one service.
+/// The facts about one service.
 struct Track {
     service: ServiceId,
-    /// What its process is called.
+    /// The name of its process.
     name: &'static str,
     edges: Vec<Edge>,
     /// Of each input, whether any step looks at it: what is not connected has no age.
@@ -54,7 +54,7 @@ struct Track {
     last: Option<StepRecord>,
 }
 
-/// How punctual and how long steps were.
+/// The punctuality and the duration of steps.
 struct Timing {
     steps: u64,
     wake: Histogram<u64>,
@@ -124,7 +124,7 @@ impl Monitor {
         self.chain_window.reset();
     }
 
-    /// How the services were in the last second; what only the supervisor knows is left out.
+    /// Returns the state of the services in the last second; what only the supervisor knows is left out.
     #[must_use]
     pub fn services(&self) -> Vec<ServiceSnapshot> {
         self.tracks.iter().map(Track::snapshot).collect()
@@ -136,7 +136,7 @@ impl Monitor {
         Quantiles::of(&self.last_chain_window)
     }
 
-    /// What the flight's timing came to.
+    /// Returns the timing of the flight.
     #[must_use]
     pub fn finish(mut self) -> TimingReport {
         for (service, record) in std::mem::take(&mut self.unsettled) {

@@ -74,7 +74,7 @@ impl Recorder {
         self
     }
 
-    /// What was refused of external programs, in words.
+    /// Returns the refusals to external programs, in words.
     pub fn refusals(&self) -> impl Iterator<Item = String> {
         self.feeds.iter().filter_map(|feed| {
             let (refusals, topic) = (&feed.subscription.refusals, feed.subscription.topic);

@@ -1,4 +1,4 @@
-//! How a flight in real time comes to its end before its time: the vehicle lands, and the log goes on to the ground.
+//! The early end of a flight in real time: the vehicle lands, and the log goes on to the ground.
 //!
 //! Ctrl-C, SIGTERM, the end of the terminal, `gerono stop` and every failure outside of the control path are the same
 //! request. Asked again they change nothing: in the air only `gerono kill` and `gerono disarm` stop the motors.
@@ -12,7 +12,7 @@ use shared_types::service::nanoseconds;
 /// Age of a frame, ns, above which it says nothing of the motors: without frames a receiver stops them.
 const SILENT_NS: u64 = 500_000_000;
 
-/// What has been asked of the flight.
+/// The end that was asked of the flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shutdown {
     /// Nothing: it goes on.

@@ -79,7 +79,7 @@ impl TakeOver {
         })
     }
 
-    /// What is flown.
+    /// The curve that is flown.
     #[must_use]
     pub fn scenario(&self) -> &Scenario {
         &self.context.scenario

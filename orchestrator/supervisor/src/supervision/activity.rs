@@ -1,6 +1,6 @@
-//! What a process does at a moment: whether it could run, and how long it has.
+//! The activity of a process at a moment: whether it could run, and how long it has.
 
-/// What a process does.
+/// The activity of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Activity {
     /// `true` if it runs, waits for a processor, or for a page of its memory: not for an event, and not stopped.
@@ -10,7 +10,7 @@ pub struct Activity {
 }
 
 impl Activity {
-    /// What a process does now, if the system tells.
+    /// Returns the present activity of a process, if the system tells.
     #[must_use]
     pub fn of(pid: u32) -> Option<Self> {
         let read = |file: &str| std::fs::read_to_string(format!("/proc/{pid}/{file}")).ok();

@@ -45,6 +45,7 @@ impl Supervisor<'_> {
                 self.know_receivers(service, cell, receivers)
             }
             (ToOrchestrator::Connected { birth }, Phase::Flying) => {
+                // On behalf of a process that has no access to the page; the same order as in a service of our own.
                 cell.restarts_seen.store(*birth, Ordering::Release);
                 Ok(())
             }
@@ -175,7 +176,8 @@ impl Supervisor<'_> {
             .try_for_each(|external_service| self.say(external_service, &ToService::Connect { birth }))
     }
 
-    /// What an external service did wrong that says to have flown its last step, and of which samples are missing.
+    /// Returns the fault of an external service that says to have flown its last step, and of which samples are
+    /// missing.
     pub(crate) fn blame_for_missing(&self, external_service: ServiceId) -> FlightFailure {
         let what = "says that it has finished, and has not published all its samples";
         self.external_service_failure(external_service.index(), what.to_owned())
@@ -192,6 +194,7 @@ impl Supervisor<'_> {
         for external_service in self.external_services() {
             if let Some((tick, samples)) = newest(external_service) {
                 let cell = &self.page.control_block().cells[external_service.index()];
+                // Relaxed: counters for people and for the heartbeat; no data hangs on them.
                 cell.steps_until.store(tick + 1, Ordering::Relaxed);
                 cell.steps.store(samples, Ordering::Relaxed);
             }

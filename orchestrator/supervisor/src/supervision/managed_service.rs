@@ -1,4 +1,4 @@
-//! What the supervisor knows of one service: its process, and where it is in its life.
+//! The supervisor's facts about one service: its process, and where it is in its life.
 
 use std::time::Instant;
 
@@ -15,7 +15,7 @@ use crate::FlightFailure;
 /// A service of the supervisor.
 pub(super) struct ManagedService {
     pub(super) service: ServiceId,
-    /// What its process is called.
+    /// The name of its process.
     pub(super) name: &'static str,
     pub(super) process: Process,
     pub(super) phase: Phase,
@@ -31,9 +31,9 @@ pub(super) struct ManagedService {
     pub(super) birth: Option<(u32, Instant)>,
     /// The number that is not finite at which its process has stopped, to be replaced.
     pub(super) not_finite: Option<NonFinite>,
-    /// What its process did wrong, being an external service's, for which it is killed, to be replaced.
+    /// The fault of its process, being an external service's, for which it is killed, to be replaced.
     pub(super) blamed: Option<String>,
-    /// What it could not have of its deployment, told before it was ready: as external_services do.
+    /// The parts of its deployment that it could not have, told before it was ready: as external_services do.
     pub(super) warnings: Vec<String>,
     /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
     pub(super) remembered: Vec<(usize, u64)>,

@@ -3,7 +3,7 @@
 /// Longest quotation of what a program says, characters.
 const QUOTATION: usize = 500;
 
-/// What a program says, fit for a terminal: not too long, and without characters that control it.
+/// Makes a program's message fit for a terminal: not too long, and without characters that control it.
 pub(super) fn presentable(said: &str) -> String {
     let shown = said.chars().take(QUOTATION);
     let mut shown: String = shown

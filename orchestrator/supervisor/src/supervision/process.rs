@@ -31,12 +31,12 @@ pub struct Process {
     pub is_gone: bool,
 }
 
-/// How a process ended.
+/// The end of a process.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exit {
     /// `true` if a signal ended it.
     pub killed: bool,
-    /// How it ended, in words.
+    /// Its end, in words.
     pub description: String,
 }
 
@@ -148,7 +148,7 @@ impl Process {
     }
 }
 
-/// What signals are called, by their numbers.
+/// The names of signals, by their numbers.
 const SIGNALS: [&str; 18] = [
     "NONE", "HUP", "INT", "QUIT", "ILL", "TRAP", "ABRT", "BUS", "FPE", "KILL", "USR1", "SEGV", "USR2",
     "PIPE", "ALRM", "TERM", "STKFLT", "CHLD",

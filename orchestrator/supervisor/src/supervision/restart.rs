@@ -42,12 +42,14 @@ impl Supervisor<'_> {
         if is_over || block.stopping.load(Ordering::Relaxed) != 0 {
             return None;
         }
+        // Before the death is dealt with: from here on no service in real time waits for the dead one.
         cell.gone.store(1, Ordering::SeqCst);
         if let Some(failure) = self.external_services_last_end(at, &exit) {
             self.members[at].phase = Phase::GivenUp;
             return Some(ServiceEvent::Lost(failure));
         }
         let member = &mut self.members[at];
+        // Relaxed: the writer is dead, and the end of its process was awaited, which orders all that it wrote.
         let flown_until = cell.steps_until.load(Ordering::Relaxed);
         member.fruitless = if flown_until > member.flown_until {
             0
@@ -86,6 +88,7 @@ impl Supervisor<'_> {
         } else {
             Phase::Finished
         };
+        // Before its ports are cleaned up: a publisher must not wait for room in the queue of one that will never read.
         block.forget_receivers(service);
         cell.waiting_for.store(0, Ordering::Relaxed);
         // A service that restarts at once finds everything cleaned up when it makes its ports.
@@ -218,6 +221,7 @@ impl Supervisor<'_> {
             }
             let block = self.page.control_block();
             let Some((birth, announced_at)) = self.members[at].birth else {
+                // Releases the new ports, which `Ready` has told of: a service that reads this count (Acquire) finds them.
                 let birth = 1 + block.births.fetch_add(1, Ordering::SeqCst);
                 self.members[at].birth = Some((birth, Instant::now()));
                 self.connect_external_services(birth)?;
@@ -228,6 +232,7 @@ impl Supervisor<'_> {
             let is_connected = |member: &ManagedService| {
                 let seen = &block.cells[member.service.index()].restarts_seen;
                 let flies = matches!(member.phase, Phase::Flying | Phase::CatchingUp(_));
+                // Acquire: pairs with the Release with which a service confirms that it is connected.
                 !flies || seen.load(Ordering::Acquire) >= birth
             };
             if self.members.iter().all(is_connected) {

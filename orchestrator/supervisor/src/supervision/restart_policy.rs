@@ -1,4 +1,4 @@
-//! How often and how soon a service that has died is started again.
+//! Number and pace of restarts after deaths.
 
 use std::str::FromStr;
 use std::time::Duration;
@@ -13,7 +13,7 @@ const AT_ONCE: u32 = 3;
 /// The first pause.
 const FIRST_PAUSE: Duration = Duration::from_millis(5);
 
-/// How often and how soon a service is started again.
+/// The policy for restarts of a service: number and pace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RestartPolicy {
     /// Number of times that in a row it is started again without having flown a tick more; with 0 its first death ends the run.

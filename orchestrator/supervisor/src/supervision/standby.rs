@@ -19,7 +19,7 @@ const SETTLED: Duration = Duration::from_secs(1);
 #[derive(Default)]
 pub(super) struct Standby {
     pub(super) process: Option<Process>,
-    /// How many in a row have died young.
+    /// The number in a row that have died young.
     fruitless: u32,
     /// Time at which the next one may be started, if not at once.
     again_at: Option<Instant>,

@@ -1,4 +1,4 @@
-//! What the keys do and what the words of the view mean.
+//! The meanings of the keys and of the words of the view.
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;

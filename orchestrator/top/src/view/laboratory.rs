@@ -7,8 +7,8 @@ use crate::words::{cut, short_time};
 use live::Snapshot;
 use live::snapshot::{CamerasSnapshot, LinkSnapshot};
 
-/// How cameras and radio link are: what is the matter first, because a narrow terminal has no room for the rest. None in a
-/// flight without them.
+/// Returns the state of cameras and radio link: the trouble first, because a narrow terminal has no room for the rest.
+/// None in a flight without them.
 pub(super) fn line(snapshot: &Snapshot, width: u16) -> Option<Vec<Span<'static>>> {
     let is_there = snapshot.cameras.is_some() || snapshot.radio_link.is_some();
     let (mut troubles, mut figures) = (Vec::new(), Vec::new());

@@ -219,7 +219,7 @@ fn ages(inputs: &[InputSnapshot]) -> String {
     inputs.iter().map(age).collect::<Vec<_>>().join(", ")
 }
 
-/// How old the inputs of the selected service are.
+/// Returns the ages of the selected service's inputs.
 pub(super) fn inputs(services: &[ServiceSnapshot], selected: usize) -> Line<'static> {
     let Some(service) = services.get(selected) else {
         return Line::default();

@@ -20,7 +20,7 @@ pub const WINDS: [f64; 3] = [-0.85, 0.0, 0.85];
 /// A flight of the table over prior, wind and curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReportCell {
-    /// What is flown.
+    /// The curve that is flown.
     pub curve: CellCurve,
     /// Prior less true mass, kg.
     pub prior_error: f64,
@@ -28,7 +28,7 @@ pub struct ReportCell {
     pub wind: f64,
 }
 
-/// What is flown to learn the mass.
+/// The curves that are flown to learn the mass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellCurve {
     /// A point.
@@ -43,7 +43,7 @@ impl CellCurve {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Hover, Self::Eight, Self::Bob];
 
-    /// What it is called.
+    /// Returns its name.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -64,7 +64,7 @@ impl CellCurve {
 }
 
 impl ReportCell {
-    /// What the flight is called.
+    /// Returns the name of the flight.
     #[must_use]
     pub fn name(&self) -> String {
         format!(

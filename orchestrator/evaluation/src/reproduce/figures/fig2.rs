@@ -4,7 +4,7 @@ use super::Experiment;
 use crate::reproduce::flight::{FlightSpecification, ScenarioSource};
 use crate::reproduce::row::{AcceptanceLimit, Row, Unit};
 
-/// How near to the theorem's bound ‖z1‖ comes after a far start, cm.
+/// The largest distance of ‖z1‖ from the theorem's bound after a far start, cm.
 const NEAR_THE_BOUND: f64 = 1.85;
 
 pub(super) fn experiment() -> Experiment {

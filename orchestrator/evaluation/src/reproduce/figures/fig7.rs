@@ -8,7 +8,7 @@ use crate::reproduce::row::{AcceptanceLimit, Row, Unit};
 pub(super) const OURS: &str = "fig7";
 const PAPER: &str = "fig7, paper mode";
 
-/// What the paper's b̂y comes to, m/s².
+/// The paper's b̂y, m/s².
 const PUSH: f64 = 0.9;
 
 pub(super) fn experiment() -> Experiment {

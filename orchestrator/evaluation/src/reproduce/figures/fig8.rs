@@ -12,7 +12,7 @@ const OFF: &str = "fig8";
 const SOFT_OFF: &str = "fig8, k1 = k2 = 0.87";
 const SOFT_ON: &str = "fig7, k1 = k2 = 0.87";
 
-/// What the paper reports, m.
+/// The paper's error, m.
 const PAPER_RMSE: f64 = 0.386;
 
 pub(super) fn experiment() -> Experiment {

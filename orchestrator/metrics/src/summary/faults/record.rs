@@ -7,7 +7,7 @@ use super::signs::{Look, Tally};
 use super::{BEFORE, Detection, FaultReport, PlannedFault};
 use crate::SETTLED;
 
-/// What is kept of a fault.
+/// The record of a fault.
 #[derive(Clone, Debug)]
 pub(super) struct FaultRecord {
     fault: PlannedFault,

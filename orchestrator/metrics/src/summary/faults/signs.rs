@@ -6,7 +6,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::read;
 
-/// What a service may be doing about something that is wrong.
+/// A service's condition while something is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Condition {
     Untracked,
@@ -66,13 +66,13 @@ const WATCHED: [Topic; 4] = [
     Topic::RcFrame,
 ];
 
-/// What a sample tells of the service that published it.
+/// The condition of the service that published a sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Look {
     /// Position in [`WATCHED`].
     place: usize,
     conditions: Conditions,
-    /// How many inputs more the service has refused.
+    /// The number of inputs more that the service has refused.
     refused: u32,
     /// The sign that just began to show, if one did.
     pub(super) sign: Option<(ServiceId, &'static str)>,
@@ -82,7 +82,7 @@ pub(super) struct Look {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Observers([Before; WATCHED.len()]);
 
-/// What a service's last sample said.
+/// The last sample of a service.
 #[derive(Clone, Copy, Debug, Default)]
 struct Before {
     conditions: Conditions,
@@ -204,18 +204,18 @@ impl Tally {
     }
 }
 
-/// What the services did while a fault was watched. Times in s.
+/// The reactions of the services while a fault was watched. Times in s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Reactions {
     /// Time for which the estimator did not track the body.
     pub untracked: f64,
     /// Time for which it coasted.
     pub coasted: f64,
-    /// How many captures it refused.
+    /// The number of captures that it refused.
     pub captures_refused: u64,
     /// Time for which the path stood, not knowing where the vehicle is.
     pub path_stood: f64,
-    /// How many states its generator refused.
+    /// The number of states that its generator refused.
     pub states_refused: u64,
     /// Time for which the controller held its command.
     pub held: f64,
@@ -225,15 +225,15 @@ pub struct Reactions {
     pub descended: f64,
     /// Time for which it commanded nothing, in failsafe.
     pub commanded_nothing: f64,
-    /// How many inputs it refused.
+    /// The number of inputs that it refused.
     pub inputs_refused: u64,
     /// Time for which its estimators rested.
     pub estimates_rested: f64,
     /// Time for which the radio held a command.
     pub link_held: f64,
-    /// How many failsafe frames it sent.
+    /// The number of failsafe frames that it sent.
     pub failsafe_frames: u64,
-    /// How many commands it refused.
+    /// The number of commands that it refused.
     pub commands_refused: u64,
 }
 

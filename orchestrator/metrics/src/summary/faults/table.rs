@@ -3,7 +3,7 @@
 use super::FaultReport;
 use crate::summary::table::{length, wrapped};
 
-/// What the faults did, some lines each.
+/// Writes the effects of the faults, some lines each.
 pub(in crate::summary) fn faults_in_words(faults: &[FaultReport]) -> String {
     faults.iter().map(in_words).collect()
 }

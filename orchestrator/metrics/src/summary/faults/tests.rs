@@ -1,4 +1,4 @@
-//! What is reported of faults whose signs and errors are known.
+//! Reports of faults whose signs and errors are known.
 
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState, VehicleTruth};
 use zerocopy::{FromZeros, IntoBytes};
@@ -20,7 +20,7 @@ fn fault(from: u64, until: Option<u64>) -> PlannedFault {
     }
 }
 
-/// What the samples of a tick say; everything is in order at first.
+/// The samples of a tick; everything is in order at first.
 struct Tick {
     error: f64,
     state: VehicleState,
