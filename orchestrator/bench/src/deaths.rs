@@ -124,7 +124,7 @@ fn measure(arguments: &BenchDeaths) -> Result<Measured> {
 }
 
 /// A flight that was measured.
-struct Flown {
+struct TimedFlight {
     summary: Value,
     steps: Vec<(ServiceId, ServiceStep)>,
     largest_distance: f64,
@@ -137,7 +137,7 @@ struct Restart {
     lost_ns: u64,
 }
 
-fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> Result<Flown> {
+fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> Result<TimedFlight> {
     let options: Vec<_> = ["--host", "realtime"].into_iter().chain(options).collect();
     let mut steps = Vec::new();
     let mut largest_distance = 0.0;
@@ -150,7 +150,7 @@ fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> R
         largest_distance = largest_distance_of(&results.join("run.mcap"))?;
         Ok(())
     })?;
-    Ok(Flown {
+    Ok(TimedFlight {
         summary,
         steps,
         largest_distance,
@@ -171,7 +171,7 @@ fn largest_distance_of(log: &Path) -> Result<f64> {
     Ok(largest)
 }
 
-impl Flown {
+impl TimedFlight {
     /// The restarts; `tick` in s.
     fn restarts(&self, tick: f64) -> Result<Vec<Restart>> {
         let stated = self.summary["rebirths"].as_array();

@@ -4,7 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use super::check::Check;
-use live::run_root::Found;
+use live::run_root::RunRoots;
 use live::runs::MachineRun;
 
 /// Returns whether another run of this machine is alive, of any user.
@@ -31,7 +31,7 @@ pub fn live(found: &io::Result<Vec<MachineRun>>) -> Check {
 
 /// Returns whether dead runs have left something behind.
 #[must_use]
-pub fn dead(found: &io::Result<Found>) -> Check {
+pub fn dead(found: &io::Result<RunRoots>) -> Check {
     const NAME: &str = "dead runs";
     match found {
         Err(error) => unreadable(NAME, error),
@@ -71,7 +71,7 @@ mod tests {
     fn what_dead_runs_have_left_is_yellow_and_no_place_for_runs_is_red() {
         let place = PathBuf::from("/dev/shm/gerono-0/77-0");
         let with = |dead: &[PathBuf]| {
-            Ok(Found {
+            Ok(RunRoots {
                 dead: dead.to_vec(),
                 live: Vec::new(),
             })

@@ -158,7 +158,7 @@ pub fn clean() -> io::Result<Swept> {
 
 /// The places of this user's runs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Found {
+pub struct RunRoots {
     /// Those of dead runs.
     pub dead: Vec<PathBuf>,
     /// Those of live runs.
@@ -169,9 +169,9 @@ pub struct Found {
 ///
 /// # Errors
 /// If the folder for what lives no longer than the machine runs cannot be read or trusted.
-pub fn find() -> io::Result<Found> {
+pub fn find() -> io::Result<RunRoots> {
     let Some(base) = Base::open_existing()? else {
-        return Ok(Found::default());
+        return Ok(RunRoots::default());
     };
     // Of an unfinished place nobody can say more while places are being made.
     let is_in_use = base.is_in_use();
@@ -225,8 +225,8 @@ fn sweep(base: &Base) -> io::Result<Swept> {
 }
 
 /// Tells the places of dead runs from those of live ones. Without `leave_out` an unfinished place is a dead run's.
-fn look(base: &Base, leave_out: impl Fn(State) -> bool) -> io::Result<Found> {
-    let mut found = Found::default();
+fn look(base: &Base, leave_out: impl Fn(State) -> bool) -> io::Result<RunRoots> {
+    let mut found = RunRoots::default();
     for (folder, state) in base.places()? {
         match state {
             state if leave_out(state) => {}

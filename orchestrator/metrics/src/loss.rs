@@ -133,14 +133,14 @@ impl LossWatch {
     }
 
     #[inline]
-    fn not_finite(&self, vehicle: &Vehicle) -> Option<Found> {
+    fn not_finite(&self, vehicle: &Vehicle) -> Option<Finding> {
         let is_finite = vehicle.position_world.iter().all(|number| number.is_finite())
             && vehicle.world_from_body[8].is_finite();
         (!is_finite).then_some((Reason::NotFinite, None, None))
     }
 
     #[inline]
-    fn left_path(&mut self, moment: &Moment) -> Option<Found> {
+    fn left_path(&mut self, moment: &Moment) -> Option<Finding> {
         let distance = moment.distance?;
         let start = *self.distance_at_start.get_or_insert(distance);
         let stated = self.limits.distance_max;
@@ -154,7 +154,7 @@ impl LossWatch {
     }
 
     #[inline]
-    fn tipped_over(&mut self, moment: &Moment) -> Option<Found> {
+    fn tipped_over(&mut self, moment: &Moment) -> Option<Finding> {
         // The last of R: cosine of the angle between the body's axis and the vertical.
         let upright = moment.vehicle.world_from_body[8].clamp(-1.0, 1.0);
         let is_upright = upright >= self.least_upright;
@@ -168,7 +168,7 @@ impl LossWatch {
     }
 
     #[inline]
-    fn hit_ground(&mut self, moment: &Moment) -> Option<Found> {
+    fn hit_ground(&mut self, moment: &Moment) -> Option<Finding> {
         let ground = self.ground.as_mut()?;
         let height = ground.height - moment.vehicle.position_world[2];
         let sinking = std::mem::replace(&mut ground.sinking, speed_downwards(&moment.vehicle));
@@ -199,7 +199,7 @@ impl Loss {
 }
 
 /// A finding: reason, value and limit.
-type Found = (Reason, Option<f64>, Option<f64>);
+type Finding = (Reason, Option<f64>, Option<f64>);
 
 fn speed_downwards(vehicle: &Vehicle) -> f64 {
     let r: [f64; 9] = vehicle.world_from_body;

@@ -42,7 +42,7 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
     };
     let mut source = CaptureSource::open(&address).map_err(Failure::trouble)?;
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
-    let mut heard = Heard::default();
+    let mut heard = ReceivedPackets::default();
     let signal = listen(
         arguments.seconds,
         &mut source,
@@ -200,7 +200,7 @@ impl Body {
 
 /// The packets received.
 #[derive(Default)]
-struct Heard {
+struct ReceivedPackets {
     frames: u64,
     first_ns: u64,
     last_ns: u64,
@@ -211,7 +211,7 @@ struct Heard {
     bodies: BTreeMap<(String, i32), Body>,
 }
 
-impl Heard {
+impl ReceivedPackets {
     fn take(&mut self, frame: &Frame, now_ns: u64) {
         if self.frames == 0 {
             self.first_ns = now_ns;

@@ -13,7 +13,7 @@ use super::{READ_AHEAD_TICKS, ReplayError};
 use run_log::{HostEntry, HostReader, LoggedCheckpoint, ServiceStep, host_log_beside};
 
 /// A step's view of an input: the sequence number of the sample, and whether the step before saw another one.
-pub(super) type Seen = [Option<(u64, bool)>; MAX_PORTS];
+pub(super) type InputSequences = [Option<(u64, bool)>; MAX_PORTS];
 
 /// One step, and what it saw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub(super) struct RecordedStep {
     /// `true` if all that it had to publish was published; else its process died meanwhile.
     pub(super) is_finished: bool,
     /// Of each input, the sequence number of the sample that it saw, and whether the step before saw another one.
-    pub(super) seen: Seen,
+    pub(super) seen: InputSequences,
 }
 
 /// The record beside a flight's log, read as far as it is needed. Of one tick there are several steps where a process

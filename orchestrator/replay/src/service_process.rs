@@ -41,7 +41,7 @@ fn timespec(duration: Duration) -> Timespec {
 }
 
 /// Messages to the comparator, in their order.
-enum Told {
+enum ComparatorMessage {
     /// A step; whether it was finished in the flight, and whether it is compared.
     Step {
         tick: u64,
@@ -67,11 +67,11 @@ pub(super) struct ServiceProcess {
     memory: Memory,
     /// The steps that are to be handed over next.
     orders: Vec<StepOrder>,
-    told: Vec<Told>,
+    told: Vec<ComparatorMessage>,
     /// `true` if the process is to tell what it knows after them.
     tells_state: bool,
     /// The work of the process.
-    under_way: Vec<Told>,
+    under_way: Vec<ComparatorMessage>,
     /// The tick from which on the next batch is.
     batch_begins: u64,
     /// The last tick of which a step was compared.
@@ -225,7 +225,7 @@ impl ServiceProcess {
         let mut place = 0;
         for told in std::mem::take(&mut self.under_way) {
             match told {
-                Told::Step {
+                ComparatorMessage::Step {
                     tick,
                     is_finished,
                     is_compared,
@@ -241,10 +241,10 @@ impl ServiceProcess {
                     place += 1;
                     self.compared = Some(tick);
                 }
-                Told::State { tick, recorded } => {
+                ComparatorMessage::State { tick, recorded } => {
                     comparator.hear_state(tick, state.as_deref().unwrap_or_default(), &recorded);
                 }
-                Told::EndOfTick => comparator.end_tick(history),
+                ComparatorMessage::EndOfTick => comparator.end_tick(history),
             }
         }
         Ok(())
@@ -301,7 +301,7 @@ impl Stepper for ServiceProcess {
         self.make_ready()?;
         let order = self.order(step).map_err(|error| self.gave_up(&error))?;
         self.orders.push(order);
-        self.told.push(Told::Step {
+        self.told.push(ComparatorMessage::Step {
             tick: step.now.tick,
             is_finished: step.is_finished,
             is_compared: step.is_compared,
@@ -312,7 +312,7 @@ impl Stepper for ServiceProcess {
     fn compare_state(&mut self, tick: u64, recorded: &[u8], _comparator: &mut Comparator) {
         self.tells_state = true;
         let recorded = recorded.to_vec();
-        self.told.push(Told::State { tick, recorded });
+        self.told.push(ComparatorMessage::State { tick, recorded });
     }
 
     fn end_tick(
@@ -321,8 +321,8 @@ impl Stepper for ServiceProcess {
         comparator: &mut Comparator,
         history: &History,
     ) -> Result<(), ReplayError> {
-        if let Some(Told::Step { .. } | Told::State { .. }) = self.told.last() {
-            self.told.push(Told::EndOfTick);
+        if let Some(ComparatorMessage::Step { .. } | ComparatorMessage::State { .. }) = self.told.last() {
+            self.told.push(ComparatorMessage::EndOfTick);
         }
         // What the service knows it tells after the last step of a batch.
         let next = tick + 1;

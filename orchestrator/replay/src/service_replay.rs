@@ -11,7 +11,7 @@ use super::checkpoints::RecordedCheckpoints;
 use super::comparator::Comparator;
 use super::compare::Comparison;
 use super::history::{History, KEPT};
-use super::recorded_steps::{RecordedStep, Seen};
+use super::recorded_steps::{InputSequences, RecordedStep};
 use super::scope::Scope;
 use super::stepper::{Step, Stepper};
 
@@ -145,7 +145,7 @@ impl ServiceReplay {
                 return Ok(());
             }
         }
-        let mut seen = Seen::default();
+        let mut seen = InputSequences::default();
         for (seen, edge) in seen.iter_mut().zip(&self.timetable.inputs) {
             *seen = edge
                 .due_sample(tick)
@@ -273,7 +273,7 @@ impl ServiceReplay {
     fn step(
         &mut self,
         now: Now,
-        seen: &Seen,
+        seen: &InputSequences,
         is_finished: bool,
         history: &History,
     ) -> Result<bool, ReplayError> {

@@ -43,7 +43,7 @@ pub use host_samples::{
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest, ManifestProblem};
 pub use reader::{LogReadError, LogReader, LoggedSample};
-pub use recovery::{Gap, Moment, RecoverError, Recovery, inspect, is_whole, recover, recovered_path};
+pub use recovery::{Gap, RecoverError, Recovery, SampleTime, inspect, is_whole, recover, recovered_path};
 pub use size::predicted_bytes;
 pub use view::{ViewError, export_view, view_path};
 pub use writer::RunLogWriter;

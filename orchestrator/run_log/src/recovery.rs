@@ -26,7 +26,7 @@ use super::framing::{Compression, LogError, McapFile};
 use super::manifest::{Manifest, ManifestProblem};
 use super::records::{RawRecord, Records};
 
-pub use self::report::{Gap, Moment, Recovery};
+pub use self::report::{Gap, Recovery, SampleTime};
 
 /// Reason why a log cannot be recovered.
 #[derive(Debug, thiserror::Error)]
@@ -219,7 +219,7 @@ impl<'a> Survey<'a> {
         } = self;
         recovery.chunks += 1;
         let strange = channels.read(chunk, |message: &Message<'_>| {
-            let moment = Moment {
+            let moment = SampleTime {
                 tick: message.tick,
                 time_ns: message.header.log_time,
             };

@@ -140,7 +140,7 @@ impl<const WORDS: usize, const DEPTH: usize> Default for Ring<WORDS, DEPTH> {
 
 /// Answer to a look-up in a [`Ring`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Found<const WORDS: usize> {
+pub enum LookUp<const WORDS: usize> {
     /// The record that was asked for.
     Record([u64; WORDS]),
     /// The record is not whole yet.
@@ -191,15 +191,15 @@ impl<const WORDS: usize, const DEPTH: usize> Ring<WORDS, DEPTH> {
     }
 
     /// Looks up a record by its number.
-    pub fn found(&self, number: u64) -> Found<WORDS> {
+    pub fn found(&self, number: u64) -> LookUp<WORDS> {
         let written = self.written.load(Ordering::Acquire);
         if number >= written {
-            return Found::Nothing;
+            return LookUp::Nothing;
         }
         // In a full ring the oldest record may be half overwritten.
         let oldest = (written + 1).saturating_sub(DEPTH as u64);
         if number < oldest {
-            return Found::Overwritten(oldest);
+            return LookUp::Overwritten(oldest);
         }
         let slot = self.slot(number);
         let words = std::array::from_fn(|word| slot[word].load(Ordering::Relaxed));
@@ -207,9 +207,9 @@ impl<const WORDS: usize, const DEPTH: usize> Ring<WORDS, DEPTH> {
         fence(Ordering::Acquire);
         let oldest = (self.written.load(Ordering::Relaxed) + 1).saturating_sub(DEPTH as u64);
         if number < oldest {
-            Found::Overwritten(oldest)
+            LookUp::Overwritten(oldest)
         } else {
-            Found::Record(words)
+            LookUp::Record(words)
         }
     }
 

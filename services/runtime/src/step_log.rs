@@ -10,7 +10,7 @@ use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::seqlock::{Found, Ring};
+use crate::seqlock::{LookUp, Ring};
 use crate::shared_file::SharedFile;
 
 /// Records of a service that a reader may lag behind.
@@ -161,12 +161,12 @@ impl StepReader {
         let ring = log.ring(self.service);
         loop {
             match ring.found(self.next) {
-                Found::Nothing => return None,
-                Found::Overwritten(oldest) => {
+                LookUp::Nothing => return None,
+                LookUp::Overwritten(oldest) => {
                     self.overwritten += oldest - self.next;
                     self.next = oldest;
                 }
-                Found::Record(words) => {
+                LookUp::Record(words) => {
                     self.next += 1;
                     return Some(zerocopy::transmute!(words));
                 }

@@ -3,7 +3,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use runtime::seqlock::{Found, Pair, Ring};
+use runtime::seqlock::{LookUp, Pair, Ring};
 
 /// Few under an interpreter of every access.
 const RECORDS: u64 = if cfg!(miri) { 200 } else { 200_000 };
@@ -45,12 +45,12 @@ fn records_of_a_ring_beside_its_writer_are_whole_or_gone() {
         let mut next = 0;
         while next < RECORDS {
             match ring.found(next) {
-                Found::Nothing => std::hint::spin_loop(),
-                Found::Overwritten(oldest) => {
+                LookUp::Nothing => std::hint::spin_loop(),
+                LookUp::Overwritten(oldest) => {
                     assert!(oldest > next);
                     next = oldest;
                 }
-                Found::Record(words) => {
+                LookUp::Record(words) => {
                     assert_eq!(words, [next, !next, next, next]);
                     next += 1;
                 }

@@ -26,7 +26,7 @@ pub struct Recovery {
     /// The damaged places, in their order.
     pub gaps: Vec<Gap>,
     /// First and last sample, if there are any.
-    pub span: Option<[Moment; 2]>,
+    pub span: Option<[SampleTime; 2]>,
     /// Last tick that the scenario plans; none in a log of the machine.
     pub planned_last_tick: Option<u64>,
     /// `true` if the manifest was damaged, so that the scenario was given again.
@@ -37,7 +37,7 @@ pub struct Recovery {
 
 /// Time at which a sample was published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Moment {
+pub struct SampleTime {
     /// Its tick; none in a log of the machine.
     pub tick: Option<u64>,
     /// Its time, ns.
@@ -54,9 +54,9 @@ pub struct Gap {
     /// Samples of the recovered log that come before it.
     pub samples_before: u64,
     /// The last of these.
-    pub after: Option<Moment>,
+    pub after: Option<SampleTime>,
     /// The first sample behind it; none if nothing follows.
-    pub before: Option<Moment>,
+    pub before: Option<SampleTime>,
     /// Samples that are missing here, by topic, as the numbers of those around them tell.
     pub lost: BTreeMap<String, u64>,
 }
@@ -106,7 +106,7 @@ impl Recovery {
     /// Returns whether samples of these ticks are missing between others, or may be.
     #[must_use]
     pub fn lacks_samples_in(&self, ticks: &RangeInclusive<u64>) -> bool {
-        let tick_of = |moment: Option<Moment>| moment.and_then(|moment| moment.tick);
+        let tick_of = |moment: Option<SampleTime>| moment.and_then(|moment| moment.tick);
         let lacks = |gap: &Gap| {
             let after = tick_of(gap.after).unwrap_or_default();
             let before = tick_of(gap.before).unwrap_or(u64::MAX);
@@ -244,7 +244,7 @@ impl fmt::Display for Gap {
     }
 }
 
-impl fmt::Display for Moment {
+impl fmt::Display for SampleTime {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let seconds = self.time_ns as f64 * 1e-9;
         match self.tick {

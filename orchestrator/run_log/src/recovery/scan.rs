@@ -158,17 +158,17 @@ impl Scan {
                 return self.damage().map(Some);
             };
             match found {
-                Found::Chunk(chunk) => {
+                WholeRecord::Chunk(chunk) => {
                     self.at += bytes;
                     return Ok(Some(Piece::Chunk(chunk)));
                 }
-                Found::Metadata(metadata) => {
+                WholeRecord::Metadata(metadata) => {
                     self.at += bytes;
                     return Ok(Some(Piece::Metadata(metadata)));
                 }
-                Found::Index => self.at += bytes,
+                WholeRecord::Index => self.at += bytes,
                 // The summary would follow; it is rebuilt.
-                Found::DataEnd => match self.resynchronise(self.at + bytes)? {
+                WholeRecord::DataEnd => match self.resynchronise(self.at + bytes)? {
                     Some(_) => return self.damage().map(Some),
                     None => {
                         self.end = self.at;
@@ -236,7 +236,7 @@ impl Scan {
                 let at = begin + offset as u64;
                 if matches!(
                     self.record_at(at)?,
-                    Some((Found::Chunk(_) | Found::Metadata(_), _))
+                    Some((WholeRecord::Chunk(_) | WholeRecord::Metadata(_), _))
                 ) {
                     return Ok(Some(at));
                 }
@@ -247,7 +247,7 @@ impl Scan {
     }
 
     /// The record at a place and its length, if it holds.
-    fn record_at(&self, at: u64) -> io::Result<Option<(Found, u64)>> {
+    fn record_at(&self, at: u64) -> io::Result<Option<(WholeRecord, u64)>> {
         let Some((opcode, length)) = self.frame_at(at)? else {
             return Ok(None);
         };
@@ -257,13 +257,13 @@ impl Scan {
         }
         let body = || self.read(at + FRAME_BYTES as u64, length as usize);
         let found = match opcode {
-            op::CHUNK if self.may_be_chunk(at, length)? => Chunk::verified(&body()?).map(Found::Chunk),
-            op::METADATA => metadata(&body()?).map(Found::Metadata),
-            op::MESSAGE_INDEX => is_message_index(&body()?).then_some(Found::Index),
+            op::CHUNK if self.may_be_chunk(at, length)? => Chunk::verified(&body()?).map(WholeRecord::Chunk),
+            op::METADATA => metadata(&body()?).map(WholeRecord::Metadata),
+            op::MESSAGE_INDEX => is_message_index(&body()?).then_some(WholeRecord::Index),
             op::HEADER if at == mcap::MAGIC.len() as u64 => skip_texts(&body()?, 2)
                 .is_some_and(<[u8]>::is_empty)
-                .then_some(Found::Index),
-            op::DATA_END if length == DATA_END_BYTES => Some(Found::DataEnd),
+                .then_some(WholeRecord::Index),
+            op::DATA_END if length == DATA_END_BYTES => Some(WholeRecord::DataEnd),
             _ => None,
         };
         Ok(found.map(|found| (found, bytes)))
@@ -359,7 +359,7 @@ impl Scan {
 }
 
 /// A record that holds.
-enum Found {
+enum WholeRecord {
     Chunk(Chunk),
     Metadata(Metadata),
     /// Records that a writer rebuilds.

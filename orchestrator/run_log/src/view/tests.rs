@@ -16,7 +16,7 @@ use crate::{LogReadError, LogReader};
 const SECONDS: f64 = 2.0;
 
 /// A message of the copy, with the name of its schema.
-struct Found {
+struct ViewContent {
     topic: String,
     schema: String,
     time_ns: u64,
@@ -24,11 +24,11 @@ struct Found {
     data: Vec<u8>,
 }
 
-fn messages_of(path: &Path) -> Vec<Found> {
+fn messages_of(path: &Path) -> Vec<ViewContent> {
     let file = fs::read(path).unwrap();
     let messages = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
     messages
-        .map(|message| Found {
+        .map(|message| ViewContent {
             topic: message.channel.topic.clone(),
             schema: message.channel.schema.as_ref().unwrap().name.clone(),
             time_ns: message.log_time,

@@ -50,7 +50,7 @@ struct Client {
 
 /// The request of a client.
 #[derive(PartialEq)]
-enum Heard {
+enum ClientRequest {
     Nothing,
     Question,
     /// It is gone, or does not take its answers.
@@ -116,7 +116,7 @@ impl ControlServer {
             if is_silent {
                 client.dismiss("nothing was asked for too long");
             }
-            heard != Heard::End && !is_silent
+            heard != ClientRequest::End && !is_silent
         });
         self.clients.sort_by_key(|client| client.heard);
     }
@@ -127,7 +127,7 @@ impl ControlServer {
         let silent = self
             .clients
             .iter_mut()
-            .position(|client| client.hear(now, question, answer) != Heard::Question);
+            .position(|client| client.hear(now, question, answer) != ClientRequest::Question);
         self.clients
             .remove(silent.unwrap_or(0))
             .dismiss("other clients needed its place");
@@ -141,16 +141,16 @@ impl Client {
         now: Instant,
         buffer: &mut [u8],
         answer: &mut impl FnMut(Question) -> Answer,
-    ) -> Heard {
+    ) -> ClientRequest {
         if self.is_served {
-            return Heard::Nothing;
+            return ClientRequest::Nothing;
         }
         // TRUNC: the length that the message has, even if that is more than there is room for.
         let flags = RecvFlags::DONTWAIT | RecvFlags::TRUNC;
         let received = rustix::io::retry_on_intr(|| rustix::net::recv(&self.channel, &mut *buffer, flags));
         let question = match received {
-            Err(rustix::io::Errno::AGAIN) => return Heard::Nothing,
-            Ok((_, 0)) | Err(_) => return Heard::End,
+            Err(rustix::io::Errno::AGAIN) => return ClientRequest::Nothing,
+            Ok((_, 0)) | Err(_) => return ClientRequest::End,
             Ok((_, length)) => buffer.get(..length),
         };
         let answer = match question.map(serde_json::from_slice) {
@@ -161,8 +161,8 @@ impl Client {
         (self.heard, self.is_served) = (now, true);
         // A client that does not take its answer at once has no use for it.
         match self.channel.try_send(&answer) {
-            Ok(true) => Heard::Question,
-            _ => Heard::End,
+            Ok(true) => ClientRequest::Question,
+            _ => ClientRequest::End,
         }
     }
 

@@ -1,4 +1,4 @@
-//! What every baseline has: it learns once a hold from [`Seen`], and compensates a disturbance by its estimate.
+//! What every baseline has: it learns once a hold from [`Motion`], and compensates a disturbance by its estimate.
 //!
 //! Its memory is a fixed record, so that a restarted controller goes on from the checkpoint and a replay repeats every
 //! step.
@@ -21,7 +21,7 @@ pub fn error_slope(stated: &scenario::Baseline) -> f64 {
 
 /// Motion at the beginning of a hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct Motion {
     /// Errors against the reference.
     pub tracking: Tracking,
     /// V in {I}, m/s.
@@ -39,7 +39,7 @@ pub struct Seen {
 /// Part of a law that learns.
 pub trait Baseline {
     /// Learns over the coming hold of `h` seconds.
-    fn learn(&mut self, seen: &Seen, h: f64);
+    fn learn(&mut self, seen: &Motion, h: f64);
 
     /// Prepares for a hold without learning: the vehicle or the link cannot follow, or no measurement arrived.
     fn rest(&mut self) {}

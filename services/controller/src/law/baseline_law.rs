@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use scenario::{GRAVITY, LawKind, Scenario};
 
-use super::baseline::{Baseline, Seen};
+use super::baseline::{Baseline, Motion};
 use super::geometric_pid::GeometricPid;
 use super::indi::Indi;
 use super::l1::L1;
@@ -63,10 +63,10 @@ impl BaselineLaw {
 
     /// Returns the motion that a state shows.
     #[must_use]
-    pub fn seen(&self, measured: &Measured, acting: &Acting, reference: &Reference) -> Seen {
+    pub fn seen(&self, measured: &Measured, acting: &Acting, reference: &Reference) -> Motion {
         let axis = measured.world_from_body.column(2);
         let modelled = Vector3::z() * GRAVITY - axis * (acting.thrust / self.prior_mass);
-        Seen {
+        Motion {
             tracking: self.nominal.tracking(measured, reference),
             velocity_world: measured.world_from_body * measured.velocity_body,
             modelled_acceleration: modelled,

@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, Memory, Seen, error_slope, memory_of, vector_of};
+use super::baseline::{Baseline, Memory, Motion, error_slope, memory_of, vector_of};
 
 /// Integral of the errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +31,7 @@ impl GeometricPid {
 }
 
 impl Baseline for GeometricPid {
-    fn learn(&mut self, seen: &Seen, h: f64) {
+    fn learn(&mut self, seen: &Motion, h: f64) {
         let tracking = &seen.tracking;
         if tracking.is_limited {
             return;

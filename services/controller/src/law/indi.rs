@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use super::baseline::{Baseline, Memory, Seen, memory_of, vector_of};
+use super::baseline::{Baseline, Memory, Motion, memory_of, vector_of};
 
 /// The last residual.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -16,7 +16,7 @@ pub struct Indi {
 }
 
 impl Baseline for Indi {
-    fn learn(&mut self, seen: &Seen, _h: f64) {
+    fn learn(&mut self, seen: &Motion, _h: f64) {
         self.residual = seen.residual;
     }
 

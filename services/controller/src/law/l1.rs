@@ -13,7 +13,7 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, MEMORY, Memory, Seen};
+use super::baseline::{Baseline, MEMORY, Memory, Motion};
 
 /// Predictor, adaptation law and filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,7 +47,7 @@ impl L1 {
 }
 
 impl Baseline for L1 {
-    fn learn(&mut self, seen: &Seen, h: f64) {
+    fn learn(&mut self, seen: &Motion, h: f64) {
         if self.has_velocity {
             let error = self.velocity - seen.velocity_world;
             let fading = libm::exp(-self.leak * h);

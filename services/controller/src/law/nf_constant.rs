@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, Memory, Seen, error_slope, memory_of, vector_of};
+use super::baseline::{Baseline, Memory, Motion, error_slope, memory_of, vector_of};
 
 /// Estimate of the disturbance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,7 @@ impl NfConstant {
 }
 
 impl Baseline for NfConstant {
-    fn learn(&mut self, seen: &Seen, h: f64) {
+    fn learn(&mut self, seen: &Motion, h: f64) {
         let tracking = &seen.tracking;
         let share = 1.0 - libm::exp(-self.prediction_gain * h);
         let mut estimate = self.estimate + (seen.residual - self.estimate) * share;

@@ -8,7 +8,7 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, MEMORY, Memory, Seen};
+use super::baseline::{Baseline, MEMORY, Memory, Motion};
 use super::nominal::Nominal;
 
 /// P of the position, 1/s.
@@ -66,7 +66,7 @@ impl Px4 {
 }
 
 impl Baseline for Px4 {
-    fn learn(&mut self, seen: &Seen, h: f64) {
+    fn learn(&mut self, seen: &Motion, h: f64) {
         let tracking = &seen.tracking;
         if !tracking.is_limited {
             // The error of the velocity against v_sp.

@@ -29,7 +29,7 @@ fn phased(path: Path) -> Scenario {
 }
 
 /// Path generator with a vehicle that follows its reference exactly, except on the ground.
-struct Flown {
+struct FlownPath {
     scenario: Scenario,
     generator: PathGeneratorService,
     tick: u64,
@@ -53,7 +53,7 @@ fn idle_frame() -> RcFrame {
     }
 }
 
-impl Flown {
+impl FlownPath {
     fn new(path: Path) -> Self {
         let scenario = phased(path);
         Self {
@@ -158,7 +158,7 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// Flies a whole flight and asserts that each reference continues the motion of the one before.
-fn assert_smooth_flight(mut flown: Flown) -> Vec<u8> {
+fn assert_smooth_flight(mut flown: FlownPath) -> Vec<u8> {
     flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
     let mut before = flown.reference;
     let land_at = flown.tick + 16_000;
@@ -200,17 +200,17 @@ fn a_flight_passes_through_all_phases_and_its_references_have_no_jump_up_to_the_
         PathReference::PHASE_LAND,
         PathReference::PHASE_DISARMED,
     ];
-    assert_eq!(assert_smooth_flight(Flown::eight()), all);
+    assert_eq!(assert_smooth_flight(FlownPath::eight()), all);
     let tracking = Path {
         mode: PathMode::TrajectoryTracking,
         ..paper_path()
     };
-    assert_eq!(assert_smooth_flight(Flown::new(tracking)), all);
+    assert_eq!(assert_smooth_flight(FlownPath::new(tracking)), all);
 }
 
 #[test]
 fn gamma_stands_still_until_the_vehicle_is_at_the_path_and_after_it_has_left_it() {
-    let mut flown = Flown::new(Path {
+    let mut flown = FlownPath::new(Path {
         initial_gamma: 0.7,
         initial_gamma_dot: 0.5,
         curve: Curve::TiltedEight(TiltedEight::default()),
@@ -230,8 +230,8 @@ fn gamma_stands_still_until_the_vehicle_is_at_the_path_and_after_it_has_left_it(
 
 #[test]
 fn the_vehicle_counts_as_airborne_from_lift_off_to_touch_down_only() {
-    let mut flown = Flown::eight();
-    let lifted = |flown: &Flown| flown.vehicle.position_world[2] < PLACE[2] - LIFTED;
+    let mut flown = FlownPath::eight();
+    let lifted = |flown: &FlownPath| flown.vehicle.position_world[2] < PLACE[2] - LIFTED;
     while flown.reference.phase != PathReference::PHASE_FLY {
         let was_lifted = lifted(&flown);
         assert_eq!(
@@ -254,7 +254,7 @@ fn the_vehicle_counts_as_airborne_from_lift_off_to_touch_down_only() {
 
 #[test]
 fn nothing_arms_while_anything_is_not_ready() {
-    type Spoil = fn(&mut Flown);
+    type Spoil = fn(&mut FlownPath);
     let spoilers: [(&str, Spoil); 8] = [
         ("not tracked", |flown| flown.vehicle.tracked = false.into()),
         ("coasting", |flown| flown.vehicle.coasting = true.into()),
@@ -270,12 +270,12 @@ fn nothing_arms_while_anything_is_not_ready() {
         ("frames hold no numbers", |flown| flown.frame.thrust = f64::NAN),
     ];
     for (words, spoil) in spoilers {
-        let mut flown = Flown::eight();
+        let mut flown = FlownPath::eight();
         for _ in 0..3000 {
             spoil(&mut flown);
             assert_eq!(flown.step(ARMED).phase, PathReference::PHASE_DISARMED, "{words}");
         }
-        let mut flown = Flown::eight();
+        let mut flown = FlownPath::eight();
         flown.until(ARMED, PathReference::PHASE_ARMED);
         // An unreadable frame counts as none: the last good one is recent for a tenth of a second.
         for _ in 0..200 {
@@ -296,7 +296,7 @@ fn nothing_arms_while_anything_is_not_ready() {
             ..ARMED
         },
     ] {
-        let mut flown = Flown::eight();
+        let mut flown = FlownPath::eight();
         flown.for_seconds(operator, 2.0);
         assert_eq!(flown.phases, [PathReference::PHASE_DISARMED], "{operator:?}");
     }
@@ -324,7 +324,7 @@ fn without_frames_or_with_old_ones_nothing_arms() {
 
 #[test]
 fn a_take_off_that_does_not_lift_off_is_given_up_and_needs_a_new_arming() {
-    let mut flown = Flown::eight();
+    let mut flown = FlownPath::eight();
     flown.lifts = false;
     flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
     let from = flown.tick;
@@ -344,7 +344,7 @@ fn a_landing_begins_anywhere_without_a_jump_and_on_the_ground_it_disarms() {
         (2.2, PathReference::PHASE_LAND),
         (6.5, PathReference::PHASE_LAND),
     ] {
-        let mut flown = Flown::eight();
+        let mut flown = FlownPath::eight();
         flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
         flown.for_seconds(ARMED, after);
         assert_eq!(flown.reference.phase, PathReference::PHASE_TAKE_OFF);
@@ -360,7 +360,7 @@ fn a_landing_begins_anywhere_without_a_jump_and_on_the_ground_it_disarms() {
 
 #[test]
 fn the_transmitters_demand_lands_and_its_kill_disarms() {
-    let mut flown = Flown::eight();
+    let mut flown = FlownPath::eight();
     flown.until(ARMED, PathReference::PHASE_FLY);
     flown.frame.action = RcFrame::ACTION_LAND;
     assert_eq!(flown.step(ARMED).phase, PathReference::PHASE_LAND);
@@ -370,7 +370,7 @@ fn the_transmitters_demand_lands_and_its_kill_disarms() {
     flown.for_seconds(ARMED, 3.0);
     assert_eq!(flown.reference.phase, PathReference::PHASE_DISARMED);
 
-    let mut killed = Flown::eight();
+    let mut killed = FlownPath::eight();
     killed.until(ARMED, PathReference::PHASE_FLY);
     killed.frame.action = RcFrame::ACTION_KILL;
     assert_eq!(killed.step(ARMED).phase, PathReference::PHASE_DISARMED);
@@ -390,7 +390,7 @@ fn a_kill_or_a_disarming_disarms_from_every_phase() {
                 ..ARMED
             },
         ] {
-            let mut flown = Flown::eight();
+            let mut flown = FlownPath::eight();
             flown.until(ARMED, phase);
             assert_eq!(flown.step(operator).phase, PathReference::PHASE_DISARMED);
         }
@@ -399,7 +399,7 @@ fn a_kill_or_a_disarming_disarms_from_every_phase() {
 
 #[test]
 fn while_the_vehicle_is_unknown_everything_stands_still_without_a_touch_down() {
-    let mut flown = Flown::eight();
+    let mut flown = FlownPath::eight();
     flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
     flown.for_seconds(ARMED, 2.0);
     flown.vehicle.tracked = false.into();
@@ -418,7 +418,7 @@ fn while_the_vehicle_is_unknown_everything_stands_still_without_a_touch_down() {
 
 #[test]
 fn a_vehicle_that_a_gust_holds_up_has_not_touched_down_while_it_is_carried_by_its_thrust() {
-    let mut flown = Flown::eight();
+    let mut flown = FlownPath::eight();
     flown.until(ARMED, PathReference::PHASE_FLY);
     flown.until(TO_LAND, PathReference::PHASE_LAND);
     flown.for_seconds(TO_LAND, Flight::default().transition_time + 1.5);
@@ -433,7 +433,7 @@ fn a_vehicle_that_a_gust_holds_up_has_not_touched_down_while_it_is_carried_by_it
 
 #[test]
 fn a_step_in_any_phase_allocates_nothing() {
-    let mut flown = Flown::eight();
+    let mut flown = FlownPath::eight();
     let scenario = flown.scenario.clone();
     let mut generator = PathGeneratorService::new(&scenario).unwrap();
     let count = allocations_during(|| {
@@ -458,7 +458,7 @@ fn a_step_in_any_phase_allocates_nothing() {
 #[test]
 fn a_cold_start_in_the_air_leads_the_vehicle_from_its_place_to_the_path() {
     for land in [false, true] {
-        let mut flown = Flown::eight();
+        let mut flown = FlownPath::eight();
         flown.until(ARMED, PathReference::PHASE_FLY);
         flown.for_seconds(ARMED, 4.0);
         let place = flown.vehicle.position_world;

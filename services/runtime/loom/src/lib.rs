@@ -16,7 +16,7 @@ use loom::sync::Arc;
 use loom::sync::atomic::{AtomicU32, Ordering, fence};
 use loom::thread;
 
-use crate::seqlock::{Found, Pair, Ring};
+use crate::seqlock::{LookUp, Pair, Ring};
 
 const WORDS: usize = 2;
 const DEPTH: usize = 2;
@@ -61,13 +61,13 @@ fn a_reader_beside_the_writer_of_a_ring_sees_whole_records_or_that_they_are_gone
         };
         for number in 0..2 {
             match ring.found(number) {
-                Found::Record(words) => assert_eq!(words, [number, !number]),
-                Found::Overwritten(oldest) => assert!(oldest > number),
-                Found::Nothing => assert!(number > 0),
+                LookUp::Record(words) => assert_eq!(words, [number, !number]),
+                LookUp::Overwritten(oldest) => assert!(oldest > number),
+                LookUp::Nothing => assert!(number > 0),
             }
         }
         writer.join().unwrap();
-        assert_eq!(ring.found(3), Found::Record([3, !3]));
+        assert_eq!(ring.found(3), LookUp::Record([3, !3]));
     });
 }
 

@@ -144,7 +144,7 @@ pub struct Rig {
 }
 
 /// Events of a tick.
-pub struct Moment {
+pub struct RigTick {
     /// The frame that the filter received.
     pub heard: Option<RcFrame>,
     /// The capture that arrived.
@@ -228,7 +228,7 @@ impl Rig {
 
     /// Makes one tick: captures and frames arrive, the estimate is made if due, `pilot` sends a frame for it (s at
     /// which it acts, estimate), and the rig moves on.
-    pub fn step(&mut self, pilot: impl FnOnce(f64, Option<&Estimate>) -> Asked) -> Moment {
+    pub fn step(&mut self, pilot: impl FnOnce(f64, Option<&Estimate>) -> Asked) -> RigTick {
         let now_ns = self.now_ns();
         if self.tick.is_multiple_of(CAPTURE_PERIOD) {
             let capture = self.capture();
@@ -254,7 +254,7 @@ impl Rig {
             self.commands.push_back((acts_at, asked));
         }
         self.advance();
-        Moment {
+        RigTick {
             heard,
             seen,
             outcome,
@@ -263,7 +263,7 @@ impl Rig {
     }
 
     /// As [`Self::step`], with cameras whose stamps are wrong.
-    pub fn step_with_wrong_stamps(&mut self, pilot: impl FnOnce(f64, Option<&Estimate>) -> Asked) -> Moment {
+    pub fn step_with_wrong_stamps(&mut self, pilot: impl FnOnce(f64, Option<&Estimate>) -> Asked) -> RigTick {
         self.stamps_are_wrong = true;
         self.step(pilot)
     }
