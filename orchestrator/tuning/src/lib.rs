@@ -169,6 +169,9 @@ fn prediction_step(scenario: &Scenario) -> Option<Finding> {
     })
 }
 
+/// Least damping of what is learned: at 0.24 the vehicle flies in a limit cycle (docs/tuning.md).
+const LEARNING_DAMPING: f64 = 0.35;
+
 /// Damping of what is learned; where the law commands torque at the base tick nothing between it and the vehicle is
 /// late, and it bears less.
 fn disturbance_learning(scenario: &Scenario) -> Option<Finding> {
@@ -176,15 +179,16 @@ fn disturbance_learning(scenario: &Scenario) -> Option<Finding> {
     law.rates.as_ref()?;
     let velocity_rate = law.k2 * law.sigma_max;
     let [disturbance, mass] = learning_gains(scenario);
-    // Where the damping is 0.71.
+    // Where the damping is 0.71, and where it is at its limit.
     let good = velocity_rate * velocity_rate / 2.0;
+    let bearable = (velocity_rate / (2.0 * LEARNING_DAMPING)).powi(2);
     let (key, fix) = if disturbance > good || mass == 0.0 {
         let fix = format!("set its elements to at most {}", digits(good));
         ("lambda_disturbance", fix)
     } else {
         let fix = format!(
             "set it to {}",
-            digits(law.lambda_mass * (good - disturbance) / mass)
+            digits(law.lambda_mass * 0.98 * (bearable - disturbance) / mass)
         );
         ("lambda_mass", fix)
     };
@@ -192,7 +196,7 @@ fn disturbance_learning(scenario: &Scenario) -> Option<Finding> {
         rule: Rule::LearningDamping,
         key: controller(key),
         value: velocity_rate / (2.0 * (disturbance + mass).sqrt()),
-        limit: 0.35,
+        limit: LEARNING_DAMPING,
         fix,
     })
 }

@@ -41,7 +41,7 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
     (
         "fig3_6",
         &rig::ALL_OF_THE_RIG,
-        "6c23db904540ea3d8fc756d8ec0f6a263fb3961330796c52a959f024670ccda5",
+        "affd01f0954852ed5a689d18746368278b9673d956bc183588c1cc41f876d297",
     ),
 ];
 

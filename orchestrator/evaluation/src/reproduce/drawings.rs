@@ -81,14 +81,14 @@ pub const DRAWINGS: [Drawing; 12] = [
     Drawing {
         figure: Figure::Fig3To6,
         file: "fig5.svg",
-        title: "Fig. 5: m̂ and m̃",
-        flights: &["fig3_6"],
+        title: "Fig. 5: m̂ and m̃, Λb = 1",
+        flights: &["fig3_6, Λb = 1"],
         panels: |flights| {
             let mass = [
-                ("m̂", "fig3_6", Channel::MassEstimate),
-                ("m", "fig3_6", Channel::Mass),
+                ("m̂", "fig3_6, Λb = 1", Channel::MassEstimate),
+                ("m", "fig3_6, Λb = 1", Channel::Mass),
             ];
-            let mass_error = [("|m̃|", "fig3_6", Channel::MassError)];
+            let mass_error = [("|m̃|", "fig3_6, Λb = 1", Channel::MassError)];
             vec![
                 over_time(flights, "mass, kg", &mass, &[(30.0, "ts")]),
                 over_time(flights, "|m̃|, kg", &mass_error, &[(30.0, "ts")]),

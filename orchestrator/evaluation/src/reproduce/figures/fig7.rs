@@ -65,7 +65,7 @@ pub(super) fn experiment() -> Experiment {
                 quantity: "its distance from the true mean",
                 paper: "",
                 unit: Unit::Percent,
-                bar: AcceptanceLimit::Shown,
+                bar: AcceptanceLimit::AtMost(5.0),
                 value: |flown| {
                     let measured = flown.of(OURS)?;
                     Ok((estimated_push(measured) / measured.disturbance[1].mean() - 1.0).abs())
