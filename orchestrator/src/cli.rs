@@ -179,6 +179,8 @@ pub enum Command {
     Clean,
     /// Print the JSON Schema of scenario files, for editors.
     Schema,
+    /// Print gerono.h, with which libraries in C and C++ fly in place of services.
+    Header,
     /// Print the completion script of a shell, for example for `source <(gerono completions bash)` in ~/.bashrc.
     ///
     /// It completes commands and options, scenario files, the keys of `--set`, topics and services.

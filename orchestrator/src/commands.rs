@@ -52,9 +52,13 @@ fn run_log(
 }
 
 /// Begins the record of the machine's side of a run.
-fn host_record(folder: &RunFolder, recording: RecordingArguments) -> Result<HostRecord, LogError> {
+fn host_record(
+    folder: &RunFolder,
+    scenario: &Scenario,
+    recording: RecordingArguments,
+) -> Result<HostRecord, LogError> {
     let log = HostLogWriter::create(&folder.host_log(), recording.compression)?;
-    Ok(HostRecord::new(log.durable(recording.forcing_period())?))
+    Ok(HostRecord::new(log.durable(recording.forcing_period())?, scenario))
 }
 
 /// Returns when everybody steps in a flight of `scenario`.

@@ -45,6 +45,10 @@ fn main() -> ExitCode {
             generated::schema();
             Ok(Exit::Success)
         }
+        Command::Header => {
+            generated::header();
+            Ok(Exit::Success)
+        }
         Command::Completions { shell } => generated::completions(&shell).map(|()| Exit::Success),
         Command::Man(arguments) => generated::man(&arguments).map(|()| Exit::Success),
         Command::Service { name, .. } => service::service(&name).map(|()| Exit::Success),

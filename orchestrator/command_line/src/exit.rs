@@ -77,21 +77,29 @@ impl Exit {
     }
 }
 
+impl Exit {
+    /// Returns the code that the system is told.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Success => 0,
+            Self::Trouble => 1,
+            Self::BadInput => 2,
+            Self::FlightFailed => 3,
+            Self::NotWritten => 4,
+            Self::Regressed => 5,
+            Self::Unfit => 6,
+            Self::Refused => 7,
+            Self::Diverged => 8,
+            Self::Lost => 9,
+            // As shells report it.
+            Self::Signal(number) => u8::try_from(128 + number).unwrap_or(u8::MAX),
+        }
+    }
+}
+
 impl From<Exit> for ExitCode {
     fn from(exit: Exit) -> Self {
-        Self::from(match exit {
-            Exit::Success => 0,
-            Exit::Trouble => 1,
-            Exit::BadInput => 2,
-            Exit::FlightFailed => 3,
-            Exit::NotWritten => 4,
-            Exit::Regressed => 5,
-            Exit::Unfit => 6,
-            Exit::Refused => 7,
-            Exit::Diverged => 8,
-            Exit::Lost => 9,
-            // As shells report it.
-            Exit::Signal(number) => u8::try_from(128 + number).unwrap_or(u8::MAX),
-        })
+        Self::from(exit.code())
     }
 }

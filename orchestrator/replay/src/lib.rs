@@ -202,7 +202,13 @@ pub fn replay(
     let reader = LogReader::open(log)?;
     let recorded = reader.manifest().scenario.clone();
     let schedule = schedule_of(&recorded)?;
-    let scenario = options.changed.as_ref().unwrap_or(&recorded);
+    let mut scenario = options.changed.clone().unwrap_or_else(|| recorded.clone());
+    if let Some(plugins) = &mut scenario.plugins {
+        // A run keeps its plug-ins beside its log.
+        let log = std::path::absolute(log).unwrap_or_else(|_| log.to_owned());
+        plugins.anchor(log.parent().unwrap_or(Path::new("/")));
+    }
+    let scenario = &scenario;
     if schedule_of(scenario)? != schedule {
         return Err(ReplayError::OtherSchedule);
     }
@@ -244,7 +250,7 @@ pub fn replay(
             breaks_off: false,
         },
         replays,
-        recorded_steps: RecordedSteps::beside(log, scope.first)?,
+        recorded_steps: RecordedSteps::beside(log, scenario, scope.first)?,
         starts: Vec::new(),
         ends_before: 0,
         scope,

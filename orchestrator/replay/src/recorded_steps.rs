@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 use std::path::Path;
 
+use scenario::Scenario;
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::Operator;
@@ -39,8 +40,10 @@ pub(super) struct RecordedSteps {
     begins_by: u64,
 }
 
-#[derive(Default)]
 struct OfService {
+    /// Identifier of the layout of its state, and size of the state, if that is known.
+    layout: u64,
+    state_size: Option<usize>,
     waiting: VecDeque<RecordedStep>,
     checkpoints: RecordedCheckpoints,
     /// Tick of the last step that was read.
@@ -51,11 +54,18 @@ struct OfService {
 
 impl RecordedSteps {
     /// Reads the record beside the flight's log `log`.
-    pub(super) fn beside(log: &Path, begins_by: u64) -> Result<Self, ReplayError> {
+    pub(super) fn beside(log: &Path, scenario: &Scenario, begins_by: u64) -> Result<Self, ReplayError> {
         let source = host_log_beside(log).map(|path| HostReader::open(&path));
         let mut recorded_steps = Self {
             source: source.transpose()?,
-            services: Default::default(),
+            services: ServiceId::ALL.map(|service| OfService {
+                layout: registry::state_layout(service, scenario),
+                state_size: registry::state_size(service, scenario),
+                waiting: VecDeque::new(),
+                checkpoints: RecordedCheckpoints::default(),
+                read_to: None,
+                has_strange_checkpoints: false,
+            }),
             has_steps: false,
             begins_by,
         };
@@ -132,8 +142,9 @@ impl RecordedSteps {
     fn keep_checkpoint(&mut self, found: LoggedCheckpoint) {
         let service = found.service;
         let own = &mut self.services[service.index()];
-        let is_known = found.layout == registry::state_layout(service)
-            && found.checkpoint.state.len() == registry::state_size(service);
+        let size = found.checkpoint.state.len();
+        let is_known =
+            found.layout == own.layout && own.state_size.is_none_or(|expected| size == expected);
         if !is_known {
             own.has_strange_checkpoints = true;
             return;

@@ -27,6 +27,8 @@ pub enum ScenarioError {
         /// The findings; at least one.
         findings: Vec<Finding>,
     },
+    /// A plug-in cannot be read, or is another one than the scenario means.
+    Plugin(#[from] plugin::library_file::FileError),
 }
 
 /// One thing that is wrong with a scenario, and where. Displayed as its title; with `{:#}` as one line that
@@ -71,6 +73,7 @@ impl Display for ScenarioError {
                 }
                 Ok(())
             }
+            Self::Plugin(error) => error.fmt(formatter),
             Self::Refused { findings, .. } if formatter.alternate() => {
                 for (index, finding) in findings.iter().enumerate() {
                     let separator = if index == 0 { "" } else { "\n" };
@@ -104,6 +107,7 @@ impl Diagnostic for ScenarioError {
     fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
         match self {
             Self::Unreadable { fix, .. } => Some(Box::new(fix)),
+            Self::Plugin(_) => None,
             Self::Refused { .. } => self.only_finding()?.help(),
         }
     }

@@ -31,11 +31,16 @@ use sources::Sources;
 /// [`ScenarioError`] if the file cannot be read or if what it and the arguments say cannot be flown.
 pub fn load(path: &Path, sets: &[String], seed: Option<u64>) -> Result<Scenario, ScenarioError> {
     let mut scenario = load_text(path, &read::text(path)?, sets, seed)?;
+    // Without a working folder there is no file to be found in it either.
+    let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let folder = file.parent().unwrap_or(Path::new("/"));
     if let Some(programs) = &mut scenario.programs {
-        // Without a working folder there is no file to be found in it either.
-        let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        programs.anchor(file.parent().unwrap_or(Path::new("/")));
+        programs.anchor(folder);
     }
+    if let Some(plugins) = &mut scenario.plugins {
+        plugins.anchor(folder);
+    }
+    plugin::library_file::pin(&mut scenario)?;
     Ok(scenario)
 }
 

@@ -26,11 +26,12 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     let place = live::abandoned(arguments.run.run.as_deref()).map_err(Failure::trouble)?;
     // Before anything is taken over: without a place for the results the services go on alone.
     let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(Failure::not_written)?;
-    let mut record = host_record(&folder, arguments.recording).map_err(Failure::not_written)?;
     let _postmortem = Postmortem::prepare(Host::Realtime, folder.path(), ExternalServices::default())
         .map_err(Failure::trouble)?;
     let flight = TakeOver::prepare(&place).map_err(Failure::trouble)?;
     let scenario = flight.scenario().clone();
+    plugin::library_file::keep_in(&mut scenario.clone(), folder.path()).map_err(Failure::not_written)?;
+    let mut record = host_record(&folder, &scenario, arguments.recording).map_err(Failure::not_written)?;
     let manifest = Manifest::new(&scenario);
     let log = run_log(&folder, &manifest, arguments.recording)
         .map_err(Failure::not_written)?

@@ -101,14 +101,14 @@ fn warnings(scenario: &Scenario) -> String {
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
 }
 
-/// The programs that fly in place of services, a line each.
+/// The programs and plug-ins that fly in place of services, a line each.
 fn programs(scenario: &Scenario) -> String {
-    let programs = ServiceId::ALL
-        .into_iter()
-        .filter_map(|service| Some((service, scenario.program_of(service)?)));
-    programs
-        .map(|(service, words)| format!("in place of {service}: {}\n", words.join(" ")))
-        .collect()
+    let occupant = |service| match scenario.program_of(service) {
+        Some(words) => Some(words.join(" ")),
+        None => Some(scenario.plugins.as_ref()?.of(service)?.display().to_string()),
+    };
+    let occupied = |service| Some(format!("in place of {service}: {}\n", occupant(service)?));
+    ServiceId::ALL.into_iter().filter_map(occupied).collect()
 }
 
 fn services(scenario: &Scenario, schedule: &Schedule) -> Table {

@@ -10,6 +10,11 @@ pub fn schema() {
     print(scenario_file::json_schema());
 }
 
+/// `gerono header`.
+pub fn header() {
+    print(plugin::header::text());
+}
+
 /// `gerono completions`.
 ///
 /// # Errors

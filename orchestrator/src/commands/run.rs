@@ -12,6 +12,7 @@ use crate::cli::{DeploymentArguments, Host, Run};
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
+use plugin::library_file;
 use run_log::Manifest;
 use run_log::run_folder::RunFolder;
 use supervisor::deployment::{Deployment, Placement};
@@ -26,7 +27,7 @@ use supervisor::{Ending, FlightFailure, Outcome, in_process, lock_step, real_tim
 /// # Errors
 /// [`Failure`] if nothing was flown; a flight that ends badly is an [`Exit`].
 pub fn run(arguments: &Run) -> Result<Exit, Failure> {
-    let scenario = load(&arguments.scenario)?;
+    let mut scenario = load(&arguments.scenario)?;
     refuse_host(&scenario, arguments.host)?;
     if let Some(problem) = scenario.unasked()
         && arguments.host != Host::Realtime
@@ -55,6 +56,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
+    library_file::keep_in(&mut scenario, folder.path()).map_err(Failure::not_written)?;
     let manifest = Manifest::new(&scenario);
     let mut log = run_log(&folder, &manifest, arguments.recording).map_err(Failure::not_written)?;
     if arguments.host == Host::Realtime {
@@ -118,7 +120,7 @@ fn fly_processes(
     sink: &mut RecordingSink<'_>,
     people: &Clients<'_>,
 ) -> Result<Ending, FlightFailure> {
-    let mut record = host_record(folder, arguments.recording)?;
+    let mut record = host_record(folder, scenario, arguments.recording)?;
     let _postmortem = Postmortem::prepare(arguments.host, folder.path(), scenario.external_services())
         .map_err(FlightFailure::setup)?;
     let deployment = deployment(&arguments.deployment);

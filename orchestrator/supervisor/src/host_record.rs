@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use runtime::flight_clock::monotonic_ns;
 use runtime::step_log::StepRecord;
+use scenario::Scenario;
 use shared_types::ServiceId;
 use shared_types::schedule::Edge;
 
@@ -39,9 +40,9 @@ pub struct HostRecord {
 }
 
 impl HostRecord {
-    /// Begins a record in a log.
+    /// Begins a record of a flight of a scenario in a log.
     #[must_use]
-    pub fn new(log: HostLogWriter) -> Self {
+    pub fn new(log: HostLogWriter, scenario: &Scenario) -> Self {
         Self {
             log,
             started: Instant::now(),
@@ -50,7 +51,7 @@ impl HostRecord {
             failure: None,
             ends_written: 0,
             restarts_written: 0,
-            snapshots: Snapshots::new(),
+            snapshots: Snapshots::new(scenario),
         }
     }
 

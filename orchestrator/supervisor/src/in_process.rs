@@ -1,11 +1,16 @@
 //! Flies a scenario in this process.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Once;
 use std::time::Instant;
 
 use host::in_process::{FlightError, InProcess, TickSink};
+use runtime::watchdog::{self, Work};
 use scenario::Scenario;
+use shared_types::ServiceId;
 
 use super::{Ending, FlightFailure, Outcome};
+use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 
 /// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
@@ -25,16 +30,23 @@ where
     let schedule = super::schedule_of(scenario)?;
     let services = registry::build_all(scenario).map_err(FlightFailure::setup)?;
     let mut host = InProcess::new(schedule, services);
+    let watches = ServiceId::ALL.into_iter().any(|service| scenario.has_plugin(service));
     let mut sink = Interruptible {
         sink,
         interrupt,
         ticks: 0,
+        watches,
     };
     let started = Instant::now();
-    let result = host.fly(&mut sink);
+    let result = if watches {
+        fly_plugins(&mut host, &mut sink)
+    } else {
+        host.fly(&mut sink).map_err(Stop::Host)
+    };
     let outcome = match result {
-        Err(FlightError::NonFinite(found)) => Outcome::Failed(found.into()),
-        Err(FlightError::Sink(error)) => Outcome::Failed(error.into()),
+        Err(Stop::Failed(failure)) => Outcome::Failed(failure),
+        Err(Stop::Host(FlightError::NonFinite(found))) => Outcome::Failed(found.into()),
+        Err(Stop::Host(FlightError::Sink(error))) => Outcome::Failed(error.into()),
         Ok(()) => match interrupt.signal() {
             Some(signal) if sink.ticks <= host.schedule().last_tick() => Outcome::Interrupted { signal },
             _ => Outcome::Completed,
@@ -51,11 +63,45 @@ where
     })
 }
 
+/// Flies with code that is not Gerono's own: it may panic, which fails the flight, or never return from a step.
+fn fly_plugins<S: TickSink>(
+    host: &mut InProcess,
+    sink: &mut Interruptible<'_, S>,
+) -> Result<(), Stop<S::Error>> {
+    static WATCHED: Once = Once::new();
+    let mut watched = Ok(());
+    WATCHED.call_once(|| watched = watchdog::watch_orchestrator(|_| give_up()));
+    watched.map_err(|error| Stop::Failed(FlightFailure::setup(error)))?;
+    watchdog::work(Work::Step);
+    let flown = catch_unwind(AssertUnwindSafe(|| host.fly(sink)));
+    watchdog::rest();
+    let flown = flown.map_err(|panic| {
+        let words = panic.downcast::<String>();
+        let words = words.map_or_else(|_| "a service panicked".to_owned(), |words| *words);
+        Stop::Failed(FlightFailure::Plugin(words))
+    })?;
+    flown.map_err(Stop::Host)
+}
+
+/// Reason why a flight stopped before its end.
+enum Stop<E> {
+    Host(FlightError<E>),
+    Failed(FlightFailure),
+}
+
+/// Ends the process: the thread that flies is inside of the library, and no other way leads out of it.
+fn give_up() -> ! {
+    eprintln!("a step of a plug-in has not returned for 20 s; the log ends before it (`gerono recover`)");
+    std::process::exit(i32::from(Exit::FlightFailed.code()))
+}
+
 /// Ends the flight on request.
 struct Interruptible<'a, S> {
     sink: &'a mut S,
     interrupt: &'a Interrupt,
     ticks: u64,
+    /// `true` if the watchdog is to see that steps return.
+    watches: bool,
 }
 
 impl<S: TickSink> TickSink for Interruptible<'_, S> {
@@ -69,6 +115,9 @@ impl<S: TickSink> TickSink for Interruptible<'_, S> {
     #[inline]
     fn end_tick(&mut self, tick: u64) -> Result<std::ops::ControlFlow<()>, Self::Error> {
         self.ticks = tick + 1;
+        if self.watches {
+            watchdog::work(Work::Step);
+        }
         let flow = self.sink.end_tick(tick)?;
         Ok(if self.interrupt.signal().is_some() {
             std::ops::ControlFlow::Break(())

@@ -115,6 +115,9 @@ pub enum FlightFailure {
         /// Tick of the sample.
         tick: u64,
     },
+    /// A plug-in failed in its step.
+    #[error("{0}; the log ends with the last whole tick")]
+    Plugin(String),
     /// A service could not do its work and said so.
     #[error("the service `{service}` gave up: {reason}")]
     GaveUp {

@@ -15,6 +15,7 @@ use shared_types::{Service, ServiceId};
 use controller::ControllerService;
 use estimator::EstimatorService;
 use path_generator::PathGeneratorService;
+use plugin::library_file;
 use plant::PlantService;
 use rc_output::RcOutputService;
 
@@ -79,12 +80,15 @@ fn step_logic(role: ServiceId) -> StepLogic {
     }
 }
 
-/// Builds the step logic of a role, which does not know how the machine is used.
+/// Builds the step logic of a role, its own or a plug-in's, which does not know how the machine is used.
 ///
 /// # Errors
-/// If the scenario states something that the service cannot do.
+/// If the scenario states something that the service cannot do, or names a plug-in that cannot fly.
 pub fn build(role: ServiceId, scenario: &Scenario) -> Built {
-    (step_logic(role).build)(&scenario.experiment())
+    match library_file::find(scenario, role)? {
+        Some(library) => plugin::loader::load(role, &library, &scenario.experiment()),
+        None => (step_logic(role).build)(&scenario.experiment()),
+    }
 }
 
 /// Builds the step logic of all roles, for a flight in one process.
@@ -109,21 +113,22 @@ pub fn connect(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<
     }
 }
 
-/// Returns the identifier of the layout of a role's state: the beginning of its hash. A state of another build may only
-/// be restored if the identifiers are equal.
-///
-/// # Panics
-/// Never: a hash is a hexadecimal number of more digits.
+/// Returns the identifier of the layout of a role's state: the beginning of its hash, or of that of the plug-in's file.
+/// A state of another build may only be restored if the identifiers are equal.
 #[must_use]
-pub fn state_layout(role: ServiceId) -> u64 {
-    let hash = (step_logic(role).state_layout)();
-    u64::from_str_radix(&hash[..16], 16).expect("hexadecimal digits")
+pub fn state_layout(role: ServiceId, scenario: &Scenario) -> u64 {
+    let plugins = scenario.plugins.as_ref().filter(|_| scenario.has_plugin(role));
+    let hash = match plugins {
+        Some(plugins) => plugins.sha256.get(role.name()).cloned().unwrap_or_default(),
+        None => (step_logic(role).state_layout)(),
+    };
+    hash.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or_default()
 }
 
-/// Returns the size of a role's state, bytes.
+/// Returns the size of a role's state, bytes; `None` for a plug-in, which tells it once it is loaded.
 #[must_use]
-pub fn state_size(role: ServiceId) -> usize {
-    step_logic(role).state_size
+pub fn state_size(role: ServiceId, scenario: &Scenario) -> Option<usize> {
+    (!scenario.has_plugin(role)).then(|| step_logic(role).state_size)
 }
 
 #[cfg(test)]
@@ -134,7 +139,7 @@ mod tests {
 
     #[test]
     fn no_two_services_have_one_layout() {
-        let layouts: BTreeSet<_> = ServiceId::ALL.into_iter().map(state_layout).collect();
+        let layouts: BTreeSet<_> = ServiceId::ALL.map(|role| (step_logic(role).state_layout)()).into();
         assert_eq!(layouts.len(), ServiceId::ALL.len());
     }
 

@@ -15,6 +15,7 @@ mod law;
 mod machine;
 mod motion_capture;
 mod path;
+mod plugins;
 mod programs;
 mod radio;
 mod radio_link;
@@ -48,6 +49,7 @@ impl Scenario {
         self.check_envelope(&mut found);
         self.check_judge(&mut found);
         self.check_machine(&mut found);
+        self.check_plugins(&mut found);
         self.check_programs(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems

@@ -21,6 +21,7 @@ mod model;
 mod motion_capture;
 mod path;
 mod problem;
+mod plugins;
 mod programs;
 mod radio_link;
 mod rc_link;
@@ -51,6 +52,7 @@ pub use model::Model;
 pub use motion_capture::{CaptureSystem, FrameTransform, MotionCapture, PoseSource};
 pub use path::{Path, PathMode, YawStep};
 pub use problem::{Key, Problem, Unflyable};
+pub use plugins::Plugins;
 pub use programs::Programs;
 pub use radio_link::{
     ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProtocol, Transmitter,
@@ -124,6 +126,9 @@ pub struct Scenario {
     /// Policies of services for samples that are too old or impossible, by input: `"topic -> service"`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub safety: BTreeMap<String, InputSafety>,
+    /// Plug-ins: shared libraries whose step logic flies in place of a service's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plugins: Option<Plugins>,
     /// External services: programs that fly in place of services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub programs: Option<Programs>,
@@ -161,6 +166,7 @@ impl Scenario {
             judge: None,
             fault: Vec::new(),
             safety: BTreeMap::new(),
+            plugins: None,
             programs: None,
             deployment: None,
             real_time: None,

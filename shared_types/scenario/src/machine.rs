@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::kind::MOTION_CAPTURE;
-use super::{Controller, Programs, RadioProtocol, RcLink, Scenario};
+use super::{Controller, Plugins, Programs, RadioProtocol, RcLink, Scenario};
 use shared_types::wiring::ServiceId;
 
 macro_rules! deployment {
@@ -164,6 +164,7 @@ impl Scenario {
                 lambda_inertia: Some(self.lambda_inertia()),
                 ..self.controller.clone()
             },
+            plugins: self.plugins.as_ref().map(Plugins::without_folder),
             programs: self.programs.as_ref().map(Programs::without_folder),
             rc_output: self.rc_output.as_ref().map(|link| RcLink {
                 link: RadioProtocol::Simulated,

@@ -2,6 +2,7 @@
 //! is a second by the clock or much less.
 
 use runtime::checkpoints::Checkpoints;
+use scenario::Scenario;
 use shared_types::{Schedule, ServiceId};
 
 use run_log::LoggedCheckpoint;
@@ -27,11 +28,11 @@ struct Taken {
 
 impl Snapshots {
     /// None so far.
-    pub(super) fn new() -> Self {
+    pub(super) fn new(scenario: &Scenario) -> Self {
         Self {
             services: ServiceId::ALL.map(|service| Taken {
                 service,
-                layout: registry::state_layout(service),
+                layout: registry::state_layout(service, scenario),
                 next_at: 0,
                 last: 0,
             }),
@@ -68,16 +69,22 @@ mod tests {
 
     const SERVICE: ServiceId = ServiceId::Controller;
 
+    fn scenario() -> Scenario {
+        let vehicle = scenario::Vehicle::new(0.2, [6.5e-4, 6.5e-4, 13.0e-4]);
+        let position = scenario::Hover { position: [0.0; 3] };
+        Scenario::new(1.0, vehicle, scenario::Path::new(scenario::Curve::Hover(position)))
+    }
+
     #[test]
     fn a_checkpoint_is_taken_once_a_second_of_the_flight_and_only_if_it_is_a_new_one() {
         let schedule = Schedule::ideal(1_000_000, 10_000);
         let checkpoints = Checkpoints::create().unwrap();
-        let mut snapshots = Snapshots::new();
+        let mut snapshots = Snapshots::new(&scenario());
         let mut taken = Vec::new();
         for tick in 0..5500 {
             for found in snapshots.take(&checkpoints, &schedule, tick) {
                 assert_eq!(found.service, SERVICE);
-                assert_eq!(found.layout, registry::state_layout(SERVICE));
+                assert_eq!(found.layout, registry::state_layout(SERVICE, &scenario()));
                 taken.push((tick, found.checkpoint.next_tick));
             }
             // It is late, and away for a while.

@@ -3,7 +3,7 @@
 use super::{Findings, six_digits};
 use crate::{GRAVITY, Key, RateCommand, RcLink, Scenario, Vector};
 use shared_types::service::seconds;
-use shared_types::wiring::Topic;
+use shared_types::wiring::{ServiceId, Topic};
 
 /// Most steps of the law over the hold of a command: they all happen in one step of the controller.
 const MOST_STEPS: f64 = 1000.0;
@@ -29,6 +29,9 @@ impl Scenario {
                 "the controller commands body rates, but the vehicle has no rate loop that follows them",
                 "add `[vehicle.actuators]`, which may be empty, or leave `controller.rates` out",
             );
+        }
+        if self.is_foreign(ServiceId::Controller) {
+            return;
         }
         if self.model.is_none() {
             found.add(

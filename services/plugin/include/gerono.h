@@ -1,0 +1,337 @@
+/* gerono.h: a service of Gerono from a shared library, in C or C++. Made by `gerono header`.
+ *
+ * The library exports gerono_plugin_v1. A service has no clock, does no input or output, and does not allocate in a
+ * step; its state is all on which the next step depends besides its inputs. SI units and radians. The frame {I} has its
+ * third axis down, and {B} its third axis opposite to the thrust. docs/plugins.md explains the rest, and docs/topics.md
+ * the members of the samples.
+ */
+#ifndef GERONO_H
+#define GERONO_H
+
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#ifdef __cplusplus
+#define GERONO_ASSERT(condition, text) static_assert(condition, text)
+extern "C" {
+#else
+#define GERONO_ASSERT(condition, text) _Static_assert(condition, text)
+#endif
+
+#define GERONO_ABI 1
+#define GERONO_MAX_TELEMETRY 32
+
+/* Time of a step, with the operator's requests. */
+typedef struct {
+    uint64_t tick;       /* base tick since the start of the flight */
+    uint64_t time_ns;    /* time of the tick since the start of the flight, ns */
+    uint64_t elapsed_ns; /* time since this service's previous step, ns; 0 at its first */
+    uint8_t armed;       /* not 0 if the motors may turn */
+    uint8_t land;        /* not 0 if the vehicle must land */
+    uint8_t killed;      /* not 0 if the motors stop for ever */
+    uint8_t pad[5];
+} gerono_now;
+
+/* The newest sample of an input. */
+typedef struct {
+    const void *sample; /* NULL before the first */
+    uint64_t fresh;     /* not 0 if it was delivered since this service's previous step */
+} gerono_input;
+
+/* The place for a sample of an output. */
+typedef struct {
+    void *sample; /* zero but for its header; NULL if no sample is due */
+} gerono_output;
+
+/* A number of the scenario's table plugins.parameters. */
+typedef struct {
+    const char *name;
+    double value;
+} gerono_parameter;
+
+/* What a service may know when it is made. */
+typedef struct {
+    const char *scenario;               /* the scenario as JSON */
+    const gerono_parameter *parameters; /* sorted by name */
+    size_t parameter_count;
+} gerono_setup;
+
+/* A service. */
+typedef struct {
+    uint32_t abi;                 /* GERONO_ABI */
+    uint32_t size;                /* sizeof(gerono_plugin) */
+    const char *service;          /* such as "controller" */
+    const char *const *layouts;   /* such as GERONO_CONTROLLER_LAYOUTS */
+    size_t layout_count;
+    const char *const *telemetry; /* names of own telemetry */
+    size_t telemetry_count;       /* at most GERONO_MAX_TELEMETRY */
+    /* Makes a service. NULL if it cannot fly this scenario, with the reason as a text of at most `size` bytes. */
+    void *(*create)(const gerono_setup *setup, char *why_not, size_t size);
+    /* Writes the samples that are due, and the numbers of own telemetry. 0 if all is well. */
+    int (*step)(void *self, const gerono_now *now, const gerono_input *in, const gerono_output *out, double *telemetry);
+    /* The size of the state, bytes; the same at all times. 0 if there is none. */
+    size_t (*state_size)(const void *self);
+    /* Writes the state after the last step. */
+    void (*save)(const void *self, void *to);
+    /* Continues from a saved state as if nothing had happened. */
+    void (*restore)(void *self, const void *from);
+    /* Frees the service. */
+    void (*destroy)(void *self);
+} gerono_plugin;
+
+/* The function that the library exports. */
+__attribute__((visibility("default"))) const gerono_plugin *gerono_plugin_v1(void);
+
+/* Returns a parameter of the scenario, or `otherwise` if it is not there. */
+static inline double gerono_parameter_or(const gerono_setup *setup, const char *name, double otherwise) {
+    for (size_t i = 0; i < setup->parameter_count; i++) {
+        if (strcmp(setup->parameters[i].name, name) == 0) {
+            return setup->parameters[i].value;
+        }
+    }
+    return otherwise;
+}
+
+typedef struct {
+    uint64_t tick;
+    uint64_t stamp_ns;
+    uint64_t seq;
+} gerono_header;
+/* A sample of `vehicle/truth`. */
+typedef struct {
+    gerono_header header;
+    double position_world[3];
+    double world_from_body[9];
+    double velocity_body[3];
+    double angular_velocity_body[3];
+    double thrust;
+    double torque_body[3];
+    double mass;
+    double inertia[3];
+    double disturbance_world[3];
+} gerono_vehicle_truth;
+GERONO_ASSERT(sizeof(gerono_vehicle_truth) == 256, "another layout of gerono_vehicle_truth");
+#define GERONO_VEHICLE_TRUTH_LAYOUT "ed8388ebbe7bd0f66aa2ee9a255d98c5"
+
+/* A sample of `mocap/pose`. */
+typedef struct {
+    gerono_header header;
+    uint64_t capture_time_ns;
+    double position_world[3];
+    double world_from_body[9];
+    double velocity_body[3];
+    double angular_velocity_body[3];
+    uint8_t tracked;
+    uint8_t velocities_measured;
+    uint8_t pad0[6];
+} gerono_mocap_pose;
+GERONO_ASSERT(sizeof(gerono_mocap_pose) == 184, "another layout of gerono_mocap_pose");
+#define GERONO_MOCAP_POSE_LAYOUT "bedf9211a16ebf957d79fe1164763f9a"
+
+/* A sample of `vehicle/state`. */
+typedef struct {
+    gerono_header header;
+    uint64_t state_time_ns;
+    double position_world[3];
+    double world_from_body[9];
+    double velocity_body[3];
+    double angular_velocity_body[3];
+    double acceleration_world[3];
+    double thrust;
+    double position_sigma;
+    uint32_t captures_refused;
+    uint8_t tracked;
+    uint8_t coasting;
+    uint8_t pad0[2];
+} gerono_vehicle_state;
+GERONO_ASSERT(sizeof(gerono_vehicle_state) == 224, "another layout of gerono_vehicle_state");
+#define GERONO_VEHICLE_STATE_LAYOUT "6590b045e30f1356f304c7efbe1e71af"
+
+/* A sample of `path/reference`. */
+typedef struct {
+    gerono_header header;
+    uint64_t reference_time_ns;
+    double gamma;
+    double gamma_dot;
+    double gamma_ddot;
+    double gamma_dot_desired;
+    double gamma_dddot_constant;
+    double gamma_dddot_slope;
+    double position_world[3];
+    double derivative1_world[3];
+    double derivative2_world[3];
+    double derivative3_world[3];
+    double yaw;
+    double yaw_rate;
+    uint32_t states_refused;
+    uint8_t vehicle_known;
+    uint8_t phase;
+    uint8_t airborne;
+    uint8_t pad0;
+} gerono_path_reference;
+#define GERONO_PATH_REFERENCE_PHASE_DISARMED 0
+#define GERONO_PATH_REFERENCE_PHASE_ARMED 1
+#define GERONO_PATH_REFERENCE_PHASE_TAKE_OFF 2
+#define GERONO_PATH_REFERENCE_PHASE_FLY 3
+#define GERONO_PATH_REFERENCE_PHASE_LAND 4
+GERONO_ASSERT(sizeof(gerono_path_reference) == 200, "another layout of gerono_path_reference");
+#define GERONO_PATH_REFERENCE_LAYOUT "d1bf73622e0a7c719d576dc2f73d1130"
+
+/* A sample of `control/command`. */
+typedef struct {
+    gerono_header header;
+    double thrust;
+    double torque_body[3];
+    double rates_body[3];
+    uint32_t mode;
+    uint32_t pad0;
+} gerono_control_command;
+#define GERONO_CONTROL_COMMAND_MODE_TORQUE 0
+#define GERONO_CONTROL_COMMAND_MODE_RATES 1
+#define GERONO_CONTROL_COMMAND_MODE_FAILSAFE 2
+GERONO_ASSERT(sizeof(gerono_control_command) == 88, "another layout of gerono_control_command");
+#define GERONO_CONTROL_COMMAND_LAYOUT "7725fe5382b7bfbc579d7a1bc7fb63c8"
+
+/* A sample of `control/adaptation`. */
+typedef struct {
+    gerono_header header;
+    double eta_hat;
+    double eta_projected;
+    double mass_estimate;
+    double disturbance_hat_world[3];
+    double disturbance_projected_world[3];
+    double w_hat[15];
+    double observer_mass_estimate;
+    uint32_t inputs_refused;
+    uint8_t resting;
+    uint8_t stage;
+    uint8_t pad0[2];
+} gerono_control_adaptation;
+#define GERONO_CONTROL_ADAPTATION_STAGE_LAW 0
+#define GERONO_CONTROL_ADAPTATION_STAGE_HOLD 1
+#define GERONO_CONTROL_ADAPTATION_STAGE_LEVEL 2
+#define GERONO_CONTROL_ADAPTATION_STAGE_DESCEND 3
+#define GERONO_CONTROL_ADAPTATION_STAGE_FAILSAFE 4
+GERONO_ASSERT(sizeof(gerono_control_adaptation) == 232, "another layout of gerono_control_adaptation");
+#define GERONO_CONTROL_ADAPTATION_LAYOUT "6e0e142720a1c6d0c4da5ddbfcfb8ece"
+
+/* A sample of `control/errors`. */
+typedef struct {
+    gerono_header header;
+    double z1[3];
+    double z2[3];
+    double z3[3];
+    double z4;
+    double zeta[3];
+    double omega_desired[3];
+} gerono_control_errors;
+GERONO_ASSERT(sizeof(gerono_control_errors) == 152, "another layout of gerono_control_errors");
+#define GERONO_CONTROL_ERRORS_LAYOUT "357b4d7d79bfcf95049e1f031ab67e34"
+
+/* A sample of `rc/frame`. */
+typedef struct {
+    gerono_header header;
+    uint16_t channels[16];
+    double thrust;
+    double torque_body[3];
+    double rates_body[3];
+    uint32_t mode;
+    uint32_t saturated_frames;
+    uint32_t commands_refused;
+    uint8_t failsafe;
+    uint8_t saturated;
+    uint8_t stage;
+    uint8_t limit;
+    uint8_t action;
+    uint8_t inputs_fresh;
+    uint8_t pad0[6];
+} gerono_rc_frame;
+#define GERONO_RC_FRAME_MODE_TORQUE 0
+#define GERONO_RC_FRAME_MODE_RATES 1
+#define GERONO_RC_FRAME_STAGE_COMMAND 0
+#define GERONO_RC_FRAME_STAGE_HOLD 1
+#define GERONO_RC_FRAME_STAGE_FAILSAFE 4
+#define GERONO_RC_FRAME_LIMIT_NONE 0
+#define GERONO_RC_FRAME_LIMIT_BOX 1
+#define GERONO_RC_FRAME_LIMIT_TILT 2
+#define GERONO_RC_FRAME_LIMIT_SPEED 3
+#define GERONO_RC_FRAME_LIMIT_ESTIMATE 4
+#define GERONO_RC_FRAME_LIMIT_THRUST 5
+#define GERONO_RC_FRAME_LIMIT_TORQUE 6
+#define GERONO_RC_FRAME_LIMIT_RATES 7
+#define GERONO_RC_FRAME_LIMIT_LANDING_TIME 8
+#define GERONO_RC_FRAME_ACTION_NONE 0
+#define GERONO_RC_FRAME_ACTION_WARN 1
+#define GERONO_RC_FRAME_ACTION_LAND 2
+#define GERONO_RC_FRAME_ACTION_KILL 3
+GERONO_ASSERT(sizeof(gerono_rc_frame) == 136, "another layout of gerono_rc_frame");
+#define GERONO_RC_FRAME_LAYOUT "bd9c2c63de082845304d0f4f9161775d"
+
+/* A sample of `run/events`. */
+typedef struct {
+    gerono_header header;
+    uint32_t kind;
+    uint32_t text_length;
+    uint8_t text[120];
+} gerono_run_event;
+#define GERONO_RUN_EVENT_KIND_FLIGHT_STARTS 1
+#define GERONO_RUN_EVENT_KIND_VEHICLE_CHANGES 2
+#define GERONO_RUN_EVENT_KIND_FLIGHT_ENDS 3
+#define GERONO_RUN_EVENT_KIND_OUTAGE_BEGINS 4
+#define GERONO_RUN_EVENT_KIND_OUTAGE_ENDS 5
+#define GERONO_RUN_EVENT_KIND_EDGE_FAULT_BEGINS 6
+#define GERONO_RUN_EVENT_KIND_EDGE_FAULT_ENDS 7
+#define GERONO_RUN_EVENT_KIND_OPERATOR_ARMS 8
+#define GERONO_RUN_EVENT_KIND_OPERATOR_LANDS 9
+#define GERONO_RUN_EVENT_KIND_OPERATOR_KILLS 10
+#define GERONO_RUN_EVENT_KIND_OPERATOR_DISARMS 11
+GERONO_ASSERT(sizeof(gerono_run_event) == 152, "another layout of gerono_run_event");
+#define GERONO_RUN_EVENT_LAYOUT "85a75c37157583e96d59faf45b69bde8"
+
+/* Inputs and outputs of `plant`. */
+enum {
+    GERONO_PLANT_IN_FRAME = 0,
+    GERONO_PLANT_OUT_TRUTH = 0,
+    GERONO_PLANT_OUT_POSE = 1,
+};
+#define GERONO_PLANT_LAYOUTS {GERONO_RC_FRAME_LAYOUT, GERONO_VEHICLE_TRUTH_LAYOUT, GERONO_MOCAP_POSE_LAYOUT}
+
+/* Inputs and outputs of `estimator`. */
+enum {
+    GERONO_ESTIMATOR_IN_POSE = 0,
+    GERONO_ESTIMATOR_IN_FRAME = 1,
+    GERONO_ESTIMATOR_OUT_STATE = 0,
+};
+#define GERONO_ESTIMATOR_LAYOUTS {GERONO_MOCAP_POSE_LAYOUT, GERONO_RC_FRAME_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT}
+
+/* Inputs and outputs of `path_generator`. */
+enum {
+    GERONO_PATH_GENERATOR_IN_STATE = 0,
+    GERONO_PATH_GENERATOR_IN_FRAME = 1,
+    GERONO_PATH_GENERATOR_OUT_REFERENCE = 0,
+};
+#define GERONO_PATH_GENERATOR_LAYOUTS {GERONO_VEHICLE_STATE_LAYOUT, GERONO_RC_FRAME_LAYOUT, GERONO_PATH_REFERENCE_LAYOUT}
+
+/* Inputs and outputs of `controller`. */
+enum {
+    GERONO_CONTROLLER_IN_STATE = 0,
+    GERONO_CONTROLLER_IN_REFERENCE = 1,
+    GERONO_CONTROLLER_OUT_COMMAND = 0,
+    GERONO_CONTROLLER_OUT_ADAPTATION = 1,
+    GERONO_CONTROLLER_OUT_ERRORS = 2,
+};
+#define GERONO_CONTROLLER_LAYOUTS {GERONO_VEHICLE_STATE_LAYOUT, GERONO_PATH_REFERENCE_LAYOUT, GERONO_CONTROL_COMMAND_LAYOUT, GERONO_CONTROL_ADAPTATION_LAYOUT, GERONO_CONTROL_ERRORS_LAYOUT}
+
+/* Inputs and outputs of `rc_output`. */
+enum {
+    GERONO_RC_OUTPUT_IN_COMMAND = 0,
+    GERONO_RC_OUTPUT_IN_STATE = 1,
+    GERONO_RC_OUTPUT_OUT_FRAME = 0,
+};
+#define GERONO_RC_OUTPUT_LAYOUTS {GERONO_CONTROL_COMMAND_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT, GERONO_RC_FRAME_LAYOUT}
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,204 @@
+//! The C interface of a service in Rust.
+//!
+//! A library of the kind `cdylib` has one [`Plugin`], and [`export!`](crate::export!) makes the exported function:
+//!
+//! ```ignore
+//! plugin::export!(MyController);
+//! ```
+
+use std::ffi::{CStr, CString, c_char, c_int, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use scenario::Scenario;
+use shared_types::schedule::MAX_PORTS;
+use shared_types::service::{BuildError, ErasedService, InputView, OutputSlot};
+use shared_types::{Now, Operator, Service};
+
+use crate::abi;
+
+/// Service that a library exports.
+pub trait Plugin: Service {
+    /// Names of own telemetry.
+    const TELEMETRY: &'static [&'static str] = &[];
+
+    /// Makes the service of a flight.
+    ///
+    /// # Errors
+    /// Why it cannot fly this scenario.
+    fn create(setup: &Setup<'_>) -> Result<Self, BuildError>
+    where
+        Self: Sized;
+
+    /// Writes the numbers of own telemetry after a step, one for each name.
+    fn telemetry(&self, _numbers: &mut [f64]) {}
+}
+
+/// What a service may know when it is made.
+#[derive(Clone, Copy, Debug)]
+pub struct Setup<'a>(&'a abi::Setup);
+
+impl Setup<'_> {
+    /// Returns a number of the scenario's table `plugins.parameters`, or `default` if it is not there.
+    #[must_use]
+    #[expect(unsafe_code, reason = "the host's C strings")]
+    pub fn parameter(&self, name: &str, default: f64) -> f64 {
+        if self.0.parameter_count == 0 {
+            return default;
+        }
+        // SAFETY: the host hands that many parameters over, each with a name.
+        let parameters = unsafe { std::slice::from_raw_parts(self.0.parameters, self.0.parameter_count) };
+        let is_it = |parameter: &&abi::Parameter| {
+            // SAFETY: as above.
+            unsafe { CStr::from_ptr(parameter.name) }.to_bytes() == name.as_bytes()
+        };
+        parameters.iter().find(is_it).map_or(default, |parameter| parameter.value)
+    }
+
+    /// Returns the scenario.
+    ///
+    /// # Errors
+    /// If this library knows other scenarios than the host.
+    #[expect(unsafe_code, reason = "the host's C string")]
+    pub fn scenario(&self) -> Result<Scenario, BuildError> {
+        // SAFETY: the host hands a text over.
+        let text = unsafe { CStr::from_ptr(self.0.scenario) };
+        Ok(serde_json::from_slice(text.to_bytes())?)
+    }
+}
+
+/// Exports a [`Plugin`] as the service of this library.
+#[macro_export]
+macro_rules! export {
+    ($service:ty) => {
+        /// Returns the service of this library.
+        #[allow(unsafe_code, reason = "the name of the function is that of the interface")]
+        #[unsafe(no_mangle)]
+        pub extern "C" fn gerono_plugin_v1() -> *const $crate::abi::Plugin {
+            $crate::export::plugin::<$service>()
+        }
+    };
+}
+
+/// Returns the interface of a service, which is never freed.
+#[must_use]
+pub fn plugin<S: Plugin>() -> &'static abi::Plugin {
+    let inputs = S::ID.inputs().iter().map(|input| input.topic);
+    let topics = inputs.chain(S::ID.outputs().iter().map(|output| output.topic));
+    let layouts: Vec<_> = topics.map(|topic| constant(&topic.layout_hash())).collect();
+    let telemetry: Vec<_> = S::TELEMETRY.iter().map(|name| constant(name)).collect();
+    let (layouts, telemetry) = (layouts.leak(), telemetry.leak());
+    Box::leak(Box::new(abi::Plugin {
+        abi: abi::VERSION,
+        size: u32::try_from(size_of::<abi::Plugin>()).expect("a small structure"),
+        service: constant(S::ID.name()),
+        layouts: layouts.as_ptr(),
+        layout_count: layouts.len(),
+        telemetry: telemetry.as_ptr(),
+        telemetry_count: telemetry.len(),
+        create: Some(create::<S>),
+        step: Some(step::<S>),
+        state_size: Some(state_size::<S>),
+        save: Some(save::<S>),
+        restore: Some(restore::<S>),
+        destroy: Some(destroy::<S>),
+    }))
+}
+
+fn constant(text: &str) -> *const c_char {
+    CString::new(text).expect("a name without zero bytes").into_raw()
+}
+
+#[expect(unsafe_code, reason = "the interface is in C")]
+unsafe extern "C" fn create<S: Plugin>(
+    setup: *const abi::Setup,
+    why_not: *mut c_char,
+    size: usize,
+) -> *mut c_void {
+    // SAFETY: the host hands a setup over.
+    let setup = Setup(unsafe { &*setup });
+    let made = catch_unwind(AssertUnwindSafe(|| S::create(&setup)));
+    let reason = match made {
+        Ok(Ok(service)) => return Box::into_raw(Box::new(service)).cast(),
+        Ok(Err(error)) => error.to_string(),
+        Err(_) => "it panicked".to_owned(),
+    };
+    let length = reason.len().min(size.saturating_sub(1));
+    // SAFETY: the host has room for `size` bytes, the last of which is 0 already.
+    unsafe { std::ptr::copy_nonoverlapping(reason.as_ptr().cast(), why_not, length) };
+    std::ptr::null_mut()
+}
+
+#[expect(unsafe_code, reason = "the interface is in C")]
+unsafe extern "C" fn step<S: Plugin>(
+    service: *mut c_void,
+    now: *const abi::Now,
+    inputs: *const abi::Input,
+    outputs: *const abi::Output,
+    telemetry: *mut f64,
+) -> c_int {
+    // SAFETY: the host hands over what `create` made, the time, one view an input and one place an output.
+    let (service, now) = unsafe { (&mut *service.cast::<S>(), &*now) };
+    // SAFETY: as above.
+    let inputs = unsafe { std::slice::from_raw_parts(inputs, S::ID.inputs().len()) };
+    // SAFETY: as above.
+    let outputs = unsafe { std::slice::from_raw_parts(outputs, S::ID.outputs().len()) };
+    let now = Now {
+        tick: now.tick,
+        time_ns: now.time_ns,
+        elapsed_ns: now.elapsed_ns,
+        operator: Operator {
+            armed: now.armed != 0,
+            land: now.land != 0,
+            killed: now.killed != 0,
+        },
+    };
+    let mut views = [InputView::default(); MAX_PORTS];
+    for ((view, input), spec) in views.iter_mut().zip(inputs).zip(S::ID.inputs()) {
+        if !input.sample.is_null() {
+            // SAFETY: a sample of the topic, whose layout the host has compared.
+            let bytes = unsafe { std::slice::from_raw_parts(input.sample.cast(), spec.topic.kind().size) };
+            (view.bytes, view.fresh) = (Some(bytes), input.fresh != 0);
+        }
+    }
+    let mut slots: [OutputSlot<'_>; MAX_PORTS] = Default::default();
+    for ((slot, output), spec) in slots.iter_mut().zip(outputs).zip(S::ID.outputs()) {
+        if !output.sample.is_null() {
+            let size = spec.topic.kind().size;
+            // SAFETY: as above; nobody else has this place.
+            slot.bytes = Some(unsafe { std::slice::from_raw_parts_mut(output.sample.cast(), size) });
+        }
+    }
+    let count = S::TELEMETRY.len();
+    // SAFETY: the host has room for more numbers than there are names.
+    let numbers = unsafe { std::slice::from_raw_parts_mut(telemetry, count) };
+    let stepped = catch_unwind(AssertUnwindSafe(|| {
+        let views = &views[..S::ID.inputs().len()];
+        ErasedService::step(service, &now, views, &mut slots[..S::ID.outputs().len()]);
+        service.telemetry(numbers);
+    }));
+    // The panic has been told on standard error.
+    stepped.is_err().into()
+}
+
+#[expect(unsafe_code, reason = "the interface is in C")]
+unsafe extern "C" fn state_size<S: Plugin>(_service: *const c_void) -> usize {
+    size_of::<S::State>()
+}
+
+#[expect(unsafe_code, reason = "the interface is in C")]
+unsafe extern "C" fn save<S: Plugin>(service: *const c_void, to: *mut c_void) {
+    // SAFETY: what `create` made, and room for a state, aligned to 8.
+    unsafe { to.cast::<S::State>().write(Service::save(&*service.cast::<S>())) };
+}
+
+#[expect(unsafe_code, reason = "the interface is in C")]
+unsafe extern "C" fn restore<S: Plugin>(service: *mut c_void, from: *const c_void) {
+    // SAFETY: what `create` made, and a state that `save` wrote: every pattern of bits is one.
+    unsafe { Service::restore(&mut *service.cast::<S>(), &*from.cast::<S::State>()) };
+}
+
+#[expect(unsafe_code, reason = "the interface is in C")]
+unsafe extern "C" fn destroy<S: Plugin>(service: *mut c_void) {
+    // SAFETY: what `create` made; nobody uses it any more.
+    drop(unsafe { Box::from_raw(service.cast::<S>()) });
+}

@@ -1,0 +1,69 @@
+//! Floating-point mode of a thread: rounding, and whether subnormal numbers count as zero.
+//!
+//! A library that was linked with `-ffast-math` sets flush-to-zero in every thread that loads it, which would change
+//! the last bits of everything that this thread computes afterwards.
+
+/// The mode of the calling thread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct FloatMode(u64);
+
+/// Sticky flags that record exceptions: no part of the mode.
+#[cfg(target_arch = "x86_64")]
+const FLAGS: u64 = 0x3f;
+
+impl FloatMode {
+    /// Returns the mode of the calling thread.
+    #[inline]
+    pub(crate) fn current() -> Self {
+        Self(register())
+    }
+
+    /// Sets the mode of the calling thread.
+    pub(crate) fn set(self) {
+        set_register(self.0);
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline]
+#[expect(unsafe_code, reason = "MXCSR has no safe accessor")]
+fn register() -> u64 {
+    let mut value = 0u32;
+    // SAFETY: stores the register into a local variable.
+    unsafe { std::arch::asm!("stmxcsr [{}]", in(reg) &raw mut value, options(nostack, preserves_flags)) };
+    u64::from(value) & !FLAGS
+}
+
+#[cfg(target_arch = "x86_64")]
+#[expect(unsafe_code, reason = "MXCSR has no safe accessor")]
+fn set_register(mode: u64) {
+    let value = u32::try_from(mode).expect("it was read from a register of 32 bits");
+    // SAFETY: the value was read from this register, so that no reserved bit is set.
+    unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags)) };
+}
+
+#[cfg(target_arch = "aarch64")]
+#[inline]
+#[expect(unsafe_code, reason = "FPCR has no safe accessor")]
+fn register() -> u64 {
+    let value: u64;
+    // SAFETY: reads the register; its exception flags are in another one.
+    unsafe { std::arch::asm!("mrs {}, fpcr", out(reg) value, options(nomem, nostack, preserves_flags)) };
+    value
+}
+
+#[cfg(target_arch = "aarch64")]
+#[expect(unsafe_code, reason = "FPCR has no safe accessor")]
+fn set_register(mode: u64) {
+    // SAFETY: the value was read from this register.
+    unsafe { std::arch::asm!("msr fpcr, {}", in(reg) mode, options(nostack, preserves_flags)) };
+}
+
+/// On other machines the mode cannot be read, and is taken to be the same at all times.
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+fn register() -> u64 {
+    0
+}
+
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+fn set_register(_mode: u64) {}

@@ -1,0 +1,22 @@
+//! Services from shared libraries, in C or any language that can be called from it: **plug-ins**.
+//!
+//! A plug-in is the image of the contract [`Service`](shared_types::Service) in C: create, step, save, restore,
+//! destroy. It flies wherever a built-in service does: in lock step, in real time, in one process, in a replay and in a
+//! sweep. Its state is in the checkpoints, so that it is restarted and replayed as the others.
+//!
+//! * [`abi`]: the interface, version 1;
+//! * [`header`]: the same as `gerono.h`, with the samples of all topics;
+//! * [`export`]: the interface of a Rust library, made from a [`Service`](shared_types::Service);
+//! * [`loader`]: loads a library, checks it, and makes a service of it;
+//! * [`library_file`]: where the library of a scenario is, and whether it is the one that was flown.
+
+pub mod abi;
+pub mod export;
+mod float_mode;
+mod guarded;
+pub mod header;
+pub mod library_file;
+#[cfg(feature = "load")]
+pub mod loader;
+
+pub use export::{Plugin, Setup};

@@ -1,0 +1,109 @@
+//! The file of a plug-in: where it is, and whether it is the one that a scenario means.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use scenario::Scenario;
+use sha2::{Digest, Sha256};
+use shared_types::ServiceId;
+use shared_types::sample::hex;
+
+/// Error of a plug-in's file.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// It cannot be read.
+    #[error(
+        "the plug-in `{}` cannot be read: {source}; build it, or name its folder with `plugins.folder`",
+        path.display()
+    )]
+    NotRead {
+        /// The file.
+        path: PathBuf,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// It is another file than the scenario means.
+    #[error(
+        "the plug-in `{}` has the SHA-256 {found}, and the scenario means {stated}: it was built again since. Name the \
+         folder of the other one with `plugins.folder`, or leave `plugins.sha256` out",
+        path.display()
+    )]
+    Other {
+        /// The file.
+        path: PathBuf,
+        /// Its SHA-256.
+        found: String,
+        /// That of the scenario.
+        stated: String,
+    },
+}
+
+/// Returns the SHA-256 of a file, in hexadecimal.
+///
+/// # Errors
+/// [`FileError::NotRead`].
+pub fn sha256(path: &Path) -> Result<String, FileError> {
+    let bytes = std::fs::read(path).map_err(|source| FileError::NotRead {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok(hex(&Sha256::digest(bytes)))
+}
+
+/// Returns the file of the plug-in in a role, which is the one that the scenario means; `None` without a plug-in.
+///
+/// # Errors
+/// [`FileError`].
+pub fn find(scenario: &Scenario, role: ServiceId) -> Result<Option<PathBuf>, FileError> {
+    let Some((plugins, path)) = scenario.plugins.as_ref().and_then(|plugins| Some((plugins, plugins.path_of(role)?)))
+    else {
+        return Ok(None);
+    };
+    let found = sha256(&path)?;
+    match plugins.sha256.get(role.name()) {
+        Some(stated) if *stated != found => Err(FileError::Other {
+            path,
+            found,
+            stated: stated.clone(),
+        }),
+        _ => Ok(Some(path)),
+    }
+}
+
+/// States the SHA-256 of every plug-in of a scenario that does not state it.
+///
+/// # Errors
+/// [`FileError`] of the first that cannot be read, or is another one than stated.
+pub fn pin(scenario: &mut Scenario) -> Result<(), FileError> {
+    for role in ServiceId::ALL {
+        if let Some(path) = find(scenario, role)? {
+            let found = sha256(&path)?;
+            let plugins = scenario.plugins.as_mut().expect("it names the plug-in");
+            plugins.sha256.insert(role.name().to_owned(), found);
+        }
+    }
+    Ok(())
+}
+
+/// Copies the plug-ins of a scenario into a folder and lets the scenario mean the copies, so that a log keeps what was
+/// flown, and a build during the flight changes nothing.
+///
+/// # Errors
+/// [`FileError`] if one cannot be read or written.
+pub fn keep_in(scenario: &mut Scenario, folder: &Path) -> Result<(), FileError> {
+    let mut has_any = false;
+    for role in ServiceId::ALL {
+        if let Some(path) = find(scenario, role)? {
+            let copy = folder.join(path.file_name().unwrap_or_default());
+            let copied = std::fs::copy(&path, &copy);
+            copied.map_err(|source| FileError::NotRead { path: copy, source })?;
+            let plugins = scenario.plugins.as_mut().expect("it names the plug-in");
+            plugins.rename(role, path.file_name().unwrap_or_default());
+            has_any = true;
+        }
+    }
+    if let Some(plugins) = scenario.plugins.as_mut().filter(|_| has_any) {
+        plugins.folder = Some(folder.to_owned());
+    }
+    Ok(())
+}

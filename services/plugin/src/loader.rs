@@ -1,0 +1,397 @@
+//! Makes a service of a shared library.
+//!
+//! The library runs in the process of its service, or in that of the host. It is called with copies of the samples, so
+//! that it cannot alter what others see, and writes between guard words. After each step the floating-point mode is what
+//! it was. What it does wrong ends its process, which is restarted as after any other death, or the flight in one
+//! process; nothing of that step is published.
+
+use std::cell::RefCell;
+use std::ffi::{CStr, CString, c_char, c_void};
+use std::path::{Path, PathBuf};
+
+use libloading::{Library, Symbol};
+use scenario::Scenario;
+use shared_types::schedule::MAX_PORTS;
+use shared_types::service::{Built, ErasedService, InputView, OutputSlot};
+use shared_types::{Header, Now, ServiceId, Topic};
+
+use crate::abi;
+use crate::float_mode::FloatMode;
+use crate::guarded::Guarded;
+
+/// Largest state of a plug-in, bytes: what a checkpoint holds.
+pub const MAX_STATE: usize = 16 * 1024;
+
+/// Room for the reason why a service cannot be made, bytes.
+const REASON: usize = 512;
+
+/// Error of a library that cannot fly.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The system cannot load it.
+    #[error("`{}` cannot be loaded: {reason}", path.display())]
+    NotLoaded {
+        /// The library.
+        path: PathBuf,
+        /// The reason that the system gives.
+        reason: String,
+    },
+    /// It changes the floating-point mode of the thread that loads it.
+    #[error(
+        "`{}` changes the floating-point mode of the process that loads it, which would change the last bits of all \
+         numbers: link it without -ffast-math and -Ofast",
+        .0.display()
+    )]
+    FloatMode(PathBuf),
+    /// It does not fulfil the interface.
+    #[error("`{}` cannot fly as `{role}`: {reason}", path.display())]
+    Interface {
+        /// The library.
+        path: PathBuf,
+        /// The service that it should be.
+        role: ServiceId,
+        /// What is wrong, with the fix.
+        reason: String,
+    },
+    /// It does not make a service of this scenario.
+    #[error("`{}` refuses the scenario: {reason}", path.display())]
+    Refused {
+        /// The library.
+        path: PathBuf,
+        /// The reason that it gives.
+        reason: String,
+    },
+}
+
+/// Functions of a library; none is missing.
+#[derive(Clone, Copy)]
+struct Functions {
+    step: unsafe extern "C" fn(
+        *mut c_void,
+        *const abi::Now,
+        *const abi::Input,
+        *const abi::Output,
+        *mut f64,
+    ) -> std::ffi::c_int,
+    save: unsafe extern "C" fn(*const c_void, *mut c_void),
+    restore: unsafe extern "C" fn(*mut c_void, *const c_void),
+    destroy: unsafe extern "C" fn(*mut c_void),
+}
+
+/// Service of a library.
+struct PluginService {
+    role: ServiceId,
+    /// Name of the library's file, for messages.
+    name: String,
+    functions: Functions,
+    /// The library's own service.
+    instance: *mut c_void,
+    inputs: Vec<Guarded>,
+    outputs: Vec<Guarded>,
+    telemetry: Guarded,
+    state: RefCell<Guarded>,
+    state_size: usize,
+}
+
+// SAFETY: a host calls a service from one thread at a time, and the interface promises that a service may move between
+// threads.
+#[expect(unsafe_code, reason = "the library's service is behind a raw pointer")]
+unsafe impl Send for PluginService {}
+
+/// Loads a library and makes its service for a scenario.
+///
+/// # Errors
+/// [`LoadError`].
+pub fn load(role: ServiceId, path: &Path, scenario: &Scenario) -> Built {
+    let plugin = open(path)?;
+    Ok(Box::new(PluginService::new(role, path, plugin, scenario)?))
+}
+
+/// Loads a library, for the life of the process: code of a library may not go while a thread of it is left.
+#[expect(unsafe_code, reason = "the library's code runs")]
+fn open(path: &Path) -> Result<&'static abi::Plugin, LoadError> {
+    let not_loaded = |error: libloading::Error| LoadError::NotLoaded {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    };
+    let mode = FloatMode::current();
+    // SAFETY: its initialisers run; that they do no harm is the user's choice, who names the library.
+    let library = unsafe { Library::new(path) };
+    if FloatMode::current() != mode {
+        mode.set();
+        return Err(LoadError::FloatMode(path.to_owned()));
+    }
+    let library: &'static Library = Box::leak(Box::new(library.map_err(not_loaded)?));
+    // SAFETY: the interface gives the function this type.
+    let entry: Symbol<'static, abi::Entry> =
+        unsafe { library.get(abi::ENTRY.as_bytes()) }.map_err(not_loaded)?;
+    // SAFETY: as above; it returns null or a constant of the library, which stays loaded.
+    let plugin = unsafe { entry().as_ref() };
+    plugin.ok_or_else(|| LoadError::NotLoaded {
+        path: path.to_owned(),
+        reason: format!("`{}` returns NULL", abi::ENTRY),
+    })
+}
+
+/// Returns a text of a library; `None` for null.
+#[expect(unsafe_code, reason = "C strings")]
+fn text(pointer: *const c_char) -> Option<String> {
+    // SAFETY: the interface demands a text that ends with a zero byte.
+    (!pointer.is_null()).then(|| unsafe { CStr::from_ptr(pointer) }.to_string_lossy().into_owned())
+}
+
+/// Returns the texts of a list of a library.
+#[expect(unsafe_code, reason = "C arrays")]
+fn texts(list: *const *const c_char, count: usize) -> Vec<Option<String>> {
+    if list.is_null() {
+        return Vec::new();
+    }
+    // SAFETY: the interface demands that many texts.
+    let list = unsafe { std::slice::from_raw_parts(list, count) };
+    list.iter().map(|&pointer| text(pointer)).collect()
+}
+
+/// Returns the topics of a service's inputs, then of its outputs.
+fn topics(role: ServiceId) -> impl Iterator<Item = Topic> {
+    let inputs = role.inputs().iter().map(|input| input.topic);
+    inputs.chain(role.outputs().iter().map(|output| output.topic))
+}
+
+/// Checks what a library says of itself.
+fn check(role: ServiceId, plugin: &abi::Plugin) -> Result<(), String> {
+    if plugin.abi != abi::VERSION || plugin.size as usize != size_of::<abi::Plugin>() {
+        return Err(format!(
+            "it was built for version {} of the interface with a structure of {} bytes, and this program has version {} \
+             with {} bytes: build it with the header of `gerono header`",
+            plugin.abi,
+            plugin.size,
+            abi::VERSION,
+            size_of::<abi::Plugin>()
+        ));
+    }
+    let service = text(plugin.service).unwrap_or_default();
+    if service != role.name() {
+        return Err(format!("it is a `{service}`"));
+    }
+    let layouts = texts(plugin.layouts, plugin.layout_count);
+    let expected: Vec<_> = topics(role).collect();
+    if layouts.len() != expected.len() {
+        return Err(format!(
+            "it names {} layouts for {} inputs and outputs: build it with the header of `gerono header`",
+            layouts.len(),
+            expected.len()
+        ));
+    }
+    for (layout, topic) in layouts.into_iter().zip(expected) {
+        if layout.as_deref() != Some(&topic.layout_hash()) {
+            return Err(format!(
+                "it was built for another layout of `{topic}`: build it with the header of `gerono header`"
+            ));
+        }
+    }
+    if plugin.telemetry_count > abi::MAX_TELEMETRY {
+        return Err(format!(
+            "it names {} numbers of own telemetry, and at most {} are possible",
+            plugin.telemetry_count,
+            abi::MAX_TELEMETRY
+        ));
+    }
+    Ok(())
+}
+
+impl PluginService {
+    #[expect(unsafe_code, reason = "the library makes its service")]
+    fn new(
+        role: ServiceId,
+        path: &Path,
+        plugin: &abi::Plugin,
+        scenario: &Scenario,
+    ) -> Result<Self, LoadError> {
+        let interface = |reason| LoadError::Interface {
+            path: path.to_owned(),
+            role,
+            reason,
+        };
+        check(role, plugin).map_err(interface)?;
+        let missing = || interface("a function of the interface is missing".to_owned());
+        let create = plugin.create.ok_or_else(missing)?;
+        let state_size = plugin.state_size.ok_or_else(missing)?;
+        let functions = Functions {
+            step: plugin.step.ok_or_else(missing)?,
+            save: plugin.save.ok_or_else(missing)?,
+            restore: plugin.restore.ok_or_else(missing)?,
+            destroy: plugin.destroy.ok_or_else(missing)?,
+        };
+        let stated = SetupTexts::new(scenario);
+        let mut reason = [0u8; REASON];
+        // SAFETY: the texts outlive the call, and the reason has the size that is told.
+        let instance = stated.with(|setup| unsafe { create(setup, reason.as_mut_ptr().cast(), REASON) });
+        if instance.is_null() {
+            let end = reason.iter().position(|&byte| byte == 0).unwrap_or(REASON);
+            let reason = String::from_utf8_lossy(&reason[..end]).into_owned();
+            return Err(LoadError::Refused {
+                path: path.to_owned(),
+                reason,
+            });
+        }
+        // SAFETY: the library made the instance.
+        let state_size = unsafe { state_size(instance) };
+        let service = Self {
+            role,
+            name: path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            functions,
+            instance,
+            inputs: role.inputs().iter().map(|input| Guarded::new(input.topic.kind().size)).collect(),
+            outputs: role.outputs().iter().map(|output| Guarded::new(output.topic.kind().size)).collect(),
+            telemetry: Guarded::new(abi::MAX_TELEMETRY * size_of::<f64>()),
+            state: RefCell::new(Guarded::new(state_size.min(MAX_STATE))),
+            state_size,
+        };
+        if state_size > MAX_STATE {
+            return Err(interface(format!(
+                "its state has {state_size} bytes, and a checkpoint holds {MAX_STATE}"
+            )));
+        }
+        Ok(service)
+    }
+
+    /// Ends the step, and with it the process or the flight.
+    #[cold]
+    fn fail(&self, reason: &str) -> ! {
+        panic!("the plug-in `{}` in place of `{}` {reason}", self.name, self.role)
+    }
+}
+
+/// Texts of a [`abi::Setup`].
+struct SetupTexts {
+    scenario: CString,
+    names: Vec<CString>,
+    values: Vec<f64>,
+}
+
+impl SetupTexts {
+    fn new(scenario: &Scenario) -> Self {
+        let json = serde_json::to_string(scenario).expect("a scenario has only string keys");
+        let parameters = scenario.plugins.as_ref().map(|plugins| &plugins.parameters);
+        let parameters = parameters.into_iter().flatten();
+        // JSON escapes zero bytes, and the check of the scenario refuses names with one.
+        let (names, values) = parameters
+            .filter_map(|(name, &value)| Some((CString::new(name.as_str()).ok()?, value)))
+            .unzip();
+        Self {
+            scenario: CString::new(json).expect("JSON has no zero bytes"),
+            names,
+            values,
+        }
+    }
+
+    fn with<R>(&self, act: impl FnOnce(&abi::Setup) -> R) -> R {
+        let parameters: Vec<_> = self
+            .names
+            .iter()
+            .zip(&self.values)
+            .map(|(name, &value)| abi::Parameter {
+                name: name.as_ptr(),
+                value,
+            })
+            .collect();
+        act(&abi::Setup {
+            scenario: self.scenario.as_ptr(),
+            parameters: parameters.as_ptr(),
+            parameter_count: parameters.len(),
+        })
+    }
+}
+
+impl ErasedService for PluginService {
+    fn id(&self) -> ServiceId {
+        self.role
+    }
+
+    #[expect(unsafe_code, reason = "the library steps")]
+    fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
+        let now = abi::Now {
+            tick: now.tick,
+            time_ns: now.time_ns,
+            elapsed_ns: now.elapsed_ns,
+            armed: now.operator.armed.into(),
+            land: now.operator.land.into(),
+            killed: now.operator.killed.into(),
+            pad: [0; 5],
+        };
+        let mut seen = [abi::Input {
+            sample: std::ptr::null(),
+            fresh: 0,
+        }; MAX_PORTS];
+        for ((seen, view), copy) in seen.iter_mut().zip(inputs).zip(&mut self.inputs) {
+            if let Some(bytes) = view.bytes {
+                copy.bytes_mut().copy_from_slice(bytes);
+                seen.sample = copy.bytes().as_ptr().cast();
+                seen.fresh = view.fresh.into();
+            }
+        }
+        let mut due = [abi::Output {
+            sample: std::ptr::null_mut(),
+        }; MAX_PORTS];
+        for ((due, slot), place) in due.iter_mut().zip(&*outputs).zip(&mut self.outputs) {
+            if let Some(bytes) = &slot.bytes {
+                place.bytes_mut().copy_from_slice(bytes);
+                due.sample = place.bytes_mut().as_mut_ptr().cast();
+            }
+        }
+        let numbers = self.telemetry.bytes_mut().as_mut_ptr().cast();
+        let mode = FloatMode::current();
+        // SAFETY: the instance is the library's own, and all memory outlives the call.
+        let failure =
+            unsafe { (self.functions.step)(self.instance, &now, seen.as_ptr(), due.as_ptr(), numbers) };
+        if FloatMode::current() != mode {
+            mode.set();
+            self.fail("changed the floating-point mode in its step");
+        }
+        if failure != 0 {
+            self.fail(&format!("failed with {failure} in its step at tick {}", now.tick));
+        }
+        let mut places = self.inputs.iter().chain(&self.outputs).chain([&self.telemetry]);
+        if !places.all(Guarded::is_intact) {
+            self.fail("wrote beyond a sample in its step");
+        }
+        for (slot, place) in outputs.iter_mut().zip(&self.outputs) {
+            if let Some(bytes) = &mut slot.bytes {
+                // The header is the host's.
+                bytes[size_of::<Header>()..].copy_from_slice(&place.bytes()[size_of::<Header>()..]);
+            }
+        }
+    }
+
+    fn state_size(&self) -> usize {
+        self.state_size
+    }
+
+    #[expect(unsafe_code, reason = "the library writes its state")]
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+        let mut state = self.state.borrow_mut();
+        let place = state.bytes_mut().as_mut_ptr().cast();
+        // SAFETY: the place has the size that the library told.
+        unsafe { (self.functions.save)(self.instance, place) };
+        if !state.is_intact() {
+            self.fail("wrote beyond its state");
+        }
+        keep(state.bytes());
+    }
+
+    #[expect(unsafe_code, reason = "the library reads its state")]
+    fn restore(&mut self, bytes: &[u8]) {
+        let mut state = self.state.borrow_mut();
+        state.bytes_mut().copy_from_slice(bytes);
+        // SAFETY: these are a state's bytes, aligned to 8.
+        unsafe { (self.functions.restore)(self.instance, state.bytes().as_ptr().cast()) };
+    }
+}
+
+impl Drop for PluginService {
+    #[expect(unsafe_code, reason = "the library frees its service")]
+    fn drop(&mut self) {
+        // SAFETY: the library made the instance, and nobody uses it any more.
+        unsafe { (self.functions.destroy)(self.instance) };
+    }
+}
