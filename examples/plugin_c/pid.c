@@ -17,7 +17,7 @@ static void *create(const gerono_setup *setup, char *why_not, size_t size) {
     return self;
 }
 
-static int step(void *memory, const gerono_now *now, const gerono_input *in, const gerono_output *out, double *own) {
+static int step(void *memory, const gerono_now *now, const gerono_input *in, const gerono_output *out) {
     pid *self = memory;
     const gerono_vehicle_state *state = in[GERONO_CONTROLLER_IN_STATE].sample;
     const gerono_path_reference *path = in[GERONO_CONTROLLER_IN_REFERENCE].sample;
@@ -33,7 +33,7 @@ static int step(void *memory, const gerono_now *now, const gerono_input *in, con
         double ahead = path->derivative2_world[i] * path->gamma_dot * path->gamma_dot + d1 * path->gamma_ddot;
         self->integral[i] += e * 1e-9 * (double)now->elapsed_ns;
         double a = ahead - self->kp * e - self->kv * (velocity - d1 * path->gamma_dot) - self->ki * self->integral[i];
-        force[i] = self->mass * ((i == 2 ? G : 0.0) - a), length += force[i] * force[i], own[i] = e;
+        force[i] = self->mass * ((i == 2 ? G : 0.0) - a), length += force[i] * force[i];
     }
     double body[3], yaw = atan2(R[3], R[0]) - path->yaw;
     for (int i = 0; i < 3; i++) body[i] = (R[i] * force[0] + R[3 + i] * force[1] + R[6 + i] * force[2]) / sqrt(length);
@@ -46,7 +46,7 @@ static size_t state_size(const void *self) { (void)self; return sizeof ((pid *)0
 static void save(const void *self, void *to) { memcpy(to, ((const pid *)self)->integral, state_size(self)); }
 static void restore(void *self, const void *from) { memcpy(((pid *)self)->integral, from, state_size(self)); }
 
-static const char *const LAYOUTS[] = GERONO_CONTROLLER_LAYOUTS, *const OWN[] = {"error_x", "error_y", "error_z"};
-static const gerono_plugin PLUGIN = {GERONO_ABI, sizeof PLUGIN, "controller", LAYOUTS, 5, OWN, 3, create, step,
-    state_size, save, restore, free};
+static const char *const LAYOUTS[] = GERONO_CONTROLLER_LAYOUTS;
+static const gerono_plugin PLUGIN = {GERONO_ABI, sizeof PLUGIN, "controller", LAYOUTS, 5, create, step, state_size, save,
+    restore, free};
 const gerono_plugin *gerono_plugin_v1(void) { return &PLUGIN; }

@@ -58,7 +58,10 @@ fn host_record(
     recording: RecordingArguments,
 ) -> Result<HostRecord, LogError> {
     let log = HostLogWriter::create(&folder.host_log(), recording.compression)?;
-    Ok(HostRecord::new(log.durable(recording.forcing_period())?, scenario))
+    Ok(HostRecord::new(
+        log.durable(recording.forcing_period())?,
+        scenario,
+    ))
 }
 
 /// Returns when everybody steps in a flight of `scenario`.

@@ -235,10 +235,7 @@ impl FlightSummary {
         Self {
             seed: scenario.seed,
             bound: scenario.theorem_bound(),
-            bounds: scenario
-                .program_of(ServiceId::Controller)
-                .is_none()
-                .then(|| scenario.controller.bounds.clone()),
+            bounds: (!scenario.is_foreign(ServiceId::Controller)).then(|| scenario.controller.bounds.clone()),
             loss: LossWatch::new(scenario, tracker.source()),
             tracker,
             whole: Stretch::default(),
@@ -286,9 +283,12 @@ impl FlightSummary {
             }
             Topic::ControlAdaptation => {
                 let adaptation = read::<ControlAdaptation>(bytes);
-                let parameters = &mut self.phase_at(header.tick).parameters;
-                parameters.mass_estimate = Some(adaptation.mass_estimate);
-                parameters.disturbance_estimate = Some(adaptation.disturbance_projected_world);
+                // A controller that is not ours need not estimate anything, and then leaves the sample zero.
+                if adaptation.mass_estimate > 0.0 {
+                    let parameters = &mut self.phase_at(header.tick).parameters;
+                    parameters.mass_estimate = Some(adaptation.mass_estimate);
+                    parameters.disturbance_estimate = Some(adaptation.disturbance_projected_world);
+                }
             }
             Topic::PathReference => {
                 let reference = read::<PathReference>(bytes);

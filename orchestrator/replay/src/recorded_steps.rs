@@ -143,8 +143,7 @@ impl RecordedSteps {
         let service = found.service;
         let own = &mut self.services[service.index()];
         let size = found.checkpoint.state.len();
-        let is_known =
-            found.layout == own.layout && own.state_size.is_none_or(|expected| size == expected);
+        let is_known = found.layout == own.layout && own.state_size.is_none_or(|expected| size == expected);
         if !is_known {
             own.has_strange_checkpoints = true;
             return;

@@ -73,7 +73,8 @@ impl Display for ScenarioError {
                 }
                 Ok(())
             }
-            Self::Plugin(error) => error.fmt(formatter),
+            Self::Plugin(error) if formatter.alternate() => error.fmt(formatter),
+            Self::Plugin(_) => formatter.write_str("a plug-in of the scenario cannot fly"),
             Self::Refused { findings, .. } if formatter.alternate() => {
                 for (index, finding) in findings.iter().enumerate() {
                     let separator = if index == 0 { "" } else { "\n" };

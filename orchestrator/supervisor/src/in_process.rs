@@ -30,7 +30,9 @@ where
     let schedule = super::schedule_of(scenario)?;
     let services = registry::build_all(scenario).map_err(FlightFailure::setup)?;
     let mut host = InProcess::new(schedule, services);
-    let watches = ServiceId::ALL.into_iter().any(|service| scenario.has_plugin(service));
+    let watches = ServiceId::ALL
+        .into_iter()
+        .any(|service| scenario.has_plugin(service));
     let mut sink = Interruptible {
         sink,
         interrupt,

@@ -20,7 +20,6 @@ extern "C" {
 #endif
 
 #define GERONO_ABI 1
-#define GERONO_MAX_TELEMETRY 32
 
 /* Time of a step, with the operator's requests. */
 typedef struct {
@@ -59,17 +58,15 @@ typedef struct {
 
 /* A service. */
 typedef struct {
-    uint32_t abi;                 /* GERONO_ABI */
-    uint32_t size;                /* sizeof(gerono_plugin) */
-    const char *service;          /* such as "controller" */
-    const char *const *layouts;   /* such as GERONO_CONTROLLER_LAYOUTS */
+    uint32_t abi;               /* GERONO_ABI */
+    uint32_t size;              /* sizeof(gerono_plugin) */
+    const char *service;        /* such as "controller" */
+    const char *const *layouts; /* such as GERONO_CONTROLLER_LAYOUTS */
     size_t layout_count;
-    const char *const *telemetry; /* names of own telemetry */
-    size_t telemetry_count;       /* at most GERONO_MAX_TELEMETRY */
     /* Makes a service. NULL if it cannot fly this scenario, with the reason as a text of at most `size` bytes. */
     void *(*create)(const gerono_setup *setup, char *why_not, size_t size);
-    /* Writes the samples that are due, and the numbers of own telemetry. 0 if all is well. */
-    int (*step)(void *self, const gerono_now *now, const gerono_input *in, const gerono_output *out, double *telemetry);
+    /* Writes the samples that are due. 0 if all is well. */
+    int (*step)(void *self, const gerono_now *now, const gerono_input *in, const gerono_output *out);
     /* The size of the state, bytes; the same at all times. 0 if there is none. */
     size_t (*state_size)(const void *self);
     /* Writes the state after the last step. */

@@ -8,9 +8,6 @@ pub const VERSION: u32 = 1;
 /// Name of the function that a library exports, `const gerono_plugin *gerono_plugin_v1(void)`.
 pub const ENTRY: &str = "gerono_plugin_v1";
 
-/// Largest number of named numbers of own telemetry.
-pub const MAX_TELEMETRY: usize = 32;
-
 /// Type of the exported function.
 pub type Entry = unsafe extern "C" fn() -> *const Plugin;
 
@@ -88,15 +85,10 @@ pub struct Plugin {
     pub layouts: *const *const c_char,
     /// Number of layout hashes.
     pub layout_count: usize,
-    /// Names of own telemetry, in the order of its numbers.
-    pub telemetry: *const *const c_char,
-    /// Number of names, at most [`MAX_TELEMETRY`].
-    pub telemetry_count: usize,
     /// Makes a service; null if it cannot, with the reason as a text of at most `size` bytes with its zero.
     pub create: Option<unsafe extern "C" fn(*const Setup, *mut c_char, usize) -> *mut c_void>,
-    /// Advances to a time and writes the outputs that are due, and the numbers of own telemetry; 0 if all is well.
-    pub step:
-        Option<unsafe extern "C" fn(*mut c_void, *const Now, *const Input, *const Output, *mut f64) -> c_int>,
+    /// Advances to a time and writes the outputs that are due; 0 if all is well.
+    pub step: Option<unsafe extern "C" fn(*mut c_void, *const Now, *const Input, *const Output) -> c_int>,
     /// Returns the size of the state, bytes: the same at all times.
     pub state_size: Option<unsafe extern "C" fn(*const c_void) -> usize>,
     /// Writes the state after the last step.

@@ -18,9 +18,6 @@ use crate::abi;
 
 /// Service that a library exports.
 pub trait Plugin: Service {
-    /// Names of own telemetry.
-    const TELEMETRY: &'static [&'static str] = &[];
-
     /// Makes the service of a flight.
     ///
     /// # Errors
@@ -28,9 +25,6 @@ pub trait Plugin: Service {
     fn create(setup: &Setup<'_>) -> Result<Self, BuildError>
     where
         Self: Sized;
-
-    /// Writes the numbers of own telemetry after a step, one for each name.
-    fn telemetry(&self, _numbers: &mut [f64]) {}
 }
 
 /// What a service may know when it is made.
@@ -51,7 +45,10 @@ impl Setup<'_> {
             // SAFETY: as above.
             unsafe { CStr::from_ptr(parameter.name) }.to_bytes() == name.as_bytes()
         };
-        parameters.iter().find(is_it).map_or(default, |parameter| parameter.value)
+        parameters
+            .iter()
+            .find(is_it)
+            .map_or(default, |parameter| parameter.value)
     }
 
     /// Returns the scenario.
@@ -71,7 +68,10 @@ impl Setup<'_> {
 macro_rules! export {
     ($service:ty) => {
         /// Returns the service of this library.
-        #[allow(unsafe_code, reason = "the name of the function is that of the interface")]
+        #[allow(
+            unsafe_code,
+            reason = "the name of the function is that of the interface"
+        )]
         #[unsafe(no_mangle)]
         pub extern "C" fn gerono_plugin_v1() -> *const $crate::abi::Plugin {
             $crate::export::plugin::<$service>()
@@ -85,16 +85,13 @@ pub fn plugin<S: Plugin>() -> &'static abi::Plugin {
     let inputs = S::ID.inputs().iter().map(|input| input.topic);
     let topics = inputs.chain(S::ID.outputs().iter().map(|output| output.topic));
     let layouts: Vec<_> = topics.map(|topic| constant(&topic.layout_hash())).collect();
-    let telemetry: Vec<_> = S::TELEMETRY.iter().map(|name| constant(name)).collect();
-    let (layouts, telemetry) = (layouts.leak(), telemetry.leak());
+    let layouts = layouts.leak();
     Box::leak(Box::new(abi::Plugin {
         abi: abi::VERSION,
         size: u32::try_from(size_of::<abi::Plugin>()).expect("a small structure"),
         service: constant(S::ID.name()),
         layouts: layouts.as_ptr(),
         layout_count: layouts.len(),
-        telemetry: telemetry.as_ptr(),
-        telemetry_count: telemetry.len(),
         create: Some(create::<S>),
         step: Some(step::<S>),
         state_size: Some(state_size::<S>),
@@ -134,7 +131,6 @@ unsafe extern "C" fn step<S: Plugin>(
     now: *const abi::Now,
     inputs: *const abi::Input,
     outputs: *const abi::Output,
-    telemetry: *mut f64,
 ) -> c_int {
     // SAFETY: the host hands over what `create` made, the time, one view an input and one place an output.
     let (service, now) = unsafe { (&mut *service.cast::<S>(), &*now) };
@@ -168,13 +164,9 @@ unsafe extern "C" fn step<S: Plugin>(
             slot.bytes = Some(unsafe { std::slice::from_raw_parts_mut(output.sample.cast(), size) });
         }
     }
-    let count = S::TELEMETRY.len();
-    // SAFETY: the host has room for more numbers than there are names.
-    let numbers = unsafe { std::slice::from_raw_parts_mut(telemetry, count) };
     let stepped = catch_unwind(AssertUnwindSafe(|| {
         let views = &views[..S::ID.inputs().len()];
         ErasedService::step(service, &now, views, &mut slots[..S::ID.outputs().len()]);
-        service.telemetry(numbers);
     }));
     // The panic has been told on standard error.
     stepped.is_err().into()

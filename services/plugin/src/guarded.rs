@@ -59,7 +59,10 @@ mod tests {
         for size in [0, 1, 7, 8, 9, 224] {
             let mut memory = Guarded::new(size);
             assert!(memory.bytes().iter().all(|&byte| byte == 0));
-            assert_eq!((memory.bytes().len(), memory.bytes().as_ptr().align_offset(8)), (size, 0));
+            assert_eq!(
+                (memory.bytes().len(), memory.bytes().as_ptr().align_offset(8)),
+                (size, 0)
+            );
             memory.bytes_mut().fill(7);
             assert!(memory.is_intact(), "{size}");
             for word in [GUARDS - 1, GUARDS + size.div_ceil(8)] {

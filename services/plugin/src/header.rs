@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use shared_types::{Header, ServiceId, Topic};
+use shared_types::{ServiceId, Topic};
 
 use crate::abi;
 
@@ -22,7 +22,9 @@ pub fn text() -> String {
         let body = parts.next().unwrap_or_default();
         for nested in parts {
             let (name, body) = nested.split_once('\n').unwrap_or((nested, ""));
-            structures.entry(c_name(name)).or_insert_with(|| structure(&c_name(name), body, None));
+            structures
+                .entry(c_name(name))
+                .or_insert_with(|| structure(&c_name(name), body, None));
         }
         let name = c_name(topic.msg_name());
         let _ = writeln!(samples, "/* A sample of `{topic}`. */");
@@ -34,8 +36,6 @@ pub fn text() -> String {
     let roles: String = ServiceId::ALL.into_iter().map(ports).collect();
     INTERFACE
         .replace("@VERSION@", &abi::VERSION.to_string())
-        .replace("@MAX_TELEMETRY@", &abi::MAX_TELEMETRY.to_string())
-        .replace("@HEADER_SIZE@", &size_of::<Header>().to_string())
         .replace("@SAMPLES@\n", &(nested + &samples))
         .replace("@PORTS@\n", &roles)
 }
@@ -71,7 +71,10 @@ fn structure(name: &str, body: &str, size: Option<usize>) -> String {
     }
     let mut text = format!("typedef struct {{\n{members}}} {name};\n{constants}");
     if let Some(size) = size {
-        let _ = writeln!(text, "GERONO_ASSERT(sizeof({name}) == {size}, \"another layout of {name}\");");
+        let _ = writeln!(
+            text,
+            "GERONO_ASSERT(sizeof({name}) == {size}, \"another layout of {name}\");"
+        );
     }
     text
 }
@@ -92,13 +95,31 @@ fn ports(role: ServiceId) -> String {
     let mut text = format!("/* Inputs and outputs of `{role}`. */\nenum {{\n");
     let mut layouts = Vec::new();
     for (position, input) in role.inputs().iter().enumerate() {
-        let _ = writeln!(text, "    GERONO_{upper}_IN_{} = {position},", input.name.to_uppercase());
-        layouts.push(format!("{}_LAYOUT", c_name(input.topic.msg_name()).to_uppercase()));
+        let _ = writeln!(
+            text,
+            "    GERONO_{upper}_IN_{} = {position},",
+            input.name.to_uppercase()
+        );
+        layouts.push(format!(
+            "{}_LAYOUT",
+            c_name(input.topic.msg_name()).to_uppercase()
+        ));
     }
     for (position, output) in role.outputs().iter().enumerate() {
-        let _ = writeln!(text, "    GERONO_{upper}_OUT_{} = {position},", output.name.to_uppercase());
-        layouts.push(format!("{}_LAYOUT", c_name(output.topic.msg_name()).to_uppercase()));
+        let _ = writeln!(
+            text,
+            "    GERONO_{upper}_OUT_{} = {position},",
+            output.name.to_uppercase()
+        );
+        layouts.push(format!(
+            "{}_LAYOUT",
+            c_name(output.topic.msg_name()).to_uppercase()
+        ));
     }
-    let _ = writeln!(text, "}};\n#define GERONO_{upper}_LAYOUTS {{{}}}\n", layouts.join(", "));
+    let _ = writeln!(
+        text,
+        "}};\n#define GERONO_{upper}_LAYOUTS {{{}}}\n",
+        layouts.join(", ")
+    );
     text
 }

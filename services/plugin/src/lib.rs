@@ -12,7 +12,9 @@
 
 pub mod abi;
 pub mod export;
+#[cfg(feature = "load")]
 mod float_mode;
+#[cfg(feature = "load")]
 mod guarded;
 pub mod header;
 pub mod library_file;

@@ -13,7 +13,7 @@ use shared_types::sample::hex;
 pub enum FileError {
     /// It cannot be read.
     #[error(
-        "the plug-in `{}` cannot be read: {source}; build it, or name its folder with `plugins.folder`",
+        "the plug-in `{}` cannot be read; build it, or name its folder with `plugins.folder`",
         path.display()
     )]
     NotRead {
@@ -55,7 +55,10 @@ pub fn sha256(path: &Path) -> Result<String, FileError> {
 /// # Errors
 /// [`FileError`].
 pub fn find(scenario: &Scenario, role: ServiceId) -> Result<Option<PathBuf>, FileError> {
-    let Some((plugins, path)) = scenario.plugins.as_ref().and_then(|plugins| Some((plugins, plugins.path_of(role)?)))
+    let Some((plugins, path)) = scenario
+        .plugins
+        .as_ref()
+        .and_then(|plugins| Some((plugins, plugins.path_of(role)?)))
     else {
         return Ok(None);
     };

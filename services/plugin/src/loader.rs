@@ -71,7 +71,6 @@ struct Functions {
         *const abi::Now,
         *const abi::Input,
         *const abi::Output,
-        *mut f64,
     ) -> std::ffi::c_int,
     save: unsafe extern "C" fn(*const c_void, *mut c_void),
     restore: unsafe extern "C" fn(*mut c_void, *const c_void),
@@ -88,7 +87,6 @@ struct PluginService {
     instance: *mut c_void,
     inputs: Vec<Guarded>,
     outputs: Vec<Guarded>,
-    telemetry: Guarded,
     state: RefCell<Guarded>,
     state_size: usize,
 }
@@ -189,13 +187,6 @@ fn check(role: ServiceId, plugin: &abi::Plugin) -> Result<(), String> {
             ));
         }
     }
-    if plugin.telemetry_count > abi::MAX_TELEMETRY {
-        return Err(format!(
-            "it names {} numbers of own telemetry, and at most {} are possible",
-            plugin.telemetry_count,
-            abi::MAX_TELEMETRY
-        ));
-    }
     Ok(())
 }
 
@@ -238,12 +229,21 @@ impl PluginService {
         let state_size = unsafe { state_size(instance) };
         let service = Self {
             role,
-            name: path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            name: path
+                .file_name()
+                .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
             functions,
             instance,
-            inputs: role.inputs().iter().map(|input| Guarded::new(input.topic.kind().size)).collect(),
-            outputs: role.outputs().iter().map(|output| Guarded::new(output.topic.kind().size)).collect(),
-            telemetry: Guarded::new(abi::MAX_TELEMETRY * size_of::<f64>()),
+            inputs: role
+                .inputs()
+                .iter()
+                .map(|input| Guarded::new(input.topic.kind().size))
+                .collect(),
+            outputs: role
+                .outputs()
+                .iter()
+                .map(|output| Guarded::new(output.topic.kind().size))
+                .collect(),
             state: RefCell::new(Guarded::new(state_size.min(MAX_STATE))),
             state_size,
         };
@@ -339,11 +339,9 @@ impl ErasedService for PluginService {
                 due.sample = place.bytes_mut().as_mut_ptr().cast();
             }
         }
-        let numbers = self.telemetry.bytes_mut().as_mut_ptr().cast();
         let mode = FloatMode::current();
         // SAFETY: the instance is the library's own, and all memory outlives the call.
-        let failure =
-            unsafe { (self.functions.step)(self.instance, &now, seen.as_ptr(), due.as_ptr(), numbers) };
+        let failure = unsafe { (self.functions.step)(self.instance, &now, seen.as_ptr(), due.as_ptr()) };
         if FloatMode::current() != mode {
             mode.set();
             self.fail("changed the floating-point mode in its step");
@@ -351,7 +349,7 @@ impl ErasedService for PluginService {
         if failure != 0 {
             self.fail(&format!("failed with {failure} in its step at tick {}", now.tick));
         }
-        let mut places = self.inputs.iter().chain(&self.outputs).chain([&self.telemetry]);
+        let mut places = self.inputs.iter().chain(&self.outputs);
         if !places.all(Guarded::is_intact) {
             self.fail("wrote beyond a sample in its step");
         }

@@ -15,8 +15,8 @@ use shared_types::{Service, ServiceId};
 use controller::ControllerService;
 use estimator::EstimatorService;
 use path_generator::PathGeneratorService;
-use plugin::library_file;
 use plant::PlantService;
+use plugin::library_file;
 use rc_output::RcOutputService;
 
 /// Constructor of a role's occupant.
@@ -122,7 +122,9 @@ pub fn state_layout(role: ServiceId, scenario: &Scenario) -> u64 {
         Some(plugins) => plugins.sha256.get(role.name()).cloned().unwrap_or_default(),
         None => (step_logic(role).state_layout)(),
     };
-    hash.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or_default()
+    hash.get(..16)
+        .and_then(|digits| u64::from_str_radix(digits, 16).ok())
+        .unwrap_or_default()
 }
 
 /// Returns the size of a role's state, bytes; `None` for a plug-in, which tells it once it is loaded.
@@ -139,7 +141,9 @@ mod tests {
 
     #[test]
     fn no_two_services_have_one_layout() {
-        let layouts: BTreeSet<_> = ServiceId::ALL.map(|role| (step_logic(role).state_layout)()).into();
+        let layouts: BTreeSet<_> = ServiceId::ALL
+            .map(|role| (step_logic(role).state_layout)())
+            .into();
         assert_eq!(layouts.len(), ServiceId::ALL.len());
     }
 

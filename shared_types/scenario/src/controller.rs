@@ -95,7 +95,7 @@ impl Scenario {
     pub fn theorem_bound(&self) -> Option<f64> {
         let law = &self.controller;
         let learns = law.lambda_mass > 0.0 && law.lambda_disturbance.iter().all(|&gain| gain > 0.0);
-        let is_ours = law.law.is_adaptive() && self.program_of(ServiceId::Controller).is_none();
+        let is_ours = law.law.is_adaptive() && !self.is_foreign(ServiceId::Controller);
         (is_ours && learns && !law.remove_offset).then(|| law.ultimate_bound())
     }
 }

@@ -20,8 +20,8 @@ mod machine;
 mod model;
 mod motion_capture;
 mod path;
-mod problem;
 mod plugins;
+mod problem;
 mod programs;
 mod radio_link;
 mod rc_link;
@@ -51,8 +51,8 @@ pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
 pub use model::Model;
 pub use motion_capture::{CaptureSystem, FrameTransform, MotionCapture, PoseSource};
 pub use path::{Path, PathMode, YawStep};
-pub use problem::{Key, Problem, Unflyable};
 pub use plugins::Plugins;
+pub use problem::{Key, Problem, Unflyable};
 pub use programs::Programs;
 pub use radio_link::{
     ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProtocol, Transmitter,

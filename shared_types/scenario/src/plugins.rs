@@ -94,6 +94,8 @@ impl Scenario {
     /// Returns whether a plug-in flies in place of a service.
     #[must_use]
     pub fn has_plugin(&self, service: ServiceId) -> bool {
-        self.plugins.as_ref().is_some_and(|plugins| plugins.of(service).is_some())
+        self.plugins
+            .as_ref()
+            .is_some_and(|plugins| plugins.of(service).is_some())
     }
 }

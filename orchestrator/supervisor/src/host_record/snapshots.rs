@@ -72,7 +72,11 @@ mod tests {
     fn scenario() -> Scenario {
         let vehicle = scenario::Vehicle::new(0.2, [6.5e-4, 6.5e-4, 13.0e-4]);
         let position = scenario::Hover { position: [0.0; 3] };
-        Scenario::new(1.0, vehicle, scenario::Path::new(scenario::Curve::Hover(position)))
+        Scenario::new(
+            1.0,
+            vehicle,
+            scenario::Path::new(scenario::Curve::Hover(position)),
+        )
     }
 
     #[test]

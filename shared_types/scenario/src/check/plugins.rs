@@ -43,7 +43,11 @@ impl Scenario {
         for (name, value) in &plugins.parameters {
             if name.contains('\0') || !value.is_finite() {
                 let at = at.then("parameters").then(name.as_str());
-                found.add(at, "no library can be handed it", "give a finite number and a name without zero bytes");
+                found.add(
+                    at,
+                    "no library can be handed it",
+                    "give a finite number and a name without zero bytes",
+                );
             }
         }
     }
