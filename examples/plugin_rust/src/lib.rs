@@ -16,7 +16,8 @@ shared_types::sample! {
 }
 
 /// The controller: gains kp (1/s²), kv (1/s), ki (1/s³), kr (1/s), the mass (kg), and what it integrates.
-struct Pid([f64; 5], Vector3<f64>);
+#[derive(Clone, Debug)]
+pub struct Pid([f64; 5], Vector3<f64>);
 
 impl Plugin for Pid {
     fn create(setup: &Setup<'_>) -> Result<Self, BuildError> {

@@ -18,7 +18,7 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
     let schedule = schedule_of(&scenario)?;
     registry::build_all(&scenario).map_err(Failure::bad_input)?;
     if arguments.mermaid {
-        print(mermaid());
+        print(manual::wiring::mermaid());
     } else {
         print(describe(&scenario, &schedule));
         print(warnings(&scenario));
@@ -181,32 +181,4 @@ fn unread(schedule: &Schedule) -> String {
             edges.join(", ")
         )
     }
-}
-
-/// The wiring table as a Mermaid diagram.
-#[must_use]
-pub fn mermaid() -> String {
-    let mut text = String::from("flowchart LR\n");
-    for service in ServiceId::ALL {
-        text.push_str(&format!("    {service}[{service}]\n"));
-    }
-    text.push_str("    recorder[(orchestrator: run.mcap)]\n");
-    for topic in Topic::ALL {
-        let Some(publisher) = topic.publisher() else {
-            continue;
-        };
-        for (consumer, input) in topic.consumers() {
-            let latency = consumer.inputs()[input].default_latency_ticks;
-            let note = if latency == 0 {
-                String::new()
-            } else {
-                format!(", {latency} tick later")
-            };
-            text.push_str(&format!("    {publisher} -- \"{topic}{note}\" --> {consumer}\n"));
-        }
-        if topic.consumers().next().is_none() {
-            text.push_str(&format!("    {publisher} -. {topic} .-> recorder\n"));
-        }
-    }
-    text
 }

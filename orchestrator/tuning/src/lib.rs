@@ -181,7 +181,8 @@ fn disturbance_learning(scenario: &Scenario) -> Option<Finding> {
     let [disturbance, mass] = learning_gains(scenario);
     // Where the damping is 0.71, and where it is at its limit.
     let good = velocity_rate * velocity_rate / 2.0;
-    let bearable = (velocity_rate / (2.0 * LEARNING_DAMPING)).powi(2);
+    let slowest = velocity_rate / (2.0 * LEARNING_DAMPING);
+    let bearable = slowest * slowest;
     let (key, fix) = if disturbance > good || mass == 0.0 {
         let fix = format!("set its elements to at most {}", digits(good));
         ("lambda_disturbance", fix)

@@ -31,7 +31,13 @@ pub trait Plugin: Service {
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a>(&'a abi::Setup);
 
-impl Setup<'_> {
+impl<'a> Setup<'a> {
+    /// Wraps what a host hands over.
+    #[must_use]
+    pub fn new(setup: &'a abi::Setup) -> Self {
+        Self(setup)
+    }
+
     /// Returns a number of the scenario's table `plugins.parameters`, or `default` if it is not there.
     #[must_use]
     #[expect(unsafe_code, reason = "the host's C strings")]

@@ -40,13 +40,16 @@ impl Guarded {
     /// Returns whether nobody wrote beyond the memory.
     #[inline]
     pub(crate) fn is_intact(&self) -> bool {
-        let (before, rest) = self.words.split_at(GUARDS);
-        let after = &rest[rest.len() - GUARDS..];
-        before.iter().chain(after).all(|&word| word == GUARD) && {
-            let used = self.size.div_ceil(size_of::<u64>()) * size_of::<u64>();
-            let inner = zerocopy::IntoBytes::as_bytes(&rest[..rest.len() - GUARDS]);
-            inner[self.size..used].iter().all(|&byte| byte == 0)
-        }
+        let guards = [GUARD; GUARDS];
+        let is_guarded =
+            self.words.first_chunk() == Some(&guards) && self.words.last_chunk() == Some(&guards);
+        is_guarded && self.rest_of_last_word().iter().all(|&byte| byte == 0)
+    }
+
+    /// Returns the bytes behind the memory that are missing to a whole word.
+    #[inline]
+    fn rest_of_last_word(&self) -> &[u8] {
+        &zerocopy::IntoBytes::as_bytes(&self.words[GUARDS..self.words.len() - GUARDS])[self.size..]
     }
 }
 

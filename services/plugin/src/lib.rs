@@ -6,7 +6,7 @@
 //!
 //! * [`abi`]: the interface, version 1;
 //! * [`header`]: the same as `gerono.h`, with the samples of all topics;
-//! * [`export`]: the interface of a Rust library, made from a [`Service`](shared_types::Service);
+//! * [`mod@export`]: the interface of a Rust library, made from a [`Service`](shared_types::Service);
 //! * [`loader`]: loads a library, checks it, and makes a service of it;
 //! * [`library_file`]: where the library of a scenario is, and whether it is the one that was flown.
 

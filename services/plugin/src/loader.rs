@@ -349,11 +349,10 @@ impl ErasedService for PluginService {
         if failure != 0 {
             self.fail(&format!("failed with {failure} in its step at tick {}", now.tick));
         }
-        let mut places = self.inputs.iter().chain(&self.outputs);
-        if !places.all(Guarded::is_intact) {
-            self.fail("wrote beyond a sample in its step");
-        }
         for (slot, place) in outputs.iter_mut().zip(&self.outputs) {
+            if !place.is_intact() {
+                self.fail("wrote beyond a sample in its step");
+            }
             if let Some(bytes) = &mut slot.bytes {
                 // The header is the host's.
                 bytes[size_of::<Header>()..].copy_from_slice(&place.bytes()[size_of::<Header>()..]);

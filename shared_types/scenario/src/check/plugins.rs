@@ -32,7 +32,7 @@ impl Scenario {
             );
         }
         for name in plugins.sha256.keys() {
-            if !ServiceId::from_name(name).is_some_and(|service| plugins.of(service).is_some()) {
+            if ServiceId::from_name(name).is_none_or(|service| plugins.of(service).is_none()) {
                 found.add(
                     at.then("sha256").then(name.as_str()),
                     format!("no plug-in flies in place of `{name}`"),

@@ -1,0 +1,291 @@
+//! Plug-ins fly as built-in services do, and what they do wrong ends in a clear failure or a restart, never in a wrong
+//! log.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::common::{Place, begin, complaint, finish, output, succeed};
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+
+/// Compiles a library from C.
+fn compile(source: &str, library: &Path, flags: &[&str]) {
+    let mut command = Command::new("cc");
+    command
+        .args(["-O2", "-std=c11", "-shared", "-fPIC", "-w", "-o"])
+        .arg(library);
+    for folder in ["services/plugin/include", "examples/plugin_c"] {
+        command.arg(format!("-I{ROOT}/{folder}"));
+    }
+    command.arg(format!("{ROOT}/{source}")).args(flags).arg("-lm");
+    let output = command.output().expect("a C compiler links Rust too");
+    assert!(output.status.success(), "{}", complaint(&output));
+}
+
+/// Makes the example's scenario, for a second, with a library that does something it should not.
+fn example(misconduct: &str, claim: &str, flags: &[&str]) -> Place {
+    let place = Place::new();
+    let defines = [format!("-DMISCONDUCT={misconduct}"), format!("-DCLAIM={claim}")];
+    let flags: Vec<_> = defines
+        .iter()
+        .map(String::as_str)
+        .chain(flags.iter().copied())
+        .collect();
+    compile("tests/plugins/misconduct.c", &place.path("libpid.so"), &flags);
+    let scenario = std::fs::read_to_string(format!("{ROOT}/examples/plugin_c/eight.toml")).unwrap();
+    let scenario = scenario.replace("duration = 20.0", "duration = 1.0");
+    std::fs::write(place.path("eight.toml"), scenario).unwrap();
+    place
+}
+
+fn fly(place: &Place, out: &str, more: &[&str]) -> Command {
+    let scenario = place.path("eight.toml");
+    let mut command = place.gerono(&["run", scenario.to_str().unwrap(), "--quiet", "--out", out]);
+    command.args(more);
+    command
+}
+
+fn log(place: &Place, out: &str) -> Vec<u8> {
+    std::fs::read(place.log(out)).unwrap()
+}
+
+/// The commands of a flight, a line each.
+fn commands(place: &Place, out: &str) -> String {
+    let exported = succeed(&mut place.gerono(&["export", out, "--csv", "--topic", "control/command"]));
+    String::from_utf8(exported.stdout).unwrap()
+}
+
+#[test]
+fn a_library_flies_the_same_bytes_on_every_host_through_deaths_and_in_a_replay() {
+    // Neither memory that it allocates nor what it does to its copies of the samples is seen by others.
+    let place = example(
+        "free(malloc(1000)); memset((void *)in[0].sample, 7, sizeof(gerono_vehicle_state))",
+        "",
+        &[],
+    );
+    succeed(&mut fly(&place, "alone", &["--host", "inprocess"]));
+    let deaths = [
+        "--crash",
+        "controller@200:after-step",
+        "--crash",
+        "controller@700:checkpointing",
+    ];
+    succeed(&mut fly(&place, "died", &deaths));
+    let fault = r#"fault=[{at=0.4, service="controller", kind="off", for=0.1}]"#;
+    succeed(&mut fly(&place, "out", &["--set", fault]));
+    succeed(&mut fly(
+        &place,
+        "out alone",
+        &["--set", fault, "--host", "inprocess"],
+    ));
+    assert!(log(&place, "alone") == log(&place, "died"));
+    assert!(log(&place, "out alone") == log(&place, "out"));
+    for out in ["alone", "died", "out"] {
+        succeed(&mut place.gerono(&["replay", out, "--quiet"]));
+    }
+    let parts = ["replay", "died", "--quiet", "--from", "0.6", "--processes"];
+    succeed(&mut place.gerono(&parts));
+    // Other gains are another flight.
+    succeed(&mut fly(
+        &place,
+        "other",
+        &["--host", "inprocess", "--set", "plugins.parameters.kp=9.0"],
+    ));
+    assert!(log(&place, "other") != log(&place, "alone"));
+    // A run keeps its library, which is not replaced unseen.
+    std::fs::remove_file(place.path("libpid.so")).unwrap();
+    succeed(&mut place.gerono(&["replay", "alone", "--quiet"]));
+    compile(
+        "tests/plugins/misconduct.c",
+        &place.path("alone/libpid.so"),
+        &["-g"],
+    );
+    let refused = output(&mut place.gerono(&["replay", "alone", "--quiet"]));
+    assert!(
+        !refused.status.success() && complaint(&refused).contains("was built again"),
+        "{}",
+        complaint(&refused)
+    );
+}
+
+#[test]
+fn what_a_library_does_wrong_in_its_step_ends_the_flight_clearly_and_the_log_is_right_until_then() {
+    let good = example("", "", &[]);
+    succeed(&mut fly(&good, "good", &["--host", "inprocess"]));
+    let expected = commands(&good, "good");
+    let cases = [
+        ("return 7", "failed with 7 in its step at tick 500", true),
+        ("command->thrust = NAN", "thrust", true),
+        (
+            "memset(command, 0, sizeof *command + 8)",
+            "wrote beyond a sample",
+            true,
+        ),
+        #[cfg(target_arch = "x86_64")]
+        (
+            "_mm_setcsr(_mm_getcsr() | 0x8040)",
+            "changed the floating-point mode",
+            true,
+        ),
+        ("*(volatile int *)8 = 1", "SIGSEGV", false),
+        ("abort()", "SIGABRT", false),
+    ];
+    for (misconduct, said, is_survived_in_process) in cases {
+        let place = example(misconduct, "", &[]);
+        let flown = output(&mut fly(&place, "processes", &["--restarts", "controller=1"]));
+        let told = complaint(&flown);
+        assert_eq!(flown.status.code(), Some(3), "{misconduct}: {told}");
+        assert!(told.contains(said), "{misconduct}: {told}");
+        let written = commands(&place, "processes");
+        assert!(
+            expected.starts_with(&written) && written.lines().count() >= 500,
+            "{misconduct}"
+        );
+        let alone = output(&mut fly(&place, "alone", &["--host", "inprocess"]));
+        if is_survived_in_process {
+            assert_eq!(
+                alone.status.code(),
+                Some(3),
+                "{misconduct}: {}",
+                complaint(&alone)
+            );
+            assert!(
+                complaint(&alone).contains(said),
+                "{misconduct}: {}",
+                complaint(&alone)
+            );
+            let written = commands(&place, "alone");
+            assert!(
+                expected.starts_with(&written) && written.lines().count() >= 500,
+                "{misconduct}"
+            );
+        } else {
+            assert_eq!(alone.status.code(), None, "{misconduct}: a signal ends it");
+            assert!(
+                !place.log("alone").exists(),
+                "{misconduct}: a log that is not whole has another name"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_library_that_hangs_is_ended() {
+    let place = example("for (;;) {}", "", &[]);
+    let alone = begin(&mut fly(&place, "alone", &["--host", "inprocess"]));
+    let processes = begin(&mut fly(&place, "processes", &["--restarts", "controller=0"]));
+    let alone = finish(alone);
+    assert_eq!(alone.status.code(), Some(3), "{}", complaint(&alone));
+    assert!(
+        complaint(&alone).contains("has not returned for 20 s"),
+        "{}",
+        complaint(&alone)
+    );
+    let processes = finish(processes);
+    assert_eq!(processes.status.code(), Some(3), "{}", complaint(&processes));
+    assert!(
+        complaint(&processes).contains("a step has taken longer than 20 s"),
+        "{}",
+        complaint(&processes)
+    );
+}
+
+#[test]
+fn a_library_whose_state_is_not_what_it_says_is_found_out() {
+    let death = ["--crash", "controller@705:after-step"];
+    for (claim, said) in [
+        ("it.save = save_too_much", "wrote beyond its state"),
+        ("it.save = save_nothing", "published another sample of tick"),
+    ] {
+        let place = example("", claim, &[]);
+        let flown = output(fly(&place, "processes", &["--restarts", "controller=1"]).args(death));
+        let told = complaint(&flown);
+        assert_eq!(flown.status.code(), Some(3), "{claim}: {told}");
+        assert!(told.contains(said), "{claim}: {told}");
+    }
+}
+
+#[test]
+fn a_library_that_cannot_fly_is_refused_before_the_flight() {
+    let mut cases = vec![
+        ("it.abi = 2", "version 2 of the interface", &[][..]),
+        ("it.layouts = others", "another layout of `path/reference`", &[]),
+        ("it.layout_count = 3", "names 3 layouts", &[]),
+        (r#"it.service = "plant""#, "it is a `plant`", &[]),
+        ("it.restore = NULL", "a function of the interface is missing", &[]),
+        ("it.state_size = enormous", "its state has 1048576 bytes", &[]),
+        ("it.create = refuse", "it flies on Sundays only", &[]),
+        ("return NULL", "returns NULL", &[]),
+    ];
+    if cfg!(target_arch = "x86_64") {
+        cases.push(("", "changes the floating-point mode", &["-DFAST_MATH"]));
+    }
+    for (claim, said, flags) in cases {
+        let place = example("", claim, flags);
+        let scenario = place.path("eight.toml");
+        let refused = output(&mut place.gerono(&["check", scenario.to_str().unwrap()]));
+        assert_eq!(refused.status.code(), Some(2), "{claim}: {}", complaint(&refused));
+        assert!(
+            complaint(&refused).contains(said),
+            "{claim}: {}",
+            complaint(&refused)
+        );
+    }
+    let place = example("", "", &[]);
+    let scenario = place.path("eight.toml");
+    let scenario = scenario.to_str().unwrap();
+    for (set, said) in [
+        ("plugins.controller=libnone.so", "cannot be read"),
+        ("plugins.controller=eight.toml", "cannot be loaded"),
+        ("plugins.sha256={controller=\"00\"}", "was built again"),
+        (
+            "plugins.sha256={plant=\"00\"}",
+            "no plug-in flies in place of `plant`",
+        ),
+        (
+            "programs={controller=[\"true\"]}",
+            "a program flies in place of `controller`",
+        ),
+        ("plugins.parameters.kp=inf", "give a finite number"),
+    ] {
+        let refused = output(&mut place.gerono(&["check", scenario, "--set", set]));
+        assert_eq!(refused.status.code(), Some(2), "{set}: {}", complaint(&refused));
+        assert!(
+            complaint(&refused).contains(said),
+            "{set}: {}",
+            complaint(&refused)
+        );
+    }
+}
+
+/// The examples in C, each with the largest distance from the path that it may have after 5 s, m.
+const EXAMPLES: [(&str, &[&str], f64); 2] = [
+    ("examples/plugin_c/pid.c", &[], 0.006),
+    (
+        "examples/plugin_casadi/controller.c",
+        &["examples/plugin_casadi/law.c"],
+        0.000_3,
+    ),
+];
+
+#[test]
+fn the_examples_in_c_fly_the_path() {
+    for (source, more, limit) in EXAMPLES {
+        let place = Place::new();
+        let more: Vec<_> = more.iter().map(|file| format!("{ROOT}/{file}")).collect();
+        let flags: Vec<_> = more.iter().map(String::as_str).collect();
+        compile(source, &place.path("libpid.so"), &flags);
+        std::fs::copy(
+            format!("{ROOT}/examples/plugin_c/eight.toml"),
+            place.path("eight.toml"),
+        )
+        .unwrap();
+        succeed(&mut fly(&place, "flight", &["--set", "duration=10.0"]));
+        let summary = place.summary("flight");
+        let ultimate = summary
+            .pointer("/phases/0/ultimate")
+            .and_then(serde_json::Value::as_f64);
+        assert!(ultimate.unwrap() < limit, "{source}: {ultimate:?}");
+        succeed(&mut place.gerono(&["replay", "flight", "--quiet"]));
+    }
+}
