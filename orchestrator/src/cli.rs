@@ -24,6 +24,7 @@ use self::values::service_process;
 pub use self::world::*;
 pub use bench::arguments::*;
 use command_line::exit::Exit;
+use grid::arguments::Grid;
 pub use mocap_tools::arguments::*;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
@@ -115,6 +116,12 @@ pub enum Command {
     /// Writes faults.json and faults.md.
     #[command(after_help = Faults::EXAMPLES)]
     Faults(Faults),
+    /// Compare control laws: their errors in many conditions, and the largest disturbance that each survives.
+    ///
+    /// Every law flies the same conditions with the same seeds; what a condition changes is not told to the controller.
+    /// Writes grid.json, grid.md and a page with a heat map.
+    #[command(after_help = Grid::EXAMPLES)]
+    Grid(Grid),
     /// Check this machine before a flight: good (green), poor (yellow) or unusable (red), each with its fix.
     ///
     /// Checks shared memory, limits, cores, clock, governor, other runs and leftovers of dead ones, and measures for some

@@ -28,6 +28,7 @@ fn main() -> ExitCode {
         Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
+        Command::Grid(arguments) => grid::grid(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Mocap(arguments) => mocap_tools::mocap(&arguments),
         Command::Arm(arguments) => operate(&arguments, "arm", &Question::Operate(Request::Arm)),

@@ -23,6 +23,8 @@ pub enum Stream {
     Turbulence = 5,
     /// Fluctuation of the fan's jet.
     Fan = 6,
+    /// Gusts of the wind.
+    Gusts = 7,
     /// Lost samples of an edge; the edges follow each other.
     EdgeLoss = 0x100,
     /// Random contents of the samples of an edge; the edges follow each other.

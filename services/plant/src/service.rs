@@ -44,6 +44,8 @@ shared_types::sample! {
         pub received: RcFrame,
         /// Turbulence of the air, an acceleration in {I}, m/s².
         pub turbulence_world: [f64; 3],
+        /// Gust of the wind in {I}, m/s.
+        pub wind_world: [f64; 3],
         /// Fluctuation of the fan's jet in {I}, as a share of its force.
         pub jet_fluctuation_world: [f64; 3],
         /// `true` if a frame was received.
@@ -233,6 +235,7 @@ impl Service for PlantService {
             thrust,
             received: received.copied().unwrap_or_else(RcFrame::new_zeroed),
             turbulence_world: gusts.turbulence_world.into(),
+            wind_world: gusts.wind_world.into(),
             jet_fluctuation_world: gusts.jet_fluctuation_world.into(),
             has_received: received.is_some().into(),
             pad0: [0; 7],
@@ -254,6 +257,7 @@ impl Service for PlantService {
         if let Some(air) = &mut self.air {
             air.restore(&Gusts {
                 turbulence_world: state.turbulence_world.into(),
+                wind_world: state.wind_world.into(),
                 jet_fluctuation_world: state.jet_fluctuation_world.into(),
             });
         }

@@ -28,9 +28,15 @@ pub struct Vehicle {
     /// Response to the radio's commands; at once and exactly unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub actuators: Option<Actuators>,
-    /// Drag in still air: force against the velocity, along each body axis, N s/m.
+    /// Drag of the rotors: force against the velocity through the air, along each body axis, N s/m.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub drag: Vector,
+    /// Parasitic drag: force against the velocity through the air, by its square, N s²/m².
+    #[serde(default, skip_serializing_if = "is_none_of_it")]
+    pub parasitic_drag: f64,
+    /// Wind, which acts by the drag; still air unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wind: Option<Wind>,
     /// Turbulence of the air everywhere; none unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turbulence: Option<Turbulence>,
@@ -52,6 +58,8 @@ impl Vehicle {
             change: Vec::new(),
             actuators: None,
             drag: [0.0; 3],
+            parasitic_drag: 0.0,
+            wind: None,
             turbulence: None,
             fan: None,
         }
@@ -102,10 +110,33 @@ impl Default for Actuators {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Turbulence {
-    /// Standard deviation of each component, m/s².
+    /// Standard deviation of each component, m/s²; of gusts m/s.
     pub deviation: f64,
     /// Correlation time, s.
     pub correlation_time: f64,
+}
+
+/// Wind: the same everywhere, w = mean + gusts + sine.
+///
+/// For the longitudinal gusts of the Dryden model of length L at a mean V, the correlation time is L/V.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Wind {
+    /// Mean velocity in {I}, m/s.
+    pub mean: Vector,
+    /// Gusts about it: of each component an Ornstein–Uhlenbeck process, m/s; none unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gusts: Option<Turbulence>,
+    /// Amplitude of a sine in {I}, m/s.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub sine: Vector,
+    /// Frequency of the sine, rad/s.
+    #[serde(skip_serializing_if = "is_none_of_it")]
+    pub sine_frequency: f64,
+}
+
+fn is_none_of_it(number: &f64) -> bool {
+    *number == 0.0
 }
 
 /// Fan: a round, turbulent jet that pushes the vehicle.

@@ -188,7 +188,10 @@ impl SeedResults<'_> {
 }
 
 /// Flies and measures a scenario.
-fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, NotMeasured> {
+///
+/// # Errors
+/// [`NotMeasured`] if it came to nothing.
+pub fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, NotMeasured> {
     let schedule = supervisor::schedule_of(scenario).map_err(FlightFailure::from)?;
     let mut meter = Meter::new(scenario, &schedule);
     match in_process::fly(scenario, &mut meter, interrupt)?.outcome {

@@ -1,5 +1,6 @@
 //! Tests of the plant from outside, in one program: linking takes longer than running.
 
+mod air;
 #[path = "../../../../tests/common/restart.rs"]
 mod restart;
 mod safety;

@@ -4,7 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use super::Findings;
 use super::events::Events;
-use crate::{Fan, Key, Turbulence, Vector};
+use crate::{Fan, Key, Turbulence, Vector, Wind};
 
 impl Turbulence {
     pub(super) fn check(&self, at: &Key, found: &mut Findings) {
@@ -14,6 +14,18 @@ impl Turbulence {
             "the correlation time",
             self.correlation_time,
         );
+    }
+}
+
+impl Wind {
+    pub(super) fn check(&self, at: &Key, found: &mut Findings) {
+        found.vector(&at.then("mean"), &self.mean);
+        found.vector(&at.then("sine"), &self.sine);
+        let frequency = at.then("sine_frequency");
+        found.not_negative(&frequency, "the frequency", self.sine_frequency);
+        if let Some(gusts) = &self.gusts {
+            gusts.check(&at.then("gusts"), found);
+        }
     }
 }
 

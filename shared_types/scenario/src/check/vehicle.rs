@@ -36,6 +36,18 @@ impl Vehicle {
         for (axis, &drag) in self.drag.iter().enumerate() {
             found.not_negative(&at.then("drag").then(axis), "the drag", drag);
         }
+        let parasitic = at.then("parasitic_drag");
+        found.not_negative(&parasitic, "the drag", self.parasitic_drag);
+        if let Some(wind) = &self.wind {
+            wind.check(&at.then("wind"), found);
+            if self.drag == [0.0; 3] && self.parasitic_drag == 0.0 {
+                found.add(
+                    at.then("wind"),
+                    "a vehicle without drag does not feel the wind",
+                    "state `vehicle.drag`, such as `[0.06, 0.06, 0.02]` for the paper's vehicle",
+                );
+            }
+        }
         if let Some(actuators) = &self.actuators {
             actuators.check(&at.then("actuators"), found);
         }

@@ -1,0 +1,79 @@
+//! Arguments of `gerono grid`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use command_line::failure::Failure;
+
+use crate::FIRST_SEED;
+use crate::conditions::{CONDITIONS, Condition};
+use crate::laws::ControlLaw;
+
+/// Arguments of `gerono grid`.
+#[derive(Debug, Args)]
+pub struct Grid {
+    /// Scenario that the conditions change; it needs the sections of scenarios/fig3_6.toml [default: that scenario, for
+    /// 60 s].
+    pub scenario: Option<PathBuf>,
+    /// Number of seeds, the same for every law [default: 20; with --quick 3].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub seeds: Option<u16>,
+    /// First of the seeds; the default ones were used for no tuning.
+    #[arg(long, value_name = "SEED", default_value_t = FIRST_SEED)]
+    pub first_seed: u64,
+    /// Control law to compare, by name, or NAME:KEY=VALUE;KEY=VALUE for one of your own; may be given several times
+    /// [default: all].
+    #[arg(long = "law", value_name = "LAW", value_parser = str::parse::<ControlLaw>)]
+    pub laws: Vec<ControlLaw>,
+    /// Condition to fly [default: all].
+    #[arg(long = "condition", value_delimiter = ',', value_name = "NAME,…", value_parser = str::parse::<Condition>)]
+    pub conditions: Vec<Condition>,
+    /// Leave the search for the margins out.
+    #[arg(long)]
+    pub no_margins: bool,
+    /// Fly fewer seeds.
+    #[arg(long)]
+    pub quick: bool,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/grid-N].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+impl Grid {
+    /// The end of `gerono grid --help`.
+    pub const EXAMPLES: &str = "Examples:\n  \
+        gerono grid\n  \
+        gerono grid --quick --law paper-18 --law indi --condition calm,gusts\n  \
+        gerono grid --law indi --law 'soft:controller.k1=2.0;controller.k2=2.0' --no-margins";
+
+    /// Returns the number of seeds.
+    #[must_use]
+    pub fn seeds(&self) -> usize {
+        self.seeds.map_or(if self.quick { 3 } else { 20 }, usize::from)
+    }
+
+    /// Returns the laws, each once.
+    ///
+    /// # Errors
+    /// [`Failure`] if two have one name.
+    pub fn laws(&self) -> Result<Vec<ControlLaw>, Failure> {
+        if self.laws.is_empty() {
+            return Ok(ControlLaw::all());
+        }
+        for (index, law) in self.laws.iter().enumerate() {
+            if self.laws[..index].iter().any(|other| other.name == law.name) {
+                let reason = format!("two laws have the name `{}`: give one another name", law.name);
+                return Err(Failure::bad_input(reason));
+            }
+        }
+        Ok(self.laws.clone())
+    }
+
+    /// Returns the conditions, in the order of the table and each once.
+    #[must_use]
+    pub fn conditions(&self) -> Vec<Condition> {
+        let is_asked_for =
+            |condition: &Condition| self.conditions.is_empty() || self.conditions.contains(condition);
+        CONDITIONS.into_iter().filter(is_asked_for).collect()
+    }
+}

@@ -1,0 +1,248 @@
+//! The flights of a grid, and the results of a law in a condition.
+
+use std::path::{Path, PathBuf};
+
+use command_line::exit::Exit;
+use command_line::failure::Failure;
+use command_line::interrupt::Interrupt;
+use evaluation::reproduce::flight::{NotMeasured, ScenarioSource, measure};
+use evaluation::reproduce::measure::Measured;
+use evaluation::reproduce::parallel;
+use scenario::Scenario;
+use scenario_file::ScenarioError;
+use serde::Serialize;
+
+use crate::conditions::Condition;
+use crate::laws::ControlLaw;
+
+/// Scenario that laws and conditions change.
+#[derive(Clone, Debug)]
+pub struct Base {
+    path: Option<PathBuf>,
+}
+
+/// Length of a flight of the scenario that is flown unless another is named, s: 20 s after the coins are judged, from
+/// 10 s after them on.
+const DURATION: &str = "duration=60.0";
+
+impl Base {
+    /// Makes the base of a scenario file; without one, of `scenarios/fig3_6.toml`.
+    ///
+    /// # Errors
+    /// [`Failure`] if it cannot be flown.
+    pub fn load(path: Option<&Path>) -> Result<Self, Failure> {
+        let base = Self {
+            path: path.map(Path::to_owned),
+        };
+        base.scenario(&[], 1).map(|_| base)
+    }
+
+    /// Returns the name of the scenario.
+    #[must_use]
+    pub fn name(&self) -> String {
+        self.path.as_ref().map_or_else(
+            || format!("scenarios/{}.toml, {DURATION}", ScenarioSource::FIG3_6.name),
+            |path| path.display().to_string(),
+        )
+    }
+
+    /// Returns the scenario with settings and a seed.
+    ///
+    /// # Errors
+    /// [`Failure`] if a setting does not fit.
+    pub fn scenario(&self, settings: &[String], seed: u64) -> Result<Scenario, Failure> {
+        let scenario = match &self.path {
+            Some(path) => scenario_file::load(path, settings, Some(seed)),
+            None => {
+                let settings: Vec<_> = [DURATION.to_owned()]
+                    .into_iter()
+                    .chain(settings.iter().cloned())
+                    .collect();
+                ScenarioSource::FIG3_6.load(&settings, seed)
+            }
+        };
+        scenario.map_err(refused)
+    }
+}
+
+fn refused(error: ScenarioError) -> Failure {
+    Failure {
+        report: error.into(),
+        exit: Exit::BadInput,
+    }
+}
+
+/// A flight to be flown.
+#[derive(Clone, Debug)]
+pub struct Job {
+    law: usize,
+    condition: usize,
+    scenario: Scenario,
+}
+
+/// Returns the flights of all laws in all conditions with all seeds.
+///
+/// # Errors
+/// [`Failure`] if the base does not know a setting.
+pub fn jobs(
+    base: &Base,
+    laws: &[ControlLaw],
+    conditions: &[Condition],
+    seeds: &[u64],
+) -> Result<Vec<Job>, Failure> {
+    let mut jobs = Vec::new();
+    for (law, chosen) in laws.iter().enumerate() {
+        for (condition, made) in conditions.iter().enumerate() {
+            let settings: Vec<_> = made
+                .settings
+                .iter()
+                .map(|&setting| setting.to_owned())
+                .chain(chosen.settings.iter().cloned())
+                .collect();
+            for &seed in seeds {
+                jobs.push(Job {
+                    law,
+                    condition,
+                    scenario: base.scenario(&settings, seed)?,
+                });
+            }
+        }
+    }
+    Ok(jobs)
+}
+
+/// The results of a law in a condition, over the seeds; SI units.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Cell {
+    /// Name of the law.
+    pub law: String,
+    /// Name of the condition.
+    pub condition: String,
+    /// Root mean square of the distance from the path in the last 20 s, m: median over the seeds.
+    pub rms: Option<f64>,
+    /// That of the worst seed, m.
+    pub worst_rms: Option<f64>,
+    /// Largest distance between the change of the vehicle and the last 20 s, m: median.
+    pub peak: Option<f64>,
+    /// Root mean square of the body rates in the last 20 s, rad/s: median.
+    pub body_rate: Option<f64>,
+    /// The same RMS seed by seed, m; none of a flight that was lost.
+    pub by_seed: Vec<Option<f64>>,
+    /// Flights that were lost, with the reason.
+    pub lost: Vec<LostFlight>,
+}
+
+/// A flight that was lost: the same command flies it again.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LostFlight {
+    /// Its seed.
+    pub seed: u64,
+    /// The reason.
+    pub reason: String,
+}
+
+/// Flies all jobs on all cores, and returns the cells, laws first. Calls `flown` after each flight.
+pub fn fly(
+    jobs: &[Job],
+    laws: &[ControlLaw],
+    conditions: &[Condition],
+    interrupt: &Interrupt,
+    flown: impl Fn() + Sync,
+) -> Vec<Cell> {
+    let results = parallel::map(jobs, parallel::cores(), |job| {
+        let result = measure(&job.scenario, interrupt);
+        flown();
+        result
+    });
+    let mut cells = Vec::new();
+    for (law, chosen) in laws.iter().enumerate() {
+        for (condition, made) in conditions.iter().enumerate() {
+            let own = jobs
+                .iter()
+                .zip(&results)
+                .filter(|(job, _)| (job.law, job.condition) == (law, condition));
+            cells.push(Cell::new(
+                chosen,
+                made,
+                own.map(|(job, result)| (job.scenario.seed, result)),
+            ));
+        }
+    }
+    cells
+}
+
+impl Cell {
+    fn new<'a>(
+        law: &ControlLaw,
+        condition: &Condition,
+        results: impl Iterator<Item = (u64, &'a Result<Measured, NotMeasured>)>,
+    ) -> Self {
+        let mut cell = Self {
+            law: law.name.clone(),
+            condition: condition.name.to_owned(),
+            ..Self::default()
+        };
+        let (mut peaks, mut rates) = (Vec::new(), Vec::new());
+        for (seed, result) in results {
+            cell.by_seed
+                .push(result.as_ref().ok().map(|measured| measured.error.rmse()));
+            match result {
+                Ok(measured) => {
+                    peaks.push(measured.error_transient.max());
+                    rates.push(measured.rate.rmse());
+                }
+                Err(reason) => cell.lost.push(LostFlight {
+                    seed,
+                    reason: reason.to_string(),
+                }),
+            }
+        }
+        let errors: Vec<f64> = cell.by_seed.iter().flatten().copied().collect();
+        cell.worst_rms = errors.iter().copied().reduce(f64::max);
+        cell.rms = median(errors);
+        cell.peak = median(peaks);
+        cell.body_rate = median(rates);
+        cell
+    }
+}
+
+/// Returns the median; of an even number of values the mean of the two in the middle.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    let upper = *values.get(middle)?;
+    Some(if values.len().is_multiple_of(2) {
+        0.5 * (values[middle - 1] + upper)
+    } else {
+        upper
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conditions::CONDITIONS;
+
+    #[test]
+    fn medians_are_those_of_the_values() {
+        assert_eq!(median(vec![]), None);
+        assert_eq!(median(vec![3.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(vec![4.0, 1.0, 3.0, 2.0]), Some(2.5));
+    }
+
+    #[test]
+    fn every_law_flies_in_every_condition_and_a_lost_flight_is_a_result() {
+        let base = Base::load(None).unwrap();
+        let laws = ControlLaw::all();
+        let jobs = jobs(&base, &laws, &CONDITIONS, &[1]).unwrap();
+        assert_eq!(jobs.len(), laws.len() * CONDITIONS.len());
+        let lost: ControlLaw = "lost:vehicle.center_of_mass=[0.04, 0.0, 0.08];judge.distance_max=0.5"
+            .parse()
+            .unwrap();
+        let calm = CONDITIONS[0];
+        let jobs = super::jobs(&base, std::slice::from_ref(&lost), &[calm], &[1]).unwrap();
+        let cells = fly(&jobs, &[lost], &[calm], &Interrupt::never(), || ());
+        let [cell] = &cells[..] else { panic!("{cells:?}") };
+        assert_eq!((cell.rms, cell.lost.len()), (None, 1));
+    }
+}

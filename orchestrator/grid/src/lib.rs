@@ -1,0 +1,68 @@
+//! `gerono grid`: compares control laws with each other, in performance and in margin.
+//!
+//! Every law flies the same conditions with the same seeds, so that differences are to be read seed by seed. Beside the
+//! error the grid has the second axis: how much of each disturbance a law survives, found by bisection with the same
+//! seeds. Flights are in one process and functions of their scenario alone.
+//!
+//! * [`laws`]: the control laws;
+//! * [`conditions`]: the conditions, and the quantities whose margin is searched;
+//! * [`flights`]: the flights, and the results of a law in a condition;
+//! * [`margins`]: the search for the largest value that a law survives;
+//! * [`report`]: the results as tables, as JSON and as a page with a heat map.
+
+pub mod arguments;
+pub mod conditions;
+pub mod flights;
+pub mod laws;
+pub mod margins;
+pub mod page;
+pub mod report;
+
+use command_line::exit::Exit;
+use command_line::failure::Failure;
+use command_line::interrupt::Interrupt;
+use command_line::output::{print, write, write_json};
+use command_line::progress;
+use run_log::run_folder::RunFolder;
+
+use arguments::Grid;
+use flights::Base;
+use report::GridReport;
+
+/// First of the seeds unless another is asked for; none of them was used for tuning.
+pub const FIRST_SEED: u64 = 201;
+
+/// `gerono grid`.
+///
+/// # Errors
+/// [`Failure`] if nothing can be flown or written.
+pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
+    let laws = arguments.laws()?;
+    let conditions = arguments.conditions();
+    let base = Base::load(arguments.scenario.as_deref())?;
+    let seeds: Vec<u64> = (arguments.first_seed..).take(arguments.seeds()).collect();
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let jobs = flights::jobs(&base, &laws, &conditions, &seeds)?;
+    let folder = RunFolder::create(arguments.out.as_deref(), "grid").map_err(Failure::not_written)?;
+    let bar = progress::flights(jobs.len());
+    let cells = flights::fly(&jobs, &laws, &conditions, &interrupt, || bar.inc(1));
+    bar.finish_and_clear();
+    let margins = if arguments.no_margins {
+        Vec::new()
+    } else {
+        let bar = progress::flights(laws.len() * conditions::MARGINS.len());
+        let margins = margins::search(&base, &laws, &seeds, &interrupt, || bar.inc(1))?;
+        bar.finish_and_clear();
+        margins
+    };
+    if let Some(signal) = interrupt.signal() {
+        folder.remove_if_empty();
+        return Ok(Exit::Signal(signal));
+    }
+    let report = GridReport::new(&base, &laws, &conditions, &seeds, cells, margins);
+    write_json(&folder.path().join("grid.json"), &report)?;
+    write(&folder.path().join("grid.md"), &report.markdown())?;
+    write(&folder.path().join("index.html"), &page::page(&report))?;
+    print(format!("{report}results: {}\n", folder.path().display()));
+    Ok(Exit::Success)
+}

@@ -1,0 +1,174 @@
+//! The margin of a law: the largest value of a quantity that it survives, by bisection.
+//!
+//! A value is survived if every seed flies to the end, is not lost, and stays within [`SURVIVED`] of the path in the
+//! last 20 s. The search takes it that what a law survives it survives in a smaller dose as well; between a value that
+//! was survived and one that was not it halves the distance, down to the quantity's step.
+
+use command_line::failure::Failure;
+use command_line::interrupt::Interrupt;
+use evaluation::reproduce::flight::measure;
+use evaluation::reproduce::parallel;
+use serde::Serialize;
+
+use crate::conditions::{MARGINS, Quantity};
+use crate::flights::{Base, LostFlight};
+use crate::laws::ControlLaw;
+
+/// Largest root mean square of the distance from the path with which a flight counts as survived, m.
+pub const SURVIVED: f64 = 0.1;
+
+/// The most seeds with which a value is tried.
+const SEEDS: usize = 5;
+
+/// Length of a flight, s.
+const DURATION: &str = "duration=40.0";
+
+/// Margin of a law.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Margin {
+    /// Name of the law.
+    pub law: String,
+    /// Name of the quantity.
+    pub quantity: &'static str,
+    /// Unit of the values.
+    pub unit: &'static str,
+    /// Largest value that was survived; none if not even zero was.
+    pub survived: Option<f64>,
+    /// Smallest value that was tried and not survived; none if all were.
+    pub failed: Option<f64>,
+    /// The first flight that failed there.
+    pub failure: Option<LostFlight>,
+}
+
+/// Searches all margins of all laws. Calls `found` after each.
+///
+/// # Errors
+/// [`Failure`] if the base does not know a setting.
+pub fn search(
+    base: &Base,
+    laws: &[ControlLaw],
+    seeds: &[u64],
+    interrupt: &Interrupt,
+    found: impl Fn() + Sync,
+) -> Result<Vec<Margin>, Failure> {
+    let pairs: Vec<_> = laws
+        .iter()
+        .flat_map(|law| MARGINS.map(|quantity| (law, quantity)))
+        .collect();
+    let seeds = &seeds[..seeds.len().min(SEEDS)];
+    let margins = parallel::map(&pairs, parallel::cores(), |(law, quantity)| {
+        let margin = margin(base, law, quantity, seeds, interrupt);
+        found();
+        margin
+    });
+    margins.into_iter().collect()
+}
+
+fn margin(
+    base: &Base,
+    law: &ControlLaw,
+    quantity: &Quantity,
+    seeds: &[u64],
+    interrupt: &Interrupt,
+) -> Result<Margin, Failure> {
+    let value = |step: u32| f64::from(step) * quantity.step;
+    let fails = |step: u32| {
+        let mut settings = vec![DURATION.to_owned()];
+        settings.extend((quantity.settings)(value(step)));
+        settings.extend(law.settings.iter().cloned());
+        first_failure(base, &settings, seeds, interrupt)
+    };
+    let bracket = bisect(quantity.steps, fails)?;
+    let (failed, failure) = bracket.failed.unzip();
+    Ok(Margin {
+        law: law.name.clone(),
+        quantity: quantity.name,
+        unit: quantity.unit,
+        survived: bracket.survived.map(value),
+        failed: failed.map(value),
+        failure,
+    })
+}
+
+fn first_failure(
+    base: &Base,
+    settings: &[String],
+    seeds: &[u64],
+    interrupt: &Interrupt,
+) -> Result<Option<LostFlight>, Failure> {
+    for &seed in seeds {
+        let scenario = base.scenario(settings, seed)?;
+        let reason = match measure(&scenario, interrupt) {
+            Ok(measured) if measured.error.rmse() <= SURVIVED => continue,
+            Ok(measured) => format!("{:.1} cm from the path", 100.0 * measured.error.rmse()),
+            Err(reason) => reason.to_string(),
+        };
+        return Ok(Some(LostFlight { seed, reason }));
+    }
+    Ok(None)
+}
+
+/// End of a search: the largest step that was survived and the smallest that was not, with its failure.
+struct Bracket<F> {
+    survived: Option<u32>,
+    failed: Option<(u32, F)>,
+}
+
+/// Searches steps from 0 to `last`.
+fn bisect<F, E>(last: u32, fails: impl Fn(u32) -> Result<Option<F>, E>) -> Result<Bracket<F>, E> {
+    if let Some(failure) = fails(0)? {
+        return Ok(Bracket {
+            survived: None,
+            failed: Some((0, failure)),
+        });
+    }
+    let Some(failure) = fails(last)? else {
+        return Ok(Bracket {
+            survived: Some(last),
+            failed: None,
+        });
+    };
+    let (mut survived, mut failed) = (0, (last, failure));
+    while failed.0 - survived > 1 {
+        let middle = survived.midpoint(failed.0);
+        match fails(middle)? {
+            Some(failure) => failed = (middle, failure),
+            None => survived = middle,
+        }
+    }
+    Ok(Bracket {
+        survived: Some(survived),
+        failed: Some(failed),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+
+    use super::*;
+
+    #[test]
+    fn the_search_ends_between_the_last_that_is_survived_and_the_first_that_is_not() {
+        for limit in 0..=60 {
+            let fails = |step: u32| Ok::<_, Infallible>((step >= limit).then_some(step));
+            let Ok(bracket) = bisect(49, fails);
+            assert_eq!(bracket.survived, limit.min(50).checked_sub(1));
+            assert_eq!(
+                bracket.failed.map(|(step, _)| step),
+                (limit < 50).then_some(limit)
+            );
+        }
+    }
+
+    #[test]
+    fn the_settings_of_every_quantity_fit_the_base() {
+        let base = Base::load(None).unwrap();
+        for quantity in MARGINS {
+            for step in [0, 1, quantity.steps] {
+                let settings = (quantity.settings)(f64::from(step) * quantity.step);
+                base.scenario(&settings, 1).unwrap();
+            }
+        }
+    }
+}

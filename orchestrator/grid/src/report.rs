@@ -1,0 +1,235 @@
+//! The results of a grid as tables and as JSON.
+
+use std::fmt::{Display, Formatter};
+
+use comfy_table::{Table, presets};
+use serde::Serialize;
+
+use crate::conditions::{Condition, MARGINS};
+use crate::flights::{Base, Cell};
+use crate::laws::ControlLaw;
+use crate::margins::{Margin, SURVIVED};
+
+/// The results of a grid: the content of `grid.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct GridReport {
+    /// Scenario that was changed.
+    pub base: String,
+    /// Seeds of every cell.
+    pub seeds: Vec<u64>,
+    /// The laws with their settings.
+    pub laws: Vec<NamedSettings>,
+    /// The conditions with their settings.
+    pub conditions: Vec<NamedSettings>,
+    /// The cells, laws first.
+    pub cells: Vec<Cell>,
+    /// The margins, laws first; none if they were not searched.
+    pub margins: Vec<Margin>,
+}
+
+/// Settings with a name.
+#[derive(Clone, Debug, Serialize)]
+pub struct NamedSettings {
+    /// The name.
+    pub name: String,
+    /// The settings.
+    pub settings: Vec<String>,
+}
+
+/// A table: its title, its columns, and a line a law.
+pub struct LawTable {
+    /// Its title.
+    pub title: String,
+    /// The names of its columns.
+    pub columns: Vec<String>,
+    /// The name of a law, and a cell a column.
+    pub lines: Vec<(String, Vec<String>)>,
+}
+
+impl GridReport {
+    /// Makes the report.
+    #[must_use]
+    pub fn new(
+        base: &Base,
+        laws: &[ControlLaw],
+        conditions: &[Condition],
+        seeds: &[u64],
+        cells: Vec<Cell>,
+        margins: Vec<Margin>,
+    ) -> Self {
+        let law = |law: &ControlLaw| NamedSettings {
+            name: law.name.clone(),
+            settings: law.settings.clone(),
+        };
+        let condition = |condition: &Condition| NamedSettings {
+            name: condition.name.to_owned(),
+            settings: condition
+                .settings
+                .iter()
+                .map(|&setting| setting.to_owned())
+                .collect(),
+        };
+        Self {
+            base: base.name(),
+            seeds: seeds.to_vec(),
+            laws: laws.iter().map(law).collect(),
+            conditions: conditions.iter().map(condition).collect(),
+            cells,
+            margins,
+        }
+    }
+
+    /// Returns the result of a law in a condition.
+    #[must_use]
+    pub fn cell(&self, law: &str, condition: &str) -> Option<&Cell> {
+        let is_it = |cell: &&Cell| cell.law == law && cell.condition == condition;
+        self.cells.iter().find(is_it)
+    }
+
+    /// Returns the margin of a law.
+    #[must_use]
+    pub fn margin(&self, law: &str, quantity: &str) -> Option<&Margin> {
+        let is_it = |margin: &&Margin| margin.law == law && margin.quantity == quantity;
+        self.margins.iter().find(is_it)
+    }
+
+    /// Returns the least median RMS of a condition, m.
+    #[must_use]
+    pub fn best(&self, condition: &str) -> Option<f64> {
+        let own = self.cells.iter().filter(|cell| cell.condition == condition);
+        own.filter_map(|cell| cell.rms).reduce(f64::min)
+    }
+
+    /// Returns the tables: errors, peaks, body rates and margins.
+    #[must_use]
+    pub fn tables(&self) -> Vec<LawTable> {
+        let seeds = self.seeds.len();
+        let mut tables = vec![
+            self.by_condition(
+                format!("RMS distance from the path in the last 20 s, cm: median of {seeds} seeds, and flights lost"),
+                |cell| with_losses(centimetres(cell.rms), cell),
+            ),
+            self.by_condition("The same of the worst seed, cm".to_owned(), |cell| {
+                with_losses(centimetres(cell.worst_rms), cell)
+            }),
+            self.by_condition("Largest distance after the mass changes, cm: median".to_owned(), |cell| {
+                centimetres(cell.peak)
+            }),
+            self.by_condition("Body rates in the last 20 s, rms, rad/s: median".to_owned(), |cell| {
+                cell.body_rate.map_or_else(|| "–".to_owned(), |rate| format!("{rate:.2}"))
+            }),
+        ];
+        if !self.margins.is_empty() {
+            tables.push(self.margin_table());
+        }
+        tables
+    }
+
+    fn by_condition(&self, title: String, text: impl Fn(&Cell) -> String) -> LawTable {
+        let columns: Vec<_> = self
+            .conditions
+            .iter()
+            .map(|condition| condition.name.clone())
+            .collect();
+        let line = |law: &NamedSettings| {
+            let cells = columns.iter().map(|condition| {
+                let cell = self.cell(&law.name, condition);
+                cell.map_or_else(String::new, &text)
+            });
+            (law.name.clone(), cells.collect())
+        };
+        LawTable {
+            title,
+            lines: self.laws.iter().map(line).collect(),
+            columns,
+        }
+    }
+
+    fn margin_table(&self) -> LawTable {
+        let line = |law: &NamedSettings| {
+            let cells = MARGINS
+                .iter()
+                .map(|quantity| match self.margin(&law.name, quantity.name) {
+                    Some(Margin {
+                        survived: Some(value),
+                        failed,
+                        ..
+                    }) => format!("{}{value}", if failed.is_none() { "≥ " } else { "" }),
+                    _ => "–".to_owned(),
+                });
+            (law.name.clone(), cells.collect())
+        };
+        LawTable {
+            title: format!(
+                "Margins: the largest value with which all seeds stay within {} cm of the path, RMS",
+                100.0 * SURVIVED
+            ),
+            columns: MARGINS
+                .iter()
+                .map(|quantity| format!("{}, {}", quantity.name, quantity.unit))
+                .collect(),
+            lines: self.laws.iter().map(line).collect(),
+        }
+    }
+
+    /// Returns the tables as Markdown, each after its title.
+    #[must_use]
+    pub fn markdown(&self) -> String {
+        let mut text = String::new();
+        for table in self.tables() {
+            text += &format!("{}:\n\n| law | {} |\n", table.title, table.columns.join(" | "));
+            text += &format!("| --- |{}\n", " --- |".repeat(table.columns.len()));
+            for (law, cells) in table.lines {
+                text += &format!("| `{law}` | {} |\n", cells.join(" | "));
+            }
+            text += "\n";
+        }
+        text
+    }
+}
+
+/// Returns a distance in centimetres, with as many digits as tell laws apart.
+#[must_use]
+pub fn centimetres(distance: Option<f64>) -> String {
+    distance.map_or_else(|| "–".to_owned(), |distance| format!("{:.2}", 100.0 * distance))
+}
+
+fn with_losses(text: String, cell: &Cell) -> String {
+    match cell.lost.len() {
+        0 => text,
+        count => format!("{text} ({count} lost)"),
+    }
+}
+
+impl Display for GridReport {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        for table in self.tables() {
+            // On its side: there are more conditions than a terminal has room for.
+            let mut shown = Table::new();
+            shown.load_style(presets::UTF8_FULL_CONDENSED);
+            shown.set_header(
+                std::iter::once(String::new()).chain(table.lines.iter().map(|(law, _)| law.clone())),
+            );
+            for (index, column) in table.columns.iter().enumerate() {
+                let cells = table.lines.iter().map(|(_, cells)| cells[index].clone());
+                shown.add_row(std::iter::once(column.clone()).chain(cells));
+            }
+            writeln!(formatter, "{}\n{shown}\n", table.title)?;
+        }
+        let lost = self
+            .cells
+            .iter()
+            .flat_map(|cell| cell.lost.iter().map(move |lost| (cell, lost)));
+        for (cell, lost) in lost.clone().take(10) {
+            writeln!(
+                formatter,
+                "lost: {} in {}, seed {}: {}",
+                cell.law, cell.condition, lost.seed, lost.reason
+            )?;
+        }
+        if lost.clone().count() > 10 {
+            writeln!(formatter, "… and {} more in grid.json", lost.count() - 10)?;
+        }
+        Ok(())
+    }
+}
