@@ -94,8 +94,8 @@ pub const CONDITIONS: [Condition; 14] = [
     },
     Condition {
         name: "lever-5mm",
-        description: "the centre of mass is 5 mm from the tracked point",
-        settings: &["vehicle.center_of_mass=[0.00216, 0.0013, 0.00432]"],
+        description: "the centre of mass is 5 mm from the tracked point, above it",
+        settings: &["vehicle.center_of_mass=[-0.00216, -0.0013, -0.00432]"],
     },
     Condition {
         name: "wrong-model",
@@ -159,8 +159,8 @@ pub const MARGINS: [Quantity; 5] = [
         step: 1.0,
         steps: 40,
         settings: |value| {
-            // Along (0.5, 0.3, 1), of length 1.158.
-            let [x, y, z] = [0.5, 0.3, 1.0].map(|part: f64| part * value / 1157.6);
+            // The tracked point along (0.5, 0.3, 1), of length 1.158, below the centre of mass: above it there is no limit.
+            let [x, y, z] = [-0.5, -0.3, -1.0].map(|part: f64| part * value / 1157.6);
             vec![format!("vehicle.center_of_mass=[{x:.6}, {y:.6}, {z:.6}]")]
         },
     },

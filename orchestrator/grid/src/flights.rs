@@ -236,9 +236,8 @@ mod tests {
         let laws = ControlLaw::all();
         let jobs = jobs(&base, &laws, &CONDITIONS, &[1]).unwrap();
         assert_eq!(jobs.len(), laws.len() * CONDITIONS.len());
-        let lost: ControlLaw = "lost:vehicle.center_of_mass=[0.04, 0.0, 0.08];judge.distance_max=0.5"
-            .parse()
-            .unwrap();
+        let lost = r#"lost:schedule.latency."rc/frame -> plant"=0.2"#;
+        let lost: ControlLaw = lost.parse().unwrap();
         let calm = CONDITIONS[0];
         let jobs = super::jobs(&base, std::slice::from_ref(&lost), &[calm], &[1]).unwrap();
         let cells = fly(&jobs, &[lost], &[calm], &Interrupt::never(), || ());
