@@ -43,7 +43,7 @@ fn every_law_gives_the_same_bytes_in_one_process_and_in_processes_that_die_and_c
 }
 
 /// Gains of the paper's law beside those of the scenario: Λb and κ.
-const GAINS: [(&str, &str); 3] = [("1", "0"), ("18", "0"), ("8", "1.9")];
+const GAINS: [(&str, &str); 4] = [("1", "0"), ("18", "0"), ("8", "1.9"), ("30", "0.5")];
 
 /// Rows of the page about laws: `fig3_6` as it is committed, with the law and the paper's law's gains.
 fn table() -> String {

@@ -12,6 +12,7 @@ mod documentation;
 mod faults;
 mod figures;
 mod flight;
+mod following;
 mod identity;
 mod language;
 mod laws;

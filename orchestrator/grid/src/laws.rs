@@ -12,7 +12,7 @@ pub struct ControlLaw {
 }
 
 /// The laws of Gerono, each with the gains that docs/laws.md names.
-const LAWS: [(&str, &[&str]); 10] = [
+const LAWS: [(&str, &[&str]); 12] = [
     ("paper-1", &["controller.lambda_disturbance=[1.0, 1.0, 1.0]"]),
     ("paper-18", &["controller.lambda_disturbance=[18.0, 18.0, 18.0]"]),
     ("paper-30", &["controller.lambda_disturbance=[30.0, 30.0, 30.0]"]),
@@ -30,11 +30,22 @@ const LAWS: [(&str, &[&str]); 10] = [
             "controller.prediction_gain=0.5",
         ],
     ),
+    (
+        "style-27",
+        &[
+            "controller.lambda_mass=0.0",
+            "controller.lambda_disturbance=[0.0, 0.0, 0.0]",
+        ],
+    ),
     ("geometric_pid", &["controller.law=geometric_pid"]),
     ("l1", &["controller.law=l1"]),
     ("indi", &["controller.law=indi"]),
     ("nf_constant", &["controller.law=nf_constant"]),
     ("px4", &["controller.law=px4"]),
+    (
+        "px4-stock",
+        &["controller.law=px4", "controller.baseline.cascade_scale=1.0"],
+    ),
 ];
 
 impl ControlLaw {

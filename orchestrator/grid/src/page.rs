@@ -100,7 +100,7 @@ fn heat_map(report: &GridReport) -> String {
 
 /// Colour of a ratio, from green at 1 to red at 4, on a logarithmic scale.
 fn color(ratio: f64) -> String {
-    let share = (0.5 * ratio.log2()).clamp(0.0, 1.0);
+    let share = (0.5 * libm::log2(ratio)).clamp(0.0, 1.0);
     format!("hsl({:.0} 70% 75%)", 130.0 * (1.0 - share))
 }
 
