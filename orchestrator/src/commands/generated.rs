@@ -12,7 +12,7 @@ pub fn schema() {
 
 /// `gerono header`.
 pub fn header() {
-    print(plugin::header::text());
+    print(plugin::header::TEXT);
 }
 
 /// `gerono completions`.

@@ -40,6 +40,8 @@ shared_types::sample! {
         pub angular_velocity_body: [f64; 3],
         /// T of a vehicle with a rate loop, N.
         pub thrust: f64,
+        /// Share of the battery's charge that is spent.
+        pub charge_spent: f64,
         /// The frame that acts, all zero before the first.
         pub received: RcFrame,
         /// Turbulence of the air, an acceleration in {I}, m/s².
@@ -222,9 +224,11 @@ impl Service for PlantService {
     }
 
     fn save(&self) -> PlantState {
-        let (thrust, received) = match &self.actuators {
-            Actuators::Ideal => (0.0, self.received.as_ref()),
-            Actuators::RateLoop(rate_loop) => (rate_loop.thrust(), rate_loop.received()),
+        let (thrust, charge_spent, received) = match &self.actuators {
+            Actuators::Ideal => (0.0, 0.0, self.received.as_ref()),
+            Actuators::RateLoop(rate_loop) => {
+                (rate_loop.thrust(), rate_loop.charge_spent(), rate_loop.received())
+            }
         };
         let gusts = self.air.as_ref().map(Air::gusts).unwrap_or_default();
         PlantState {
@@ -233,6 +237,7 @@ impl Service for PlantService {
             velocity_world: self.motion.velocity_world.into(),
             angular_velocity_body: self.motion.angular_velocity_body.into(),
             thrust,
+            charge_spent,
             received: received.copied().unwrap_or_else(RcFrame::new_zeroed),
             turbulence_world: gusts.turbulence_world.into(),
             wind_world: gusts.wind_world.into(),
@@ -252,7 +257,7 @@ impl Service for PlantService {
         let received = state.has_received.is_set().then_some(state.received);
         match &mut self.actuators {
             Actuators::Ideal => self.received = received,
-            Actuators::RateLoop(rate_loop) => rate_loop.restore(state.thrust, received),
+            Actuators::RateLoop(rate_loop) => rate_loop.restore(state.thrust, state.charge_spent, received),
         }
         if let Some(air) = &mut self.air {
             air.restore(&Gusts {

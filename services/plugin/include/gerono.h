@@ -90,6 +90,8 @@ static inline double gerono_parameter_or(const gerono_setup *setup, const char *
     return otherwise;
 }
 
+/* Generated: the samples of the topics, and the inputs and outputs of the services. */
+
 typedef struct {
     uint64_t tick;
     uint64_t stamp_ns;
@@ -328,6 +330,7 @@ enum {
 };
 #define GERONO_RC_OUTPUT_LAYOUTS {GERONO_CONTROL_COMMAND_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT, GERONO_RC_FRAME_LAYOUT}
 
+/* End of what is generated. */
 #ifdef __cplusplus
 }
 #endif

@@ -72,6 +72,9 @@ impl Vehicle {
 pub struct Actuators {
     /// Time constant of the thrust, s; 0 follows at once.
     pub thrust_lag: f64,
+    /// Time constant of a thrust that falls, s: motors brake by their drag alone; that of `thrust_lag` unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thrust_lag_down: Option<f64>,
     /// Time constants of the body rates about each axis, s; 0 follows at once.
     pub rate_lag: Vector,
     /// Largest thrust, N; the smallest is 0.
@@ -88,12 +91,31 @@ pub struct Actuators {
     pub frame_loss: f64,
     /// Thrust at the start of the flight and until the first frame, N.
     pub initial_thrust: f64,
+    /// Battery whose voltage falls in flight; a constant voltage unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub battery: Option<Battery>,
+}
+
+/// Battery: thrust falls with the square of its voltage, u² with u = 1 − fade q − droop T/T0.
+///
+/// q is the share of the charge that is spent, with dq/dt = T/(T0 endurance), and T0 is `initial_thrust`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Battery {
+    /// Time for which the battery carries `initial_thrust`, s.
+    pub endurance: f64,
+    /// Share of the voltage that is lost from full to empty.
+    pub fade: f64,
+    /// Share of the voltage that is lost over the battery's resistance at `initial_thrust`.
+    #[serde(default)]
+    pub droop: f64,
 }
 
 impl Default for Actuators {
     fn default() -> Self {
         Self {
             thrust_lag: 0.03,
+            thrust_lag_down: None,
             rate_lag: [0.02; 3],
             thrust_max: 5.5,
             rate_max: [19.0, 19.0, 8.0],
@@ -102,6 +124,7 @@ impl Default for Actuators {
             rate_bias: [0.0; 3],
             frame_loss: 0.0,
             initial_thrust: 0.0,
+            battery: None,
         }
     }
 }

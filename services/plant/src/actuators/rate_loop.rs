@@ -1,12 +1,13 @@
 //! Vehicle with motors that respond with a lag, an on-board rate loop, and a receiver that loses frames.
 //!
 //! ```text
-//! Ṫ = (T* − T)/τT         T* = clamp(kT · T_frame, 0, Tmax)
+//! Ṫ = (T* − T)/τT         T* = clamp(kT · u² · T_frame, 0, Tmax)        u = 1 − fade q − droop T/T0, q̇ = T/(T0 endurance)
 //! ω̇i = (ωi* − ωi)/τωi     ωi* = clamp(kωi · ωi_frame + ω0i, −ωmaxi, ωmaxi)
 //! ```
 //!
-//! T thrust, N; ω angular velocity in {B}, rad/s; τ time constants, s; k factors of a wrong calibration; ω0 bias of the
-//! rate gyros. It is the model of section VI of the paper: the vehicle takes thrust and body rates, and its rate loop
+//! T thrust, N; ω angular velocity in {B}, rad/s; τ time constants, s, of the thrust another one where it falls; k factors
+//! of a wrong calibration; u voltage of the battery over that of a full one without a load, of which the share q is
+//! spent; T0 thrust at the start; ω0 bias of the rate gyros. It is the model of section VI of the paper: the vehicle takes thrust and body rates, and its rate loop
 //! is assumed to be fast. Here it has the first-order lags of such loops and motors.
 
 use nalgebra::Vector3;
@@ -23,10 +24,15 @@ use crate::actuators::{Drive, Turning};
 pub struct RateLoop {
     stated: scenario::Actuators,
     thrust_lag: LagOverStep,
+    thrust_lag_down: LagOverStep,
     rate_lags: [LagOverStep; 3],
     losses: Noise,
     /// T at the end of the last tick, N.
     thrust: f64,
+    /// q.
+    charge_spent: f64,
+    /// Length of a tick, s.
+    tick: f64,
     /// The newest frame that was not lost.
     received: Option<RcFrame>,
 }
@@ -39,9 +45,12 @@ impl RateLoop {
         Self {
             stated: stated.clone(),
             thrust_lag: lag(stated.thrust_lag),
+            thrust_lag_down: lag(stated.thrust_lag_down.unwrap_or(stated.thrust_lag)),
             rate_lags: stated.rate_lag.map(lag),
             losses: Noise::new(seed, Stream::RadioLoss),
             thrust: stated.initial_thrust,
+            charge_spent: 0.0,
+            tick,
             received: None,
         }
     }
@@ -52,15 +61,21 @@ impl RateLoop {
         self.thrust
     }
 
+    /// Returns q, the share of the battery's charge that is spent.
+    #[must_use]
+    pub fn charge_spent(&self) -> f64 {
+        self.charge_spent
+    }
+
     /// Returns the frame that acts, if one was received.
     #[must_use]
     pub fn received(&self) -> Option<&RcFrame> {
         self.received.as_ref()
     }
 
-    /// Continues with a thrust (N) and the frame that acts.
-    pub fn restore(&mut self, thrust: f64, received: Option<RcFrame>) {
-        (self.thrust, self.received) = (thrust, received);
+    /// Continues with a thrust (N), the charge that is spent, and the frame that acts.
+    pub fn restore(&mut self, thrust: f64, charge_spent: f64, received: Option<RcFrame>) {
+        (self.thrust, self.charge_spent, self.received) = (thrust, charge_spent, received);
     }
 
     /// Returns the action over a tick on a body that turns with `omega` at its begin; the thrust advances to the tick's
@@ -70,7 +85,16 @@ impl RateLoop {
         if let Some(frame) = newest {
             self.receive(frame);
         }
-        let thrust = self.thrust_lag.approach(self.thrust, self.thrust_target());
+        let target = self.thrust_target();
+        let lag = if target < self.thrust {
+            &self.thrust_lag_down
+        } else {
+            &self.thrust_lag
+        };
+        let thrust = lag.approach(self.thrust, target);
+        if let Some(battery) = &self.stated.battery {
+            self.charge_spent += self.tick * self.thrust / (self.stated.initial_thrust * battery.endurance);
+        }
         self.thrust = thrust.value(Stage::End);
         Drive::Lagged {
             thrust,
@@ -98,10 +122,19 @@ impl RateLoop {
         match &self.received {
             None => self.stated.initial_thrust,
             Some(frame) if frame.failsafe.is_set() => 0.0,
-            Some(frame) => (self.stated.thrust_factor * frame.thrust)
+            Some(frame) => (self.stated.thrust_factor * self.voltage_squared() * frame.thrust)
                 .min(self.stated.thrust_max)
                 .max(0.0),
         }
+    }
+
+    /// Returns u²; an empty battery gives no thrust.
+    fn voltage_squared(&self) -> f64 {
+        self.stated.battery.as_ref().map_or(1.0, |battery| {
+            let load = self.thrust / self.stated.initial_thrust;
+            let voltage = (1.0 - battery.fade * self.charge_spent - battery.droop * load).max(0.0);
+            voltage * voltage
+        })
     }
 
     fn turning(&self, body: &Body, omega: &Vector3<f64>) -> Turning {

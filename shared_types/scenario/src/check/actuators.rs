@@ -1,11 +1,24 @@
 //! Motors and a rate loop that can exist.
 
 use super::Findings;
-use crate::{Actuators, Key};
+use crate::{Actuators, Battery, Key};
 
 impl Actuators {
     pub(super) fn check(&self, at: &Key, found: &mut Findings) {
         found.not_negative(&at.then("thrust_lag"), "the time constant", self.thrust_lag);
+        if let Some(down) = self.thrust_lag_down {
+            found.not_negative(&at.then("thrust_lag_down"), "the time constant", down);
+        }
+        if let Some(battery) = &self.battery {
+            battery.check(&at.then("battery"), found);
+            if self.initial_thrust == 0.0 {
+                found.add(
+                    at.then("battery"),
+                    "it is stated by the thrust at the start, which is 0 N",
+                    "set `initial_thrust` to the vehicle's weight",
+                );
+            }
+        }
         found.positive(&at.then("thrust_factor"), "the factor", self.thrust_factor);
         for axis in 0..3 {
             let of_axis = |name| at.then(name).then(axis);
@@ -28,5 +41,13 @@ impl Actuators {
                 "lower `initial_thrust` or raise `thrust_max`",
             );
         }
+    }
+}
+
+impl Battery {
+    fn check(&self, at: &Key, found: &mut Findings) {
+        found.positive(&at.then("endurance"), "the time", self.endurance);
+        found.share(&at.then("fade"), self.fade);
+        found.share(&at.then("droop"), self.droop);
     }
 }
