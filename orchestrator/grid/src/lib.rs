@@ -63,6 +63,9 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     write_json(&folder.path().join("grid.json"), &report)?;
     write(&folder.path().join("grid.md"), &report.markdown())?;
     write(&folder.path().join("index.html"), &page::page(&report))?;
+    if let Some(drawing) = page::pareto(&report) {
+        write(&folder.path().join("pareto.svg"), &drawing)?;
+    }
     print(format!("{report}results: {}\n", folder.path().display()));
     Ok(Exit::Success)
 }

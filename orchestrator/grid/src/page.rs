@@ -1,7 +1,9 @@
 //! The grid as a web page: a heat map, performance against margin, and the tables. One file without scripts.
 
+use std::sync::Arc;
+
 use kuva::backend::svg::SvgBackend;
-use kuva::prelude::{Figure, Layout, Plot, ScatterPlot};
+use kuva::prelude::{Figure, Layout, Plot, ScatterPlot, TickFormat};
 
 use crate::report::{GridReport, centimetres};
 
@@ -34,7 +36,9 @@ pub fn page(report: &GridReport) -> String {
         report.seeds.first().unwrap_or(&0),
     );
     html += &heat_map(report);
-    html += &pareto(report).unwrap_or_default();
+    if let Some(drawing) = pareto(report) {
+        html += &format!("<h2>Performance against margin</h2>\n<p>{drawing}</p>\n");
+    }
     for table in report.tables().into_iter().skip(1) {
         html += &format!(
             "<h2>{}</h2>\n<div class=\"wide\"><table>\n<tr><th>law</th>",
@@ -104,8 +108,9 @@ fn color(ratio: f64) -> String {
     format!("hsl({:.0} 70% 75%)", 130.0 * (1.0 - share))
 }
 
-/// Every law as a point: its margin against its distance. None if one of the two was not measured.
-fn pareto(report: &GridReport) -> Option<String> {
+/// Draws every law as a point: its margin against its distance. None if one of the two was not measured.
+#[must_use]
+pub fn pareto(report: &GridReport) -> Option<String> {
     let points = report.laws.iter().filter_map(|law| {
         let rms = report.cell(&law.name, PERFORMANCE)?.rms?;
         let margin = report.margin(&law.name, MARGIN)?.survived?;
@@ -123,14 +128,15 @@ fn pareto(report: &GridReport) -> Option<String> {
         .with_repel_labels();
     let plots = vec![Plot::from(plot)];
     let layout = Layout::auto_from_plots(&plots)
+        .with_log_x()
+        .with_x_tick_format(TickFormat::Custom(Arc::new(|value| value.to_string())))
         .with_x_label("RMS distance in gusts, cm: less is better")
         .with_y_label("delay survived, ms: more is better");
     let figure = Figure::new(1, 1)
         .with_cell_size(860.0, 420.0)
         .with_plots(vec![plots])
         .with_layouts(vec![layout]);
-    let svg = SvgBackend::new().render_scene(&figure.render());
-    Some(format!("<h2>Performance against margin</h2>\n<p>{svg}</p>\n"))
+    Some(SvgBackend::new().render_scene(&figure.render()))
 }
 
 fn escaped(text: &str) -> String {
