@@ -154,10 +154,11 @@ fn parse_value(placed: &str) -> Result<Spanned<DeValue<'_>>, Refusal> {
     ))
 }
 
-/// Returns whether a value that TOML does not understand is plainly meant as a string.
+/// Returns whether a value that TOML does not understand is plainly meant as a string: a word or a path.
 fn is_word(text: &str) -> bool {
     let is_punctuation = |character| matches!(character, '"' | '\'' | '[' | ']' | '{' | '}' | '=');
-    text.starts_with(char::is_alphabetic) && !text.contains(is_punctuation)
+    let is_path = ["/", "./", "../"].iter().any(|begin| text.starts_with(begin));
+    (is_path || text.starts_with(char::is_alphabetic)) && !text.contains(is_punctuation)
 }
 
 fn assign_in_table<'i>(
