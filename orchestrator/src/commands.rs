@@ -26,7 +26,6 @@ use scenario::Scenario;
 use shared_types::Schedule;
 
 use crate::cli::{RecordingArguments, ScenarioArguments};
-use command_line::exit::Exit;
 pub use command_line::failure::Failure;
 use command_line::output::{log_path, note, print, print_as_it_is, write, write_json, write_result};
 use run_log::run_folder::RunFolder;
@@ -35,10 +34,7 @@ use supervisor::host_record::HostRecord;
 
 /// Loads the scenario that the command line asks for.
 fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
-    scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed).map_err(|error| Failure {
-        report: error.into(),
-        exit: Exit::BadInput,
-    })
+    scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed).map_err(Failure::from)
 }
 
 /// Begins the log of a run.

@@ -3,107 +3,103 @@
 //! What a condition changes is true and not told: estimator and controller believe what the scenario of the base says.
 
 use command_line::values::ValueError;
+use serde::Serialize;
 
 /// Drag of the paper's vehicle, and the wind that it then feels.
 const DRAG: &str = "vehicle.drag=[0.06, 0.06, 0.02]";
 const PARASITIC_DRAG: &str = "vehicle.parasitic_drag=0.004";
+const GUSTS: &str = "vehicle.wind={mean=[3.0, 0.0, 0.0], gusts={deviation=1.2, correlation_time=0.5}}";
 
 /// A condition.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Condition {
     /// Its name in tables and on the command line.
     pub name: &'static str,
-    /// Its description.
-    pub description: &'static str,
     /// The settings that make it.
     pub settings: &'static [&'static str],
 }
 
 /// All conditions.
 pub const CONDITIONS: [Condition; 14] = [
+    // The scenario as it stands.
     Condition {
         name: "calm",
-        description: "the scenario as it stands",
         settings: &[],
     },
+    // Half the mass laid on in place of the coins.
     Condition {
         name: "mass+50%",
-        description: "half the mass laid on in place of the coins",
         settings: &["vehicle.change.0.mass=0.285"],
     },
+    // The mass doubled in place of the coins.
     Condition {
         name: "mass+100%",
-        description: "the mass doubled in place of the coins",
         settings: &["vehicle.change.0.mass=0.38"],
     },
+    // Rotor and parasitic drag in still air.
     Condition {
         name: "drag",
-        description: "rotor and parasitic drag in still air",
         settings: &[DRAG, PARASITIC_DRAG],
     },
+    // Drag, and a steady wind of 3 m/s.
     Condition {
         name: "wind",
-        description: "drag, and a steady wind of 3 m/s",
         settings: &[DRAG, PARASITIC_DRAG, "vehicle.wind={mean=[3.0, 0.0, 0.0]}"],
     },
+    // Drag, and wind of 3 m/s with gusts of 1.2 m/s.
     Condition {
         name: "gusts",
-        description: "drag, and wind of 3 m/s with gusts of 1.2 m/s",
-        settings: &[
-            DRAG,
-            PARASITIC_DRAG,
-            "vehicle.wind={mean=[3.0, 0.0, 0.0], gusts={deviation=1.2, correlation_time=0.5}}",
-        ],
+        settings: &[DRAG, PARASITIC_DRAG, GUSTS],
     },
+    // Drag, and wind of 3 m/s ± 1.5 m/s at 1 rad/s.
     Condition {
         name: "sine",
-        description: "drag, and wind of 3 m/s ± 1.5 m/s at 1 rad/s",
         settings: &[
             DRAG,
             PARASITIC_DRAG,
             "vehicle.wind={mean=[3.0, 0.0, 0.0], sine=[1.5, 0.0, 0.0], sine_frequency=1.0}",
         ],
     },
+    // Ten times the turbulence, 0.5 m/s².
     Condition {
         name: "turbulence",
-        description: "ten times the turbulence, 0.5 m/s²",
         settings: &["vehicle.turbulence.deviation=0.5"],
     },
+    // One and a half times the speed of the path.
     Condition {
         name: "fast",
-        description: "one and a half times the speed of the path",
         settings: &["path.speed=1.5"],
     },
+    // Five times the cameras' noise.
     Condition {
         name: "noise×5",
-        description: "five times the cameras' noise",
         settings: &[
             "cameras.position_deviation=1.5e-3",
             "cameras.attitude_deviation=1e-2",
         ],
     },
+    // Frames act 8 ms later.
     Condition {
         name: "radio+8ms",
-        description: "frames act 8 ms later",
         settings: &["schedule.latency.\"rc/frame -> plant\"=0.013"],
     },
+    // One radio frame in five is lost.
     Condition {
         name: "frames-20%",
-        description: "one radio frame in five is lost",
         settings: &["vehicle.actuators.frame_loss=0.2"],
     },
+    // The centre of mass is 5 mm from the tracked point, above it.
     Condition {
         name: "lever-5mm",
-        description: "the centre of mass is 5 mm from the tracked point, above it",
         settings: &["vehicle.center_of_mass=[-0.00216, -0.0013, -0.00432]"],
     },
+    // Gusts, lags half as long again, 5 % more thrust.
     Condition {
         name: "wrong-model",
-        description: "gusts, lags half as long again, 5 % more thrust",
         settings: &[
             DRAG,
             PARASITIC_DRAG,
-            "vehicle.wind={mean=[3.0, 0.0, 0.0], gusts={deviation=1.2, correlation_time=0.5}}",
+            GUSTS,
             "vehicle.actuators.thrust_lag=0.045",
             "vehicle.actuators.rate_lag=[0.03, 0.03, 0.03]",
             "vehicle.actuators.thrust_factor=1.05",

@@ -2,14 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::interrupt::Interrupt;
 use evaluation::reproduce::flight::{NotMeasured, ScenarioSource, measure};
 use evaluation::reproduce::measure::Measured;
-use evaluation::reproduce::parallel;
+use evaluation::reproduce::{parallel, row};
 use scenario::Scenario;
-use scenario_file::ScenarioError;
 use serde::Serialize;
 
 use crate::conditions::Condition;
@@ -61,26 +59,11 @@ impl Base {
                 ScenarioSource::FIG3_6.load(&settings, seed)
             }
         };
-        scenario.map_err(refused)
+        scenario.map_err(Failure::from)
     }
 }
 
-fn refused(error: ScenarioError) -> Failure {
-    Failure {
-        report: error.into(),
-        exit: Exit::BadInput,
-    }
-}
-
-/// A flight to be flown.
-#[derive(Clone, Debug)]
-pub struct Job {
-    law: usize,
-    condition: usize,
-    scenario: Scenario,
-}
-
-/// Returns the flights of all laws in all conditions with all seeds.
+/// Returns the flights of all laws in all conditions with all seeds: laws first, seeds last.
 ///
 /// # Errors
 /// [`Failure`] if the base does not know a setting.
@@ -89,22 +72,14 @@ pub fn jobs(
     laws: &[ControlLaw],
     conditions: &[Condition],
     seeds: &[u64],
-) -> Result<Vec<Job>, Failure> {
+) -> Result<Vec<Scenario>, Failure> {
     let mut jobs = Vec::new();
-    for (law, chosen) in laws.iter().enumerate() {
-        for (condition, made) in conditions.iter().enumerate() {
-            let settings: Vec<_> = made
-                .settings
-                .iter()
-                .map(|&setting| setting.to_owned())
-                .chain(chosen.settings.iter().cloned())
-                .collect();
+    for law in laws {
+        for condition in conditions {
+            let of_condition = condition.settings.iter().map(|&setting| setting.to_owned());
+            let settings: Vec<_> = of_condition.chain(law.settings.iter().cloned()).collect();
             for &seed in seeds {
-                jobs.push(Job {
-                    law,
-                    condition,
-                    scenario: base.scenario(&settings, seed)?,
-                });
+                jobs.push(base.scenario(&settings, seed)?);
             }
         }
     }
@@ -141,41 +116,36 @@ pub struct LostFlight {
     pub reason: String,
 }
 
-/// Flies all jobs on all cores, and returns the cells, laws first. Calls `flown` after each flight.
+/// Flies all [`jobs`] on all cores, and returns the cells, laws first. Calls `flown` after each flight.
 pub fn fly(
-    jobs: &[Job],
+    jobs: &[Scenario],
     laws: &[ControlLaw],
     conditions: &[Condition],
     interrupt: &Interrupt,
     flown: impl Fn() + Sync,
 ) -> Vec<Cell> {
-    let results = parallel::map(jobs, parallel::cores(), |job| {
-        let result = measure(&job.scenario, interrupt);
+    let results = parallel::map(jobs, parallel::cores(), |scenario| {
+        let result = measure(scenario, interrupt);
         flown();
-        result
+        (scenario.seed, result)
     });
-    let mut cells = Vec::new();
-    for (law, chosen) in laws.iter().enumerate() {
-        for (condition, made) in conditions.iter().enumerate() {
-            let own = jobs
-                .iter()
-                .zip(&results)
-                .filter(|(job, _)| (job.law, job.condition) == (law, condition));
-            cells.push(Cell::new(
-                chosen,
-                made,
-                own.map(|(job, result)| (job.scenario.seed, result)),
-            ));
-        }
-    }
-    cells
+    let pairs: Vec<_> = laws
+        .iter()
+        .flat_map(|law| conditions.iter().map(move |condition| (law, condition)))
+        .collect();
+    let seeds = results.len() / pairs.len();
+    pairs
+        .iter()
+        .zip(results.chunks(seeds))
+        .map(|((law, condition), results)| Cell::new(law, condition, results))
+        .collect()
 }
 
 impl Cell {
-    fn new<'a>(
+    fn new(
         law: &ControlLaw,
         condition: &Condition,
-        results: impl Iterator<Item = (u64, &'a Result<Measured, NotMeasured>)>,
+        results: &[(u64, Result<Measured, NotMeasured>)],
     ) -> Self {
         let mut cell = Self {
             law: law.name.clone(),
@@ -192,30 +162,23 @@ impl Cell {
                     rates.push(measured.rate.rmse());
                 }
                 Err(reason) => cell.lost.push(LostFlight {
-                    seed,
+                    seed: *seed,
                     reason: reason.to_string(),
                 }),
             }
         }
         let errors: Vec<f64> = cell.by_seed.iter().flatten().copied().collect();
         cell.worst_rms = errors.iter().copied().reduce(f64::max);
-        cell.rms = median(errors);
-        cell.peak = median(peaks);
-        cell.body_rate = median(rates);
+        cell.rms = median(&errors);
+        cell.peak = median(&peaks);
+        cell.body_rate = median(&rates);
         cell
     }
 }
 
-/// Returns the median; of an even number of values the mean of the two in the middle.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    let upper = *values.get(middle)?;
-    Some(if values.len().is_multiple_of(2) {
-        0.5 * (values[middle - 1] + upper)
-    } else {
-        upper
-    })
+/// Returns the median, if there are values.
+fn median(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| row::median(values))
 }
 
 #[cfg(test)]
@@ -225,9 +188,9 @@ mod tests {
 
     #[test]
     fn medians_are_those_of_the_values() {
-        assert_eq!(median(vec![]), None);
-        assert_eq!(median(vec![3.0, 1.0, 2.0]), Some(2.0));
-        assert_eq!(median(vec![4.0, 1.0, 3.0, 2.0]), Some(2.5));
+        assert_eq!(median(&[]), None);
+        assert_eq!(median(&[3.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(&[4.0, 1.0, 3.0, 2.0]), Some(2.5));
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! The control laws of a grid: settings of a scenario, by name.
 
 use command_line::values::ValueError;
+use serde::Serialize;
 
 /// A control law.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ControlLaw {
     /// Its name in tables and on the command line.
     pub name: String,

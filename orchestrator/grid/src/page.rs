@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use evaluation::reproduce::gallery::escaped;
 use kuva::backend::svg::SvgBackend;
 use kuva::prelude::{Figure, Layout, Plot, ScatterPlot, TickFormat};
 
@@ -60,11 +61,17 @@ pub fn page(report: &GridReport) -> String {
         html += "</table></div>\n";
     }
     html += "<h2>Settings</h2>\n<ul>\n";
-    for named in report.laws.iter().chain(&report.conditions) {
-        let settings = escaped(&named.settings.join(" "));
-        html += &format!("<li>{}: <code>{settings}</code></li>\n", escaped(&named.name));
+    for law in &report.laws {
+        html += &settings(&law.name, &law.settings.join(" "));
+    }
+    for condition in &report.conditions {
+        html += &settings(condition.name, &condition.settings.join(" "));
     }
     html + "</ul>\n</html>\n"
+}
+
+fn settings(name: &str, settings: &str) -> String {
+    format!("<li>{}: <code>{}</code></li>\n", escaped(name), escaped(settings))
 }
 
 /// RMS of every law in every condition, coloured by the ratio to the best law of the condition.
@@ -73,16 +80,16 @@ fn heat_map(report: &GridReport) -> String {
                     condition, red four times its distance or a flight lost.</p>\n<div class=\"wide\"><table>\n<tr><th>law</th>"
         .to_owned();
     for condition in &report.conditions {
-        html += &format!("<th>{}</th>", escaped(&condition.name));
+        html += &format!("<th>{}</th>", escaped(condition.name));
     }
     html += "</tr>\n";
     for law in &report.laws {
         html += &format!("<tr><td>{}</td>", escaped(&law.name));
         for condition in &report.conditions {
-            let cell = report.cell(&law.name, &condition.name);
+            let cell = report.cell(&law.name, condition.name);
             let rms = cell.and_then(|cell| cell.rms);
             let lost = cell.map_or(0, |cell| cell.lost.len());
-            let ratio = match (rms, report.best(&condition.name)) {
+            let ratio = match (rms, report.best(condition.name)) {
                 (Some(rms), Some(best)) if lost == 0 => rms / best,
                 _ => f64::INFINITY,
             };
@@ -137,10 +144,4 @@ pub fn pareto(report: &GridReport) -> Option<String> {
         .with_plots(vec![plots])
         .with_layouts(vec![layout]);
     Some(SvgBackend::new().render_scene(&figure.render()))
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('"', "&quot;")
 }

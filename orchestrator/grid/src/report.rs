@@ -18,22 +18,13 @@ pub struct GridReport {
     /// Seeds of every cell.
     pub seeds: Vec<u64>,
     /// The laws with their settings.
-    pub laws: Vec<NamedSettings>,
+    pub laws: Vec<ControlLaw>,
     /// The conditions with their settings.
-    pub conditions: Vec<NamedSettings>,
+    pub conditions: Vec<Condition>,
     /// The cells, laws first.
     pub cells: Vec<Cell>,
     /// The margins, laws first; none if they were not searched.
     pub margins: Vec<Margin>,
-}
-
-/// Settings with a name.
-#[derive(Clone, Debug, Serialize)]
-pub struct NamedSettings {
-    /// The name.
-    pub name: String,
-    /// The settings.
-    pub settings: Vec<String>,
 }
 
 /// A table: its title, its columns, and a line a law.
@@ -57,23 +48,11 @@ impl GridReport {
         cells: Vec<Cell>,
         margins: Vec<Margin>,
     ) -> Self {
-        let law = |law: &ControlLaw| NamedSettings {
-            name: law.name.clone(),
-            settings: law.settings.clone(),
-        };
-        let condition = |condition: &Condition| NamedSettings {
-            name: condition.name.to_owned(),
-            settings: condition
-                .settings
-                .iter()
-                .map(|&setting| setting.to_owned())
-                .collect(),
-        };
         Self {
             base: base.name(),
             seeds: seeds.to_vec(),
-            laws: laws.iter().map(law).collect(),
-            conditions: conditions.iter().map(condition).collect(),
+            laws: laws.to_vec(),
+            conditions: conditions.to_vec(),
             cells,
             margins,
         }
@@ -129,9 +108,9 @@ impl GridReport {
         let columns: Vec<_> = self
             .conditions
             .iter()
-            .map(|condition| condition.name.clone())
+            .map(|condition| condition.name.to_owned())
             .collect();
-        let line = |law: &NamedSettings| {
+        let line = |law: &ControlLaw| {
             let cells = columns.iter().map(|condition| {
                 let cell = self.cell(&law.name, condition);
                 cell.map_or_else(String::new, &text)
@@ -146,7 +125,7 @@ impl GridReport {
     }
 
     fn margin_table(&self) -> LawTable {
-        let line = |law: &NamedSettings| {
+        let line = |law: &ControlLaw| {
             let cells = MARGINS
                 .iter()
                 .map(|quantity| match self.margin(&law.name, quantity.name) {

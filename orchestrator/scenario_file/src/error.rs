@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use miette::{Diagnostic, LabeledSpan, SourceCode};
 
 use super::snippet::Snippet;
+use command_line::exit::Exit;
+use command_line::failure::Failure;
 use command_line::terminal::printable;
 
 /// Reason why a scenario is not flown. Displayed as one line, or as one line a finding with `{:#}`.
@@ -54,6 +56,15 @@ impl ScenarioError {
         match self {
             Self::Refused { findings, .. } if findings.len() == 1 => findings.first(),
             _ => None,
+        }
+    }
+}
+
+impl From<ScenarioError> for Failure {
+    fn from(error: ScenarioError) -> Self {
+        Self {
+            report: error.into(),
+            exit: Exit::BadInput,
         }
     }
 }

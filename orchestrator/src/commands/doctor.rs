@@ -42,10 +42,7 @@ fn needs(arguments: &Doctor) -> Result<Needs, Failure> {
     let Some(path) = &arguments.scenario else {
         return Ok(Needs::ordinary());
     };
-    let scenario = scenario_file::load(path, &arguments.sets, None).map_err(|error| Failure {
-        report: error.into(),
-        exit: Exit::BadInput,
-    })?;
+    let scenario = scenario_file::load(path, &arguments.sets, None).map_err(Failure::from)?;
     let schedule = schedule_of(&scenario)?;
     Ok(Needs::of(&scenario, &schedule))
 }

@@ -111,10 +111,7 @@ pub fn recover(arguments: &Recover) -> Result<(), Failure> {
     let scenario = match &arguments.scenario {
         Some(path) => {
             let scenario = scenario_file::load(path, &arguments.sets, arguments.seed);
-            Some(scenario.map_err(|error| Failure {
-                report: error.into(),
-                exit: Exit::BadInput,
-            })?)
+            Some(scenario.map_err(Failure::from)?)
         }
         None => None,
     };

@@ -27,10 +27,7 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
     } else {
         let text = toml::to_string(recorded).map_err(Failure::trouble)?;
         let scenario = scenario_file::load_text(&log, &text, &arguments.sets, None);
-        Some(scenario.map_err(|error| Failure {
-            report: error.into(),
-            exit: Exit::BadInput,
-        })?)
+        Some(scenario.map_err(Failure::from)?)
     };
     let schedule = schedule_of(recorded)?;
     let interrupt = || Interrupt::install().map_err(Failure::trouble);

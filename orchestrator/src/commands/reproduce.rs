@@ -17,7 +17,6 @@ use evaluation::reproduce::report::{self, ReproductionReport};
 use evaluation::reproduce::traces::{Tracer, Traces};
 use evaluation::reproduce::{QUICK_SEEDS, SEEDS, ablation, gallery, observability, parallel, seeds, table};
 use run_log::run_folder::RunFolder;
-use scenario_file::ScenarioError;
 use supervisor::{Outcome, in_process};
 
 /// `gerono reproduce`.
@@ -47,7 +46,7 @@ pub fn reproduce(arguments: &Reproduce) -> Result<Exit, Failure> {
 fn show_ablation(seeds: &[u64], folder: &RunFolder, interrupt: &Interrupt) -> Result<Exit, Failure> {
     let mut plan = Plan::default();
     plan.add_ablation(seeds);
-    let results = fly(&plan.jobs().map_err(refused)?, interrupt);
+    let results = fly(&plan.jobs()?, interrupt);
     if let Some(signal) = interrupt.signal() {
         return Ok(Exit::Signal(signal));
     }
@@ -81,7 +80,7 @@ fn show_figures(
     if with_observability {
         plan.add_observability(seeds);
     }
-    let jobs = plan.jobs().map_err(refused)?;
+    let jobs = plan.jobs()?;
     let results = fly(&jobs, interrupt);
     let (drawn, pages) = draw(&figures, &jobs, folder.path(), interrupt)?;
     if let Some(signal) = interrupt.signal() {
@@ -191,11 +190,4 @@ fn trace(job: &Job, interrupt: &Interrupt) -> Option<Traces> {
     let mut tracer = Tracer::new(&job.scenario, &schedule);
     let ending = in_process::fly(&job.scenario, &mut tracer, interrupt).ok()?;
     matches!(ending.outcome, Outcome::Completed).then(|| tracer.finish())
-}
-
-fn refused(error: ScenarioError) -> Failure {
-    Failure {
-        report: error.into(),
-        exit: Exit::BadInput,
-    }
 }

@@ -39,10 +39,7 @@ pub enum FileError {
 }
 
 /// Returns the SHA-256 of a file, in hexadecimal.
-///
-/// # Errors
-/// [`FileError::NotRead`].
-pub fn sha256(path: &Path) -> Result<String, FileError> {
+fn sha256_of(path: &Path) -> Result<String, FileError> {
     let bytes = std::fs::read(path).map_err(|source| FileError::NotRead {
         path: path.to_owned(),
         source,
@@ -50,11 +47,20 @@ pub fn sha256(path: &Path) -> Result<String, FileError> {
     Ok(hex(&Sha256::digest(bytes)))
 }
 
-/// Returns the file of the plug-in in a role, which is the one that the scenario means; `None` without a plug-in.
+/// A plug-in's file, which is the one that the scenario means.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LibraryFile {
+    /// Its path.
+    pub path: PathBuf,
+    /// Its SHA-256.
+    pub sha256: String,
+}
+
+/// Returns the file of the plug-in in a role; `None` without a plug-in.
 ///
 /// # Errors
 /// [`FileError`].
-pub fn find(scenario: &Scenario, role: ServiceId) -> Result<Option<PathBuf>, FileError> {
+pub fn find(scenario: &Scenario, role: ServiceId) -> Result<Option<LibraryFile>, FileError> {
     let Some((plugins, path)) = scenario
         .plugins
         .as_ref()
@@ -62,14 +68,14 @@ pub fn find(scenario: &Scenario, role: ServiceId) -> Result<Option<PathBuf>, Fil
     else {
         return Ok(None);
     };
-    let found = sha256(&path)?;
+    let found = sha256_of(&path)?;
     match plugins.sha256.get(role.name()) {
         Some(stated) if *stated != found => Err(FileError::Other {
             path,
             found,
             stated: stated.clone(),
         }),
-        _ => Ok(Some(path)),
+        _ => Ok(Some(LibraryFile { path, sha256: found })),
     }
 }
 
@@ -79,10 +85,9 @@ pub fn find(scenario: &Scenario, role: ServiceId) -> Result<Option<PathBuf>, Fil
 /// [`FileError`] of the first that cannot be read, or is another one than stated.
 pub fn pin(scenario: &mut Scenario) -> Result<(), FileError> {
     for role in ServiceId::ALL {
-        if let Some(path) = find(scenario, role)? {
-            let found = sha256(&path)?;
+        if let Some(LibraryFile { sha256, .. }) = find(scenario, role)? {
             let plugins = scenario.plugins.as_mut().expect("it names the plug-in");
-            plugins.sha256.insert(role.name().to_owned(), found);
+            plugins.sha256.insert(role.name().to_owned(), sha256);
         }
     }
     Ok(())
@@ -96,7 +101,7 @@ pub fn pin(scenario: &mut Scenario) -> Result<(), FileError> {
 pub fn keep_in(scenario: &mut Scenario, folder: &Path) -> Result<(), FileError> {
     let mut has_any = false;
     for role in ServiceId::ALL {
-        if let Some(path) = find(scenario, role)? {
+        if let Some(LibraryFile { path, .. }) = find(scenario, role)? {
             let copy = folder.join(path.file_name().unwrap_or_default());
             let copied = std::fs::copy(&path, &copy);
             copied.map_err(|source| FileError::NotRead { path: copy, source })?;

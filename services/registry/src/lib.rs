@@ -19,6 +19,10 @@ use plant::PlantService;
 use plugin::library_file;
 use rc_output::RcOutputService;
 
+// Every state of a plug-in fits into a checkpoint, and every state that fits may be one.
+#[cfg(feature = "laboratory")]
+const _: () = assert!(plugin::loader::MAX_STATE == runtime::checkpoints::CAPACITY);
+
 /// Constructor of a role's occupant.
 #[derive(Clone, Copy, Debug)]
 pub enum Constructor {
@@ -86,7 +90,7 @@ fn step_logic(role: ServiceId) -> StepLogic {
 /// If the scenario states something that the service cannot do, or names a plug-in that cannot fly.
 pub fn build(role: ServiceId, scenario: &Scenario) -> Built {
     match library_file::find(scenario, role)? {
-        Some(library) => plugin::loader::load(role, &library, &scenario.experiment()),
+        Some(library) => plugin::loader::load(role, &library.path, &scenario.experiment()),
         None => (step_logic(role).build)(&scenario.experiment()),
     }
 }

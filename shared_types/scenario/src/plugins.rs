@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::ServiceId;
 
 use super::Scenario;
+use super::programs::anchored;
 
 macro_rules! plugins {
     ($($name:ident: $service:ident),+) => {
@@ -57,8 +58,7 @@ shared_types::with_services!(plugins);
 impl Plugins {
     /// Sets the folder of the scenario's file.
     pub fn anchor(&mut self, file_folder: &Path) {
-        let stated = self.folder.as_deref().unwrap_or(Path::new(""));
-        self.folder = Some(file_folder.join(stated));
+        self.folder = Some(anchored(self.folder.as_deref(), file_folder));
     }
 
     /// Returns the path of the library in place of a service; one with a slash, for the system looks elsewhere for others.

@@ -43,11 +43,7 @@ shared_types::with_services!(programs);
 impl Programs {
     /// Sets the folder of the scenario's file.
     pub fn anchor(&mut self, file_folder: &Path) {
-        let folder = match &self.folder {
-            Some(stated) => file_folder.join(stated),
-            None => file_folder.to_owned(),
-        };
-        self.folder = Some(folder);
+        self.folder = Some(anchored(self.folder.as_deref(), file_folder));
     }
 
     /// Returns the programs without their folder.
@@ -58,6 +54,11 @@ impl Programs {
             ..self.clone()
         }
     }
+}
+
+/// Returns a folder that a scenario states, seen from that of its file.
+pub(crate) fn anchored(stated: Option<&Path>, file_folder: &Path) -> PathBuf {
+    stated.map_or_else(|| file_folder.to_owned(), |stated| file_folder.join(stated))
 }
 
 impl Scenario {

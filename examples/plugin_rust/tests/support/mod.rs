@@ -24,7 +24,6 @@ pub fn scenario() -> Scenario {
 }
 
 /// Returns the controller from the library.
-#[allow(dead_code, reason = "each program uses what it needs")]
 pub fn library() -> Box<dyn ErasedService> {
     registry::build(ServiceId::Controller, &scenario()).expect("the library")
 }
