@@ -109,6 +109,72 @@ fn a_library_flies_the_same_bytes_on_every_host_through_deaths_and_in_a_replay()
 }
 
 #[test]
+fn numbers_of_the_library_are_recorded_by_their_names() {
+    let place = example("", "", &[]);
+    succeed(&mut fly(
+        &place,
+        "died",
+        &["--crash", "controller@500:after-step"],
+    ));
+    succeed(&mut fly(&place, "alone", &["--host", "inprocess"]));
+    assert!(log(&place, "died") == log(&place, "alone"));
+    succeed(&mut place.gerono(&["replay", "died", "--quiet"]));
+    let table = |from: &str| {
+        let csv = ["export", from, "--csv", "--topic", "control/telemetry"];
+        String::from_utf8(succeed(&mut place.gerono(&csv)).stdout).unwrap()
+    };
+    let written = table("died");
+    let mut lines = written.lines();
+    let columns = "header.tick,header.stamp_ns,header.seq,integral_x,integral_y,integral_z";
+    assert_eq!(lines.next(), Some(columns));
+    let last: Vec<f64> = lines
+        .next_back()
+        .unwrap()
+        .split(',')
+        .map(|cell| cell.parse().unwrap())
+        .collect();
+    assert_eq!(last[0], 1000.0);
+    assert!(last[3..].iter().all(|integral| *integral != 0.0), "{last:?}");
+    // The names are in the schema, also of a log that was recovered.
+    let whole = log(&place, "died");
+    assert!(whole.windows(10).any(|bytes| bytes == b"integral_z"));
+    std::fs::write(place.path("cut.mcap"), &whole[..whole.len() - 100]).unwrap();
+    succeed(&mut place.gerono(&["recover", "cut.mcap"]));
+    assert_eq!(table("cut.recovered.mcap"), written);
+    succeed(&mut place.gerono(&["report", "died", "--output", "page"]));
+    let page = std::fs::read_to_string(place.path("page/report.html")).unwrap();
+    assert!(page.contains("Telemetry: integral_z"));
+    // A slower rate keeps every tenth; without names there is no topic.
+    let slower = r#"schedule.period={"control/telemetry"=0.01}"#;
+    succeed(&mut fly(
+        &place,
+        "slower",
+        &["--host", "inprocess", "--set", slower],
+    ));
+    assert_eq!(table("slower").lines().count(), 102);
+    succeed(&mut fly(
+        &place,
+        "none",
+        &["--host", "inprocess", "--set", "controller.telemetry=[]"],
+    ));
+    assert!(
+        !log(&place, "none")
+            .windows(17)
+            .any(|bytes| bytes == b"control/telemetry")
+    );
+    let refused = output(&mut fly(
+        &place,
+        "bad",
+        &["--set", "controller.telemetry=['x', 'X', 'x']"],
+    ));
+    let told = complaint(&refused);
+    assert!(
+        told.contains("`X` cannot be") && told.contains("`x` is there twice"),
+        "{told}"
+    );
+}
+
+#[test]
 fn what_a_library_does_wrong_in_its_step_ends_the_flight_clearly_and_the_log_is_right_until_then() {
     let good = example("", "", &[]);
     succeed(&mut fly(&good, "good", &["--host", "inprocess"]));

@@ -22,6 +22,8 @@ static int step(void *memory, const gerono_now *now, const gerono_input *in, con
     const gerono_vehicle_state *state = in[GERONO_CONTROLLER_IN_STATE].sample;
     const gerono_path_reference *path = in[GERONO_CONTROLLER_IN_REFERENCE].sample;
     gerono_control_command *command = out[GERONO_CONTROLLER_OUT_COMMAND].sample;
+    gerono_control_telemetry *telemetry = out[GERONO_CONTROLLER_OUT_TELEMETRY].sample;
+    if (telemetry) memcpy(telemetry->values, self->integral, sizeof self->integral);
     if (!command) return 0;
     command->mode = GERONO_CONTROL_COMMAND_MODE_FAILSAFE;
     if (!state || !path || !now->armed) return 0;
@@ -47,6 +49,6 @@ static void save(const void *self, void *to) { memcpy(to, ((const pid *)self)->i
 static void restore(void *self, const void *from) { memcpy(((pid *)self)->integral, from, state_size(self)); }
 
 static const char *const LAYOUTS[] = GERONO_CONTROLLER_LAYOUTS;
-static const gerono_plugin PLUGIN = {GERONO_ABI, sizeof PLUGIN, "controller", LAYOUTS, 5, create, step, state_size, save,
-    restore, free};
+static const gerono_plugin PLUGIN = {GERONO_ABI, sizeof PLUGIN, "controller", LAYOUTS, sizeof LAYOUTS / sizeof *LAYOUTS,
+    create, step, state_size, save, restore, free};
 const gerono_plugin *gerono_plugin_v1(void) { return &PLUGIN; }

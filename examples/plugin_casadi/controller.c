@@ -39,6 +39,6 @@ static void save(const void *self, void *to) { (void)self, (void)to; }
 static void restore(void *self, const void *from) { (void)self, (void)from; }
 
 static const char *const LAYOUTS[] = GERONO_CONTROLLER_LAYOUTS;
-static const gerono_plugin PLUGIN = {GERONO_ABI, sizeof PLUGIN, "controller", LAYOUTS, 5, create, step, state_size, save,
-    restore, free};
+static const gerono_plugin PLUGIN = {GERONO_ABI, sizeof PLUGIN, "controller", LAYOUTS, sizeof LAYOUTS / sizeof *LAYOUTS,
+    create, step, state_size, save, restore, free};
 const gerono_plugin *gerono_plugin_v1(void) { return &PLUGIN; }

@@ -252,6 +252,19 @@ crate::sample! {
         /// The event in words, UTF-8, filled up with zeros.
         pub text: [u8; 120],
     }
+
+    /// Numbers of a controller that is not Gerono's own. Logs call each by the name in `controller.telemetry`.
+    pub struct ControlTelemetry {
+        /// Common header.
+        pub header: Header,
+        /// The numbers in the order of their names; zero after them.
+        pub values: [f64; ControlTelemetry::NUMBERS],
+    }
+}
+
+impl ControlTelemetry {
+    /// Largest number of numbers.
+    pub const NUMBERS: usize = 32;
 }
 
 impl RunEvent {

@@ -22,7 +22,7 @@ pub use operator::OperatorPlan;
 pub use outage_schedule::{Outage, OutageKind, OutageSchedule};
 
 use crate::sample::Header;
-use crate::wiring::{InputSpec, ServiceId, Topic};
+use crate::wiring::{InputSpec, OutputSpec, ServiceId, Topic};
 
 /// The ticks `phase + n·period`, n ≥ 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -143,6 +143,7 @@ pub struct Schedule {
     operator: OperatorPlan,
     world_is_real: bool,
     unread: [[bool; MAX_PORTS]; SERVICES],
+    has_telemetry: bool,
 }
 
 impl Schedule {
@@ -170,6 +171,7 @@ impl Schedule {
             operator: OperatorPlan::FLYING,
             world_is_real: false,
             unread: [[false; MAX_PORTS]; SERVICES],
+            has_telemetry: false,
         };
         for topic in Topic::ALL {
             if let Some(publisher) = topic.publisher()
@@ -218,6 +220,31 @@ impl Schedule {
     pub fn with_unread_inputs(mut self, unread: [[bool; MAX_PORTS]; SERVICES]) -> Self {
         self.unread = unread;
         self
+    }
+
+    /// Returns the same schedule with telemetry of a controller that is not Gerono's own.
+    #[must_use]
+    pub fn with_telemetry(mut self) -> Self {
+        self.has_telemetry = true;
+        self
+    }
+
+    /// Returns whether the flight has a topic: telemetry is only there where the scenario names its numbers.
+    #[must_use]
+    pub fn has_topic(&self, topic: Topic) -> bool {
+        self.has_telemetry || topic != Topic::ControlTelemetry
+    }
+
+    /// Returns the topics of the flight that services publish.
+    pub fn published_topics(&self) -> impl Iterator<Item = Topic> {
+        let published = |topic: &Topic| topic.publisher().is_some() && self.has_topic(*topic);
+        Topic::ALL.into_iter().filter(published)
+    }
+
+    /// Returns the outputs of a service that the flight has; those that it lacks are last in the wiring table.
+    pub fn outputs(&self, service: ServiceId) -> impl Iterator<Item = &'static OutputSpec> {
+        let outputs = service.outputs().iter();
+        outputs.filter(|output| self.has_topic(output.topic))
     }
 
     /// Returns whether steps of a service read an input. Samples of unread inputs are not due and not delivered.
@@ -307,7 +334,8 @@ impl Schedule {
     /// Returns the ticks at which a topic is published.
     #[must_use]
     pub fn publications(&self, topic: Topic) -> OutageSchedule {
-        if self.world_is_real && topic == Topic::VehicleTruth {
+        let is_unknown = self.world_is_real && topic == Topic::VehicleTruth;
+        if is_unknown || !self.has_topic(topic) {
             return OutageSchedule::never();
         }
         let outages = topic

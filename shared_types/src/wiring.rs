@@ -8,8 +8,8 @@ use std::ops::Range;
 use crate::ports::{Input, InputView, Inputs, Output, OutputSlot, Outputs, SampleKind};
 use crate::sample::{Header, Member, Sample, layout_hash, msg_definition};
 use crate::samples::{
-    ControlAdaptation, ControlCommand, ControlErrors, MocapPose, PathReference, RcFrame, RunEvent,
-    VehicleState, VehicleTruth,
+    ControlAdaptation, ControlCommand, ControlErrors, ControlTelemetry, MocapPose, PathReference, RcFrame,
+    RunEvent, VehicleState, VehicleTruth,
 };
 
 /// Set of external services: for each service in the order of the wiring table, whether a program flies in its place.
@@ -359,6 +359,8 @@ wiring! {
         RcFrame = "rc/frame";
         /// The events that the scenario schedules, written by the orchestrator.
         RunEvent = "run/events";
+        /// Named numbers of a controller that is not Gerono's own; only where the scenario names them.
+        ControlTelemetry = "control/telemetry";
     }
     services {
         /// Rigid body, actuators, disturbances and the simulated cameras.
@@ -379,7 +381,10 @@ wiring! {
         /// The adaptive control law.
         Controller = controller {
             ControllerInputs { state: VehicleState, reference: PathReference }
-            ControllerOutputs { command: ControlCommand, adaptation: ControlAdaptation, errors: ControlErrors }
+            ControllerOutputs {
+                command: ControlCommand, adaptation: ControlAdaptation, errors: ControlErrors,
+                telemetry: ControlTelemetry
+            }
         }
         /// The radio link's transmitter.
         RcOutput = rc_output {

@@ -39,7 +39,7 @@ static void *refuse(const gerono_setup *setup, char *why_not, size_t size) {
 
 const gerono_plugin *gerono_plugin_v1(void) {
     static gerono_plugin it;
-    static const char *const others[] = {GERONO_VEHICLE_STATE_LAYOUT, "0", "0", "0", "0"};
+    static const char *const others[] = {GERONO_VEHICLE_STATE_LAYOUT, "0", "0", "0", "0", "0"};
     (void)save_too_much, (void)save_nothing, (void)enormous, (void)refuse, (void)others;
     it = PLUGIN;
     it.step = misbehave;

@@ -40,7 +40,7 @@ impl BarePorts {
                 is_late: schedule.edge(service, input).latency > 0,
             })
         });
-        let outputs = service.outputs().iter().map(|output| {
+        let outputs = schedule.outputs(service).map(|output| {
             let topic = output.topic;
             topic.dispatch(Publications { member, topic })
         });

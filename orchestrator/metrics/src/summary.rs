@@ -312,7 +312,11 @@ impl FlightSummary {
                     flight.observe_event(&read::<RunEvent>(bytes));
                 }
             }
-            Topic::MocapPose | Topic::VehicleState | Topic::ControlCommand | Topic::ControlErrors => {}
+            Topic::MocapPose
+            | Topic::VehicleState
+            | Topic::ControlCommand
+            | Topic::ControlErrors
+            | Topic::ControlTelemetry => {}
         }
     }
 
@@ -379,8 +383,10 @@ impl FlightSummary {
                 .map(|faults| faults.finish(&self.schedule))
                 .unwrap_or_default(),
             topics: Topic::ALL
+                .into_iter()
+                .filter(|&topic| self.schedule.has_topic(topic))
                 .map(|topic| self.topic_count(topic, run.timing.as_ref()))
-                .into(),
+                .collect(),
             run,
         }
     }

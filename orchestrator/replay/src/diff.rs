@@ -6,7 +6,7 @@ use std::path::Path;
 use shared_types::Topic;
 
 use crate::Comparison;
-use run_log::{LogReadError, LogReader};
+use run_log::{LogReadError, LogReader, topics_of};
 
 /// Samples of a log that wait for their counterparts at most: in real time those of a tick may be logged a little later.
 const WAITING: usize = 16_384;
@@ -58,7 +58,12 @@ pub fn diff(first: &Path, second: &Path) -> Result<Vec<TopicDiff>, LogReadError>
     for (at, side) in sides.iter_mut().enumerate() {
         side.give_up_above(0, |topic| topics[topic].lonely[at] += 1);
     }
-    Ok(topics.into())
+    let has_topic = |topic| {
+        let mut scenarios = sides.iter().map(|side| &side.reader.manifest().scenario);
+        scenarios.any(|scenario| topics_of(scenario).any(|other| other == topic))
+    };
+    let topics = topics.into_iter();
+    Ok(topics.filter(|topic| has_topic(topic.comparison.topic)).collect())
 }
 
 /// Tick and position of the topic of a sample.

@@ -65,7 +65,7 @@ impl<'a> ReplayEnvironment<'a> {
             inputs.push(InputPort::new(sender, ports));
         }
         let mut outputs = Vec::new();
-        for output in service.outputs() {
+        for output in self.schedule.outputs(service) {
             let ports = self.create(output.topic, service)?;
             let receiver = ports.recorder(RECORDER_BUFFER).map_err(setup)?;
             let publication = self.schedule.publication(output.topic);

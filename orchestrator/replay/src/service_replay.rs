@@ -60,7 +60,7 @@ impl ServiceReplay {
             begins_at: 0,
             stores,
             next_stored: [0; MAX_PORTS],
-            comparator: Comparator::new(timetable.outputs.iter().map(|output| output.topic)),
+            comparator: Comparator::new(schedule.outputs(service).map(|output| output.topic)),
             timetable,
             steps: 0,
             steps_without_inputs: 0,

@@ -13,14 +13,14 @@ use super::schema::Schema;
 /// Writes the samples of a topic of every `every`-th tick as CSV (RFC 4180, lines end with a line feed).
 ///
 /// The first line names the columns: members of records are joined by a dot (`header.tick`), arrays have a column
-/// an element (`position_world[0]`), but a text has one. Numbers are read back to the bit; those that are not
+/// an element (`position_world[0]`), but a text has one and padding has none. Numbers are read back to the bit; those that are not
 /// finite are the words `NaN`, `inf` and `-inf`.
 ///
 /// # Errors
 /// [`ExportError`]; lines written before it are whole.
 pub fn export_csv(path: &Path, topic: Topic, every: u64, out: &mut impl Write) -> Result<(), ExportError> {
-    let schema = Schema::parse(&topic.msg_definition()).expect("our own definitions are well-formed");
     let mut reader = LogReader::open(path)?;
+    let schema = Schema::of(topic, &reader.manifest().scenario);
     writeln!(out, "{}", schema.columns().join(","))?;
     while let Some(logged) = reader.next_sample()? {
         if logged.topic != topic || !logged.header.tick.is_multiple_of(every) {

@@ -33,9 +33,8 @@ pub fn export_json(
     every: u64,
     out: &mut impl Write,
 ) -> Result<(), ExportError> {
-    let schemas = Topic::ALL
-        .map(|topic| Schema::parse(&topic.msg_definition()).expect("our own definitions are well-formed"));
     let mut reader = LogReader::open(path)?;
+    let schemas = Topic::ALL.map(|topic| Schema::of(topic, &reader.manifest().scenario));
     while let Some(logged) = reader.next_sample()? {
         let is_other = topic.is_some_and(|topic| topic != logged.topic);
         if is_other || !logged.header.tick.is_multiple_of(every) {

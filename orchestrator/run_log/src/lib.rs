@@ -41,7 +41,7 @@ pub use host_samples::{
     ServiceStep,
 };
 pub use host_writer::HostLogWriter;
-pub use manifest::{FORMAT_VERSION, Manifest, ManifestProblem};
+pub use manifest::{FORMAT_VERSION, Manifest, ManifestProblem, topics_of};
 pub use reader::{LogReadError, LogReader, LoggedSample};
 pub use recovery::{Gap, RecoverError, Recovery, SampleTime, inspect, is_whole, recover, recovered_path};
 pub use size::predicted_bytes;

@@ -66,8 +66,8 @@ impl Manifest {
     /// beside it, for people, the seed; version and layout hashes.
     pub(super) fn to_metadata(&self) -> BTreeMap<String, String> {
         let scenario = serde_json::to_string(&self.scenario).expect("a scenario has only string keys");
-        let layouts = Topic::ALL.map(|topic| (layout_key(topic), topic.layout_hash()));
-        let mut metadata = BTreeMap::from(layouts);
+        let layouts = topics_of(&self.scenario).map(|topic| (layout_key(topic), topic.layout_hash()));
+        let mut metadata: BTreeMap<_, _> = layouts.collect();
         metadata.insert(FORMAT_KEY.to_owned(), FORMAT_VERSION.to_string());
         metadata.insert(CHECKSUM_KEY.to_owned(), checksum(&scenario));
         metadata.insert(SCENARIO_KEY.to_owned(), scenario);
@@ -82,9 +82,13 @@ impl Manifest {
         if *version != FORMAT_VERSION.to_string() {
             return Err(ManifestProblem::Version(version.clone()));
         }
+        let differs = |topic: &Topic| match metadata.get(&layout_key(*topic)) {
+            Some(layout) => *layout != topic.layout_hash(),
+            None => *topic != Topic::ControlTelemetry,
+        };
         let differing: Vec<_> = Topic::ALL
             .into_iter()
-            .filter(|&topic| metadata.get(&layout_key(topic)) != Some(&topic.layout_hash()))
+            .filter(differs)
             .map(Topic::msg_name)
             .collect();
         if !differing.is_empty() {
@@ -101,6 +105,13 @@ impl Manifest {
         }
         Ok(Self { scenario })
     }
+}
+
+/// Returns the topics of the log of a flight of `scenario`, in their order.
+pub fn topics_of(scenario: &Scenario) -> impl Iterator<Item = Topic> + use<> {
+    let has_telemetry = !scenario.controller.telemetry.is_empty();
+    let is_in_it = move |topic: &Topic| has_telemetry || *topic != Topic::ControlTelemetry;
+    Topic::ALL.into_iter().filter(is_in_it)
 }
 
 /// The scenario that a manifest holds. Earlier programs kept some of it elsewhere.

@@ -23,7 +23,7 @@ use shared_types::Topic;
 use self::channels::{Channels, Kind, Message, kinds};
 use self::scan::{Chunk, Piece, Scan};
 use super::framing::{Compression, LogError, McapFile};
-use super::manifest::{Manifest, ManifestProblem};
+use super::manifest::{Manifest, ManifestProblem, topics_of};
 use super::records::{RawRecord, Records};
 
 pub use self::report::{Gap, Recovery, SampleTime};
@@ -121,8 +121,11 @@ pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Res
     if target.exists() {
         return Err(RecoverError::Exists(target.to_owned()));
     }
-    let kinds = kinds();
+    let mut kinds = kinds();
     let (manifest, recovery) = Survey::of(source, &kinds)?.finish(source, scenario)?;
+    if let Some(manifest) = &manifest {
+        channels::name_telemetry(&mut kinds, &manifest.scenario);
+    }
     write(source, target, &kinds, manifest.as_ref(), &recovery)?;
     Ok(recovery)
 }
@@ -383,7 +386,7 @@ impl<'a> Copy<'a> {
         if let Some(manifest) = manifest {
             copy.file
                 .write_metadata(Manifest::RECORD_NAME, manifest.to_metadata())?;
-            for topic in Topic::ALL {
+            for topic in topics_of(&manifest.scenario) {
                 declare(&mut copy.file, kinds, &mut copy.numbers, topic.index())?;
             }
         }

@@ -2,7 +2,28 @@
 //!
 //! Samples have no padding and no alignment to heed, so that a decoder only has to go through the members.
 
+use scenario::Scenario;
 use serde_json::{Map, Value};
+use shared_types::Topic;
+use shared_types::samples::ControlTelemetry;
+
+/// Name of members that only fill up a sample.
+const PADDING: &str = "pad0";
+
+/// Returns the message definition of a topic in a flight of `scenario`, which names the numbers of telemetry.
+pub(super) fn definition(topic: Topic, scenario: &Scenario) -> String {
+    const NUMBERS: usize = ControlTelemetry::NUMBERS;
+    let definition = topic.msg_definition();
+    if topic != Topic::ControlTelemetry {
+        return definition;
+    }
+    let names = scenario.controller.telemetry.iter().take(NUMBERS);
+    let mut members: String = names.clone().map(|name| format!("float64 {name}\n")).collect();
+    if names.len() < NUMBERS {
+        members += &format!("float64[{}] {PADDING}\n", NUMBERS - names.len());
+    }
+    definition.replace(&format!("float64[{NUMBERS}] values\n"), &members)
+}
 
 /// A record type: its members in their order.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +51,11 @@ enum Kind {
 }
 
 impl Schema {
+    /// Returns the schema of a topic in a flight of `scenario`.
+    pub(super) fn of(topic: Topic, scenario: &Scenario) -> Self {
+        Self::parse(&definition(topic, scenario)).expect("our own definitions are well-formed")
+    }
+
     /// Reads a definition of [`shared_types::sample::msg_definition`]; `None` for any other text.
     pub(super) fn parse(definition: &str) -> Option<Self> {
         let ruler = format!("{}\n", "=".repeat(80));
@@ -51,15 +77,22 @@ impl Schema {
         Some(Self { members })
     }
 
-    /// Names of the numbers and texts in a value, in their order.
+    /// Names of the numbers and texts in a value, in their order, without padding.
     pub(super) fn columns(&self) -> Vec<String> {
-        self.members.iter().flat_map(Member::columns).collect()
+        let members = self.members.iter().filter(|member| !member.is_padding());
+        members.flat_map(Member::columns).collect()
     }
 
     /// Takes a value off the front of `bytes`, as the numbers and texts that [`columns`](Self::columns) names.
     pub(super) fn cells(&self, bytes: &mut &[u8]) -> Option<Vec<Value>> {
         let mut cells = Vec::new();
         for member in &self.members {
+            if member.is_padding() {
+                for _ in 0..member.length.unwrap_or(1) {
+                    member.kind.decode(bytes)?;
+                }
+                continue;
+            }
             if member.is_text() {
                 let (text, rest) = bytes.split_at_checked(member.length?)?;
                 *bytes = rest;
@@ -97,6 +130,10 @@ impl Member {
     /// Returns whether it is UTF-8 filled up with zeros: our samples have no other use for so many bytes.
     fn is_text(&self) -> bool {
         self.kind == Kind::Unsigned(1) && self.name == "text" && self.length.is_some()
+    }
+
+    fn is_padding(&self) -> bool {
+        self.name == PADDING
     }
 
     fn columns(&self) -> Vec<String> {

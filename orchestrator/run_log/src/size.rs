@@ -1,7 +1,7 @@
 //! The size of a flight's log, known before it is flown.
 
+use shared_types::Schedule;
 use shared_types::sample::CDR_HEADER;
-use shared_types::{Schedule, Topic};
 
 /// The size of a message beside its sample, bytes: frame and fields of its record, the mark of CDR, its place in the
 /// index of its chunk.
@@ -10,8 +10,8 @@ const BESIDE_THE_SAMPLE: u64 = (1 + 8) + (2 + 4 + 8 + 8) + CDR_HEADER.len() as u
 /// Size of the `run.mcap` of a whole flight without compression, bytes, but for some 10 kB of manifest and schemas.
 #[must_use]
 pub fn predicted_bytes(schedule: &Schedule) -> u64 {
-    let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
-    published
+    schedule
+        .published_topics()
         .map(|topic| schedule.sample_count(topic) * (topic.kind().size as u64 + BESIDE_THE_SAMPLE))
         .sum()
 }

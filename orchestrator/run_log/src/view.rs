@@ -226,7 +226,7 @@ impl Copy {
         for facts in facts(reader) {
             file.write_metadata(&facts.name, facts.metadata)?;
         }
-        let topics = declare_topics(&mut file)?;
+        let topics = declare_topics(&mut file, &reader.manifest().scenario)?;
         let schema = messages::description();
         let begin_ns = survey.begin_ns;
         let (flown, desired) = (&survey.flown, &survey.desired);

@@ -4,12 +4,13 @@ use std::fs::File;
 use std::path::Path;
 use std::time::Duration;
 
+use scenario::Scenario;
+use shared_types::Topic;
 use shared_types::service::header_of;
-use shared_types::wiring::TopicVisitor;
-use shared_types::{Published, Topic};
 
 use super::framing::{Compression, LogError, McapFile, Written};
-use super::manifest::Manifest;
+use super::manifest::{Manifest, topics_of};
+use super::schema::definition;
 
 /// Simulated time that a chunk spans, s: what a crash of the recorder may cost.
 const CHUNK_SECONDS: f64 = 0.25;
@@ -61,7 +62,7 @@ impl RunLogWriter {
         file.write_metadata(Manifest::RECORD_NAME, manifest.to_metadata())?;
         let chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, CHUNK_SECONDS);
         Ok(Self {
-            channels: declare_topics(&mut file)?,
+            channels: declare_topics(&mut file, &manifest.scenario)?,
             file,
             chunk_ticks,
             next_chunk: chunk_ticks,
@@ -153,26 +154,18 @@ fn chunk_ticks(tick: f64, seconds: f64) -> u64 {
     (seconds / tick).round().clamp(1.0, CHUNK_TICKS_MAX) as u64
 }
 
-/// Adds a channel for every topic, in their order, and says their numbers.
-pub(super) fn declare_topics(file: &mut McapFile) -> Result<[u16; Topic::ALL.len()], LogError> {
+/// Adds a channel for every topic of a flight of `scenario`, in their order, and says their numbers.
+pub(super) fn declare_topics(
+    file: &mut McapFile,
+    scenario: &Scenario,
+) -> Result<[u16; Topic::ALL.len()], LogError> {
     let mut channels = [0; Topic::ALL.len()];
-    for topic in Topic::ALL {
-        channels[topic.index()] = topic.dispatch(AddChannel { file })?;
+    for topic in topics_of(scenario) {
+        let definition = definition(topic, scenario);
+        channels[topic.index()] =
+            file.declare_channel(topic.name(), topic.msg_name(), &definition, &topic.layout_hash())?;
     }
     Ok(channels)
-}
-
-/// Adds the channel of a topic.
-struct AddChannel<'a> {
-    file: &'a mut McapFile,
-}
-
-impl TopicVisitor for AddChannel<'_> {
-    type Result = Result<u16, LogError>;
-
-    fn visit<T: Published>(self) -> Self::Result {
-        self.file.add_channel::<T>(T::TOPIC.name())
-    }
 }
 
 #[cfg(test)]
@@ -252,7 +245,7 @@ mod tests {
                 assert_eq!(message.channel.message_encoding, "cdr");
                 assert_eq!(message.channel.metadata["layout"], topic.layout_hash());
                 assert_eq!((&*schema.name, &*schema.encoding), (topic.msg_name(), "ros2msg"));
-                assert_eq!(schema.data, topic.msg_definition().as_bytes());
+                assert_eq!(schema.data, definition(topic, &scenario).as_bytes());
                 assert_eq!(
                     (message.log_time, message.publish_time),
                     (header.stamp_ns, header.stamp_ns)

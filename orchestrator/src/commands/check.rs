@@ -127,7 +127,7 @@ fn services(scenario: &Scenario, schedule: &Schedule) -> Table {
 
 fn topics(schedule: &Schedule) -> Table {
     let mut table = table(&["topic", "publisher", "period, s", "samples", "bytes each"]);
-    for topic in Topic::ALL {
+    for topic in Topic::ALL.into_iter().filter(|&topic| schedule.has_topic(topic)) {
         let publisher = topic
             .publisher()
             .map_or("orchestrator", ServiceId::name)

@@ -102,9 +102,9 @@ impl Recorder {
     /// Tick of the newest sample that a service has published, and how many of that topic have come.
     #[must_use]
     pub fn newest_of(&self, service: ServiceId) -> Option<(u64, u64)> {
-        let outputs = service.outputs().iter();
-        let newest = outputs.filter_map(|output| self.archive(output.topic).newest());
-        newest.max()
+        let feeds = self.feeds.iter();
+        let own = feeds.filter(|feed| feed.topic.publisher() == Some(service));
+        own.filter_map(|feed| feed.archive.newest()).max()
     }
 
     /// Returns whether a sample of a service is missing to the tick that is being put together.

@@ -94,7 +94,7 @@ impl RunContext {
             true => RECORDER_BUFFER / 2,
             false => RECORDER_BUFFER,
         };
-        Subscription::to_all(make, places).map_err(FlightFailure::setup)
+        Subscription::to_all(&self.schedule, make, places).map_err(FlightFailure::setup)
     }
 
     /// Subscribes to every topic of a flight in real time that is under way; makes those whose publisher was the last to
@@ -110,7 +110,7 @@ impl RunContext {
                     .create_topic(topic, &self.schedule, Delivery::NewestWins)
             })
         };
-        Subscription::to_all(enter, |_| RECORDER_BUFFER).map_err(FlightFailure::setup)
+        Subscription::to_all(&self.schedule, enter, |_| RECORDER_BUFFER).map_err(FlightFailure::setup)
     }
 
     /// Starts the services' processes.

@@ -21,15 +21,15 @@ pub struct Subscription {
 }
 
 impl Subscription {
-    /// Subscribes to every topic that a service publishes, made or opened by `enter`, with as many places as `places` says.
+    /// Subscribes to every topic that a service of the flight publishes, made or opened by `enter`, with as many places as `places` says.
     ///
     /// # Errors
     /// [`PortError`].
     pub fn to_all(
+        schedule: &Schedule,
         enter: impl Fn(Topic) -> Result<Box<dyn TopicPorts>, PortError>,
         places: impl Fn(Topic) -> usize,
     ) -> Result<Vec<Self>, PortError> {
-        let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
         let subscribe = |topic| {
             let ports = enter(topic)?;
             Ok(Self {
@@ -39,7 +39,7 @@ impl Subscription {
                 _ports: ports,
             })
         };
-        published.map(subscribe).collect()
+        schedule.published_topics().map(subscribe).collect()
     }
 
     /// Returns whether one of these external programs publishes the topic.

@@ -288,6 +288,14 @@ typedef struct {
 GERONO_ASSERT(sizeof(gerono_run_event) == 152, "another layout of gerono_run_event");
 #define GERONO_RUN_EVENT_LAYOUT "85a75c37157583e96d59faf45b69bde8"
 
+/* A sample of `control/telemetry`. */
+typedef struct {
+    gerono_header header;
+    double values[32];
+} gerono_control_telemetry;
+GERONO_ASSERT(sizeof(gerono_control_telemetry) == 280, "another layout of gerono_control_telemetry");
+#define GERONO_CONTROL_TELEMETRY_LAYOUT "a6922d2eefbb6f0f71554cf4f2015233"
+
 /* Inputs and outputs of `plant`. */
 enum {
     GERONO_PLANT_IN_FRAME = 0,
@@ -319,8 +327,9 @@ enum {
     GERONO_CONTROLLER_OUT_COMMAND = 0,
     GERONO_CONTROLLER_OUT_ADAPTATION = 1,
     GERONO_CONTROLLER_OUT_ERRORS = 2,
+    GERONO_CONTROLLER_OUT_TELEMETRY = 3,
 };
-#define GERONO_CONTROLLER_LAYOUTS {GERONO_VEHICLE_STATE_LAYOUT, GERONO_PATH_REFERENCE_LAYOUT, GERONO_CONTROL_COMMAND_LAYOUT, GERONO_CONTROL_ADAPTATION_LAYOUT, GERONO_CONTROL_ERRORS_LAYOUT}
+#define GERONO_CONTROLLER_LAYOUTS {GERONO_VEHICLE_STATE_LAYOUT, GERONO_PATH_REFERENCE_LAYOUT, GERONO_CONTROL_COMMAND_LAYOUT, GERONO_CONTROL_ADAPTATION_LAYOUT, GERONO_CONTROL_ERRORS_LAYOUT, GERONO_CONTROL_TELEMETRY_LAYOUT}
 
 /* Inputs and outputs of `rc_output`. */
 enum {

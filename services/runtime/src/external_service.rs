@@ -132,9 +132,8 @@ impl LaunchManifest {
                     buffer: consumer_buffer(schedule, input.topic),
                 })
                 .collect(),
-            outputs: service
-                .outputs()
-                .iter()
+            outputs: schedule
+                .outputs(service)
                 .map(|output| OutputStream {
                     stream: Stream::new(output.name, output.topic, schedule),
                     bells: output

@@ -8,7 +8,7 @@ use crate::crash::{CrashPlace, CrashPoint};
 use crate::ports::{PortError, Sender, TopicPorts, Topics};
 use host::step::{self, Slots};
 
-/// Outputs that the wiring table gives a service.
+/// Outputs of a service in a flight, in the order of the wiring table.
 pub struct OutputPorts {
     outputs: Vec<OutputPort>,
     consumers: Vec<ServiceId>,
@@ -37,7 +37,7 @@ impl OutputPorts {
             })
         };
         Ok(Self {
-            outputs: id.outputs().iter().map(open).collect::<Result<_, PortError>>()?,
+            outputs: schedule.outputs(id).map(open).collect::<Result<_, PortError>>()?,
             consumers: readers_of(id, schedule),
         })
     }

@@ -109,7 +109,9 @@ impl Topics {
     /// [`PortError::Open`].
     pub fn open(member: &RunNode, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
         let inputs = schedule.inputs_read(service).map(|(_, input)| input.topic);
-        Self::open_each(service, inputs, |topic| member.open_topic(topic, schedule))
+        Self::open_each(service, schedule, inputs, |topic| {
+            member.open_topic(topic, schedule)
+        })
     }
 
     /// Opens the topics of the replay of a service.
@@ -122,17 +124,18 @@ impl Topics {
         schedule: &Schedule,
     ) -> Result<Self, PortError> {
         let inputs = service.inputs().iter().map(|input| input.topic);
-        Self::open_each(service, inputs, |topic| {
+        Self::open_each(service, schedule, inputs, |topic| {
             member.open_replayed_topic(topic, service, schedule)
         })
     }
 
     fn open_each(
         service: ServiceId,
+        schedule: &Schedule,
         inputs: impl Iterator<Item = Topic>,
         open: impl Fn(Topic) -> Result<Box<dyn TopicPorts>, PortError>,
     ) -> Result<Self, PortError> {
-        let outputs = service.outputs().iter().map(|output| output.topic);
+        let outputs = schedule.outputs(service).map(|output| output.topic);
         let mut topics = Self([const { None }; Topic::ALL.len()]);
         for topic in inputs.chain(outputs) {
             topics.0[topic.index()] = Some(open(topic)?);

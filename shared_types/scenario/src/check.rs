@@ -50,6 +50,7 @@ impl Scenario {
         self.check_judge(&mut found);
         self.check_machine(&mut found);
         self.check_plugins(&mut found);
+        self.check_telemetry(&mut found);
         self.check_programs(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems

@@ -53,6 +53,9 @@ pub struct Controller {
     /// unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub observer_gain: Option<f64>,
+    /// Names of the numbers that a plug-in or program in place of the controller publishes on `control/telemetry`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub telemetry: Vec<String>,
 }
 
 impl Default for Controller {
@@ -75,6 +78,7 @@ impl Default for Controller {
             remove_offset: false,
             rates: None,
             observer_gain: None,
+            telemetry: Vec::new(),
         }
     }
 }

@@ -71,6 +71,10 @@ impl Scenario {
                     .with_edge_faults(self.edge_faults())
                     .with_operator(self.operator_plan())
                     .with_unread_inputs(self.unread_inputs());
+                let schedule = match self.controller.telemetry.is_empty() {
+                    true => schedule,
+                    false => schedule.with_telemetry(),
+                };
                 if self.pose_source().is_simulated() {
                     schedule
                 } else {

@@ -45,8 +45,30 @@ fn a_cycle_without_delay_is_named() {
 }
 
 #[test]
+fn a_flight_without_telemetry_lacks_that_topic_and_nothing_else() {
+    let with = Schedule::ideal(1, 100).with_telemetry();
+    let without = Schedule::ideal(1, 100);
+    let topics: Vec<_> = without
+        .published_topics()
+        .chain([Topic::ControlTelemetry])
+        .collect();
+    assert!(with.published_topics().eq(topics));
+    assert_eq!(without.sample_count(Topic::ControlTelemetry), 0);
+    for service in ServiceId::ALL {
+        // Hosts go by the position of an output.
+        let outputs = without.outputs(service).map(|output| output.topic);
+        assert!(
+            outputs.eq(with
+                .outputs(service)
+                .map(|output| output.topic)
+                .take(without.outputs(service).count()))
+        );
+    }
+}
+
+#[test]
 fn a_real_plant_differs_from_a_simulated_one_only_by_the_truth() {
-    let simulated = Schedule::ideal(1, 100);
+    let simulated = Schedule::ideal(1, 100).with_telemetry();
     let real = simulated.clone().with_real_world();
     assert!(simulated.simulates_the_world() && !real.simulates_the_world());
     for topic in Topic::ALL {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use host::in_process::TickSink;
 use scenario::Scenario;
-use shared_types::samples::{ControlAdaptation, VehicleTruth};
+use shared_types::samples::{ControlAdaptation, ControlTelemetry, VehicleTruth};
 use shared_types::{Schedule, Topic};
 
 use super::latency::Histogram;
@@ -107,6 +107,7 @@ struct Gatherer {
     commands: Table,
     adaptations: Table,
     references: Table,
+    telemetry: Table,
     track: Track,
     marks: Marks,
     summary: FlightSummary,
@@ -132,6 +133,12 @@ impl Gatherer {
             commands: table(Topic::ControlCommand, &channels::COMMAND),
             adaptations: table(Topic::ControlAdaptation, &channels::ADAPTATION),
             references: table(Topic::PathReference, &channels::REFERENCE),
+            telemetry: Table::new(
+                Topic::ControlTelemetry,
+                &scenario.controller.telemetry,
+                schedule,
+                buckets,
+            ),
             track: Track::new(schedule),
             marks: Marks::default(),
             summary: FlightSummary::new(scenario, schedule),
@@ -162,6 +169,10 @@ impl Gatherer {
                 self.goes_by_law = adaptation.stage == ControlAdaptation::STAGE_LAW;
                 let values = channels::adaptation(&adaptation, self.has_observer);
                 self.adaptations.add(tick, &values);
+            }
+            Topic::ControlTelemetry => {
+                let telemetry: ControlTelemetry = read(bytes);
+                self.telemetry.add(tick, &telemetry.values);
             }
             Topic::MocapPose | Topic::VehicleState | Topic::RcFrame | Topic::RunEvent => {}
         }
@@ -196,6 +207,7 @@ impl Gatherer {
             (Topic::ControlCommand, self.commands),
             (Topic::ControlAdaptation, self.adaptations),
             (Topic::PathReference, self.references),
+            (Topic::ControlTelemetry, self.telemetry),
         ];
         // Of a laboratory the truth is not known, of all others the estimate is not shown beside it.
         let untold = match self.tracker.source() {

@@ -1,6 +1,7 @@
 //! The page: one file with everything in it. It refers to nothing outside, and forbids the browser to fetch anything.
 
 use serde::Serialize;
+use serde_json::Value;
 use shared_types::Topic;
 
 use super::encoding::base64_text;
@@ -8,7 +9,7 @@ use super::figures::Drawn;
 use super::flight::Flight;
 use super::latency::Histogram;
 use super::marks::{self, Mark, Span};
-use super::panels::{PANELS, Panel};
+use super::panels::panels;
 use super::run_facts::RunFacts;
 use super::table::PageTable;
 use super::track::PageTrack;
@@ -34,7 +35,7 @@ const PARTS: [(&str, &str); 5] = [
 #[derive(Serialize)]
 struct Data<'a> {
     version: &'static str,
-    panels: &'a [Panel],
+    panels: Vec<Value>,
     flights: Vec<PageFlight<'a>>,
     figures: Vec<PageFigure<'a>>,
 }
@@ -99,9 +100,13 @@ struct PageFigure<'a> {
 
 /// The page of these flights and figures.
 pub(super) fn html(flights: &[Flight], figures: &[Drawn]) -> String {
+    let names = flights
+        .iter()
+        .flat_map(|flight| &flight.scenario.controller.telemetry);
+    let telemetry = names.map(String::as_str).collect();
     let data = Data {
         version: env!("CARGO_PKG_VERSION"),
-        panels: &PANELS,
+        panels: panels(&telemetry),
         flights: flights.iter().map(page_flight).collect(),
         figures: figures
             .iter()

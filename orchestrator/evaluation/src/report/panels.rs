@@ -1,10 +1,14 @@
 //! The arrangement of the drawings. The page draws what this says, and knows no channel by name.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
+use serde_json::{Value, json};
+use shared_types::Topic;
 
 /// Axes over time, and what is drawn in them.
 #[derive(Serialize)]
-pub(super) struct Panel {
+struct Panel {
     title: &'static str,
     unit: &'static str,
     is_logarithmic: bool,
@@ -79,7 +83,7 @@ macro_rules! for_each_axis {
 }
 
 /// All panels, in the order of the page. One whose channels a log does not have is left out there.
-pub(super) const PANELS: [Panel; 13] = [
+const PANELS: [Panel; 13] = [
     Panel {
         is_logarithmic: true,
         has_bound: true,
@@ -191,6 +195,20 @@ pub(super) const PANELS: [Panel; 13] = [
         )],
     ),
 ];
+
+/// Returns the panels of flights whose controllers publish numbers of these names, each in a panel of its own.
+pub(super) fn panels(telemetry: &BTreeSet<&str>) -> Vec<Value> {
+    let of_number = |name: &&str| {
+        let curve =
+            json!({"topic": Topic::ControlTelemetry.name(), "channel": name, "label": name, "dash": 0});
+        json!({
+            "title": format!("Telemetry: {name}"), "unit": "", "is_logarithmic": false, "has_bound": false,
+            "groups": [{"name": "", "curves": [curve]}],
+        })
+    };
+    let ours = PANELS.iter().map(|panel| json!(panel));
+    ours.chain(telemetry.iter().map(of_number)).collect()
+}
 
 #[cfg(test)]
 mod tests {

@@ -31,7 +31,7 @@ pub(super) struct Table {
 
 /// One channel.
 struct Series {
-    name: &'static str,
+    name: String,
     values: Vec<f32>,
     /// Of the bucket that is being filled.
     extreme: Option<Extreme>,
@@ -53,14 +53,14 @@ pub(super) struct PageTable {
 /// A channel as the page reads it.
 #[derive(Serialize)]
 struct PageSeries {
-    name: &'static str,
+    name: String,
     /// Little-endian f32 in base 64.
     values: String,
 }
 
 impl Table {
     /// For these channels of a topic, in at most so many buckets.
-    pub(super) fn new(topic: Topic, names: &[&'static str], schedule: &Schedule, buckets: u64) -> Self {
+    pub(super) fn new(topic: Topic, names: &[impl ToString], schedule: &Schedule, buckets: u64) -> Self {
         let rate = schedule.topic_rate(topic);
         let samples = rate.count_before(schedule.last_tick() + 1);
         Self {
@@ -70,8 +70,8 @@ impl Table {
             bucket: 0,
             series: names
                 .iter()
-                .map(|&name| Series {
-                    name,
+                .map(|name| Series {
+                    name: name.to_string(),
                     values: Vec::new(),
                     extreme: None,
                 })
@@ -118,14 +118,15 @@ impl Table {
     pub(super) fn finish(mut self) -> PageTable {
         self.close_bucket();
         let step = self.samples_per_bucket * self.rate.period * self.tick_ns;
+        let values_per_bucket = self.values_per_bucket();
         PageTable {
             first: seconds(self.rate.phase * self.tick_ns),
             step: seconds(step),
             samples_per_bucket: self.samples_per_bucket,
-            values_per_bucket: self.values_per_bucket(),
+            values_per_bucket,
             series: self
                 .series
-                .iter()
+                .into_iter()
                 .filter(|series| series.values.iter().any(|value| !value.is_nan()))
                 .map(|series| PageSeries {
                     name: series.name,

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use mcap::records::{MessageHeader, Record, op};
+use scenario::Scenario;
 use shared_types::sample::{CDR_HEADER, Record as SampleRecord, layout_hash, msg_definition};
 use shared_types::service::header_of;
 use shared_types::wiring::TopicVisitor;
@@ -11,6 +12,7 @@ use shared_types::{Published, Topic};
 use super::scan::Chunk;
 use crate::framing::LAYOUT_KEY;
 use crate::records;
+use crate::schema::definition;
 use crate::{
     CaptureFigures, HostEvent, HostSample, LinkFigures, ServiceCheckpoint, ServiceHealth, ServiceStep,
 };
@@ -92,6 +94,12 @@ pub(super) fn kinds() -> Vec<Kind> {
         Kind::of_host::<LinkFigures>(),
     ]);
     kinds
+}
+
+/// Gives the numbers of telemetry the names that they have in a flight of `scenario`.
+pub(super) fn name_telemetry(kinds: &mut [Kind], scenario: &Scenario) {
+    let topic = Topic::ControlTelemetry;
+    kinds[topic.index()].definition = definition(topic, scenario);
 }
 
 /// The known channels of a log.

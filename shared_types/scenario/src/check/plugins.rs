@@ -2,9 +2,39 @@
 
 use super::Findings;
 use crate::{Key, Kind, Scenario};
+use shared_types::samples::ControlTelemetry;
 use shared_types::wiring::ServiceId;
 
 impl Scenario {
+    /// The names of telemetry: columns of a table, of a controller that is not Gerono's own.
+    pub(super) fn check_telemetry(&self, found: &mut Findings) {
+        let names = &self.controller.telemetry;
+        let at = Key::root().then("controller").then("telemetry");
+        if !names.is_empty() && !self.is_foreign(ServiceId::Controller) {
+            let fix = "leave it out, or name a plug-in or a program in place of the controller";
+            found.add(at.clone(), "Gerono's own controller has no such numbers", fix);
+        }
+        if names.len() > ControlTelemetry::NUMBERS {
+            let reason = format!("a sample has no room for {} numbers", names.len());
+            let fix = format!("name {} at most", ControlTelemetry::NUMBERS);
+            found.add(at.clone(), reason, fix);
+        }
+        for (index, name) in names.iter().enumerate() {
+            let starts_well = name.starts_with(|first: char| first.is_ascii_lowercase());
+            let is_field = name
+                .chars()
+                .all(|letter| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '_');
+            if !starts_well || !is_field || ["header", "pad0"].contains(&name.as_str()) {
+                let reason = format!("`{name}` cannot be the name of a number");
+                let fix = "give lower-case letters, digits and underscores, a letter first, other than `header` and `pad0`";
+                found.add(at.then(index), reason, fix);
+            } else if names[..index].contains(name) {
+                let fix = "give each number a name of its own";
+                found.add(at.then(index), format!("`{name}` is there twice"), fix);
+            }
+        }
+    }
+
     /// The plug-ins that fly in place of services.
     pub(super) fn check_plugins(&self, found: &mut Findings) {
         let Some(plugins) = &self.plugins else {
