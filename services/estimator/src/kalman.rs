@@ -8,10 +8,14 @@
 //!     Ṫ = (T_frame − T)/τT        ω̇ = (ω_frame − ω)/τω        ḋ, ω̇_bias: white noise
 //! ```
 //!
+//! The cameras track a point at r from the centre of mass, fixed in the body: a pose measures p + R r and R. r is stated, or
+//! estimated where the vehicle tilts enough to tell it from p; the published position is that of the tracked point, the
+//! velocity that of the centre of mass, for a controller that takes R(ω × r) for a motion of the vehicle is unstable.
+//!
 //! m, τT and τω are model parameters, not known exactly: d takes up wind and the errors of mass and thrust, ω_bias the
 //! error of the rates. They serve the state alone; the controller estimates the paper's b̂ and η̂.
 //!
-//! The error state (δp, δv, θ, δω_bias, δd) ∈ R¹⁵ holds the attitude's error as a rotation vector in {B},
+//! The error state (δp, δv, θ, δω_bias, δd, δr) ∈ R¹⁸ holds the attitude's error as a rotation vector in {B},
 //! R_true = R exp S(θ): J. Solà, "Quaternion kinematics for the error-state Kalman filter" (2017), local angular
 //! error, here with rotation matrices and without an accelerometer; equation numbers in this module are his.
 //!

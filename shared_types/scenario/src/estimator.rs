@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::vehicle::is_none_of_it;
+
 /// State estimator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -28,6 +30,9 @@ pub struct Kalman {
     pub rate_noise: f64,
     /// Spectral density of the body rates' bias drift about each axis, (rad/s²)²/Hz.
     pub rate_bias_drift: f64,
+    /// Standard deviation of each component of `model.marker_offset`, m; above 0 the filter estimates the offset.
+    #[serde(skip_serializing_if = "is_none_of_it")]
+    pub marker_offset_deviation: f64,
     /// Squared Mahalanobis distance above which a capture is refused as an outlier.
     pub gate: f64,
     /// Time for which captures may be refused in a row before the filter restarts from one, s.
@@ -48,6 +53,7 @@ impl Default for Kalman {
             acceleration_noise: 1e-5,
             rate_noise: 2e-4,
             rate_bias_drift: 1e-3,
+            marker_offset_deviation: 0.0,
             gate: 60.0,
             restart_after: 0.3,
             coast: 0.25,

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Vector;
+use super::vehicle::is_zero;
 
 /// Model of the vehicle and of the links that estimator and controller use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -22,6 +23,9 @@ pub struct Model {
     /// Time from a capture's exposure to its arrival, s; from the captures' stamps unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub capture_latency: Option<f64>,
+    /// Point that the cameras track, seen from the centre of mass, in {B}, m.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub marker_offset: Vector,
 }
 
 impl Default for Model {
@@ -33,6 +37,7 @@ impl Default for Model {
             rate_lag: 0.02,
             radio_latency: 0.005,
             capture_latency: None,
+            marker_offset: [0.0; 3],
         }
     }
 }

@@ -158,7 +158,7 @@ pub struct Wind {
     pub sine_frequency: f64,
 }
 
-fn is_none_of_it(number: &f64) -> bool {
+pub(super) fn is_none_of_it(number: &f64) -> bool {
     *number == 0.0
 }
 
@@ -254,6 +254,6 @@ mod default {
 }
 
 /// Returns whether a vector is zero, which means "none".
-fn is_zero(vector: &Vector) -> bool {
+pub(super) fn is_zero(vector: &Vector) -> bool {
     *vector == [0.0; 3]
 }

@@ -30,7 +30,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use super::commands::{CAPACITY, CommandHistory};
 use super::error_state::ProcessNoise;
-use super::filter_state::{FilterState, Innovation, MEASURED, Pose, PoseNoise, ProcessModel};
+use super::filter_state::{FilterState, Innovation, MEASURED, MarkerOffset, Pose, PoseNoise, ProcessModel};
 use super::motion::{Actuation, VehicleModel};
 use super::scatter::Scatter;
 use crate::source::{Estimate, is_pose};
@@ -125,6 +125,7 @@ impl KalmanFilter {
             process: ProcessModel {
                 vehicle: VehicleModel::new(&model),
                 noise: ProcessNoise::new(kalman),
+                marker_offset: MarkerOffset::new(&model, kalman),
             },
             pose_noise: PoseNoise::new(kalman),
             gate: kalman.gate,
@@ -215,7 +216,7 @@ impl KalmanFilter {
         }
         let (residual, stated) = (track.state.residual(&pose), self.pose_noise);
         let scatter = &mut self.memory.scatter;
-        scatter.observe(&residual, &track.state.covariance, stated);
+        scatter.observe(&residual, &track.state.pose_covariance(), stated);
         let doubtful = track.state.less_sure_of_attitude(turn_if_missed);
         let is_recent = now_ns.saturating_sub(track.used_at_ns) <= LESS_SURE_FOR_NS;
         let less_sure = LESS_SURE.into_iter().filter(|_| is_recent);
@@ -312,17 +313,19 @@ impl KalmanFilter {
 
     fn start_from(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose) -> Outcome {
         let actuation = Actuation::settled(self.memory.history.acting(exposure_ns));
+        let offset = self.process.marker_offset;
         let state = if self.has_ground && self.process.vehicle.is_held(&actuation) {
-            FilterState::standing(exposure_ns, pose, self.noise(), actuation)
+            FilterState::standing(exposure_ns, pose, self.noise(), offset, actuation)
         } else {
-            FilterState::from_pose(exposure_ns, pose, self.noise(), actuation)
+            FilterState::from_pose(exposure_ns, pose, self.noise(), offset, actuation)
         };
         self.start(now_ns, state)
     }
 
     /// Starts from a capture of a vehicle that stands on the ground.
     fn stand(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &FilterState) -> Outcome {
-        let state = FilterState::standing(exposure_ns, pose, self.noise(), last.nominal.actuation);
+        let offset = self.process.marker_offset;
+        let state = FilterState::standing(exposure_ns, pose, self.noise(), offset, last.nominal.actuation);
         self.start(now_ns, state)
     }
 
@@ -375,10 +378,10 @@ fn pose_of(capture: &MocapPose) -> Option<Pose> {
 
 fn estimate_of(state: &FilterState, vehicle: &VehicleModel) -> Estimate {
     let nominal = &state.nominal;
-    let variances = state.covariance.fixed_view::<3, 3>(0, 0).diagonal();
+    let variances = state.pose_covariance().fixed_view::<3, 3>(0, 0).diagonal();
     Estimate {
         state_time_ns: state.time_ns,
-        position_world: nominal.position_world.into(),
+        position_world: nominal.tracked_point().into(),
         world_from_body: to_row_major(&nominal.world_from_body),
         velocity_body: nominal.world_from_body.tr_mul(&nominal.velocity_world).into(),
         angular_velocity_body: (nominal.actuation.rates_body + nominal.rate_bias_body).into(),

@@ -1,15 +1,15 @@
 //! Mean and covariance together: propagation over the sent frames, and correction by a pose.
 
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector, Vector3};
-use scenario::Kalman;
+use scenario::{Kalman, Model};
 use shared_types::rotation::{exp, is_rotation, orthonormalized, skew};
 use shared_types::service::seconds;
 
 use super::attitude::log;
 use super::commands::CommandHistory;
 use super::error_state::{
-    ATTITUDE, Covariance, DISTURBANCE, ERRORS, ErrorVector, POSITION, ProcessNoise, RATE_BIAS, VELOCITY,
-    add_to_diagonal, is_symmetric, symmetrized,
+    ATTITUDE, Covariance, DISTURBANCE, ERRORS, ErrorVector, MARKER_OFFSET, POSITION, ProcessNoise, RATE_BIAS,
+    VELOCITY, add_to_diagonal, is_symmetric, symmetrized,
 };
 use super::motion::{Actuation, NominalState, VehicleModel};
 
@@ -18,6 +18,9 @@ const LONGEST_STEP_NS: u64 = 2_000_000;
 
 /// Size of a measurement: position and attitude.
 pub const MEASURED: usize = 6;
+
+/// Number of the slow states: ω_bias, d and r.
+const SLOW: usize = ERRORS - RATE_BIAS;
 
 /// Initial standard deviations of the states that a pose does not measure: more than any flight of the rig shows.
 const INITIAL_VELOCITY_DEVIATION: f64 = 5.0;
@@ -62,6 +65,26 @@ impl PoseNoise {
     }
 }
 
+/// What is known of the marker offset before a flight.
+#[derive(Clone, Copy, Debug)]
+pub struct MarkerOffset {
+    /// r, tracked point seen from the centre of mass, in {B}, m.
+    pub body: Vector3<f64>,
+    /// Variance of each component, m²; 0 for an offset that is not estimated.
+    pub variance: f64,
+}
+
+impl MarkerOffset {
+    /// Returns the offset that a scenario states.
+    #[must_use]
+    pub fn new(model: &Model, kalman: &Kalman) -> Self {
+        Self {
+            body: model.marker_offset.into(),
+            variance: kalman.marker_offset_deviation * kalman.marker_offset_deviation,
+        }
+    }
+}
+
 /// Model of the propagation.
 #[derive(Clone, Copy, Debug)]
 pub struct ProcessModel {
@@ -69,6 +92,8 @@ pub struct ProcessModel {
     pub vehicle: VehicleModel,
     /// The process noise.
     pub noise: ProcessNoise,
+    /// The marker offset with which the filter starts.
+    pub marker_offset: MarkerOffset,
 }
 
 /// State of the vehicle at a time, with its covariance.
@@ -114,7 +139,13 @@ impl Innovation {
 impl FilterState {
     /// Makes the state of the first pose: at rest, undisturbed, and uncertain of both.
     #[must_use]
-    pub fn from_pose(time_ns: u64, pose: &Pose, noise: PoseNoise, actuation: Actuation) -> Self {
+    pub fn from_pose(
+        time_ns: u64,
+        pose: &Pose,
+        noise: PoseNoise,
+        offset: MarkerOffset,
+        actuation: Actuation,
+    ) -> Self {
         let mut covariance = Covariance::zeros();
         for (row, variance) in [
             (POSITION, noise.position),
@@ -128,10 +159,11 @@ impl FilterState {
                 DISTURBANCE,
                 INITIAL_DISTURBANCE_DEVIATION * INITIAL_DISTURBANCE_DEVIATION,
             ),
+            (MARKER_OFFSET, offset.variance),
         ] {
             add_to_diagonal(&mut covariance, row, row, variance);
         }
-        Self {
+        let at_the_tracked_point = Self {
             time_ns,
             nominal: NominalState {
                 position_world: pose.position_world,
@@ -139,19 +171,47 @@ impl FilterState {
                 world_from_body: orthonormalized(&pose.world_from_body),
                 rate_bias_body: Vector3::zeros(),
                 disturbance_world: Vector3::zeros(),
+                marker_offset_body: offset.body,
                 actuation,
             },
             covariance,
             stands: false,
-        }
+        };
+        at_the_tracked_point.referred_to_center()
+    }
+
+    /// Returns the state with the position of the centre of mass, p − R r, in place of that of the tracked point, which is
+    /// known by itself.
+    fn referred_to_center(mut self) -> Self {
+        let r = self.nominal.world_from_body;
+        self.nominal.position_world -= r * self.nominal.marker_offset_body;
+        let slow = -(r * self.covariance.fixed_view::<3, SLOW>(MARKER_OFFSET, RATE_BIAS));
+        let covariance = &mut self.covariance;
+        covariance
+            .fixed_view_mut::<SLOW, 3>(RATE_BIAS, POSITION)
+            .copy_from(&slow.transpose());
+        covariance
+            .fixed_view_mut::<3, SLOW>(POSITION, RATE_BIAS)
+            .copy_from(&slow);
+        let offset = covariance.fixed_view::<3, 3>(MARKER_OFFSET, MARKER_OFFSET) * r.transpose();
+        let mut position = covariance.fixed_view_mut::<3, 3>(POSITION, POSITION);
+        position += r * offset;
+        self.covariance = symmetrized(&self.covariance);
+        self
     }
 
     /// Makes the state of a vehicle that stands on the ground at a pose. The ground's support gives no information on
     /// ω_bias and d.
     #[must_use]
-    pub fn standing(time_ns: u64, pose: &Pose, noise: PoseNoise, actuation: Actuation) -> Self {
+    pub fn standing(
+        time_ns: u64,
+        pose: &Pose,
+        noise: PoseNoise,
+        offset: MarkerOffset,
+        actuation: Actuation,
+    ) -> Self {
         const VARIANCE: f64 = STANDING_VELOCITY_DEVIATION * STANDING_VELOCITY_DEVIATION;
-        let mut state = Self::from_pose(time_ns, pose, noise, actuation);
+        let mut state = Self::from_pose(time_ns, pose, noise, offset, actuation);
         let mut velocity = state.covariance.fixed_view_mut::<3, 3>(VELOCITY, VELOCITY);
         velocity.fill_with_identity();
         velocity *= VARIANCE;
@@ -159,7 +219,7 @@ impl FilterState {
         state
     }
 
-    /// Makes the state of a pose after the vehicle was lost: as of the first one, but ω_bias and d are kept, with their
+    /// Makes the state of a pose after the vehicle was lost: as of the first one, but ω_bias, d and r are kept, with their
     /// possible drift since.
     #[must_use]
     pub fn restarted(
@@ -170,13 +230,17 @@ impl FilterState {
         process: &ProcessModel,
         history: &CommandHistory,
     ) -> Self {
-        const SLOW: usize = DISTURBANCE + 3 - RATE_BIAS;
         let mut actuation = self.nominal.actuation;
         for segment in history.segments(self.time_ns, time_ns) {
             let h = seconds(segment.to_ns - segment.from_ns);
             actuation = process.vehicle.actuated(&actuation, &segment.command, h);
         }
-        let mut state = Self::from_pose(time_ns, pose, noise, actuation);
+        let known = MarkerOffset {
+            body: Vector3::zeros(),
+            variance: 0.0,
+        };
+        let mut state = Self::from_pose(time_ns, pose, noise, known, actuation);
+        state.nominal.marker_offset_body = self.nominal.marker_offset_body;
         state.nominal.rate_bias_body = self.nominal.rate_bias_body;
         state.nominal.disturbance_world = self.nominal.disturbance_world;
         let slow = self.covariance.fixed_view::<SLOW, SLOW>(RATE_BIAS, RATE_BIAS);
@@ -186,7 +250,7 @@ impl FilterState {
             .copy_from(&slow);
         let gone = seconds(time_ns.saturating_sub(self.time_ns));
         process.noise.add_drift_to(&mut state.covariance, gone);
-        state
+        state.referred_to_center()
     }
 
     /// Propagates the state to a later time, under the commands that act until then. A vehicle that stands does so
@@ -223,9 +287,14 @@ impl FilterState {
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let variances = self.covariance.diagonal();
-        variances
+        let (moving, offset) = variances.as_slice().split_at(MARKER_OFFSET);
+        // An offset that is not estimated has none.
+        moving
             .iter()
             .all(|variance| variance.is_finite() && *variance > 0.0)
+            && offset
+                .iter()
+                .all(|variance| variance.is_finite() && *variance >= 0.0)
     }
 
     /// Returns the same state with a larger variance of the attitude, by a standard deviation of `turn` (rad) about
@@ -249,7 +318,7 @@ impl FilterState {
     #[must_use]
     pub fn residual(&self, pose: &Pose) -> SVector<f64, MEASURED> {
         let attitude_residual = log(&(self.nominal.world_from_body.transpose() * pose.world_from_body));
-        let position_residual = pose.position_world - self.nominal.position_world;
+        let position_residual = pose.position_world - self.nominal.tracked_point();
         let mut residual = SVector::<f64, MEASURED>::zeros();
         residual.fixed_rows_mut::<3>(0).copy_from(&position_residual);
         residual.fixed_rows_mut::<3>(3).copy_from(&attitude_residual);
@@ -260,13 +329,47 @@ impl FilterState {
     /// happens only if poses are stated to be free of noise.
     #[must_use]
     pub fn innovation(&self, residual: SVector<f64, MEASURED>, noise: PoseNoise) -> Option<Innovation> {
-        let cross_covariance = measured_columns(&self.covariance);
-        let z = measured_columns(&cross_covariance.transpose()) + noise.covariance();
+        let cross_covariance = self.measured_columns(&self.covariance);
+        let z = self.measured_columns(&cross_covariance.transpose()) + noise.covariance();
         Some(Innovation {
             residual,
             cross_covariance,
             factor: z.cholesky()?,
         })
+    }
+
+    /// Returns H P Hᵀ, the covariance of the pose of the tracked point: position in {I} (m), attitude (rad).
+    #[must_use]
+    pub fn pose_covariance(&self) -> SMatrix<f64, MEASURED, MEASURED> {
+        let cross_covariance = self.measured_columns(&self.covariance);
+        self.measured_columns(&cross_covariance.transpose())
+    }
+
+    /// Returns M Hᵀ. A pose measures p + R r and R:
+    ///
+    /// ```text
+    ///     H = [1  0  −R S(r)  0  0  R]
+    ///         [0  0     1     0  0  0]
+    /// ```
+    fn measured_columns<const ROWS: usize>(
+        &self,
+        matrix: &SMatrix<f64, ROWS, ERRORS>,
+    ) -> SMatrix<f64, ROWS, MEASURED> {
+        let [from_attitude, from_offset] = self.tracked_point_derivatives();
+        let attitude = matrix.fixed_columns::<3>(ATTITUDE);
+        let position = matrix.fixed_columns::<3>(POSITION)
+            + attitude * from_attitude.transpose()
+            + matrix.fixed_columns::<3>(MARKER_OFFSET) * from_offset.transpose();
+        let mut picked = SMatrix::<f64, ROWS, MEASURED>::zeros();
+        picked.fixed_columns_mut::<3>(0).copy_from(&position);
+        picked.fixed_columns_mut::<3>(3).copy_from(&attitude);
+        picked
+    }
+
+    /// Returns −R S(r) and R, the derivatives of the tracked point's position by θ and r.
+    fn tracked_point_derivatives(&self) -> [Matrix3<f64>; 2] {
+        let r = self.nominal.world_from_body;
+        [-(r * skew(&self.nominal.marker_offset_body)), r]
     }
 
     /// Corrects the state by a pose.
@@ -277,6 +380,7 @@ impl FilterState {
             .solve(&innovation.cross_covariance.transpose())
             .transpose();
         let error: ErrorVector = gain * innovation.residual;
+        let [from_attitude, from_offset] = self.tracked_point_derivatives();
         self.inject(&error);
 
         // Joseph's form, (I − K H) P (I − K H)ᵀ + K V Kᵀ: positive definite for any rounding. The short form (I − K H)
@@ -285,6 +389,10 @@ impl FilterState {
         for (measured, row) in [(0, POSITION), (3, ATTITUDE)] {
             let mut columns = kept.fixed_columns_mut::<3>(row);
             columns -= gain.fixed_columns::<3>(measured);
+        }
+        for (row, derivative) in [(ATTITUDE, from_attitude), (MARKER_OFFSET, from_offset)] {
+            let mut columns = kept.fixed_columns_mut::<3>(row);
+            columns -= gain.fixed_columns::<3>(0) * derivative;
         }
         let corrected =
             kept * self.covariance * kept.transpose() + gain * noise.covariance() * gain.transpose();
@@ -301,6 +409,7 @@ impl FilterState {
         debug_assert!(is_rotation(&nominal.world_from_body), "{nominal:?}");
         nominal.rate_bias_body += part(error, RATE_BIAS);
         nominal.disturbance_world += part(error, DISTURBANCE);
+        nominal.marker_offset_body += part(error, MARKER_OFFSET);
     }
 }
 
@@ -315,19 +424,7 @@ fn reset(covariance: &Covariance, theta: &Vector3<f64>) -> Covariance {
     reset
 }
 
-/// Returns M Hᵀ: H selects position and attitude of the error state.
-fn measured_columns<const ROWS: usize>(matrix: &SMatrix<f64, ROWS, ERRORS>) -> SMatrix<f64, ROWS, MEASURED> {
-    let mut picked = SMatrix::<f64, ROWS, MEASURED>::zeros();
-    picked
-        .fixed_columns_mut::<3>(0)
-        .copy_from(&matrix.fixed_columns::<3>(POSITION));
-    picked
-        .fixed_columns_mut::<3>(3)
-        .copy_from(&matrix.fixed_columns::<3>(ATTITUDE));
-    picked
-}
-
-/// Returns one of the five parts of an error.
+/// Returns one of the six parts of an error.
 fn part(error: &ErrorVector, first_row: usize) -> Vector3<f64> {
     error.fixed_rows::<3>(first_row).into()
 }

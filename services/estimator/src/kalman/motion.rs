@@ -17,9 +17,9 @@ const LIFTING: f64 = 0.5;
 /// Estimated motion of the vehicle: the mean of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NominalState {
-    /// p, position in {I}, m.
+    /// p, position of the centre of mass in {I}, m.
     pub position_world: Vector3<f64>,
-    /// v, linear velocity in {I}, m/s.
+    /// v, linear velocity of the centre of mass in {I}, m/s.
     pub velocity_world: Vector3<f64>,
     /// R, body to inertial.
     pub world_from_body: Matrix3<f64>,
@@ -27,6 +27,8 @@ pub struct NominalState {
     pub rate_bias_body: Vector3<f64>,
     /// d, disturbance as an acceleration in {I}, m/s².
     pub disturbance_world: Vector3<f64>,
+    /// r, tracked point seen from the centre of mass, in {B}, m.
+    pub marker_offset_body: Vector3<f64>,
     /// Thrust and body rates by the frames; regarded as known without error.
     pub actuation: Actuation,
 }
@@ -38,6 +40,14 @@ pub struct Actuation {
     pub thrust: f64,
     /// ω̂ in {B}, rad/s.
     pub rates_body: Vector3<f64>,
+}
+
+impl NominalState {
+    /// Returns p + R r, the position of the tracked point in {I}, m.
+    #[must_use]
+    pub fn tracked_point(&self) -> Vector3<f64> {
+        self.position_world + self.world_from_body * self.marker_offset_body
+    }
 }
 
 impl Actuation {
@@ -152,7 +162,7 @@ mod tests {
     use super::*;
     use crate::kalman::attitude::log;
     use crate::kalman::error_state::{
-        ATTITUDE, Covariance, DISTURBANCE, ERRORS, ErrorVector, POSITION, RATE_BIAS, VELOCITY,
+        ATTITUDE, Covariance, DISTURBANCE, ERRORS, ErrorVector, MARKER_OFFSET, POSITION, RATE_BIAS, VELOCITY,
     };
     use proptest::prelude::*;
 
@@ -169,6 +179,7 @@ mod tests {
             vector(2.0),
             0.0..4.0,
             vector(1.5),
+            vector(0.1),
         )
             .prop_map(
                 |(
@@ -179,6 +190,7 @@ mod tests {
                     disturbance_world,
                     thrust,
                     rates_body,
+                    marker_offset_body,
                 )| {
                     NominalState {
                         position_world,
@@ -186,6 +198,7 @@ mod tests {
                         world_from_body: exp(&theta),
                         rate_bias_body,
                         disturbance_world,
+                        marker_offset_body,
                         actuation: Actuation { thrust, rates_body },
                     }
                 },
@@ -200,18 +213,27 @@ mod tests {
         })
     }
 
-    fn parts(error: &ErrorVector) -> [Vector3<f64>; 5] {
-        [POSITION, VELOCITY, ATTITUDE, RATE_BIAS, DISTURBANCE].map(|row| error.fixed_rows::<3>(row).into())
+    fn parts(error: &ErrorVector) -> [Vector3<f64>; 6] {
+        [
+            POSITION,
+            VELOCITY,
+            ATTITUDE,
+            RATE_BIAS,
+            DISTURBANCE,
+            MARKER_OFFSET,
+        ]
+        .map(|row| error.fixed_rows::<3>(row).into())
     }
 
     fn moved(state: &NominalState, error: &ErrorVector) -> NominalState {
-        let [position, velocity, theta, rate_bias, disturbance] = parts(error);
+        let [position, velocity, theta, rate_bias, disturbance, marker_offset] = parts(error);
         NominalState {
             position_world: state.position_world + position,
             velocity_world: state.velocity_world + velocity,
             world_from_body: state.world_from_body * exp(&theta),
             rate_bias_body: state.rate_bias_body + rate_bias,
             disturbance_world: state.disturbance_world + disturbance,
+            marker_offset_body: state.marker_offset_body + marker_offset,
             ..*state
         }
     }
@@ -227,6 +249,7 @@ mod tests {
             ),
             (RATE_BIAS, to.rate_bias_body - from.rate_bias_body),
             (DISTURBANCE, to.disturbance_world - from.disturbance_world),
+            (MARKER_OFFSET, to.marker_offset_body - from.marker_offset_body),
         ] {
             error.fixed_rows_mut::<3>(row).copy_from(&part);
         }

@@ -15,9 +15,8 @@
 //! The filter uses the larger of the stated noise and a quarter (`TRUSTED`) of that mean. With cameras as stated that
 //! is the stated noise, to the bit.
 
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
-use super::error_state::{ATTITUDE, Covariance, POSITION};
 use super::filter_state::{MEASURED, PoseNoise};
 
 /// Captures over which the mean runs.
@@ -50,16 +49,21 @@ impl Scatter {
         }
     }
 
-    /// Adds the innovation of a capture, whether it is used or not; P is the covariance of the estimate.
-    pub fn observe(&mut self, innovation: &SVector<f64, MEASURED>, p: &Covariance, stated: PoseNoise) {
+    /// Adds the innovation of a capture, whether it is used or not; P is the covariance of the estimated pose.
+    pub fn observe(
+        &mut self,
+        innovation: &SVector<f64, MEASURED>,
+        p: &SMatrix<f64, MEASURED, MEASURED>,
+        stated: PoseNoise,
+    ) {
         let difference = innovation - self.innovation;
         self.innovation = *innovation;
         let parts = [
-            (0, POSITION, &mut self.seen.position, stated.position),
-            (3, ATTITUDE, &mut self.seen.attitude, stated.attitude),
+            (0, &mut self.seen.position, stated.position),
+            (3, &mut self.seen.attitude, stated.attitude),
         ];
-        for (measured, row, mean, stated) in parts {
-            let unsure = p.fixed_view::<3, 3>(row, row).trace();
+        for (measured, mean, stated) in parts {
+            let unsure = p.fixed_view::<3, 3>(measured, measured).trace();
             let variance = (0.5 * difference.fixed_rows::<3>(measured).norm_squared() - unsure) / 3.0;
             let counted = variance.clamp(0.0, LARGEST_SHARE * mean.max(stated));
             *mean += (counted - *mean) / CAPTURES;

@@ -33,12 +33,14 @@ shared_types::sample! {
         pub rate_bias_body: [f64; 3],
         /// d in {I}, m/s².
         pub disturbance_world: [f64; 3],
+        /// r in {B}, m.
+        pub marker_offset_body: [f64; 3],
         /// T̂, N.
         pub thrust: f64,
         /// ω̂ in {B}, rad/s.
         pub rates_body: [f64; 3],
-        /// P, covariance of (δp, δv, θ, δω_bias, δd), column by column.
-        pub covariance: [f64; 225],
+        /// P, covariance of (δp, δv, θ, δω_bias, δd, δr), column by column.
+        pub covariance: [f64; 324],
         /// Mean of the variances that captures have shown of the position (m²) and the attitude (rad²).
         pub scatter: [f64; 2],
         /// Innovation of the capture before: position, m, and attitude, rad.
@@ -61,7 +63,7 @@ shared_types::sample! {
 }
 
 // The record's arrays are written as numbers, for the message definition.
-const _: () = assert!(CAPACITY == 64 && ERRORS * ERRORS == 225);
+const _: () = assert!(CAPACITY == 64 && ERRORS * ERRORS == 324);
 
 impl KalmanFilter {
     /// Returns the filter's memory as a record.
@@ -115,6 +117,7 @@ fn save_track(track: &Track, state: &mut KalmanState) {
     state.world_from_body = to_row_major(&nominal.world_from_body);
     state.rate_bias_body = nominal.rate_bias_body.into();
     state.disturbance_world = nominal.disturbance_world.into();
+    state.marker_offset_body = nominal.marker_offset_body.into();
     state.thrust = nominal.actuation.thrust;
     state.rates_body = nominal.actuation.rates_body.into();
     state
@@ -132,6 +135,7 @@ fn restored_track(state: &KalmanState) -> Track {
                 world_from_body: from_row_major(&state.world_from_body),
                 rate_bias_body: state.rate_bias_body.into(),
                 disturbance_world: state.disturbance_world.into(),
+                marker_offset_body: state.marker_offset_body.into(),
                 actuation: Actuation {
                     thrust: state.thrust,
                     rates_body: Vector3::from(state.rates_body),

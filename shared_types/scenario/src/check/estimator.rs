@@ -1,6 +1,7 @@
 //! A filter that weighs what it sees, and a model to predict with.
 
 use super::Findings;
+use super::vehicle::check_center_of_mass;
 use crate::{Kalman, Key, Model};
 
 impl Kalman {
@@ -20,6 +21,8 @@ impl Kalman {
         ] {
             found.not_negative(&at.then(name), "the spectral density", value);
         }
+        let deviation = self.marker_offset_deviation;
+        found.not_negative(&at.then("marker_offset_deviation"), "the deviation", deviation);
         found.positive(&at.then("gate"), "the gate", self.gate);
         found.not_negative(&at.then("restart_after"), "the time", self.restart_after);
         found.not_negative(&at.then("coast"), "the time", self.coast);
@@ -33,6 +36,7 @@ impl Model {
         for (axis, &edge) in self.size.iter().enumerate() {
             found.positive(&at.then("size").then(axis), &format!("l{}", axis + 1), edge);
         }
+        check_center_of_mass(&self.marker_offset, &at.then("marker_offset"), found);
         found.not_negative(&at.then("thrust_lag"), "the time constant", self.thrust_lag);
         found.not_negative(&at.then("rate_lag"), "the time constant", self.rate_lag);
     }

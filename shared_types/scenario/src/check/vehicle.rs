@@ -96,7 +96,7 @@ impl VehicleChange {
 }
 
 /// The centre of mass lies within a vehicle of the size that the laws are for.
-fn check_center_of_mass(center_of_mass: &Vector, key: &Key, found: &mut Findings) {
+pub(super) fn check_center_of_mass(center_of_mass: &Vector, key: &Key, found: &mut Findings) {
     let distance = center_of_mass.iter().map(|c| c * c).sum::<f64>().sqrt();
     if found.vector(key, center_of_mass) && distance >= FARTHEST_CENTER {
         found.add(

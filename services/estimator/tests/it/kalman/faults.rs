@@ -144,7 +144,7 @@ fn after_a_drop_out_longer_than_the_coasting_the_error_is_that_of_the_covariance
         assert!(rig.filter.is_tracking(rig.now_ns()));
         squares.push(squared_error(&rig));
     }
-    assert_is_chi_square(&squares, 15.0);
+    assert_is_chi_square(&squares, 18.0);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use estimator::Estimate;
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Kalman, Model};
 
-use super::rig::{Rig, TICK_NS, World, pilot_on_the_eight};
+use super::rig::{Rig, TICK_NS, World, pilot_on_the_eight, restless_pilot};
 
 /// Root mean square of the errors of the states told from a tick on: position (m), velocity (m/s), attitude (rad).
 fn root_mean_squares(rig: &mut Rig, from: u64, to: u64) -> [f64; 3] {
@@ -90,5 +90,49 @@ fn a_model_that_is_wrong_in_everything_costs_no_capture_and_little_accuracy() {
         let errors = root_mean_squares(&mut rig, 1000, 4000);
         assert_below(errors, [0.6e-3, 15e-3, 2.5e-3]);
         assert_eq!(rig.filter.captures_refused(), 0);
+    }
+}
+
+/// Mean error of the velocity (m/s) in a flight with many turns, and the offset found at its end, m.
+fn turning_flight(seed: u64, offset: Vector3<f64>, kalman: &Kalman) -> (f64, Vector3<f64>) {
+    let world = World::laboratory(seed);
+    let mut rig =
+        Rig::new(world, kalman, &Model::default()).starting(|truth| truth.marker_offset_body = offset);
+    let mut velocity_errors = Vec::new();
+    while rig.tick < 20_000 {
+        let told = rig.step(restless_pilot(seed)).told;
+        if let Some(told) = told.filter(|_| rig.tick > 10_000) {
+            velocity_errors.push(rig.truths[rig.truths.len() - 1].distances_to(&told)[1]);
+        }
+    }
+    let mean = velocity_errors.iter().sum::<f64>() / velocity_errors.len() as f64;
+    (mean, rig.filter.state().unwrap().nominal.marker_offset_body)
+}
+
+#[test]
+fn an_offset_of_the_markers_is_found_in_a_turning_flight_and_leaves_the_velocity_alone() {
+    let estimated = Kalman {
+        marker_offset_deviation: 0.02,
+        ..Kalman::default()
+    };
+    let offsets = [
+        [0.03, 0.0, 0.0],
+        [0.0, -0.03, 0.0],
+        [0.0, 0.0, 0.03],
+        [0.01, 0.02, -0.03],
+    ];
+    for (seed, offset) in (0..).zip(offsets.map(Vector3::from)) {
+        let (without, _) = turning_flight(seed, Vector3::zeros(), &Kalman::default());
+        let (mistaken, _) = turning_flight(seed, offset, &Kalman::default());
+        let (mean, found) = turning_flight(seed, offset, &estimated);
+        assert!((found - offset).norm() < 0.003, "{found} is not {offset}");
+        assert!(
+            mean < 1.1 * without,
+            "{offset}: {mean} m/s, {without} without an offset"
+        );
+        assert!(
+            mistaken > 1.5 * without,
+            "{offset}: {mistaken} m/s would do as well"
+        );
     }
 }

@@ -4,7 +4,9 @@ use std::collections::VecDeque;
 
 use estimator::Estimate;
 use estimator::kalman::attitude::log;
-use estimator::kalman::error_state::{ATTITUDE, DISTURBANCE, ErrorVector, POSITION, RATE_BIAS, VELOCITY};
+use estimator::kalman::error_state::{
+    ATTITUDE, DISTURBANCE, ErrorVector, MARKER_OFFSET, POSITION, RATE_BIAS, VELOCITY,
+};
 use estimator::kalman::filter_state::FilterState;
 use estimator::kalman::{KalmanFilter, Outcome};
 use nalgebra::{Matrix3, Vector3};
@@ -32,6 +34,7 @@ pub struct Truth {
     pub rates_body: Vector3<f64>,
     pub rate_bias_body: Vector3<f64>,
     pub disturbance_world: Vector3<f64>,
+    pub marker_offset_body: Vector3<f64>,
     turbulence_world: Vector3<f64>,
 }
 
@@ -194,6 +197,7 @@ impl Rig {
             rates_body: Vector3::zeros(),
             rate_bias_body: Vector3::zeros(),
             disturbance_world: Vector3::zeros(),
+            marker_offset_body: Vector3::zeros(),
             turbulence_world: Vector3::zeros(),
         };
         Self {
@@ -277,7 +281,7 @@ impl Rig {
             return pose;
         }
         let truth = self.truths[self.truths.len() - 1];
-        let mut position = truth.position_world;
+        let mut position = truth.tracked_point();
         let mut attitude = truth.world_from_body;
         if self.world.capture_noise {
             let mut draws = self.noises[0].at(self.tick);
@@ -336,6 +340,8 @@ impl Rig {
         truth.world_from_body *= exp(&kick(self.kalman.rate_noise));
         truth.rate_bias_body += kick(self.kalman.rate_bias_drift);
         truth.disturbance_world += kick(self.kalman.disturbance_drift);
+        let offset = self.kalman.marker_offset_deviation;
+        truth.marker_offset_body += kick(offset * offset / 100.0);
     }
 
     fn runge_kutta(&self, start: &Truth, h: f64) -> Truth {
@@ -365,6 +371,7 @@ impl Rig {
             rates_body: (self.acting.rates_body - truth.rates_body) / world.rate_lag,
             rate_bias_body: Vector3::zeros(),
             disturbance_world: Vector3::zeros(),
+            marker_offset_body: Vector3::zeros(),
             turbulence_world: Vector3::zeros(),
         }
     }
@@ -383,6 +390,11 @@ impl Truth {
         }
     }
 
+    /// Returns the point that the cameras track.
+    fn tracked_point(&self) -> Vector3<f64> {
+        self.position_world + self.world_from_body * self.marker_offset_body
+    }
+
     /// Returns the error of a state: true minus nominal.
     pub fn error_of(&self, state: &FilterState) -> ErrorVector {
         let nominal = &state.nominal;
@@ -396,6 +408,10 @@ impl Truth {
             ),
             (RATE_BIAS, self.rate_bias_body - nominal.rate_bias_body),
             (DISTURBANCE, self.disturbance_world - nominal.disturbance_world),
+            (
+                MARKER_OFFSET,
+                self.marker_offset_body - nominal.marker_offset_body,
+            ),
         ] {
             error.fixed_rows_mut::<3>(row).copy_from(&part);
         }
@@ -407,7 +423,7 @@ impl Truth {
         let attitude = shared_types::rotation::from_row_major(&told.world_from_body);
         let velocity_world = attitude * Vector3::from(told.velocity_body);
         [
-            (self.position_world - Vector3::from(told.position_world)).norm(),
+            (self.tracked_point() - Vector3::from(told.position_world)).norm(),
             (self.velocity_world - velocity_world).norm(),
             log(&(attitude.transpose() * self.world_from_body)).norm(),
         ]
