@@ -26,6 +26,7 @@ pub use bench::arguments::*;
 use command_line::exit::Exit;
 use grid::arguments::Grid;
 pub use mocap_tools::arguments::*;
+use model_identification::arguments::Identify;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
 #[derive(Debug, Parser)]
@@ -122,6 +123,14 @@ pub enum Command {
     /// Writes grid.json, grid.md and a page with a heat map.
     #[command(after_help = Grid::EXAMPLES)]
     Grid(Grid),
+    /// Find what the estimator should believe of markers, delay and noise, from the log of a flight.
+    ///
+    /// Markers that do not sit in the centre of mass, frames that act later than believed, and cameras that scatter more
+    /// than stated make a laboratory unstable, and the vehicle's state does not show them. Fly a figure such as the eight
+    /// for twenty seconds; the table compares what the scenario states with what the flight shows, and prints the lines to
+    /// put into the scenario.
+    #[command(after_help = Identify::EXAMPLES)]
+    Identify(Identify),
     /// Check this machine before a flight: good (green), poor (yellow) or unusable (red), each with its fix.
     ///
     /// Checks shared memory, limits, cores, clock, governor, other runs and leftovers of dead ones, and measures for some

@@ -33,6 +33,10 @@ pub struct Kalman {
     /// Standard deviation of each component of `model.marker_offset`, m; above 0 the filter estimates the offset.
     #[serde(skip_serializing_if = "is_none_of_it")]
     pub marker_offset_deviation: f64,
+    /// Spectral density of the drift of an estimated offset, each component, (m/s)²/Hz: a load that is laid on moves the
+    /// centre of mass.
+    #[serde(skip_serializing_if = "is_the_usual_drift")]
+    pub marker_offset_drift: f64,
     /// Squared Mahalanobis distance above which a capture is refused as an outlier.
     pub gate: f64,
     /// Time for which captures may be refused in a row before the filter restarts from one, s.
@@ -42,6 +46,13 @@ pub struct Kalman {
     /// `true` if the state is predicted to the time at which the next frame acts; if not it is that of the last
     /// capture.
     pub prediction: bool,
+}
+
+/// Drift of an estimated offset unless stated, (m/s)²/Hz: 2 cm in 1000 s.
+const USUAL_OFFSET_DRIFT: f64 = 4e-7;
+
+fn is_the_usual_drift(drift: &f64) -> bool {
+    *drift == USUAL_OFFSET_DRIFT
 }
 
 impl Default for Kalman {
@@ -54,6 +65,7 @@ impl Default for Kalman {
             rate_noise: 2e-4,
             rate_bias_drift: 1e-3,
             marker_offset_deviation: 0.0,
+            marker_offset_drift: USUAL_OFFSET_DRIFT,
             gate: 60.0,
             restart_after: 0.3,
             coast: 0.25,

@@ -1,4 +1,5 @@
-//! The worth of each part of the rig's design: the eight of Figs. 3 to 6 without it.
+//! The worth of each part of the laboratory's design: the eight of Figs. 3 to 6 without it, and with a laboratory that is not
+//! as it is believed to be.
 
 use serde::Serialize;
 
@@ -21,7 +22,11 @@ const NO_LAG_INVERSION: &str = "controller.rates.lag_inversion=false";
 const WITH_OFFSET: &str = "controller.remove_offset=false";
 const PAPER_DELTA: &str = "controller.delta=0.1";
 
-const VARIANTS: [Variant; 10] = [
+const MARKERS_BELOW: &str = "vehicle.center_of_mass=[0.0, 0.0, -0.03]";
+const MARKERS_ABOVE: &str = "vehicle.center_of_mass=[0.0, 0.0, 0.03]";
+const ESTIMATED: &str = "estimator.kalman.marker_offset_deviation=0.02";
+
+const VARIANTS: [Variant; 17] = [
     Variant {
         name: "as designed",
         settings: &[],
@@ -61,6 +66,37 @@ const VARIANTS: [Variant; 10] = [
     Variant {
         name: "paper mode, prediction off",
         settings: &[PAPER_DELTA, WITH_OFFSET, NO_PREDICTION],
+    },
+    Variant {
+        name: "markers 30 mm below the centre of mass, not told",
+        settings: &[MARKERS_BELOW],
+    },
+    Variant {
+        name: "markers 30 mm below, stated",
+        settings: &[MARKERS_BELOW, "model.marker_offset=[0.0, 0.0, 0.03]"],
+    },
+    Variant {
+        name: "markers 30 mm below, estimated",
+        settings: &[MARKERS_BELOW, ESTIMATED],
+    },
+    Variant {
+        name: "markers 30 mm above, not told",
+        settings: &[MARKERS_ABOVE],
+    },
+    Variant {
+        name: "markers 30 mm above, estimated",
+        settings: &[MARKERS_ABOVE, ESTIMATED],
+    },
+    Variant {
+        name: "frames 10 ms later than believed",
+        settings: &["schedule.latency.\"rc/frame -> plant\"=0.015"],
+    },
+    Variant {
+        name: "cameras five times as noisy as believed",
+        settings: &[
+            "cameras.position_deviation=1.5e-3",
+            "cameras.attitude_deviation=1e-2",
+        ],
     },
 ];
 

@@ -14,6 +14,10 @@ use metrics::tracker::{StateSource, Vehicle, newest_distance};
 /// Age of the vehicle's state with which nobody arms, s.
 const STALE: f64 = 0.1;
 
+/// Ratio of the position's deviation on the ground to the stated one with which arming warns. The filter uses a quarter of
+/// the variance that it sees: the cameras then scatter three times as much as stated.
+const NOISIER: f64 = 1.5;
+
 impl Flight<'_> {
     pub(super) fn answer(&mut self, question: Question) -> Answer {
         match question {
@@ -48,9 +52,40 @@ impl Flight<'_> {
                 "killed: the motors rest until the end of the run",
             ),
         };
+        let warning = match request {
+            Request::Arm => self.warning_at_arming(),
+            Request::Disarm | Request::Land | Request::Kill => None,
+        };
+        let text = match warning {
+            Some(warning) => format!("{text}; warning: {warning}"),
+            None => text.to_owned(),
+        };
         self.ask(request, kind, event);
-        self.tell(text);
-        Answer::Done(text.to_owned())
+        self.tell(&text);
+        Answer::Done(text)
+    }
+
+    /// Returns what the estimator may believe wrongly of the laboratory, if anything: it forbids no flight, and may end one.
+    fn warning_at_arming(&self) -> Option<String> {
+        let kalman = &self.scenario.estimator.as_ref()?.kalman;
+        let model = self.scenario.model.clone().unwrap_or_default();
+        let state = self.recorder.newest::<VehicleState>()?;
+        let stated = kalman.position_deviation;
+        // On the ground the filter starts from each capture, with the noise that it has seen.
+        if state.position_sigma > NOISIER * stated {
+            return Some(format!(
+                "the cameras scatter by some {:.1} mm, and `estimator.kalman.position_deviation` says {:.1} mm",
+                2e3 * state.position_sigma,
+                1e3 * stated
+            ));
+        }
+        let is_offset_known = model.marker_offset != [0.0; 3] || kalman.marker_offset_deviation > 0.0;
+        let is_real = !self.schedule.simulates_the_world();
+        (is_real && !is_offset_known).then(|| {
+            "nobody knows where the markers sit: a vehicle with markers 15 mm off its centre of mass may be lost; fly \
+             with `estimator.kalman.marker_offset_deviation = 0.02`, and `gerono identify` tells the offset"
+                .to_owned()
+        })
     }
 
     /// Asks all services for something, and keeps it as an event of the log.

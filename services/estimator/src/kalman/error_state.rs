@@ -96,10 +96,6 @@ pub struct ProcessNoise {
     marker_offset_drift: f64,
 }
 
-/// Time in which an offset that is estimated may drift by its initial deviation, s: long beside a figure of the path, but a
-/// load that is laid on moves the centre of mass.
-const OFFSET_DRIFTS_IN: f64 = 100.0;
-
 impl ProcessNoise {
     /// Returns the noise of a scenario.
     #[must_use]
@@ -109,8 +105,11 @@ impl ProcessNoise {
             rate: kalman.rate_noise,
             rate_bias_drift: kalman.rate_bias_drift,
             disturbance_drift: kalman.disturbance_drift,
-            marker_offset_drift: kalman.marker_offset_deviation * kalman.marker_offset_deviation
-                / OFFSET_DRIFTS_IN,
+            marker_offset_drift: if kalman.marker_offset_deviation > 0.0 {
+                kalman.marker_offset_drift
+            } else {
+                0.0
+            },
         }
     }
 

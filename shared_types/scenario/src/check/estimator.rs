@@ -18,6 +18,7 @@ impl Kalman {
             ("acceleration_noise", self.acceleration_noise),
             ("rate_noise", self.rate_noise),
             ("rate_bias_drift", self.rate_bias_drift),
+            ("marker_offset_drift", self.marker_offset_drift),
         ] {
             found.not_negative(&at.then(name), "the spectral density", value);
         }

@@ -340,8 +340,7 @@ impl Rig {
         truth.world_from_body *= exp(&kick(self.kalman.rate_noise));
         truth.rate_bias_body += kick(self.kalman.rate_bias_drift);
         truth.disturbance_world += kick(self.kalman.disturbance_drift);
-        let offset = self.kalman.marker_offset_deviation;
-        truth.marker_offset_body += kick(offset * offset / 100.0);
+        truth.marker_offset_body += kick(self.kalman.marker_offset_drift);
     }
 
     fn runge_kutta(&self, start: &Truth, h: f64) -> Truth {

@@ -1,0 +1,109 @@
+//! `gerono identify`: what the estimator should believe of the markers, the delay and the cameras' noise, from a log.
+//!
+//! These three break a laboratory soonest: markers that do not sit in the centre of mass, frames that act later than
+//! believed, and cameras that scatter more than stated. None of them shows in the vehicle's own state.
+//!
+//! * [`recording`]: the poses and frames of a log, in the order in which the estimator has them;
+//! * [`noise`]: the scatter of the captures, from their third differences, which smooth motion hardly has;
+//! * [`delay`]: the time from the sending of a frame to its acting that makes the filter's innovations smallest;
+//! * the marker offset, which the filter estimates with that noise and delay;
+//! * [`report`]: what was found beside what the scenario states, and the lines to put into it.
+
+pub mod arguments;
+pub mod delay;
+pub mod noise;
+pub mod recording;
+pub mod report;
+
+use command_line::failure::Failure;
+use command_line::output::{log_path, print};
+use estimator::kalman::error_state::MARKER_OFFSET;
+use run_log::LogReadError;
+
+use arguments::Identify;
+use recording::Recording;
+use report::{Identification, MARKER_OFFSET_DEVIATION, Quantity};
+
+/// Reason why nothing can be identified.
+#[derive(Debug, thiserror::Error)]
+pub enum IdentifyError {
+    /// The log cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogReadError),
+    /// The flight had no filter.
+    #[error(
+        "the flight had no `[estimator.kalman]`: its cameras were ideal, and there is nothing to identify; fly a \
+         laboratory's scenario such as scenarios/fig3_6.toml"
+    )]
+    NoFilter,
+    /// There are too few captures or frames.
+    #[error(
+        "the log has {captures} captures of the vehicle and {frames} frames: fly for ten seconds at least"
+    )]
+    TooShort {
+        /// Captures that show the vehicle.
+        captures: usize,
+        /// Frames of the radio link.
+        frames: usize,
+    },
+    /// The scenario of the log gives no filter.
+    #[error("the scenario of the log gives no filter: {0}")]
+    Scenario(scenario::Problem),
+}
+
+/// `gerono identify`.
+///
+/// # Errors
+/// [`Failure`] if the log cannot be read or has too little in it.
+pub fn command(arguments: &Identify) -> Result<(), Failure> {
+    let recording = Recording::read(&log_path(&arguments.log)).map_err(Failure::trouble)?;
+    let found = identify(&recording).map_err(Failure::trouble)?;
+    if arguments.json {
+        print(serde_json::to_string_pretty(&found).map_err(Failure::trouble)? + "\n");
+    } else {
+        print(found);
+    }
+    Ok(())
+}
+
+/// Identifies marker offset, delay and noise of a flight.
+///
+/// # Errors
+/// [`IdentifyError`].
+pub fn identify(recording: &Recording) -> Result<Identification, IdentifyError> {
+    let stated = recording.believed();
+    let [position, attitude] = noise::of_captures(recording.poses());
+    let mut believed = stated.clone();
+    believed.kalman.position_deviation = position.found;
+    believed.kalman.attitude_deviation = attitude.found;
+    believed.kalman.marker_offset_deviation = MARKER_OFFSET_DEVIATION;
+    believed.kalman.marker_offset_drift = 0.0;
+    let delay = delay::search(recording, &believed)?;
+    believed.model.radio_latency = delay.found;
+    let filter = recording.filtered(&believed)?.filter;
+    let state = filter.state().ok_or(IdentifyError::TooShort {
+        captures: 0,
+        frames: 0,
+    })?;
+    let variance = |axis: usize| state.covariance[(MARKER_OFFSET + axis, MARKER_OFFSET + axis)];
+    let offset = state.nominal.marker_offset_body;
+    Ok(Identification {
+        marker_offset: [0, 1, 2].map(|axis| Quantity {
+            stated: stated.model.marker_offset[axis],
+            found: offset[axis],
+            error: variance(axis).max(0.0).sqrt(),
+        }),
+        radio_latency: delay,
+        position_deviation: Quantity {
+            stated: stated.kalman.position_deviation,
+            ..position
+        },
+        attitude_deviation: Quantity {
+            stated: stated.kalman.attitude_deviation,
+            ..attitude
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests;
