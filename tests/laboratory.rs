@@ -212,10 +212,13 @@ fn arm(place: &Place) -> Option<String> {
     (!output.status.success()).then(|| said(&output))
 }
 
-/// Arms again, as soon as it is granted.
-fn arm_anew(place: &Place) {
+/// Arms again, as soon as it is granted; returns what the flight says to it.
+fn arm_anew(place: &Place) -> String {
     succeed(&mut place.gerono(&["disarm"]));
-    until("arming", || arm(place).is_none().then_some(()));
+    until("arming", || {
+        let output = output(&mut place.gerono(&["arm"]));
+        output.status.success().then(|| said(&output))
+    })
 }
 
 /// Kills the process of a service and waits until another one flies in its place.
@@ -286,7 +289,8 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
     });
 
     let cameras = cameras(port);
-    arm_anew(&place);
+    let told = arm_anew(&place);
+    assert!(told.contains("nobody knows where the markers sit"), "{told}");
     let is_armed = |codes: &ChannelCodes| codes[4] == ARMED;
     let takes_off = |codes: &ChannelCodes| is_armed(codes) && codes[2] > 600;
     receiver.await_frame("the thrust of a take-off", 0, takes_off);

@@ -8,9 +8,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use common::pilot::{await_phase, may_arm, take_off_from_the_ground, wait_on_the_ground};
+use common::pilot::{
+    ask, await_phase, flight_on_the_ground, may_arm, take_off_from_the_ground, wait_on_the_ground,
+};
 use common::processes::{await_successor, pid_of, processes_of, services_of, signal};
-use common::{Begun, Place, assert_flown_to_the_end, begin, finish, output, scenario, succeed, until};
+use common::{Begun, Place, assert_flown_to_the_end, begin, finish, output, said, scenario, succeed, until};
 use live::Snapshot;
 use metrics::tracker::Tracker;
 use run_log::{HostEvent, LogReader, ServiceStep};
@@ -306,6 +308,23 @@ fn who_computes_a_number_that_is_not_finite_is_replaced_until_that_is_in_vain() 
 /// Asks until it is granted: arming is refused until the estimator has converged.
 fn arm(place: &Place) {
     until("arming", || may_arm(place).then_some(()));
+}
+
+#[test]
+fn arming_warns_of_cameras_that_scatter_more_than_stated() {
+    let _machine = the_machine();
+    let place = Place::new();
+    let told_of = "estimator.kalman.position_deviation=5e-5";
+    let child = begin(flight_on_the_ground(&place).args(["--set", told_of]));
+    // A few captures do not show it yet.
+    ask("a second of captures", || {
+        place.look().filter(|snapshot| snapshot.time > 1.0)
+    });
+    let told = said(&succeed(&mut place.gerono(&["arm"])));
+    assert!(told.contains("the cameras scatter by some"), "{told}");
+    succeed(&mut place.gerono(&["kill"]));
+    succeed(&mut place.gerono(&["stop"]));
+    finish(child);
 }
 
 #[test]

@@ -22,7 +22,7 @@ use run_log::LogReadError;
 
 use arguments::Identify;
 use recording::Recording;
-use report::{Identification, MARKER_OFFSET_DEVIATION, Quantity};
+use report::{Identification, MARKER_OFFSET_DEVIATION, OFFSET_SYSTEMATIC, Quantity};
 
 /// Reason why nothing can be identified.
 #[derive(Debug, thiserror::Error)]
@@ -91,7 +91,7 @@ pub fn identify(recording: &Recording) -> Result<Identification, IdentifyError> 
         marker_offset: [0, 1, 2].map(|axis| Quantity {
             stated: stated.model.marker_offset[axis],
             found: offset[axis],
-            error: variance(axis).max(0.0).sqrt(),
+            error: (variance(axis).max(0.0) + OFFSET_SYSTEMATIC * OFFSET_SYSTEMATIC).sqrt(),
         }),
         radio_latency: delay,
         position_deviation: Quantity {

@@ -71,8 +71,9 @@ impl Flight<'_> {
         let model = self.scenario.model.clone().unwrap_or_default();
         let state = self.recorder.newest::<VehicleState>()?;
         let stated = kalman.position_deviation;
+        let stands = self.phase() == Some(FlightPhase::Disarmed);
         // On the ground the filter starts from each capture, with the noise that it has seen.
-        if state.position_sigma > NOISIER * stated {
+        if stands && state.position_sigma > NOISIER * stated {
             return Some(format!(
                 "the cameras scatter by some {:.1} mm, and `estimator.kalman.position_deviation` says {:.1} mm",
                 2e3 * state.position_sigma,

@@ -211,12 +211,12 @@ impl KalmanFilter {
         let turn_if_missed = history.turn_if_missed(track.state.time_ns, exposure_ns);
         track.state.propagate(exposure_ns, &self.process, history);
         history.forget_before(exposure_ns);
-        if track.state.stands {
-            return self.stand(now_ns, exposure_ns, &pose, &track.state);
-        }
         let (residual, stated) = (track.state.residual(&pose), self.pose_noise);
         let scatter = &mut self.memory.scatter;
         scatter.observe(&residual, &track.state.pose_covariance(), stated);
+        if track.state.stands {
+            return self.stand(now_ns, exposure_ns, &pose, &track.state);
+        }
         let doubtful = track.state.less_sure_of_attitude(turn_if_missed);
         let is_recent = now_ns.saturating_sub(track.used_at_ns) <= LESS_SURE_FOR_NS;
         let less_sure = LESS_SURE.into_iter().filter(|_| is_recent);
