@@ -49,8 +49,13 @@ impl Transition {
     /// Returns Φ M, column by column: a fifth of the work of the dense product.
     #[must_use]
     pub fn times(&self, matrix: &Covariance) -> Covariance {
+        self.times_columns(matrix, ERRORS)
+    }
+
+    /// Returns Φ M, of a matrix whose other columns are 0.
+    fn times_columns(&self, matrix: &Covariance, columns: usize) -> Covariance {
         let mut product = *matrix;
-        for column in 0..ERRORS {
+        for column in 0..columns {
             let part = |row: usize| -> Vector3<f64> { matrix.fixed_view::<3, 1>(row, column).into() };
             let (position, velocity, attitude) = (part(POSITION), part(VELOCITY), part(ATTITUDE));
             let (rate_bias, disturbance) = (part(RATE_BIAS), part(DISTURBANCE));
@@ -77,7 +82,11 @@ impl Transition {
     /// Returns Φ P Φᵀ of a symmetric P.
     #[must_use]
     pub fn carried(&self, covariance: &Covariance) -> Covariance {
-        self.times(&self.times(covariance).transpose())
+        // An offset that is not estimated has no covariance.
+        let is_estimated = covariance[(MARKER_OFFSET, MARKER_OFFSET)] > 0.0;
+        let columns = if is_estimated { ERRORS } else { MARKER_OFFSET };
+        let carried = self.times_columns(covariance, columns);
+        self.times_columns(&carried.transpose(), columns)
     }
 }
 
