@@ -138,7 +138,7 @@ pub struct Quantity {
 }
 
 /// The quantities whose margins are searched.
-pub const MARGINS: [Quantity; 5] = [
+pub const MARGINS: [Quantity; 7] = [
     Quantity {
         name: "delay",
         unit: "ms",
@@ -196,7 +196,38 @@ pub const MARGINS: [Quantity; 5] = [
         steps: 49,
         settings: |value| vec![format!("vehicle.actuators.frame_loss={:.2}", value / 100.0)],
     },
+    Quantity {
+        name: "start",
+        unit: "m",
+        step: 2.0,
+        steps: 30,
+        settings: far_start,
+    },
+    // Baselines act on no more than 0.4 m of the error, and their integrals rest above it.
+    Quantity {
+        name: "start, limited error",
+        unit: "m",
+        step: 2.0,
+        steps: 30,
+        settings: |value| {
+            let mut settings = far_start(value);
+            settings.push("controller.baseline.error_limit=0.4".to_owned());
+            settings
+        },
+    },
 ];
+
+/// A start so far from the path, away along all three axes, and time to arrive.
+fn far_start(value: f64) -> Vec<String> {
+    let away = value / f64::sqrt(3.0);
+    vec![
+        format!(
+            "vehicle.initial.position=[{away:.3}, {away:.3}, {:.3}]",
+            -1.2 - away
+        ),
+        "duration=120.0".to_owned(),
+    ]
+}
 
 #[cfg(test)]
 mod tests {

@@ -13,7 +13,7 @@ pub struct ControlLaw {
 }
 
 /// The laws of Gerono, each with the gains that docs/laws.md names.
-const LAWS: [(&str, &[&str]); 12] = [
+const LAWS: [(&str, &[&str]); 16] = [
     ("paper-1", &["controller.lambda_disturbance=[1.0, 1.0, 1.0]"]),
     ("paper-18", &["controller.lambda_disturbance=[18.0, 18.0, 18.0]"]),
     ("paper-30", &["controller.lambda_disturbance=[30.0, 30.0, 30.0]"]),
@@ -32,6 +32,20 @@ const LAWS: [(&str, &[&str]); 12] = [
         ],
     ),
     (
+        "harmonics-18",
+        &[
+            "controller.lambda_disturbance=[18.0, 18.0, 18.0]",
+            "controller.harmonics={}",
+        ],
+    ),
+    (
+        "observer",
+        &[
+            "controller.lambda_disturbance=[1.0, 1.0, 1.0]",
+            "controller.disturbance_observer=true",
+        ],
+    ),
+    (
         "style-27",
         &[
             "controller.lambda_mass=0.0",
@@ -47,6 +61,8 @@ const LAWS: [(&str, &[&str]); 12] = [
         "px4-stock",
         &["controller.law=px4", "controller.baseline.cascade_scale=1.0"],
     ),
+    ("immersion_mass", &["controller.law=immersion_mass"]),
+    ("nmpc", &["controller.law=nmpc"]),
 ];
 
 impl ControlLaw {

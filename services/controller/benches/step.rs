@@ -77,11 +77,12 @@ fn service_step(bencher: Bencher<'_, '_>) {
             view(black_box(reference.as_bytes())),
         ];
         let mut outputs = [
-            command.as_mut_bytes(),
-            adaptation.as_mut_bytes(),
-            errors.as_mut_bytes(),
+            Some(command.as_mut_bytes()),
+            Some(adaptation.as_mut_bytes()),
+            Some(errors.as_mut_bytes()),
+            None,
         ]
-        .map(|bytes| OutputSlot { bytes: Some(bytes) });
+        .map(|bytes| OutputSlot { bytes });
         service.step(black_box(&now), &inputs, &mut outputs);
         black_box(outputs);
     });

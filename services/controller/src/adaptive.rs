@@ -9,11 +9,13 @@
 //! * [`regressor`]: W of (20), kept structured;
 //! * [`parameter_vector`]: w of (20);
 //! * [`lyapunov`]: the Lyapunov function that the law makes decrease;
+//! * [`harmonics`]: estimators of what repeats with the path in the disturbance;
 //! * [`offset`]: the distance by which δ makes the vehicle hang below the path;
 //! * [`rate_law`]: the law for a vehicle with a rate loop.
 
 pub mod errors;
 pub mod evaluation;
+pub mod harmonics;
 pub mod lyapunov;
 pub mod offset;
 pub mod parameter_vector;

@@ -8,13 +8,12 @@ use shared_types::samples::{ControlCommand, ControlErrors, PathReference, Vehicl
 use shared_types::{Now, ServiceId, Topic, rotation};
 use zerocopy::FromZeros;
 
-use crate::adaptive::evaluation::evaluate;
 use crate::adaptive::parameters::Parameters;
 use crate::bumpless_transfer::Transfer;
 use crate::dead_reckoning::{Commanded, ModelEstimate, Reckoned};
 use crate::failsafe::FailsafeStage;
-use crate::law::baseline_law::BaselineLaw;
-use crate::law::{self, Law};
+use crate::law::flight_law::FlightLaw;
+use crate::law::{self, LawOutput, Moment};
 use crate::observer::{MassObserver, ObserverSample};
 use crate::phase::ControlMode;
 use crate::rate_controller::{RateController, RateControllerState};
@@ -28,10 +27,10 @@ pub struct ControlSupervisor {
     pub parameters: Parameters,
     /// η̂, b̂ and ŵ.
     pub estimates: Estimates,
+    /// The law, with its own state.
+    pub law: FlightLaw,
     /// Controller of body rates; `None` commands torque.
     pub rate_controller: Option<RateController>,
-    /// Baseline in place of the adaptive law, for commands of body rates.
-    pub baseline: Option<BaselineLaw>,
     /// Mass observer that runs in parallel; its output is recorded, not used.
     pub observer: Option<MassObserver>,
     /// Policy for old states; `None` uses every state, however old.
@@ -102,11 +101,11 @@ impl ControlSupervisor {
         Self {
             parameters: Parameters::from(scenario),
             estimates: Estimates::from(&controller.initial),
+            law: FlightLaw::new(scenario),
             rate_controller: controller
                 .rates
                 .as_ref()
                 .map(|rates| RateController::new(scenario, rates)),
-            baseline: BaselineLaw::new(scenario),
             observer: controller
                 .observer_gain
                 .map(|gain| MassObserver::new(gain, controller.initial.mass)),
@@ -128,38 +127,21 @@ impl ControlSupervisor {
             self.command_by_age(now, input, &mut telemetry)
         } else {
             self.stage = FailsafeStage::Nominal;
-            self.command_by_law(input.state, input, &mut telemetry)
+            self.command_by_law(now, input.state, input, &mut telemetry)
         };
         if !input.teaches {
             (flown.learns, flown.thrust) = (false, None);
         }
         if !flown.learns {
             *telemetry.rates = EstimateRates::ZERO;
+            self.law.unlearn();
         }
-        self.teach_baseline(input, flown.learns);
+        if let Some((mass, disturbance_world)) = self.law.estimates() {
+            self.estimates.eta = 1.0 / mass;
+            self.estimates.disturbance_world = disturbance_world;
+        }
         self.observe(input.state, flown.thrust, now.elapsed());
         flown
-    }
-
-    /// Lets the baseline learn over the coming hold; its estimates are those of the telemetry and of the failsafe
-    /// stages.
-    fn teach_baseline(&mut self, input: &ControlInput<'_>, learns: bool) {
-        let (Some(baseline), Some(rate_controller)) = (&mut self.baseline, &self.rate_controller) else {
-            return;
-        };
-        if learns {
-            let (measured, acting) = (Measured::from(input.state), Acting::from(input.state));
-            let seen = baseline.seen(&measured, &acting, &input.target);
-            let before = *baseline;
-            baseline.learner_mut().learn(&seen, rate_controller.hold());
-            if !baseline.learner().memory().iter().all(Field::is_finite) {
-                *baseline = before;
-            }
-        } else {
-            baseline.learner_mut().rest();
-        }
-        self.estimates.eta = 1.0 / baseline.mass();
-        self.estimates.disturbance_world = baseline.learner().compensation();
     }
 
     /// Commands nothing, and makes a cold start with the next flight: only the estimates are kept.
@@ -173,9 +155,7 @@ impl ControlSupervisor {
         if let Some(rate_controller) = &mut self.rate_controller {
             rate_controller.memory = RateControllerState::NONE;
         }
-        if let Some(baseline) = &mut self.baseline {
-            baseline.learner_mut().rest();
-        }
+        self.law.rest();
         if let Some(observer) = &mut self.observer {
             observer.interrupt();
         }
@@ -193,7 +173,7 @@ impl ControlSupervisor {
     ) -> ControlOutput {
         let before = self.stage;
         let Some(mut safety) = self.safety else {
-            return self.command_by_law(input.state, input, telemetry);
+            return self.command_by_law(now, input.state, input, telemetry);
         };
         let ControlInput {
             state,
@@ -217,7 +197,7 @@ impl ControlSupervisor {
         {
             rate_controller.memory.artificial_omega = state.angular_velocity_body.into();
         }
-        let mut flown = self.command_by_law(&state, input, telemetry);
+        let mut flown = self.command_by_law(now, &state, input, telemetry);
         if !flown.is_nonsense {
             flown.command = safety.pass_over(now, before, last.as_ref(), &flown.command);
             if safety.transfer.is_under_way() {
@@ -232,11 +212,12 @@ impl ControlSupervisor {
     #[inline]
     fn command_by_law(
         &mut self,
+        now: &Now,
         state: &VehicleState,
         input: &ControlInput<'_>,
         telemetry: &mut Telemetry<'_>,
     ) -> ControlOutput {
-        let flown = self.evaluate_law(state, input, telemetry);
+        let flown = self.evaluate_law(now, state, input, telemetry);
         let errors = telemetry.errors.as_deref();
         // The rates of the estimates are checked when they act.
         if flown.command.is_finite() & errors.is_none_or(Field::is_finite) {
@@ -266,51 +247,38 @@ impl ControlSupervisor {
     #[inline]
     fn evaluate_law(
         &mut self,
+        now: &Now,
         state: &VehicleState,
         input: &ControlInput<'_>,
         telemetry: &mut Telemetry<'_>,
     ) -> ControlOutput {
-        let ControlInput {
-            reference, target, ..
-        } = input;
-        let mut measured = Measured::from(state);
+        let target = &input.target;
         let tracked = state.tracked.is_set();
+        let is_transferred = self.safety.is_some_and(|safety| safety.transfer.is_under_way());
+        let moment = Moment {
+            measured: Measured::from(state),
+            acting: Acting::from(state),
+            reference: target,
+            yaw: input.reference.yaw,
+            elapsed: now.elapsed(),
+            teaches: tracked && input.teaches && !is_transferred,
+        };
+        let (parameters, estimates) = (&self.parameters, &self.estimates);
+        let LawOutput {
+            command,
+            limited_thrust,
+            telemetry: told,
+            is_telling,
+        } = self
+            .law
+            .command(parameters, estimates, &moment, self.rate_controller.as_mut());
         let z1 = Vector3::from(state.position_world) - target.position_world;
-        let Some(rate_controller) = &mut self.rate_controller else {
-            measured.position_world += self.parameters.offset(&measured.world_from_body);
-            let law = evaluate(&self.parameters, &measured, target, &self.estimates);
-            telemetry.tell(&law::Telemetry::from(&law), &z1, target);
-            return ControlOutput {
-                command: Commanded {
-                    thrust: law.thrust,
-                    torque_body: law.torque.into(),
-                    ..Commanded::NOTHING
-                },
-                learns: tracked,
-                is_nonsense: false,
-                thrust: tracked.then_some(law.thrust),
-            };
-        };
-        let acting = Acting::from(state);
-        let (output, told) = if let Some(baseline) = &self.baseline {
-            let output = rate_controller.fly(baseline, &measured, &acting, target, reference.yaw);
-            (output.command(), baseline.telemetry(&output.law))
-        } else {
-            let (parameters, estimates) = (&self.parameters, &self.estimates);
-            let yaw = reference.yaw;
-            let output = rate_controller.command(parameters, &measured, &acting, target, estimates, yaw);
-            (output.command(), law::Telemetry::from(&output.law))
-        };
         telemetry.tell(&told, &z1, target);
         ControlOutput {
-            command: Commanded {
-                thrust: output.thrust,
-                rates_body: output.rates_body.into(),
-                ..Commanded::NOTHING
-            },
-            learns: tracked && output.is_telling,
+            command,
+            learns: tracked && is_telling,
             is_nonsense: false,
-            thrust: tracked.then_some(output.limited_thrust),
+            thrust: tracked.then_some(limited_thrust),
         }
     }
 

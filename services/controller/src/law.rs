@@ -1,26 +1,41 @@
-//! Control laws for a vehicle with a rate loop, as the control supervisor flies them.
+//! Control laws, as the control supervisor flies them.
 //!
-//! The supervisor surrounds every law with input validation, failsafe stages, dead reckoning, bumpless transfer, the
-//! yaw law, limits and the roll-out over the hold of a command. A law is an evaluation at one moment ([`Law`]) and, for
-//! the baselines, what it learns from hold to hold ([`baseline::Baseline`]).
+//! The supervisor surrounds every law with input validation, failsafe stages, dead reckoning, bumpless transfer and
+//! limits; it knows [`flight_law::FlightLaw`] and no law. For a vehicle with a rate loop a law is an evaluation at one
+//! moment ([`Law`]), which the roll-out over the hold of a command repeats, and, for the baselines, what it learns from
+//! hold to hold ([`baseline::Baseline`]).
 //!
+//! * [`flight_law`]: the law of a flight;
 //! * [`baseline`]: the trait of the baselines;
-//! * [`baseline_law`]: the baseline of a flight;
-//! * [`nominal`]: the loop that all baselines have in common;
-//! * [`geometric_pid`], [`l1`], [`indi`], [`nf_constant`], [`px4`]: one baseline each.
+//! * [`baseline_law`]: a baseline with the nominal loop;
+//! * [`nominal`]: the loop that the baselines have in common;
+//! * [`geometric_pid`], [`l1`], [`indi`], [`nf_constant`], [`px4`], [`immersion_mass`]: one baseline each;
+//! * [`immersion_inertia`]: a baseline that commands torque;
+//! * [`nmpc`]: model predictive control, which plans the hold itself.
 
 pub mod baseline;
 pub mod baseline_law;
+pub mod flight_law;
 pub mod geometric_pid;
+pub mod immersion_inertia;
+pub mod immersion_mass;
 pub mod indi;
 pub mod l1;
 pub mod nf_constant;
+pub mod nmpc;
 pub mod nominal;
 pub mod px4;
 
 use nalgebra::Vector3;
 
-use crate::signals::{EstimateRates, Measured, Reference};
+use crate::dead_reckoning::Commanded;
+use crate::signals::{Acting, EstimateRates, Measured, Reference};
+
+/// Numbers of the memory of a law in the controller's checkpoint.
+pub const MEMORY: usize = 208;
+
+/// State of a law from step to step; each law says what its numbers are.
+pub type Memory = [f64; MEMORY];
 
 /// A law in the roll-out over the hold of a command ([`crate::rates`]).
 pub trait Law {
@@ -37,10 +52,40 @@ pub trait Law {
     fn turn(&self, omega: &mut Vector3<f64>, evaluation: &Self::Evaluation, h: f64);
 
     /// Returns the vehicle's acceleration under a thrust (N) by the law's model, in {I}, m/s².
-    fn acceleration(&self, vehicle: &Measured, thrust: f64) -> Vector3<f64>;
+    fn acceleration(&self, vehicle: &Measured, reference: &Reference, thrust: f64) -> Vector3<f64>;
 
     /// Returns what is recorded of an evaluation.
     fn telemetry(&self, evaluation: &Self::Evaluation) -> Telemetry;
+}
+
+/// Inputs of a law at a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment<'a> {
+    /// The measured state, or the predicted one.
+    pub measured: Measured,
+    /// Thrust and acceleration that act on the vehicle.
+    pub acting: Acting,
+    /// The reference.
+    pub reference: &'a Reference,
+    /// ψd, rad.
+    pub yaw: f64,
+    /// Time since the step before, s.
+    pub elapsed: f64,
+    /// `true` if the estimates may learn from the motion: it is measured, and the vehicle is airborne.
+    pub teaches: bool,
+}
+
+/// Command of a law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LawOutput {
+    /// The command.
+    pub command: Commanded,
+    /// T as the link will carry it, N.
+    pub limited_thrust: f64,
+    /// What is recorded of the law.
+    pub telemetry: Telemetry,
+    /// `true` if the vehicle can follow the command, so that the estimates may learn from its motion.
+    pub is_telling: bool,
 }
 
 /// Recorded values of a law; those that a law does not have are zero.

@@ -1,12 +1,13 @@
 //! Rate controller: commands of thrust and body rates, from hold to hold, by the roll-out and the yaw law.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use scenario::{GRAVITY, RateCommand, Scenario, Vector};
 
-use crate::adaptive::evaluation::Evaluation;
+use crate::adaptive::harmonics::Harmonics;
 use crate::adaptive::parameters::Parameters;
 use crate::adaptive::rate_law::AdaptiveLaw;
-use crate::law::Law;
+use crate::dead_reckoning::Commanded;
+use crate::law::{Law, LawOutput, Telemetry};
 use crate::rates::{HoldStart, RollOut};
 use crate::signals::{Acting, Estimates, Measured, Reference};
 use crate::yaw::YawLaw;
@@ -57,14 +58,17 @@ pub struct RateCommandOutput<E> {
 }
 
 impl<E> RateCommandOutput<E> {
-    /// Returns the command without the law's values.
+    /// Returns the command with what is recorded of the law.
     #[must_use]
-    pub fn command(&self) -> RateCommandOutput<()> {
-        RateCommandOutput {
-            thrust: self.thrust,
+    pub fn told(&self, telemetry: Telemetry) -> LawOutput {
+        LawOutput {
+            command: Commanded {
+                thrust: self.thrust,
+                rates_body: self.rates_body.into(),
+                ..Commanded::NOTHING
+            },
             limited_thrust: self.limited_thrust,
-            rates_body: self.rates_body,
-            law: (),
+            telemetry,
             is_telling: self.is_telling,
         }
     }
@@ -91,22 +95,43 @@ impl RateController {
         self.roll_out.hold
     }
 
-    /// Returns the adaptive law's command for the coming hold, with ψd = `yaw` (rad).
-    pub fn command(
-        &mut self,
-        parameters: &Parameters,
-        measured: &Measured,
-        acting: &Acting,
-        reference: &Reference,
-        estimates: &Estimates,
-        yaw: f64,
-    ) -> RateCommandOutput<Evaluation> {
-        let law = AdaptiveLaw {
+    /// Returns the adaptive law for the vehicle of the roll-out.
+    #[must_use]
+    pub fn adaptive_law<'a>(
+        &self,
+        parameters: &'a Parameters,
+        estimates: &'a Estimates,
+        harmonics: Option<&'a Harmonics>,
+    ) -> AdaptiveLaw<'a> {
+        AdaptiveLaw {
             parameters,
             estimates,
+            harmonics,
             inertia: self.roll_out.inertia,
-        };
-        self.fly(&law, measured, acting, reference, yaw)
+        }
+    }
+
+    /// Returns whether the thrust that acts can carry even the lightest vehicle.
+    #[must_use]
+    pub fn is_airborne(&self, acting: &Acting) -> bool {
+        acting.thrust >= self.airborne_thrust
+    }
+
+    /// Returns whether the vehicle can follow a thrust (N), so that its motion tells of the vehicle.
+    #[must_use]
+    pub fn is_telling(&self, thrust: f64, acting: &Acting) -> bool {
+        let [least, largest] = self.thrust_limits;
+        (least..=largest).contains(&thrust) && self.is_airborne(acting)
+    }
+
+    /// Returns ωz of the yaw law for the coming hold, rad/s, with ψd = `yaw` (rad).
+    pub fn yaw_rate(&mut self, world_from_body: &Matrix3<f64>, yaw: f64) -> f64 {
+        let integral = self.memory.yaw_integral;
+        let yaw = self
+            .yaw
+            .command(world_from_body, yaw, integral, self.roll_out.hold);
+        self.memory.yaw_integral = yaw.integral;
+        yaw.rate
     }
 
     /// Returns a law's command for the coming hold, with ψd = `yaw` (rad).
@@ -118,33 +143,22 @@ impl RateController {
         reference: &Reference,
         yaw: f64,
     ) -> RateCommandOutput<L::Evaluation> {
-        let memory = self.memory;
-        let yaw = self.yaw.command(
-            &measured.world_from_body,
-            yaw,
-            memory.yaw_integral,
-            self.roll_out.hold,
-        );
         let start = HoldStart {
             measured,
             reference,
-            artificial_omega: memory.artificial_omega,
-            yaw_rate: yaw.rate,
+            artificial_omega: self.memory.artificial_omega,
+            yaw_rate: self.yaw_rate(&measured.world_from_body, yaw),
             acting,
         };
         let output = self.roll_out.command(law, &start);
-        self.memory = RateControllerState {
-            artificial_omega: output.artificial_omega,
-            yaw_integral: yaw.integral,
-        };
+        self.memory.artificial_omega = output.artificial_omega;
         let [least, largest] = self.thrust_limits;
-        let is_within = (least..=largest).contains(&law.thrust(&output.first));
         RateCommandOutput {
             thrust: output.thrust,
             limited_thrust: output.thrust.clamp(least, largest),
             rates_body: output.rates_body,
             law: output.first,
-            is_telling: is_within && acting.thrust >= self.airborne_thrust,
+            is_telling: self.is_telling(law.thrust(&output.first), acting),
         }
     }
 }

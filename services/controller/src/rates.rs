@@ -113,7 +113,7 @@ impl RollOut {
             },
             reference: *reference,
             push: if self.is_pushed {
-                acting.acceleration_world - law.acceleration(measured, acting.thrust)
+                acting.acceleration_world - law.acceleration(measured, reference, acting.thrust)
             } else {
                 Vector3::zeros()
             },
@@ -183,7 +183,7 @@ impl Flight {
     /// Steps (1)–(3) by `h` seconds.
     #[inline]
     fn move_vehicle<L: Law>(&mut self, law: &L, thrust: f64, h: f64) {
-        let acceleration = law.acceleration(&self.vehicle, thrust) + self.push;
+        let acceleration = law.acceleration(&self.vehicle, &self.reference, thrust) + self.push;
         let vehicle = &mut self.vehicle;
         let r = vehicle.world_from_body;
         let velocity = r * vehicle.velocity_body;
@@ -206,6 +206,7 @@ impl Reference {
             self.derivative3_world,
         ];
         Self {
+            gamma: self.gamma + way,
             gamma_dot: self.gamma_dot + h * self.gamma_ddot,
             position_world: self.position_world
                 + d1 * way

@@ -35,7 +35,7 @@ use crate::bumpless_transfer::Transfer;
 use crate::control_supervisor::{ControlInput, ControlSupervisor, Telemetry};
 use crate::dead_reckoning::{Commanded, Reckoned};
 use crate::failsafe::FailsafeStage;
-use crate::law::baseline::MEMORY;
+use crate::law::MEMORY;
 use crate::observer::ObserverSample;
 use crate::phase::{ControlMode, ControlModes};
 use crate::rate_controller::RateControllerState;
@@ -61,8 +61,8 @@ shared_types::sample! {
         pub artificial_omega: [f64; 3],
         /// Integral term of the yaw law, rad/s; zero with commands of torque.
         pub yaw_integral: f64,
-        /// State of a baseline; zero with the adaptive law.
-        pub baseline: [f64; 9],
+        /// State of the law beside its estimates.
+        pub law: [f64; MEMORY],
         /// θ̄ of the mass observer, 1/kg; zero without one.
         pub observer_theta: f64,
         /// Last sample of the observer: velocity in {I}, m/s.
@@ -140,6 +140,7 @@ impl Service for ControllerService {
             supervisor.estimates = advanced;
         }
         *rates = EstimateRates::ZERO;
+        supervisor.law.advance(now.elapsed());
         if let Some(adaptation) = outputs.adaptation.due() {
             write_adaptation(adaptation, &supervisor.parameters, &supervisor.estimates);
             adaptation.observer_mass_estimate =
@@ -210,9 +211,7 @@ impl Service for ControllerService {
             w_hat_rate: rates.w.into(),
             artificial_omega: memory.artificial_omega.into(),
             yaw_integral: memory.yaw_integral,
-            baseline: supervisor
-                .baseline
-                .map_or([0.0; MEMORY], |baseline| baseline.learner().memory()),
+            law: supervisor.law.memory(),
             observer_theta: supervisor.observer.map_or(0.0, |observer| observer.theta),
             observer_velocity_world: sight.velocity_world.into(),
             observer_thrust_axis_world: sight.thrust_axis_world.into(),
@@ -244,6 +243,7 @@ impl Service for ControllerService {
             disturbance_world: Vector3::from(state.disturbance_hat_rate_world),
             w: ParameterVector::from(state.w_hat_rate),
         };
+        supervisor.law.restore(&state.law);
         self.states.restore(&state.states);
         self.references.restore(&state.references, &state.reference);
         supervisor.last = state.has_last.is_set().then_some(state.last);
@@ -256,9 +256,6 @@ impl Service for ControllerService {
                 artificial_omega: state.artificial_omega.into(),
                 yaw_integral: state.yaw_integral,
             };
-        }
-        if let Some(baseline) = &mut supervisor.baseline {
-            baseline.learner_mut().restore(&state.baseline);
         }
         if let Some(observer) = &mut supervisor.observer {
             observer.theta = state.observer_theta;

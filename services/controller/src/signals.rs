@@ -43,6 +43,8 @@ impl From<&VehicleState> for Acting {
 /// Reference: the desired point of the path and its motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
+    /// γ.
+    pub gamma: f64,
     /// γ̇, 1/s.
     pub gamma_dot: f64,
     /// γ̈, 1/s².
@@ -191,6 +193,7 @@ impl From<&PathReference> for Reference {
     #[inline]
     fn from(reference: &PathReference) -> Self {
         Self {
+            gamma: reference.gamma,
             gamma_dot: reference.gamma_dot,
             gamma_ddot: reference.gamma_ddot,
             gamma_dot_desired: reference.gamma_dot_desired,

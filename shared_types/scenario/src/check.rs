@@ -51,6 +51,7 @@ impl Scenario {
         self.check_machine(&mut found);
         self.check_plugins(&mut found);
         self.check_telemetry(&mut found);
+        self.check_harmonics(&mut found);
         self.check_programs(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems

@@ -39,6 +39,13 @@ pub struct Controller {
     /// κ, weight of the prediction error beside z2 in the estimators of η and b, s; none in the paper.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prediction_gain: Option<f64>,
+    /// Estimators of what repeats with the path in the disturbance; none in the paper.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub harmonics: Option<Harmonics>,
+    /// `true` if the law uses the acceleration that the estimates do not explain as a part of b at once, as an observer
+    /// would; an ablation, without a proof.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub disturbance_observer: bool,
     /// Known bounds of the unknown parameters.
     pub bounds: Bounds,
     /// Initial values of the estimates.
@@ -58,6 +65,33 @@ pub struct Controller {
     pub telemetry: Vec<String>,
 }
 
+/// Harmonics of the path's parameter in the disturbance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Harmonics {
+    /// N, their number.
+    pub count: u8,
+    /// λa, adaptation gain of each.
+    pub gain: f64,
+    /// Largest distance from the path at which they learn, m: what happens once is not to be learned as repeating.
+    pub within: f64,
+}
+
+impl Harmonics {
+    /// Largest number.
+    pub const MOST: u8 = 8;
+}
+
+impl Default for Harmonics {
+    fn default() -> Self {
+        Self {
+            count: Self::MOST,
+            gain: 1.0,
+            within: 0.3,
+        }
+    }
+}
+
 impl Default for Controller {
     fn default() -> Self {
         Self {
@@ -73,6 +107,8 @@ impl Default for Controller {
             lambda_disturbance: [1.0; 3],
             lambda_inertia: None,
             prediction_gain: None,
+            harmonics: None,
+            disturbance_observer: false,
             bounds: Bounds::default(),
             initial: InitialEstimates::default(),
             remove_offset: false,

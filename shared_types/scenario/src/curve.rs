@@ -113,6 +113,36 @@ pub struct Waypoints {
     pub interval: f64,
 }
 
+impl Curve {
+    /// Returns the frequency with which the curve repeats, rad per unit of γ; `None` if it does not.
+    #[must_use]
+    pub fn frequency(&self) -> Option<f64> {
+        match self {
+            Self::TiltedEight(eight) => Some(eight.frequency),
+            Self::Circle(circle) => Some(circle.frequency),
+            Self::Lissajous(figure) => figure.common_frequency(),
+            Self::Waypoints(way) if way.closed => Some(2.0 * PI / (way.points.len() as f64 * way.interval)),
+            Self::Hover(_) | Self::Line(_) | Self::Waypoints(_) => None,
+        }
+    }
+}
+
+impl Lissajous {
+    /// Returns the lowest frequency, if the others are multiples of it.
+    fn common_frequency(&self) -> Option<f64> {
+        let moving = || {
+            self.frequency
+                .iter()
+                .map(|frequency| frequency.abs())
+                .filter(|&frequency| frequency > 0.0)
+        };
+        let lowest = moving().reduce(f64::min)?;
+        let is_multiple =
+            |frequency: f64| (frequency / lowest - libm::round(frequency / lowest)).abs() < 1e-9;
+        moving().all(is_multiple).then_some(lowest)
+    }
+}
+
 mod default {
     pub(super) fn circle_frequency() -> f64 {
         1.0

@@ -20,6 +20,12 @@ pub enum LawKind {
     NfConstant,
     /// PX4's cascade.
     Px4,
+    /// The geometric law with a mass by immersion and invariance, in the style of the paper's ref. [30].
+    ImmersionMass,
+    /// Torque with an inertia by immersion and invariance, in the style of the paper's ref. [29]; for commands of torque.
+    ImmersionInertia,
+    /// Nonlinear model predictive control.
+    Nmpc,
 }
 
 impl LawKind {
@@ -27,6 +33,12 @@ impl LawKind {
     #[must_use]
     pub fn is_adaptive(&self) -> bool {
         *self == Self::Adaptive
+    }
+
+    /// Whether this law commands torque, and no other.
+    #[must_use]
+    pub fn commands_torque(&self) -> bool {
+        *self == Self::ImmersionInertia
     }
 }
 
@@ -57,6 +69,14 @@ pub struct Baseline {
     pub composite_prediction_gain: f64,
     /// Factor on the rates of PX4's loops of position and velocity for `px4`.
     pub cascade_scale: f64,
+    /// Gain γ of the mass estimate of `immersion_mass`, 1/(N² s).
+    pub immersion_gain: f64,
+    /// Rate kω of the loop of the angular velocity of `immersion_inertia`, 1/s.
+    pub rate_gain: f64,
+    /// Gain γ of the inertia's estimate of `immersion_inertia`, s³.
+    pub inertia_gain: f64,
+    /// Weight of the commanded rates of `nmpc`, beside 1000 for the position error.
+    pub nmpc_rate_weight: f64,
 }
 
 impl Default for Baseline {
@@ -73,6 +93,10 @@ impl Default for Baseline {
             composite_tracking_gain: 8.0,
             composite_prediction_gain: 15.0,
             cascade_scale: 4.0,
+            immersion_gain: 0.5,
+            rate_gain: 150.0,
+            inertia_gain: 0.01,
+            nmpc_rate_weight: 0.05,
         }
     }
 }

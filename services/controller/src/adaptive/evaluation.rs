@@ -5,6 +5,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::adaptive::errors::Errors;
+use crate::adaptive::harmonics::Repeating;
 use crate::adaptive::parameters::Parameters;
 use crate::adaptive::regressor::{Regressor, delta_m_times};
 use crate::adaptive::zeta_rate::ZetaRate;
@@ -29,6 +30,8 @@ pub struct Evaluation {
     pub thrust: f64,
     /// τ, eq. (20), in {B}, N m.
     pub torque: Vector3<f64>,
+    /// z2 + κε, from which the estimators of η, b and its harmonics learn, in {I}, m/s.
+    pub learned: Vector3<f64>,
     /// Rates of the estimators, eqs. (14), (15), (21).
     pub rates: EstimateRates,
     /// W of (20).
@@ -44,7 +47,8 @@ pub fn evaluate(
     reference: &Reference,
     estimates: &Estimates,
 ) -> Evaluation {
-    evaluate_composite(parameters, measured, reference, estimates, &Vector3::zeros())
+    let (repeating, error) = (Repeating::NOTHING, Vector3::zeros());
+    evaluate_composite(parameters, measured, reference, estimates, &repeating, &error)
 }
 
 /// Evaluates the law with composite adaptation (not in the paper).
@@ -52,6 +56,8 @@ pub fn evaluate(
 /// The prediction error ε is the measured acceleration less that of the estimates, in {I}, m/s². The estimators of η and
 /// b learn from z2 + κε instead of z2. Then V̇n = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) − κ‖ε‖²: one κ must serve both, or the
 /// cross terms do not cancel.
+///
+/// `repeating` is the estimate of the part of b that repeats with the path ([`crate::adaptive::harmonics`]).
 #[must_use]
 #[inline]
 pub fn evaluate_composite(
@@ -59,6 +65,7 @@ pub fn evaluate_composite(
     measured: &Measured,
     reference: &Reference,
     estimates: &Estimates,
+    repeating: &Repeating,
     prediction_error: &Vector3<f64>,
 ) -> Evaluation {
     let Parameters {
@@ -81,7 +88,8 @@ pub fn evaluate_composite(
     let u = errors.free_acceleration
         + errors.sigma_z1_dot * k1
         + errors.sigma_z2.value() * k2
-        + estimates.disturbance_world.map(|b| pi_b.value(b));
+        + estimates.disturbance_world.map(|b| pi_b.value(b))
+        + repeating.disturbance_world;
     let zeta = r.tr_mul(&u);
     let thrust = zeta.z / parameters.eta_projection.value(estimates.eta);
 
@@ -103,7 +111,9 @@ pub fn evaluate_composite(
     let disturbance_projected_rate = estimates
         .disturbance_world
         .map(|b| pi_b.slope(b))
-        .component_mul(&disturbance_rate);
+        .component_mul(&disturbance_rate)
+        + learned * repeating.gain
+        + repeating.rate_world;
     let zeta_rate = ZetaRate::new(
         parameters,
         measured,
@@ -115,7 +125,10 @@ pub fn evaluate_composite(
     let regressor = Regressor::new(omega, delta, &(r.column(2) * thrust), &zeta_rate);
     let coupling = Vector3::new(delta * z2_body.y, -delta * z2_body.x, 0.0); // δnᵀ Π12 Rᵀ z2
     let sigma_z3 = parameters.saturation.at(&z3).value();
-    let torque = -regressor.times(&estimates.w) - (coupling + sigma_z3 * k3) / beta;
+    let mut w = estimates.w;
+    let mut of_disturbance = w.fixed_rows_mut::<9>(6);
+    of_disturbance += repeating.w;
+    let torque = -regressor.times(&w) - (coupling + sigma_z3 * k3) / beta;
     let w_rate = regressor.transpose_times(&z3) * (beta * parameters.lambda_inertia);
 
     Evaluation {
@@ -127,6 +140,7 @@ pub fn evaluate_composite(
         omega_desired,
         thrust,
         torque,
+        learned,
         rates: EstimateRates {
             eta: eta_rate,
             disturbance_world: disturbance_rate,

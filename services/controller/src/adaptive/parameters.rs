@@ -29,6 +29,8 @@ pub struct Parameters {
     pub lambda_inertia: f64,
     /// κ, weight of the prediction error beside z2 in the estimators of η and b, s; 0 in the paper.
     pub prediction_gain: f64,
+    /// `true` if the law uses the measured acceleration that the estimates do not explain as a part of b at once.
+    pub observes_disturbance: bool,
     /// π for η̂, 1/kg.
     pub eta_projection: Projection,
     /// π for each component of b̂, m/s².
@@ -54,6 +56,7 @@ impl From<&Scenario> for Parameters {
             lambda_disturbance: Vector3::from(controller.lambda_disturbance),
             lambda_inertia: scenario.lambda_inertia(),
             prediction_gain: controller.prediction_gain.unwrap_or(0.0),
+            observes_disturbance: controller.disturbance_observer,
             eta_projection: Projection {
                 minimum: 1.0 / bounds.mass_max,
                 maximum: 1.0 / bounds.mass_min,

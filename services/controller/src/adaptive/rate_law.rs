@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use vehicle_model::rigid_body::{acceleration, angular_acceleration, free_fall};
 
 use crate::adaptive::evaluation::{Evaluation, evaluate_composite};
+use crate::adaptive::harmonics::{Harmonics, Repeating};
 use crate::adaptive::offset::hanging_offset;
 use crate::adaptive::parameters::Parameters;
 use crate::law::{Law, Telemetry};
@@ -19,8 +20,19 @@ pub struct AdaptiveLaw<'a> {
     pub parameters: &'a Parameters,
     /// The estimates.
     pub estimates: &'a Estimates,
+    /// Estimates of what repeats with the path, if there are any.
+    pub harmonics: Option<&'a Harmonics>,
     /// Diagonal of J of (4), kg m².
     pub inertia: Vector3<f64>,
+}
+
+impl AdaptiveLaw<'_> {
+    #[inline]
+    fn repeating(&self, reference: &Reference) -> Repeating {
+        self.harmonics.map_or(Repeating::NOTHING, |harmonics| {
+            harmonics.at(reference.gamma, reference.gamma_dot)
+        })
+    }
 }
 
 impl Law for AdaptiveLaw<'_> {
@@ -33,8 +45,19 @@ impl Law for AdaptiveLaw<'_> {
             position_world: vehicle.position_world + offset,
             ..*vehicle
         };
+        let mut repeating = self.repeating(reference);
+        if self.parameters.observes_disturbance {
+            repeating.disturbance_world += push;
+        }
         // An acceleration that the estimates do not explain is their prediction error.
-        evaluate_composite(self.parameters, &vehicle, reference, self.estimates, push)
+        evaluate_composite(
+            self.parameters,
+            &vehicle,
+            reference,
+            self.estimates,
+            &repeating,
+            push,
+        )
     }
 
     #[inline]
@@ -52,7 +75,7 @@ impl Law for AdaptiveLaw<'_> {
 
     /// v̇ of (2), with the estimates for the unknown parameters.
     #[inline]
-    fn acceleration(&self, vehicle: &Measured, thrust: f64) -> Vector3<f64> {
+    fn acceleration(&self, vehicle: &Measured, reference: &Reference, thrust: f64) -> Vector3<f64> {
         let ProjectedEstimates {
             eta,
             disturbance_world,
@@ -60,7 +83,7 @@ impl Law for AdaptiveLaw<'_> {
         acceleration(
             &vehicle.world_from_body,
             eta * thrust,
-            &free_fall(&disturbance_world),
+            &free_fall(&(disturbance_world + self.repeating(reference).disturbance_world)),
         )
     }
 

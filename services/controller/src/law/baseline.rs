@@ -5,13 +5,8 @@
 
 use nalgebra::Vector3;
 
+use super::Memory;
 use super::nominal::Tracking;
-
-/// Numbers of a baseline's memory.
-pub const MEMORY: usize = 9;
-
-/// State of a baseline from hold to hold; each baseline says what its numbers are.
-pub type Memory = [f64; MEMORY];
 
 /// Returns λ = 2 Kp/Kv, 1/s: the slope of the error ė + λe that integrals add up.
 #[must_use]
@@ -30,8 +25,8 @@ pub struct Motion {
     pub modelled_acceleration: Vector3<f64>,
     /// d in {I}, m/s²: the acceleration that the estimator sees, less the modelled one.
     pub residual: Vector3<f64>,
-    /// Third component of the thrust axis n.
-    pub thrust_axis_z: f64,
+    /// n = R e3 in {I}.
+    pub thrust_axis_world: Vector3<f64>,
     /// T that acts, N.
     pub thrust: f64,
 }
@@ -52,23 +47,25 @@ pub trait Baseline {
         None
     }
 
-    /// Returns the state.
-    fn memory(&self) -> Memory;
+    /// Returns whether all numbers of the state are finite.
+    fn is_finite(&self) -> bool {
+        self.compensation().iter().all(|number| number.is_finite())
+    }
+
+    /// Writes the state.
+    fn save(&self, memory: &mut Memory);
 
     /// Restores a saved state.
     fn restore(&mut self, memory: &Memory);
 }
 
-/// Returns the memory of a baseline that keeps one vector.
-#[must_use]
-pub fn memory_of(vector: &Vector3<f64>) -> Memory {
-    let mut memory = [0.0; MEMORY];
-    memory[..3].copy_from_slice(vector.as_slice());
-    memory
+/// Writes a vector to three numbers of a memory, from `at` on.
+pub fn save_vector(memory: &mut Memory, at: usize, vector: &Vector3<f64>) {
+    memory[at..at + 3].copy_from_slice(vector.as_slice());
 }
 
-/// Returns the vector that [`memory_of`] has kept.
+/// Returns the vector that [`save_vector`] has written.
 #[must_use]
-pub fn vector_of(memory: &Memory) -> Vector3<f64> {
-    Vector3::from_column_slice(&memory[..3])
+pub fn vector_at(memory: &Memory, at: usize) -> Vector3<f64> {
+    Vector3::from_column_slice(&memory[at..at + 3])
 }

@@ -3,14 +3,17 @@
 use nalgebra::Vector3;
 use scenario::{GRAVITY, LawKind, Scenario};
 
+use super::Memory;
 use super::baseline::{Baseline, Motion};
 use super::geometric_pid::GeometricPid;
+use super::immersion_mass::ImmersionMass;
 use super::indi::Indi;
 use super::l1::L1;
 use super::nf_constant::NfConstant;
 use super::nominal::{Command, Nominal};
 use super::px4::Px4;
-use super::{Law, Telemetry};
+use super::{Law, LawOutput, Moment, Telemetry};
+use crate::rate_controller::RateController;
 use crate::signals::{Acting, EstimateRates, Measured, Reference};
 
 /// The baseline of a flight.
@@ -29,21 +32,44 @@ enum Learner {
     Indi(Indi),
     NfConstant(NfConstant),
     Px4(Px4),
+    ImmersionMass(ImmersionMass),
+    /// It learns nothing.
+    Nothing(Nothing),
+}
+
+/// A baseline that learns nothing: the nominal loop alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Nothing;
+
+impl Baseline for Nothing {
+    fn learn(&mut self, _seen: &Motion, _h: f64) {}
+
+    fn compensation(&self) -> Vector3<f64> {
+        Vector3::zeros()
+    }
+
+    fn save(&self, _memory: &mut Memory) {}
+
+    fn restore(&mut self, _memory: &Memory) {}
 }
 
 impl BaselineLaw {
-    /// Makes the baseline of a checked scenario; `None` if the scenario flies the adaptive law.
+    /// Makes the baseline of a checked scenario: for laws without a learner of their own, the nominal loop alone.
     #[must_use]
-    pub fn new(scenario: &Scenario) -> Option<Self> {
+    pub fn new(scenario: &Scenario) -> Self {
         let stated = scenario.controller.baseline.clone().unwrap_or_default();
         let prior_mass = scenario.controller.initial.mass;
         let learner = match scenario.controller.law {
-            LawKind::Adaptive => return None,
+            LawKind::Adaptive | LawKind::ImmersionInertia | LawKind::Nmpc => Learner::Nothing(Nothing),
             LawKind::GeometricPid => Learner::GeometricPid(GeometricPid::new(&stated)),
             LawKind::L1 => Learner::L1(L1::new(&stated)),
             LawKind::Indi => Learner::Indi(Indi::default()),
             LawKind::NfConstant => Learner::NfConstant(NfConstant::new(&stated)),
             LawKind::Px4 => Learner::Px4(Px4::new(&stated, prior_mass)),
+            LawKind::ImmersionMass => {
+                let bounds = &scenario.controller.bounds;
+                Learner::ImmersionMass(ImmersionMass::new(stated.immersion_gain, prior_mass, bounds))
+            }
         };
         let nominal = match learner {
             Learner::Px4(_) => Px4::nominal(&stated),
@@ -54,11 +80,41 @@ impl BaselineLaw {
                 error_limit: stated.error_limit.unwrap_or(f64::INFINITY),
             },
         };
-        Some(Self {
+        Self {
             nominal,
             prior_mass,
             learner,
-        })
+        }
+    }
+
+    /// Learns over the coming hold, if the motion teaches, and returns the command of that hold.
+    pub fn command(&mut self, moment: &Moment<'_>, rate_controller: &mut RateController) -> LawOutput {
+        let Moment {
+            measured,
+            acting,
+            reference,
+            ..
+        } = moment;
+        let force = self.evaluate(measured, reference, &Vector3::zeros());
+        if moment.teaches && rate_controller.is_telling(force.thrust, acting) {
+            let seen = self.seen(measured, acting, reference);
+            let before = *self;
+            self.learner_mut().learn(&seen, rate_controller.hold());
+            if !self.learner().is_finite() {
+                *self = before;
+            }
+        } else {
+            self.learner_mut().rest();
+        }
+        let output = rate_controller.fly(self, measured, acting, reference, moment.yaw);
+        output.told(self.telemetry(&output.law))
+    }
+
+    /// Returns thrust (N) and angular velocity (in {B}, rad/s) of the nominal loop at a moment, with what is recorded of it.
+    #[must_use]
+    pub fn wanted(&self, measured: &Measured, reference: &Reference) -> (f64, Vector3<f64>, Telemetry) {
+        let command = self.evaluate(measured, reference, &Vector3::zeros());
+        (command.thrust, command.omega, self.telemetry(&command))
     }
 
     /// Returns the motion that a state shows.
@@ -71,7 +127,7 @@ impl BaselineLaw {
             velocity_world: measured.world_from_body * measured.velocity_body,
             modelled_acceleration: modelled,
             residual: acting.acceleration_world - modelled,
-            thrust_axis_z: axis.z,
+            thrust_axis_world: axis.into(),
             thrust: acting.thrust,
         }
     }
@@ -85,6 +141,8 @@ impl BaselineLaw {
             Learner::Indi(law) => law,
             Learner::NfConstant(law) => law,
             Learner::Px4(law) => law,
+            Learner::ImmersionMass(law) => law,
+            Learner::Nothing(law) => law,
         }
     }
 
@@ -96,6 +154,8 @@ impl BaselineLaw {
             Learner::Indi(law) => law,
             Learner::NfConstant(law) => law,
             Learner::Px4(law) => law,
+            Learner::ImmersionMass(law) => law,
+            Learner::Nothing(law) => law,
         }
     }
 
@@ -123,7 +183,7 @@ impl Law for BaselineLaw {
         (omega.x, omega.y) = (evaluation.omega.x, evaluation.omega.y);
     }
 
-    fn acceleration(&self, vehicle: &Measured, thrust: f64) -> Vector3<f64> {
+    fn acceleration(&self, vehicle: &Measured, _reference: &Reference, thrust: f64) -> Vector3<f64> {
         Vector3::z() * GRAVITY - vehicle.world_from_body.column(2) * (thrust / self.mass())
     }
 

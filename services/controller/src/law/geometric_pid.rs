@@ -5,7 +5,8 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, Memory, Motion, error_slope, memory_of, vector_of};
+use super::Memory;
+use super::baseline::{Baseline, Motion, error_slope, save_vector, vector_at};
 
 /// Integral of the errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,11 +47,11 @@ impl Baseline for GeometricPid {
         self.integral
     }
 
-    fn memory(&self) -> Memory {
-        memory_of(&self.integral)
+    fn save(&self, memory: &mut Memory) {
+        save_vector(memory, 0, &self.integral);
     }
 
     fn restore(&mut self, memory: &Memory) {
-        self.integral = vector_of(memory);
+        self.integral = vector_at(memory, 0);
     }
 }

@@ -6,7 +6,8 @@
 
 use nalgebra::Vector3;
 
-use super::baseline::{Baseline, Memory, Motion, memory_of, vector_of};
+use super::Memory;
+use super::baseline::{Baseline, Motion, save_vector, vector_at};
 
 /// The last residual.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -24,11 +25,11 @@ impl Baseline for Indi {
         self.residual
     }
 
-    fn memory(&self) -> Memory {
-        memory_of(&self.residual)
+    fn save(&self, memory: &mut Memory) {
+        save_vector(memory, 0, &self.residual);
     }
 
     fn restore(&mut self, memory: &Memory) {
-        self.residual = vector_of(memory);
+        self.residual = vector_at(memory, 0);
     }
 }

@@ -13,7 +13,8 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, MEMORY, Memory, Motion};
+use super::Memory;
+use super::baseline::{Baseline, Motion, save_vector, vector_at};
 
 /// Predictor, adaptation law and filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,28 +72,31 @@ impl Baseline for L1 {
         self.filtered
     }
 
-    fn memory(&self) -> Memory {
+    fn is_finite(&self) -> bool {
+        let vectors = [self.velocity, self.disturbance, self.filtered];
+        vectors.iter().flatten().all(|number| number.is_finite())
+    }
+
+    fn save(&self, memory: &mut Memory) {
         let velocity = if self.has_velocity {
             self.velocity
         } else {
             Vector3::repeat(NONE)
         };
-        let mut memory = [0.0; MEMORY];
-        memory[..3].copy_from_slice(velocity.as_slice());
-        memory[3..6].copy_from_slice(self.disturbance.as_slice());
-        memory[6..].copy_from_slice(self.filtered.as_slice());
-        memory
+        for (index, vector) in [velocity, self.disturbance, self.filtered].iter().enumerate() {
+            save_vector(memory, 3 * index, vector);
+        }
     }
 
     fn restore(&mut self, memory: &Memory) {
         self.has_velocity = memory[0] < NONE;
         self.velocity = if self.has_velocity {
-            Vector3::from_column_slice(&memory[..3])
+            vector_at(memory, 0)
         } else {
             Vector3::zeros()
         };
-        self.disturbance = Vector3::from_column_slice(&memory[3..6]);
-        self.filtered = Vector3::from_column_slice(&memory[6..]);
+        self.disturbance = vector_at(memory, 3);
+        self.filtered = vector_at(memory, 6);
     }
 }
 

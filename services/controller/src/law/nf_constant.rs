@@ -6,7 +6,8 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, Memory, Motion, error_slope, memory_of, vector_of};
+use super::Memory;
+use super::baseline::{Baseline, Motion, error_slope, save_vector, vector_at};
 
 /// Estimate of the disturbance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,11 +52,11 @@ impl Baseline for NfConstant {
         self.estimate
     }
 
-    fn memory(&self) -> Memory {
-        memory_of(&self.estimate)
+    fn save(&self, memory: &mut Memory) {
+        save_vector(memory, 0, &self.estimate);
     }
 
     fn restore(&mut self, memory: &Memory) {
-        self.estimate = vector_of(memory);
+        self.estimate = vector_at(memory, 0);
     }
 }

@@ -8,7 +8,8 @@
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
 
-use super::baseline::{Baseline, MEMORY, Memory, Motion};
+use super::Memory;
+use super::baseline::{Baseline, Motion, save_vector, vector_at};
 use super::nominal::Nominal;
 
 /// P of the position, 1/s.
@@ -78,7 +79,7 @@ impl Baseline for Px4 {
         let acceleration = seen.modelled_acceleration + seen.residual;
         self.damping = DERIVATIVE.component_mul(&acceleration);
         // T n_z/m0 is the lift that the prior mass explains; what is seen of it is less d_z.
-        let lift = seen.thrust * seen.thrust_axis_z / self.prior_mass;
+        let lift = seen.thrust * seen.thrust_axis_world.z / self.prior_mass;
         let seen_lift = lift - seen.residual.z;
         if seen_lift > LEAST_LIFT {
             let explained = self.prior_mass * lift / seen_lift;
@@ -94,17 +95,24 @@ impl Baseline for Px4 {
         Some(self.mass)
     }
 
-    fn memory(&self) -> Memory {
-        let mut memory = [0.0; MEMORY];
-        memory[..3].copy_from_slice(self.integral.as_slice());
-        memory[3..6].copy_from_slice(self.damping.as_slice());
+    fn is_finite(&self) -> bool {
+        let vectors = [self.integral, self.damping];
+        vectors
+            .iter()
+            .flatten()
+            .chain([&self.mass])
+            .all(|number| number.is_finite())
+    }
+
+    fn save(&self, memory: &mut Memory) {
+        save_vector(memory, 0, &self.integral);
+        save_vector(memory, 3, &self.damping);
         memory[6] = self.mass;
-        memory
     }
 
     fn restore(&mut self, memory: &Memory) {
-        self.integral = Vector3::from_column_slice(&memory[..3]);
-        self.damping = Vector3::from_column_slice(&memory[3..6]);
+        self.integral = vector_at(memory, 0);
+        self.damping = vector_at(memory, 3);
         self.mass = memory[6];
     }
 }

@@ -77,6 +77,7 @@ impl Rig {
 pub(crate) fn resting_reference() -> Reference {
     let zero = Vector3::zeros();
     Reference {
+        gamma: 0.0,
         gamma_dot: 1.0,
         gamma_ddot: 0.0,
         gamma_dot_desired: 1.0,
@@ -96,14 +97,8 @@ fn flown(scenario: &Scenario, rig: &mut Rig, seconds: f64, last: f64, yaw: f64) 
     let mut estimates = Estimates::from(&scenario.controller.initial);
     let (mut time, mut farthest) = (0.0, 0.0_f64);
     while time < seconds {
-        let command = rate_controller.command(
-            &parameters,
-            &rig.motion,
-            &rig.acting(),
-            &resting_reference(),
-            &estimates,
-            yaw,
-        );
+        let law = rate_controller.adaptive_law(&parameters, &estimates, None);
+        let command = rate_controller.fly(&law, &rig.motion, &rig.acting(), &resting_reference(), yaw);
         assert!(command.is_telling);
         rig.fly(command.thrust.max(0.0), &command.rates_body);
         estimates = estimates.advanced(&command.law.rates, HOLD);
@@ -154,14 +149,8 @@ fn the_roll_out_commands_smaller_body_rates() {
         let mut rig = Rig::new([0.3, 0.0, 0.0], [0.0; 3]);
         let mut squares = 0.0;
         for _ in 0..50 {
-            let command = rate_controller.command(
-                &parameters,
-                &rig.motion,
-                &rig.acting(),
-                &resting_reference(),
-                &estimates,
-                0.0,
-            );
+            let law = rate_controller.adaptive_law(&parameters, &estimates, None);
+            let command = rate_controller.fly(&law, &rig.motion, &rig.acting(), &resting_reference(), 0.0);
             rig.fly(command.thrust.max(0.0), &command.rates_body);
             squares += command.rates_body.norm_squared();
         }
@@ -205,14 +194,8 @@ fn the_first_step_of_the_roll_out_is_the_law_itself() {
     let rig = Rig::new([0.1, 0.2, 0.3], [0.1, -0.2, 0.0]);
     let parameters = Parameters::from(&scenario);
     let estimates = Estimates::from(&scenario.controller.initial);
-    let command = rate_controller.command(
-        &parameters,
-        &rig.motion,
-        &rig.acting(),
-        &resting_reference(),
-        &estimates,
-        0.0,
-    );
+    let law = rate_controller.adaptive_law(&parameters, &estimates, None);
+    let command = rate_controller.fly(&law, &rig.motion, &rig.acting(), &resting_reference(), 0.0);
     assert_eq!(
         command.law,
         controller::evaluate(&parameters, &rig.motion, &resting_reference(), &estimates)
@@ -232,15 +215,9 @@ fn there_is_nothing_to_learn_on_the_ground_or_beyond_the_link_s_thrust() {
             thrust,
             ..Rig::new([0.0, 0.0, depth], [0.0; 3])
         };
+        let law = rate_controller.adaptive_law(&parameters, &estimates, None);
         rate_controller
-            .command(
-                &parameters,
-                &rig.motion,
-                &rig.acting(),
-                &resting_reference(),
-                &estimates,
-                0.0,
-            )
+            .fly(&law, &rig.motion, &rig.acting(), &resting_reference(), 0.0)
             .is_telling
     };
     assert!(telling(0.0, 1.96));
@@ -260,6 +237,7 @@ fn the_reference_ahead_is_the_curve_ahead() {
         Vector3::new(-0.1, 0.4, 0.3),
     ];
     let at = |gamma: f64, gamma_dot: f64| Reference {
+        gamma,
         gamma_dot,
         gamma_ddot: -0.4,
         position_world: c1 * gamma + c2 * (gamma * gamma) + c3 * (gamma * gamma * gamma),

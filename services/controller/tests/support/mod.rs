@@ -24,11 +24,12 @@ pub(crate) fn step(service: &mut ControllerService, tick: u64, inputs: [InputVie
         errors: ControlErrors::new_zeroed(),
     };
     let mut outputs = [
-        published.command.as_mut_bytes(),
-        published.adaptation.as_mut_bytes(),
-        published.errors.as_mut_bytes(),
+        Some(published.command.as_mut_bytes()),
+        Some(published.adaptation.as_mut_bytes()),
+        Some(published.errors.as_mut_bytes()),
+        None, // telemetry, of controllers that are not Gerono's own
     ]
-    .map(|bytes| OutputSlot { bytes: Some(bytes) });
+    .map(|bytes| OutputSlot { bytes });
     let now = Now {
         tick,
         time_ns: tick * TICK_NS,

@@ -1,5 +1,6 @@
 mod flight;
 mod judge;
+mod law;
 mod machine;
 mod programs;
 mod radio_link;

@@ -1,11 +1,12 @@
 //! Closed loop in continuous time: vehicle (1) to (4), path, timing law, law and estimators.
 
 use controller::adaptive::evaluation::evaluate_composite;
+use controller::adaptive::harmonics::{FUNCTIONS, Harmonics, Lesson, MOST};
 use controller::adaptive::lyapunov::TrueParameters;
 use controller::adaptive::projection::Projection;
 use controller::adaptive::saturation::Saturation;
 use controller::signals::EstimateRates;
-use controller::{Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
+use controller::{Estimates, Evaluation, Measured, Parameters, Reference};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use scenario::{Curve, GRAVITY, Path, Scenario, TiltedEight, Vehicle};
@@ -21,6 +22,10 @@ pub(crate) struct ClosedLoop {
     pub(crate) parameters: Parameters,
     pub(crate) timing_law: TimingLaw,
     pub(crate) actual: TrueParameters,
+    /// λa of the harmonics.
+    pub(crate) lambda_harmonics: f64,
+    /// ak, the true amplitudes of what repeats with the path.
+    pub(crate) amplitudes_world: [Vector3<f64>; FUNCTIONS],
 }
 
 /// State of a flow.
@@ -30,6 +35,7 @@ pub(crate) struct State {
     pub(crate) gamma: f64,
     pub(crate) gamma_dot: f64,
     pub(crate) estimates: Estimates,
+    pub(crate) harmonics: Harmonics,
 }
 
 /// Rate of change of the state.
@@ -42,6 +48,27 @@ pub(crate) struct Rates {
     pub(crate) gamma: f64,
     pub(crate) gamma_dot: f64,
     pub(crate) estimates: EstimateRates,
+    pub(crate) lesson: Lesson,
+}
+
+/// φ and φ′ of the harmonics of the paper's eight, from their definition.
+pub(crate) fn functions(gamma: f64) -> [[f64; 2]; FUNCTIONS] {
+    let w = TiltedEight::default().frequency;
+    std::array::from_fn(|index| {
+        let order = (index / 2 + 1) as f64;
+        let angle = order * w * gamma;
+        if index % 2 == 0 {
+            [libm::cos(angle), -order * w * libm::sin(angle)]
+        } else {
+            [libm::sin(angle), order * w * libm::cos(angle)]
+        }
+    })
+}
+
+/// Σ φk ak.
+fn sum(gamma: f64, amplitudes: &[Vector3<f64>; FUNCTIONS]) -> Vector3<f64> {
+    let parts = functions(gamma).into_iter().zip(amplitudes);
+    parts.map(|([value, _], amplitude)| amplitude * value).sum()
 }
 
 impl ClosedLoop {
@@ -57,7 +84,14 @@ impl ClosedLoop {
                 eta: 1.0 / 0.2,
                 disturbance_world: Vector3::new(0.3, 0.2, 0.1),
             },
+            lambda_harmonics: 0.0,
+            amplitudes_world: [Vector3::zeros(); FUNCTIONS],
         }
+    }
+
+    /// Returns b + Σ φk(γ) ak, the true disturbance.
+    pub(crate) fn disturbance(&self, state: &State) -> Vector3<f64> {
+        self.actual.disturbance_world + sum(state.gamma, &self.amplitudes_world)
     }
 
     /// Returns the path's reference for the controller.
@@ -85,6 +119,7 @@ impl ClosedLoop {
         );
         let (c0, c1) = law.gamma_dddot(distance, distance_rate, gamma_dot);
         Reference {
+            gamma: state.gamma,
             gamma_dot,
             gamma_ddot: gamma_ddot.value,
             gamma_dot_desired: law.gamma_dot_desired(distance),
@@ -102,17 +137,20 @@ impl ClosedLoop {
         let (parameters, measured, estimates) = (&self.parameters, &state.measured, &state.estimates);
         let reference = self.reference(state);
         // The thrust, and with it the prediction error, do not depend on that error.
-        let without = evaluate(parameters, measured, &reference, estimates);
-        let error = self.prediction_error(state, without.thrust);
-        evaluate_composite(parameters, measured, &reference, estimates, &error)
+        let repeating = state.harmonics.at(state.gamma, state.gamma_dot);
+        let with =
+            |error| evaluate_composite(parameters, measured, &reference, estimates, &repeating, &error);
+        let thrust = with(Vector3::zeros()).thrust;
+        with(self.prediction_error(state, thrust))
     }
 
     /// ε under a thrust: the true acceleration less that of the estimates, in {I}.
     pub(crate) fn prediction_error(&self, state: &State, thrust: f64) -> Vector3<f64> {
         let estimated = state.estimates.projected(&self.parameters);
         let axis = state.measured.world_from_body.column(2);
-        self.actual.disturbance_world
+        self.disturbance(state)
             - estimated.disturbance_world
+            - sum(state.gamma, &state.harmonics.amplitudes_world)
             - axis * ((self.actual.eta - estimated.eta) * thrust)
     }
 
@@ -124,11 +162,8 @@ impl ClosedLoop {
             angular_velocity_body: omega,
             ..
         } = state.measured;
-        let TrueParameters {
-            inertia,
-            eta,
-            disturbance_world: b,
-        } = self.actual;
+        let TrueParameters { inertia, eta, .. } = self.actual;
+        let b = self.disturbance(state);
         let e3 = Vector3::z();
         let momentum = inertia.component_mul(&omega);
         Rates {
@@ -140,6 +175,7 @@ impl ClosedLoop {
             gamma: state.gamma_dot,
             gamma_dot: self.reference(state).gamma_ddot,
             estimates: evaluation.rates,
+            lesson: Lesson::of(evaluation, state.gamma),
         }
     }
 
@@ -183,8 +219,44 @@ impl ClosedLoop {
         let u = Dual::constant(Vector3::z() * GRAVITY) - self.path_acceleration(state, rates)
             + sigma_z1_dot * k1
             + self.sigma(self.z2(state, rates)) * k2
-            + projected;
+            + projected
+            + self.repeating(state, rates);
         rotation(state, rates).transpose() * u
+    }
+
+    /// Rate of ½ Σ ‖âk − ak‖²/λa + ½ Σ ‖ŵk − wk‖²/Λw, with wk = (J1 ak, J2 ak, J3 ak).
+    pub(crate) fn of_harmonics(&self, state: &State, rates: &Rates) -> f64 {
+        let Lesson { learned, w_rate, .. } = rates.lesson;
+        let estimates = state.harmonics.amplitudes_world.iter().zip(&state.harmonics.w);
+        let parts = functions(state.gamma)
+            .into_iter()
+            .zip(&self.amplitudes_world)
+            .zip(estimates);
+        parts
+            .map(|(([value, _], true_amplitude), (amplitude, w))| {
+                let of_w = (0..9).map(|at| {
+                    let true_w = self.actual.inertia[at / 3] * true_amplitude[at % 3];
+                    (w[at] - true_w) * w_rate[at] * value / self.parameters.lambda_inertia
+                });
+                (amplitude - true_amplitude).dot(&learned) * value + of_w.sum::<f64>()
+            })
+            .sum()
+    }
+
+    /// Σ φk âk with its rate.
+    fn repeating(&self, state: &State, rates: &Rates) -> Dual<Vector3<f64>> {
+        let learned = rates.lesson.learned * self.lambda_harmonics;
+        let estimates = functions(state.gamma)
+            .into_iter()
+            .zip(&state.harmonics.amplitudes_world);
+        Dual {
+            value: sum(state.gamma, &state.harmonics.amplitudes_world),
+            rate: estimates
+                .map(|([value, slope], amplitude)| {
+                    learned * (value * value) + amplitude * (slope * rates.gamma)
+                })
+                .sum(),
+        }
     }
 
     /// z1 and ż1 with their rates.
@@ -253,10 +325,29 @@ fn path(state: &State, rates: &Rates) -> [Dual<Vector3<f64>>; 3] {
 }
 
 impl State {
+    /// The same state with harmonics that learn with the gain λa.
+    pub(crate) fn learning(self, gain: f64) -> Self {
+        let Harmonics {
+            amplitudes_world, w, ..
+        } = self.harmonics;
+        let learning = Harmonics::new(MOST, TiltedEight::default().frequency, gain);
+        Self {
+            harmonics: Harmonics {
+                amplitudes_world,
+                w,
+                ..learning
+            },
+            ..self
+        }
+    }
+
     /// The state after `time` seconds at constant rates.
     pub(crate) fn moved(&self, rates: &Rates, time: f64) -> Self {
         let measured = &self.measured;
+        let mut harmonics = self.harmonics;
+        harmonics.learn(&rates.lesson, time);
         Self {
+            harmonics,
             measured: Measured {
                 position_world: measured.position_world + rates.position_world * time,
                 world_from_body: measured.world_from_body + rates.world_from_body * time,
@@ -293,6 +384,11 @@ impl ClosedLoop {
             });
         (next, time * (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0)
     }
+}
+
+/// The paper's law: no harmonics.
+pub(crate) fn no_harmonics() -> Harmonics {
+    Harmonics::new(0, TiltedEight::default().frequency, 0.0)
 }
 
 pub(crate) fn vector(bound: f64) -> impl Strategy<Value = Vector3<f64>> {
@@ -337,6 +433,7 @@ prop_compose! {
             lambda_disturbance: Vector3::from(lambda_disturbance),
             lambda_inertia,
             prediction_gain,
+            observes_disturbance: false,
             eta_projection: Projection { minimum: 1.0 / 0.6, maximum: 10.0, epsilon: 0.01 },
             disturbance_projection: Projection { minimum: -3.0, maximum: 3.0, epsilon: 0.1 },
             removes_offset: false,
@@ -359,12 +456,15 @@ prop_compose! {
     pub(crate) fn closed_loop()(
         parameters in parameters(),
         actual in actual(),
+        lambda_harmonics in 0.1..3.0f64,
+        amplitudes in proptest::collection::vec(vector(0.5), FUNCTIONS),
         timing_law in prop_oneof![
             5 => (0.2..2.0f64, 0.2..3.0f64).prop_map(|(speed, k4)| TimingLaw { speed, k4, ..TimingLaw::PAPER }),
             1 => (0.2..2.0f64).prop_map(|speed| TimingLaw { speed, k4: 0.0, alpha1: 1e6, alpha2: 2e6 }),
         ],
     ) -> ClosedLoop {
-        ClosedLoop { parameters, timing_law, actual }
+        let amplitudes_world = std::array::from_fn(|index| amplitudes[index]);
+        ClosedLoop { parameters, timing_law, actual, lambda_harmonics, amplitudes_world }
     }
 }
 
@@ -377,6 +477,7 @@ prop_compose! {
         gamma in (-12.0..12.0f64, -0.5..2.0f64),
         estimates in (1.63..10.04f64, vector(3.3)),
         w in proptest::collection::vec(-1e-3..1e-3f64, 15),
+        harmonics in proptest::collection::vec((vector(0.5), proptest::array::uniform9(-1e-3..1e-3f64)), FUNCTIONS),
     ) -> State {
         let (direction, distance) = z1;
         State {
@@ -392,6 +493,11 @@ prop_compose! {
                 eta: estimates.0,
                 disturbance_world: estimates.1,
                 w: controller::adaptive::parameter_vector::ParameterVector::from_row_slice(&w),
+            },
+            harmonics: Harmonics {
+                amplitudes_world: std::array::from_fn(|index| harmonics[index].0),
+                w: std::array::from_fn(|index| harmonics[index].1.into()),
+                ..Harmonics::new(MOST, TiltedEight::default().frequency, 0.0)
             },
         }
     }

@@ -6,7 +6,7 @@ use controller::{Estimates, Measured};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 
-use super::closed_loop::{ClosedLoop, State, closed_loop, state};
+use super::closed_loop::{ClosedLoop, State, closed_loop, no_harmonics, state};
 use super::path::tilted_eight;
 
 proptest! {
@@ -14,6 +14,7 @@ proptest! {
 
     #[test]
     fn every_term_of_the_rate_but_the_dissipation_cancels(closed_loop in closed_loop(), state in state()) {
+        let state = state.learning(closed_loop.lambda_harmonics);
         let ClosedLoop { parameters, actual, .. } = &closed_loop;
         let evaluation = closed_loop.evaluate(&state);
         let rates = closed_loop.rates(&state, &evaluation);
@@ -33,6 +34,7 @@ proptest! {
             eta_error * rates.estimates.eta / parameters.lambda_mass,
             disturbance_error
                 .dot(&rates.estimates.disturbance_world.component_div(&parameters.lambda_disturbance)),
+            closed_loop.of_harmonics(&state, &rates),
         ];
         let error = closed_loop.prediction_error(&state, evaluation.thrust);
         let wanted = lyapunov::rate(parameters, &evaluation) - parameters.prediction_gain * error.norm_squared();
@@ -56,6 +58,7 @@ fn at_rest(z1: Vector3<f64>) -> State {
         gamma: 0.0,
         gamma_dot: 0.0,
         estimates: Estimates::from(&scenario::InitialEstimates::default()),
+        harmonics: no_harmonics(),
     }
 }
 

@@ -46,6 +46,7 @@ struct Case {
 impl Case {
     fn state(&self) -> State {
         State {
+            harmonics: super::closed_loop::no_harmonics(),
             measured: Measured {
                 position_world: Vector3::from(self.p),
                 world_from_body: Matrix3::from_row_slice(&self.r),
