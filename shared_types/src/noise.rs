@@ -25,6 +25,8 @@ pub enum Stream {
     Fan = 6,
     /// Gusts of the wind.
     Gusts = 7,
+    /// Gusts of the Dryden model.
+    Dryden = 8,
     /// Lost samples of an edge; the edges follow each other.
     EdgeLoss = 0x100,
     /// Random contents of the samples of an edge; the edges follow each other.

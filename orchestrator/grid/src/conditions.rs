@@ -20,7 +20,7 @@ pub struct Condition {
 }
 
 /// All conditions.
-pub const CONDITIONS: [Condition; 14] = [
+pub const CONDITIONS: [Condition; 15] = [
     // The scenario as it stands.
     Condition {
         name: "calm",
@@ -87,6 +87,15 @@ pub const CONDITIONS: [Condition; 14] = [
     Condition {
         name: "frames-20%",
         settings: &["vehicle.actuators.frame_loss=0.2"],
+    },
+    // The cameras do not see the vehicle for 0.3 s in every 5 s.
+    Condition {
+        name: "drop-outs",
+        settings: &[
+            "cameras.occlusion=[{at=5.0, lasts=0.3}, {at=10.0, lasts=0.3}, {at=15.0, lasts=0.3}, {at=20.0, lasts=0.3}, \
+             {at=25.0, lasts=0.3}, {at=30.0, lasts=0.3}, {at=35.0, lasts=0.3}, {at=40.0, lasts=0.3}, {at=45.0, lasts=0.3}, \
+             {at=50.0, lasts=0.3}, {at=55.0, lasts=0.3}]",
+        ],
     },
     // The centre of mass is 5 mm from the tracked point, above it.
     Condition {

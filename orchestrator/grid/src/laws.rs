@@ -25,10 +25,10 @@ const LAWS: [(&str, &[&str]); 16] = [
         ],
     ),
     (
-        "composite-30",
+        "composite-40",
         &[
-            "controller.lambda_disturbance=[30.0, 30.0, 30.0]",
-            "controller.prediction_gain=0.5",
+            "controller.lambda_disturbance=[40.0, 40.0, 40.0]",
+            "controller.prediction_gain=0.3",
         ],
     ),
     (

@@ -1,17 +1,20 @@
 //! Air: drag, turbulence everywhere, and the jet of a fan.
 //!
 //! ```text
-//! a = at + ( Fj(p) − R diag(d) Rᵀ va − c ‖va‖ va ) / m,   va = Rv − w
+//! a = at + ( Fj(p) − R diag(d) Rᵀ va − c ‖va‖ va − (G(p) − 1) T R e3 ) / m,   va = Rv − w
 //! ```
 //!
 //! a acceleration in {I}, m/s²; at ambient turbulence, an acceleration independent of the mass; Fj force of the fan's
 //! jet, N ([`Jet`]); va velocity through the air, m/s, and w the wind; d drag, N s/m, along each body axis: rotors that
 //! advance through air are dragged by a force linear in the velocity (J.-M. Kai et al., "Nonlinear feedback control of
-//! quadrotors exploiting first-order drag effects", 2017); c parasitic drag of the body, N s²/m². p and v are those of the centre of mass, on which all of it acts: the air exerts no torque.
+//! quadrotors exploiting first-order drag effects", 2017); c parasitic drag of the body, N s²/m²; G ground
+//! effect ([`GroundEffect`]). p and v are those of the centre of mass, on which all of it acts: the air exerts no torque.
 //!
 //! The parts that depend on time are held over a tick: a [`Wind`].
 
+mod dryden;
 mod fan;
+mod ground_effect;
 mod jet;
 mod ornstein_uhlenbeck;
 
@@ -20,7 +23,9 @@ use scenario::Scenario;
 use shared_types::noise::{Noise, Stream};
 use vehicle_model::rigid_body::Motion;
 
+pub use dryden::Dryden;
 pub use fan::Fan;
+pub use ground_effect::GroundEffect;
 pub use jet::Jet;
 pub use ornstein_uhlenbeck::OrnsteinUhlenbeck;
 
@@ -31,8 +36,10 @@ pub struct Air {
     parasitic_drag: f64,
     wind: Option<scenario::Wind>,
     gusts: Option<OrnsteinUhlenbeck>,
+    dryden: Option<Dryden>,
     turbulence: Option<OrnsteinUhlenbeck>,
     fan: Option<Fan>,
+    ground_effect: Option<GroundEffect>,
 }
 
 /// The air at a tick, and until the next.
@@ -48,6 +55,8 @@ pub struct Wind {
     pub turbulence_world: Vector3<f64>,
     /// The fan's jet, if there is a fan.
     pub jet: Option<Jet>,
+    /// The ground effect, if there is any.
+    pub ground_effect: Option<GroundEffect>,
 }
 
 /// State of the air that continues from tick to tick.
@@ -57,6 +66,8 @@ pub struct Gusts {
     pub turbulence_world: Vector3<f64>,
     /// Gust of the wind in {I}, m/s.
     pub wind_world: Vector3<f64>,
+    /// States of the Dryden gusts.
+    pub dryden: [f64; 5],
     /// Fluctuation of the jet's force in {I}, as a share of it.
     pub jet_fluctuation_world: Vector3<f64>,
 }
@@ -67,29 +78,31 @@ impl Air {
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let vehicle = &scenario.vehicle;
         let tick = scenario.schedule.tick;
+        let process = |stated: &scenario::Turbulence, stream| {
+            let noise = Noise::new(scenario.seed, stream);
+            OrnsteinUhlenbeck::new(stated.deviation, stated.correlation_time, tick, noise)
+        };
+        let wind = vehicle.wind.as_ref();
+        let gusts = wind.and_then(|wind| wind.gusts.as_ref());
+        let dryden = wind.and_then(|wind| wind.dryden.as_ref().map(|stated| (stated, wind.mean.into())));
+        let turbulence = vehicle.turbulence.as_ref();
         let air = Self {
             drag: vehicle.drag.into(),
             parasitic_drag: vehicle.parasitic_drag,
             wind: vehicle.wind.clone(),
-            gusts: vehicle
-                .wind
-                .as_ref()
-                .and_then(|wind| wind.gusts.as_ref())
-                .map(|stated| {
-                    let noise = Noise::new(scenario.seed, Stream::Gusts);
-                    OrnsteinUhlenbeck::new(stated.deviation, stated.correlation_time, tick, noise)
-                }),
-            turbulence: vehicle.turbulence.as_ref().map(|stated| {
-                let noise = Noise::new(scenario.seed, Stream::Turbulence);
-                OrnsteinUhlenbeck::new(stated.deviation, stated.correlation_time, tick, noise)
+            gusts: gusts.map(|stated| process(stated, Stream::Gusts)),
+            dryden: dryden.map(|(stated, mean)| {
+                Dryden::new(stated, &mean, tick, Noise::new(scenario.seed, Stream::Dryden))
             }),
+            turbulence: turbulence.map(|stated| process(stated, Stream::Turbulence)),
             fan: vehicle
                 .fan
                 .as_ref()
                 .map(|stated| Fan::new(stated, scenario.seed, tick)),
+            ground_effect: vehicle.ground_effect.as_ref().map(GroundEffect::new),
         };
         let drags = air.drag != Vector3::zeros() || air.parasitic_drag != 0.0;
-        let exerts = drags || air.turbulence.is_some() || air.fan.is_some();
+        let exerts = drags || air.turbulence.is_some() || air.fan.is_some() || air.ground_effect.is_some();
         exerts.then_some(air)
     }
 
@@ -100,6 +113,9 @@ impl Air {
         }
         if let Some(gusts) = &mut self.gusts {
             gusts.advance(tick);
+        }
+        if let Some(dryden) = &mut self.dryden {
+            dryden.advance(tick);
         }
         if let Some(fan) = &mut self.fan {
             fan.fluctuation.advance(tick);
@@ -114,10 +130,12 @@ impl Air {
             parasitic_drag: self.parasitic_drag,
             velocity_world: self.wind.as_ref().map(|wind| {
                 let sine = Vector3::from(wind.sine) * libm::sin(wind.sine_frequency * time);
-                Vector3::from(wind.mean) + sine + self.gusts().wind_world
+                let dryden = self.dryden.as_ref().map_or_else(Vector3::zeros, Dryden::value);
+                Vector3::from(wind.mean) + sine + self.gusts().wind_world + dryden
             }),
             turbulence_world: self.gusts().turbulence_world,
             jet: self.fan.as_ref().map(|fan| fan.jet(time)),
+            ground_effect: self.ground_effect,
         }
     }
 
@@ -130,6 +148,7 @@ impl Air {
         Gusts {
             turbulence_world: value(self.turbulence.as_ref()),
             wind_world: value(self.gusts.as_ref()),
+            dryden: self.dryden.as_ref().map_or([0.0; 5], Dryden::states),
             jet_fluctuation_world: value(self.fan.as_ref().map(|fan| &fan.fluctuation)),
         }
     }
@@ -142,6 +161,9 @@ impl Air {
         if let Some(process) = &mut self.gusts {
             process.restore(gusts.wind_world);
         }
+        if let Some(dryden) = &mut self.dryden {
+            dryden.restore(gusts.dryden);
+        }
         if let Some(fan) = &mut self.fan {
             fan.fluctuation.restore(gusts.jet_fluctuation_world);
         }
@@ -149,10 +171,10 @@ impl Air {
 }
 
 impl Wind {
-    /// Returns a in {I}, m/s², of a body of mass m (kg) whose centre moves like `motion`.
+    /// Returns a in {I}, m/s², of a body of mass m (kg) under a thrust (N) whose centre moves like `motion`.
     #[must_use]
     #[inline]
-    pub fn acceleration(&self, motion: &Motion, mass: f64) -> Vector3<f64> {
+    pub fn acceleration(&self, motion: &Motion, thrust: f64, mass: f64) -> Vector3<f64> {
         let mut through_air_body = motion.velocity_body();
         if let Some(wind) = &self.velocity_world {
             through_air_body -= motion.world_from_body.tr_mul(wind);
@@ -165,6 +187,9 @@ impl Wind {
         }
         if let Some(jet) = &self.jet {
             force_world += jet.force(&motion.position_world);
+        }
+        if let Some(effect) = &self.ground_effect {
+            force_world -= motion.world_from_body.column(2) * (effect.gain(motion.position_world.z) * thrust);
         }
         self.turbulence_world + force_world / mass
     }

@@ -38,13 +38,14 @@ impl Dynamics<'_> {
     /// a rate loop controls it.
     #[must_use]
     pub fn motion_rate(&self, motion: &Motion, stage: Stage) -> MotionRate {
-        let mut rate = self.body.motion_rate(motion, &self.drive.wrench(stage));
+        let wrench = self.drive.wrench(stage);
+        let mut rate = self.body.motion_rate(motion, &wrench);
         if let Some(rates) = self.drive.rates() {
             rate.angular_velocity_body = rates.map(|rate| rate.value(stage)).into();
             rate.angular_acceleration_body = rates.map(|rate| rate.slope(stage)).into();
         }
         if let Some(wind) = self.wind {
-            rate.acceleration_world += wind.acceleration(motion, self.body.mass);
+            rate.acceleration_world += wind.acceleration(motion, wrench.thrust, self.body.mass);
         }
         rate
     }

@@ -48,6 +48,8 @@ shared_types::sample! {
         pub turbulence_world: [f64; 3],
         /// Gust of the wind in {I}, m/s.
         pub wind_world: [f64; 3],
+        /// States of the Dryden gusts.
+        pub dryden: [f64; 5],
         /// Fluctuation of the fan's jet in {I}, as a share of its force.
         pub jet_fluctuation_world: [f64; 3],
         /// `true` if a frame was received.
@@ -206,10 +208,11 @@ impl Service for PlantService {
         let origin = body.origin_of(&self.motion);
         if let Some(truth) = outputs.truth.due() {
             write_motion(&origin, truth);
-            write_acted(&acted.wrench(Stage::End), truth);
+            let wrench = acted.wrench(Stage::End);
+            write_acted(&wrench, truth);
             write_body(body, truth);
             if let Some(wind) = self.wind(now.tick) {
-                let of_air = wind.acceleration(&self.motion, body.mass);
+                let of_air = wind.acceleration(&self.motion, wrench.thrust, body.mass);
                 truth.disturbance_world = (body.disturbance_world + of_air).into();
             }
         }
@@ -241,6 +244,7 @@ impl Service for PlantService {
             received: received.copied().unwrap_or_else(RcFrame::new_zeroed),
             turbulence_world: gusts.turbulence_world.into(),
             wind_world: gusts.wind_world.into(),
+            dryden: gusts.dryden,
             jet_fluctuation_world: gusts.jet_fluctuation_world.into(),
             has_received: received.is_some().into(),
             pad0: [0; 7],
@@ -263,6 +267,7 @@ impl Service for PlantService {
             air.restore(&Gusts {
                 turbulence_world: state.turbulence_world.into(),
                 wind_world: state.wind_world.into(),
+                dryden: state.dryden,
                 jet_fluctuation_world: state.jet_fluctuation_world.into(),
             });
         }

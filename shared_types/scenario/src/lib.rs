@@ -62,7 +62,10 @@ pub use safety::InputSafety;
 pub use shared_types::GRAVITY;
 pub use timing::Timing;
 pub use timing::names::EdgeName;
-pub use vehicle::{Actuators, Battery, Fan, FanMove, InitialState, Turbulence, Vehicle, VehicleChange, Wind};
+pub use vehicle::{
+    Actuators, Battery, Dryden, Fan, FanMove, GroundEffect, InitialState, Turbulence, Vehicle, VehicleChange,
+    Wind,
+};
 
 /// Keys that have moved: table and name before, and the table now.
 pub const MOVED_KEYS: [(&str, &str, &str); 2] = [

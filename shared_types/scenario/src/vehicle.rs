@@ -43,6 +43,9 @@ pub struct Vehicle {
     /// A fan that blows at it; none unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fan: Option<Fan>,
+    /// Ground effect of the rotors; none unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground_effect: Option<GroundEffect>,
 }
 
 impl Vehicle {
@@ -62,6 +65,7 @@ impl Vehicle {
             wind: None,
             turbulence: None,
             fan: None,
+            ground_effect: None,
         }
     }
 }
@@ -140,8 +144,6 @@ pub struct Turbulence {
 }
 
 /// Wind: the same everywhere, w = mean + gusts + sine.
-///
-/// For the longitudinal gusts of the Dryden model of length L at a mean V, the correlation time is L/V.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Wind {
@@ -150,12 +152,42 @@ pub struct Wind {
     /// Gusts about it: of each component an Ornstein–Uhlenbeck process, m/s; none unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gusts: Option<Turbulence>,
+    /// Gusts of the Dryden model along and across the mean; none unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dryden: Option<Dryden>,
     /// Amplitude of a sine in {I}, m/s.
     #[serde(skip_serializing_if = "is_zero")]
     pub sine: Vector,
     /// Frequency of the sine, rad/s.
     #[serde(skip_serializing_if = "is_none_of_it")]
     pub sine_frequency: f64,
+}
+
+/// Gusts of the Dryden model (MIL-F-8785C) for air that passes with the mean wind.
+///
+/// At a low height h its lengths are h/(0.177 + 0.000823 h)^1.2 along and aside, and h/2 vertically, in feet; below 10 ft,
+/// in rooms, they are a choice: 1 to 5 m, and deviations of 0.2 to 0.4 times the mean.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Dryden {
+    /// Standard deviations along the mean wind, aside and vertically, m/s.
+    pub deviation: Vector,
+    /// Lengths along the mean wind, aside and vertically, m.
+    pub length: Vector,
+}
+
+/// Ground effect: T/T∞ = 1/(1 − ρ (R/4z)²), at most 1.5.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GroundEffect {
+    /// R, radius of a rotor, m.
+    pub rotor_radius: f64,
+    /// ρ, 1 for a single rotor, up to 8.6 for four.
+    #[serde(default = "default::ground_factor")]
+    pub factor: f64,
+    /// z of the ground in {I}, m; the rotors are as high above it as the centre of mass.
+    #[serde(default)]
+    pub ground: f64,
 }
 
 pub(super) fn is_none_of_it(number: &f64) -> bool {
@@ -246,6 +278,10 @@ pub struct VehicleChange {
 mod default {
     pub(super) fn jet_half_angle() -> f64 {
         0.2
+    }
+
+    pub(super) fn ground_factor() -> f64 {
+        1.0
     }
 
     pub(super) fn jet_correlation_time() -> f64 {

@@ -4,7 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use super::Findings;
 use super::events::Events;
-use crate::{Fan, Key, Turbulence, Vector, Wind};
+use crate::{Dryden, Fan, GroundEffect, Key, Turbulence, Vector, Wind};
 
 impl Turbulence {
     pub(super) fn check(&self, at: &Key, found: &mut Findings) {
@@ -26,6 +26,33 @@ impl Wind {
         if let Some(gusts) = &self.gusts {
             gusts.check(&at.then("gusts"), found);
         }
+        if let Some(dryden) = &self.dryden {
+            dryden.check(&at.then("dryden"), found);
+            if self.mean == [0.0; 3] {
+                found.add(
+                    at.then("dryden"),
+                    "without a mean wind no gusts pass the vehicle",
+                    "state `mean`, or `gusts` with a correlation time in place of `dryden`",
+                );
+            }
+        }
+    }
+}
+
+impl Dryden {
+    fn check(&self, at: &Key, found: &mut Findings) {
+        for (index, (deviation, length)) in self.deviation.iter().zip(&self.length).enumerate() {
+            found.not_negative(&at.then("deviation").then(index), "the deviation", *deviation);
+            found.positive(&at.then("length").then(index), "the length", *length);
+        }
+    }
+}
+
+impl GroundEffect {
+    pub(super) fn check(&self, at: &Key, found: &mut Findings) {
+        found.positive(&at.then("rotor_radius"), "the radius", self.rotor_radius);
+        found.not_negative(&at.then("factor"), "ρ", self.factor);
+        found.number(&at.then("ground"), self.ground);
     }
 }
 

@@ -57,6 +57,9 @@ impl Vehicle {
         if let Some(fan) = &self.fan {
             fan.check(duration, &at.then("fan"), found);
         }
+        if let Some(effect) = &self.ground_effect {
+            effect.check(&at.then("ground_effect"), found);
+        }
     }
 }
 

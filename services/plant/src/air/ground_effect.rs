@@ -1,0 +1,46 @@
+//! Ground effect: rotors near the ground carry more at the same power.
+//!
+//! ```text
+//!     T/T∞ = 1 / (1 − ρ (R/4z)²)
+//! ```
+//!
+//! R radius of a rotor, z height of the rotors above the ground, m; ρ = 1 for a single rotor (Cheeseman and Bennett, 1955),
+//! up to 8.6 for four (Sanchez-Cuevas et al., 2017). Below the height where T/T∞ = 1.5, out of the model's range, it
+//! stays there.
+
+/// The ground and the rotors above it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroundEffect {
+    /// ρ (R/4)², m².
+    strength: f64,
+    /// z of the ground in {I}, m.
+    ground: f64,
+}
+
+/// Largest ρ (R/4z)²: T/T∞ = 1.5.
+const LARGEST: f64 = 1.0 / 3.0;
+
+impl GroundEffect {
+    /// Makes the ground effect of a scenario.
+    #[must_use]
+    pub fn new(stated: &scenario::GroundEffect) -> Self {
+        let quarter = stated.rotor_radius / 4.0;
+        Self {
+            strength: stated.factor * quarter * quarter,
+            ground: stated.ground,
+        }
+    }
+
+    /// Returns T/T∞ − 1 of a vehicle at z (in {I}, m).
+    #[must_use]
+    #[inline]
+    pub fn gain(&self, z: f64) -> f64 {
+        let height = self.ground - z;
+        let share = if height > 0.0 {
+            (self.strength / (height * height)).min(LARGEST)
+        } else {
+            LARGEST
+        };
+        share / (1.0 - share)
+    }
+}
