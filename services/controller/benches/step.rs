@@ -2,7 +2,8 @@
 
 use std::hint::black_box;
 
-use controller::{ControllerService, Estimates, Measured, Parameters, Reference, evaluate};
+use control_law::{Estimates, Measured, Parameters, Reference, evaluate};
+use controller::ControllerService;
 use divan::Bencher;
 use scenario::Scenario;
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};

@@ -4,7 +4,7 @@
 //! return, and decays linearly to zero. Thrust, torque and rates are continuous whatever state the law finds at the
 //! return.
 
-use crate::dead_reckoning::Commanded;
+use control_law::signals::Commanded;
 
 shared_types::sample! {
     /// Transfer in progress; all zero if there is none.

@@ -8,17 +8,18 @@ use shared_types::samples::{ControlCommand, ControlErrors, PathReference, Vehicl
 use shared_types::{Now, ServiceId, Topic, rotation};
 use zerocopy::FromZeros;
 
-use crate::adaptive::parameters::Parameters;
 use crate::bumpless_transfer::Transfer;
-use crate::dead_reckoning::{Commanded, ModelEstimate, Reckoned};
+use crate::dead_reckoning::{ModelEstimate, Reckoned};
 use crate::failsafe::FailsafeStage;
-use crate::law::flight_law::FlightLaw;
-use crate::law::{self, LawOutput, Moment};
-use crate::observer::{MassObserver, ObserverSample};
 use crate::phase::ControlMode;
-use crate::rate_controller::{RateController, RateControllerState};
 use crate::safety::Safety;
-use crate::signals::{Acting, EstimateRates, Estimates, Measured, Reference};
+use control_law::adaptive::parameters::Parameters;
+use control_law::law::flight_law::FlightLaw;
+use control_law::law::{self, LawOutput, Moment};
+use control_law::observer::{MassObserver, ObserverSample};
+use control_law::rate_controller::{RateController, RateControllerState};
+use control_law::signals::Commanded;
+use control_law::signals::{Acting, EstimateRates, Estimates, Measured, Reference};
 
 /// Supervisor that makes commands of states and references.
 #[derive(Clone, Debug)]

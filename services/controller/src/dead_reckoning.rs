@@ -22,9 +22,9 @@ use vehicle_model::integrator::travelled;
 use vehicle_model::lag::{Lag, between};
 use vehicle_model::rigid_body::{self, Motion, angular_acceleration, free_fall};
 
-use crate::adaptive::parameters::Parameters;
-use crate::rate_controller::link_limits;
-use crate::signals::Estimates;
+use control_law::adaptive::parameters::Parameters;
+use control_law::rate_controller::link_limits;
+use control_law::signals::{Commanded, Estimates};
 
 /// Longest step of the prediction, s, and most steps at once: a longer time is predicted in longer steps.
 const STEP: f64 = 0.002;
@@ -35,16 +35,6 @@ const PUSH_FADES: Lag = Lag::new(0.5);
 const FASTEST_TURN: f64 = 50.0;
 
 shared_types::sample! {
-    /// Thrust with torque or body rates, as commanded.
-    pub struct Commanded {
-        /// T, N.
-        pub thrust: f64,
-        /// τ in {B}, N m.
-        pub torque_body: [f64; 3],
-        /// Body rates in {B}, rad/s.
-        pub rates_body: [f64; 3],
-    }
-
     /// Predicted state of the vehicle.
     pub struct Reckoned {
         /// p in {I}, m.
@@ -64,15 +54,6 @@ shared_types::sample! {
         /// Explicit padding.
         pub pad0: [u8; 7],
     }
-}
-
-impl Commanded {
-    /// No thrust, no torque, no rates.
-    pub const NOTHING: Self = Self {
-        thrust: 0.0,
-        torque_body: [0.0; 3],
-        rates_body: [0.0; 3],
-    };
 }
 
 /// Effect of thrust and gravity on the vehicle, by the estimates.

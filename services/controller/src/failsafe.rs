@@ -23,7 +23,8 @@ use shared_types::samples::ControlAdaptation;
 use shared_types::service::nanoseconds;
 use vehicle_model::rigid_body::gyroscopic_torque;
 
-use crate::dead_reckoning::{Commanded, ModelEstimate, Reckoned};
+use crate::dead_reckoning::{ModelEstimate, Reckoned};
+use control_law::signals::Commanded;
 
 /// Speed of descent, m/s.
 pub const DESCENT: f64 = 0.3;

@@ -11,7 +11,7 @@ use shared_types::samples::PathReference;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Input, Now, ServiceId, Topic};
 
-use crate::signals::Reference;
+use control_law::signals::Reference;
 
 /// γ̇ above which γ differs from one reference to the next, 1/s.
 const MOVES: f64 = 1e-6;

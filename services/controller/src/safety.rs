@@ -10,8 +10,9 @@ use shared_types::service::seconds;
 use shared_types::{Now, ServiceId, Topic};
 
 use crate::bumpless_transfer::Transfer;
-use crate::dead_reckoning::{Commanded, DeadReckoning, ModelEstimate, Reckoned};
+use crate::dead_reckoning::{DeadReckoning, ModelEstimate, Reckoned};
 use crate::failsafe::{DESCENT, FailsafeStage, FailsafeStages, Leveler};
+use control_law::signals::Commanded;
 
 /// Policy for the vehicle's state, and its memory.
 #[derive(Clone, Copy, Debug)]

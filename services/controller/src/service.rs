@@ -3,7 +3,7 @@
 //! The estimators η̂, b̂ and ŵ step by the explicit Euler method: the estimates of a step are those of the previous
 //! step plus the elapsed time times that step's rates, and the law uses them.
 //!
-//! Commands are thrust and torque, or with `controller.rates` thrust and body rates ([`crate::rate_controller`]).
+//! Commands are thrust and torque, or with `controller.rates` thrust and body rates ([`control_law::rate_controller`]).
 //!
 //! Failure policy:
 //! * an impossible state or reference is refused and counted, and the last good one stays in use;
@@ -29,18 +29,19 @@ use shared_types::samples::{ControlAdaptation, PathReference};
 use shared_types::wiring::{ControllerInputs, ControllerOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
 
-use crate::adaptive::parameter_vector::ParameterVector;
-use crate::adaptive::parameters::Parameters;
 use crate::bumpless_transfer::Transfer;
 use crate::control_supervisor::{ControlInput, ControlSupervisor, Telemetry};
-use crate::dead_reckoning::{Commanded, Reckoned};
+use crate::dead_reckoning::Reckoned;
 use crate::failsafe::FailsafeStage;
-use crate::law::MEMORY;
-use crate::observer::ObserverSample;
 use crate::phase::{ControlMode, ControlModes};
-use crate::rate_controller::RateControllerState;
 use crate::references::References;
-use crate::signals::{EstimateRates, Estimates};
+use control_law::adaptive::parameter_vector::ParameterVector;
+use control_law::adaptive::parameters::Parameters;
+use control_law::law::MEMORY;
+use control_law::observer::ObserverSample;
+use control_law::rate_controller::RateControllerState;
+use control_law::signals::Commanded;
+use control_law::signals::{EstimateRates, Estimates};
 
 shared_types::sample! {
     /// State of the controller after a step, with the rates of the estimates.

@@ -7,8 +7,9 @@ mod support;
 #[path = "../../../tests/common/restart.rs"]
 mod restart;
 
-use controller::adaptive::parameter_vector::ParameterVector;
-use controller::{ControllerService, Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
+use control_law::adaptive::parameter_vector::ParameterVector;
+use control_law::{Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
+use controller::ControllerService;
 use nalgebra::Vector3;
 use scenario::{Controller, Scenario};
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};

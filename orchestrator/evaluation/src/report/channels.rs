@@ -2,7 +2,7 @@
 //!
 //! A value that a sample does not have is NaN.
 
-use controller::yaw::shorter_way;
+use control_law::yaw::shorter_way;
 use nalgebra::Vector3;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleTruth};

@@ -5,7 +5,7 @@
 
 use std::convert::Infallible;
 
-use controller::yaw::shorter_way;
+use control_law::yaw::shorter_way;
 use host::in_process::TickSink;
 use nalgebra::Vector3;
 use scenario::Scenario;

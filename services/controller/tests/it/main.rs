@@ -3,10 +3,7 @@
 #[path = "../../../../tests/common/garbage.rs"]
 mod garbage;
 
-mod baselines;
-mod law;
 mod phase;
-mod rates;
 #[path = "../../../../tests/common/restart.rs"]
 mod restart;
 mod safety;

@@ -1,12 +1,12 @@
 //! Closed loop in continuous time: vehicle (1) to (4), path, timing law, law and estimators.
 
-use controller::adaptive::evaluation::evaluate_composite;
-use controller::adaptive::harmonics::{FUNCTIONS, Harmonics, Lesson, MOST};
-use controller::adaptive::lyapunov::TrueParameters;
-use controller::adaptive::projection::Projection;
-use controller::adaptive::saturation::Saturation;
-use controller::signals::EstimateRates;
-use controller::{Estimates, Evaluation, Measured, Parameters, Reference};
+use control_law::adaptive::evaluation::evaluate_composite;
+use control_law::adaptive::harmonics::{FUNCTIONS, Harmonics, Lesson, MOST};
+use control_law::adaptive::lyapunov::TrueParameters;
+use control_law::adaptive::projection::Projection;
+use control_law::adaptive::saturation::Saturation;
+use control_law::signals::EstimateRates;
+use control_law::{Estimates, Evaluation, Measured, Parameters, Reference};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use scenario::{Curve, GRAVITY, Path, Scenario, TiltedEight, Vehicle};
@@ -492,7 +492,7 @@ prop_compose! {
             estimates: Estimates {
                 eta: estimates.0,
                 disturbance_world: estimates.1,
-                w: controller::adaptive::parameter_vector::ParameterVector::from_row_slice(&w),
+                w: control_law::adaptive::parameter_vector::ParameterVector::from_row_slice(&w),
             },
             harmonics: Harmonics {
                 amplitudes_world: std::array::from_fn(|index| harmonics[index].0),

@@ -1,13 +1,13 @@
 //! Baselines: their nominal loop by finite differences, their estimates by what they converge to, their memory.
 
-use controller::adaptive::harmonics::Harmonics;
-use controller::law::baseline_law::BaselineLaw;
-use controller::law::flight_law::FlightLaw;
-use controller::law::immersion_inertia::ImmersionInertia;
-use controller::law::nominal::Nominal;
-use controller::law::{Law, LawOutput, Moment};
-use controller::rate_controller::RateController;
-use controller::{Estimates, Measured, Parameters, Reference};
+use control_law::adaptive::harmonics::Harmonics;
+use control_law::law::baseline_law::BaselineLaw;
+use control_law::law::flight_law::FlightLaw;
+use control_law::law::immersion_inertia::ImmersionInertia;
+use control_law::law::nominal::Nominal;
+use control_law::law::{Law, LawOutput, Moment};
+use control_law::rate_controller::RateController;
+use control_law::{Estimates, Measured, Parameters, Reference};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use scenario::{Baseline, Curve, GRAVITY, LawKind, RateCommand, Scenario, TiltedEight};
@@ -203,7 +203,7 @@ fn the_inertia_is_found_while_the_vehicle_turns_and_restored_to_the_bit() {
         let output = law.command(&moment);
         let torque = Vector3::from(output.command.torque_body) + Vector3::z() * (1e-3 * libm::sin(5.0 * t));
         if tick == 20_000 {
-            let mut memory = [0.0; controller::law::MEMORY];
+            let mut memory = [0.0; control_law::law::MEMORY];
             law.save(&mut memory);
             let mut restored = ImmersionInertia::new(&scenario, BaselineLaw::new(&scenario));
             assert_ne!(restored, law);

@@ -28,7 +28,7 @@ pub mod px4;
 
 use nalgebra::Vector3;
 
-use crate::dead_reckoning::Commanded;
+use crate::signals::Commanded;
 use crate::signals::{Acting, EstimateRates, Measured, Reference};
 
 /// Numbers of the memory of a law in the controller's checkpoint.

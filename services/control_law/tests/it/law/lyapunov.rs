@@ -1,8 +1,8 @@
 //! Rate dVn/dt = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) − κ‖ε‖² along the closed loop, and its consequences.
 
-use controller::adaptive::lyapunov;
-use controller::adaptive::parameter_vector::parameter_vector;
-use controller::{Estimates, Measured};
+use control_law::adaptive::lyapunov;
+use control_law::adaptive::parameter_vector::parameter_vector;
+use control_law::{Estimates, Measured};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 

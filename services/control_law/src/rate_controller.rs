@@ -6,9 +6,9 @@ use scenario::{GRAVITY, RateCommand, Scenario, Vector};
 use crate::adaptive::harmonics::Harmonics;
 use crate::adaptive::parameters::Parameters;
 use crate::adaptive::rate_law::AdaptiveLaw;
-use crate::dead_reckoning::Commanded;
 use crate::law::{Law, LawOutput, Telemetry};
 use crate::rates::{HoldStart, RollOut};
+use crate::signals::Commanded;
 use crate::signals::{Acting, Estimates, Measured, Reference};
 use crate::yaw::YawLaw;
 
@@ -165,7 +165,8 @@ impl RateController {
 
 /// Returns the smallest and largest thrust (N), and the largest body rates (rad/s), of the link; an ideal link carries
 /// all.
-pub(crate) fn link_limits(scenario: &Scenario) -> ([f64; 2], Vector) {
+#[must_use]
+pub fn link_limits(scenario: &Scenario) -> ([f64; 2], Vector) {
     let link = scenario.rc_output.as_ref();
     link.map_or(([0.0, f64::INFINITY], [f64::INFINITY; 3]), |link| {
         (link.thrust_limits(), link.rate_limits())

@@ -15,8 +15,8 @@ use vehicle_model::lag::Lag;
 
 use super::baseline::{save_vector, vector_at};
 use super::{LawOutput, Memory, Moment, Telemetry};
-use crate::dead_reckoning::Commanded;
 use crate::rate_controller::RateController;
+use crate::signals::Commanded;
 use crate::signals::{EstimateRates, Measured, Reference};
 
 /// Number of steps that are planned.
@@ -30,7 +30,7 @@ const POSITION_WEIGHT: f64 = 1000.0;
 const THRUST_WEIGHT: f64 = 1.0;
 /// Largest position error that it acts on unless the scenario states one, m: from farther away one pass of Gauss–Newton
 /// tips the vehicle over.
-const NEAR: f64 = 0.1;
+const NEAR: f64 = 0.03;
 /// Factor on the weights at the last step.
 const TERMINAL: f64 = 5.0;
 

@@ -18,7 +18,7 @@ use scenario::Scenario;
 use super::baseline::{save_vector, vector_at};
 use super::baseline_law::BaselineLaw;
 use super::{LawOutput, Memory, Moment};
-use crate::dead_reckoning::Commanded;
+use crate::signals::Commanded;
 
 /// Least share of its prior to which 1/J may fall: a torque stays finite.
 const LEAST_SHARE: f64 = 0.05;

@@ -1,8 +1,8 @@
 //! Law for a vehicle with body-rate commands, against a vehicle with lags that is measured without error.
 
-use controller::adaptive::offset::hanging_offset;
-use controller::rate_controller::RateController;
-use controller::{Acting, Estimates, Measured, Parameters, Reference};
+use control_law::adaptive::offset::hanging_offset;
+use control_law::rate_controller::RateController;
+use control_law::{Acting, Estimates, Measured, Parameters, Reference};
 use nalgebra::Vector3;
 use scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
 use shared_types::rotation;
@@ -198,7 +198,7 @@ fn the_first_step_of_the_roll_out_is_the_law_itself() {
     let command = rate_controller.fly(&law, &rig.motion, &rig.acting(), &resting_reference(), 0.0);
     assert_eq!(
         command.law,
-        controller::evaluate(&parameters, &rig.motion, &resting_reference(), &estimates)
+        control_law::evaluate(&parameters, &rig.motion, &resting_reference(), &estimates)
     );
 }
 

@@ -1,7 +1,7 @@
 //! Agreement with 64 evaluations of the law by another implementation, at the default parameters but for Λw.
 
-use controller::adaptive::parameter_vector::ParameterVector;
-use controller::{Estimates, Measured};
+use control_law::adaptive::parameter_vector::ParameterVector;
+use control_law::{Estimates, Measured};
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 

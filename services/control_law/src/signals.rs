@@ -1,4 +1,4 @@
-//! Arguments of the law: the measured state, the reference, and the estimates with their rates.
+//! Arguments of a law: the measured state, the reference, and the estimates with their rates; and its commands.
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::InitialEstimates;
@@ -38,6 +38,27 @@ impl From<&VehicleState> for Acting {
             acceleration_world: state.acceleration_world.into(),
         }
     }
+}
+
+shared_types::sample! {
+    /// Thrust with torque or body rates, as commanded.
+    pub struct Commanded {
+        /// T, N.
+        pub thrust: f64,
+        /// τ in {B}, N m.
+        pub torque_body: [f64; 3],
+        /// Body rates in {B}, rad/s.
+        pub rates_body: [f64; 3],
+    }
+}
+
+impl Commanded {
+    /// No thrust, no torque, no rates.
+    pub const NOTHING: Self = Self {
+        thrust: 0.0,
+        torque_body: [0.0; 3],
+        rates_body: [0.0; 3],
+    };
 }
 
 /// Reference: the desired point of the path and its motion.

@@ -1,8 +1,8 @@
 //! Identity W w ≡ −S(ω)Jω + J δm ζ̇ along the closed loop, timing law included.
 
-use controller::Estimates;
-use controller::Measured;
-use controller::adaptive::parameter_vector::parameter_vector;
+use control_law::Estimates;
+use control_law::Measured;
+use control_law::adaptive::parameter_vector::parameter_vector;
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use shared_types::rotation;
@@ -104,7 +104,7 @@ fn the_identity_fails_for_a_regressor_without_the_timing_law() {
     let mut deaf = closed_loop.reference(&state);
     assert!(deaf.gamma_dddot_slope.abs() > 0.1);
     deaf.gamma_dddot_slope = 0.0;
-    let evaluation = controller::evaluate(&closed_loop.parameters, &state.measured, &deaf, &state.estimates);
+    let evaluation = control_law::evaluate(&closed_loop.parameters, &state.measured, &deaf, &state.estimates);
     let complete = closed_loop.evaluate(&state);
     let actual = &closed_loop.actual;
     let w = parameter_vector(&actual.inertia, actual.eta, &actual.disturbance_world);

@@ -10,8 +10,8 @@ use super::{LawOutput, Memory, Moment, Telemetry};
 use crate::adaptive::evaluation::evaluate_composite;
 use crate::adaptive::harmonics::{Harmonics, Repeating};
 use crate::adaptive::parameters::Parameters;
-use crate::dead_reckoning::Commanded;
 use crate::rate_controller::RateController;
+use crate::signals::Commanded;
 use crate::signals::{Estimates, Reference};
 
 /// The law of a flight with its state; η̂, b̂ and ŵ are the supervisor's.
