@@ -29,7 +29,10 @@ impl InARow {
         };
         Self {
             services: services.into_iter().map(timed).collect(),
-            newest: Topic::ALL.map(|topic| topic.publisher().map(|_| OwnedSample::of(topic))),
+            newest: Topic::ALL.map(|topic| {
+                let is_published = topic.publisher().is_some() && schedule.publication(topic).is_due(0);
+                is_published.then(|| OwnedSample::of(topic))
+            }),
             last_tick: schedule.last_tick(),
         }
     }
@@ -63,7 +66,8 @@ impl InARow {
                 }
             }
             let mut slots = Slots::default();
-            for ((slot, sample), output) in slots.iter_mut().zip(&mut own).zip(&timetable.outputs) {
+            let due = slots.iter_mut().zip(&mut own).zip(&timetable.outputs);
+            for ((slot, sample), output) in due.filter(|(_, output)| output.is_due(tick)) {
                 let bytes = sample.as_mut().expect("one service a topic").bytes_mut();
                 *slot = step::prepared(output.topic, output.header(tick), bytes);
             }

@@ -176,7 +176,7 @@ impl FromStr for MatrixFaults {
 mod tests {
     use super::*;
     use crate::plan::services;
-    use run_log::test_flight::scenario;
+    use run_log::test_flight::scenario_of_own_controller as scenario;
     use scenario::EdgeName;
 
     #[test]

@@ -56,7 +56,7 @@ fn at(parts: &[(f64, f64)], mut way: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use run_log::test_flight::scenario;
+    use run_log::test_flight::scenario_of_own_controller as scenario;
 
     #[test]
     fn faults_begin_when_the_vehicle_has_settled_and_is_left_alone() {

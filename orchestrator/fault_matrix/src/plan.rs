@@ -107,7 +107,7 @@ fn cell(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use run_log::test_flight::scenario;
+    use run_log::test_flight::scenario_of_own_controller as scenario;
 
     fn times() -> Times {
         Times {

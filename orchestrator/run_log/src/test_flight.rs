@@ -9,7 +9,14 @@ use zerocopy::{FromZeros, IntoBytes};
 
 use super::{Compression, Manifest, RunLogWriter, Written, partial_path};
 
-/// A flight of `duration` seconds at `tick` seconds with a change of mass in its middle.
+/// The same flight with Gerono's own controller, which has no numbers of its own.
+pub fn scenario_of_own_controller(tick: f64, duration: f64) -> Scenario {
+    let mut scenario = scenario(tick, duration);
+    scenario.controller.telemetry.clear();
+    scenario
+}
+
+/// A flight of `duration` seconds at `tick` seconds with a change of mass in its middle, and with all topics.
 pub fn scenario(tick: f64, duration: f64) -> Scenario {
     toml::from_str(&format!(
         "description = \"a test\"\nduration = {duration}\nschedule.tick = {tick}\n\
