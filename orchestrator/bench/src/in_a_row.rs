@@ -30,8 +30,8 @@ impl InARow {
         Self {
             services: services.into_iter().map(timed).collect(),
             newest: Topic::ALL.map(|topic| {
-                let is_published = topic.publisher().is_some() && schedule.publication(topic).is_due(0);
-                is_published.then(|| OwnedSample::of(topic))
+                let mut published = schedule.published_topics();
+                published.any(|other| other == topic).then(|| OwnedSample::of(topic))
             }),
             last_tick: schedule.last_tick(),
         }

@@ -17,7 +17,7 @@ use runtime::ports::{Delivery, RECORDER_BUFFER, Receiver, RunNode, TopicPorts};
 use runtime::ring_order::RingOrder;
 use runtime::shared_page::SharedPage;
 use scenario::Scenario;
-use shared_types::{Schedule, ServiceId, Topic};
+use shared_types::{Schedule, ServiceId};
 
 use super::bare_ports::BarePorts;
 use crate::arguments::{Ring, RingMember, RingWait};
@@ -135,8 +135,8 @@ struct Recorder {
 
 impl Recorder {
     fn subscribe(member: &RunNode, schedule: &Schedule) -> Result<Self, runtime::ports::PortError> {
-        let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
-        let topics = published
+        let topics = schedule
+            .published_topics()
             .map(|topic| member.create_topic(topic, schedule, Delivery::Lossless))
             .collect::<Result<Vec<_>, _>>()?;
         let receivers = topics.iter().map(|topic| topic.recorder(RECORDER_BUFFER));
