@@ -27,6 +27,7 @@ use command_line::exit::Exit;
 use grid::arguments::Grid;
 pub use mocap_tools::arguments::*;
 use model_identification::arguments::Identify;
+use sweep::arguments::Sweep;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
 #[derive(Debug, Parser)]
@@ -123,6 +124,12 @@ pub enum Command {
     /// Writes grid.json, grid.md and a page with a heat map.
     #[command(after_help = Grid::EXAMPLES)]
     Grid(Grid),
+    /// Fly thousands of varied scenarios, on all cores or on a cluster, and say what came of them.
+    ///
+    /// A sweep.toml states what is varied, compared and judged; docs/sweeps.md explains it. Sample i is a function of the
+    /// sweep and of i alone: shards need nothing of each other, and every row can be flown again.
+    #[command(after_help = Sweep::EXAMPLES)]
+    Sweep(Sweep),
     /// Find what the estimator should believe of markers, delay and noise, from the log of a flight.
     ///
     /// Markers that do not sit in the centre of mass, frames that act later than believed, and cameras that scatter more

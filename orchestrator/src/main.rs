@@ -29,6 +29,7 @@ fn main() -> ExitCode {
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Grid(arguments) => grid::grid(&arguments),
+        Command::Sweep(arguments) => sweep::sweep(&arguments),
         Command::Identify(arguments) => model_identification::command(&arguments).map(|()| Exit::Success),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Mocap(arguments) => mocap_tools::mocap(&arguments),

@@ -31,7 +31,9 @@ impl InARow {
             services: services.into_iter().map(timed).collect(),
             newest: Topic::ALL.map(|topic| {
                 let mut published = schedule.published_topics();
-                published.any(|other| other == topic).then(|| OwnedSample::of(topic))
+                published
+                    .any(|other| other == topic)
+                    .then(|| OwnedSample::of(topic))
             }),
             last_tick: schedule.last_tick(),
         }

@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+pub use indicatif::ProgressBar;
+use indicatif::{ProgressDrawTarget, ProgressStyle};
 use shared_types::Schedule;
 
 use crate::terminal::{printable, printable_lines};
@@ -25,6 +26,18 @@ const TERMINAL_LIMIT: Duration = Duration::from_secs(1);
 pub fn flights(count: usize) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(count as u64), ProgressDrawTarget::stderr());
     let template = "flights {pos} of {len} {wide_bar} {elapsed}, {eta} left";
+    bar.set_style(ProgressStyle::with_template(template).expect("the template is well-formed"));
+    bar
+}
+
+/// A bar of whole flights with their rate; nothing where standard error is no terminal.
+///
+/// # Panics
+/// Never: the template is well-formed.
+#[must_use]
+pub fn rated_flights(count: u64) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(count), ProgressDrawTarget::stderr());
+    let template = "flights {pos} of {len} {wide_bar} {per_sec}, {elapsed}, {eta} left";
     bar.set_style(ProgressStyle::with_template(template).expect("the template is well-formed"));
     bar
 }

@@ -30,7 +30,20 @@ use sources::Sources;
 /// # Errors
 /// [`ScenarioError`] if the file cannot be read or if what it and the arguments say cannot be flown.
 pub fn load(path: &Path, sets: &[String], seed: Option<u64>) -> Result<Scenario, ScenarioError> {
-    let mut scenario = load_text(path, &read::text(path)?, sets, seed)?;
+    load_from(path, &read::text(path)?, sets, seed)
+}
+
+/// As [`load`], of a file whose text has been read.
+///
+/// # Errors
+/// [`ScenarioError`] if what it and the arguments say cannot be flown.
+pub fn load_from(
+    path: &Path,
+    text: &str,
+    sets: &[String],
+    seed: Option<u64>,
+) -> Result<Scenario, ScenarioError> {
+    let mut scenario = load_text(path, text, sets, seed)?;
     // Without a working folder there is no file to be found in it either.
     let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let folder = file.parent().unwrap_or(Path::new("/"));

@@ -1,0 +1,425 @@
+//! `sweep.toml`: what is varied, compared, judged and kept.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use command_line::failure::Failure;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use statistics::distribution::Distribution;
+use toml::{Table, Value};
+
+use crate::expression::is_name;
+
+/// A sweep as its file states it.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Definition {
+    /// Scenario that is varied, relative to the file.
+    pub scenario: PathBuf,
+    /// Number of samples; of a grid it follows.
+    #[serde(default)]
+    pub samples: Option<u64>,
+    /// Seed of the samples and of their flights.
+    #[serde(default = "first_seed")]
+    pub seed: u64,
+    /// How the samples fill the space of what is varied.
+    #[serde(default)]
+    pub method: Method,
+    /// Settings of all flights, as `--set` has them.
+    #[serde(default)]
+    pub set: Vec<String>,
+    /// What is varied: keys of the scenario, and names that expressions use.
+    #[serde(default)]
+    pub vary: Table,
+    /// Conditions that a sample must meet; the others are counted and not flown.
+    #[serde(default)]
+    pub require: Vec<String>,
+    /// Settings, or control laws, that fly the same samples; the first is the reference of all differences.
+    #[serde(default)]
+    pub compare: Vec<Entry>,
+    /// Criteria on the results of a flight, by name.
+    #[serde(default)]
+    pub judge: BTreeMap<String, String>,
+    /// What is kept of a flight beside its row.
+    #[serde(default)]
+    pub keep: Keep,
+    /// Drawings of a result over two varied values.
+    #[serde(default)]
+    pub map: Vec<Map>,
+}
+
+fn first_seed() -> u64 {
+    1
+}
+
+/// Method by which samples fill the space.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Independent draws: the only ones of which an interval for the pass rate holds.
+    #[default]
+    Random,
+    /// Owen-scrambled Sobol points.
+    Sobol,
+    /// Latin hypercube.
+    Latin,
+    /// Every combination of levels.
+    Grid,
+}
+
+/// Settings that fly every sample.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// Name in tables.
+    pub name: String,
+    /// Settings, as `--set` has them.
+    #[serde(default)]
+    pub set: Vec<String>,
+}
+
+/// What is kept beside the rows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Keep {
+    /// Of which flights the log is kept.
+    pub logs: KeptLogs,
+}
+
+/// Flights whose log is kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum KeptLogs {
+    /// None: every flight can be flown again.
+    #[default]
+    None,
+    /// Those that were lost, failed, or did not meet a criterion.
+    Failed,
+    /// All.
+    All,
+}
+
+/// Drawing of the results over two varied values.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Map {
+    /// Varied value along x.
+    pub x: String,
+    /// Varied value along y.
+    pub y: String,
+    /// Criterion or result that gives the colour [default: whether the vehicle survived].
+    #[serde(default = "survived")]
+    pub value: String,
+    /// `true` for logarithmic axes.
+    #[serde(default)]
+    pub log: bool,
+    /// Lines, by name: y as an expression of x.
+    #[serde(default)]
+    pub line: BTreeMap<String, String>,
+    /// Points, by name.
+    #[serde(default)]
+    pub point: BTreeMap<String, [f64; 2]>,
+}
+
+fn survived() -> String {
+    "survived".to_owned()
+}
+
+/// What is varied under one name.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Vary {
+    /// Drawn from a distribution; with so many levels in a grid.
+    Draw(Distribution, u32),
+    /// One of these values.
+    Choice(Vec<Value>),
+    /// Follows from other varied values.
+    Expression(String),
+    /// An array of them.
+    Array(Vec<Vary>),
+}
+
+/// Levels of a distribution in a grid unless stated.
+const LEVELS: u32 = 5;
+
+/// Sweep with the texts that make it: all that determines its rows but the program.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The definition.
+    pub definition: Definition,
+    /// The text of the sweep's file.
+    pub text: String,
+    /// The scenario's file.
+    pub scenario_path: PathBuf,
+    /// The text of the scenario.
+    pub scenario_text: String,
+}
+
+impl Source {
+    /// Reads a sweep and its scenario.
+    ///
+    /// # Errors
+    /// [`Failure`] with the place and the fix.
+    pub fn read(path: &Path) -> Result<Self, Failure> {
+        let text = read_text(
+            path,
+            "give the path of a sweep, such as scenarios/sweeps/vehicles.toml",
+        )?;
+        let scenario = Definition::parse(&text, path)?.scenario;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let scenario_path = std::path::absolute(folder.join(scenario)).map_err(Failure::trouble)?;
+        let fix = "`scenario` is relative to the sweep's file";
+        let scenario_text = read_text(&scenario_path, fix)?;
+        Self::new(path, text, scenario_path, scenario_text)
+    }
+
+    /// Makes a sweep of texts; `path` is what errors call it.
+    ///
+    /// # Errors
+    /// [`Failure`] with the place and the fix.
+    pub fn new(
+        path: &Path,
+        text: String,
+        scenario_path: PathBuf,
+        scenario_text: String,
+    ) -> Result<Self, Failure> {
+        Ok(Self {
+            definition: Definition::parse(&text, path)?,
+            text,
+            scenario_path,
+            scenario_text,
+        })
+    }
+
+    /// Returns the SHA-256 over both texts, in hexadecimal.
+    #[must_use]
+    pub fn identity(&self) -> String {
+        let mut hash = Sha256::new();
+        for text in [&self.text, &self.scenario_text] {
+            hash.update((text.len() as u64).to_le_bytes());
+            hash.update(text);
+        }
+        hexadecimal(&hash.finalize())
+    }
+}
+
+/// Returns bytes in hexadecimal.
+#[must_use]
+pub fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn read_text(path: &Path, fix: &str) -> Result<String, Failure> {
+    std::fs::read_to_string(path)
+        .map_err(|error| Failure::bad_input(format!("cannot read {}: {error}; {fix}", path.display())))
+}
+
+impl Definition {
+    /// Reads the text of a sweep and checks what can be checked without its scenario.
+    fn parse(text: &str, path: &Path) -> Result<Self, Failure> {
+        let refused = |reason: String| Failure::bad_input(format!("{}: {reason}", path.display()));
+        let definition: Self = toml::from_str(text).map_err(|error| refused(error.to_string()))?;
+        definition.check().map_err(refused)?;
+        Ok(definition)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        match (self.method, self.samples) {
+            (Method::Grid, Some(_)) => {
+                return Err(
+                    "`samples` does not go with a grid, whose levels make the number; leave it out"
+                        .to_owned(),
+                );
+            }
+            (Method::Random | Method::Sobol | Method::Latin, None | Some(0)) => {
+                return Err("there are no samples; state `samples = 1000`".to_owned());
+            }
+            _ => {}
+        }
+        for (name, _) in self.varied()? {
+            if !is_name(&name) && !name.contains('.') && name != "duration" {
+                return Err(format!(
+                    "`vary.{name}` is neither a key of the scenario, such as \"vehicle.mass\", nor a name for expressions"
+                ));
+            }
+        }
+        for (index, entry) in self.compare.iter().enumerate() {
+            let is_used = self.compare[..index].iter().any(|other| other.name == entry.name);
+            if entry.name.is_empty() || is_used {
+                return Err(format!("`compare.{index}` needs a `name` of its own"));
+            }
+        }
+        if let Some(name) = self.judge.keys().find(|name| !is_name(name)) {
+            return Err(format!("`judge.{name}` is no name: use letters, digits and `_`"));
+        }
+        Ok(())
+    }
+
+    /// Returns what is varied, by name.
+    ///
+    /// # Errors
+    /// The reason and the fix.
+    pub fn varied(&self) -> Result<Vec<(String, Vary)>, String> {
+        let vary = self.vary.iter().map(|(name, value)| {
+            let vary = Vary::read(value).map_err(|reason| format!("`vary.\"{name}\"`: {reason}"))?;
+            Ok((name.clone(), vary))
+        });
+        vary.collect()
+    }
+
+    /// Returns what flies every sample, the settings as they are if nothing is compared.
+    #[must_use]
+    pub fn entries(&self) -> Vec<Entry> {
+        if self.compare.is_empty() {
+            return vec![Entry {
+                name: "as stated".to_owned(),
+                set: Vec::new(),
+            }];
+        }
+        self.compare.clone()
+    }
+}
+
+const KINDS: &str = "write { uniform = [a, b] }, { log_uniform = [a, b] }, { normal = [mean, deviation] }, { choice = […] }, \
+                     an expression in quotes, or an array of these";
+
+impl Vary {
+    fn read(value: &Value) -> Result<Self, String> {
+        match value {
+            Value::String(text) => Ok(Self::Expression(text.clone())),
+            Value::Array(parts) => {
+                let parts: Result<Vec<_>, _> = parts.iter().map(Self::read).collect();
+                match parts? {
+                    parts if parts.is_empty() => Err(format!("the array is empty; {KINDS}")),
+                    parts => Ok(Self::Array(parts)),
+                }
+            }
+            Value::Table(table) => Self::of_table(table),
+            Value::Integer(_) | Value::Float(_) | Value::Boolean(_) => Ok(Self::Choice(vec![value.clone()])),
+            Value::Datetime(_) => Err(format!("a date cannot be varied; {KINDS}")),
+        }
+    }
+
+    fn of_table(table: &Table) -> Result<Self, String> {
+        let kinds = ["uniform", "log_uniform", "normal", "choice"];
+        let mut stated = kinds.into_iter().filter(|kind| table.contains_key(*kind));
+        let (Some(kind), None) = (stated.next(), stated.next()) else {
+            return Err(KINDS.to_owned());
+        };
+        let further: &[&str] = if kind == "normal" {
+            &["min", "max", "levels"]
+        } else {
+            &["levels"]
+        };
+        if let Some(key) = table
+            .keys()
+            .find(|key| *key != kind && !further.contains(&key.as_str()))
+        {
+            return Err(format!("`{key}` does not go with `{kind}`; {KINDS}"));
+        }
+        if kind == "choice" {
+            return match &table[kind] {
+                Value::Array(values) if !values.is_empty() => Ok(Self::Choice(values.clone())),
+                _ => Err("`choice` is an array of at least one value".to_owned()),
+            };
+        }
+        let [first, second] =
+            two_numbers(&table[kind]).ok_or_else(|| format!("`{kind}` is an array of two numbers"))?;
+        let limit = |key| match table.get(key) {
+            None => Ok(None),
+            Some(value) => number(value)
+                .map(Some)
+                .ok_or_else(|| format!("`{key}` is a number")),
+        };
+        let distribution = match kind {
+            "uniform" => Distribution::Uniform {
+                low: first,
+                high: second,
+            },
+            "log_uniform" => Distribution::LogUniform {
+                low: first,
+                high: second,
+            },
+            _ => Distribution::Normal {
+                mean: first,
+                deviation: second,
+                low: limit("min")?,
+                high: limit("max")?,
+            },
+        };
+        distribution.check().map_err(|error| error.to_string())?;
+        let levels = match table.get("levels") {
+            None => LEVELS,
+            Some(value) => value
+                .as_integer()
+                .and_then(|levels| u32::try_from(levels).ok())
+                .filter(|levels| *levels > 0)
+                .ok_or("`levels` is a whole number above 0")?,
+        };
+        Ok(Self::Draw(distribution, levels))
+    }
+}
+
+fn two_numbers(value: &Value) -> Option<[f64; 2]> {
+    let [first, second] = value.as_array()?.as_slice() else {
+        return None;
+    };
+    Some([number(first)?, number(second)?])
+}
+
+#[expect(clippy::cast_precision_loss, reason = "ranges of whole numbers are small")]
+fn number(value: &Value) -> Option<f64> {
+    value
+        .as_float()
+        .or_else(|| value.as_integer().map(|number| number as f64))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(text: &str) -> String {
+        let error = Definition::parse(text, Path::new("s.toml")).unwrap_err();
+        format!("{:?}", error.report)
+    }
+
+    #[test]
+    fn bad_input_is_refused_with_its_place_and_a_fix() {
+        let head = "scenario = \"fig1.toml\"\nsamples = 10\n";
+        for (text, reason) in [
+            ("scenario = \"fig1.toml\"\n", "there are no samples"),
+            (
+                "scenario = \"fig1.toml\"\nsamples = 10\nmethod = \"grid\"\n",
+                "does not go with a grid",
+            ),
+            (
+                "scenario = \"a\"\nsamples = 10\nsample = 3\n",
+                "unknown field `sample`",
+            ),
+            (
+                &format!("{head}[vary]\n\"vehicle.mass\" = {{ uniform = [2.0, 1.0] }}\n"),
+                "`vary.\"vehicle.mass\"`",
+            ),
+            (
+                &format!("{head}[vary]\nm = {{ uniform = [1.0, 2.0], min = 1.0 }}\n"),
+                "`min` does not go with `uniform`",
+            ),
+            (
+                &format!("{head}[vary]\nm = {{ even = [1.0, 2.0] }}\n"),
+                "write { uniform",
+            ),
+            (
+                &format!("{head}[vary]\n\"2m\" = {{ uniform = [1.0, 2.0] }}\n"),
+                "neither a key",
+            ),
+            (&format!("{head}[judge]\n\"a b\" = \"max < 1\"\n"), "is no name"),
+            (
+                &format!("{head}[[compare]]\nname = \"a\"\n[[compare]]\nname = \"a\"\n"),
+                "a `name` of its own",
+            ),
+        ] {
+            let refusal = refused(text);
+            assert!(refusal.contains(reason), "{text}\n{refusal}");
+        }
+    }
+}

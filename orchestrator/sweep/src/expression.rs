@@ -1,0 +1,451 @@
+//! Expressions of a sweep: values that follow from others (`m * r^2`), and criteria (`max < 0.03 and not lost`).
+//!
+//! They are numbers; a comparison is 1 or 0, and what is not 0 is true. A value that is missing is NaN, with which every
+//! comparison but `!=` is false. All functions are those of `libm`, so that a sample is the same on every machine.
+
+use std::fmt::{Display, Formatter};
+
+/// An expression whose names are places of a list of values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expression(Node);
+
+#[derive(Clone, Debug, PartialEq)]
+enum Node {
+    Number(f64),
+    Value(usize),
+    Negative(Box<Node>),
+    Not(Box<Node>),
+    Binary(Operator, Box<(Node, Node)>),
+    Call(Function, Vec<Node>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Operator {
+    Or,
+    And,
+    Equal,
+    NotEqual,
+    Less,
+    LessOrEqual,
+    Greater,
+    GreaterOrEqual,
+    Plus,
+    Minus,
+    Times,
+    Over,
+    Power,
+}
+
+/// Operators by how closely they bind, the loosest first; those of one line bind alike, from left to right.
+const LEVELS: [&[(&str, Operator)]; 5] = [
+    &[("or", Operator::Or)],
+    &[("and", Operator::And)],
+    &[
+        ("==", Operator::Equal),
+        ("!=", Operator::NotEqual),
+        ("<=", Operator::LessOrEqual),
+        (">=", Operator::GreaterOrEqual),
+        ("<", Operator::Less),
+        (">", Operator::Greater),
+    ],
+    &[("+", Operator::Plus), ("-", Operator::Minus)],
+    &[("*", Operator::Times), ("/", Operator::Over)],
+];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Function {
+    Abs,
+    Cos,
+    Exp,
+    Ln,
+    Max,
+    Min,
+    Sin,
+    Sqrt,
+}
+
+/// Functions by name, with the number of their arguments.
+const FUNCTIONS: [(&str, Function, usize); 8] = [
+    ("abs", Function::Abs, 1),
+    ("cos", Function::Cos, 1),
+    ("exp", Function::Exp, 1),
+    ("ln", Function::Ln, 1),
+    ("max", Function::Max, 2),
+    ("min", Function::Min, 2),
+    ("sin", Function::Sin, 1),
+    ("sqrt", Function::Sqrt, 1),
+];
+
+/// Reason why a text is no expression.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ExpressionError {
+    /// The text.
+    pub text: String,
+    /// Place in it, bytes from its begin.
+    pub place: usize,
+    /// The reason, and what to do.
+    pub reason: String,
+}
+
+impl Display for ExpressionError {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        let before = self.text[..self.place.min(self.text.len())].chars().count();
+        write!(
+            formatter,
+            "{}\n    {}\n    {:before$}^",
+            self.reason, self.text, ""
+        )
+    }
+}
+
+impl std::error::Error for ExpressionError {}
+
+impl Expression {
+    /// Reads an expression; `place_of` knows where the value of a name is.
+    ///
+    /// # Errors
+    /// [`ExpressionError`] with the place and the fix.
+    pub fn parse(text: &str, place_of: impl Fn(&str) -> Option<usize>) -> Result<Self, ExpressionError> {
+        let mut parser = Parser {
+            text,
+            place: 0,
+            place_of: &place_of,
+        };
+        let node = parser.level(0)?;
+        parser.skip_blanks();
+        if parser.place < text.len() {
+            return Err(parser.error("here the expression should end"));
+        }
+        Ok(Self(node))
+    }
+
+    /// Returns the value.
+    #[must_use]
+    pub fn value(&self, values: &[f64]) -> f64 {
+        self.0.value(values)
+    }
+
+    /// Returns whether it is true: neither 0 nor missing.
+    #[must_use]
+    pub fn is_true(&self, values: &[f64]) -> bool {
+        is_true(self.value(values))
+    }
+
+    /// Returns the places of all values that it uses.
+    #[must_use]
+    pub fn places(&self) -> Vec<usize> {
+        let mut places = Vec::new();
+        self.0.collect_places(&mut places);
+        places
+    }
+}
+
+fn is_true(value: f64) -> bool {
+    value != 0.0 && !value.is_nan()
+}
+
+impl Node {
+    fn value(&self, values: &[f64]) -> f64 {
+        match self {
+            Self::Number(number) => *number,
+            Self::Value(place) => values[*place],
+            Self::Negative(node) => -node.value(values),
+            Self::Not(node) => truth(!is_true(node.value(values))),
+            Self::Binary(operator, sides) => operator.apply(sides.0.value(values), sides.1.value(values)),
+            Self::Call(function, arguments) => {
+                let first = arguments[0].value(values);
+                function.apply(
+                    first,
+                    arguments.get(1).map_or(first, |second| second.value(values)),
+                )
+            }
+        }
+    }
+
+    fn collect_places(&self, places: &mut Vec<usize>) {
+        match self {
+            Self::Number(_) => {}
+            Self::Value(place) => places.push(*place),
+            Self::Negative(node) | Self::Not(node) => node.collect_places(places),
+            Self::Binary(_, sides) => {
+                sides.0.collect_places(places);
+                sides.1.collect_places(places);
+            }
+            Self::Call(_, arguments) => arguments.iter().for_each(|node| node.collect_places(places)),
+        }
+    }
+}
+
+fn truth(is_true: bool) -> f64 {
+    f64::from(u8::from(is_true))
+}
+
+impl Operator {
+    #[expect(clippy::float_cmp, reason = "that is what the user asks for")]
+    fn apply(self, a: f64, b: f64) -> f64 {
+        match self {
+            Self::Or => truth(is_true(a) || is_true(b)),
+            Self::And => truth(is_true(a) && is_true(b)),
+            Self::Equal => truth(a == b),
+            Self::NotEqual => truth(a != b),
+            Self::Less => truth(a < b),
+            Self::LessOrEqual => truth(a <= b),
+            Self::Greater => truth(a > b),
+            Self::GreaterOrEqual => truth(a >= b),
+            Self::Plus => a + b,
+            Self::Minus => a - b,
+            Self::Times => a * b,
+            Self::Over => a / b,
+            Self::Power => libm::pow(a, b),
+        }
+    }
+}
+
+impl Function {
+    fn apply(self, a: f64, b: f64) -> f64 {
+        match self {
+            Self::Abs => a.abs(),
+            Self::Cos => libm::cos(a),
+            Self::Exp => libm::exp(a),
+            Self::Ln => libm::log(a),
+            Self::Max => a.max(b),
+            Self::Min => a.min(b),
+            Self::Sin => libm::sin(a),
+            Self::Sqrt => a.sqrt(),
+        }
+    }
+}
+
+struct Parser<'a> {
+    text: &'a str,
+    place: usize,
+    place_of: &'a dyn Fn(&str) -> Option<usize>,
+}
+
+impl Parser<'_> {
+    fn rest(&self) -> &str {
+        &self.text[self.place..]
+    }
+
+    fn skip_blanks(&mut self) {
+        self.place = self.text.len() - self.rest().trim_start().len();
+    }
+
+    fn error(&self, reason: impl Into<String>) -> ExpressionError {
+        ExpressionError {
+            text: self.text.to_owned(),
+            place: self.place,
+            reason: reason.into(),
+        }
+    }
+
+    /// Takes a symbol or a word, if it stands here.
+    fn take(&mut self, symbol: &str) -> bool {
+        self.skip_blanks();
+        let Some(after) = self.rest().strip_prefix(symbol) else {
+            return false;
+        };
+        let is_word = symbol.starts_with(char::is_alphabetic);
+        if is_word && after.starts_with(is_part_of_name) {
+            return false;
+        }
+        self.place += symbol.len();
+        true
+    }
+
+    /// Operators of a level, and of those that bind more closely.
+    fn level(&mut self, level: usize) -> Result<Node, ExpressionError> {
+        let Some(operators) = LEVELS.get(level) else {
+            return self.unary();
+        };
+        let mut left = self.level(level + 1)?;
+        while let Some((_, operator)) = operators.iter().find(|(symbol, _)| self.take(symbol)) {
+            let right = self.level(level + 1)?;
+            left = Node::Binary(*operator, Box::new((left, right)));
+        }
+        Ok(left)
+    }
+
+    fn unary(&mut self) -> Result<Node, ExpressionError> {
+        if self.take("-") {
+            return Ok(Node::Negative(Box::new(self.unary()?)));
+        }
+        if self.take("not") {
+            // `not a < b` is `not (a < b)`.
+            return Ok(Node::Not(Box::new(self.level(2)?)));
+        }
+        let base = self.primary()?;
+        if self.take("^") {
+            let exponent = self.unary()?;
+            return Ok(Node::Binary(Operator::Power, Box::new((base, exponent))));
+        }
+        Ok(base)
+    }
+
+    fn primary(&mut self) -> Result<Node, ExpressionError> {
+        if self.take("(") {
+            let node = self.level(0)?;
+            return self.closed(node);
+        }
+        self.skip_blanks();
+        let number = self.number_length();
+        if number > 0 {
+            let value = self.rest()[..number].parse();
+            let value = value.map_err(|_| self.error("this is not a number"))?;
+            self.place += number;
+            return Ok(Node::Number(value));
+        }
+        let name = self.rest().find(|character| !is_part_of_name(character));
+        let name = self.rest()[..name.unwrap_or(self.rest().len())].to_owned();
+        if name.is_empty() {
+            return Err(self.error("here a number, a name or a bracket should be"));
+        }
+        self.named(&name)
+    }
+
+    fn named(&mut self, name: &str) -> Result<Node, ExpressionError> {
+        let start = self.place;
+        self.place += name.len();
+        if self.take("(") {
+            let Some(&(_, function, count)) = FUNCTIONS.iter().find(|(other, _, _)| *other == name) else {
+                self.place = start;
+                let names = FUNCTIONS.map(|(name, _, _)| name).join(", ");
+                return Err(self.error(format!("there is no function `{name}`; there are {names}")));
+            };
+            let mut arguments = vec![self.level(0)?];
+            while self.take(",") {
+                arguments.push(self.level(0)?);
+            }
+            if arguments.len() != count {
+                self.place = start;
+                return Err(self.error(format!("`{name}` has {count} arguments, not {}", arguments.len())));
+            }
+            return self.closed(Node::Call(function, arguments));
+        }
+        match (self.place_of)(name) {
+            Some(place) => Ok(Node::Value(place)),
+            None => {
+                self.place = start;
+                Err(self.error(format!("there is no value `{name}`")))
+            }
+        }
+    }
+
+    fn closed(&mut self, node: Node) -> Result<Node, ExpressionError> {
+        if self.take(")") {
+            Ok(node)
+        } else {
+            Err(self.error("here a `)` should be"))
+        }
+    }
+
+    /// Length of the number that begins here; 0 if none does.
+    fn number_length(&self) -> usize {
+        let bytes = self.rest().as_bytes();
+        let digits = |from: usize| {
+            let run = bytes[from..].iter().take_while(|byte| byte.is_ascii_digit());
+            from + run.count()
+        };
+        let mut end = digits(0);
+        if bytes.get(end) == Some(&b'.') {
+            end = digits(end + 1);
+        }
+        if end == 0 || (end == 1 && bytes[0] == b'.') {
+            return 0;
+        }
+        if let Some(b'e' | b'E') = bytes.get(end) {
+            let sign = usize::from(matches!(bytes.get(end + 1), Some(b'+' | b'-')));
+            let exponent = digits(end + 1 + sign);
+            if exponent > end + 1 + sign {
+                end = exponent;
+            }
+        }
+        end
+    }
+}
+
+fn is_part_of_name(character: char) -> bool {
+    character.is_alphanumeric() || character == '_'
+}
+
+/// Returns whether a text is a name as expressions have it.
+#[must_use]
+pub fn is_name(text: &str) -> bool {
+    let is_word = LEVELS[..2]
+        .iter()
+        .flat_map(|level| level.iter())
+        .any(|(word, _)| *word == text)
+        || text == "not";
+    text.starts_with(|character: char| character.is_alphabetic() || character == '_')
+        && text.chars().all(is_part_of_name)
+        && !is_word
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn value(text: &str) -> f64 {
+        let names = ["m", "r", "missing"];
+        let expression = Expression::parse(text, |name| names.iter().position(|other| *other == name));
+        expression.unwrap().value(&[2.0, 3.0, f64::NAN])
+    }
+
+    #[test]
+    fn operators_bind_as_in_mathematics() {
+        for (text, expected) in [
+            ("1 + 2 * 3", 7.0),
+            ("(1 + 2) * 3", 9.0),
+            ("-2 ^ 2", -4.0),
+            ("2 ^ 3 ^ 2", 512.0),
+            ("2^-1", 0.5),
+            ("7 - 2 - 1", 4.0),
+            ("8 / 2 / 2", 2.0),
+            ("m * r^2", 18.0),
+            ("1.5e-1 * 2", 0.3),
+            ("max(m, r) - min(m, r)", 1.0),
+            ("sqrt(m*m)", 2.0),
+            ("m < r and r < 4", 1.0),
+            ("m > r or not r == 3", 0.0),
+            ("not m > r and m != r", 1.0),
+            ("missing < 1 or missing >= 1", 0.0),
+            ("missing != missing", 1.0),
+        ] {
+            assert!((value(text) - expected).abs() < 1e-15, "{text}: {}", value(text));
+        }
+        assert!(value("missing + 1").is_nan());
+    }
+
+    #[test]
+    fn an_error_names_its_place() {
+        let error = |text| Expression::parse(text, |_| None).unwrap_err();
+        for (text, place, reason) in [
+            ("1 +", 3, "a number, a name or a bracket"),
+            ("(1", 2, "a `)`"),
+            ("1 2", 2, "should end"),
+            ("x * 2", 0, "no value `x`"),
+            ("tan(1)", 0, "there are abs, cos"),
+            ("max(1)", 0, "has 2 arguments, not 1"),
+        ] {
+            let error = error(text);
+            assert_eq!(error.place, place, "{error}");
+            assert!(error.reason.contains(reason), "{error}");
+        }
+    }
+
+    #[test]
+    fn words_of_the_language_are_no_names() {
+        assert!(is_name("m") && is_name("_r2") && is_name("order"));
+        assert!(!is_name("and") && !is_name("not") && !is_name("2m") && !is_name("a.b") && !is_name(""));
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_makes_it_panic(text in ".{0,40}", tokens in prop::collection::vec("[-+*/^()<>=!,.0-9a-z ]{1,3}", 0..20)) {
+            let _ = Expression::parse(&text, |_| Some(0)).map(|expression| expression.value(&[1.0]));
+            let _ = Expression::parse(&tokens.concat(), |_| Some(0)).map(|expression| expression.value(&[1.0]));
+        }
+    }
+}

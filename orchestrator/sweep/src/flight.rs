@@ -1,0 +1,203 @@
+//! One flight of a sweep: flown in this process, judged, and told as a row.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use command_line::failure::Failure;
+use command_line::interrupt::Interrupt;
+use host::in_process::TickSink;
+use metrics::read;
+use metrics::summary::{FlightSummary, RunFacts};
+use run_log::{Compression, LogError, Manifest, RunLogWriter};
+use scenario::{GRAVITY, Scenario};
+use sha2::{Digest, Sha256};
+use shared_types::samples::VehicleTruth;
+use shared_types::service::nanoseconds;
+use shared_types::{Schedule, Topic};
+use supervisor::{FlightFailure, Outcome as HostOutcome, in_process};
+
+use crate::definition::{Entry, hexadecimal};
+use crate::plan::{Plan, Sample};
+use crate::row::{Flown, Outcome};
+
+/// Judges a flight while it is flown; it ends when the vehicle is lost.
+pub struct Judge {
+    summary: FlightSummary,
+    digest: Sha256,
+    ticks_a_second: u64,
+    /// `true` in the first tick of a second.
+    is_whole_second: bool,
+    energy: Energy,
+    log: Option<RunLogWriter>,
+}
+
+/// Mean of (T/(m g))^1.5: the power induced by the rotors against that of a hover.
+#[derive(Clone, Copy, Debug, Default)]
+struct Energy {
+    sum: f64,
+    samples: u64,
+}
+
+impl Judge {
+    /// Makes the judge of a flight.
+    #[must_use]
+    pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
+        Self {
+            summary: FlightSummary::new(scenario, schedule),
+            digest: Sha256::new(),
+            ticks_a_second: (nanoseconds(1.0) / schedule.tick_ns()).max(1),
+            is_whole_second: true,
+            energy: Energy::default(),
+            log: None,
+        }
+    }
+
+    /// Records the flight as well.
+    fn recorded(mut self, scenario: &Scenario, path: &Path) -> Result<Self, LogError> {
+        let manifest = Manifest::new(scenario);
+        self.log = Some(RunLogWriter::create(path, &manifest, Compression::default())?);
+        Ok(self)
+    }
+}
+
+impl TickSink for Judge {
+    type Error = LogError;
+
+    #[inline]
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), LogError> {
+        self.summary.observe(topic, bytes);
+        if self.is_whole_second {
+            self.digest.update(bytes);
+        }
+        if topic == Topic::VehicleTruth {
+            let truth = read::<VehicleTruth>(bytes);
+            self.energy.add(truth.thrust / (truth.mass * GRAVITY));
+        }
+        match &mut self.log {
+            Some(log) => log.write(topic, bytes),
+            None => Ok(()),
+        }
+    }
+
+    #[inline]
+    fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, LogError> {
+        self.is_whole_second = (tick + 1).is_multiple_of(self.ticks_a_second);
+        if let Some(log) = &mut self.log {
+            log.end_tick(tick)?;
+        }
+        Ok(match self.summary.loss() {
+            None => ControlFlow::Continue(()),
+            Some(_) => ControlFlow::Break(()),
+        })
+    }
+}
+
+impl Energy {
+    #[inline]
+    fn add(&mut self, share: f64) {
+        let share = share.max(0.0);
+        self.sum += share * share.sqrt();
+        self.samples += 1;
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "no flight has 2^53 samples")]
+    fn mean(self) -> Option<f64> {
+        (self.samples > 0).then(|| self.sum / self.samples as f64)
+    }
+}
+
+/// Flies a sample with an entry's settings; none if it was interrupted.
+///
+/// # Errors
+/// [`Failure`] if its log cannot be written.
+pub fn fly(
+    plan: &Plan,
+    sample: &Sample,
+    entry: &Entry,
+    interrupt: &Interrupt,
+) -> Result<Option<Flown>, Failure> {
+    fly_recorded(plan, sample, entry, None, interrupt)
+}
+
+/// As [`fly`], and records the flight in a log.
+///
+/// # Errors
+/// [`Failure`] if its log cannot be written.
+pub fn fly_recorded(
+    plan: &Plan,
+    sample: &Sample,
+    entry: &Entry,
+    log: Option<&Path>,
+    interrupt: &Interrupt,
+) -> Result<Option<Flown>, Failure> {
+    if let Some(unmet) = &sample.unmet {
+        return Ok(Some(refused(format!("it does not meet `{unmet}`"))));
+    }
+    let scenario = match plan.scenario(sample, entry) {
+        Ok(scenario) => scenario,
+        Err(failure) => return Ok(Some(refused(one_line(&format!("{:?}", failure.report))))),
+    };
+    let schedule = match supervisor::schedule_of(&scenario) {
+        Ok(schedule) => schedule,
+        Err(error) => return Ok(Some(refused(one_line(&error.to_string())))),
+    };
+    let mut judge = Judge::new(&scenario, &schedule);
+    if let Some(log) = log {
+        judge = judge.recorded(&scenario, log).map_err(Failure::not_written)?;
+    }
+    let ending = in_process::fly(&scenario, &mut judge, interrupt).map(|ending| ending.outcome);
+    if let Some(log) = judge.log.take() {
+        log.finish().map_err(Failure::not_written)?;
+    }
+    flown(judge, ending.unwrap_or_else(HostOutcome::Failed))
+}
+
+fn flown(judge: Judge, ending: HostOutcome) -> Result<Option<Flown>, Failure> {
+    let mut facts = RunFacts::default();
+    let (mut outcome, mut reason) = (Outcome::Completed, String::new());
+    match ending {
+        HostOutcome::Completed => {}
+        HostOutcome::Interrupted { .. } => return Ok(None),
+        HostOutcome::Failed(FlightFailure::NonFinite(found)) => {
+            facts.not_finite_at = Some(found.tick);
+            (outcome, reason) = (Outcome::Lost, one_line(&found.to_string()));
+        }
+        HostOutcome::Failed(FlightFailure::Log(error)) => return Err(Failure::not_written(error)),
+        HostOutcome::Failed(failure) => {
+            (outcome, reason) = (Outcome::Failed, one_line(&failure.to_string()));
+        }
+    }
+    let summary = judge.summary.finish(facts);
+    if let Some(loss) = &summary.lost
+        && outcome == Outcome::Completed
+    {
+        (outcome, reason) = (Outcome::Lost, format!("{loss}"));
+    }
+    Ok(Some(Flown {
+        outcome,
+        reason,
+        energy: judge.energy.mean(),
+        steps: judge.energy.samples,
+        digest: hexadecimal(&judge.digest.finalize()),
+        summary: Some(summary),
+    }))
+}
+
+fn refused(reason: String) -> Flown {
+    Flown {
+        outcome: Outcome::Refused,
+        reason,
+        summary: None,
+        energy: None,
+        digest: String::new(),
+        steps: 0,
+    }
+}
+
+/// A message on one line, without its drawing.
+fn one_line(text: &str) -> String {
+    let words = text
+        .split_whitespace()
+        .filter(|word| word.chars().any(char::is_alphanumeric));
+    words.collect::<Vec<_>>().join(" ")
+}

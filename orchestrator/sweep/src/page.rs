@@ -1,0 +1,262 @@
+//! The results of a sweep as a web page: one file without scripts.
+
+use evaluation::reproduce::gallery::escaped;
+use kuva::backend::svg::SvgBackend;
+use kuva::prelude::{Figure, Layout as DrawingLayout, LegendPosition, LinePlot, Plot, ScatterPlot};
+
+use crate::definition::Map;
+use crate::expression::Expression;
+use crate::report::{EntryResults, Report, Results};
+use crate::run::Prepared;
+
+/// Most points of a drawing: of more every n-th is shown.
+const POINTS: usize = 3000;
+
+/// Most varied values that are drawn over the distance.
+const SCATTERED: usize = 8;
+
+/// Colours that are told apart also by people who do not see all of them (Okabe and Ito).
+const COLORS: [&str; 8] = [
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442",
+];
+
+const STYLE: &str = "
+:root { color-scheme: light dark; --line: #8884; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 90rem; margin: 2rem auto; padding: 0 1rem; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; margin: 1rem 0; font-size: 0.85rem; font-variant-numeric: tabular-nums; }
+th, td { border: 1px solid var(--line); padding: 0.25rem 0.6rem; text-align: right; }
+th:first-child, td:first-child { text-align: left; }
+svg { max-width: 100%; height: auto; background: #fff; }
+pre { overflow-x: auto; border: 1px solid var(--line); padding: 0.5rem; }
+";
+
+/// Returns the page.
+#[must_use]
+pub(crate) fn page(report: &Report, prepared: &Prepared, results: &Results) -> String {
+    let plan = &prepared.plan;
+    let mut html = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
+         <title>Gerono: sweep</title>\n<style>{STYLE}</style>\n<h1>{} samples of {}</h1>\n\
+         <p>Intervals hold for independent samples only and are not given for others. Every row can be flown again: \
+         <code>gerono sweep fly FOLDER --sample I</code>.</p>\n",
+        plan.samples,
+        escaped(
+            &plan
+                .source
+                .scenario_path
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+        ),
+    );
+    for (name, drawing) in maps(prepared, results) {
+        html += &format!(
+            "<h2>{}</h2>\n<p>{drawing}</p>\n",
+            escaped(name.trim_end_matches(".svg"))
+        );
+    }
+    if let Some(drawing) = distances(prepared, results) {
+        html += &format!("<h2>RMS distance from the path</h2>\n<p>{drawing}</p>\n");
+    }
+    for (title, head, lines) in report.tables() {
+        let cells = |tag: &str, texts: &[String]| -> String {
+            texts
+                .iter()
+                .map(|text| format!("<{tag}>{}</{tag}>", escaped(text)))
+                .collect()
+        };
+        html += &format!(
+            "<h2>{}</h2>\n<div class=\"wide\"><table>\n<tr>{}</tr>\n",
+            escaped(&title),
+            cells("th", &head)
+        );
+        for line in lines {
+            html += &format!("<tr>{}</tr>\n", cells("td", &line));
+        }
+        html += "</table></div>\n";
+    }
+    html += "<h2>Distance over what was varied</h2>\n";
+    for drawing in scatters(prepared, results) {
+        html += &format!("<p>{drawing}</p>\n");
+    }
+    html + &format!(
+        "<h2>The sweep</h2>\n<pre>{}</pre>\n</html>\n",
+        escaped(&plan.source.text)
+    )
+}
+
+fn figure(plots: Vec<Plot>, layout: DrawingLayout) -> String {
+    let figure = Figure::new(1, 1)
+        .with_cell_size(860.0, 420.0)
+        .with_plots(vec![plots])
+        .with_layouts(vec![layout]);
+    SvgBackend::new().render_scene(&figure.render())
+}
+
+/// Every n-th of so many, such that no more than [`POINTS`] are left.
+fn thinned<T>(values: Vec<T>) -> Vec<T> {
+    let step = values.len().div_ceil(POINTS).max(1);
+    values.into_iter().step_by(step).collect()
+}
+
+/// Cumulative distribution of the RMS distance of every entry.
+fn distances(prepared: &Prepared, results: &Results) -> Option<String> {
+    let mut plots = Vec::new();
+    for (index, (entry, of_entry)) in prepared.plan.entries.iter().zip(&results.entries).enumerate() {
+        let rmse = statistics::quantile::sorted(of_entry.numbers[0].iter().copied());
+        if rmse.is_empty() {
+            continue;
+        }
+        let flown = of_entry.is_flown.iter().filter(|flown| **flown).count();
+        #[expect(clippy::cast_precision_loss, reason = "for a drawing")]
+        let points = rmse
+            .iter()
+            .enumerate()
+            .map(|(rank, value)| (100.0 * value, (rank + 1) as f64 / flown as f64));
+        let plot = LinePlot::new()
+            .with_data(thinned(
+                points.filter(|(value, _)| *value > 0.0).collect::<Vec<_>>(),
+            ))
+            .with_color(COLORS[index % COLORS.len()])
+            .with_legend(entry.name.clone());
+        plots.push(Plot::from(plot));
+    }
+    if plots.is_empty() {
+        return None;
+    }
+    let layout = DrawingLayout::auto_from_plots(&plots)
+        .with_log_x()
+        .with_legend_position(LegendPosition::OutsideRightTop)
+        .with_x_label("RMS distance, cm")
+        .with_y_label("share of the flights below it");
+    Some(figure(plots, layout))
+}
+
+/// The RMS distance over each varied number.
+fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
+    let plan = &prepared.plan;
+    let varied = plan
+        .columns()
+        .zip(&results.varied)
+        .filter(|(_, values)| values.first() != values.last());
+    let drawn = varied.take(SCATTERED).map(|(name, values)| {
+        let plots =
+            plan.entries
+                .iter()
+                .zip(&results.entries)
+                .enumerate()
+                .map(|(index, (entry, of_entry))| {
+                    let points = values
+                        .iter()
+                        .copied()
+                        .zip(of_entry.numbers[0].iter().map(|rmse| 100.0 * rmse));
+                    let points = points
+                        .filter(|(x, y)| x.is_finite() && *y > 0.0)
+                        .collect::<Vec<_>>();
+                    let plot = ScatterPlot::new()
+                        .with_data(thinned(points))
+                        .with_size(2.0)
+                        .with_marker_opacity(0.6)
+                        .with_color(COLORS[index % COLORS.len()])
+                        .with_legend(entry.name.clone());
+                    Plot::from(plot)
+                });
+        let plots: Vec<_> = plots.collect();
+        let layout = DrawingLayout::auto_from_plots(&plots)
+            .with_log_y()
+            .with_legend_position(LegendPosition::OutsideRightTop)
+            .with_x_label(name.to_owned())
+            .with_y_label("RMS distance, cm");
+        figure(plots, layout)
+    });
+    drawn.collect()
+}
+
+/// The drawings that the sweep asks for, with the names of their files.
+#[must_use]
+pub(crate) fn maps(prepared: &Prepared, results: &Results) -> Vec<(String, String)> {
+    let plan = &prepared.plan;
+    let asked = plan.source.definition.map.iter();
+    let drawn = asked.flat_map(|map| {
+        plan.entries
+            .iter()
+            .zip(&results.entries)
+            .filter_map(move |(entry, of_entry)| {
+                let drawing = map_drawing(map, prepared, results, of_entry)?;
+                let name: String = entry
+                    .name
+                    .chars()
+                    .map(|c| if c.is_alphanumeric() { c } else { '_' })
+                    .collect();
+                Some((format!("map-{}-{}-{name}.svg", map.x, map.y), drawing))
+            })
+    });
+    drawn.collect()
+}
+
+fn map_drawing(map: &Map, prepared: &Prepared, results: &Results, entry: &EntryResults) -> Option<String> {
+    let plan = &prepared.plan;
+    let place = |name: &str| plan.columns().position(|column| column == name);
+    let (xs, ys) = (&results.varied[place(&map.x)?], &results.varied[place(&map.y)?]);
+    let criterion = prepared.layout.criteria().position(|name| name == map.value)?;
+    let mut plots = Vec::new();
+    for (meets, color, words) in [(true, COLORS[0], "yes"), (false, COLORS[1], "no")] {
+        let points = xs
+            .iter()
+            .zip(ys)
+            .zip(&entry.criteria[criterion])
+            .zip(&entry.is_flown);
+        let points = points.filter(|((_, met), flown)| **flown && **met == meets);
+        let points: Vec<(f64, f64)> = points.map(|(((x, y), _), _)| (*x, *y)).collect();
+        if !points.is_empty() {
+            let plot = ScatterPlot::new()
+                .with_data(thinned(points))
+                .with_size(2.5)
+                .with_marker_opacity(0.7)
+                .with_color(color)
+                .with_legend(format!("{}: {words}", map.value));
+            plots.push(Plot::from(plot));
+        }
+    }
+    let [low, high] = [
+        xs.iter().copied().reduce(f64::min)?,
+        xs.iter().copied().reduce(f64::max)?,
+    ];
+    for (name, text) in &map.line {
+        let line = Expression::parse(text, |name| (name == "x" || name == map.x).then_some(0)).ok()?;
+        let at = |share: f64| {
+            if map.log {
+                libm::exp(libm::log(low) + share * libm::log(high / low))
+            } else {
+                low + share * (high - low)
+            }
+        };
+        let points = (0..=100)
+            .map(|step| at(f64::from(step) / 100.0))
+            .map(|x| (x, line.value(&[x])));
+        let plot = LinePlot::new()
+            .with_data(points.filter(|(_, y)| y.is_finite()).collect::<Vec<_>>())
+            .with_color("#444444")
+            .with_dashed()
+            .with_legend(name.clone());
+        plots.push(Plot::from(plot));
+    }
+    if !map.point.is_empty() {
+        let plot = ScatterPlot::new()
+            .with_data(map.point.values().map(|[x, y]| (*x, *y)).collect::<Vec<_>>())
+            .with_labels(map.point.keys().cloned())
+            .with_repel_labels()
+            .with_size(5.0)
+            .with_color("#000000");
+        plots.push(Plot::from(plot));
+    }
+    let mut layout = DrawingLayout::auto_from_plots(&plots)
+        .with_legend_position(LegendPosition::OutsideRightTop)
+        .with_x_label(map.x.clone())
+        .with_y_label(map.y.clone());
+    if map.log {
+        layout = layout.with_log_x().with_log_y();
+    }
+    Some(figure(plots, layout))
+}

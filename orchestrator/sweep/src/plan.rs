@@ -1,0 +1,350 @@
+//! Samples of a sweep: sample i is a function of the sweep and of i alone.
+
+use command_line::failure::Failure;
+use scenario::Scenario;
+use statistics::design::{Design, sample_seed};
+use toml::Value;
+
+use crate::definition::{Definition, Entry, Method, Source, Vary};
+use crate::expression::Expression;
+
+/// A sweep that is ready to be flown.
+#[derive(Debug)]
+pub struct Plan {
+    /// What makes it.
+    pub source: Source,
+    /// What flies every sample.
+    pub entries: Vec<Entry>,
+    /// Number of samples.
+    pub samples: u64,
+    design: Design,
+    /// Numbers and choices that make a sample, in the order in which they are known.
+    parts: Vec<Part>,
+    /// What is varied, by name, each with the places of its parts.
+    varied: Vec<Varied>,
+    requirements: Vec<Expression>,
+    phases: usize,
+}
+
+/// What is varied under one name.
+#[derive(Clone, Debug)]
+pub struct Varied {
+    /// Key of the scenario, or name in expressions.
+    pub name: String,
+    /// Places of its parts: one, or those of an array.
+    pub parts: Vec<usize>,
+    /// `true` if it is an array.
+    is_array: bool,
+}
+
+/// A number or a choice of a sample.
+#[derive(Clone, Debug)]
+struct Part {
+    /// Name of its column.
+    column: String,
+    origin: Origin,
+}
+
+#[derive(Clone, Debug)]
+enum Origin {
+    /// A distribution at a coordinate of the design's point.
+    Draw(statistics::distribution::Distribution, u32, usize),
+    Choice(Vec<Value>, usize),
+    Expression(Expression),
+}
+
+/// A sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Its index.
+    pub index: u64,
+    /// Seed of its flights.
+    pub seed: u64,
+    /// Values of its parts, in the order of the columns.
+    pub values: Vec<Value>,
+    /// Settings that make it.
+    pub settings: Vec<String>,
+    /// The requirement that it does not meet, if there is one.
+    pub unmet: Option<String>,
+}
+
+impl Plan {
+    /// Makes the plan of a sweep.
+    ///
+    /// # Errors
+    /// [`Failure`] with the reason and the fix.
+    pub fn new(source: Source) -> Result<Self, Failure> {
+        let definition = &source.definition;
+        let (parts, varied) = parts(definition).map_err(Failure::bad_input)?;
+        let names = |name: &str| {
+            let is_it = |varied: &&Varied| varied.name == name && !varied.is_array;
+            varied.iter().find(is_it).map(|varied| varied.parts[0])
+        };
+        let requirement = |text: &String| Expression::parse(text, names);
+        let requirements: Result<Vec<_>, _> = definition.require.iter().map(requirement).collect();
+        let requirements = requirements.map_err(|error| Failure::bad_input(format!("`require`: {error}")))?;
+        let (design, samples) = design(definition, &parts)?;
+        let mut plan = Self {
+            phases: 1,
+            entries: definition.entries(),
+            samples,
+            design,
+            parts,
+            varied,
+            requirements,
+            source,
+        };
+        // The scenario as it stands can be flown with every entry's settings.
+        for entry in &plan.entries {
+            let settings = [plan.source.definition.set.as_slice(), entry.set.as_slice()].concat();
+            let scenario = plan.load(&settings, 1)?;
+            plan.phases = plan.phases.max(1 + scenario.vehicle.change.len());
+        }
+        Ok(plan)
+    }
+
+    /// Returns the number of phases of a flight: the scenario changes the vehicle between them.
+    #[must_use]
+    pub fn phases(&self) -> usize {
+        self.phases
+    }
+
+    /// Returns the names of the columns of the varied values, in their order.
+    pub fn columns(&self) -> impl Iterator<Item = &str> {
+        self.parts.iter().map(|part| part.column.as_str())
+    }
+
+    /// Returns whether every value of a column is a number.
+    #[must_use]
+    pub fn is_number(&self, column: usize) -> bool {
+        match &self.parts[column].origin {
+            Origin::Draw(..) | Origin::Expression(_) => true,
+            Origin::Choice(values, _) => values.iter().all(|value| value.is_float() || value.is_integer()),
+        }
+    }
+
+    /// Returns a sample.
+    #[must_use]
+    pub fn sample(&self, index: u64) -> Sample {
+        let definition = &self.source.definition;
+        let (point, levels) = (self.design.point(index), self.design.levels(index));
+        let mut numbers = Vec::with_capacity(self.parts.len());
+        let mut values = Vec::with_capacity(self.parts.len());
+        for part in &self.parts {
+            let value = match &part.origin {
+                Origin::Draw(distribution, count, dimension) => Value::Float(match &levels {
+                    Some(levels) => distribution.level(levels[*dimension], *count),
+                    None => distribution.at(point[*dimension]),
+                }),
+                Origin::Choice(choices, dimension) => {
+                    choices[choice(choices.len(), levels.as_deref(), &point, *dimension)].clone()
+                }
+                Origin::Expression(expression) => Value::Float(expression.value(&numbers)),
+            };
+            numbers.push(number_of(&value));
+            values.push(value);
+        }
+        let requirements = self.requirements.iter().zip(&definition.require);
+        let mut unmet = requirements.filter(|(requirement, _)| !requirement.is_true(&numbers));
+        Sample {
+            index,
+            seed: sample_seed(definition.seed, index),
+            settings: self.settings(&values),
+            unmet: unmet.next().map(|(_, text)| text.clone()),
+            values,
+        }
+    }
+
+    /// Returns the settings of the varied keys.
+    fn settings(&self, values: &[Value]) -> Vec<String> {
+        let keys = self.varied.iter().filter(|varied| varied.is_key());
+        let setting = |varied: &Varied| {
+            let parts: Vec<_> = varied
+                .parts
+                .iter()
+                .map(|&part| values[part].to_string())
+                .collect();
+            if varied.is_array {
+                format!("{}=[{}]", varied.name, parts.join(", "))
+            } else {
+                format!("{}={}", varied.name, parts[0])
+            }
+        };
+        keys.map(setting).collect()
+    }
+
+    /// Returns all settings of a sample's flight with an entry.
+    #[must_use]
+    pub fn settings_of(&self, sample: &Sample, entry: &Entry) -> Vec<String> {
+        let parts = [
+            self.source.definition.set.as_slice(),
+            sample.settings.as_slice(),
+            entry.set.as_slice(),
+        ];
+        parts.concat()
+    }
+
+    /// Returns the scenario of a sample's flight with an entry.
+    ///
+    /// # Errors
+    /// [`Failure`] if the scenario's checks refuse the sample.
+    pub fn scenario(&self, sample: &Sample, entry: &Entry) -> Result<Scenario, Failure> {
+        self.load(&self.settings_of(sample, entry), sample.seed)
+    }
+
+    fn load(&self, settings: &[String], seed: u64) -> Result<Scenario, Failure> {
+        let Source {
+            scenario_path,
+            scenario_text,
+            ..
+        } = &self.source;
+        scenario_file::load_from(scenario_path, scenario_text, settings, Some(seed)).map_err(Failure::from)
+    }
+}
+
+impl Varied {
+    /// Returns whether this is a key of the scenario, not a name for expressions alone.
+    fn is_key(&self) -> bool {
+        self.name.contains('.') || self.name == "duration"
+    }
+}
+
+fn number_of(value: &Value) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "choices of whole numbers are small")]
+    match value {
+        Value::Float(number) => *number,
+        Value::Integer(number) => *number as f64,
+        _ => f64::NAN,
+    }
+}
+
+fn choice(count: usize, levels: Option<&[u32]>, point: &[f64], dimension: usize) -> usize {
+    let place = match levels {
+        Some(levels) => levels[dimension] as usize,
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            clippy::cast_precision_loss,
+            reason = "a coordinate in [0, 1) times a small count"
+        )]
+        None => (point[dimension] * count as f64) as usize,
+    };
+    place.min(count - 1)
+}
+
+/// Returns the parts of what is varied, those of expressions after all that they use.
+fn parts(definition: &Definition) -> Result<(Vec<Part>, Vec<Varied>), String> {
+    let mut parts = Vec::new();
+    let mut varied = Vec::new();
+    let mut expressions = Vec::new();
+    let mut dimension = 0;
+    for (name, vary) in definition.varied()? {
+        let (elements, is_array) = match vary {
+            Vary::Array(elements) => (elements, true),
+            vary => (vec![vary], false),
+        };
+        let mut places = Vec::new();
+        for (index, element) in elements.into_iter().enumerate() {
+            let column = if is_array {
+                format!("{name}.{index}")
+            } else {
+                name.clone()
+            };
+            let origin = match element {
+                Vary::Draw(distribution, levels) => Some(Origin::Draw(distribution, levels, dimension)),
+                Vary::Choice(values) => Some(Origin::Choice(values, dimension)),
+                Vary::Array(_) => {
+                    return Err(format!(
+                        "`vary.\"{name}\"`: an array within an array cannot be varied"
+                    ));
+                }
+                Vary::Expression(text) => {
+                    expressions.push((varied.len(), index, column.clone(), text));
+                    None
+                }
+            };
+            if let Some(origin) = origin {
+                dimension += 1;
+                places.push(parts.len());
+                parts.push(Part { column, origin });
+            } else {
+                places.push(usize::MAX);
+            }
+        }
+        varied.push(Varied {
+            name,
+            parts: places,
+            is_array,
+        });
+    }
+    place_expressions(&mut parts, &mut varied, expressions)?;
+    Ok((parts, varied))
+}
+
+/// Appends the parts that are expressions, each once all that it uses is there.
+fn place_expressions(
+    parts: &mut Vec<Part>,
+    varied: &mut [Varied],
+    mut waiting: Vec<(usize, usize, String, String)>,
+) -> Result<(), String> {
+    while !waiting.is_empty() {
+        let mut later = Vec::new();
+        let mut refusal = String::new();
+        let before = waiting.len();
+        for (name, index, column, text) in waiting {
+            let known = |other: &str| {
+                let is_it = |varied: &&Varied| varied.name == other && !varied.is_array;
+                varied.iter().find(is_it).map(|varied| varied.parts[0])
+            };
+            let expression =
+                Expression::parse(&text, known).map_err(|error| format!("`vary.\"{column}\"`: {error}"))?;
+            if expression.places().contains(&usize::MAX) {
+                refusal = format!("`vary.\"{column}\"` uses a value that uses it");
+                later.push((name, index, column, text));
+                continue;
+            }
+            varied[name].parts[index] = parts.len();
+            parts.push(Part {
+                column,
+                origin: Origin::Expression(expression),
+            });
+        }
+        if later.len() == before {
+            return Err(refusal);
+        }
+        waiting = later;
+    }
+    Ok(())
+}
+
+/// Returns the design, and the number of samples.
+fn design(definition: &Definition, parts: &[Part]) -> Result<(Design, u64), Failure> {
+    let levels: Vec<u32> = parts
+        .iter()
+        .filter_map(|part| match &part.origin {
+            Origin::Draw(_, levels, _) => Some(*levels),
+            Origin::Choice(values, _) => Some(u32::try_from(values.len()).unwrap_or(u32::MAX)),
+            Origin::Expression(_) => None,
+        })
+        .collect();
+    let (seed, samples) = (definition.seed, definition.samples.unwrap_or(0));
+    let refused = |error: statistics::design::DesignError| Failure::bad_input(error.to_string());
+    match definition.method {
+        Method::Random => Ok((Design::random(seed, levels.len()), samples)),
+        Method::Sobol => Ok((
+            Design::sobol(seed, samples, levels.len()).map_err(refused)?,
+            samples,
+        )),
+        Method::Latin => Ok((
+            Design::latin(seed, samples, levels.len()).map_err(refused)?,
+            samples,
+        )),
+        Method::Grid => {
+            let count = levels
+                .iter()
+                .try_fold(1_u64, |count, &levels| count.checked_mul(u64::from(levels)));
+            let count = count.ok_or_else(|| Failure::bad_input("the grid has more than 2^64 samples"))?;
+            Ok((Design::grid(levels).map_err(refused)?, count))
+        }
+    }
+}

@@ -1,0 +1,714 @@
+//! What can be said of a sweep: pass rates with intervals, quantiles, and paired differences.
+
+use std::fmt::{Display, Formatter, Write as _};
+
+use serde::Serialize;
+use statistics::interval::{clopper_pearson, lower_bound, wilson};
+use statistics::paired::Paired;
+use statistics::quantile::{median, quantile, sorted};
+
+use crate::definition::Method;
+use crate::plan::Plan;
+use crate::row::{Cell, Kind, Layout, Row};
+
+/// Results whose quantiles and differences are shown.
+const SHOWN: [Shown; 7] = [
+    Shown::distance("rmse", "RMS distance, cm"),
+    Shown::distance("max", "largest distance, cm"),
+    Shown::distance("p95", "95 % of the distances, cm"),
+    Shown::distance("ultimate", "largest of the last 5 s, cm"),
+    Shown {
+        name: "settling_time",
+        title: "settling time, s",
+        factor: 1.0,
+    },
+    Shown {
+        name: "body_rate_rms",
+        title: "body rates, rad/s",
+        factor: 1.0,
+    },
+    Shown {
+        name: "energy",
+        title: "energy of a hover",
+        factor: 1.0,
+    },
+];
+
+/// Confidence of all intervals.
+pub const CONFIDENCE: f64 = 0.95;
+
+/// Parts into which a varied value is divided to see who wins where.
+const BINS: usize = 4;
+
+/// Most failures that are listed.
+const LISTED: usize = 20;
+
+/// A result that is shown.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown {
+    /// Its column.
+    pub name: &'static str,
+    /// Its title with the unit.
+    pub title: &'static str,
+    /// The unit, of the column's.
+    pub factor: f64,
+}
+
+impl Shown {
+    const fn distance(name: &'static str, title: &'static str) -> Self {
+        Self {
+            name,
+            title,
+            factor: 100.0,
+        }
+    }
+}
+
+/// The results that the report is made of, column by column: memory for a few numbers a row.
+#[derive(Clone, Debug)]
+pub struct Results {
+    /// Varied numbers, of each sample: by column of the plan; those that are no numbers stay empty.
+    pub varied: Vec<Vec<f64>>,
+    /// By entry: flags by criterion, and numbers by shown result.
+    pub entries: Vec<EntryResults>,
+    /// Flights that were refused.
+    pub refused: u64,
+    /// Places of the columns.
+    places: Places,
+    /// Failures that are listed.
+    failures: Vec<Failed>,
+    further_failures: u64,
+}
+
+/// Results of an entry, sample by sample.
+#[derive(Clone, Debug, Default)]
+pub struct EntryResults {
+    /// Flights by their end: completed, lost, failed, refused.
+    pub outcomes: [u64; 4],
+    /// `true` for each sample that was flown.
+    pub is_flown: Vec<bool>,
+    /// By criterion, whether each sample meets it.
+    pub criteria: Vec<Vec<bool>>,
+    /// By shown result, its value; NaN of a flight that was not completed.
+    pub numbers: Vec<Vec<f64>>,
+}
+
+#[derive(Clone, Debug)]
+struct Places {
+    outcome: usize,
+    reason: usize,
+    criteria: Vec<usize>,
+    numbers: Vec<usize>,
+}
+
+/// A flight that did not meet a criterion.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Failed {
+    /// The sample.
+    pub sample: u64,
+    /// The entry.
+    pub law: String,
+    /// The flight's seed.
+    pub seed: u64,
+    /// How it ended, and why.
+    pub reason: String,
+}
+
+/// Names of the outcomes, in the order of [`EntryResults::outcomes`].
+const OUTCOMES: [&str; 4] = ["completed", "lost", "failed", "refused"];
+
+impl Results {
+    /// Makes results of no row.
+    ///
+    /// # Panics
+    /// Never: every layout has these columns.
+    #[must_use]
+    pub fn new(plan: &Plan, layout: &Layout) -> Self {
+        let place = |name: &str| layout.place(name).expect("every layout has this column");
+        let places = Places {
+            outcome: place("outcome"),
+            reason: place("reason"),
+            criteria: layout.criteria().map(place).collect(),
+            numbers: SHOWN.iter().map(|shown| place(shown.name)).collect(),
+        };
+        let entry = EntryResults {
+            criteria: vec![Vec::new(); places.criteria.len()],
+            numbers: vec![Vec::new(); SHOWN.len()],
+            ..EntryResults::default()
+        };
+        Self {
+            varied: vec![Vec::new(); plan.columns().count()],
+            entries: vec![entry; plan.entries.len()],
+            refused: 0,
+            places,
+            failures: Vec::new(),
+            further_failures: 0,
+        }
+    }
+
+    /// Takes a row; rows come in the order of samples and entries.
+    pub fn take(&mut self, row: &Row) {
+        let counts = self.entries.iter().map(|entry| entry.is_flown.len());
+        let place = counts
+            .enumerate()
+            .min_by_key(|(_, count)| *count)
+            .map_or(0, |(place, _)| place);
+        let places = &self.places;
+        let outcome = OUTCOMES
+            .iter()
+            .position(|name| row[places.outcome] == Cell::Text((*name).to_owned()));
+        let outcome = outcome.unwrap_or(2);
+        if place == 0 {
+            for (values, cell) in self.varied.iter_mut().zip(&row[3..]) {
+                if !matches!(cell, Cell::Text(_)) {
+                    values.push(cell.number());
+                }
+            }
+        }
+        self.refused += u64::from(outcome == 3);
+        let entry = &mut self.entries[place];
+        entry.outcomes[outcome] += 1;
+        entry.is_flown.push(outcome != 3);
+        for (flags, &place) in entry.criteria.iter_mut().zip(&places.criteria) {
+            flags.push(row[place] == Cell::Flag(true));
+        }
+        for (numbers, &place) in entry.numbers.iter_mut().zip(&places.numbers) {
+            numbers.push(if outcome == 0 {
+                row[place].number()
+            } else {
+                f64::NAN
+            });
+        }
+        let meets = places
+            .criteria
+            .iter()
+            .all(|&place| row[place] == Cell::Flag(true));
+        if outcome != 3 && !meets {
+            self.list_failure(row);
+        }
+    }
+
+    fn list_failure(&mut self, row: &Row) {
+        if self.failures.len() == LISTED {
+            self.further_failures += 1;
+            return;
+        }
+        let text = |place: usize| {
+            if let Cell::Text(text) = &row[place] {
+                text.clone()
+            } else {
+                String::new()
+            }
+        };
+        let whole = |place: usize| {
+            if let Cell::Integer(number) = row[place] {
+                number
+            } else {
+                0
+            }
+        };
+        let reason = match text(self.places.reason) {
+            reason if reason.is_empty() => "it did not meet a criterion".to_owned(),
+            reason => reason,
+        };
+        self.failures.push(Failed {
+            sample: whole(0),
+            law: text(1),
+            seed: whole(2),
+            reason,
+        });
+    }
+}
+
+/// The content of `sweep.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// SHA-256 of sweep and scenario.
+    pub sweep: String,
+    /// Method of the samples.
+    pub method: Method,
+    /// Number of samples.
+    pub samples: u64,
+    /// Confidence of all intervals.
+    pub confidence: f64,
+    /// The entries.
+    pub laws: Vec<LawReport>,
+    /// Differences of the others from the first, sample by sample.
+    pub differences: Vec<Difference>,
+    /// Who has the smallest median RMS distance in which part of a varied value.
+    pub winners: Vec<Winner>,
+    /// Flights that did not meet a criterion, the first of them.
+    pub failures: Vec<Failed>,
+    /// Number of failures that are not listed.
+    pub further_failures: u64,
+}
+
+/// What came of an entry.
+#[derive(Clone, Debug, Serialize)]
+pub struct LawReport {
+    /// Its name.
+    pub name: String,
+    /// Flights that were completed.
+    pub completed: u64,
+    /// Flights in which the vehicle was lost.
+    pub lost: u64,
+    /// Flights that failed for another reason.
+    pub failed: u64,
+    /// Flights that were refused: they count nowhere else.
+    pub refused: u64,
+    /// The criteria.
+    pub criteria: Vec<CriterionReport>,
+    /// Quantiles of results, over the flights that were completed.
+    pub quantiles: Vec<QuantileReport>,
+}
+
+/// How many flights meet a criterion.
+#[derive(Clone, Debug, Serialize)]
+pub struct CriterionReport {
+    /// Its name.
+    pub name: String,
+    /// Flights that meet it, and that were flown.
+    pub met: u64,
+    /// Flights that were flown.
+    pub flown: u64,
+    /// Their share; none if nothing was flown.
+    pub rate: Option<f64>,
+    /// Interval of Wilson; only of independent samples.
+    pub wilson: Option<[f64; 2]>,
+    /// Exact interval of Clopper and Pearson; only of independent samples.
+    pub clopper_pearson: Option<[f64; 2]>,
+    /// One-sided exact lower bound; only of independent samples.
+    pub at_least: Option<f64>,
+}
+
+/// Quantiles of a result.
+#[derive(Clone, Debug, Serialize)]
+pub struct QuantileReport {
+    /// Its column.
+    pub name: &'static str,
+    /// Flights that have it.
+    pub count: usize,
+    /// 0, 5, 25, 50, 75, 95 and 100 %, in the column's unit.
+    pub values: [f64; 7],
+}
+
+/// Shares of [`QuantileReport::values`].
+const SHARES: [f64; 7] = [0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0];
+
+/// Difference of an entry from the first: negative where it is smaller.
+#[derive(Clone, Debug, Serialize)]
+pub struct Difference {
+    /// The entry.
+    pub law: String,
+    /// The first one.
+    pub reference: String,
+    /// The result.
+    pub name: &'static str,
+    /// Samples that both completed.
+    pub pairs: usize,
+    /// Samples that the entry lost and the reference did not.
+    pub only_law_failed: usize,
+    /// Samples that the reference lost and the entry did not.
+    pub only_reference_failed: usize,
+    /// Median of the differences, in the column's unit.
+    pub median: f64,
+    /// Bootstrap interval of the median.
+    pub interval: [f64; 2],
+    /// Mean of the differences.
+    pub mean: f64,
+    /// Samples in which the entry is smaller, larger, equal.
+    pub won: u64,
+    /// The same, larger.
+    pub lost: u64,
+    /// The same, equal.
+    pub tied: u64,
+    /// p of the exact sign test, two-sided.
+    pub sign_p: f64,
+    /// p of Wilcoxon's signed-rank test, two-sided.
+    pub wilcoxon_p: f64,
+}
+
+/// The best entry in a part of a varied value.
+#[derive(Clone, Debug, Serialize)]
+pub struct Winner {
+    /// The varied value.
+    pub varied: String,
+    /// From and to.
+    pub range: [f64; 2],
+    /// By entry, the median RMS distance, m; none if nothing was completed.
+    pub medians: Vec<Option<f64>>,
+    /// Name of the entry with the smallest.
+    pub law: Option<String>,
+}
+
+impl Report {
+    /// Makes the report of all results.
+    #[must_use]
+    pub fn new(plan: &Plan, layout: &Layout, results: &Results) -> Self {
+        let definition = &plan.source.definition;
+        let is_random = definition.method == Method::Random;
+        let names = plan.entries.iter().map(|entry| entry.name.clone());
+        let laws = names
+            .zip(&results.entries)
+            .map(|(name, entry)| law_report(name, layout, entry, is_random));
+        Self {
+            sweep: plan.source.identity(),
+            method: definition.method,
+            samples: plan.samples,
+            confidence: CONFIDENCE,
+            laws: laws.collect(),
+            differences: differences(plan, results),
+            winners: winners(plan, layout, results),
+            failures: results.failures.clone(),
+            further_failures: results.further_failures,
+        }
+    }
+
+    /// Returns the tables as Markdown.
+    #[must_use]
+    pub fn markdown(&self) -> String {
+        let mut text = String::new();
+        for (title, head, lines) in self.tables() {
+            let _ = writeln!(
+                text,
+                "{title}:\n\n| {} |\n|{}",
+                head.join(" | "),
+                " --- |".repeat(head.len())
+            );
+            for line in lines {
+                let _ = writeln!(text, "| {} |", line.join(" | "));
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    /// Returns the tables: title, head and lines.
+    #[must_use]
+    pub fn tables(&self) -> Vec<(String, Vec<String>, Vec<Vec<String>>)> {
+        let mut tables = vec![self.rates()];
+        for shown in SHOWN {
+            let lines: Vec<_> = self
+                .laws
+                .iter()
+                .filter_map(|law| quantile_line(law, &shown))
+                .collect();
+            if !lines.is_empty() {
+                let head = [
+                    "law", "flights", "least", "5 %", "25 %", "median", "75 %", "95 %", "largest",
+                ];
+                tables.push((shown.title.to_owned(), owned(&head), lines));
+            }
+        }
+        if !self.differences.is_empty() {
+            tables.push(self.difference_table());
+        }
+        if self.laws.len() > 1 && !self.winners.is_empty() {
+            tables.push(self.winner_table());
+        }
+        if !self.failures.is_empty() {
+            tables.push(self.failure_table());
+        }
+        tables
+    }
+
+    fn rates(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
+        let percent = |value: Option<f64>| {
+            value.map_or_else(|| "–".to_owned(), |value| format!("{:.2} %", 100.0 * value))
+        };
+        let range = |range: Option<[f64; 2]>| {
+            range.map_or_else(
+                || "–".to_owned(),
+                |[low, high]| format!("{:.2} to {:.2} %", 100.0 * low, 100.0 * high),
+            )
+        };
+        let lines = self.laws.iter().flat_map(|law| {
+            law.criteria.iter().map(move |criterion| {
+                vec![
+                    law.name.clone(),
+                    criterion.name.clone(),
+                    format!("{} of {}", criterion.met, criterion.flown),
+                    percent(criterion.rate),
+                    range(criterion.wilson),
+                    range(criterion.clopper_pearson),
+                    percent(criterion.at_least),
+                    law.refused.to_string(),
+                ]
+            })
+        });
+        let head = [
+            "law",
+            "criterion",
+            "met",
+            "share",
+            "Wilson",
+            "Clopper–Pearson",
+            "at least",
+            "refused",
+        ];
+        (
+            format!("Criteria, with intervals of {:.0} %", 100.0 * self.confidence),
+            owned(&head),
+            lines.collect(),
+        )
+    }
+
+    fn difference_table(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
+        let lines = self.differences.iter().map(|difference| {
+            let factor = SHOWN
+                .iter()
+                .find(|shown| shown.name == difference.name)
+                .map_or(1.0, |shown| shown.factor);
+            let [low, high] = difference.interval.map(|value| factor * value);
+            vec![
+                difference.law.clone(),
+                SHOWN
+                    .iter()
+                    .find(|shown| shown.name == difference.name)
+                    .map_or("", |shown| shown.title)
+                    .to_owned(),
+                difference.pairs.to_string(),
+                format!("{:+.3}", factor * difference.median),
+                format!("{low:+.3} to {high:+.3}"),
+                format!("{} / {} / {}", difference.won, difference.lost, difference.tied),
+                format!("{:.2e}", difference.sign_p),
+                format!("{:.2e}", difference.wilcoxon_p),
+                format!(
+                    "{} / {}",
+                    difference.only_law_failed, difference.only_reference_failed
+                ),
+            ]
+        });
+        let reference = self.laws.first().map_or("", |law| law.name.as_str());
+        let head = [
+            "law",
+            "result",
+            "pairs",
+            "median difference",
+            "interval",
+            "smaller / larger / equal",
+            "sign test, p",
+            "Wilcoxon, p",
+            "only it / only the reference failed",
+        ];
+        (
+            format!("Differences from `{reference}`, sample by sample"),
+            owned(&head),
+            lines.collect(),
+        )
+    }
+
+    fn winner_table(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
+        let mut head = owned(&["varied value", "from", "to", "nearest"]);
+        head.extend(self.laws.iter().map(|law| law.name.clone()));
+        let lines = self.winners.iter().map(|winner| {
+            let mut line = vec![
+                winner.varied.clone(),
+                digits(winner.range[0]),
+                digits(winner.range[1]),
+                winner.law.clone().unwrap_or_else(|| "–".to_owned()),
+            ];
+            let medians = winner.medians.iter();
+            line.extend(medians.map(|median| {
+                median.map_or_else(|| "–".to_owned(), |value| format!("{:.2}", 100.0 * value))
+            }));
+            line
+        });
+        (
+            "Who is nearest where: median RMS distance, cm".to_owned(),
+            head,
+            lines.collect(),
+        )
+    }
+
+    fn failure_table(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
+        let lines = self.failures.iter().map(|failure| {
+            vec![
+                failure.sample.to_string(),
+                failure.law.clone(),
+                failure.seed.to_string(),
+                failure.reason.clone(),
+            ]
+        });
+        let further = match self.further_failures {
+            0 => String::new(),
+            count => format!(", and {count} more in the table"),
+        };
+        let title = format!("Flights that did not meet a criterion{further}");
+        (
+            title,
+            owned(&["sample", "law", "seed", "reason"]),
+            lines.collect(),
+        )
+    }
+}
+
+fn owned(texts: &[&str]) -> Vec<String> {
+    texts.iter().map(|&text| text.to_owned()).collect()
+}
+
+/// A number with as many digits as a person reads.
+fn digits(value: f64) -> String {
+    if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
+        format!("{value:.2e}")
+    } else {
+        let text = format!("{value:.4}");
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    }
+}
+
+fn law_report(name: String, layout: &Layout, entry: &EntryResults, is_random: bool) -> LawReport {
+    let [completed, lost, failed, refused] = entry.outcomes;
+    let flown = completed + lost + failed;
+    let criteria = layout.criteria().zip(&entry.criteria).map(|(name, flags)| {
+        let met = flags
+            .iter()
+            .zip(&entry.is_flown)
+            .filter(|(met, flown)| **met && **flown)
+            .count() as u64;
+        let known = is_random && flown > 0;
+        CriterionReport {
+            name: name.to_owned(),
+            met,
+            flown,
+            #[expect(clippy::cast_precision_loss, reason = "few flights")]
+            rate: (flown > 0).then(|| met as f64 / flown as f64),
+            wilson: known.then(|| wilson(met, flown, CONFIDENCE)),
+            clopper_pearson: known.then(|| clopper_pearson(met, flown, CONFIDENCE)),
+            at_least: known.then(|| lower_bound(met, flown, CONFIDENCE)),
+        }
+    });
+    let quantiles = SHOWN.iter().zip(&entry.numbers).filter_map(|(shown, numbers)| {
+        let numbers = sorted(numbers.iter().copied());
+        (!numbers.is_empty()).then(|| QuantileReport {
+            name: shown.name,
+            count: numbers.len(),
+            values: SHARES.map(|share| quantile(&numbers, share).unwrap_or(f64::NAN)),
+        })
+    });
+    LawReport {
+        name,
+        completed,
+        lost,
+        failed,
+        refused,
+        criteria: criteria.collect(),
+        quantiles: quantiles.collect(),
+    }
+}
+
+fn quantile_line(law: &LawReport, shown: &Shown) -> Option<Vec<String>> {
+    let found = law
+        .quantiles
+        .iter()
+        .find(|quantiles| quantiles.name == shown.name)?;
+    let mut line = vec![law.name.clone(), found.count.to_string()];
+    line.extend(found.values.map(|value| format!("{:.3}", shown.factor * value)));
+    Some(line)
+}
+
+fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
+    let seed = plan.source.definition.seed;
+    let mut differences = Vec::new();
+    let Some((reference, others)) = results.entries.split_first() else {
+        return differences;
+    };
+    for (entry, other) in plan.entries[1..].iter().zip(others) {
+        for (index, shown) in SHOWN.iter().enumerate() {
+            let both = other.numbers[index]
+                .iter()
+                .copied()
+                .zip(reference.numbers[index].iter().copied());
+            let pairs: Vec<(f64, f64)> = both.filter(|(a, b)| a.is_finite() && b.is_finite()).collect();
+            let Some(paired) = Paired::of(&pairs, seed) else {
+                continue;
+            };
+            // `survived` is the first criterion.
+            let survived = other.criteria[0]
+                .iter()
+                .zip(&reference.criteria[0])
+                .zip(&other.is_flown);
+            let only = |mine: bool| {
+                survived
+                    .clone()
+                    .filter(|((a, b), flown)| **flown && **a == mine && **b != mine)
+                    .count()
+            };
+            differences.push(Difference {
+                law: entry.name.clone(),
+                reference: plan.entries[0].name.clone(),
+                name: shown.name,
+                pairs: pairs.len(),
+                only_law_failed: only(false),
+                only_reference_failed: only(true),
+                median: paired.median,
+                interval: paired.median_interval,
+                mean: paired.mean,
+                won: paired.won,
+                lost: paired.lost,
+                tied: paired.tied,
+                sign_p: paired.sign_p,
+                wilcoxon_p: paired.signed_rank_p,
+            });
+        }
+    }
+    differences
+}
+
+fn winners(plan: &Plan, layout: &Layout, results: &Results) -> Vec<Winner> {
+    let mut winners = Vec::new();
+    let varied = plan.columns().zip(&layout.columns[3..]).zip(&results.varied);
+    for ((name, column), values) in varied {
+        let numbers = sorted(values.iter().copied());
+        if column.kind != Kind::Number || numbers.first() == numbers.last() {
+            continue;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a few parts")]
+        let border = |part: usize| quantile(&numbers, part as f64 / BINS as f64).unwrap_or(f64::NAN);
+        for part in 0..BINS {
+            let range = [border(part), border(part + 1)];
+            let is_last = part + 1 == BINS;
+            let is_in =
+                |value: f64| value >= range[0] && (value < range[1] || (is_last && value <= range[1]));
+            let medians: Vec<Option<f64>> = results
+                .entries
+                .iter()
+                .map(|entry| {
+                    let rmse = values
+                        .iter()
+                        .zip(&entry.numbers[0])
+                        .filter(|(value, _)| is_in(**value));
+                    median(&sorted(rmse.map(|(_, rmse)| *rmse)))
+                })
+                .collect();
+            let best = medians
+                .iter()
+                .enumerate()
+                .filter_map(|(place, median)| Some((place, (*median)?)));
+            let best = best
+                .min_by(|(_, a), (_, b)| a.total_cmp(b))
+                .map(|(place, _)| plan.entries[place].name.clone());
+            winners.push(Winner {
+                varied: name.to_owned(),
+                range,
+                medians,
+                law: best,
+            });
+        }
+    }
+    winners
+}
+
+impl Display for Report {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        for (title, head, lines) in self.tables() {
+            let mut table = comfy_table::Table::new();
+            table
+                .load_style(comfy_table::presets::UTF8_FULL_CONDENSED)
+                .set_header(head);
+            table.add_rows(lines);
+            writeln!(formatter, "{title}\n{table}\n")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,323 @@
+//! A row of a sweep: one flight, lost or not.
+
+use metrics::stretch::Metrics;
+use metrics::summary::Summary;
+use serde::{Deserialize, Serialize};
+
+use crate::definition::{Entry, KeptLogs};
+use crate::expression::{Expression, ExpressionError};
+use crate::plan::{Plan, Sample};
+
+/// What a column holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Whole numbers.
+    Integer,
+    /// Numbers, which may be missing.
+    Number,
+    /// Text.
+    Text,
+    /// `true` or `false`.
+    Flag,
+}
+
+/// A column.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// Its name.
+    pub name: String,
+    /// What it holds.
+    pub kind: Kind,
+}
+
+/// The value of a row in a column.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Cell {
+    /// `true` or `false`.
+    Flag(bool),
+    /// Whole number.
+    Integer(u64),
+    /// Number; none if it is missing.
+    Number(Option<f64>),
+    /// Text.
+    Text(String),
+}
+
+/// A row: a cell for every column.
+pub type Row = Vec<Cell>;
+
+/// End of a flight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// It was flown to its end.
+    Completed,
+    /// The vehicle was lost.
+    Lost,
+    /// It could not go on for another reason: a plug-in failed.
+    Failed,
+    /// The scenario's checks, or a requirement of the sweep, refuse the sample.
+    Refused,
+}
+
+impl Outcome {
+    /// Returns its name in the rows.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Completed => "completed",
+            Self::Lost => "lost",
+            Self::Failed => "failed",
+            Self::Refused => "refused",
+        }
+    }
+}
+
+/// What came of a flight.
+#[derive(Clone, Debug)]
+pub struct Flown {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Reason, if it was not completed.
+    pub reason: String,
+    /// The results; none of a flight that was refused.
+    pub summary: Option<Summary>,
+    /// Mean of (T/(m g))^1.5.
+    pub energy: Option<f64>,
+    /// SHA-256 over all samples of the whole seconds, in hexadecimal.
+    pub digest: String,
+    /// Steps of the vehicle.
+    pub steps: u64,
+}
+
+/// A result of a flight: its name, and how it follows from the summary.
+type FlightResult = (&'static str, fn(&Summary) -> Option<f64>);
+
+macro_rules! of_metrics {
+    ($($name:ident),+ $(,)?) => { [$((stringify!($name), |summary: &Summary| summary.metrics.map(|metrics: Metrics| metrics.$name))),+] };
+}
+
+/// Results over all of the flight.
+const METRICS: [FlightResult; 10] = of_metrics![
+    rmse,
+    mean,
+    deviation,
+    p50,
+    p95,
+    p99,
+    max,
+    time_of_max,
+    thrust_mean,
+    body_rate_rms,
+];
+
+/// Further results; those of the estimates are of the end.
+const RESULTS: [FlightResult; 10] = [
+    ("settling_time", |summary| summary.metrics?.settling_time),
+    ("saturated_share", |summary| summary.metrics?.saturated_share),
+    ("ultimate", |summary| summary.phases.last()?.ultimate),
+    ("ultimate_bound", |summary| summary.ultimate_bound),
+    ("mass", |summary| summary.phases.last()?.parameters.mass),
+    ("mass_estimate", |summary| {
+        summary.phases.last()?.parameters.mass_estimate
+    }),
+    ("disturbance_estimate_x", |summary| estimate(summary, 0)),
+    ("disturbance_estimate_y", |summary| estimate(summary, 1)),
+    ("disturbance_estimate_z", |summary| estimate(summary, 2)),
+    ("gamma", |summary| summary.phases.last()?.gamma),
+];
+
+/// Results of each phase of a flight that has several.
+const OF_PHASE: [(&str, fn(&metrics::summary::Phase) -> Option<f64>); 4] = [
+    ("rmse", |phase| Some(phase.metrics?.rmse)),
+    ("max", |phase| Some(phase.metrics?.max)),
+    ("settling_time", |phase| phase.metrics?.settling_time),
+    ("ultimate", |phase| phase.ultimate),
+];
+
+fn estimate(summary: &Summary, axis: usize) -> Option<f64> {
+    Some(summary.phases.last()?.parameters.disturbance_estimate?[axis])
+}
+
+/// Columns of a sweep, and how a row follows from a flight.
+#[derive(Debug)]
+pub struct Layout {
+    /// The columns, in their order.
+    pub columns: Vec<Column>,
+    phases: usize,
+    /// Criteria by name, over the numbers of a row.
+    criteria: Vec<(String, Expression)>,
+}
+
+impl Layout {
+    /// Makes the layout of a sweep.
+    ///
+    /// # Errors
+    /// [`ExpressionError`] if a criterion is none.
+    pub fn new(plan: &Plan) -> Result<Self, ExpressionError> {
+        let definition = &plan.source.definition;
+        let phases = plan.phases();
+        let column = |name: &str, kind| Column {
+            name: name.to_owned(),
+            kind,
+        };
+        let mut columns = vec![
+            column("sample", Kind::Integer),
+            column("law", Kind::Text),
+            column("seed", Kind::Integer),
+        ];
+        for (index, name) in plan.columns().enumerate() {
+            let kind = if plan.is_number(index) {
+                Kind::Number
+            } else {
+                Kind::Text
+            };
+            columns.push(column(name, kind));
+        }
+        columns.extend([column("outcome", Kind::Text), column("reason", Kind::Text)]);
+        let results = METRICS.iter().chain(&RESULTS).map(|(name, _)| (*name).to_owned());
+        let of_phases = (1..=phases).filter(|_| phases > 1).flat_map(|phase| {
+            let names = OF_PHASE
+                .iter()
+                .map(move |(name, _)| format!("phase{phase}_{name}"));
+            names.collect::<Vec<_>>()
+        });
+        let numbers = ["ended".to_owned(), "energy".to_owned()];
+        let numbers = numbers.into_iter().chain(results).chain(of_phases);
+        columns.extend(numbers.map(|name| column(&name, Kind::Number)));
+        columns.extend(["lost", "survived"].map(|name| column(name, Kind::Flag)));
+        let place = |name: &str| columns.iter().position(|column| column.name == name);
+        let criteria = definition.judge.iter().map(|(name, text)| {
+            let criterion = Expression::parse(text, place)?;
+            Ok((name.clone(), criterion))
+        });
+        let criteria = criteria.collect::<Result<Vec<_>, _>>()?;
+        columns.extend(criteria.iter().map(|(name, _)| column(name, Kind::Flag)));
+        columns.push(column("digest", Kind::Text));
+        Ok(Self {
+            columns,
+            phases,
+            criteria,
+        })
+    }
+
+    /// Returns the place of a column.
+    #[must_use]
+    pub fn place(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|column| column.name == name)
+    }
+
+    /// Returns the names of the criteria, `survived` first.
+    pub fn criteria(&self) -> impl Iterator<Item = &str> {
+        std::iter::once("survived").chain(self.criteria.iter().map(|(name, _)| name.as_str()))
+    }
+
+    /// Returns the row of a flight.
+    #[must_use]
+    pub fn row(&self, sample: &Sample, entry: &Entry, flown: &Flown) -> Row {
+        let summary = flown.summary.as_ref();
+        let number = |value: Option<f64>| Cell::Number(value.filter(|value| value.is_finite()));
+        let mut row = vec![
+            Cell::Integer(sample.index),
+            Cell::Text(entry.name.clone()),
+            Cell::Integer(sample.seed),
+        ];
+        row.extend(
+            sample
+                .values
+                .iter()
+                .zip(&self.columns[3..])
+                .map(|(value, column)| {
+                    if column.kind == Kind::Number {
+                        #[expect(clippy::cast_precision_loss, reason = "choices of whole numbers are small")]
+                        let whole = value.as_integer().map(|number| number as f64);
+                        number(value.as_float().or(whole))
+                    } else {
+                        Cell::Text(value.as_str().map_or_else(|| value.to_string(), str::to_owned))
+                    }
+                }),
+        );
+        row.extend([
+            Cell::Text(flown.outcome.name().to_owned()),
+            Cell::Text(flown.reason.clone()),
+        ]);
+        row.push(number(summary.map(|summary| summary.simulated_seconds)));
+        row.push(number(flown.energy));
+        let results = METRICS.iter().chain(&RESULTS);
+        row.extend(results.map(|(_, result)| number(summary.and_then(result))));
+        for phase in (0..self.phases).filter(|_| self.phases > 1) {
+            let phase = summary.and_then(|summary| summary.phases.get(phase));
+            row.extend(OF_PHASE.iter().map(|(_, result)| number(phase.and_then(result))));
+        }
+        row.push(Cell::Flag(flown.outcome == Outcome::Lost));
+        row.push(Cell::Flag(flown.outcome == Outcome::Completed));
+        let numbers: Vec<f64> = row.iter().map(Cell::number).collect();
+        row.extend(
+            self.criteria
+                .iter()
+                .map(|(_, criterion)| Cell::Flag(criterion.is_true(&numbers))),
+        );
+        row.push(Cell::Text(flown.digest.clone()));
+        debug_assert_eq!(row.len(), self.columns.len());
+        row
+    }
+
+    /// Returns whether the log of a flight is kept.
+    #[must_use]
+    pub fn keeps_log(&self, kept: KeptLogs, row: &Row) -> bool {
+        let failed = || self.criteria().any(|name| self.flag(row, name) == Some(false));
+        match kept {
+            KeptLogs::None => false,
+            KeptLogs::Failed => self.text(row, "outcome") != Some("refused") && failed(),
+            KeptLogs::All => self.text(row, "outcome") != Some("refused"),
+        }
+    }
+
+    /// Returns a flag of a row.
+    #[must_use]
+    pub fn flag(&self, row: &Row, name: &str) -> Option<bool> {
+        match row.get(self.place(name)?)? {
+            Cell::Flag(flag) => Some(*flag),
+            _ => None,
+        }
+    }
+
+    /// Returns a text of a row.
+    #[must_use]
+    pub fn text<'a>(&self, row: &'a Row, name: &str) -> Option<&'a str> {
+        match row.get(self.place(name)?)? {
+            Cell::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+}
+
+impl Cell {
+    /// Returns the number of a cell; NaN if it has none.
+    #[must_use]
+    pub fn number(&self) -> f64 {
+        match self {
+            Self::Flag(flag) => f64::from(u8::from(*flag)),
+            #[expect(clippy::cast_precision_loss, reason = "indices and seeds have 53 bits")]
+            Self::Integer(number) => *number as f64,
+            Self::Number(number) => number.unwrap_or(f64::NAN),
+            Self::Text(_) => f64::NAN,
+        }
+    }
+
+    /// Returns this cell as a column of a kind has it: JSON does not tell 1.0 from 1.
+    ///
+    /// # Errors
+    /// If the column cannot hold it.
+    pub fn of_kind(self, kind: Kind) -> Result<Self, ()> {
+        match (kind, self) {
+            #[expect(clippy::cast_precision_loss, reason = "written as such a number")]
+            (Kind::Number, Self::Integer(number)) => Ok(Self::Number(Some(number as f64))),
+            (Kind::Number, cell @ Self::Number(_))
+            | (Kind::Integer, cell @ Self::Integer(_))
+            | (Kind::Text, cell @ Self::Text(_))
+            | (Kind::Flag, cell @ Self::Flag(_)) => Ok(cell),
+            _ => Err(()),
+        }
+    }
+}

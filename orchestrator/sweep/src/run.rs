@@ -1,0 +1,277 @@
+//! `gerono sweep run`: flies a shard on all cores.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use command_line::exit::Exit;
+use command_line::failure::Failure;
+use command_line::interrupt::Interrupt;
+use command_line::output::{note, print};
+use command_line::progress;
+use evaluation::reproduce::parallel;
+use sha2::{Digest, Sha256};
+
+use crate::arguments::Run;
+use crate::definition::{Source, hexadecimal};
+use crate::plan::Plan;
+use crate::row::{Layout, Row};
+use crate::shard::{Header, Shard, ShardError, ShardWriter};
+use crate::{flight, merge, ordered};
+
+/// Time between two lines of progress where standard error is no terminal.
+const LINE_PERIOD: Duration = Duration::from_secs(30);
+
+/// A sweep with the layout of its rows and the program that flies it.
+pub(crate) struct Prepared {
+    pub(crate) plan: Plan,
+    pub(crate) layout: Layout,
+    pub(crate) program: String,
+}
+
+impl Prepared {
+    pub(crate) fn new(source: Source) -> Result<Self, Failure> {
+        let plan = Plan::new(source)?;
+        let layout = Layout::new(&plan).map_err(|error| Failure::bad_input(format!("`judge`: {error}")))?;
+        let program = program_hash().map_err(Failure::trouble)?;
+        Ok(Self {
+            plan,
+            layout,
+            program,
+        })
+    }
+
+    fn header(&self, shard: Shard) -> Header {
+        Header::new(shard, &self.plan.source, &self.layout.columns, &self.program)
+    }
+}
+
+impl From<ShardError> for Failure {
+    fn from(error: ShardError) -> Self {
+        match error {
+            ShardError::File { .. } => Self::not_written(error),
+            _ => Self::bad_input(error),
+        }
+    }
+}
+
+/// Returns the SHA-256 of the program that runs, in hexadecimal.
+fn program_hash() -> io::Result<String> {
+    let mut program = File::open("/proc/self/exe")?;
+    let (mut hash, mut part) = (Sha256::new(), vec![0; 1 << 16]);
+    loop {
+        match program.read(&mut part)? {
+            0 => return Ok(hexadecimal(&hash.finalize())),
+            count => hash.update(&part[..count]),
+        }
+    }
+}
+
+/// Returns the folder for the results of a sweep unless another is asked for.
+fn default_folder(sweep: &Path) -> PathBuf {
+    let name = sweep
+        .file_stem()
+        .map_or_else(|| "sweep".into(), |stem| stem.to_string_lossy());
+    Path::new("runs").join(format!("sweep-{name}"))
+}
+
+/// `gerono sweep run`.
+///
+/// # Errors
+/// [`Failure`] if nothing can be flown or written; a flight that is lost is a row.
+pub(crate) fn run(arguments: &Run) -> Result<Exit, Failure> {
+    let prepared = Prepared::new(Source::read(&arguments.sweep)?)?;
+    let folder = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| default_folder(&arguments.sweep));
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Failure::not_written(format!("cannot make {}: {error}", folder.display())))?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let threads = arguments.jobs.map_or_else(parallel::cores, usize::from);
+    let shard = arguments.shard.unwrap_or(Shard::WHOLE);
+    if !shard.path(&folder).exists() {
+        let flown = fly_shard(&prepared, shard, &folder, threads, &interrupt)?;
+        if let Some(signal) = interrupt.signal() {
+            note(format_args!(
+                "{} of {} rows are kept in {}; the same command goes on from there",
+                flown.rows,
+                flown.of,
+                folder.display()
+            ));
+            return Ok(Exit::Signal(signal));
+        }
+        print(format!(
+            "{} flights in {:.1} s, {:.1} a second, {:.2} million vehicle steps a second\n",
+            flown.rows - flown.before,
+            flown.seconds,
+            flown.per_second(flown.rows - flown.before),
+            flown.per_second(flown.steps) / 1e6,
+        ));
+    }
+    if arguments.shard.is_none() {
+        return merge::merge_folder(&folder, false);
+    }
+    Ok(Exit::Success)
+}
+
+/// What a shard's flights came to.
+struct ShardFlown {
+    /// Rows in the file, and those that it is to have.
+    rows: u64,
+    of: u64,
+    /// Rows that were there before.
+    before: u64,
+    /// Steps of the vehicle.
+    steps: u64,
+    seconds: f64,
+}
+
+impl ShardFlown {
+    #[expect(clippy::cast_precision_loss, reason = "for a person")]
+    fn per_second(&self, count: u64) -> f64 {
+        count as f64 / self.seconds.max(1e-9)
+    }
+}
+
+fn fly_shard(
+    prepared: &Prepared,
+    shard: Shard,
+    folder: &Path,
+    threads: usize,
+    interrupt: &Interrupt,
+) -> Result<ShardFlown, Failure> {
+    let plan = &prepared.plan;
+    let entries = plan.entries.len() as u64;
+    let samples = shard.samples(plan.samples);
+    let rows = samples.start * entries..samples.end * entries;
+    let mut writer = ShardWriter::open(folder, &prepared.header(shard))?;
+    let before = writer.rows;
+    let mut counter = Counter::new(rows.end - rows.start, before);
+    let fly = |row: u64| fly_row(prepared, row, folder, interrupt);
+    let mut steps = 0;
+    let begun = Instant::now();
+    let flown = ordered::for_each(rows.start + before..rows.end, threads, fly, |flown| {
+        let (row, of_row) = flown?;
+        steps += of_row;
+        writer.write(&row)?;
+        counter.count();
+        Ok(())
+    });
+    counter.end();
+    let seconds = begun.elapsed().as_secs_f64();
+    let of = rows.end - rows.start;
+    let written = writer.rows;
+    if let Err(failure) = flown {
+        // What was flown is kept also where this row could not be.
+        let _ = writer.pause();
+        return Err(failure);
+    }
+    if written == of {
+        writer.complete()?;
+    } else {
+        writer.pause()?;
+    }
+    Ok(ShardFlown {
+        rows: written,
+        of,
+        before,
+        steps,
+        seconds,
+    })
+}
+
+/// Flies the row of a number, and returns it with the steps of its vehicle; none if the flight was interrupted.
+fn fly_row(
+    prepared: &Prepared,
+    row: u64,
+    folder: &Path,
+    interrupt: &Interrupt,
+) -> Option<Result<(Row, u64), Failure>> {
+    let Prepared { plan, layout, .. } = prepared;
+    let entries = plan.entries.len() as u64;
+    let sample = plan.sample(row / entries);
+    let entry = &plan.entries[usize::try_from(row % entries).expect("few entries")];
+    let flown = match flight::fly(plan, &sample, entry, interrupt) {
+        Ok(flown) => flown?,
+        Err(failure) => return Some(Err(failure)),
+    };
+    let row = layout.row(&sample, entry, &flown);
+    if layout.keeps_log(plan.source.definition.keep.logs, &row) {
+        let log = folder
+            .join("logs")
+            .join(format!("sample-{}-{}", sample.index, entry.name));
+        match keep_log(prepared, &log, &sample, entry, interrupt) {
+            Ok(()) => {}
+            Err(failure) => return Some(Err(failure)),
+        }
+    }
+    Some(Ok((row, flown.steps)))
+}
+
+fn keep_log(
+    prepared: &Prepared,
+    folder: &Path,
+    sample: &crate::plan::Sample,
+    entry: &crate::definition::Entry,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder)
+        .map_err(|error| Failure::not_written(format!("cannot make {}: {error}", folder.display())))?;
+    flight::fly_recorded(
+        &prepared.plan,
+        sample,
+        entry,
+        Some(&folder.join("run.mcap")),
+        interrupt,
+    )
+    .map(drop)
+}
+
+/// Progress of the flights: a bar on a terminal, a line now and then elsewhere.
+struct Counter {
+    bar: progress::ProgressBar,
+    done: u64,
+    of: u64,
+    begun: Instant,
+    before: u64,
+    told: Instant,
+}
+
+impl Counter {
+    fn new(of: u64, before: u64) -> Self {
+        let bar = progress::rated_flights(of);
+        bar.set_position(before);
+        bar.reset_eta();
+        let now = Instant::now();
+        Self {
+            bar,
+            done: before,
+            of,
+            begun: now,
+            before,
+            told: now,
+        }
+    }
+
+    fn count(&mut self) {
+        self.done += 1;
+        self.bar.set_position(self.done);
+        if self.bar.is_hidden() && self.told.elapsed() >= LINE_PERIOD {
+            self.told = Instant::now();
+            #[expect(clippy::cast_precision_loss, reason = "for a person")]
+            let rate = (self.done - self.before) as f64 / self.begun.elapsed().as_secs_f64();
+            #[expect(clippy::cast_precision_loss, reason = "for a person")]
+            let left = (self.of - self.done) as f64 / rate;
+            note(format_args!(
+                "{} of {} flights, {rate:.1} a second, {left:.0} s left",
+                self.done, self.of
+            ));
+        }
+    }
+
+    fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+}
