@@ -24,4 +24,5 @@ mod replay_processes;
 mod report;
 mod reproduce;
 mod safety;
+mod sweeps;
 mod verdicts;

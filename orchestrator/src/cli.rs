@@ -127,7 +127,7 @@ pub enum Command {
     /// Fly thousands of varied scenarios, on all cores or on a cluster, and say what came of them.
     ///
     /// A sweep.toml states what is varied, compared and judged; docs/sweeps.md explains it. Sample i is a function of the
-    /// sweep and of i alone: shards need nothing of each other, and every row can be flown again.
+    /// sweep and of i alone: shards need nothing of each other, and every row can be repeated.
     #[command(after_help = Sweep::EXAMPLES)]
     Sweep(Sweep),
     /// Find what the estimator should believe of markers, delay and noise, from the log of a flight.

@@ -37,6 +37,18 @@ pub fn read<T: Sample>(bytes: &[u8]) -> T {
     T::read_from_bytes(bytes).expect("hosts hand out samples of their topic")
 }
 
+/// Looks at a sample in place, or at a copy where its bytes are not aligned.
+///
+/// # Panics
+/// If the bytes are those of another type.
+#[inline]
+pub fn view<T: Sample, R>(bytes: &[u8], look: impl FnOnce(&T) -> R) -> R {
+    match T::ref_from_bytes(bytes) {
+        Ok(sample) => look(sample),
+        Err(_) => look(&read(bytes)),
+    }
+}
+
 /// Returns when a scenario changes the vehicle or the air around it, s.
 pub fn changes(scenario: &Scenario) -> impl Iterator<Item = f64> {
     let vehicle = scenario.vehicle.change.iter().map(|change| change.at);

@@ -50,9 +50,41 @@ impl Demand {
 /// Tells where the path is, given all references in the order in which they were published.
 #[derive(Clone, Debug, Default)]
 pub struct PathClock {
-    acting: Option<PathReference>,
-    /// Those whose time is still to come: as many as are made during a prediction.
-    coming: VecDeque<PathReference>,
+    /// The course that acts, if its time has come, and those whose time is still to come: as many as are made during a
+    /// prediction.
+    courses: VecDeque<Course>,
+    /// `true` if the first of them acts.
+    has_begun: bool,
+}
+
+/// What a reference says of the path.
+#[derive(Clone, Copy, Debug)]
+struct Course {
+    /// Time that it speaks of, ns.
+    time_ns: u64,
+    gamma: [f64; 3],
+    /// pd and its derivatives in γ, in {I}.
+    point: [Vector; 4],
+    yaw: f64,
+    phase: u8,
+}
+
+impl From<&PathReference> for Course {
+    #[inline]
+    fn from(reference: &PathReference) -> Self {
+        Self {
+            time_ns: reference.reference_time_ns,
+            gamma: [reference.gamma, reference.gamma_dot, reference.gamma_ddot],
+            point: [
+                reference.position_world,
+                reference.derivative1_world,
+                reference.derivative2_world,
+                reference.derivative3_world,
+            ],
+            yaw: reference.yaw,
+            phase: reference.phase,
+        }
+    }
 }
 
 impl PathClock {
@@ -60,38 +92,53 @@ impl PathClock {
     #[inline]
     pub fn observe(&mut self, reference: &PathReference) {
         let latest = reference.header.stamp_ns.saturating_add(HORIZON_NS);
-        self.coming.push_back(PathReference {
-            reference_time_ns: reference.reference_time_ns.min(latest),
-            ..*reference
+        let course = Course::from(reference);
+        self.courses.push_back(Course {
+            time_ns: course.time_ns.min(latest),
+            ..course
         });
     }
 
     /// Returns where the path is at a time, which must not go back; nothing before the first reference's.
     #[inline]
     pub fn at(&mut self, time_ns: u64) -> Option<Demand> {
-        while let Some(next) = self.coming.pop_front_if(|next| next.reference_time_ns <= time_ns) {
-            self.acting = Some(next);
+        while let Some(next) = self.courses.get(usize::from(self.has_begun))
+            && next.time_ns <= time_ns
+        {
+            if self.has_begun {
+                self.courses.pop_front();
+            }
+            self.has_begun = true;
         }
-        self.acting.as_ref().map(|acting| carried(acting, time_ns))
+        let acting = self.courses.front().filter(|_| self.has_begun);
+        acting.map(|acting| acting.at(time_ns))
     }
 }
 
-/// Returns where the path of a reference is at another time: γ moves by its derivatives, and pd by its Taylor polynomial in γ.
+/// Returns where the path of a reference is at another time.
 #[must_use]
-#[inline]
 pub fn carried(reference: &PathReference, time_ns: u64) -> Demand {
-    let ahead_ns = i128::from(time_ns) - i128::from(reference.reference_time_ns);
-    let t = ahead_ns.clamp(-CARRIED_NS, CARRIED_NS) as f64 * 1e-9;
-    let way = t * (reference.gamma_dot + 0.5 * t * reference.gamma_ddot);
-    Demand {
-        position_world: [0, 1, 2].map(|axis| {
-            let third = reference.derivative2_world[axis] + way / 3.0 * reference.derivative3_world[axis];
-            let second = reference.derivative1_world[axis] + 0.5 * way * third;
-            reference.position_world[axis] + way * second
-        }),
-        gamma: reference.gamma + way,
-        yaw: reference.yaw,
-        phase: FlightPhase::from_code(reference.phase),
+    Course::from(reference).at(time_ns)
+}
+
+impl Course {
+    /// Returns where the path is at another time: γ moves by its derivatives, and pd by its Taylor polynomial in γ.
+    #[inline]
+    fn at(&self, time_ns: u64) -> Demand {
+        let ahead_ns = i128::from(time_ns) - i128::from(self.time_ns);
+        let t = ahead_ns.clamp(-CARRIED_NS, CARRIED_NS) as f64 * 1e-9;
+        let [gamma, gamma_dot, gamma_ddot] = self.gamma;
+        let way = t * (gamma_dot + 0.5 * t * gamma_ddot);
+        let [point, first, second, third] = &self.point;
+        Demand {
+            position_world: [0, 1, 2].map(|axis| {
+                let bend = second[axis] + way / 3.0 * third[axis];
+                point[axis] + way * (first[axis] + 0.5 * way * bend)
+            }),
+            gamma: gamma + way,
+            yaw: self.yaw,
+            phase: FlightPhase::from_code(self.phase),
+        }
     }
 }
 

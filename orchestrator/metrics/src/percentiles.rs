@@ -26,7 +26,12 @@ impl Percentiles {
     /// Takes a distance (m) into account.
     #[inline]
     pub fn add(&mut self, distance: f64) {
-        self.0.saturating_record((distance * PER_METRE).round() as u64);
+        self.0.saturating_record((distance * PER_METRE + 0.5) as u64);
+    }
+
+    /// Takes the distances of others into account.
+    pub fn join(&mut self, later: &Self) {
+        self.0.add(&later.0).expect("all have the same bounds");
     }
 
     /// The distance that a share of all is no larger than, m; none of no distances.

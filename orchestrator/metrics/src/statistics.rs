@@ -1,14 +1,17 @@
 //! Mean, deviation and extremes of a stream of numbers, in fixed memory.
 
-/// The statistics of the numbers seen so far (Welford's method: no digits are lost to a large mean).
+/// The statistics of the numbers seen so far.
 ///
-/// Of no numbers at all every statistic is NaN, which no bar calls reached.
+/// Sums are those of the distances from the first number, so that no digits are lost to a large mean, and a number costs no
+/// division. Of no numbers at all every statistic is NaN, which no bar calls reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
     count: u64,
-    mean: f64,
-    /// Sum of the squared distances from the mean.
-    spread: f64,
+    first: f64,
+    /// Sum of the distances from the first number.
+    sum: f64,
+    /// Sum of their squares.
+    squares: f64,
     largest: f64,
 }
 
@@ -16,11 +19,27 @@ impl Statistics {
     /// Takes a number into account.
     #[inline]
     pub fn add(&mut self, value: f64) {
+        if self.count == 0 {
+            self.first = value;
+        }
         self.count += 1;
-        let distance = value - self.mean;
-        self.mean += distance / self.count as f64;
-        self.spread += distance * (value - self.mean);
+        let distance = value - self.first;
+        self.sum += distance;
+        self.squares += distance * distance;
         self.largest = self.largest.max(value.abs());
+    }
+
+    /// Takes the numbers of other statistics into account.
+    pub fn join(&mut self, later: &Self) {
+        if self.count == 0 {
+            *self = *later;
+            return;
+        }
+        let (count, further) = (later.count as f64, later.first - self.first);
+        self.count += later.count;
+        self.sum += later.sum + count * further;
+        self.squares += later.squares + 2.0 * further * later.sum + count * further * further;
+        self.largest = self.largest.max(later.largest);
     }
 
     /// Returns how many numbers there were.
@@ -32,19 +51,25 @@ impl Statistics {
     /// Their mean.
     #[must_use]
     pub fn mean(&self) -> f64 {
-        self.unless_empty(self.mean)
+        self.unless_empty(self.first + self.sum / self.count as f64)
     }
 
     /// Their standard deviation about the mean.
     #[must_use]
     pub fn deviation(&self) -> f64 {
-        (self.spread / self.count as f64).sqrt()
+        self.variance().sqrt()
+    }
+
+    fn variance(&self) -> f64 {
+        let (count, mean) = (self.count as f64, self.sum / self.count as f64);
+        (self.squares / count - mean * mean).max(0.0 * mean)
     }
 
     /// Root of the mean of their squares.
     #[must_use]
     pub fn rmse(&self) -> f64 {
-        (self.mean * self.mean + self.spread / self.count as f64).sqrt()
+        let mean = self.mean();
+        (mean * mean + self.variance()).sqrt()
     }
 
     /// The largest magnitude.
@@ -87,6 +112,21 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn parts_that_are_joined_have_the_statistics_of_the_whole(
+            values in proptest::collection::vec(-1.0..1.0f64, 1..200), place in 0..200usize,
+        ) {
+            let (early, late) = values.split_at(place.min(values.len()));
+            let mut joined = of(early);
+            joined.join(&of(late));
+            let whole = of(&values);
+            prop_assert_eq!((joined.count(), joined.max()), (whole.count(), whole.max()));
+            for (one, other) in [(joined.mean(), whole.mean()), (joined.rmse(), whole.rmse())] {
+                prop_assert!((one - other).abs() < 1e-13, "{one} {other}");
+            }
+            prop_assert!((joined.deviation() - whole.deviation()).abs() < 1e-7);
+        }
+
         #[test]
         fn the_stream_agrees_with_the_two_pass_formulas_also_far_from_zero(
             values in proptest::collection::vec(-1.0..1.0f64, 1..200),

@@ -86,6 +86,29 @@ impl Stretch {
         self.saturated_frames += u64::from(frame.saturated.is_set());
     }
 
+    /// Takes the stretch that follows into account.
+    pub fn join(&mut self, later: &Self) {
+        self.frames += later.frames;
+        self.saturated_frames += later.saturated_frames;
+        let Some([begin, end]) = later.span_ns else {
+            return;
+        };
+        if self.span_ns.is_none() || later.distance.max() > self.distance.max() {
+            self.largest_ns = later.largest_ns;
+        }
+        // One that was settled from its first moment on goes on with what was before.
+        let goes_on = self.span_ns.is_some() && later.settled_since_ns == Some(begin);
+        self.settled_since_ns = self
+            .settled_since_ns
+            .filter(|_| goes_on)
+            .or(later.settled_since_ns);
+        self.span_ns = Some([self.span_ns.map_or(begin, |[first, _]| first), end]);
+        self.distance.join(&later.distance);
+        self.percentiles.join(&later.percentiles);
+        self.thrust.join(&later.thrust);
+        self.body_rate.join(&later.body_rate);
+    }
+
     /// The metrics; none of a stretch in which the vehicle never flew along the path.
     #[must_use]
     pub fn finish(&self) -> Option<Metrics> {
@@ -171,6 +194,29 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn stretches_that_are_joined_have_the_metrics_of_the_whole(
+            distances in proptest::collection::vec(prop_oneof![0.0..0.02f64, 0.0..0.1f64], 1..60), place in 0..60usize,
+        ) {
+            let of_part = |from: usize, to: usize| {
+                let mut stretch = Stretch::default();
+                for (index, &distance) in distances.iter().enumerate().take(to).skip(from) {
+                    stretch.observe(&moment(10_000_000 * (index as u64 + 1), distance, FlightPhase::Fly));
+                }
+                stretch
+            };
+            let place = place.min(distances.len());
+            let mut joined = of_part(0, place);
+            joined.join(&of_part(place, distances.len()));
+            let (joined, whole) = (joined.finish().unwrap(), of(&distances));
+            prop_assert!((joined.rmse - whole.rmse).abs() < 1e-13);
+            let exact = |metrics: &Metrics| {
+                let Metrics { span, moments, p50, p95, p99, max, time_of_max, settling_time, .. } = *metrics;
+                (span, moments, [p50, p95, p99, max, time_of_max], settling_time)
+            };
+            prop_assert_eq!(exact(&joined), exact(&whole));
+        }
+
         #[test]
         fn the_numbers_stand_in_the_order_that_they_must(
             distances in proptest::collection::vec(0.0..10.0f64, 1..300),

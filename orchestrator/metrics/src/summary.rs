@@ -20,9 +20,9 @@ use shared_types::{Header, Schedule, ServiceId, Topic};
 
 use self::restart::Restart;
 use crate::loss::{Loss, LossWatch};
-use crate::read;
 use crate::stretch::{Metrics, Stretch};
-use crate::tracker::{Moment, StateSource, Tracker};
+use crate::tracker::{StateSource, Tracker};
+use crate::{read, view};
 pub use at_bound::AtBound;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 pub use flight::FlightPhaseBegin;
@@ -201,7 +201,6 @@ pub struct FlightSummary {
     schedule: Schedule,
     tracker: Tracker,
     loss: LossWatch,
-    whole: Stretch,
     /// `true` if the vehicle flies along its path, as far as it is known.
     is_on_path: bool,
     phases: Vec<PhaseRecord>,
@@ -238,7 +237,6 @@ impl FlightSummary {
             bounds: (!scenario.is_foreign(ServiceId::Controller)).then(|| scenario.controller.bounds.clone()),
             loss: LossWatch::new(scenario, tracker.source()),
             tracker,
-            whole: Stretch::default(),
             is_on_path: false,
             phases: phase::phases(scenario, schedule),
             faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, &changes, schedule))),
@@ -265,9 +263,23 @@ impl FlightSummary {
         let header = header_of(bytes);
         self.counts[topic.index()].count(&header);
         self.last_tick = self.last_tick.max(Some(header.tick));
-        if let Some(moment) = self.tracker.observe(topic, bytes) {
-            self.observe_moment(&moment);
-        }
+        let Self {
+            tracker,
+            loss,
+            is_on_path,
+            phases,
+            current,
+            faults,
+            ..
+        } = self;
+        tracker.observe_in_place(topic, bytes, |moment| {
+            *is_on_path = moment.distance_on_path().is_some();
+            loss.observe(moment);
+            phase_at(phases, current, moment.vehicle.tick).observe(moment);
+            if let Some(faults) = faults {
+                faults.observe_moment(moment, None);
+            }
+        });
         if topic == self.tracker.source().topic() {
             self.phase_at(header.tick).last_tick = Some(header.tick);
         }
@@ -275,38 +287,33 @@ impl FlightSummary {
             faults.observe(topic, bytes);
         }
         match topic {
-            Topic::VehicleTruth => {
-                let truth = read::<VehicleTruth>(bytes);
+            Topic::VehicleTruth => view(bytes, |truth: &VehicleTruth| {
                 let parameters = &mut self.phase_at(header.tick).parameters;
                 parameters.mass = Some(truth.mass);
                 parameters.disturbance = Some(truth.disturbance_world);
-            }
-            Topic::ControlAdaptation => {
-                let adaptation = read::<ControlAdaptation>(bytes);
+            }),
+            Topic::ControlAdaptation => view(bytes, |adaptation: &ControlAdaptation| {
                 // A controller that is not ours need not estimate anything, and then leaves the sample zero.
                 if adaptation.mass_estimate > 0.0 {
                     let parameters = &mut self.phase_at(header.tick).parameters;
                     parameters.mass_estimate = Some(adaptation.mass_estimate);
                     parameters.disturbance_estimate = Some(adaptation.disturbance_projected_world);
                 }
-            }
-            Topic::PathReference => {
-                let reference = read::<PathReference>(bytes);
+            }),
+            Topic::PathReference => view(bytes, |reference: &PathReference| {
                 self.phase_at(header.tick).gamma = Some(reference.gamma);
                 if let Some(flight) = &mut self.flight {
-                    flight.observe(&reference);
+                    flight.observe(reference);
                 }
-            }
-            Topic::RcFrame => {
-                let frame = read::<RcFrame>(bytes);
+            }),
+            Topic::RcFrame => view(bytes, |frame: &RcFrame| {
                 if let Some(flight) = &mut self.flight {
-                    flight.observe_frame(&frame);
+                    flight.observe_frame(frame);
                 }
                 if self.is_on_path {
-                    self.whole.observe_frame(&frame);
-                    self.phase_at(header.tick).stretch.observe_frame(&frame);
+                    self.phase_at(header.tick).stretch.observe_frame(frame);
                 }
-            }
+            }),
             Topic::RunEvent => {
                 if let Some(flight) = &mut self.flight {
                     flight.observe_event(&read::<RunEvent>(bytes));
@@ -326,28 +333,23 @@ impl FlightSummary {
         self.loss.loss()
     }
 
-    #[inline]
-    fn observe_moment(&mut self, moment: &Moment) {
-        self.is_on_path = moment.distance_on_path().is_some();
-        self.loss.observe(moment);
-        self.whole.observe(moment);
-        self.phase_at(moment.vehicle.tick).observe(moment);
-        if let Some(faults) = &mut self.faults {
-            faults.observe_moment(moment, None);
-        }
-    }
-
     /// The summary of all that was observed.
     #[must_use]
     pub fn finish(mut self, run: RunFacts) -> Summary {
         if let Some(moment) = self.tracker.last() {
-            self.observe_moment(&moment);
+            self.loss.observe(&moment);
+            self.phase_at(moment.vehicle.tick).observe(&moment);
+            if let Some(faults) = &mut self.faults {
+                faults.observe_moment(&moment, None);
+            }
         }
         let source = self.tracker.source();
         let simulated_ticks = self
             .last_tick
             .map_or(0, |tick| tick.saturating_sub(self.first_tick));
         let simulated_seconds = seconds(self.schedule.time_ns(simulated_ticks));
+        let mut whole = Stretch::default();
+        self.phases.iter().for_each(|phase| whole.join(&phase.stretch));
         let flown = self.phases.iter().filter(|phase| phase.last_tick.is_some());
         let phases: Vec<Phase> = flown
             .map(|phase| phase.finish(&self.schedule, source.topic(), self.bound))
@@ -372,7 +374,7 @@ impl FlightSummary {
                 ))
             }),
             source,
-            metrics: self.whole.finish(),
+            metrics: whole.finish(),
             ultimate_bound: self.bound,
             at_bound: at_bound.collect(),
             phases,
@@ -394,10 +396,7 @@ impl FlightSummary {
     /// The phase of a tick, entering it if it has not been.
     #[inline]
     fn phase_at(&mut self, tick: u64) -> &mut PhaseRecord {
-        while tick >= self.phases[self.current].end_tick && self.current + 1 < self.phases.len() {
-            self.current += 1;
-        }
-        &mut self.phases[self.current]
+        phase_at(&mut self.phases, &mut self.current, tick)
     }
 
     /// Returns the recorded samples of a topic; of the orchestrator's own topics only gaps can be told.
@@ -423,6 +422,15 @@ impl FlightSummary {
             not_recorded,
         }
     }
+}
+
+/// The phase of a tick, which comes no earlier than the one before.
+#[inline]
+fn phase_at<'a>(phases: &'a mut [PhaseRecord], current: &mut usize, tick: u64) -> &'a mut PhaseRecord {
+    while tick >= phases[*current].end_tick && *current + 1 < phases.len() {
+        *current += 1;
+    }
+    &mut phases[*current]
 }
 
 impl SequenceCount {

@@ -9,7 +9,7 @@ use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
 use shared_types::{FlightPhase, Schedule, Topic};
 
 use super::path_clock::{Demand, PathClock, carried};
-use super::read;
+use super::view;
 use run_log::{LogReadError, LogReader};
 
 /// The source of the vehicle's position.
@@ -63,6 +63,7 @@ pub struct Vehicle {
 }
 
 impl From<&VehicleTruth> for Vehicle {
+    #[inline]
     fn from(truth: &VehicleTruth) -> Self {
         Self {
             tick: truth.header.tick,
@@ -77,6 +78,7 @@ impl From<&VehicleTruth> for Vehicle {
 }
 
 impl From<&VehicleState> for Vehicle {
+    #[inline]
     fn from(state: &VehicleState) -> Self {
         Self {
             tick: state.header.tick,
@@ -103,6 +105,16 @@ pub struct Moment {
 }
 
 impl Moment {
+    /// Moment of a vehicle whose path is not known yet.
+    #[inline]
+    fn of(vehicle: Vehicle) -> Self {
+        Self {
+            vehicle,
+            path: None,
+            distance: None,
+        }
+    }
+
     /// Distance from the path while the vehicle flies along it, m: neither on its way there nor on its way down.
     #[must_use]
     #[inline]
@@ -121,7 +133,8 @@ pub struct Tracker {
     /// `true` if references tell of phases; a flight without them is flown from its start.
     has_phases: bool,
     clock: PathClock,
-    vehicle: Option<Vehicle>,
+    /// The newest vehicle; its path is looked up when it is complete.
+    moment: Option<Moment>,
 }
 
 impl Tracker {
@@ -132,7 +145,7 @@ impl Tracker {
             source: StateSource::of(schedule),
             has_phases,
             clock: PathClock::default(),
-            vehicle: None,
+            moment: None,
         }
     }
 
@@ -145,31 +158,41 @@ impl Tracker {
     /// Takes a sample into account; the moment before, if it is now whole.
     #[inline]
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) -> Option<Moment> {
+        let mut whole = None;
+        self.observe_in_place(topic, bytes, |moment| whole = Some(*moment));
+        whole
+    }
+
+    /// As [`observe`](Self::observe), without a copy of the moment.
+    #[inline]
+    pub fn observe_in_place(&mut self, topic: Topic, bytes: &[u8], sink: impl FnOnce(&Moment)) {
         match (topic, self.source) {
             (Topic::VehicleTruth, StateSource::Truth) => {
-                let truth = read::<VehicleTruth>(bytes);
-                self.exchange(Vehicle::from(&truth))
+                self.complete(sink);
+                let vehicle = view(bytes, |truth: &VehicleTruth| Vehicle::from(truth));
+                self.moment = Some(Moment::of(vehicle));
             }
             (Topic::VehicleState, StateSource::Estimate) => {
-                let state = read::<VehicleState>(bytes);
                 // One that is not tracked repeats an old one, or guesses.
-                state
-                    .tracked
-                    .is_set()
-                    .then(|| self.exchange(Vehicle::from(&state)))
-                    .flatten()
+                let vehicle = view(bytes, |state: &VehicleState| {
+                    state.tracked.is_set().then(|| Vehicle::from(state))
+                });
+                if let Some(vehicle) = vehicle {
+                    self.complete(sink);
+                    self.moment = Some(Moment::of(vehicle));
+                }
             }
             (Topic::PathReference, _) => {
-                self.clock.observe(&read::<PathReference>(bytes));
-                None
+                view(bytes, |reference: &PathReference| self.clock.observe(reference));
             }
-            _ => None,
+            _ => {}
         }
     }
 
     /// The last moment, once nothing more of it comes.
     pub fn last(&mut self) -> Option<Moment> {
-        self.vehicle.take().map(|vehicle| self.compare(vehicle))
+        self.complete(|_| ());
+        self.moment.take()
     }
 
     /// Hands every moment of a recorded flight to `sink`.
@@ -186,26 +209,22 @@ impl Tracker {
         Ok(())
     }
 
-    fn exchange(&mut self, vehicle: Vehicle) -> Option<Moment> {
-        let before = self.vehicle.replace(vehicle)?;
-        Some(self.compare(before))
-    }
-
-    fn compare(&mut self, vehicle: Vehicle) -> Moment {
-        let path = self.clock.at(vehicle.time_ns).map(|path| Demand {
-            phase: if self.has_phases {
-                path.phase
-            } else {
-                FlightPhase::Fly
-            },
-            ..path
-        });
-        let followed = path.filter(|path| is_followed(path.phase));
-        Moment {
-            distance: followed.and_then(|path| path.distance(&vehicle.position_world)),
-            vehicle,
-            path,
+    /// Puts the path beside the newest vehicle.
+    #[inline]
+    fn complete(&mut self, sink: impl FnOnce(&Moment)) {
+        let Some(moment) = &mut self.moment else {
+            return;
+        };
+        moment.path = self.clock.at(moment.vehicle.time_ns);
+        if let Some(path) = &mut moment.path {
+            if !self.has_phases {
+                path.phase = FlightPhase::Fly;
+            }
+            if is_followed(path.phase) {
+                moment.distance = path.distance(&moment.vehicle.position_world);
+            }
         }
+        sink(moment);
     }
 }
 

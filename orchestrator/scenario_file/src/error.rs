@@ -41,6 +41,8 @@ pub struct Finding {
     pub(super) reason: String,
     pub(super) fix: String,
     pub(super) snippet: Snippet,
+    /// `true` if keys and types are right, and the values cannot be flown.
+    pub(super) is_of_values: bool,
 }
 
 impl ScenarioError {
@@ -49,6 +51,12 @@ impl ScenarioError {
             path: path.to_owned(),
             findings,
         }
+    }
+
+    /// Returns whether keys and types are right, and only values cannot be flown.
+    #[must_use]
+    pub fn is_of_values(&self) -> bool {
+        matches!(self, Self::Refused { findings, .. } if findings.iter().all(|finding| finding.is_of_values))
     }
 
     /// The finding that is the whole error, if there is one.

@@ -100,7 +100,10 @@ fn scenario_from_text(name: &str, text: &str, sets: &[String]) -> Result<Scenari
     findings.extend(problems.into_iter().map(|problem| {
         let span = document::deepest_span(&document, &problem.key);
         let title = format!("`{}` cannot be flown", problem.key);
-        sources.finding(span, title, problem.reason, problem.fix)
+        Finding {
+            is_of_values: true,
+            ..sources.finding(span, title, problem.reason, problem.fix)
+        }
     }));
     scenario.filter(|_| findings.is_empty()).ok_or(findings)
 }

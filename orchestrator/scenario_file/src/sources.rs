@@ -54,6 +54,7 @@ impl Sources {
             reason: shown(reason.into()),
             fix: shown(fix.into()),
             snippet: lines.snippet(name, span.start - start..span.end.saturating_sub(*start)),
+            is_of_values: false,
         }
     }
 }

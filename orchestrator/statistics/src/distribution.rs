@@ -177,8 +177,8 @@ impl Distribution {
         } else {
             [alpha, beta].map(normal::cumulative)
         };
-        // A subnormal probability has too few digits to be divided.
-        if up_to - below >= f64::MIN_POSITIVE {
+        // A probability that is small, or small beside where it begins, has too few digits to be divided.
+        if up_to - below >= (1e-9 * up_to).max(f64::MIN_POSITIVE) {
             Ok(())
         } else {
             Err(DistributionError::NothingLeft)
@@ -203,7 +203,9 @@ fn truncated_quantile(unit: f64, alpha: f64, beta: f64) -> f64 {
         return -truncated_quantile(1.0 - unit, -beta, -alpha);
     }
     let (below, up_to) = (normal::cumulative(alpha), normal::cumulative(beta));
-    normal::quantile(below + unit * (up_to - below))
+    // A coordinate next to 1 must not round to a probability of 1, whose quantile is infinite.
+    let probability = below + unit * (up_to - below);
+    normal::quantile(probability.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON / 2.0))
 }
 
 fn check_finite(value: f64) -> Result<(), DistributionError> {
@@ -272,6 +274,24 @@ mod tests {
                 }
             ),
         ]
+    }
+
+    #[test]
+    fn the_ends_of_the_coordinates_give_finite_values() {
+        let cases = [
+            (None, None),
+            (Some(2.0), None),
+            (Some(-1.0), None),
+            (None, Some(0.5)),
+            (Some(5.0), None),
+        ];
+        for (low, high) in cases {
+            for unit in [0.0, f64::MIN_POSITIVE, 1.0 - f64::EPSILON / 2.0, 1.0] {
+                let value = normal(2.0, 3.0, low, high).at(unit);
+                assert!(value.is_finite(), "{low:?} to {high:?} at {unit}: {value}");
+            }
+        }
+        assert!(normal(0.0, 1.0, Some(0.0), Some(1e-15)).check().is_err());
     }
 
     #[test]

@@ -78,8 +78,9 @@ pub fn flights_needed(rate: f64, confidence: f64, failures: u64) -> u64 {
         rate > 0.0 && rate < 1.0,
         "a rate of {rate} is not between 0 and 1"
     );
-    let supports =
-        |n: u64| beta::regularised((n - failures) as f64, (failures + 1) as f64, rate) <= 1.0 - confidence;
+    // A claim that holds exactly is not to be lost to rounding.
+    let tail = (1.0 - confidence) * (1.0 + 1e-12);
+    let supports = |n: u64| beta::regularised((n - failures) as f64, (failures + 1) as f64, rate) <= tail;
     let mut enough = failures + 1;
     while !supports(enough) {
         enough *= 2;
@@ -206,6 +207,9 @@ mod tests {
         assert_eq!(needed(0.999, 0.95, 0..4), [2995, 4742, 6294, 7752]);
         assert_eq!(needed(0.99, 0.95, 0..4), [299, 473, 628, 773]);
         assert_eq!(needed(0.999, 0.99, 0..3), [4603, 6636, 8403]);
+        // Two heads in a row have exactly a quarter.
+        assert_eq!(needed(0.5, 0.75, 0..1), [2]);
+        assert_eq!(needed(0.5, 0.5, 1..2), [3]);
     }
 
     proptest! {

@@ -109,6 +109,10 @@ struct Interruptible<'a, S> {
 impl<S: TickSink> TickSink for Interruptible<'_, S> {
     type Error = S::Error;
 
+    fn wants(&self, topic: shared_types::Topic) -> bool {
+        self.sink.wants(topic)
+    }
+
     #[inline]
     fn sample(&mut self, topic: shared_types::Topic, bytes: &[u8]) -> Result<(), Self::Error> {
         self.sink.sample(topic, bytes)

@@ -91,7 +91,7 @@ pub struct Keep {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum KeptLogs {
-    /// None: every flight can be flown again.
+    /// None: every flight can be repeated.
     #[default]
     None,
     /// Those that were lost, failed, or did not meet a criterion.

@@ -6,8 +6,8 @@ use std::path::Path;
 use command_line::failure::Failure;
 use command_line::interrupt::Interrupt;
 use host::in_process::TickSink;
-use metrics::read;
 use metrics::summary::{FlightSummary, RunFacts};
+use metrics::view;
 use run_log::{Compression, LogError, Manifest, RunLogWriter};
 use scenario::{GRAVITY, Scenario};
 use sha2::{Digest, Sha256};
@@ -20,13 +20,22 @@ use crate::definition::{Entry, hexadecimal};
 use crate::plan::{Plan, Sample};
 use crate::row::{Flown, Outcome};
 
+/// Topics from which a flight is judged.
+const JUDGED: [Topic; 4] = [
+    Topic::VehicleTruth,
+    Topic::PathReference,
+    Topic::ControlAdaptation,
+    Topic::RcFrame,
+];
+
 /// Judges a flight while it is flown; it ends when the vehicle is lost.
 pub struct Judge {
     summary: FlightSummary,
     digest: Sha256,
     ticks_a_second: u64,
-    /// `true` in the first tick of a second.
-    is_whole_second: bool,
+    /// The next tick whose samples go into the digest: the first of a second.
+    digest_tick: u64,
+    tick: u64,
     energy: Energy,
     log: Option<RunLogWriter>,
 }
@@ -46,9 +55,23 @@ impl Judge {
             summary: FlightSummary::new(scenario, schedule),
             digest: Sha256::new(),
             ticks_a_second: (nanoseconds(1.0) / schedule.tick_ns()).max(1),
-            is_whole_second: true,
+            digest_tick: 0,
+            tick: 0,
             energy: Energy::default(),
             log: None,
+        }
+    }
+
+    #[inline]
+    fn judge(&mut self, topic: Topic, bytes: &[u8]) {
+        self.summary.observe(topic, bytes);
+        if self.tick == self.digest_tick {
+            self.digest.update(bytes);
+        }
+        if topic == Topic::VehicleTruth {
+            view(bytes, |truth: &VehicleTruth| {
+                self.energy.add(truth.thrust / (truth.mass * GRAVITY));
+            });
         }
     }
 
@@ -63,15 +86,14 @@ impl Judge {
 impl TickSink for Judge {
     type Error = LogError;
 
+    fn wants(&self, topic: Topic) -> bool {
+        self.log.is_some() || JUDGED.contains(&topic)
+    }
+
     #[inline]
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), LogError> {
-        self.summary.observe(topic, bytes);
-        if self.is_whole_second {
-            self.digest.update(bytes);
-        }
-        if topic == Topic::VehicleTruth {
-            let truth = read::<VehicleTruth>(bytes);
-            self.energy.add(truth.thrust / (truth.mass * GRAVITY));
+        if JUDGED.contains(&topic) {
+            self.judge(topic, bytes);
         }
         match &mut self.log {
             Some(log) => log.write(topic, bytes),
@@ -81,7 +103,10 @@ impl TickSink for Judge {
 
     #[inline]
     fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, LogError> {
-        self.is_whole_second = (tick + 1).is_multiple_of(self.ticks_a_second);
+        if tick == self.digest_tick {
+            self.digest_tick += self.ticks_a_second;
+        }
+        self.tick = tick + 1;
         if let Some(log) = &mut self.log {
             log.end_tick(tick)?;
         }
@@ -135,7 +160,8 @@ pub fn fly_recorded(
     }
     let scenario = match plan.scenario(sample, entry) {
         Ok(scenario) => scenario,
-        Err(failure) => return Ok(Some(refused(one_line(&format!("{:?}", failure.report))))),
+        Err(error) if error.is_of_values() => return Ok(Some(refused(one_line(&format!("{error:#}"))))),
+        Err(error) => return Err(error.into()),
     };
     let schedule = match supervisor::schedule_of(&scenario) {
         Ok(schedule) => schedule,

@@ -3,7 +3,7 @@
 //! Sample i is a function of the sweep and of i alone, so shards need nothing of each other, and the merge of twenty
 //! has the bytes of one. A flight that is lost is a row, never an error.
 //!
-//! * [`definition`]: `sweep.toml`;
+//! * [`definition`]: the content of `sweep.toml`;
 //! * [`expression`]: values that follow from others, and criteria;
 //! * [`plan`]: the samples;
 //! * [`flight`]: one flight, judged while it is flown;

@@ -105,7 +105,7 @@ fn typed(prepared: &Prepared, row: Row, path: &Path) -> Result<Row, Failure> {
         .into_iter()
         .zip(&prepared.layout.columns)
         .map(|(cell, column)| {
-            cell.of_kind(column.kind).map_err(|()| {
+            cell.of_kind(column.kind).ok_or_else(|| {
                 Failure::bad_input(format!(
                     "{}: a row has no such value in `{}`",
                     path.display(),

@@ -38,7 +38,7 @@ pub(crate) fn page(report: &Report, prepared: &Prepared, results: &Results) -> S
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
          <title>Gerono: sweep</title>\n<style>{STYLE}</style>\n<h1>{} samples of {}</h1>\n\
-         <p>Intervals hold for independent samples only and are not given for others. Every row can be flown again: \
+         <p>Intervals hold for independent samples only and are not given for others. Every row can be repeated: \
          <code>gerono sweep fly FOLDER --sample I</code>.</p>\n",
         plan.samples,
         escaped(
@@ -86,6 +86,14 @@ pub(crate) fn page(report: &Report, prepared: &Prepared, results: &Results) -> S
     )
 }
 
+/// Whether values span enough for a logarithmic axis.
+fn spans(values: impl Iterator<Item = f64>) -> bool {
+    let range = values.fold([f64::INFINITY, 0.0_f64], |[low, high], value| {
+        [low.min(value), high.max(value)]
+    });
+    range[0] > 0.0 && range[1] > 1.01 * range[0]
+}
+
 fn figure(plots: Vec<Plot>, layout: DrawingLayout) -> String {
     let figure = Figure::new(1, 1)
         .with_cell_size(860.0, 420.0)
@@ -122,7 +130,11 @@ fn distances(prepared: &Prepared, results: &Results) -> Option<String> {
             .with_legend(entry.name.clone());
         plots.push(Plot::from(plot));
     }
-    if plots.is_empty() {
+    let all = results
+        .entries
+        .iter()
+        .flat_map(|entry| entry.numbers[0].iter().copied());
+    if plots.is_empty() || !spans(all.filter(|rmse| !rmse.is_nan())) {
         return None;
     }
     let layout = DrawingLayout::auto_from_plots(&plots)
@@ -136,6 +148,13 @@ fn distances(prepared: &Prepared, results: &Results) -> Option<String> {
 /// The RMS distance over each varied number.
 fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
     let plan = &prepared.plan;
+    let all = results
+        .entries
+        .iter()
+        .flat_map(|entry| entry.numbers[0].iter().copied());
+    if !spans(all.filter(|rmse| !rmse.is_nan())) {
+        return Vec::new();
+    }
     let varied = plan
         .columns()
         .zip(&results.varied)
@@ -255,7 +274,7 @@ fn map_drawing(map: &Map, prepared: &Prepared, results: &Results, entry: &EntryR
         .with_legend_position(LegendPosition::OutsideRightTop)
         .with_x_label(map.x.clone())
         .with_y_label(map.y.clone());
-    if map.log {
+    if map.log && spans(xs.iter().copied()) && spans(ys.iter().copied()) {
         layout = layout.with_log_x().with_log_y();
     }
     Some(figure(plots, layout))

@@ -2,6 +2,7 @@
 
 use command_line::failure::Failure;
 use scenario::Scenario;
+use scenario_file::ScenarioError;
 use statistics::design::{Design, sample_seed};
 use toml::Value;
 
@@ -94,11 +95,17 @@ impl Plan {
             requirements,
             source,
         };
-        // The scenario as it stands can be flown with every entry's settings.
+        // The scenario as it stands can be flown with every entry's settings, and has all keys that are varied.
         for entry in &plan.entries {
             let settings = [plan.source.definition.set.as_slice(), entry.set.as_slice()].concat();
             let scenario = plan.load(&settings, 1)?;
             plan.phases = plan.phases.max(1 + scenario.vehicle.change.len());
+            if let Some(index) = (0..plan.samples).next()
+                && let Err(error) = plan.scenario(&plan.sample(index), entry)
+                && !error.is_of_values()
+            {
+                return Err(error.into());
+            }
         }
         Ok(plan)
     }
@@ -187,18 +194,18 @@ impl Plan {
     /// Returns the scenario of a sample's flight with an entry.
     ///
     /// # Errors
-    /// [`Failure`] if the scenario's checks refuse the sample.
-    pub fn scenario(&self, sample: &Sample, entry: &Entry) -> Result<Scenario, Failure> {
+    /// [`ScenarioError`] if it cannot be flown.
+    pub fn scenario(&self, sample: &Sample, entry: &Entry) -> Result<Scenario, ScenarioError> {
         self.load(&self.settings_of(sample, entry), sample.seed)
     }
 
-    fn load(&self, settings: &[String], seed: u64) -> Result<Scenario, Failure> {
+    fn load(&self, settings: &[String], seed: u64) -> Result<Scenario, ScenarioError> {
         let Source {
             scenario_path,
             scenario_text,
             ..
         } = &self.source;
-        scenario_file::load_from(scenario_path, scenario_text, settings, Some(seed)).map_err(Failure::from)
+        scenario_file::load_from(scenario_path, scenario_text, settings, Some(seed))
     }
 }
 

@@ -1,7 +1,7 @@
 //! A row of a sweep: one flight, lost or not.
 
 use metrics::stretch::Metrics;
-use metrics::summary::Summary;
+use metrics::summary::{Phase, Summary};
 use serde::{Deserialize, Serialize};
 
 use crate::definition::{Entry, KeptLogs};
@@ -84,7 +84,7 @@ pub struct Flown {
     pub summary: Option<Summary>,
     /// Mean of (T/(m g))^1.5.
     pub energy: Option<f64>,
-    /// SHA-256 over all samples of the whole seconds, in hexadecimal.
+    /// SHA-256 over the vehicle, path, estimates and frames of the whole seconds, in hexadecimal.
     pub digest: String,
     /// Steps of the vehicle.
     pub steps: u64,
@@ -127,8 +127,11 @@ const RESULTS: [FlightResult; 10] = [
     ("gamma", |summary| summary.phases.last()?.gamma),
 ];
 
+/// A result of a phase: its name, and how it follows.
+type PhaseResult = (&'static str, fn(&Phase) -> Option<f64>);
+
 /// Results of each phase of a flight that has several.
-const OF_PHASE: [(&str, fn(&metrics::summary::Phase) -> Option<f64>); 4] = [
+const OF_PHASE: [PhaseResult; 4] = [
     ("rmse", |phase| Some(phase.metrics?.rmse)),
     ("max", |phase| Some(phase.metrics?.max)),
     ("settling_time", |phase| phase.metrics?.settling_time),
@@ -305,19 +308,17 @@ impl Cell {
         }
     }
 
-    /// Returns this cell as a column of a kind has it: JSON does not tell 1.0 from 1.
-    ///
-    /// # Errors
-    /// If the column cannot hold it.
-    pub fn of_kind(self, kind: Kind) -> Result<Self, ()> {
+    /// Returns this cell as a column of a kind has it: JSON does not tell 1.0 from 1. None if the column cannot hold it.
+    #[must_use]
+    pub fn of_kind(self, kind: Kind) -> Option<Self> {
         match (kind, self) {
             #[expect(clippy::cast_precision_loss, reason = "written as such a number")]
-            (Kind::Number, Self::Integer(number)) => Ok(Self::Number(Some(number as f64))),
+            (Kind::Number, Self::Integer(number)) => Some(Self::Number(Some(number as f64))),
             (Kind::Number, cell @ Self::Number(_))
             | (Kind::Integer, cell @ Self::Integer(_))
             | (Kind::Text, cell @ Self::Text(_))
-            | (Kind::Flag, cell @ Self::Flag(_)) => Ok(cell),
-            _ => Err(()),
+            | (Kind::Flag, cell @ Self::Flag(_)) => Some(cell),
+            _ => None,
         }
     }
 }

@@ -4,7 +4,7 @@ use std::ops::{ControlFlow, Range};
 
 use shared_types::finiteness::FinitenessCheck;
 use shared_types::schedule::{Edge, MAX_PORTS, Publication};
-use shared_types::service::{ErasedService, InputView, header_of};
+use shared_types::service::{ErasedService, header_of};
 use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::edge_store::EdgeStore;
@@ -15,6 +15,11 @@ use crate::step::{self, NonFinite, Slots, Timetable, Views};
 pub trait TickSink {
     /// Error of a sample that could not be taken.
     type Error;
+
+    /// Returns whether samples of a topic are to be handed over; by default all are. It does not change in a flight.
+    fn wants(&self, _topic: Topic) -> bool {
+        true
+    }
 
     /// Takes one sample.
     ///
@@ -172,10 +177,12 @@ impl InProcess {
     /// # Errors
     /// [`FlightError`]; the sink then has every tick before the failure whole.
     pub fn fly<S: TickSink>(&mut self, sink: &mut S) -> Result<(), FlightError<S::Error>> {
+        let is_wanted = |place: &usize| sink.wants(self.histories[*place].publication.topic);
+        let wanted: Vec<usize> = self.published.iter().copied().filter(is_wanted).collect();
         while self.next_tick <= self.schedule.last_tick() {
             let tick = self.next_tick;
             self.step_services(tick).map_err(FlightError::NonFinite)?;
-            self.hand_over(tick, sink).map_err(FlightError::Sink)?;
+            self.hand_over(&wanted, tick, sink).map_err(FlightError::Sink)?;
             self.next_tick += 1;
             if sink.end_tick(tick).map_err(FlightError::Sink)?.is_break() {
                 break;
@@ -243,8 +250,8 @@ impl InProcess {
     }
 
     #[inline]
-    fn hand_over<S: TickSink>(&self, tick: u64, sink: &mut S) -> Result<(), S::Error> {
-        for &place in &self.published {
+    fn hand_over<S: TickSink>(&self, wanted: &[usize], tick: u64, sink: &mut S) -> Result<(), S::Error> {
+        for &place in wanted {
             let history = &self.histories[place];
             if history.publication.is_due(tick) {
                 let bytes = history.bytes(tick);
@@ -330,17 +337,16 @@ impl ServiceSlot {
             let Some(due) = input.due_sample(tick) else {
                 continue;
             };
-            *view = if let Some(store) = store {
+            if let Some(store) = store {
                 store.forget_before(due);
-                store.view(tick, due)
+                *view = store.view(tick, due);
             } else {
                 let bytes = others.history(source).bytes(due);
                 debug_assert_eq!(header_of(bytes).tick, due, "histories hold all that is still due");
-                InputView {
-                    bytes: Some(bytes),
-                    fresh: input.is_fresh(tick, due),
-                }
-            };
+                // Member by member: a view that is made elsewhere and copied costs a wait for its last byte.
+                view.bytes = Some(bytes);
+                view.fresh = input.is_fresh(tick, due);
+            }
         }
         let mut slots = Slots::default();
         for (slot, history) in slots.iter_mut().zip(own.iter_mut()) {

@@ -1,0 +1,200 @@
+//! Sweeps: shards and kills change no byte, every row can be repeated, and wrong input is refused with its reason.
+
+use std::path::Path;
+use std::process::Stdio;
+
+use crate::common::{Place, scenario, succeed};
+
+/// Twelve short flights of two laws; one of the vehicles is too heavy for any law.
+fn sweep(place: &Place, more: &str) -> String {
+    let text = format!(
+        "scenario = {:?}\nsamples = 12\nseed = 5\nset = [\"duration=1.5\", \"vehicle.change=[]\"]\n\
+         [vary]\nm = {{ uniform = [0.15, 0.3] }}\n\"vehicle.mass\" = \"m\"\n\
+         \"vehicle.inertia\" = [\"3.2e-3 * m\", \"3.2e-3 * m\", \"6.4e-3 * m\"]\n\
+         \"vehicle.initial.position\" = [{{ normal = [0.0, 0.2] }}, 0.0, {{ choice = [-1.0, -1.2] }}]\n\
+         [judge]\nnear = \"max < 1.3\"\n{more}\
+         [[compare]]\nname = \"paper\"\n[[compare]]\nname = \"slow\"\nset = [\"controller.k1=2.0\"]\n",
+        scenario("fig1")
+    );
+    let path = place.path("sweep.toml");
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// Content of a file that a merge has written.
+fn merged(place: &Place, folder: &str, file: &str) -> Vec<u8> {
+    std::fs::read(place.path(folder).join(file)).unwrap()
+}
+
+#[test]
+fn the_merge_of_shards_has_the_bytes_of_one() {
+    let place = Place::new();
+    let sweep = sweep(&place, "");
+    succeed(&mut place.gerono(&["sweep", "run", &sweep, "--out", "whole", "--jobs", "2"]));
+    for index in (0..5).rev() {
+        let shard = format!("{index}/5");
+        succeed(&mut place.gerono(&[
+            "sweep", "run", &sweep, "--shard", &shard, "--out", "parts", "--jobs", "1",
+        ]));
+    }
+    let refused = place.gerono(&["sweep", "merge", "nowhere"]).output().unwrap();
+    assert_eq!(refused.status.code(), Some(4), "{refused:?}");
+    succeed(&mut place.gerono(&["sweep", "merge", "parts"]));
+    for file in ["results.parquet", "sweep.json", "sweep.md", "index.html"] {
+        assert!(
+            merged(&place, "whole", file) == merged(&place, "parts", file),
+            "{file}"
+        );
+    }
+    std::fs::remove_file(place.path("parts").join("shard-00003-of-00005.rows")).unwrap();
+    let refused = place.gerono(&["sweep", "merge", "parts"]).output().unwrap();
+    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(
+        refused.status.code() == Some(2) && words.contains("not complete: 3"),
+        "{words}"
+    );
+}
+
+#[test]
+fn a_shard_that_is_killed_goes_on_and_ends_with_the_same_bytes() {
+    let place = Place::new();
+    let sweep = sweep(&place, "");
+    succeed(&mut place.gerono(&["sweep", "run", &sweep, "--shard", "0/1", "--out", "whole"]));
+    let rows = place.path("killed").join("shard-00000-of-00001.rows");
+    let mut kills = 0;
+    while !rows.exists() {
+        let mut command = place.gerono(&[
+            "sweep", "run", &sweep, "--shard", "0/1", "--out", "killed", "--jobs", "1",
+        ]);
+        let mut child = command.stdout(Stdio::null()).spawn().unwrap();
+        // Killed as soon as it has gone further than the one before, or when it is done.
+        let partial = rows.with_extension("rows.partial");
+        let before = size(&partial);
+        while child.try_wait().unwrap().is_none() && size(&partial) <= before + 8192 {
+            std::thread::yield_now();
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        kills += 1;
+        assert!(kills < 100, "no progress from kill to kill");
+    }
+    assert_eq!(
+        std::fs::read(&rows).unwrap(),
+        merged(&place, "whole", "shard-00000-of-00001.rows")
+    );
+}
+
+fn size(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |metadata| metadata.len())
+}
+
+#[test]
+fn every_row_can_be_repeated_with_its_log() {
+    let place = Place::new();
+    let sweep = sweep(&place, "");
+    succeed(&mut place.gerono(&["sweep", "run", &sweep, "--out", "results"]));
+    for (sample, law) in [("0", "paper"), ("11", "slow")] {
+        let out = format!("again-{sample}");
+        let mut command = place.gerono(&[
+            "sweep", "fly", "results", "--sample", sample, "--law", law, "--out", &out,
+        ]);
+        let words = String::from_utf8(succeed(&mut command).stdout).unwrap();
+        assert!(
+            words.contains("its row is that of the results, to the last bit"),
+            "{words}"
+        );
+        succeed(&mut place.gerono(&["info", &out]));
+    }
+    let none = place
+        .gerono(&["sweep", "fly", "results", "--sample", "12"])
+        .output()
+        .unwrap();
+    assert_eq!(none.status.code(), Some(2));
+}
+
+#[test]
+fn a_flight_that_is_lost_or_cannot_be_flown_is_a_row() {
+    let place = Place::new();
+    // A mass below zero cannot be flown by the scenario's checks, a radius below zero by the sweep's own word, and with
+    // Λw = 1e-6 the vehicle is lost.
+    let text = format!(
+        "scenario = {:?}\nmethod = \"grid\"\nset = [\"duration=2.0\", \"vehicle.change=[]\"]\nrequire = [\"r > 0\"]\n\
+         [vary]\nr = {{ choice = [-1.0, 1.0] }}\n\"vehicle.mass\" = {{ choice = [-0.2, 0.2] }}\n\
+         \"controller.lambda_inertia\" = {{ choice = [1e-10, 1e-6] }}\n\
+         [keep]\nlogs = \"failed\"\n",
+        scenario("fig1")
+    );
+    let path = place.path("grid.toml");
+    std::fs::write(&path, text).unwrap();
+    succeed(&mut place.gerono(&["sweep", "run", path.to_str().unwrap(), "--out", "results"]));
+    let report: serde_json::Value = serde_json::from_slice(&merged(&place, "results", "sweep.json")).unwrap();
+    let law = &report["laws"][0];
+    let counts = ["completed", "lost", "failed", "refused"].map(|name| law[name].as_u64().unwrap());
+    assert_eq!(counts, [1, 1, 0, 6], "{report:#}");
+    assert_eq!(law["criteria"][0]["flown"], 2);
+    // An interval holds for independent samples alone.
+    assert!(law["criteria"][0]["wilson"].is_null());
+    let logs: Vec<_> = std::fs::read_dir(place.path("results").join("logs"))
+        .unwrap()
+        .collect();
+    assert_eq!(logs.len(), 1, "the log of the flight that was lost");
+}
+
+#[test]
+fn wrong_sweeps_are_refused_before_anything_is_flown() {
+    let place = Place::new();
+    let refused = |text: &str| {
+        std::fs::write(place.path("bad.toml"), text).unwrap();
+        let output = place
+            .gerono(&["sweep", "run", "bad.toml", "--out", "bad"])
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(2), "{text}\n{output:?}");
+        assert!(!place.path("bad").exists(), "{text}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let head = format!("scenario = {:?}\nsamples = 3\n", scenario("fig1"));
+    for (more, words) in [
+        ("[vary]\n\"vehicle.mas\" = { uniform = [0.1, 0.2] }\n", "mas"),
+        ("[vary]\na = \"b\"\nb = \"a\"\n", "uses a value that uses it"),
+        ("[judge]\ngood = \"rms < 1\"\n", "there is no value `rms`"),
+        ("[[compare]]\nname = \"x\"\nset = [\"controller.k9=1.0\"]\n", "k9"),
+    ] {
+        let refusal = refused(&format!("{head}{more}"));
+        assert!(refusal.contains(words), "{more}: {refusal}");
+    }
+    assert!(refused("scenario = \"nowhere.toml\"\nsamples = 1\n").contains("cannot read"));
+}
+
+#[test]
+fn shards_of_another_sweep_do_not_mix() {
+    let place = Place::new();
+    let first = sweep(&place, "");
+    succeed(&mut place.gerono(&["sweep", "run", &first, "--shard", "0/2", "--out", "results"]));
+    let other = sweep(&place, "far = \"max > 1.3\"\n");
+    succeed(&mut place.gerono(&["sweep", "run", &other, "--shard", "1/2", "--out", "results"]));
+    let refused = place.gerono(&["sweep", "merge", "results"]).output().unwrap();
+    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(
+        refused.status.code() == Some(2) && words.contains("of another sweep"),
+        "{words}"
+    );
+}
+
+/// The columns of a table, as an independent reader has them, are checked by tests/interop/sweep.py.
+#[test]
+fn a_cluster_s_script_names_every_shard_once() {
+    let place = Place::new();
+    let sweep = sweep(&place, "");
+    let output =
+        succeed(&mut place.gerono(&["sweep", "plan", &sweep, "--slurm", "--shards", "7", "--cpus", "2"]));
+    let script = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        script.contains("--array=0-6") && script.contains("$SLURM_ARRAY_TASK_ID/7"),
+        "{script}"
+    );
+    assert!(
+        script.contains("--requeue") && script.contains("afterok"),
+        "{script}"
+    );
+}
