@@ -8,6 +8,7 @@ use host::in_process::{FlightError, InProcess, TickSink};
 use runtime::watchdog::{self, Work};
 use scenario::Scenario;
 use shared_types::ServiceId;
+use shared_types::service::ErasedService;
 
 use super::{Ending, FlightFailure, Outcome};
 use command_line::exit::Exit;
@@ -25,11 +26,27 @@ pub fn fly<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
-    super::refuse_unsimulated_poses(scenario)?;
     super::refuse_programs(scenario)?;
-    let schedule = super::schedule_of(scenario)?;
-    let services = registry::build_all(scenario).map_err(FlightFailure::setup)?;
-    let mut host = InProcess::new(schedule, services);
+    fly_with(scenario, None, sink, interrupt)
+}
+
+/// As [`fly`], with a service of the caller's in place of Gerono's own.
+///
+/// # Errors
+/// As [`fly`].
+pub fn fly_with<S: TickSink>(
+    scenario: &Scenario,
+    own: Option<Box<dyn ErasedService>>,
+    sink: &mut S,
+    interrupt: &Interrupt,
+) -> Result<Ending, FlightFailure>
+where
+    FlightFailure: From<S::Error>,
+{
+    let mut host = host(scenario)?;
+    if let Some(own) = own {
+        host.replace(own);
+    }
     let watches = ServiceId::ALL
         .into_iter()
         .any(|service| scenario.has_plugin(service));
@@ -63,6 +80,17 @@ where
         timing: None,
         laboratory: None,
     })
+}
+
+/// Returns the host of a flight of `scenario`, before its first tick.
+///
+/// # Errors
+/// [`FlightFailure::Setup`] if the scenario cannot be flown at all.
+pub fn host(scenario: &Scenario) -> Result<InProcess, FlightFailure> {
+    super::refuse_unsimulated_poses(scenario)?;
+    let schedule = super::schedule_of(scenario)?;
+    let services = registry::build_all(scenario).map_err(FlightFailure::setup)?;
+    Ok(InProcess::new(schedule, services))
 }
 
 /// Flies with code that is not Gerono's own: it may panic, which fails the flight, or never return from a step.

@@ -13,6 +13,9 @@ use command_line::progress::Progress;
 use metrics::summary::FlightSummary;
 use run_log::{LogError, RunLogWriter, Written};
 
+/// Takes a second copy of every sample.
+pub type Copier<'a> = &'a mut (dyn FnMut(Topic, &[u8]) + Send);
+
 /// Takes a flight's samples in the order of the log.
 pub struct RecordingSink<'a> {
     log: Option<RunLogWriter>,
@@ -23,6 +26,10 @@ pub struct RecordingSink<'a> {
     /// Number of the next event in the log.
     next_event: u64,
     progress: &'a mut Progress,
+    /// Takes a copy of every sample that is kept.
+    copy: Option<Copier<'a>>,
+    /// Says whether the flight is to end early.
+    is_over: Option<Box<dyn Fn() -> bool + Send + 'a>>,
     /// `true` if the flight is to end once the vehicle is lost. Flights in real time end by their clock all the same.
     ends_when_lost: bool,
 }
@@ -50,8 +57,24 @@ impl<'a> RecordingSink<'a> {
             events: scheduled_events(scenario, schedule).into(),
             next_event: 0,
             progress,
+            copy: None,
+            is_over: None,
             ends_when_lost: scenario.limits_of_loss().end_when_lost,
         }
+    }
+
+    /// Hands every sample of the log to `copy` as well.
+    #[must_use]
+    pub fn with_copy(mut self, copy: Copier<'a>) -> Self {
+        self.copy = Some(copy);
+        self
+    }
+
+    /// Ends the flight after the tick in which `is_over` is true.
+    #[must_use]
+    pub fn until(mut self, is_over: impl Fn() -> bool + Send + 'a) -> Self {
+        self.is_over = Some(Box::new(is_over));
+        self
     }
 
     /// Leaves out what is scheduled before a tick: of a flight that is taken over, the rest is recorded.
@@ -82,6 +105,9 @@ impl<'a> RecordingSink<'a> {
     #[inline]
     fn keep(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), LogError> {
         self.summary.observe(topic, bytes);
+        if let Some(copy) = &mut self.copy {
+            copy(topic, bytes);
+        }
         match &mut self.log {
             Some(log) => {
                 let written = log.write(topic, bytes);
@@ -133,7 +159,8 @@ impl TickSink for RecordingSink<'_> {
             self.give_up_log_on_failure(written)?;
         }
         self.progress.tick(tick);
-        let is_over = self.ends_when_lost && self.summary.loss().is_some();
+        let is_lost = self.ends_when_lost && self.summary.loss().is_some();
+        let is_over = is_lost || self.is_over.as_ref().is_some_and(|is_over| is_over());
         Ok(if is_over {
             ControlFlow::Break(())
         } else {

@@ -12,7 +12,7 @@ use run_log::{Compression, LogError, Manifest, RunLogWriter};
 use scenario::{GRAVITY, Scenario};
 use sha2::{Digest, Sha256};
 use shared_types::samples::VehicleTruth;
-use shared_types::service::nanoseconds;
+use shared_types::service::{ErasedService, nanoseconds};
 use shared_types::{Schedule, Topic};
 use supervisor::{FlightFailure, Outcome as HostOutcome, in_process};
 
@@ -38,6 +38,8 @@ pub struct Judge {
     tick: u64,
     energy: Energy,
     log: Option<RunLogWriter>,
+    /// Says whether a controller of the caller's has failed.
+    has_failed: Option<Box<dyn Fn() -> bool>>,
 }
 
 /// Mean of (T/(m g))^1.5: the power induced by the rotors against that of a hover.
@@ -59,6 +61,7 @@ impl Judge {
             tick: 0,
             energy: Energy::default(),
             log: None,
+            has_failed: None,
         }
     }
 
@@ -110,9 +113,11 @@ impl TickSink for Judge {
         if let Some(log) = &mut self.log {
             log.end_tick(tick)?;
         }
-        Ok(match self.summary.loss() {
-            None => ControlFlow::Continue(()),
-            Some(_) => ControlFlow::Break(()),
+        let has_failed = self.has_failed.as_ref().is_some_and(|has_failed| has_failed());
+        Ok(if has_failed || self.summary.loss().is_some() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         })
     }
 }
@@ -131,28 +136,61 @@ impl Energy {
     }
 }
 
+/// Controller of the caller's, in place of the scenario's.
+pub struct OwnController {
+    /// The service.
+    pub service: Box<dyn ErasedService>,
+    /// Says whether it has failed, so that the flight ends.
+    pub has_failed: Box<dyn Fn() -> bool>,
+}
+
 /// Flies a sample with an entry's settings; none if it was interrupted.
 ///
 /// # Errors
-/// [`Failure`] if its log cannot be written.
+/// [`Failure`] if the sweep is wrong.
 pub fn fly(
     plan: &Plan,
     sample: &Sample,
     entry: &Entry,
     interrupt: &Interrupt,
 ) -> Result<Option<Flown>, Failure> {
-    fly_recorded(plan, sample, entry, None, interrupt)
+    fly_as(plan, sample, entry, None, None, interrupt)
 }
 
 /// As [`fly`], and records the flight in a log.
 ///
 /// # Errors
-/// [`Failure`] if its log cannot be written.
+/// [`Failure`] if the sweep is wrong, or the log cannot be written.
 pub fn fly_recorded(
     plan: &Plan,
     sample: &Sample,
     entry: &Entry,
+    log: &Path,
+    interrupt: &Interrupt,
+) -> Result<Option<Flown>, Failure> {
+    fly_as(plan, sample, entry, Some(log), None, interrupt)
+}
+
+/// As [`fly`], with a controller of the caller's.
+///
+/// # Errors
+/// [`Failure`] if the sweep is wrong.
+pub fn fly_own(
+    plan: &Plan,
+    sample: &Sample,
+    entry: &Entry,
+    own: OwnController,
+    interrupt: &Interrupt,
+) -> Result<Option<Flown>, Failure> {
+    fly_as(plan, sample, entry, None, Some(own), interrupt)
+}
+
+fn fly_as(
+    plan: &Plan,
+    sample: &Sample,
+    entry: &Entry,
     log: Option<&Path>,
+    own: Option<OwnController>,
     interrupt: &Interrupt,
 ) -> Result<Option<Flown>, Failure> {
     if let Some(unmet) = &sample.unmet {
@@ -171,11 +209,18 @@ pub fn fly_recorded(
     if let Some(log) = log {
         judge = judge.recorded(&scenario, log).map_err(Failure::not_written)?;
     }
-    let ending = in_process::fly(&scenario, &mut judge, interrupt).map(|ending| ending.outcome);
+    let ending = match own {
+        None => in_process::fly(&scenario, &mut judge, interrupt),
+        Some(own) => {
+            judge.has_failed = Some(own.has_failed);
+            in_process::fly_with(&scenario, Some(own.service), &mut judge, interrupt)
+        }
+    };
+    let outcome = ending.map_or_else(HostOutcome::Failed, |ending| ending.outcome);
     if let Some(log) = judge.log.take() {
         log.finish().map_err(Failure::not_written)?;
     }
-    flown(judge, ending.unwrap_or_else(HostOutcome::Failed))
+    flown(judge, outcome)
 }
 
 fn flown(judge: Judge, ending: HostOutcome) -> Result<Option<Flown>, Failure> {

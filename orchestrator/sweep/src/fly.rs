@@ -48,7 +48,7 @@ pub(crate) fn fly(arguments: &Fly) -> Result<Exit, Failure> {
     let name = format!("sample-{}", arguments.sample);
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
     let sample = plan.sample(arguments.sample);
-    let flown = flight::fly_recorded(plan, &sample, entry, Some(&folder.run_log()), &interrupt)?;
+    let flown = flight::fly_recorded(plan, &sample, entry, &folder.run_log(), &interrupt)?;
     let Some(flown) = flown else {
         return Ok(interrupt.signal().map_or(Exit::Success, Exit::Signal));
     };

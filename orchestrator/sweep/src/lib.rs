@@ -11,13 +11,15 @@
 //! * [`shard`]: the file of a part of the rows, which survives a kill;
 //! * [`table`]: all rows as Parquet;
 //! * [`report`], [`page`]: what can be said of them;
-//! * [`slurm`]: the script for a cluster.
+//! * [`slurm`]: the script for a cluster;
+//! * [`library`]: sweeps for other programs.
 
 pub mod arguments;
 pub mod definition;
 pub mod expression;
 pub mod flight;
 mod fly;
+pub mod library;
 mod merge;
 pub mod ordered;
 pub mod page;

@@ -22,10 +22,23 @@ use crate::table::TableWriter;
 /// # Errors
 /// [`Failure`] if shards lack, differ or are damaged, or nothing can be written.
 pub(crate) fn merge(arguments: &Merge) -> Result<Exit, Failure> {
-    merge_folder(&arguments.results, arguments.mixed_builds)
+    merge_and_tell(&arguments.results, arguments.mixed_builds)
 }
 
-pub(crate) fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<Exit, Failure> {
+/// Merges the shards of a folder and prints the report.
+pub(crate) fn merge_and_tell(folder: &Path, mixed_builds: bool) -> Result<Exit, Failure> {
+    let (report, refused) = merge_folder(folder, mixed_builds)?;
+    print(format!("{report}results: {}\n", folder.display()));
+    if refused > 0 {
+        note(format_args!(
+            "{refused} flights were refused: their samples cannot be flown; see `reason` in the table"
+        ));
+    }
+    Ok(Exit::Success)
+}
+
+/// Merges the shards of a folder; returns the report and the number of flights that were refused.
+pub(crate) fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report, u64), Failure> {
     let shards = complete_shards(folder)?;
     let first = ShardReader::open(&shards[0].path(folder))?.header;
     let source = Source::new(
@@ -89,14 +102,7 @@ pub(crate) fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<Exit, Fa
     for (name, drawing) in page::maps(&prepared, &results) {
         write(&folder.join(name), &drawing)?;
     }
-    print(format!("{report}results: {}\n", folder.display()));
-    if results.refused > 0 {
-        note(format_args!(
-            "{} flights were refused: their samples cannot be flown; see `reason` in the table",
-            results.refused
-        ));
-    }
-    Ok(Exit::Success)
+    Ok((report, results.refused))
 }
 
 /// Cells as their columns have them.

@@ -42,7 +42,7 @@ impl Prepared {
         })
     }
 
-    fn header(&self, shard: Shard) -> Header {
+    pub(crate) fn header(&self, shard: Shard) -> Header {
         Header::new(shard, &self.plan.source, &self.layout.columns, &self.program)
     }
 }
@@ -111,13 +111,13 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit, Failure> {
         ));
     }
     if arguments.shard.is_none() {
-        return merge::merge_folder(&folder, false);
+        return merge::merge_and_tell(&folder, false);
     }
     Ok(Exit::Success)
 }
 
 /// What a shard's flights came to.
-struct ShardFlown {
+pub(crate) struct ShardFlown {
     /// Rows in the file, and those that it is to have.
     rows: u64,
     of: u64,
@@ -135,7 +135,7 @@ impl ShardFlown {
     }
 }
 
-fn fly_shard(
+pub(crate) fn fly_shard(
     prepared: &Prepared,
     shard: Shard,
     folder: &Path,
@@ -219,14 +219,7 @@ fn keep_log(
 ) -> Result<(), Failure> {
     std::fs::create_dir_all(folder)
         .map_err(|error| Failure::not_written(format!("cannot make {}: {error}", folder.display())))?;
-    flight::fly_recorded(
-        &prepared.plan,
-        sample,
-        entry,
-        Some(&folder.join("run.mcap")),
-        interrupt,
-    )
-    .map(drop)
+    flight::fly_recorded(&prepared.plan, sample, entry, &folder.join("run.mcap"), interrupt).map(drop)
 }
 
 /// Progress of the flights: a bar on a terminal, a line now and then elsewhere.

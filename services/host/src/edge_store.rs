@@ -12,6 +12,7 @@ use shared_types::service::{InputView, header_of};
 use crate::owned_sample::OwnedSample;
 
 /// Samples of an edge that are or will be due.
+#[derive(Clone)]
 pub struct EdgeStore {
     edge: Edge,
     /// Copies by tick.

@@ -61,6 +61,18 @@ pub struct InProcess {
     /// `true` if any input has planned faults.
     has_stores: bool,
     next_tick: u64,
+    /// The slot before which the flight has paused, within the next tick.
+    paused: Option<usize>,
+}
+
+/// State of a flight between two steps of a service, from which it can go on any number of times.
+#[derive(Clone)]
+pub struct FlightState {
+    services: Vec<Vec<u8>>,
+    stores: Vec<[Option<EdgeStore>; MAX_PORTS]>,
+    rings: Vec<SampleRing>,
+    next_tick: u64,
+    paused: Option<usize>,
 }
 
 /// Service with its steps and the sources of its inputs.
@@ -141,6 +153,7 @@ impl InProcess {
             published,
             schedule,
             next_tick: 0,
+            paused: None,
         }
     }
 
@@ -181,24 +194,140 @@ impl InProcess {
         let wanted: Vec<usize> = self.published.iter().copied().filter(is_wanted).collect();
         while self.next_tick <= self.schedule.last_tick() {
             let tick = self.next_tick;
-            self.step_services(tick).map_err(FlightError::NonFinite)?;
-            self.hand_over(&wanted, tick, sink).map_err(FlightError::Sink)?;
-            self.next_tick += 1;
-            if sink.end_tick(tick).map_err(FlightError::Sink)?.is_break() {
+            let from = self.paused.take().unwrap_or(0);
+            self.step_services(tick, from, self.services.len());
+            if self.end_tick(tick, &wanted, sink)?.is_break() {
                 break;
             }
         }
         Ok(())
     }
 
+    /// Flies on to the next step of a service, which has all its inputs then; `false` if none is left, or if the sink says
+    /// `Break`.
+    ///
+    /// # Errors
+    /// [`FlightError`], as [`fly`](Self::fly).
+    pub fn fly_to<S: TickSink>(
+        &mut self,
+        service: ServiceId,
+        sink: &mut S,
+    ) -> Result<bool, FlightError<S::Error>> {
+        let is_wanted = |place: &usize| sink.wants(self.histories[*place].publication.topic);
+        let wanted: Vec<usize> = self.published.iter().copied().filter(is_wanted).collect();
+        let mut places = self.services.iter();
+        let place = places
+            .position(|slot| slot.timetable.service == service)
+            .expect("one of each service");
+        while self.next_tick <= self.schedule.last_tick() {
+            let tick = self.next_tick;
+            let from = self.paused.take();
+            let is_due = self.services[place].timetable.steps.occurs_at(tick);
+            if is_due && from.is_none_or(|from| from < place) {
+                self.step_services(tick, from.unwrap_or(0), place);
+                self.paused = Some(place);
+                return Ok(true);
+            }
+            self.step_services(tick, from.unwrap_or(0), self.services.len());
+            if self.end_tick(tick, &wanted, sink)?.is_break() {
+                break;
+            }
+        }
+        Ok(false)
+    }
+
+    /// Returns the newest sample of a topic, if one has been published.
+    #[must_use]
+    pub fn newest(&self, topic: Topic) -> Option<&[u8]> {
+        let place = self
+            .histories
+            .iter()
+            .position(|history| history.publication.topic == topic)?;
+        let history = &self.histories[place];
+        let mut slots = self.services.iter();
+        let publisher = slots.position(|slot| slot.own.contains(&place))?;
+        // Within a tick the services before the pause have published its samples.
+        let has_stepped = self.paused.is_some_and(|paused| publisher < paused);
+        let newest = if has_stepped {
+            Some(self.next_tick)
+        } else {
+            self.next_tick.checked_sub(1)
+        };
+        let tick = history.publication.ticks.last_at_or_before(newest?)?;
+        Some(history.bytes(tick))
+    }
+
+    /// Returns the tick that is flown next, or in which the flight has paused.
+    #[must_use]
+    pub fn next_tick(&self) -> u64 {
+        self.next_tick
+    }
+
+    /// Returns the state of the flight.
+    #[must_use]
+    pub fn save(&self) -> FlightState {
+        let state = |slot: &ServiceSlot| {
+            let mut state = vec![0; slot.service.state_size()];
+            slot.service.save(&mut state);
+            state
+        };
+        FlightState {
+            services: self.services.iter().map(state).collect(),
+            stores: self.services.iter().map(|slot| slot.stores.clone()).collect(),
+            rings: self
+                .histories
+                .iter()
+                .map(|history| history.samples.clone())
+                .collect(),
+            next_tick: self.next_tick,
+            paused: self.paused,
+        }
+    }
+
+    /// Goes back, or forth, to a state of this flight.
+    pub fn restore(&mut self, state: &FlightState) {
+        for (slot, (own, stores)) in self
+            .services
+            .iter_mut()
+            .zip(state.services.iter().zip(&state.stores))
+        {
+            slot.service.restore(own);
+            slot.stores.clone_from(stores);
+        }
+        for (history, ring) in self.histories.iter_mut().zip(&state.rings) {
+            history.samples.clone_from(ring);
+        }
+        (self.next_tick, self.paused) = (state.next_tick, state.paused);
+    }
+
+    /// Ends a tick that all services have stepped.
     #[inline]
-    fn step_services(&mut self, tick: u64) -> Result<(), NonFinite> {
-        for slot in &mut self.services {
+    fn end_tick<S: TickSink>(
+        &mut self,
+        tick: u64,
+        wanted: &[usize],
+        sink: &mut S,
+    ) -> Result<ControlFlow<()>, FlightError<S::Error>> {
+        self.check(tick).map_err(FlightError::NonFinite)?;
+        self.hand_over(wanted, tick, sink).map_err(FlightError::Sink)?;
+        self.next_tick += 1;
+        sink.end_tick(tick).map_err(FlightError::Sink)
+    }
+
+    /// Steps the services from one place to another.
+    #[inline]
+    fn step_services(&mut self, tick: u64, from: usize, to: usize) {
+        for slot in &mut self.services[from..to] {
             if slot.timetable.steps.occurs_at(tick) {
                 let (others, own) = Others::beside(&mut self.histories, &slot.own);
                 slot.step(&others, own, tick);
             }
         }
+    }
+
+    /// Checks the samples of a tick, and keeps those of inputs with planned faults.
+    #[inline]
+    fn check(&mut self, tick: u64) -> Result<(), NonFinite> {
         self.examine(tick)?;
         if self.has_stores {
             self.keep_published(tick);

@@ -4,7 +4,7 @@ use shared_types::Topic;
 use zerocopy::IntoBytes;
 
 /// A ring of samples of one topic.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct SampleRing {
     /// One sample after the other, in whole words, because samples are read in place.
     words: Box<[u64]>,
