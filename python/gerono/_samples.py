@@ -1,0 +1,77 @@
+"""Samples as structured arrays: what a message definition says, as numpy understands it."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from gerono import _gerono
+
+_MEMBER = re.compile(r"^([\w/]+)(?:\[(\d+)\])? (\w+)$", re.MULTILINE)
+_HEADER = [("tick", "<u8"), ("stamp_ns", "<u8"), ("seq", "<u8")]
+_KINDS = {"float64": "<f8", "uint64": "<u8", "uint32": "<u4", "uint16": "<u2", "uint8": "u1", "bool": "?"}
+_AXES = ("x", "y", "z")
+
+
+def dtype_of(definition: str) -> np.dtype:
+    """Return the type of a topic's samples.
+
+    Members have the names and units of docs/topics.md; those of the header stand first. Rotation matrices have shape
+    (3, 3), texts are bytes without their trailing zeros.
+    """
+    fields: list[Any] = []
+    # What follows the line of `=` says what a Header is; lines with a `=` are constants.
+    for kind, length, name in _MEMBER.findall(definition.split("=" * 80)[0]):
+        if kind == "gerono_msgs/Header":
+            fields += _HEADER
+        elif kind == "uint8" and name == "text":
+            fields.append((name, f"S{length}"))
+        elif name == "world_from_body":
+            fields.append((name, _KINDS[kind], (3, 3)))
+        else:
+            fields.append((name, _KINDS[kind], (int(length),)) if length else (name, _KINDS[kind]))
+    whole = np.dtype(fields)
+    kept = [name for name in whole.names or () if not name.startswith("pad")]
+    # Padding keeps its place and loses its name.
+    return np.dtype(
+        {
+            "names": kept,
+            "formats": [whole[name] for name in kept],
+            "offsets": [(whole.fields or {})[name][1] for name in kept],
+            "itemsize": whole.itemsize,
+        }
+    )
+
+
+DTYPES = {topic: dtype_of(definition) for topic, definition in _gerono.definitions()}
+
+
+def samples_of(topic: str, words: np.ndarray) -> np.ndarray:
+    """Return whole words as the samples of a topic, without a copy."""
+    return words.view(DTYPES[topic])
+
+
+def columns(samples: np.ndarray, telemetry: list[str] | None = None) -> dict[str, np.ndarray]:
+    """Return samples as columns of numbers: `z1` becomes `z1_x`, `z1_y`, `z1_z`.
+
+    The first column is `time`, s. Of own telemetry only the numbers that the scenario names are there.
+    """
+    found = {"time": samples["stamp_ns"] / 1e9}
+    for name in samples.dtype.names or ():
+        values = samples[name]
+        if telemetry is not None and name == "values":
+            found |= {own: values[:, index] for index, own in enumerate(telemetry)}
+        elif values.ndim == 1:
+            found[name] = values
+        else:
+            for index in np.ndindex(values.shape[1:]):
+                found[f"{name}_{_suffix(index, values.shape[1:])}"] = values[(slice(None), *index)]
+    return found
+
+
+def _suffix(index: tuple[int, ...], shape: tuple[int, ...]) -> str:
+    if all(length == 3 for length in shape):
+        return "".join(_AXES[place] for place in index)
+    return "_".join(str(place) for place in index)

@@ -1,0 +1,154 @@
+"""Controllers written in Python: a class with a step."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from gerono._samples import DTYPES
+
+_INPUTS = ("vehicle/state", "path/reference")
+_OUTPUTS = ("control/command", "control/adaptation", "control/errors", "control/telemetry")
+# What the flight puts into a controller and what is no part of its state.
+_PLACES = ("adaptation", "telemetry")
+
+
+class Now:
+    """Time of a step: `tick`, `time` since the first tick, and `elapsed` since the last step, both in s."""
+
+    __slots__ = ("elapsed", "tick", "time")
+
+    def __init__(self) -> None:
+        self.tick = 0
+        self.time = 0.0
+        self.elapsed = 0.0
+
+
+class Controller:
+    """A control law that flies instead of Gerono's.
+
+    Numbers and numpy arrays, of the class or of the object, are its state: a flight saves and restores them, so that
+    it can be repeated to the bit, and faults and `Simulation.restore` work. They must all be there before the first
+    step, and keep their shape. Texts, tuples, functions and modules are taken as constants. A class that keeps its
+    state in anything else overrides `save` and `restore`.
+
+    `self.telemetry` has room for 32 numbers, recorded under the names that `controller.telemetry` of the scenario
+    gives them; `self.adaptation` is the sample of `control/adaptation`.
+    """
+
+    telemetry: np.ndarray
+    adaptation: np.void
+
+    def step(self, now: Now, state: Any, reference: Any, command: Any, errors: Any) -> None:
+        """Compute the command of one period.
+
+        `state` and `reference` are the newest samples of `vehicle/state` and `path/reference`, or None before the
+        first; `command` and `errors` are the samples of `control/command` and `control/errors` that are sent, and are
+        zero when the step begins. All are views of the same memory at every step: copy what must outlive it. Frame
+        {I} has its third axis down; the thrust, N, acts along −R e3; torques, N m, and rates, rad/s, are in {B}.
+        """
+        raise NotImplementedError
+
+    def save(self) -> list[float]:
+        """Return the state as numbers."""
+        numbers: list[float] = []
+        for value in self._state().values():
+            numbers.extend(np.ravel(value).tolist() if isinstance(value, np.ndarray) else (float(value),))
+        return numbers
+
+    def restore(self, numbers: list[float]) -> None:
+        """Take the state back from `save`."""
+        place = 0
+        for name, value in self._state().items():
+            if isinstance(value, np.ndarray):
+                value[...] = np.reshape(numbers[place : place + value.size], value.shape)
+                place += value.size
+            else:
+                setattr(self, name, type(value)(numbers[place]))
+                place += 1
+
+    def _state(self) -> dict[str, Any]:
+        return {name: value for name, value in sorted(vars(self).items()) if name not in _PLACES and _is_state(value)}
+
+
+def _is_state(value: Any) -> bool:
+    return isinstance(value, (bool, int, float, np.ndarray, np.number, np.bool_))
+
+
+def _is_constant(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return all(_is_state(item) or _is_constant(item) for item in value)
+    return value is None or isinstance(value, str) or inspect.ismodule(value) or callable(value)
+
+
+def _declare_state(controller: Controller) -> None:
+    """Give the object its own of what the class declares, and refuse what could not be saved."""
+    for kind in type(controller).__mro__:
+        if kind in (Controller, object):
+            break
+        for name, value in vars(kind).items():
+            if name.startswith("__") or name in vars(controller) or not _is_state(value):
+                continue
+            setattr(controller, name, value.copy() if isinstance(value, np.ndarray) else value)
+    if type(controller).save is not Controller.save:
+        return
+    for name, value in vars(controller).items():
+        if name in _PLACES or _is_constant(value):
+            continue
+        is_numeric_array = isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
+        if not (is_numeric_array or (_is_state(value) and not isinstance(value, np.ndarray))):
+            message = (
+                f"{type(controller).__name__}.{name} is a {type(value).__name__}, which a flight cannot save: "
+                "use numbers and numpy arrays, or override `save` and `restore`"
+            )
+            raise TypeError(message)
+
+
+class Bridge:
+    """What stands between a flight and a controller: memory for inputs and outputs, and a step without samples."""
+
+    def __init__(self, controller: Controller, mode: int = 0) -> None:
+        if not isinstance(controller, Controller):
+            raise TypeError(f"a controller is a gerono.Controller, not a {type(controller).__name__}")
+        words = lambda topic: np.zeros(DTYPES[topic].itemsize // 8, np.uint64)  # noqa: E731
+        self.now_words = np.zeros(3, np.uint64)
+        self.input_words = [words(topic) for topic in _INPUTS]
+        self.output_words = [words(topic) for topic in _OUTPUTS]
+        view = lambda topic, memory: memory.view(DTYPES[topic])[0]  # noqa: E731
+        self._state, self._reference = map(view, _INPUTS, self.input_words)
+        self._command, adaptation, self._errors, telemetry = map(view, _OUTPUTS, self.output_words)
+        controller.adaptation, controller.telemetry = adaptation, telemetry["values"]
+        _declare_state(controller)
+        self._controller = controller
+        self._step: Callable[..., None] = controller.step
+        self._mode = mode
+        self._now = Now()
+        self._times = self.now_words.view(np.float64)
+        self.state_size = len(controller.save())
+
+    def step(self, arrived: int) -> None:
+        """Advance the controller; bit i of `arrived` says whether input i has a sample."""
+        now = self._now
+        now.tick = int(self.now_words[0])
+        now.time = float(self._times[1])
+        now.elapsed = float(self._times[2])
+        if self._mode:
+            self._command["mode"] = self._mode
+        self._step(
+            now,
+            self._state if arrived & 1 else None,
+            self._reference if arrived & 2 else None,
+            self._command,
+            self._errors,
+        )
+
+    def pack(self) -> list[float]:
+        """Return the controller's state."""
+        return self._controller.save()
+
+    def unpack(self, numbers: list[float]) -> None:
+        """Restore the controller's state."""
+        self._controller.restore(numbers)

@@ -1,0 +1,173 @@
+"""Scenarios, and the flights that are flown of them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gerono import _gerono
+from gerono._samples import samples_of
+from gerono.controller import Bridge, Controller
+from gerono.flight import Flight
+
+Settings = Mapping[str, Any] | Iterable[str] | None
+
+
+def toml_of(value: Any) -> str:
+    """Return a value as TOML: numbers, texts, lists and tables."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, bool | str):
+        return json.dumps(value)
+    if isinstance(value, float) and not np.isfinite(value):
+        return {np.inf: "inf", -np.inf: "-inf"}.get(value, "nan")
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {toml_of(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, Iterable):
+        return "[" + ", ".join(map(toml_of, value)) + "]"
+    raise TypeError(f"a scenario has no values of type {type(value).__name__}")
+
+
+def settings_of(settings: Settings) -> list[str]:
+    """Return settings as `--set` has them: from a mapping, or as they are."""
+    if isinstance(settings, Mapping):
+        return [f"{key}={toml_of(value)}" for key, value in settings.items()]
+    return list(settings or ())
+
+
+class Observation(NamedTuple):
+    """What a controller sees: the newest samples of `vehicle/state` and `path/reference`, or None before the first."""
+
+    state: np.void | None
+    reference: np.void | None
+
+
+class Scenario:
+    """A scenario: the file that `gerono run` flies, with the same checks and the same messages.
+
+    `text` replaces the content of the file, whose folder then only says where files are that it names.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], text: str | None = None) -> None:
+        self._scenario = _gerono.Scenario(Path(path), text)
+
+    @property
+    def path(self) -> Path:
+        """File of the scenario."""
+        return self._scenario.path
+
+    @property
+    def text(self) -> str:
+        """Text of the scenario."""
+        return self._scenario.text
+
+    def values(self, set: Settings = None, seed: int | None = None) -> dict[str, Any]:  # noqa: A002
+        """Return all values of the scenario, SI units and rad, as docs/scenarios.md names them."""
+        return json.loads(self._scenario._json(settings_of(set), seed))
+
+    def fly(
+        self,
+        seed: int | None = None,
+        set: Settings = None,  # noqa: A002
+        controller: Controller | None = None,
+        topics: Iterable[str] | None = None,
+    ) -> Flight:
+        """Fly in this process, as fast as it goes and without Python's lock; return the flight.
+
+        `set` changes keys, as `--set` does: `{"controller.k1": 5.0}`. `controller` flies instead of Gerono's.
+        `topics` are recorded [default: all, which `Flight.save` and `Flight.digest` need].
+        """
+        sets = settings_of(set)
+        values = self.values(sets, seed)
+        own = None
+        if controller is not None:
+            own = (bridge_of(controller, values), name_of(controller))
+        flown = self._scenario._fly(sets, seed, None if topics is None else list(topics), own)
+        return Flight(flown, values)
+
+    def start(self, seed: int | None = None, set: Settings = None) -> Simulation:  # noqa: A002
+        """Begin a flight that is flown step by step, with commands from outside."""
+        return Simulation(self._scenario._start(settings_of(set), seed))
+
+    def __repr__(self) -> str:
+        return f"gerono.Scenario({str(self.path)!r})"
+
+
+def name_of(controller: Controller) -> str:
+    """Return what a log says of a controller: module and class."""
+    return f"{type(controller).__module__}.{type(controller).__qualname__}"
+
+
+def bridge_of(controller: Controller, values: Mapping[str, Any]) -> Bridge:
+    """Return the bridge of a controller in a scenario."""
+    return Bridge(controller, 1 if values["controller"].get("rates") else 0)
+
+
+class Simulation:
+    """A flight between two steps of its controller.
+
+    `time` is that of the step that is due; the command given to `step` acts from there on, as that of a controller
+    in the flight would.
+    """
+
+    def __init__(self, simulation: _gerono.Simulation) -> None:
+        self._simulation = simulation
+
+    @property
+    def time(self) -> float:
+        """Time of the step that is due, s."""
+        return self._simulation.time
+
+    @property
+    def done(self) -> bool:
+        """Whether the flight is at its end."""
+        return self._simulation.done
+
+    @property
+    def lost(self) -> str | None:
+        """Why and when the vehicle was lost, or None."""
+        return self._simulation.lost
+
+    def observe(self) -> Observation:
+        """Return what a controller sees now."""
+        return Observation(self["vehicle/state"], self["path/reference"])
+
+    def step(
+        self,
+        thrust: float,
+        torque_body: Iterable[float] = (0.0, 0.0, 0.0),
+        rates_body: Iterable[float] = (0.0, 0.0, 0.0),
+    ) -> Observation:
+        """Command a thrust, N, and a torque, N m, or body rates, rad/s, for one period of the controller.
+
+        Returns what the controller sees at its next step. The scenario says which of torque and rates the vehicle
+        follows.
+        """
+        self._simulation._step(float(thrust), [*map(float, torque_body)], [*map(float, rates_body)])
+        return self.observe()
+
+    def __getitem__(self, topic: str) -> np.void | None:
+        """Return the newest sample of a topic, or None before the first; `vehicle/truth` is what nobody knows."""
+        words = self._simulation._newest(topic)
+        return None if words is None else samples_of(topic, words)[0]
+
+    def save(self) -> _gerono.Snapshot:
+        """Return the state of all services and what is on its way between them, exact."""
+        return self._simulation.save()
+
+    def restore(self, snapshot: _gerono.Snapshot) -> None:
+        """Go on from a saved state of this flight, any number of times."""
+        self._simulation.restore(snapshot)
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass

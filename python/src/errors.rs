@@ -1,0 +1,45 @@
+//! Errors as Python sees them, with the words of the command.
+
+use command_line::failure::Failure;
+use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
+use pyo3::PyErr;
+use pyo3::create_exception;
+use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
+
+create_exception!(
+    gerono,
+    ScenarioError,
+    PyValueError,
+    "A scenario that cannot be flown: the place, the reason and the fix."
+);
+
+/// Returns a diagnostic as text, without colours.
+fn text(diagnostic: &dyn Diagnostic) -> String {
+    let mut text = String::new();
+    let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor()).with_width(100);
+    match handler.render_report(&mut text, diagnostic) {
+        Ok(()) => format!("\n{text}"),
+        Err(_) => diagnostic.to_string(),
+    }
+}
+
+/// Error of a scenario.
+pub(crate) fn of_scenario(error: &scenario_file::ScenarioError) -> PyErr {
+    ScenarioError::new_err(text(error))
+}
+
+/// Error of a command.
+pub(crate) fn of_command(failure: &Failure) -> PyErr {
+    use command_line::exit::Exit;
+    let message = text(failure.report.as_ref());
+    match failure.exit {
+        Exit::BadInput => ScenarioError::new_err(message),
+        Exit::NotWritten => PyOSError::new_err(message),
+        _ => PyRuntimeError::new_err(message),
+    }
+}
+
+/// Error of anything else.
+pub(crate) fn other(error: impl std::fmt::Display) -> PyErr {
+    PyRuntimeError::new_err(error.to_string())
+}

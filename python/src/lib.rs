@@ -1,0 +1,50 @@
+//! `_gerono`: what the Python package `gerono` is made of.
+//!
+//! Flights in process release Python's lock; only a controller written in Python takes it, once a step. Samples are handed
+//! out as arrays of whole words without a copy; the package sees them as structured arrays.
+
+#![expect(
+    clippy::needless_pass_by_value,
+    reason = "functions of Python own their arguments"
+)]
+
+mod controller;
+mod errors;
+mod flight;
+mod log;
+mod memory;
+mod scenario;
+mod simulation;
+mod sweep;
+
+use pyo3::prelude::*;
+
+/// Parts of the package `gerono`.
+#[pymodule]
+mod _gerono {
+    #[pymodule_export]
+    use crate::errors::ScenarioError;
+    #[pymodule_export]
+    use crate::flight::Flight;
+    #[pymodule_export]
+    use crate::log::Log;
+    #[pymodule_export]
+    use crate::scenario::Scenario;
+    #[pymodule_export]
+    use crate::simulation::{Simulation, Snapshot};
+    #[pymodule_export]
+    use crate::sweep::{run_sweep, sweep_with};
+    use pyo3::prelude::*;
+
+    /// Returns the message definition of every topic, by its name.
+    #[pyfunction]
+    fn definitions() -> Vec<(&'static str, String)> {
+        let definition = |topic: shared_types::Topic| (topic.name(), topic.msg_definition());
+        shared_types::Topic::ALL.map(definition).into()
+    }
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,149 @@
+//! Scenarios.
+
+use std::path::PathBuf;
+
+use command_line::interrupt::Interrupt;
+use command_line::progress::Progress;
+use metrics::summary::{Outcome as SummaryOutcome, RunFacts};
+use pyo3::prelude::*;
+use scenario::Programs;
+use shared_types::Topic;
+use shared_types::service::ErasedService;
+use supervisor::recording_sink::RecordingSink;
+use supervisor::{FlightFailure, Outcome, in_process};
+
+use crate::controller::PythonController;
+use crate::errors;
+use crate::flight::Flight;
+use crate::memory::{Samples, topic_of};
+use crate::simulation::Simulation;
+
+/// A scenario: the file that `gerono run` flies, or its text.
+#[pyclass(frozen, module = "gerono", subclass)]
+pub(crate) struct Scenario {
+    path: PathBuf,
+    text: String,
+}
+
+impl Scenario {
+    /// Returns the scenario with settings and a seed.
+    pub(crate) fn load(&self, sets: &[String], seed: Option<u64>) -> PyResult<scenario::Scenario> {
+        scenario_file::load_from(&self.path, &self.text, sets, seed)
+            .map_err(|error| errors::of_scenario(&error))
+    }
+}
+
+#[pymethods]
+impl Scenario {
+    #[new]
+    #[pyo3(signature = (path, text = None))]
+    fn new(path: PathBuf, text: Option<String>) -> PyResult<Self> {
+        let text = match text {
+            Some(text) => text,
+            None => {
+                std::fs::read_to_string(&path).map_err(|_| match scenario_file::load(&path, &[], None) {
+                    Err(error) => errors::of_scenario(&error),
+                    Ok(_) => errors::other(format!("cannot read {}", path.display())),
+                })?
+            }
+        };
+        let scenario = Self { path, text };
+        scenario.load(&[], None)?;
+        Ok(scenario)
+    }
+
+    /// The file of the scenario.
+    #[getter]
+    fn path(&self) -> PathBuf {
+        self.path.clone()
+    }
+
+    /// The text of the scenario.
+    #[getter]
+    fn text(&self) -> String {
+        self.text.clone()
+    }
+
+    /// The scenario with settings, as JSON.
+    fn _json(&self, sets: Vec<String>, seed: Option<u64>) -> PyResult<String> {
+        let scenario = self.load(&sets, seed)?;
+        serde_json::to_string(&scenario).map_err(errors::other)
+    }
+
+    fn _fly(
+        &self,
+        py: Python<'_>,
+        sets: Vec<String>,
+        seed: Option<u64>,
+        topics: Option<Vec<String>>,
+        controller: Option<(Py<PyAny>, String)>,
+    ) -> PyResult<Flight> {
+        let mut scenario = self.load(&sets, seed)?;
+        let topics: Option<Vec<Topic>> = topics
+            .map(|names| names.iter().map(|name| topic_of(name)).collect::<PyResult<_>>())
+            .transpose()?;
+        let mut own = None;
+        if let Some((controller, name)) = controller {
+            // The log says that another controller flew.
+            scenario.programs = Some(Programs {
+                controller: Some(vec![name]),
+                ..Programs::default()
+            });
+            own = Some(PythonController::new(controller.bind(py))?);
+        }
+        fly(py, scenario, topics.as_deref(), own)
+    }
+
+    fn _start(&self, sets: Vec<String>, seed: Option<u64>) -> PyResult<Simulation> {
+        Simulation::new(&self.load(&sets, seed)?)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("gerono.Scenario({:?})", self.path.display().to_string())
+    }
+}
+
+/// Flies in this process, without Python's lock.
+fn fly(
+    py: Python<'_>,
+    scenario: scenario::Scenario,
+    topics: Option<&[Topic]>,
+    own: Option<PythonController>,
+) -> PyResult<Flight> {
+    let failed = own.as_ref().map(PythonController::error);
+    let flown = py.detach(|| {
+        let schedule = supervisor::schedule_of(&scenario).map_err(|error| error.to_string())?;
+        let mut samples = Samples::new(topics);
+        let mut progress = Progress::hidden();
+        let mut keep = |topic: Topic, bytes: &[u8]| samples.keep(topic, bytes);
+        let mut sink = RecordingSink::new(&scenario, &schedule, None, &mut progress).with_copy(&mut keep);
+        if let Some(failed) = &failed {
+            sink = sink.until(|| failed.is_set());
+        }
+        let own = own.map(|own| Box::new(own) as Box<dyn ErasedService>);
+        let ending = in_process::fly_with(&scenario, own, &mut sink, &Interrupt::never());
+        let (summary, _) = sink.finish();
+        Ok::<_, String>((ending, summary, samples))
+    });
+    let (ending, summary, samples) = flown.map_err(errors::other)?;
+    if let Some(error) = failed.and_then(|failed| failed.take()) {
+        return Err(error);
+    }
+    let ending = ending.map_err(|failure| errors::other(&failure))?;
+    let mut facts = RunFacts {
+        host: "inprocess".to_owned(),
+        wall_seconds: ending.wall_time.as_secs_f64(),
+        ..RunFacts::default()
+    };
+    match ending.outcome {
+        Outcome::Completed => {}
+        Outcome::Failed(FlightFailure::NonFinite(found)) => {
+            (facts.outcome, facts.reason) = (SummaryOutcome::Failed, found.to_string());
+            facts.not_finite_at = Some(found.tick);
+        }
+        Outcome::Failed(failure) => return Err(errors::other(&failure)),
+        Outcome::Interrupted { .. } => facts.outcome = SummaryOutcome::Interrupted,
+    }
+    let summary = serde_json::to_string(&summary.finish(facts)).map_err(errors::other)?;
+    Ok(Flight::new(scenario, samples, summary))
+}

@@ -1,0 +1,200 @@
+//! A flight that is flown step by step, with commands from outside.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use host::in_process::{FlightError, FlightState, InProcess, TickSink};
+use metrics::summary::FlightSummary;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use shared_types::samples::ControlCommand;
+use shared_types::service::{ErasedService, InputView, OutputSlot, seconds};
+use shared_types::{Now, ServiceId, Topic};
+use supervisor::in_process;
+use zerocopy::FromBytes;
+
+use crate::errors;
+use crate::memory::topic_of;
+
+/// A flight between two steps of its controller.
+#[pyclass(module = "gerono", subclass)]
+pub(crate) struct Simulation {
+    host: Mutex<InProcess>,
+    command: Arc<Mutex<Commanded>>,
+    judge: FlightSummary,
+    tick_ns: u64,
+    is_done: bool,
+}
+
+/// State of a simulation, from which it can go on any number of times.
+#[pyclass(frozen, module = "gerono")]
+pub(crate) struct Snapshot {
+    state: FlightState,
+    judge: FlightSummary,
+    is_done: bool,
+}
+
+/// Command that acts until the next step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Commanded {
+    thrust: f64,
+    torque_body: [f64; 3],
+    rates_body: [f64; 3],
+    mode: u32,
+}
+
+/// Controller that commands what it was told.
+struct Told(Arc<Mutex<Commanded>>);
+
+impl ErasedService for Told {
+    fn id(&self) -> ServiceId {
+        ServiceId::Controller
+    }
+
+    fn step(&mut self, _now: &Now, _inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
+        if let Some(bytes) = outputs[0].bytes.as_deref_mut() {
+            let told = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            let command = ControlCommand::mut_from_bytes(bytes).expect("the first output is the command");
+            command.thrust = told.thrust;
+            command.torque_body = told.torque_body;
+            command.rates_body = told.rates_body;
+            command.mode = told.mode;
+        }
+    }
+
+    fn state_size(&self) -> usize {
+        0
+    }
+
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+        keep(&[]);
+    }
+
+    fn restore(&mut self, _bytes: &[u8]) {}
+}
+
+/// Judges the flight.
+struct Judge<'a>(&'a mut FlightSummary);
+
+impl TickSink for Judge<'_> {
+    type Error = std::convert::Infallible;
+
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Self::Error> {
+        self.0.observe(topic, bytes);
+        Ok(())
+    }
+}
+
+impl Simulation {
+    pub(crate) fn new(scenario: &scenario::Scenario) -> PyResult<Self> {
+        let mut host = in_process::host(scenario).map_err(errors::other)?;
+        let command = Arc::new(Mutex::new(Commanded {
+            mode: if scenario.controller.rates.is_some() {
+                ControlCommand::MODE_RATES
+            } else {
+                ControlCommand::MODE_TORQUE
+            },
+            ..Commanded::default()
+        }));
+        host.replace(Box::new(Told(Arc::clone(&command))));
+        let judge = FlightSummary::new(scenario, host.schedule());
+        let mut simulation = Self {
+            tick_ns: host.schedule().tick_ns(),
+            host: Mutex::new(host),
+            command,
+            judge,
+            is_done: false,
+        };
+        simulation.advance()?;
+        Ok(simulation)
+    }
+
+    fn host(&mut self) -> &mut InProcess {
+        self.host.get_mut().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Flies on to the next step of the controller.
+    fn advance(&mut self) -> PyResult<()> {
+        let Self {
+            host, judge, is_done, ..
+        } = self;
+        let host = host.get_mut().unwrap_or_else(PoisonError::into_inner);
+        match host.fly_to(ServiceId::Controller, &mut Judge(judge)) {
+            Ok(goes_on) => *is_done = !goes_on,
+            Err(FlightError::NonFinite(found)) => {
+                *is_done = true;
+                return Err(errors::other(found));
+            }
+            Err(FlightError::Sink(never)) => match never {},
+        }
+        Ok(())
+    }
+}
+
+#[pymethods]
+impl Simulation {
+    /// Time of the controller's step that is due, s.
+    #[getter]
+    fn time(&mut self) -> f64 {
+        let tick = self.host().next_tick();
+        seconds(tick * self.tick_ns)
+    }
+
+    /// Whether the flight is at its end.
+    #[getter]
+    fn done(&self) -> bool {
+        self.is_done
+    }
+
+    /// Why and when the vehicle was lost, if it was.
+    #[getter]
+    fn lost(&self) -> Option<String> {
+        self.judge
+            .loss()
+            .map(|loss| format!("{loss}, at {} s", loss.time))
+    }
+
+    #[pyo3(signature = (thrust, torque_body = [0.0; 3], rates_body = [0.0; 3]))]
+    fn _step(
+        &mut self,
+        py: Python<'_>,
+        thrust: f64,
+        torque_body: [f64; 3],
+        rates_body: [f64; 3],
+    ) -> PyResult<()> {
+        {
+            let mut command = self.command.lock().unwrap_or_else(PoisonError::into_inner);
+            (command.thrust, command.torque_body, command.rates_body) = (thrust, torque_body, rates_body);
+        }
+        py.detach(|| self.advance())
+    }
+
+    fn _newest<'py>(&mut self, py: Python<'py>, topic: &str) -> PyResult<Option<Bound<'py, PyArray1<u64>>>> {
+        let topic = topic_of(topic)?;
+        let bytes = self.host().newest(topic);
+        let words = |bytes: &[u8]| {
+            bytes
+                .as_chunks::<8>()
+                .0
+                .iter()
+                .map(|word| u64::from_ne_bytes(*word))
+                .collect()
+        };
+        Ok(bytes.map(|bytes| PyArray1::from_vec(py, words(bytes))))
+    }
+
+    /// Return the state of the whole flight, to the last bit.
+    fn save(&mut self) -> Snapshot {
+        Snapshot {
+            state: self.host().save(),
+            judge: self.judge.clone(),
+            is_done: self.is_done,
+        }
+    }
+
+    /// Go back, or forth, to a state of this flight.
+    fn restore(&mut self, snapshot: &Snapshot) {
+        self.host().restore(&snapshot.state);
+        self.judge = snapshot.judge.clone();
+        self.is_done = snapshot.is_done;
+    }
+}
