@@ -12,13 +12,14 @@ scenario, `gerono.external` a service of a running flight of a controller. Units
 
 from gerono._gerono import ScenarioError, Snapshot, __version__
 from gerono._samples import DTYPES
-from gerono.controller import Controller, Now
+from gerono.controller import FAILSAFE, Controller, Now
 from gerono.flight import Flight, Log
 from gerono.scenario import Observation, Scenario, Simulation
 from gerono.sweeps import Rate, Sweep, choice, log_uniform, normal, sweep, uniform
 
 __all__ = [
     "DTYPES",
+    "FAILSAFE",
     "Controller",
     "Flight",
     "Log",

@@ -27,6 +27,10 @@ class Now:
         self.elapsed = 0.0
 
 
+#: Mode of `control/command`: no command, the vehicle is to do what its failsafe says.
+FAILSAFE = 2
+
+
 class Controller:
     """A control law that flies instead of Gerono's.
 
