@@ -10,39 +10,39 @@ import numpy as np
 from gerono import _gerono
 
 _MEMBER = re.compile(r"^([\w/]+)(?:\[(\d+)\])? (\w+)$", re.MULTILINE)
-_HEADER = [("tick", "<u8"), ("stamp_ns", "<u8"), ("seq", "<u8")]
 _KINDS = {"float64": "<f8", "uint64": "<u8", "uint32": "<u4", "uint16": "<u2", "uint8": "u1", "bool": "?"}
 _AXES = ("x", "y", "z")
 
 
-def dtype_of(definition: str) -> np.dtype:
+def dtype_of(definition: str) -> np.dtype[Any]:
     """Return the type of a topic's samples.
 
     Members have the names and units of docs/topics.md; those of the header stand first. Rotation matrices have shape
     (3, 3), texts are bytes without their trailing zeros.
     """
-    fields: list[Any] = []
+    names: list[str] = []
+    formats: list[np.dtype[Any]] = []
+    offsets: list[int] = []
+    end = 0
     # What follows the line of `=` says what a Header is; lines with a `=` are constants.
     for kind, length, name in _MEMBER.findall(definition.split("=" * 80)[0]):
-        if kind == "gerono_msgs/Header":
-            fields += _HEADER
-        elif kind == "uint8" and name == "text":
-            fields.append((name, f"S{length}"))
-        elif name == "world_from_body":
-            fields.append((name, _KINDS[kind], (3, 3)))
-        else:
-            fields.append((name, _KINDS[kind], (int(length),)) if length else (name, _KINDS[kind]))
-    whole = np.dtype(fields)
-    kept = [name for name in whole.names or () if not name.startswith("pad")]
-    # Padding keeps its place and loses its name.
-    return np.dtype(
-        {
-            "names": kept,
-            "formats": [whole[name] for name in kept],
-            "offsets": [(whole.fields or {})[name][1] for name in kept],
-            "itemsize": whole.itemsize,
-        }
-    )
+        for own_name, own_format in _members(kind, int(length or 0), name):
+            if not own_name.startswith("pad"):
+                names.append(own_name)
+                formats.append(own_format)
+                offsets.append(end)
+            end += own_format.itemsize
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
+
+
+def _members(kind: str, length: int, name: str) -> list[tuple[str, np.dtype[Any]]]:
+    if kind == "gerono_msgs/Header":
+        return [(member, np.dtype("<u8")) for member in ("tick", "stamp_ns", "seq")]
+    if kind == "uint8" and name == "text":
+        return [(name, np.dtype(f"S{length}"))]
+    if name == "world_from_body":
+        return [(name, np.dtype((_KINDS[kind], (3, 3))))]
+    return [(name, np.dtype((_KINDS[kind], (length,))) if length else np.dtype(_KINDS[kind]))]
 
 
 DTYPES = {topic: dtype_of(definition) for topic, definition in _gerono.definitions()}

@@ -111,19 +111,25 @@ def _declare_state(controller: Controller) -> None:
             raise TypeError(message)
 
 
+def _words(topic: str) -> np.ndarray:
+    return np.zeros(DTYPES[topic].itemsize // 8, np.uint64)
+
+
+def _sample(topic: str, words: np.ndarray) -> Any:
+    return words.view(DTYPES[topic])[0]
+
+
 class Bridge:
     """What stands between a flight and a controller: memory for inputs and outputs, and a step without samples."""
 
     def __init__(self, controller: Controller, mode: int = 0) -> None:
         if not isinstance(controller, Controller):
             raise TypeError(f"a controller is a gerono.Controller, not a {type(controller).__name__}")
-        words = lambda topic: np.zeros(DTYPES[topic].itemsize // 8, np.uint64)  # noqa: E731
         self.now_words = np.zeros(3, np.uint64)
-        self.input_words = [words(topic) for topic in _INPUTS]
-        self.output_words = [words(topic) for topic in _OUTPUTS]
-        view = lambda topic, memory: memory.view(DTYPES[topic])[0]  # noqa: E731
-        self._state, self._reference = map(view, _INPUTS, self.input_words)
-        self._command, adaptation, self._errors, telemetry = map(view, _OUTPUTS, self.output_words)
+        self.input_words = [_words(topic) for topic in _INPUTS]
+        self.output_words = [_words(topic) for topic in _OUTPUTS]
+        self._state, self._reference = map(_sample, _INPUTS, self.input_words)
+        self._command, adaptation, self._errors, telemetry = map(_sample, _OUTPUTS, self.output_words)
         controller.adaptation, controller.telemetry = adaptation, telemetry["values"]
         _declare_state(controller)
         self._controller = controller

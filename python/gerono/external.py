@@ -17,7 +17,7 @@ import sys
 import time
 from typing import Any
 
-import iceoryx2 as iox2
+import iceoryx2 as iox2  # type: ignore[import-untyped]
 import numpy as np
 
 from gerono._samples import dtype_of
@@ -58,8 +58,8 @@ class _Stream:
 
     def due(self, tick: int) -> int:
         """Return the tick at which the sample was published that is to be read at a tick."""
-        published = tick - self.about["latency"]
-        return published - (published - self.about["phase"]) % self.about["period"]
+        published = tick - int(self.about["latency"])
+        return published - (published - int(self.about["phase"])) % int(self.about["period"])
 
     def take(self) -> bool:
         """Receive one sample, if there is one."""
@@ -82,7 +82,7 @@ class _Stream:
         """Publish what the controller has written, and ring the bells of those who wait for it."""
         sequence = (tick - self.about["phase"]) // self.about["period"]
         self.words[:3] = tick, tick * tick_ns, sequence
-        self.port.send_copy(self.sample((ctypes.c_uint64 * len(self.words)).from_buffer_copy(self.words)))
+        self.port.send_copy(self.sample((ctypes.c_uint64 * len(self.words)).from_buffer_copy(self.words.tobytes())))
         for bell in self.about["bells"]:
             os.eventfd_write(bell, 1)
 

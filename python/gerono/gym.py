@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from gerono.scenario import Observation, Scenario, Settings, Simulation
+from gerono.scenario import Observation, Scenario, Settings, Simulation, settings_of
 
 # What the largest action means where the scenario's actuators do not say it: multiples of the weight, N m, rad/s.
 _THRUST_IN_WEIGHTS, _TORQUE, _RATE = 3.0, 0.1, 10.0
@@ -59,7 +59,7 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
         set: Settings = None,  # noqa: A002
     ) -> None:
         self._scenario, self._observe, self._reward = scenario, observe, reward
-        self._set = dict(set) if isinstance(set, Mapping) else set
+        self._set = settings_of(set)
         values = scenario.values(self._set)
         self._has_rates = bool(values["controller"].get("rates"))
         self.largest = _largest(values, self._has_rates)
@@ -79,10 +79,8 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
         """Begin a flight; `options={"set": …}` changes keys of its scenario besides."""
         super().reset(seed=seed)
         flight_seed = int(self.np_random.integers(1 << 62)) if seed is None else seed
-        settings: Any = (options or {}).get("set")
-        if isinstance(settings, Mapping) and isinstance(self._set, Mapping):
-            settings = self._set | dict(settings)
-        self._simulation = self._scenario.start(flight_seed, settings or self._set)
+        settings = self._set + settings_of((options or {}).get("set"))
+        self._simulation = self._scenario.start(flight_seed, settings)
         return self._observe(self._simulation.observe()), {"seed": flight_seed}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:

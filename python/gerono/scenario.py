@@ -70,7 +70,8 @@ class Scenario:
 
     def values(self, set: Settings = None, seed: int | None = None) -> dict[str, Any]:  # noqa: A002
         """Return all values of the scenario, SI units and rad, as docs/scenarios.md names them."""
-        return json.loads(self._scenario._json(settings_of(set), seed))
+        values: dict[str, Any] = json.loads(self._scenario._json(settings_of(set), seed))
+        return values
 
     def fly(
         self,

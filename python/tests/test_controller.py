@@ -1,0 +1,126 @@
+"""Controllers in Python: their state is saved and restored, and they fly as a service does."""
+
+import subprocess
+import sys
+
+import controller
+import numpy as np
+import pytest
+
+import gerono
+
+
+class Counting(controller.Hover):
+    """The hover controller, with a slow integral and a number of steps as its state."""
+
+    steps = 0
+    integral = np.zeros(3)
+
+    def step(self, now, state, reference, command, errors):
+        super().step(now, state, reference, command, errors)
+        self.steps += 1
+        self.integral += errors["z1"] * now.elapsed
+        command["thrust"] += self.integral[2] * 0.1
+
+
+def test_a_class_and_a_service_fly_the_same_bytes(hover, command, tmp_path):
+    program = f'programs.controller=["{sys.executable}", "controller.py"]'
+    subprocess.run([command, "run", hover.path, "--set", program, "--quiet", "--out", tmp_path], check=True)
+    digest = subprocess.run([command, "digest", tmp_path], check=True, capture_output=True, text=True)
+    flight = hover.fly(controller=controller.Hover())
+    assert flight.digest == digest.stdout.strip()
+    assert flight.summary.phases[0].ultimate < 0.001
+
+
+def test_planned_faults_act_on_a_class(hover, command, tmp_path):
+    """An outage is exact, and the rest of the log is computed again from what was recorded."""
+    alone = gerono.Scenario(hover.path, hover.text.split("[programs]")[0])
+    plain, again = (alone.fly(controller=Counting()) for _ in range(2))
+    assert plain.digest == again.digest
+    outage = {"fault": [{"service": "controller", "kind": "off", "at": 3.0, "for": 0.2}]}
+    laws = [Counting(), Counting()]
+    first, second = (alone.fly(controller=law, set=outage) for law in laws)
+    assert first.digest == second.digest != plain.digest
+    assert first.summary.outcome == "completed"
+    # A step of 5 ms that is off is not taken, and the state goes on after it.
+    assert 2001 - 41 <= laws[0].steps <= 2001 - 39
+    first.save(tmp_path)
+    replay = subprocess.run([command, "replay", tmp_path, "--quiet"], capture_output=True, text=True)
+    assert "controller cannot be computed again" in replay.stdout
+    assert replay.returncode == 0, replay.stdout + replay.stderr
+
+
+def test_classes_are_not_shared_by_flights(hover):
+    one = Counting()
+    hover.fly(controller=one, set={"duration": 1.0})
+    assert one.steps == 201
+    assert np.any(one.integral)
+    assert Counting.steps == 0
+    assert not np.any(Counting.integral)
+
+
+def test_state_goes_there_and_back():
+    from gerono.controller import Bridge
+
+    class Many(gerono.Controller):
+        flag, whole, part = True, 3, 0.1
+        matrix = np.arange(6.0).reshape(2, 3)
+        counts = np.array([1, 2], np.int64)
+        name, pair = "text", (1, 2)
+
+    first, second = Many(), Many()
+    bridges = Bridge(first), Bridge(second)
+    first.flag, first.whole, first.part = False, 2**52 + 1, np.pi
+    first.matrix[1] = 7.0
+    first.counts[0] = -5
+    bridges[1].unpack(bridges[0].pack())
+    assert (second.flag, second.whole, second.part) == (False, 2**52 + 1, np.pi)
+    assert second.flag is False
+    assert np.array_equal(first.matrix, second.matrix)
+    assert np.array_equal(first.counts, second.counts)
+    assert bridges[0].state_size == len(bridges[0].pack())
+
+
+def test_state_that_cannot_be_saved_is_refused(hover):
+    class Remembers(controller.Hover):
+        def __init__(self):
+            self.past = []
+
+    with pytest.raises(TypeError, match=r"Remembers\.past is a list"):
+        hover.fly(controller=Remembers())
+    with pytest.raises(TypeError, match=r"gerono\.Controller"):
+        hover.fly(controller=object())
+
+
+def test_an_error_of_a_step_is_raised_by_the_flight(hover):
+    class Fails(controller.Hover):
+        def step(self, now, *samples):
+            if now.time >= 1.0:
+                raise ZeroDivisionError("at one second")
+
+    with pytest.raises(ZeroDivisionError, match="at one second"):
+        hover.fly(controller=Fails())
+
+
+def test_numbers_that_are_not_finite_end_the_flight(hover):
+    class NotFinite(controller.Hover):
+        def step(self, now, state, reference, command, errors):
+            super().step(now, state, reference, command, errors)
+            if now.time >= 1.0:
+                command["thrust"] = np.nan
+
+    flight = hover.fly(controller=NotFinite())
+    assert flight.summary.outcome == "failed"
+    assert "control/command" in flight.summary.reason
+
+
+def test_telemetry_has_the_names_of_the_scenario(hover):
+    class Tells(controller.Hover):
+        def step(self, now, *samples):
+            super().step(now, *samples)
+            self.telemetry[:2] = now.time, now.tick
+
+    flight = hover.fly(controller=Tells(), set={"controller.telemetry": ["clock", "ticks"]})
+    table = flight.to_pandas("control/telemetry")
+    assert np.allclose(table["clock"], table["time"])
+    assert np.array_equal(table["ticks"], table["tick"])

@@ -1,0 +1,125 @@
+"""Flights have the bytes of the command, and their samples are arrays."""
+
+import json
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY, SHORT
+
+import gerono
+
+
+def run(command, scenario, out, *more):
+    settings = [word for key, value in SHORT.items() for word in ("--set", f"{key}={json.dumps(value)}")]
+    subprocess.run([command, "run", scenario.path, *settings, "--quiet", "--out", out, *more], check=True)
+
+
+def test_a_flight_has_the_bytes_of_the_command(fig1, command, tmp_path):
+    run(command, fig1, tmp_path / "command", "--seed", "7", "--set", "controller.k1=5.0")
+    flight = fig1.fly(seed=7, set=SHORT | {"controller.k1": 5.0})
+    assert flight.save(tmp_path / "module").read_bytes() == (tmp_path / "command" / "run.mcap").read_bytes()
+    ours = json.loads((tmp_path / "module" / "summary.json").read_text())
+    theirs = json.loads((tmp_path / "command" / "summary.json").read_text())
+    assert ours["metrics"] == theirs["metrics"]
+    assert ours["phases"] == theirs["phases"]
+
+
+def test_noise_depends_on_the_seed_alone():
+    scenario = gerono.Scenario(REPOSITORY / "scenarios" / "fig3_6.toml")
+    flights = [scenario.fly(seed=seed, set=SHORT, topics=["mocap/pose"]) for seed in (1, 1, 2)]
+    poses = [flight["mocap/pose"]["position_world"] for flight in flights]
+    assert np.array_equal(poses[0], poses[1])
+    assert not np.array_equal(poses[0], poses[2])
+
+
+def test_samples_are_views_of_one_memory(fig1):
+    flight = fig1.fly(set=SHORT)
+    errors = flight["control/errors"]
+    assert errors["z1"].shape == (2001, 3)
+    assert np.shares_memory(errors, flight["control/errors"])
+    assert flight["vehicle/truth"]["world_from_body"].shape == (2001, 3, 3)
+    assert np.array_equal(errors["tick"], np.arange(2001))
+    rotation = flight["vehicle/truth"]["world_from_body"][-1]
+    assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+    # z1 is what state and reference say, so that frames and rows are where they belong.
+    distance = flight["vehicle/state"]["position_world"] - flight["path/reference"]["position_world"]
+    assert np.array_equal(distance, errors["z1"])
+
+
+def test_velocity_is_the_derivative_of_position(fig1):
+    truth = fig1.fly(set=SHORT)["vehicle/truth"]
+    velocity = np.einsum("nij,nj->ni", truth["world_from_body"], truth["velocity_body"])
+    difference = (truth["position_world"][2:] - truth["position_world"][:-2]) / 2e-3
+    assert np.abs(velocity[1:-1] - difference).max() < 1e-3
+
+
+def test_tables_have_a_column_for_each_axis(fig1):
+    flight = fig1.fly(set=SHORT)
+    pandas, polars = flight.to_pandas("control/errors"), flight.to_polars("control/errors")
+    assert list(pandas.columns) == polars.columns
+    assert np.array_equal(pandas["z1_y"].to_numpy(), flight["control/errors"]["z1"][:, 1])
+    assert pandas["time"].iloc[-1] == 2.0
+    assert "world_from_body_xz" in flight.to_pandas("vehicle/truth").columns
+
+
+def test_topics_that_were_not_recorded_are_not_there(fig1, tmp_path):
+    flight = fig1.fly(set=SHORT, topics=["control/errors"])
+    assert flight.topics == ["control/errors"]
+    with pytest.raises(ValueError, match="not all topics"):
+        flight.save(tmp_path)
+    with pytest.raises(KeyError, match="control/error"):
+        flight["control/error"]
+
+
+def test_a_wrong_scenario_says_where_and_what_to_do(fig1, tmp_path):
+    with pytest.raises(gerono.ScenarioError, match=r"did you mean `k1`\?"):
+        fig1.fly(set={"controller.k11": 3.0})
+    with pytest.raises(gerono.ScenarioError, match="cannot"):
+        gerono.Scenario(tmp_path / "missing.toml")
+    with pytest.raises(gerono.ScenarioError):
+        gerono.Scenario(tmp_path / "text.toml", text="duration = 'long'")
+
+
+def test_flights_release_the_lock(fig1):
+    """Another thread counts while a flight is flown: it could not if the flight held the lock."""
+    counted, flown = [0], threading.Event()
+
+    def count():
+        while not flown.is_set():
+            counted[0] += 1
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    before = counted[0]
+    fig1.fly(topics=[])
+    during = counted[0] - before
+    flown.set()
+    counter.join()
+    assert during > 1000
+
+
+def test_a_log_is_what_the_flight_was(fig1, tmp_path):
+    flight = fig1.fly(set=SHORT)
+    path = flight.save(tmp_path)
+    for meant in (path, tmp_path):
+        log = gerono.Log(meant)
+        for topic in flight.topics:
+            assert np.array_equal(log[topic], flight[topic])
+        assert log.damage is None
+        assert log.scenario.controller.k1 == 4.0
+        assert log.summary.metrics.rmse == flight.summary.metrics.rmse
+
+
+def test_of_a_log_that_is_cut_off_the_rest_is_read(fig1, tmp_path):
+    whole = fig1.fly(set=SHORT)
+    path = whole.save(tmp_path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    log = gerono.Log(path)
+    errors = log["control/errors"]
+    assert 0 < len(errors) < 2001
+    assert np.array_equal(errors, whole["control/errors"][: len(errors)])
+    assert log.damage
+    with pytest.raises(OSError, match="absent"):
+        gerono.Log(tmp_path / "absent.mcap")
