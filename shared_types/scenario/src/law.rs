@@ -20,9 +20,9 @@ pub enum LawKind {
     NfConstant,
     /// PX4's cascade.
     Px4,
-    /// The geometric law with a mass by immersion and invariance, in the style of the paper's ref. [30].
+    /// The geometric law with a mass by immersion and invariance, in the style of the paper's ref. \[30\].
     ImmersionMass,
-    /// Torque with an inertia by immersion and invariance, in the style of the paper's ref. [29]; for commands of torque.
+    /// Torque with an inertia by immersion and invariance, in the style of the paper's ref. \[29\]; for commands of torque.
     ImmersionInertia,
     /// Nonlinear model predictive control.
     Nmpc,
