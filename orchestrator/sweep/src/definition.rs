@@ -41,6 +41,9 @@ pub struct Definition {
     /// Criteria on the results of a flight, by name.
     #[serde(default)]
     pub judge: BTreeMap<String, String>,
+    /// Result by which the entries are ranked, the smaller the better [default: `rmse`].
+    #[serde(default = "rmse")]
+    pub rank: String,
     /// What is kept of a flight beside its row.
     #[serde(default)]
     pub keep: Keep,
@@ -51,6 +54,10 @@ pub struct Definition {
 
 fn first_seed() -> u64 {
     1
+}
+
+fn rmse() -> String {
+    "rmse".to_owned()
 }
 
 /// Method by which samples fill the space.

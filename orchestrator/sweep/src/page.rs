@@ -2,11 +2,14 @@
 
 use evaluation::reproduce::gallery::escaped;
 use kuva::backend::svg::SvgBackend;
-use kuva::prelude::{Figure, Layout as DrawingLayout, LegendPosition, LinePlot, Plot, ScatterPlot};
+use kuva::prelude::{
+    ColorMap, Figure, Heatmap, Layout as DrawingLayout, LegendPosition, LinePlot, Plot, ScatterPlot,
+};
+use statistics::quantile::{median, quantile, sorted};
 
 use crate::definition::Map;
 use crate::expression::Expression;
-use crate::report::{EntryResults, Report, Results};
+use crate::report::{EntryResults, Report, Results, Shown, digits};
 use crate::run::Prepared;
 
 /// Most points of a drawing: of more every n-th is shown.
@@ -57,7 +60,10 @@ pub(crate) fn page(report: &Report, prepared: &Prepared, results: &Results) -> S
         );
     }
     if let Some(drawing) = distances(prepared, results) {
-        html += &format!("<h2>RMS distance from the path</h2>\n<p>{drawing}</p>\n");
+        html += &format!(
+            "<h2>{}</h2>\n<p>{drawing}</p>\n",
+            escaped(&results.shown[0].title)
+        );
     }
     for (title, head, lines) in report.tables() {
         let cells = |tag: &str, texts: &[String]| -> String {
@@ -76,7 +82,7 @@ pub(crate) fn page(report: &Report, prepared: &Prepared, results: &Results) -> S
         }
         html += "</table></div>\n";
     }
-    html += "<h2>Distance over what was varied</h2>\n";
+    html += "<h2>Over what was varied</h2>\n";
     for drawing in scatters(prepared, results) {
         html += &format!("<p>{drawing}</p>\n");
     }
@@ -102,26 +108,31 @@ fn figure(plots: Vec<Plot>, layout: DrawingLayout) -> String {
     SvgBackend::new().render_scene(&figure.render())
 }
 
+/// Most levels of a heat map, and the number of its ranges where there are more.
+const MOST_LEVELS: usize = 12;
+const RANGES: usize = 8;
+
 /// Every n-th of so many, such that no more than [`POINTS`] are left.
 fn thinned<T>(values: Vec<T>) -> Vec<T> {
     let step = values.len().div_ceil(POINTS).max(1);
     values.into_iter().step_by(step).collect()
 }
 
-/// Cumulative distribution of the RMS distance of every entry.
+/// Cumulative distribution of what the entries are ranked by.
 fn distances(prepared: &Prepared, results: &Results) -> Option<String> {
+    let factor = results.shown[0].factor;
     let mut plots = Vec::new();
     for (index, (entry, of_entry)) in prepared.plan.entries.iter().zip(&results.entries).enumerate() {
-        let rmse = statistics::quantile::sorted(of_entry.numbers[0].iter().copied());
-        if rmse.is_empty() {
+        let numbers = sorted(of_entry.numbers[0].iter().copied());
+        if numbers.is_empty() {
             continue;
         }
         let flown = of_entry.is_flown.iter().filter(|flown| **flown).count();
         #[expect(clippy::cast_precision_loss, reason = "for a drawing")]
-        let points = rmse
+        let points = numbers
             .iter()
             .enumerate()
-            .map(|(rank, value)| (100.0 * value, (rank + 1) as f64 / flown as f64));
+            .map(|(rank, value)| (factor * value, (rank + 1) as f64 / flown as f64));
         let plot = LinePlot::new()
             .with_data(thinned(
                 points.filter(|(value, _)| *value > 0.0).collect::<Vec<_>>(),
@@ -134,25 +145,25 @@ fn distances(prepared: &Prepared, results: &Results) -> Option<String> {
         .entries
         .iter()
         .flat_map(|entry| entry.numbers[0].iter().copied());
-    if plots.is_empty() || !spans(all.filter(|rmse| !rmse.is_nan())) {
+    if plots.is_empty() || !spans(all.filter(|value| !value.is_nan())) {
         return None;
     }
     let layout = DrawingLayout::auto_from_plots(&plots)
         .with_log_x()
         .with_legend_position(LegendPosition::OutsideRightTop)
-        .with_x_label("RMS distance, cm")
+        .with_x_label(results.shown[0].title.clone())
         .with_y_label("share of the flights below it");
     Some(figure(plots, layout))
 }
 
-/// The RMS distance over each varied number.
+/// What the entries are ranked by over each varied number.
 fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
     let plan = &prepared.plan;
     let all = results
         .entries
         .iter()
         .flat_map(|entry| entry.numbers[0].iter().copied());
-    if !spans(all.filter(|rmse| !rmse.is_nan())) {
+    if !spans(all.filter(|value| !value.is_nan())) {
         return Vec::new();
     }
     let varied = plan
@@ -166,10 +177,11 @@ fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
                 .zip(&results.entries)
                 .enumerate()
                 .map(|(index, (entry, of_entry))| {
-                    let points = values
-                        .iter()
-                        .copied()
-                        .zip(of_entry.numbers[0].iter().map(|rmse| 100.0 * rmse));
+                    let points = values.iter().copied().zip(
+                        of_entry.numbers[0]
+                            .iter()
+                            .map(|value| results.shown[0].factor * value),
+                    );
                     let points = points
                         .filter(|(x, y)| x.is_finite() && *y > 0.0)
                         .collect::<Vec<_>>();
@@ -186,7 +198,7 @@ fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
             .with_log_y()
             .with_legend_position(LegendPosition::OutsideRightTop)
             .with_x_label(name.to_owned())
-            .with_y_label("RMS distance, cm");
+            .with_y_label(results.shown[0].title.clone());
         figure(plots, layout)
     });
     drawn.collect()
@@ -216,16 +228,92 @@ pub(crate) fn maps(prepared: &Prepared, results: &Results) -> Vec<(String, Strin
 
 fn map_drawing(map: &Map, prepared: &Prepared, results: &Results, entry: &EntryResults) -> Option<String> {
     let plan = &prepared.plan;
-    let place = |name: &str| plan.columns().position(|column| column == name);
-    let (xs, ys) = (&results.varied[place(&map.x)?], &results.varied[place(&map.y)?]);
-    let criterion = prepared.layout.criteria().position(|name| name == map.value)?;
+    let values = |name: &str| {
+        let place = plan.columns().position(|column| column == name)?;
+        Some(results.varied[place].as_slice())
+    };
+    let (xs, ys) = (values(&map.x)?, values(&map.y)?);
+    match prepared.layout.criteria().position(|name| name == map.value) {
+        Some(criterion) => dots(map, xs, ys, &entry.criteria[criterion], &entry.is_flown),
+        None => {
+            let place = results.shown.iter().position(|shown| shown.name == map.value)?;
+            heat_map(map, xs, ys, &results.shown[place], &entry.numbers[place])
+        }
+    }
+}
+
+/// A value over two others: the median of each part of the plane.
+fn heat_map(map: &Map, xs: &[f64], ys: &[f64], shown: &Shown, values: &[f64]) -> Option<String> {
+    let (columns, rows) = (Parts::of(xs), Parts::of(ys));
+    let mut cells = vec![vec![Vec::new(); columns.labels.len()]; rows.labels.len()];
+    for ((x, y), value) in xs.iter().zip(ys).zip(values) {
+        if value.is_finite() {
+            cells[rows.place(*y)][columns.place(*x)].push(shown.factor * value);
+        }
+    }
+    let medians = cells.into_iter().map(|row| {
+        let row = row
+            .into_iter()
+            .map(|cell| median(&sorted(cell)).unwrap_or(f64::NAN));
+        row.collect::<Vec<_>>()
+    });
+    let medians: Vec<Vec<f64>> = medians.collect();
+    medians
+        .iter()
+        .flatten()
+        .copied()
+        .find(|median| median.is_finite())?;
+    let plot = Heatmap::new()
+        .with_data(medians)
+        .with_color_map(ColorMap::Oranges)
+        .with_values();
+    let plots = vec![Plot::from(plot)];
+    let layout = DrawingLayout::auto_from_plots(&plots)
+        .with_title(shown.title.clone())
+        .with_x_categories(columns.labels)
+        .with_y_categories(rows.labels)
+        .with_x_label(map.x.clone())
+        .with_y_label(map.y.clone());
+    Some(figure(plots, layout))
+}
+
+/// Parts of a varied value: its values if they are few, else ranges with as many samples each.
+struct Parts {
+    /// Where each but the first begins.
+    borders: Vec<f64>,
+    labels: Vec<String>,
+}
+
+impl Parts {
+    fn of(values: &[f64]) -> Self {
+        let all = sorted(values.iter().copied());
+        let mut levels = all.clone();
+        levels.dedup();
+        if levels.len() <= MOST_LEVELS {
+            return Self {
+                borders: levels[1.min(levels.len())..].to_vec(),
+                labels: levels.iter().map(|level| digits(*level)).collect(),
+            };
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a few parts")]
+        let at = |part: usize| quantile(&all, part as f64 / RANGES as f64).unwrap_or(f64::NAN);
+        let label = |part: usize| format!("{} to {}", digits(at(part)), digits(at(part + 1)));
+        Self {
+            borders: (1..RANGES).map(at).collect(),
+            labels: (0..RANGES).map(label).collect(),
+        }
+    }
+
+    fn place(&self, value: f64) -> usize {
+        self.borders.iter().take_while(|border| value >= **border).count()
+    }
+}
+
+/// A criterion over two values: a dot a sample.
+fn dots(map: &Map, xs: &[f64], ys: &[f64], met: &[bool], is_flown: &[bool]) -> Option<String> {
     let mut plots = Vec::new();
     for (meets, color, words) in [(true, COLORS[0], "yes"), (false, COLORS[1], "no")] {
-        let points = xs
-            .iter()
-            .zip(ys)
-            .zip(&entry.criteria[criterion])
-            .zip(&entry.is_flown);
+        let points = xs.iter().zip(ys).zip(met).zip(is_flown);
         let points = points.filter(|((_, met), flown)| **flown && **met == meets);
         let points: Vec<(f64, f64)> = points.map(|(((x, y), _), _)| (*x, *y)).collect();
         if !points.is_empty() {

@@ -7,32 +7,9 @@ use statistics::interval::{clopper_pearson, lower_bound, wilson};
 use statistics::paired::Paired;
 use statistics::quantile::{median, quantile, sorted};
 
-use crate::definition::Method;
+use crate::definition::{Definition, Method};
 use crate::plan::Plan;
 use crate::row::{Cell, Kind, Layout, Row};
-
-/// Results whose quantiles and differences are shown.
-const SHOWN: [Shown; 7] = [
-    Shown::distance("rmse", "RMS distance, cm"),
-    Shown::distance("max", "largest distance, cm"),
-    Shown::distance("p95", "95 % of the distances, cm"),
-    Shown::distance("ultimate", "largest of the last 5 s, cm"),
-    Shown {
-        name: "settling_time",
-        title: "settling time, s",
-        factor: 1.0,
-    },
-    Shown {
-        name: "body_rate_rms",
-        title: "body rates, rad/s",
-        factor: 1.0,
-    },
-    Shown {
-        name: "energy",
-        title: "energy of a hover",
-        factor: 1.0,
-    },
-];
 
 /// Confidence of all intervals.
 pub const CONFIDENCE: f64 = 0.95;
@@ -43,24 +20,51 @@ const BINS: usize = 4;
 /// Most failures that are listed.
 const LISTED: usize = 20;
 
-/// A result that is shown.
-#[derive(Clone, Copy, Debug)]
+/// A result whose quantiles and differences are shown.
+#[derive(Clone, Debug)]
 pub struct Shown {
     /// Its column.
-    pub name: &'static str,
+    pub name: String,
     /// Its title with the unit.
-    pub title: &'static str,
+    pub title: String,
     /// The unit, of the column's.
     pub factor: f64,
 }
 
 impl Shown {
-    const fn distance(name: &'static str, title: &'static str) -> Self {
+    fn new(name: &str, title: &str) -> Self {
         Self {
-            name,
-            title,
-            factor: 100.0,
+            name: name.to_owned(),
+            title: title.to_owned(),
+            factor: if title.ends_with(", cm") { 100.0 } else { 1.0 },
         }
+    }
+
+    /// Returns what is shown of a sweep: first what its entries are ranked by, last what maps show besides.
+    fn of(definition: &Definition) -> Vec<Self> {
+        let rank = definition.rank.as_str();
+        let title = match rank {
+            "rmse" => "RMS distance, cm".to_owned(),
+            _ if rank.ends_with("rmse") => format!("RMS distance, {rank}, cm"),
+            _ => rank.to_owned(),
+        };
+        let others = [
+            ("max", "largest distance, cm"),
+            ("p95", "95 % of the distances, cm"),
+            ("ultimate", "largest of the last 5 s, cm"),
+            ("settling_time", "settling time, s"),
+            ("body_rate_rms", "body rates, rad/s"),
+            ("energy", "energy of a hover"),
+        ];
+        let mut shown = vec![Self::new(rank, &title)];
+        let others = others.into_iter().filter(|(name, _)| *name != rank);
+        shown.extend(others.map(|(name, title)| Self::new(name, title)));
+        for map in &definition.map {
+            if !shown.iter().any(|shown| shown.name == map.value) {
+                shown.push(Self::new(&map.value, &map.value));
+            }
+        }
+        shown
     }
 }
 
@@ -73,6 +77,8 @@ pub struct Results {
     pub entries: Vec<EntryResults>,
     /// Flights that were refused.
     pub refused: u64,
+    /// What is shown; the first is what entries are ranked by.
+    pub shown: Vec<Shown>,
     /// Places of the columns.
     places: Places,
     /// Failures that are listed.
@@ -125,21 +131,23 @@ impl Results {
     #[must_use]
     pub fn new(plan: &Plan, layout: &Layout) -> Self {
         let place = |name: &str| layout.place(name).expect("every layout has this column");
+        let shown = Shown::of(&plan.source.definition);
         let places = Places {
             outcome: place("outcome"),
             reason: place("reason"),
             criteria: layout.criteria().map(place).collect(),
-            numbers: SHOWN.iter().map(|shown| place(shown.name)).collect(),
+            numbers: shown.iter().map(|shown| place(&shown.name)).collect(),
         };
         let entry = EntryResults {
             criteria: vec![Vec::new(); places.criteria.len()],
-            numbers: vec![Vec::new(); SHOWN.len()],
+            numbers: vec![Vec::new(); shown.len()],
             ..EntryResults::default()
         };
         Self {
             varied: vec![Vec::new(); plan.columns().count()],
             entries: vec![entry; plan.entries.len()],
             refused: 0,
+            shown,
             places,
             failures: Vec::new(),
             further_failures: 0,
@@ -223,6 +231,9 @@ impl Results {
 /// The content of `sweep.json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
+    /// What is shown.
+    #[serde(skip)]
+    shown: Vec<Shown>,
     /// SHA-256 of sweep and scenario.
     pub sweep: String,
     /// Method of the samples.
@@ -235,7 +246,7 @@ pub struct Report {
     pub laws: Vec<LawReport>,
     /// Differences of the others from the first, sample by sample.
     pub differences: Vec<Difference>,
-    /// Who has the smallest median RMS distance in which part of a varied value.
+    /// Who has the smallest median of what entries are ranked by in which part of a varied value.
     pub winners: Vec<Winner>,
     /// Flights that did not meet a criterion, the first of them.
     pub failures: Vec<Failed>,
@@ -285,7 +296,7 @@ pub struct CriterionReport {
 #[derive(Clone, Debug, Serialize)]
 pub struct QuantileReport {
     /// Its column.
-    pub name: &'static str,
+    pub name: String,
     /// Flights that have it.
     pub count: usize,
     /// 0, 5, 25, 50, 75, 95 and 100 %, in the column's unit.
@@ -303,7 +314,7 @@ pub struct Difference {
     /// The first one.
     pub reference: String,
     /// The result.
-    pub name: &'static str,
+    pub name: String,
     /// Samples that both completed.
     pub pairs: usize,
     /// Samples that the entry lost and the reference did not.
@@ -335,7 +346,7 @@ pub struct Winner {
     pub varied: String,
     /// From and to.
     pub range: [f64; 2],
-    /// By entry, the median RMS distance, m; none if nothing was completed.
+    /// By entry, the median, in the column's unit; none if nothing was completed.
     pub medians: Vec<Option<f64>>,
     /// Name of the entry with the smallest.
     pub law: Option<String>,
@@ -350,8 +361,9 @@ impl Report {
         let names = plan.entries.iter().map(|entry| entry.name.clone());
         let laws = names
             .zip(&results.entries)
-            .map(|(name, entry)| law_report(name, layout, entry, is_random));
+            .map(|(name, entry)| law_report(name, layout, entry, &results.shown, is_random));
         Self {
+            shown: results.shown.clone(),
             sweep: plan.source.identity(),
             method: definition.method,
             samples: plan.samples,
@@ -387,17 +399,17 @@ impl Report {
     #[must_use]
     pub fn tables(&self) -> Vec<(String, Vec<String>, Vec<Vec<String>>)> {
         let mut tables = vec![self.rates()];
-        for shown in SHOWN {
+        for shown in &self.shown {
             let lines: Vec<_> = self
                 .laws
                 .iter()
-                .filter_map(|law| quantile_line(law, &shown))
+                .filter_map(|law| quantile_line(law, shown))
                 .collect();
             if !lines.is_empty() {
                 let head = [
                     "law", "flights", "least", "5 %", "25 %", "median", "75 %", "95 %", "largest",
                 ];
-                tables.push((shown.title.to_owned(), owned(&head), lines));
+                tables.push((shown.title.clone(), owned(&head), lines));
             }
         }
         if !self.differences.is_empty() {
@@ -455,18 +467,12 @@ impl Report {
 
     fn difference_table(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
         let lines = self.differences.iter().map(|difference| {
-            let factor = SHOWN
-                .iter()
-                .find(|shown| shown.name == difference.name)
-                .map_or(1.0, |shown| shown.factor);
+            let shown = self.shown.iter().find(|shown| shown.name == difference.name);
+            let factor = shown.map_or(1.0, |shown| shown.factor);
             let [low, high] = difference.interval.map(|value| factor * value);
             vec![
                 difference.law.clone(),
-                SHOWN
-                    .iter()
-                    .find(|shown| shown.name == difference.name)
-                    .map_or("", |shown| shown.title)
-                    .to_owned(),
+                shown.map_or_else(String::new, |shown| shown.title.clone()),
                 difference.pairs.to_string(),
                 format!("{:+.3}", factor * difference.median),
                 format!("{low:+.3} to {high:+.3}"),
@@ -499,7 +505,8 @@ impl Report {
     }
 
     fn winner_table(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
-        let mut head = owned(&["varied value", "from", "to", "nearest"]);
+        let rank = &self.shown[0];
+        let mut head = owned(&["varied value", "from", "to", "best"]);
         head.extend(self.laws.iter().map(|law| law.name.clone()));
         let lines = self.winners.iter().map(|winner| {
             let mut line = vec![
@@ -510,12 +517,12 @@ impl Report {
             ];
             let medians = winner.medians.iter();
             line.extend(medians.map(|median| {
-                median.map_or_else(|| "–".to_owned(), |value| format!("{:.2}", 100.0 * value))
+                median.map_or_else(|| "–".to_owned(), |value| format!("{:.2}", rank.factor * value))
             }));
             line
         });
         (
-            "Who is nearest where: median RMS distance, cm".to_owned(),
+            format!("Who is best where: median of {}", rank.title),
             head,
             lines.collect(),
         )
@@ -548,7 +555,7 @@ fn owned(texts: &[&str]) -> Vec<String> {
 }
 
 /// A number with as many digits as a person reads.
-fn digits(value: f64) -> String {
+pub(crate) fn digits(value: f64) -> String {
     if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
         format!("{value:.2e}")
     } else {
@@ -557,7 +564,13 @@ fn digits(value: f64) -> String {
     }
 }
 
-fn law_report(name: String, layout: &Layout, entry: &EntryResults, is_random: bool) -> LawReport {
+fn law_report(
+    name: String,
+    layout: &Layout,
+    entry: &EntryResults,
+    shown: &[Shown],
+    is_random: bool,
+) -> LawReport {
     let [completed, lost, failed, refused] = entry.outcomes;
     let flown = completed + lost + failed;
     let criteria = layout.criteria().zip(&entry.criteria).map(|(name, flags)| {
@@ -578,10 +591,10 @@ fn law_report(name: String, layout: &Layout, entry: &EntryResults, is_random: bo
             at_least: known.then(|| lower_bound(met, flown, CONFIDENCE)),
         }
     });
-    let quantiles = SHOWN.iter().zip(&entry.numbers).filter_map(|(shown, numbers)| {
+    let quantiles = shown.iter().zip(&entry.numbers).filter_map(|(shown, numbers)| {
         let numbers = sorted(numbers.iter().copied());
         (!numbers.is_empty()).then(|| QuantileReport {
-            name: shown.name,
+            name: shown.name.clone(),
             count: numbers.len(),
             values: SHARES.map(|share| quantile(&numbers, share).unwrap_or(f64::NAN)),
         })
@@ -614,7 +627,7 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
         return differences;
     };
     for (entry, other) in plan.entries[1..].iter().zip(others) {
-        for (index, shown) in SHOWN.iter().enumerate() {
+        for (index, shown) in results.shown.iter().enumerate() {
             let both = other.numbers[index]
                 .iter()
                 .copied()
@@ -637,7 +650,7 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
             differences.push(Difference {
                 law: entry.name.clone(),
                 reference: plan.entries[0].name.clone(),
-                name: shown.name,
+                name: shown.name.clone(),
                 pairs: pairs.len(),
                 only_law_failed: only(false),
                 only_reference_failed: only(true),
