@@ -1,6 +1,7 @@
 #!/bin/sh
 # Checks a run log with two independent readers of MCAP and CDR, and what is recovered of it when it is damaged with a third;
-# and the copy for viewers of a short flight with Foxglove's own definitions and with Rerun.
+# and the copy for viewers of a short flight with Foxglove's own definitions and with Rerun. Then the table of a sweep is read by
+# pandas, polars and DuckDB.
 #
 #     tests/interop/run.sh RUN.mcap [EVERY]
 #
@@ -51,3 +52,6 @@ check "$work/damaged.recovered.mcap"
 "$GERONO" run "$root/scenarios/fig1.toml" --host inprocess --set duration=5.0 --set 'vehicle.change=[]' --quiet --out "$work/short"
 "$GERONO" export "$work/short" --view --out "$work/view.mcap"
 "$venv/bin/python" "$here/view.py" "$work/short/run.mcap" "$work/view.mcap" "$venv/bin/rerun" "$work"
+
+mkdir "$work/sweep"
+"$venv/bin/python" "$here/sweep.py" "$GERONO" "$here/sweep.toml" "$work/sweep"
