@@ -82,11 +82,13 @@ pub fn script(sweep: &str, shards: u64, cpus: u64) -> String {
         "#!/bin/sh\n\
          # Flies {sweep} as a Slurm job array of {shards} shards, and merges them once all are complete.\n\
          # A task that is killed and requeued goes on where it was; results are in $OUT, on a file system that all nodes share.\n\
+         # If a task fails, the merge is cancelled: run this script again, and shards that are complete are not flown again.\n\
          set -eu\n\
          OUT=${{OUT:-results}}\n\
          array=$(sbatch --parsable --requeue --open-mode=append --array=0-{last} --cpus-per-task={cpus} --job-name=gerono \\\n    \
-             --wrap \"exec gerono sweep run '{sweep}' --shard \\$SLURM_ARRAY_TASK_ID/{shards} --out '$OUT'\")\n\
-         sbatch --parsable --dependency=afterok:\"$array\" --job-name=gerono-merge \\\n    \
-             --wrap \"exec gerono sweep merge '$OUT'\"\n"
+             --wrap \"exec gerono sweep run '{sweep}' --shard \\$SLURM_ARRAY_TASK_ID/{shards} --jobs \\$SLURM_CPUS_PER_TASK --out '$OUT'\")\n\
+         merge=$(sbatch --parsable --dependency=afterok:\"$array\" --kill-on-invalid-dep=yes --job-name=gerono-merge \\\n    \
+             --wrap \"exec gerono sweep merge '$OUT'\")\n\
+         echo \"array $array, merge $merge\"\n"
     )
 }
