@@ -68,8 +68,8 @@ pub enum OpenError {
     },
     /// It may not be used.
     #[error(
-        "you may not use the device {}; join its group (`sudo usermod -aG dialout $USER`, then log in again), or ask who \
-         owns it (`ls -l {}`)", .path.display(), .path.display()
+        "you may not use the device {}; join its group (`sudo usermod -aG $(stat -Lc %G {}) $USER`, then log in again), or ask \
+         who owns it (`ls -lL {}`)", .path.display(), .path.display(), .path.display()
     )]
     Permission {
         /// Its path.

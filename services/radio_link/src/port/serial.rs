@@ -73,7 +73,7 @@ mod tests {
         let path = Path::new("/dev/ttyUSB7");
         for (reason, fix) in [
             (Errno::NOENT, "is it plugged in?"),
-            (Errno::ACCESS, "usermod -aG dialout"),
+            (Errno::ACCESS, "stat -Lc %G /dev/ttyUSB7"),
             (Errno::BUSY, "fuser /dev/ttyUSB7"),
             (Errno::NOTTY, "check the path"),
         ] {
