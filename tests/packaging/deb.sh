@@ -6,7 +6,7 @@
 # * In a Debian of essential packages alone, of SUITE (trixie unless stated): it brings what it needs; a member of its group gets
 #   priority and memory; Fig. 1, flown from it as processes, has the digest that the README states; bash completes; nothing is
 #   enabled; and nothing is left after a purge.
-# * In a second one, with systemd, udev, man and lintian: all four find nothing wrong.
+# * In a second one, with systemd, udev, man and lintian: none of them finds a fault.
 #
 # Both live in target/packaging, made at the first run by debootstrap, which needs root and a mirror ($MIRROR); each run works on
 # copies. Without them the package is only unpacked and flown. What cannot be tried is SKIPPED, and the script ends with status 3.
@@ -123,11 +123,17 @@ verified() {
     within "$work/tools" lintian --allow-root --fail-on error,warning --tag-display-limit 0 \
         --suppress-tags initial-upload-closes-no-bugs /gerono.deb
     within "$work/tools" dpkg --install /gerono.deb >"$work/log" 2>&1 || fail "$(cat "$work/log")"
-    within "$work/tools" systemd-analyze verify gerono@laboratory.service
-    within "$work/tools" udevadm verify /usr/lib/udev/rules.d/60-gerono.rules
+    # It ignores what it does not understand, and says so.
+    warnings=$(within "$work/tools" systemd-analyze verify gerono@laboratory.service 2>&1) || fail "$warnings"
+    [ -z "$warnings" ] || fail "the unit: $warnings"
+    if within "$work/tools" udevadm verify --help >/dev/null 2>&1; then
+        within "$work/tools" udevadm verify --no-summary /usr/lib/udev/rules.d/60-gerono.rules
+    else
+        skip "udevadm of $suite verifies no rules"
+    fi
     warnings=$(within "$work/tools" man --warnings --pager=cat gerono-sweep-run 2>&1 >/dev/null)
     [ -z "$warnings" ] || fail "the man page: $warnings"
-    echo "$suite: lintian, systemd-analyze, udevadm and man find nothing wrong"
+    echo "$suite: no fault is found in the package, its unit, rules and man pages"
 }
 
 if debian clean && debian tools adduser lintian man-db systemd udev; then
