@@ -23,7 +23,7 @@ pub(crate) struct PythonController {
     error: Error,
 }
 
-/// First error of a step, shared with whoever flies.
+/// First error of a step, shared with the host.
 #[derive(Clone, Default)]
 pub(crate) struct Error(Arc<Mutex<Option<PyErr>>>);
 

@@ -6,7 +6,7 @@
 #
 # * Slurm: the array and its dependent merge; a node whose power fails, so that its tasks are requeued; a task that is killed, so
 #   that the merge is cancelled and the script is run again;
-# * GNU parallel and Dask: a shard that is killed, and flown again;
+# * GNU parallel and Dask: a shard that is killed, and goes on;
 # * submitit: by Slurm, or as processes of this machine where there is no Slurm.
 #
 # The program is $GERONO, or the release build of this tree. Debian's packages are unpacked in target/cluster, not installed, and
@@ -174,7 +174,7 @@ gnu_parallel() {
     timeout 300 sh -eu commands >>engine.log 2>&1
     [ "$(grep -c 'gerono sweep run' jobs.log)" = 5 ] || fail "GNU parallel did not run the killed shard alone again: $(cat jobs.log)"
     same parallel
-    echo "GNU parallel: the shard that was killed was flown again, alone; the bytes are those of one shard"
+    echo "GNU parallel: the shard that was killed was repeated, alone; the bytes are those of one shard"
 }
 
 submitit() {
@@ -193,7 +193,7 @@ dask() {
     kill_shard
     wait "$engine"
     same dask
-    echo "Dask: the shard that was killed was flown again; the bytes are those of one shard"
+    echo "Dask: the shard that was killed was repeated; the bytes are those of one shard"
 }
 
 if unpacked slurm slurmctld slurmd slurm-client slurm-wlm-basic-plugins; then

@@ -68,6 +68,58 @@ pub enum Measurement {
     ///
     /// Takes SECONDS and some 20 s.
     Laboratory(BenchLaboratory),
+    /// Measure how many vehicle steps a second the flights of a sweep make, beside other simulators.
+    ///
+    /// Flies Fig. 1 for 60 s at 1 kHz, on one core and on all: the five step functions called in a row, the same in the host of one
+    /// process, and judged, which is all of a sweep's row but its text. With `--beside` other simulators run in turn with them: any
+    /// command whose last line of output is the steps that it has made a second. tests/peers/run.sh brings two.
+    #[command(after_help = BenchSweep::EXAMPLES)]
+    Sweep(BenchSweep),
+}
+
+/// Arguments of `gerono bench sweep`.
+#[derive(Debug, Args)]
+pub struct BenchSweep {
+    /// Repetitions of each measurement; medians are shown.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repetitions: u32,
+    /// Another simulator: its name, and the command that measures it.
+    #[arg(long, value_name = "NAME=COMMAND", value_parser = str::parse::<Peer>)]
+    pub beside: Vec<Peer>,
+    /// Write the figures as JSON to this file as well.
+    #[arg(long, value_name = "F")]
+    pub json: Option<PathBuf>,
+}
+
+impl BenchSweep {
+    /// The end of `gerono bench sweep --help`.
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono bench sweep\n  \
+        gerono bench sweep --beside 'mine=./my_simulator --steps 1000000'";
+}
+
+/// Another simulator.
+#[derive(Clone, Debug)]
+pub struct Peer {
+    /// Its name.
+    pub name: String,
+    /// The command that prints its steps a second.
+    pub command: String,
+}
+
+impl std::str::FromStr for Peer {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, command) = text
+            .split_once('=')
+            .filter(|(name, command)| !name.is_empty() && !command.is_empty())
+            .ok_or("write NAME=COMMAND")?;
+        Ok(Self {
+            name: name.to_owned(),
+            command: command.to_owned(),
+        })
+    }
 }
 
 /// Arguments of `gerono bench laboratory`.

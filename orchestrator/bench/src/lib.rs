@@ -14,6 +14,7 @@ mod latency;
 mod measure;
 mod recorder;
 mod ring;
+mod sweep;
 
 use comfy_table::{Table, presets};
 use scenario::Scenario;
@@ -65,6 +66,7 @@ pub fn bench(arguments: &Bench) -> Result<(), Failure> {
         Some(Measurement::Deaths(arguments)) => deaths::deaths(arguments),
         Some(Measurement::Laboratory(arguments)) => laboratory::laboratory(arguments),
         Some(Measurement::Recorder(arguments)) => recorder::recorder(&scenario, arguments),
+        Some(Measurement::Sweep(arguments)) => sweep::sweep(&scenario, arguments),
         None => throughput(&scenario, arguments),
     }
 }

@@ -326,7 +326,7 @@ pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
 }
 
 /// A sink that keeps nothing.
-struct Nowhere;
+pub(super) struct Nowhere;
 
 impl TickSink for Nowhere {
     type Error = Infallible;

@@ -46,7 +46,7 @@ pub fn run(
     merge_folder(folder, false).map(drop)
 }
 
-/// Flies a sweep with a controller of the caller's, made anew for every flight, one flight after the other.
+/// Flies a sweep with a controller of the caller's, a new one for every flight, one flight after the other.
 ///
 /// # Errors
 /// [`Failure`] if nothing can be flown or written, or if no controller can be made.

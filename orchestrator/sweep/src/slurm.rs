@@ -82,7 +82,7 @@ pub fn script(sweep: &str, shards: u64, cpus: u64) -> String {
         "#!/bin/sh\n\
          # Flies {sweep} as a Slurm job array of {shards} shards, and merges them once all are complete.\n\
          # A task that is killed and requeued goes on where it was; results are in $OUT, on a file system that all nodes share.\n\
-         # If a task fails, the merge is cancelled: run this script again, and shards that are complete are not flown again.\n\
+         # If a task fails, the merge is cancelled: run this script again, and shards that are complete are not repeated.\n\
          set -eu\n\
          OUT=${{OUT:-results}}\n\
          array=$(sbatch --parsable --requeue --open-mode=append --array=0-{last} --cpus-per-task={cpus} --job-name=gerono \\\n    \
