@@ -159,11 +159,48 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         ("[vary]\na = \"b\"\nb = \"a\"\n", "uses a value that uses it"),
         ("[judge]\ngood = \"rms < 1\"\n", "there is no value `rms`"),
         ("[[compare]]\nname = \"x\"\nset = [\"controller.k9=1.0\"]\n", "k9"),
+        ("rank = \"rms\"\n", "`rank`: a row has no `rms`"),
+        (
+            "[[map]]\nx = \"m\"\ny = \"rmse\"\n",
+            "`map.0.x`: a row has no `m`",
+        ),
     ] {
         let refusal = refused(&format!("{head}{more}"));
         assert!(refusal.contains(words), "{more}: {refusal}");
     }
     assert!(refused("scenario = \"nowhere.toml\"\nsamples = 1\n").contains("cannot read"));
+}
+
+#[test]
+fn laws_are_ranked_by_what_the_sweep_says_and_numbers_drawn_as_a_heat_map() {
+    let place = Place::new();
+    let text = format!(
+        "scenario = {:?}\nmethod = \"grid\"\nrank = \"ultimate\"\nset = [\"duration=1.0\", \"vehicle.change=[]\"]\n\
+         [vary]\n\"vehicle.mass\" = {{ uniform = [0.18, 0.22], levels = 2 }}\nb = {{ uniform = [0.0, 0.5], levels = 3 }}\n\
+         \"vehicle.disturbance\" = [\"b\", 0.0, 0.0]\n\
+         [[compare]]\nname = \"slow\"\nset = [\"controller.k1=2.0\"]\n[[compare]]\nname = \"fast\"\n\
+         [[map]]\nx = \"vehicle.mass\"\ny = \"b\"\nvalue = \"ultimate\"\n",
+        scenario("fig1")
+    );
+    std::fs::write(place.path("sweep.toml"), text).unwrap();
+    succeed(&mut place.gerono(&["sweep", "run", "sweep.toml", "--out", "results"]));
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(place.path("results/sweep.json")).unwrap()).unwrap();
+    for winner in summary["winners"].as_array().unwrap() {
+        let medians: Vec<f64> = winner["medians"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|median| median.as_f64().unwrap())
+            .collect();
+        let ranked = summary["laws"][usize::from(medians[1] < medians[0])]["name"].clone();
+        assert_eq!(winner["law"], ranked, "{winner}");
+    }
+    assert_eq!(summary["laws"][0]["quantiles"][0]["name"], "ultimate");
+    for law in ["slow", "fast"] {
+        let drawing = place.path(&format!("results/map-vehicle.mass-b-{law}.svg"));
+        assert!(drawing.exists(), "{}", drawing.display());
+    }
 }
 
 #[test]

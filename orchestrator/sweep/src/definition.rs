@@ -174,9 +174,10 @@ impl Source {
         )?;
         let scenario = Definition::parse(&text, path)?.scenario;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let scenario_path = std::path::absolute(folder.join(scenario)).map_err(Failure::trouble)?;
+        let scenario_path = folder.join(scenario);
         let fix = "`scenario` is relative to the sweep's file";
         let scenario_text = read_text(&scenario_path, fix)?;
+        let scenario_path = scenario_path.canonicalize().map_err(Failure::trouble)?;
         Self::new(path, text, scenario_path, scenario_text)
     }
 

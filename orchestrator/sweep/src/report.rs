@@ -20,6 +20,13 @@ const BINS: usize = 4;
 /// Most failures that are listed.
 const LISTED: usize = 20;
 
+/// Most failures in the brief tables, and characters of their reasons.
+const BRIEF_FAILURES: usize = 5;
+const BRIEF_REASON: usize = 60;
+
+/// A table: title, head and lines.
+pub type Table = (String, Vec<String>, Vec<Vec<String>>);
+
 /// A result whose quantiles and differences are shown.
 #[derive(Clone, Debug)]
 pub struct Shown {
@@ -118,6 +125,20 @@ pub struct Failed {
     pub seed: u64,
     /// How it ended, and why.
     pub reason: String,
+}
+
+impl Failed {
+    /// Returns it with no more of its reason than fits beside the rest.
+    fn shortened(&self) -> Self {
+        let mut reason: String = self.reason.chars().take(BRIEF_REASON).collect();
+        if reason.len() < self.reason.len() {
+            reason.push('…');
+        }
+        Self {
+            reason,
+            ..self.clone()
+        }
+    }
 }
 
 /// Names of the outcomes, in the order of [`EntryResults::outcomes`].
@@ -349,7 +370,7 @@ pub struct Winner {
     /// By entry, the median, in the column's unit; none if nothing was completed.
     pub medians: Vec<Option<f64>>,
     /// Name of the entry with the smallest.
-    pub law: Option<String>,
+    pub law: String,
 }
 
 impl Report {
@@ -395,36 +416,48 @@ impl Report {
         text
     }
 
-    /// Returns the tables: title, head and lines.
+    /// Returns all tables.
     #[must_use]
-    pub fn tables(&self) -> Vec<(String, Vec<String>, Vec<Vec<String>>)> {
-        let mut tables = vec![self.rates()];
-        for shown in &self.shown {
-            let lines: Vec<_> = self
-                .laws
-                .iter()
-                .filter_map(|law| quantile_line(law, shown))
-                .collect();
-            if !lines.is_empty() {
-                let head = [
-                    "law", "flights", "least", "5 %", "25 %", "median", "75 %", "95 %", "largest",
-                ];
-                tables.push((shown.title.clone(), owned(&head), lines));
-            }
-        }
+    pub fn tables(&self) -> Vec<Table> {
+        self.tables_of(&self.shown, &self.failures)
+    }
+
+    /// Returns the tables that a person reads at once: of several laws the result by which they are ranked, and the first
+    /// failures.
+    #[must_use]
+    pub fn brief_tables(&self) -> Vec<Table> {
+        let shown = if self.laws.len() > 1 { 1 } else { self.shown.len() };
+        let failures = self.failures.iter().take(BRIEF_FAILURES).map(Failed::shortened);
+        self.tables_of(&self.shown[..shown], &failures.collect::<Vec<_>>())
+    }
+
+    fn tables_of(&self, shown: &[Shown], failures: &[Failed]) -> Vec<Table> {
+        let mut tables = vec![self.rates(), self.quantile_table(shown)];
         if !self.differences.is_empty() {
-            tables.push(self.difference_table());
+            tables.push(self.difference_table(shown));
         }
         if self.laws.len() > 1 && !self.winners.is_empty() {
             tables.push(self.winner_table());
         }
-        if !self.failures.is_empty() {
-            tables.push(self.failure_table());
+        if !failures.is_empty() {
+            tables.push(self.failure_table(failures));
         }
         tables
     }
 
-    fn rates(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
+    fn quantile_table(&self, shown: &[Shown]) -> Table {
+        let of_result = |shown| self.laws.iter().filter_map(move |law| quantile_line(law, shown));
+        let head = [
+            "result", "law", "flights", "least", "5 %", "25 %", "median", "75 %", "95 %", "largest",
+        ];
+        (
+            "Results".to_owned(),
+            owned(&head),
+            shown.iter().flat_map(of_result).collect(),
+        )
+    }
+
+    fn rates(&self) -> Table {
         let percent = |value: Option<f64>| {
             value.map_or_else(|| "–".to_owned(), |value| format!("{:.2} %", 100.0 * value))
         };
@@ -465,14 +498,14 @@ impl Report {
         )
     }
 
-    fn difference_table(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
-        let lines = self.differences.iter().map(|difference| {
-            let shown = self.shown.iter().find(|shown| shown.name == difference.name);
-            let factor = shown.map_or(1.0, |shown| shown.factor);
+    fn difference_table(&self, shown: &[Shown]) -> Table {
+        let lines = self.differences.iter().filter_map(|difference| {
+            let shown = shown.iter().find(|shown| shown.name == difference.name)?;
+            let factor = shown.factor;
             let [low, high] = difference.interval.map(|value| factor * value);
-            vec![
+            Some(vec![
                 difference.law.clone(),
-                shown.map_or_else(String::new, |shown| shown.title.clone()),
+                shown.title.clone(),
                 difference.pairs.to_string(),
                 format!("{:+.3}", factor * difference.median),
                 format!("{low:+.3} to {high:+.3}"),
@@ -483,7 +516,7 @@ impl Report {
                     "{} / {}",
                     difference.only_law_failed, difference.only_reference_failed
                 ),
-            ]
+            ])
         });
         let reference = self.laws.first().map_or("", |law| law.name.as_str());
         let head = [
@@ -504,7 +537,7 @@ impl Report {
         )
     }
 
-    fn winner_table(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
+    fn winner_table(&self) -> Table {
         let rank = &self.shown[0];
         let mut head = owned(&["varied value", "from", "to", "best"]);
         head.extend(self.laws.iter().map(|law| law.name.clone()));
@@ -513,7 +546,7 @@ impl Report {
                 winner.varied.clone(),
                 digits(winner.range[0]),
                 digits(winner.range[1]),
-                winner.law.clone().unwrap_or_else(|| "–".to_owned()),
+                winner.law.clone(),
             ];
             let medians = winner.medians.iter();
             line.extend(medians.map(|median| {
@@ -528,8 +561,8 @@ impl Report {
         )
     }
 
-    fn failure_table(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
-        let lines = self.failures.iter().map(|failure| {
+    fn failure_table(&self, failures: &[Failed]) -> Table {
+        let lines = failures.iter().map(|failure| {
             vec![
                 failure.sample.to_string(),
                 failure.law.clone(),
@@ -537,7 +570,7 @@ impl Report {
                 failure.reason.clone(),
             ]
         });
-        let further = match self.further_failures {
+        let further = match self.further_failures + (self.failures.len() - failures.len()) as u64 {
             0 => String::new(),
             count => format!(", and {count} more in the table"),
         };
@@ -615,7 +648,7 @@ fn quantile_line(law: &LawReport, shown: &Shown) -> Option<Vec<String>> {
         .quantiles
         .iter()
         .find(|quantiles| quantiles.name == shown.name)?;
-    let mut line = vec![law.name.clone(), found.count.to_string()];
+    let mut line = vec![shown.title.clone(), law.name.clone(), found.count.to_string()];
     line.extend(found.values.map(|value| format!("{:.3}", shown.factor * value)));
     Some(line)
 }
@@ -698,14 +731,15 @@ fn winners(plan: &Plan, layout: &Layout, results: &Results) -> Vec<Winner> {
                 .iter()
                 .enumerate()
                 .filter_map(|(place, median)| Some((place, (*median)?)));
-            let best = best
-                .min_by(|(_, a), (_, b)| a.total_cmp(b))
-                .map(|(place, _)| plan.entries[place].name.clone());
+            let Some((place, _)) = best.min_by(|(_, a), (_, b)| a.total_cmp(b)) else {
+                // No sample has such a value.
+                continue;
+            };
             winners.push(Winner {
                 varied: name.to_owned(),
                 range,
+                law: plan.entries[place].name.clone(),
                 medians,
-                law: best,
             });
         }
     }
@@ -714,7 +748,7 @@ fn winners(plan: &Plan, layout: &Layout, results: &Results) -> Vec<Winner> {
 
 impl Display for Report {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        for (title, head, lines) in self.tables() {
+        for (title, head, lines) in self.brief_tables() {
             let mut table = comfy_table::Table::new();
             table
                 .load_style(comfy_table::presets::UTF8_FULL_CONDENSED)
