@@ -45,8 +45,9 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
     """A flight of a scenario, one period of the controller a step.
 
     An action is four numbers from −1 to 1: the thrust from none to the largest, and the torque or, where the scenario
-    has `[controller.rates]`, the body rates; `largest` has what 1 means, N and N m or rad/s. The episode terminates when the vehicle is lost, and is truncated at the end of the flight. `reset(seed)`
-    seeds the flight; without one each episode has another flight, drawn from the last seed.
+    has `[controller.rates]`, the body rates; `largest` has what 1 means, N and N m or rad/s. The episode terminates
+    when the vehicle is lost, and is truncated at the end of the flight. `reset(seed)` seeds the flight; without one
+    each episode has another flight, drawn from the last seed.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012

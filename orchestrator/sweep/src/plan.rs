@@ -130,6 +130,12 @@ impl Plan {
         }
     }
 
+    /// Returns whether a column is drawn or chosen, and does not follow from others.
+    #[must_use]
+    pub fn is_drawn(&self, column: usize) -> bool {
+        !matches!(self.parts[column].origin, Origin::Expression(_))
+    }
+
     /// Returns a sample.
     #[must_use]
     pub fn sample(&self, index: u64) -> Sample {

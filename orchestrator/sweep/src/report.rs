@@ -704,9 +704,10 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
 fn winners(plan: &Plan, layout: &Layout, results: &Results) -> Vec<Winner> {
     let mut winners = Vec::new();
     let varied = plan.columns().zip(&layout.columns[3..]).zip(&results.varied);
-    for ((name, column), values) in varied {
+    for (place, ((name, column), values)) in varied.enumerate() {
         let numbers = sorted(values.iter().copied());
-        if column.kind != Kind::Number || numbers.first() == numbers.last() {
+        let is_constant = numbers.first() == numbers.last();
+        if column.kind != Kind::Number || is_constant || !plan.is_drawn(place) {
             continue;
         }
         #[expect(clippy::cast_precision_loss, reason = "a few parts")]
