@@ -1,7 +1,7 @@
 //! Sweeps: shards and kills change no byte, every row can be repeated, and wrong input is refused with its reason.
 
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use crate::common::{Place, scenario, succeed};
 
@@ -86,6 +86,33 @@ fn a_shard_that_is_killed_goes_on_and_ends_with_the_same_bytes() {
 
 fn size(path: &Path) -> u64 {
     std::fs::metadata(path).map_or(0, |metadata| metadata.len())
+}
+
+#[test]
+fn a_full_disk_keeps_what_was_flown_and_the_shard_goes_on_when_there_is_room() {
+    let place = Place::new();
+    let sweep = sweep(&place, "");
+    let arguments = ["sweep", "run", &sweep, "--shard", "0/1", "--out", "whole"];
+    succeed(&mut place.gerono(&arguments));
+    let whole = merged(&place, "whole", "shard-00000-of-00001.rows");
+    let run = place.gerono(&["sweep", "run", &sweep, "--shard", "0/1", "--out", "full"]);
+    // A limit on the size of files fails writes as a full disk does; `ulimit -f` counts blocks of 512 bytes.
+    let blocks = whole.len() / 2 / 512;
+    let limited = Command::new("sh")
+        .args([
+            "-c",
+            &format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\""),
+        ])
+        .arg(run.get_program())
+        .args(run.get_args())
+        .current_dir(run.get_current_dir().unwrap())
+        .output()
+        .unwrap();
+    let words = String::from_utf8_lossy(&limited.stderr).into_owned();
+    assert_eq!(limited.status.code(), Some(4), "{words}");
+    assert!(words.contains("shard-00000-of-00001.rows.partial"), "{words}");
+    succeed(&mut place.gerono(&["sweep", "run", &sweep, "--shard", "0/1", "--out", "full"]));
+    assert_eq!(merged(&place, "full", "shard-00000-of-00001.rows"), whole);
 }
 
 #[test]
