@@ -112,9 +112,9 @@ fn figure(plots: Vec<Plot>, layout: DrawingLayout) -> String {
 const MOST_LEVELS: usize = 12;
 const RANGES: usize = 8;
 
-/// Every n-th of so many, such that no more than [`POINTS`] are left.
-fn thinned<T>(values: Vec<T>) -> Vec<T> {
-    let step = values.len().div_ceil(POINTS).max(1);
+/// Every n-th of so many, such that no more than [`POINTS`] of so many laws are left.
+fn thinned<T>(values: Vec<T>, laws: usize) -> Vec<T> {
+    let step = (laws * values.len()).div_ceil(POINTS).max(1);
     values.into_iter().step_by(step).collect()
 }
 
@@ -136,6 +136,7 @@ fn distances(prepared: &Prepared, results: &Results) -> Option<String> {
         let plot = LinePlot::new()
             .with_data(thinned(
                 points.filter(|(value, _)| *value > 0.0).collect::<Vec<_>>(),
+                prepared.plan.entries.len(),
             ))
             .with_color(COLORS[index % COLORS.len()])
             .with_legend(entry.name.clone());
@@ -169,8 +170,9 @@ fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
     let varied = plan
         .columns()
         .zip(&results.varied)
-        .filter(|(_, values)| values.first() != values.last());
-    let drawn = varied.take(SCATTERED).map(|(name, values)| {
+        .enumerate()
+        .filter(|(place, (_, values))| values.first() != values.last() && plan.is_drawn(*place));
+    let drawn = varied.take(SCATTERED).map(|(_, (name, values))| {
         let plots =
             plan.entries
                 .iter()
@@ -186,7 +188,7 @@ fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
                         .filter(|(x, y)| x.is_finite() && *y > 0.0)
                         .collect::<Vec<_>>();
                     let plot = ScatterPlot::new()
-                        .with_data(thinned(points))
+                        .with_data(thinned(points, plan.entries.len()))
                         .with_size(2.0)
                         .with_marker_opacity(0.6)
                         .with_color(COLORS[index % COLORS.len()])
@@ -318,7 +320,7 @@ fn dots(map: &Map, xs: &[f64], ys: &[f64], met: &[bool], is_flown: &[bool]) -> O
         let points: Vec<(f64, f64)> = points.map(|(((x, y), _), _)| (*x, *y)).collect();
         if !points.is_empty() {
             let plot = ScatterPlot::new()
-                .with_data(thinned(points))
+                .with_data(thinned(points, 1))
                 .with_size(2.5)
                 .with_marker_opacity(0.7)
                 .with_color(color)
