@@ -320,7 +320,7 @@ fn dots(map: &Map, xs: &[f64], ys: &[f64], met: &[bool], is_flown: &[bool]) -> O
         let points: Vec<(f64, f64)> = points.map(|(((x, y), _), _)| (*x, *y)).collect();
         if !points.is_empty() {
             let plot = ScatterPlot::new()
-                .with_data(thinned(points, 1))
+                .with_data(thinned(points, 2))
                 .with_size(2.5)
                 .with_marker_opacity(0.7)
                 .with_color(color)

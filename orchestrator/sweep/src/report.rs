@@ -24,6 +24,9 @@ const LISTED: usize = 20;
 const BRIEF_FAILURES: usize = 5;
 const BRIEF_REASON: usize = 60;
 
+/// Most lines of a brief table.
+const BRIEF_LINES: usize = 20;
+
 /// A table: title, head and lines.
 pub type Table = (String, Vec<String>, Vec<Vec<String>>);
 
@@ -422,13 +425,15 @@ impl Report {
         self.tables_of(&self.shown, &self.failures)
     }
 
-    /// Returns the tables that a person reads at once: of several laws the result by which they are ranked, and the first
-    /// failures.
+    /// Returns the tables that a person reads at once: of several laws the result by which they are ranked, the first
+    /// failures, and no table that is too long.
     #[must_use]
     pub fn brief_tables(&self) -> Vec<Table> {
         let shown = if self.laws.len() > 1 { 1 } else { self.shown.len() };
         let failures = self.failures.iter().take(BRIEF_FAILURES).map(Failed::shortened);
-        self.tables_of(&self.shown[..shown], &failures.collect::<Vec<_>>())
+        let mut tables = self.tables_of(&self.shown[..shown], &failures.collect::<Vec<_>>());
+        tables.retain(|(_, _, lines)| lines.len() <= BRIEF_LINES.max(2 * self.laws.len()));
+        tables
     }
 
     fn tables_of(&self, shown: &[Shown], failures: &[Failed]) -> Vec<Table> {
