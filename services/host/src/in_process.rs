@@ -190,13 +190,13 @@ impl InProcess {
     /// # Errors
     /// [`FlightError`]; the sink then has every tick before the failure whole.
     pub fn fly<S: TickSink>(&mut self, sink: &mut S) -> Result<(), FlightError<S::Error>> {
-        let is_wanted = |place: &usize| sink.wants(self.histories[*place].publication.topic);
-        let wanted: Vec<usize> = self.published.iter().copied().filter(is_wanted).collect();
+        let (wanted, count) = self.wanted(sink);
+        let wanted = &wanted[..count];
         while self.next_tick <= self.schedule.last_tick() {
             let tick = self.next_tick;
             let from = self.paused.take().unwrap_or(0);
             self.step_services(tick, from, self.services.len());
-            if self.end_tick(tick, &wanted, sink)?.is_break() {
+            if self.end_tick(tick, wanted, sink)?.is_break() {
                 break;
             }
         }
@@ -213,8 +213,8 @@ impl InProcess {
         service: ServiceId,
         sink: &mut S,
     ) -> Result<bool, FlightError<S::Error>> {
-        let is_wanted = |place: &usize| sink.wants(self.histories[*place].publication.topic);
-        let wanted: Vec<usize> = self.published.iter().copied().filter(is_wanted).collect();
+        let (wanted, count) = self.wanted(sink);
+        let wanted = &wanted[..count];
         let mut places = self.services.iter();
         let place = places
             .position(|slot| slot.timetable.service == service)
@@ -229,11 +229,24 @@ impl InProcess {
                 return Ok(true);
             }
             self.step_services(tick, from.unwrap_or(0), self.services.len());
-            if self.end_tick(tick, &wanted, sink)?.is_break() {
+            if self.end_tick(tick, wanted, sink)?.is_break() {
                 break;
             }
         }
         Ok(false)
+    }
+
+    /// Returns the places of the histories that a sink wants, in the order of the log, and their number.
+    fn wanted<S: TickSink>(&self, sink: &S) -> ([usize; Topic::ALL.len()], usize) {
+        let mut wanted = [0; Topic::ALL.len()];
+        let mut count = 0;
+        for &place in &self.published {
+            if sink.wants(self.histories[place].publication.topic) {
+                wanted[count] = place;
+                count += 1;
+            }
+        }
+        (wanted, count)
     }
 
     /// Returns the newest sample of a topic, if one has been published.
