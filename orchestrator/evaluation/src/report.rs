@@ -10,14 +10,15 @@
 //! Failure policy: of a log that breaks off, what is whole is shown, and the page says so. A log of which nothing can be
 //! read is an error.
 
-mod channels;
+pub mod assets;
+pub mod channels;
 mod encoding;
 mod figures;
 mod flight;
 mod latency;
-mod marks;
+pub mod marks;
 mod page;
-mod panels;
+pub mod panels;
 mod run_facts;
 mod table;
 mod track;
@@ -99,6 +100,17 @@ pub fn write(logs: &[PathBuf], out: &Path) -> Result<Written, ReportError> {
 pub fn write_page(log: &Path, out: &Path) -> Result<PathBuf, ReportError> {
     let flight = Flight::read(log, table::buckets(1))?;
     write_file(out, PAGE, &page::html(&[flight], &[]))
+}
+
+/// Reads a log and returns its page, with the paper's figures, and why only a part of the log is whole, if so.
+///
+/// # Errors
+/// [`ReportError`].
+pub fn page(log: &Path) -> Result<(String, Option<String>), ReportError> {
+    let flight = Flight::read(log, table::buckets(1))?;
+    let figures = figures::drawn(flight.paper.iter());
+    let html = page::html(std::slice::from_ref(&flight), &figures);
+    Ok((html, flight.broken))
 }
 
 fn write_file(folder: &Path, name: &str, text: &str) -> Result<PathBuf, ReportError> {

@@ -8,7 +8,7 @@ use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleTruth};
 
 /// Channels of `vehicle/truth`.
-pub(super) const TRUTH: [&str; 13] = [
+pub const TRUTH: [&str; 13] = [
     "error",
     "thrust",
     "rate_x",
@@ -25,11 +25,7 @@ pub(super) const TRUTH: [&str; 13] = [
 ];
 
 /// The truth, with the true distance from the path's point (m) and the yaw that is asked for (rad), where they are known.
-pub(super) fn truth(
-    truth: &VehicleTruth,
-    error: Option<f64>,
-    yaw_desired: Option<f64>,
-) -> [f64; TRUTH.len()] {
+pub fn truth(truth: &VehicleTruth, error: Option<f64>, yaw_desired: Option<f64>) -> [f64; TRUTH.len()] {
     let [roll, pitch, yaw] = roll_pitch_yaw(&from_row_major(&truth.world_from_body));
     let [rate_x, rate_y, rate_z] = truth.angular_velocity_body;
     let [b_x, b_y, b_z] = truth.disturbance_world;
@@ -52,18 +48,18 @@ pub(super) fn truth(
 }
 
 /// Channels of `vehicle/state`, of a flight that does not know the truth.
-pub(super) const STATE: [&str; 1] = ["error"];
+pub const STATE: [&str; 1] = ["error"];
 
 /// The estimated distance from the path's point (m), where it is known.
-pub(super) fn state(error: Option<f64>) -> [f64; STATE.len()] {
+pub fn state(error: Option<f64>) -> [f64; STATE.len()] {
     [error.unwrap_or(f64::NAN)]
 }
 
 /// Channels of `control/errors`.
-pub(super) const ERRORS: [&str; 4] = ["z1", "z2", "z3", "z4"];
+pub const ERRORS: [&str; 4] = ["z1", "z2", "z3", "z4"];
 
 /// ‖z1‖, ‖z2‖, ‖z3‖ and z4, as the controller tells them; none while it does not go by its law.
-pub(super) fn errors(errors: &ControlErrors, goes_by_law: bool) -> [f64; ERRORS.len()] {
+pub fn errors(errors: &ControlErrors, goes_by_law: bool) -> [f64; ERRORS.len()] {
     if goes_by_law {
         [norm(errors.z1), norm(errors.z2), norm(errors.z3), errors.z4]
     } else {
@@ -72,12 +68,12 @@ pub(super) fn errors(errors: &ControlErrors, goes_by_law: bool) -> [f64; ERRORS.
 }
 
 /// Channels of `control/command`.
-pub(super) const COMMAND: [&str; 7] = [
+pub const COMMAND: [&str; 7] = [
     "thrust", "torque_x", "torque_y", "torque_z", "rate_x", "rate_y", "rate_z",
 ];
 
 /// The commanded torques or rates; nothing in failsafe.
-pub(super) fn command(command: &ControlCommand) -> [f64; COMMAND.len()] {
+pub fn command(command: &ControlCommand) -> [f64; COMMAND.len()] {
     let only_with = |mode: u32, values: [f64; 3]| {
         if command.mode == mode {
             values
@@ -96,7 +92,7 @@ pub(super) fn command(command: &ControlCommand) -> [f64; COMMAND.len()] {
 }
 
 /// Channels of `control/adaptation`.
-pub(super) const ADAPTATION: [&str; 5] = [
+pub const ADAPTATION: [&str; 5] = [
     "mass",
     "observer_mass",
     "disturbance_x",
@@ -105,7 +101,7 @@ pub(super) const ADAPTATION: [&str; 5] = [
 ];
 
 /// m̂, that of the observer if one runs in parallel, and π(b̂).
-pub(super) fn adaptation(adaptation: &ControlAdaptation, has_observer: bool) -> [f64; ADAPTATION.len()] {
+pub fn adaptation(adaptation: &ControlAdaptation, has_observer: bool) -> [f64; ADAPTATION.len()] {
     let [x, y, z] = adaptation.disturbance_projected_world;
     [
         adaptation.mass_estimate,
@@ -121,10 +117,10 @@ pub(super) fn adaptation(adaptation: &ControlAdaptation, has_observer: bool) -> 
 }
 
 /// Channels of `path/reference`.
-pub(super) const REFERENCE: [&str; 3] = ["gamma_dot", "gamma_dot_desired", "yaw"];
+pub const REFERENCE: [&str; 3] = ["gamma_dot", "gamma_dot_desired", "yaw"];
 
 /// γ̇, γ̇d and ψd.
-pub(super) fn reference(reference: &PathReference) -> [f64; REFERENCE.len()] {
+pub fn reference(reference: &PathReference) -> [f64; REFERENCE.len()] {
     [reference.gamma_dot, reference.gamma_dot_desired, reference.yaw]
 }
 

@@ -13,18 +13,19 @@ const MOST_MARKS: usize = 300;
 
 /// Something that happened at a moment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct Mark {
+pub struct Mark {
     /// When, s.
-    pub(super) time: f64,
-    pub(super) kind: MarkKind,
+    pub time: f64,
+    /// Where it is from.
+    pub kind: MarkKind,
     /// What, in words.
-    pub(super) text: String,
+    pub text: String,
 }
 
 /// The source of a mark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum MarkKind {
+pub enum MarkKind {
     /// The scenario planned it.
     Event,
     /// A planned fault begins or ends.
@@ -37,7 +38,7 @@ pub(super) enum MarkKind {
 
 /// Something planned that lasts: a fault, or a while in which the cameras do not see what is there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct Span {
+pub struct Span {
     /// From when, s.
     from: f64,
     /// Until when, s; to the end of the flight unless stated.
@@ -47,7 +48,7 @@ pub(super) struct Span {
 }
 
 /// Returns the planned events of a scenario that last.
-pub(super) fn spans(scenario: &Scenario) -> Vec<Span> {
+pub fn spans(scenario: &Scenario) -> Vec<Span> {
     let span = |from: f64, lasts: Option<f64>, text: String| Span {
         from,
         to: lasts.map(|lasts| from + lasts),
@@ -93,8 +94,8 @@ fn untold(scenario: &Scenario) -> impl Iterator<Item = Mark> {
 }
 
 /// Gathers the marks of a flight.
-#[derive(Default)]
-pub(super) struct Marks {
+#[derive(Clone, Default)]
+pub struct Marks {
     marks: Vec<Mark>,
     phase: Option<FlightPhase>,
     stage: Option<u8>,
@@ -110,7 +111,7 @@ struct Link {
 
 impl Marks {
     /// Takes a sample into account.
-    pub(super) fn observe(&mut self, topic: Topic, bytes: &[u8]) {
+    pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let found = match topic {
             Topic::RunEvent => planned(&read(bytes)),
             Topic::PathReference => self.phase_begins(&read(bytes)),
@@ -127,7 +128,7 @@ impl Marks {
     }
 
     /// All of them up to a time, with those that only the scenario tells of, in the order of time.
-    pub(super) fn finish(self, scenario: &Scenario, flown: f64) -> Vec<Mark> {
+    pub fn finish(self, scenario: &Scenario, flown: f64) -> Vec<Mark> {
         let mut marks = self.marks;
         marks.extend(untold(scenario).filter(|mark| mark.time <= flown));
         marks.sort_by(|left, right| left.time.total_cmp(&right.time));

@@ -4,6 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 use shared_types::Topic;
 
+use super::assets::{self, escaped_json, escaped_text, filled_in};
 use super::encoding::base64_text;
 use super::figures::Drawn;
 use super::flight::Flight;
@@ -23,11 +24,12 @@ use metrics::tracker::StateSource;
 const PAGE: &str = include_str!("assets/page.html");
 
 /// The parts that replace the marks, but for the flights themselves.
-const PARTS: [(&str, &str); 5] = [
-    ("uplot.css", include_str!("assets/uplot.css")),
-    ("report.css", include_str!("assets/report.css")),
-    ("uplot.js", include_str!("assets/uplot.js")),
-    ("orbit.js", include_str!("assets/orbit.js")),
+const PARTS: [(&str, &str); 6] = [
+    ("uplot.css", assets::UPLOT_STYLE),
+    ("report.css", assets::STYLE),
+    ("uplot.js", assets::UPLOT),
+    ("common.js", assets::COMMON),
+    ("orbit.js", assets::ORBIT),
     ("report.js", include_str!("assets/report.js")),
 ];
 
@@ -119,7 +121,7 @@ pub(super) fn html(flights: &[Flight], figures: &[Drawn]) -> String {
     let labels: Vec<_> = flights.iter().map(|flight| flight.label.as_str()).collect();
     let title = escaped_text(&format!("{} · gerono", labels.join(", ")));
     let data = escaped_json(&serde_json::to_string(&data).expect("names and numbers are JSON"));
-    filled_in(|name| {
+    filled_in(PAGE, |name| {
         let part = PARTS.into_iter().find(|(part, _)| *part == name);
         match (name, part) {
             ("title", _) => &title,
@@ -161,29 +163,6 @@ fn named((topic, table): &(Topic, PageTable)) -> NamedTable<'_> {
         topic: topic.name(),
         table,
     }
-}
-
-/// The page with its parts. What is put in is not looked at again: a mark in it is text like any other.
-fn filled_in<'a>(part: impl Fn(&str) -> &'a str) -> String {
-    let mut html = String::new();
-    let mut pieces = PAGE.split("{{");
-    html += pieces.next().unwrap_or_default();
-    for piece in pieces {
-        let (name, rest) = piece.split_once("}}").expect("a mark ends");
-        html += part(name);
-        html += rest;
-    }
-    html
-}
-
-/// JSON that can stand in a script element: no text in it can end that.
-fn escaped_json(json: &str) -> String {
-    json.replace('<', "\\u003c")
-}
-
-/// Text as HTML shows it.
-fn escaped_text(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
 #[cfg(test)]

@@ -197,7 +197,7 @@ const PANELS: [Panel; 13] = [
 ];
 
 /// Returns the panels of flights whose controllers publish numbers of these names, each in a panel of its own.
-pub(super) fn panels(telemetry: &BTreeSet<&str>) -> Vec<Value> {
+pub fn panels(telemetry: &BTreeSet<&str>) -> Vec<Value> {
     let of_number = |name: &&str| {
         let curve =
             json!({"topic": Topic::ControlTelemetry.name(), "channel": name, "label": name, "dash": 0});

@@ -4,14 +4,21 @@
  * The 3D view, drawn with equal axes on a canvas, that turns with the mouse.
  *
  * The world's z points down, so up is −z. A flight is { color, shown, places: [{ time, position, desired, attitude }] },
- * all in m and rad. What is outside the view's stretch of time is drawn faintly.
+ * all in m and rad; one that goes on also has its whole path, in points. What is outside the view's stretch of time is drawn
+ * faintly.
  */
 class Orbit {
   static START = { azimuth: -0.9, elevation: 0.45, distance: 1 };
 
   constructor(canvas, flights, colors) {
     Object.assign(this, { canvas, flights, colors, moment: 0, view: [-Infinity, Infinity] }, Orbit.START);
-    this.bounds = boundsOf(flights);
+    this.measure();
+    this.listen();
+  }
+
+  /** Takes in all places and paths that there are. */
+  measure() {
+    this.bounds = boundsOf(this.flights);
     this.extent = Math.max(0.5, ...this.bounds.map(([low, high]) => high - low));
     this.step = niceStep(this.extent / 4);
     this.box = this.bounds.map(([low, high]) => [Math.floor(low / this.step) * this.step, Math.ceil(high / this.step) * this.step]);
@@ -20,7 +27,11 @@ class Orbit {
     // As large as fits, with room for what is written beside it; as it is turned its size stays.
     const corners = this.box[0].flatMap((x) => this.box[1].flatMap((y) => this.box[2].map((z) => this.seen([x, y, z]))));
     this.reach = [0, 1].map((axis) => Math.max(...corners.map((corner) => Math.abs(corner[axis]))) + 0.6 * this.step);
-    this.listen();
+  }
+
+  /** Whether a point is where the view shows it. */
+  holds(point) {
+    return point.every((value, axis) => !Number.isFinite(value) || (value >= this.bounds[axis][0] && value <= this.bounds[axis][1]));
   }
 
   listen() {
@@ -115,14 +126,14 @@ class Orbit {
     this.text("z, m", [...corner, top - step * 0.35], colors.ink, 14);
   }
 
-  drawWay({ places, color }) {
+  drawWay({ places, path, color }) {
     const [from, to] = this.view;
     const colors = this.colors();
     this.line(places.map(({ position }) => position), color, 1.5, 0.25);
     this.line(places.filter(({ time }) => time >= from && time <= to).map(({ position }) => position), color, 1.8);
     // On the way that covers it where the vehicle follows well, and in a colour that no flight has.
     this.pen.setLineDash([3, 4]);
-    this.line(places.map(({ desired }) => desired), colors.path, 1.2);
+    this.line(path ?? places.map(({ desired }) => desired), colors.path, 1.2);
     this.pen.setLineDash([]);
   }
 
@@ -186,13 +197,13 @@ class Orbit {
 /** Least and greatest of each axis over all places. */
 function boundsOf(flights) {
   const bounds = [0, 1, 2].map(() => [Infinity, -Infinity]);
-  for (const { position, desired } of flights.flatMap(({ places }) => places)) {
-    for (const point of [position, desired]) {
-      point.forEach((value, axis) => {
-        if (!Number.isFinite(value)) return;
-        bounds[axis] = [Math.min(bounds[axis][0], value), Math.max(bounds[axis][1], value)];
-      });
-    }
+  const include = (point) => point.forEach((value, axis) => {
+    if (!Number.isFinite(value)) return;
+    bounds[axis] = [Math.min(bounds[axis][0], value), Math.max(bounds[axis][1], value)];
+  });
+  for (const { places, path } of flights) {
+    for (const { position, desired } of places) [position, desired].forEach(include);
+    (path ?? []).forEach(include);
   }
   return bounds.map(([low, high]) => (low <= high ? [low, high] : [-1, 1]));
 }
