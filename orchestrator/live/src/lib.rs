@@ -1,4 +1,4 @@
-//! A run in real time that goes on, as seen from another terminal: found, looked at, and asked for something.
+//! A run that goes on, as seen from another terminal: found, looked at, and asked for something.
 //!
 //! The orchestrator of such a run listens on a socket in the run's folder, which only the run's user and root can open. A
 //! message is one packet of JSON, as on the control channel: a [`Question`], and the [`Answer`] to it. Which runs there are,
@@ -7,6 +7,7 @@
 pub mod run_root;
 pub mod runs;
 pub mod snapshot;
+mod watching;
 
 use std::error::Error;
 use std::fmt::Write;
@@ -24,6 +25,7 @@ use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use serde::{Deserialize, Serialize};
 
 pub use snapshot::Snapshot;
+pub use watching::{Description, NewestSamples};
 
 use self::runs::{MachineRun, User};
 use command_line::terminal::printable;
@@ -43,6 +45,10 @@ const NAMED: usize = 8;
 pub enum Question {
     /// Its snapshot.
     Look,
+    /// What it flies.
+    Describe,
+    /// The newest sample of every topic.
+    Watch,
     /// A request of the operator.
     Operate(Request),
     /// End the run, with the vehicle on the ground.
@@ -59,6 +65,10 @@ pub enum Question {
 pub enum Answer {
     /// Its snapshot.
     Snapshot(Box<Snapshot>),
+    /// What it flies.
+    Description(Box<Description>),
+    /// The newest sample of every topic.
+    Newest(NewestSamples),
     /// It has been done; what, in words.
     Done(String),
     /// It has not been done; why, in words.
@@ -73,11 +83,19 @@ pub enum LiveError {
     /// There is none.
     #[error("no run in real time is under way{0}; start one with `gerono run SCENARIO --host realtime`")]
     None(Searched),
+    /// There is none, of any host that can be watched.
+    #[error(
+        "no flight is under way{0}; start one with `gerono run SCENARIO`, or name a finished one: `gerono view DIR`"
+    )]
+    NoneToWatch(Searched),
+    /// There is none of this name, of any host that can be watched.
+    #[error("there is no flight `{0}` under way{1}; `gerono doctor` shows which runs there are")]
+    UnknownToWatch(String, Searched),
     /// There is none of this name.
     #[error("there is no live run `{0}` in real time{1}; `gerono doctor` shows which runs there are")]
     Unknown(String, Searched),
     /// There are several.
-    #[error("several runs in real time are under way: {0}; name one with `--run`")]
+    #[error("several runs are under way: {0}; name one with `--run`")]
     Several(Names),
     /// There are some, which belong to others.
     #[error("{}", in_words_of_the_owners(.0, .1))]
@@ -322,6 +340,8 @@ impl Answer {
                 snapshot.change_texts(|shown| *shown = text(std::mem::take(shown)));
                 Self::Snapshot(snapshot)
             }
+            // Both are for programs, which make of them what they can show.
+            Self::Description(_) | Self::Newest(_) => self,
             Self::Done(what) => Self::Done(text(what)),
             Self::Refused(why) => Self::Refused(text(why)),
             Self::Closed(why) => Self::Closed(text(why)),
@@ -341,11 +361,28 @@ impl AsFd for LiveRun {
 /// # Errors
 /// [`LiveError`].
 pub fn find(name: Option<&str>, command: &'static str) -> Result<MachineRun, LiveError> {
-    let found = select(name, command, MachineRun::is_permitted, |_| true)?;
+    let found = select(name, command, MachineRun::is_permitted, is_in_real_time)?;
     found.ok_or_else(|| match name {
         None => LiveError::None(Searched::here()),
         Some(name) => LiveError::Unknown(printable(name).into_owned(), Searched::here()),
     })
+}
+
+/// The live run of a name, or the only one, in real or in simulated time, that this user may watch.
+///
+/// # Errors
+/// [`LiveError`].
+pub fn find_to_watch(name: Option<&str>, command: &'static str) -> Result<MachineRun, LiveError> {
+    let is_flown = |run: &MachineRun| matches!(run.host, Host::RealTime | Host::LockStep);
+    let found = select(name, command, MachineRun::is_permitted, is_flown)?;
+    found.ok_or_else(|| match name {
+        None => LiveError::NoneToWatch(Searched::here()),
+        Some(name) => LiveError::UnknownToWatch(printable(name).into_owned(), Searched::here()),
+    })
+}
+
+fn is_in_real_time(run: &MachineRun) -> bool {
+    run.host == Host::RealTime
 }
 
 /// The place of the run that has lost its orchestrator: of that name, or the only one.
@@ -356,8 +393,9 @@ pub fn abandoned(name: Option<&str>) -> Result<PathBuf, LiveError> {
     // What takes over shares files with the services: it must be the same user's, and see the same file system.
     let is_own = |run: &MachineRun| run.owner == User::this() && run.is_in_this_file_system();
     let connected = |run: &MachineRun| LiveRun::connect(run, Duration::ZERO);
-    let is_abandoned =
-        |run: &MachineRun| !is_own(run) || matches!(connected(run), Err(LiveError::Abandoned(_)));
+    let is_abandoned = |run: &MachineRun| {
+        is_in_real_time(run) && (!is_own(run) || matches!(connected(run), Err(LiveError::Abandoned(_))))
+    };
     let found = select(name, "attach", is_own, is_abandoned)?;
     found.map(|run| run.folder).ok_or_else(|| match name {
         None => LiveError::NoneAbandoned(Searched::here()),
@@ -365,7 +403,7 @@ pub fn abandoned(name: Option<&str>) -> Result<PathBuf, LiveError> {
     })
 }
 
-/// The live run in real time of a name, or the only one, among those that are wanted and permitted; none if there is not even
+/// The live run of a name, or the only one, among those that are wanted and permitted; none if there is not even
 /// one that is not permitted.
 fn select(
     name: Option<&str>,
@@ -374,9 +412,7 @@ fn select(
     is_wanted: impl Fn(&MachineRun) -> bool,
 ) -> Result<Option<MachineRun>, LiveError> {
     let runs = runs::all().map_err(LiveError::Processes)?;
-    let is_meant = |run: &MachineRun| {
-        run.host == Host::RealTime && name.is_none_or(|name| run.is_called(name)) && is_wanted(run)
-    };
+    let is_meant = |run: &MachineRun| name.is_none_or(|name| run.is_called(name)) && is_wanted(run);
     let (mut permitted, others): (Vec<_>, Vec<_>) = runs
         .into_iter()
         .filter(is_meant)

@@ -245,6 +245,13 @@ impl MachineRun {
         readlinkat(&self.processes[0].proc, "ns/mnt", Vec::new()).ok()
     }
 
+    /// Returns whether a process of it lives, also one that was started later.
+    #[must_use]
+    pub fn lives(&self) -> bool {
+        let is_it = |run: &Self| (run.owner, &run.folder) == (self.owner, &self.folder);
+        all().is_ok_and(|runs| runs.iter().any(is_it))
+    }
+
     fn is_same(&self, other: &Self) -> bool {
         (self.owner, &self.folder) == (other.owner, &other.folder)
             && self.file_system() == other.file_system()

@@ -71,6 +71,6 @@ fn show(answer: Answer) -> Result<(), Failure> {
         }
         Answer::Refused(reason) => Err(Failure::new(Exit::Refused, reason)),
         Answer::Closed(reason) => Err(Failure::trouble(reason)),
-        Answer::Snapshot(_) => Ok(()),
+        Answer::Snapshot(_) | Answer::Description(_) | Answer::Newest(_) => Ok(()),
     }
 }

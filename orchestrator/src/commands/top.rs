@@ -44,6 +44,9 @@ fn print_once(arguments: &Top, run: &LiveRun) -> Result<Exit, Failure> {
         Answer::Done(text) | Answer::Refused(text) | Answer::Closed(text) => {
             return Err(Failure::trouble(text));
         }
+        Answer::Description(_) | Answer::Newest(_) => {
+            return Err(Failure::trouble("the run answered something else"));
+        }
     };
     if arguments.json {
         let text = serde_json::to_string_pretty(&snapshot).map_err(Failure::trouble)?;

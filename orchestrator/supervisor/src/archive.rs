@@ -153,8 +153,13 @@ impl Archive {
     /// Tick of the newest sample, and how many have come.
     #[must_use]
     pub fn newest(&self) -> Option<(u64, u64)> {
-        let newest = self.at(self.count.checked_sub(1)?)?;
-        Some((header_of(newest).tick, self.count))
+        Some((header_of(self.newest_sample()?).tick, self.count))
+    }
+
+    /// Returns the newest sample.
+    #[must_use]
+    pub fn newest_sample(&self) -> Option<&[u8]> {
+        self.at(self.count.checked_sub(1)?)
     }
 
     /// Returns how many samples have come.

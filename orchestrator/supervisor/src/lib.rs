@@ -1,11 +1,14 @@
 //! Flying a scenario: the hosts, what they have in common, and how a flight ends.
 
 pub mod archive;
+mod control_server;
 pub mod deployment;
 pub mod host_kind;
 pub mod host_record;
 pub mod in_process;
+mod live_events;
 pub mod lock_step;
+mod newest;
 pub mod postmortem;
 pub mod real_time;
 pub mod recorder;

@@ -1,5 +1,7 @@
 //! Flies a scenario as processes in lock-step: one a service, and this one, which supervises and records.
 
+mod watchers;
+
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -15,6 +17,7 @@ use super::run_context::RunContext;
 use super::supervision::{RESTART_POLL_PERIOD, ServiceEvent, SupervisionObserver, Supervisor};
 use super::{Ending, FlightFailure, Outcome};
 use command_line::interrupt::Interrupt;
+use watchers::Watchers;
 
 /// Period at which the recorder looks: between two looks the fastest flight fills a tenth of its buffers.
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
@@ -55,6 +58,7 @@ where
         supervisor,
         recorder,
         observer,
+        watchers: Watchers::open(&context.root, &context.scenario, &context.schedule),
     };
     let outcome = flight.supervise(sink, interrupt).unwrap_or_else(Outcome::Failed);
     let wall_time = started.elapsed();
@@ -76,6 +80,7 @@ struct Flight<'a> {
     supervisor: Supervisor<'a>,
     recorder: Recorder,
     observer: &'a mut dyn SupervisionObserver,
+    watchers: Watchers<'a>,
 }
 
 impl Flight<'_> {
@@ -96,6 +101,7 @@ impl Flight<'_> {
             }
             self.look_after_external_services(progress)?;
             self.observer.progressed(&self.supervisor, self.recorder.ticks());
+            self.watchers.serve(&self.supervisor, &self.recorder);
             if let Some(signal) = interrupt.signal() {
                 return Ok(Outcome::Interrupted { signal });
             }
@@ -144,8 +150,17 @@ impl Flight<'_> {
     fn attend_to(&mut self, event: ServiceEvent) -> Result<(), FlightFailure> {
         match event {
             ServiceEvent::Lost(failure) => return Err(failure),
-            ServiceEvent::Died => self.observer.changed(&self.supervisor),
-            ServiceEvent::Ready(..) | ServiceEvent::Finished(_) => {}
+            ServiceEvent::Died => {
+                self.observer.changed(&self.supervisor);
+                let time = self.watchers.time(&self.recorder);
+                self.watchers.events.keep_death(time, &self.supervisor);
+            }
+            ServiceEvent::Ready(service, _) => {
+                let time = self.watchers.time(&self.recorder);
+                let name = self.supervisor.name_of(service);
+                self.watchers.events.keep(time, format!("`{name}` was restarted"));
+            }
+            ServiceEvent::Finished(_) => {}
         }
         Ok(())
     }

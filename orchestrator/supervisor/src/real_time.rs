@@ -9,7 +9,6 @@
 //! restarted until it has landed, and then the flight ends with that failure (`shutdown.rs`).
 
 mod answers;
-mod control_server;
 mod heartbeat;
 mod laboratory;
 mod monitor;
@@ -17,7 +16,6 @@ mod recorder;
 mod shutdown;
 mod take_over;
 
-use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -33,20 +31,21 @@ use shared_types::schedule::Edge;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};
 
-use self::control_server::ControlServer;
 use self::heartbeat::Heartbeats;
 use self::laboratory::Laboratory;
 use self::monitor::Monitor;
 use self::recorder::{Recorder, SETTLING_NS};
 use self::shutdown::{Motors, Shutdown};
 pub use self::take_over::TakeOver;
+use super::control_server::ControlServer;
 use super::deployment::Deployment;
+use super::live_events::LiveEvents;
+use super::newest::Newest;
 use super::run_context::RunContext;
 use super::supervision::{RESTART_POLL_PERIOD, STOP_LIMIT, ServiceEvent, SupervisionObserver, Supervisor};
 use super::{Ending, FlightFailure, Outcome};
 use command_line::interrupt::Interrupt;
 use command_line::progress::Messages;
-use live::snapshot::LiveEvent;
 use metrics::summary::timing::{TimingReport, Unrecorded};
 use run_log::{CaptureFigures, LinkFigures, LogError};
 
@@ -55,9 +54,6 @@ const RECORDER_PERIOD: Duration = Duration::from_millis(10);
 
 /// From the decision to fly until tick 0 begins: everybody has been told by then.
 const COUNTDOWN: Duration = Duration::from_millis(50);
-
-/// Events that are kept for people at other terminals.
-const EVENTS: usize = 50;
 
 /// Events of a flight in real time, for the record of the machine.
 pub trait StepObserver: SupervisionObserver {
@@ -191,7 +187,7 @@ struct Flight<'a> {
     /// Events that are not in the log yet: tick, kind and text.
     happened: Vec<(u64, u32, &'static str)>,
     /// The last events, for people at other terminals.
-    events: VecDeque<LiveEvent>,
+    events: LiveEvents,
 }
 
 impl<'a> Flight<'a> {
@@ -222,7 +218,7 @@ impl<'a> Flight<'a> {
             signal: None,
             failure: None,
             happened: Vec::new(),
-            events: VecDeque::new(),
+            events: LiveEvents::default(),
         }
     }
 
@@ -340,11 +336,8 @@ impl<'a> Flight<'a> {
             ServiceEvent::Lost(failure) => self.fail(failure),
             ServiceEvent::Died => {
                 self.observer.changed(&self.supervisor);
-                if let Some((Some(service), pid, exit)) = self.supervisor.exits().last() {
-                    let name = self.supervisor.name_of(*service);
-                    let text = format!("`{name}` (process {pid}) died: {}", exit.description);
-                    self.remember(text);
-                }
+                self.events
+                    .keep_death(seconds(self.clock.elapsed_ns()), &self.supervisor);
             }
             ServiceEvent::Ready(service, _) => {
                 let name = self.supervisor.name_of(service);
@@ -374,13 +367,7 @@ impl<'a> Flight<'a> {
 
     /// Keeps an event for people at other terminals.
     fn remember(&mut self, text: String) {
-        if self.events.len() == EVENTS {
-            self.events.pop_front();
-        }
-        self.events.push_back(LiveEvent {
-            time: seconds(self.clock.elapsed_ns()),
-            text,
-        });
+        self.events.keep(seconds(self.clock.elapsed_ns()), text);
     }
 
     /// Tells of something that people have done.

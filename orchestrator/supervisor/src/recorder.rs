@@ -12,6 +12,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use super::FlightFailure;
 use super::archive::Archive;
+use super::newest::Newest;
 use super::subscription::Subscription;
 
 /// Ticks that are handed over in a row: one that is always behind on a busy machine must not keep the orchestrator from
@@ -107,6 +108,13 @@ impl Recorder {
         own.filter_map(|feed| feed.archive.newest()).max()
     }
 
+    /// Samples of all topics that have come.
+    #[must_use]
+    pub fn received_in_all(&self) -> u64 {
+        let newest = self.feeds.iter().filter_map(|feed| feed.archive.newest());
+        newest.map(|(_, count)| count).sum()
+    }
+
     /// Returns whether a sample of a service is missing to the tick that is being put together.
     #[must_use]
     pub fn waits_for(&self, service: ServiceId) -> bool {
@@ -195,6 +203,13 @@ impl Recorder {
             is_whole &= feed.archive.sample(tick).is_some();
         }
         Ok(is_whole)
+    }
+}
+
+impl Newest for Recorder {
+    fn newest_bytes(&self, topic: Topic) -> Option<&[u8]> {
+        let feed = self.feeds.iter().find(|feed| feed.topic == topic)?;
+        feed.archive.newest_sample()
     }
 }
 

@@ -205,6 +205,21 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<Event> {
     events.into_iter().map(event).collect()
 }
 
+/// Returns the events that a scenario schedules, as a log has them if nothing else happens, in the order of time.
+#[must_use]
+pub fn planned_events(scenario: &Scenario, schedule: &Schedule) -> Vec<RunEvent> {
+    let events = scheduled_events(scenario, schedule).into_iter().zip(0..);
+    let event = |(event, seq): (Event, u64)| {
+        let header = Header {
+            tick: event.tick,
+            stamp_ns: schedule.time_ns(event.tick),
+            seq,
+        };
+        run_event(header, event.kind, &event.text)
+    };
+    events.map(event).collect()
+}
+
 /// Returns the planned requests of the operator.
 fn operator_requests(scenario: &Scenario) -> Vec<(u64, u32, String)> {
     let kinds = [

@@ -180,6 +180,7 @@ impl<'a> Watch<'a> {
                     self.snapshot = Some(*snapshot);
                 }
                 Answer::Done(text) => self.controls.tell(text),
+                Answer::Description(_) | Answer::Newest(_) => {}
                 Answer::Refused(reason) | Answer::Closed(reason) => {
                     self.controls.tell(format!("refused: {reason}"));
                 }

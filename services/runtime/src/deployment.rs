@@ -41,6 +41,14 @@ pub fn allowed_cores() -> Vec<usize> {
     (0..CpuSet::MAX_CPU).filter(|&core| set.is_set(core)).collect()
 }
 
+/// Returns the cores that a process may use; none if it is gone.
+#[must_use]
+pub fn cores_of(process: u32) -> Option<Vec<usize>> {
+    let pid = rustix::process::Pid::from_raw(i32::try_from(process).ok()?)?;
+    let set = rustix::thread::sched_getaffinity(Some(pid)).ok()?;
+    Some((0..CpuSet::MAX_CPU).filter(|&core| set.is_set(core)).collect())
+}
+
 /// Restricts this thread to these cores.
 ///
 /// # Errors
@@ -56,6 +64,27 @@ pub fn pin_to(cores: &[usize]) -> std::io::Result<()> {
     Ok(rustix::thread::sched_setaffinity(None, &set)?)
 }
 
+/// Restricts all threads of this process to these cores.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn pin_all_threads_to(cores: &[usize]) -> std::io::Result<()> {
+    let mut set = CpuSet::new();
+    for &core in cores.iter().filter(|&&core| core < CpuSet::MAX_CPU) {
+        set.set(core);
+    }
+    for thread in std::fs::read_dir("/proc/self/task")? {
+        let id = thread?.file_name().to_str().and_then(|name| name.parse().ok());
+        let id = id.and_then(rustix::thread::Pid::from_raw);
+        match rustix::thread::sched_setaffinity(id, &set) {
+            // It has ended meanwhile.
+            Err(rustix::io::Errno::SRCH) => {}
+            result => result?,
+        }
+    }
+    Ok(())
+}
+
 /// Puts this thread under a scheduler.
 ///
 /// # Errors
@@ -66,6 +95,14 @@ pub fn use_scheduler(scheduler: Scheduler) -> std::io::Result<()> {
         Scheduler::Batch => set_policy(libc::SCHED_BATCH, 0),
         Scheduler::Fifo => use_fifo(FIFO_PRIORITY),
     }
+}
+
+/// Gives this thread only the time that no other thread of the machine wants (`SCHED_IDLE`). It needs no privilege.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn use_idle() -> std::io::Result<()> {
+    set_policy(libc::SCHED_IDLE, 0)
 }
 
 /// Shortest time slice that the system gives, ns.

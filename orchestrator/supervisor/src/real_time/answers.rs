@@ -3,13 +3,14 @@
 use runtime::shared_page::Request;
 use shared_types::ServiceId;
 use shared_types::flight_phase::FlightPhase;
-use shared_types::samples::{ControlAdaptation, PathReference, RunEvent, VehicleState, VehicleTruth};
+use shared_types::samples::{RunEvent, VehicleState};
 use shared_types::service::{Operator, seconds};
 
 use super::Flight;
+use crate::newest::Newest;
 use live::snapshot::ServiceSnapshot;
-use live::{Answer, Question, Snapshot};
-use metrics::tracker::{StateSource, Vehicle, newest_distance};
+use live::{Answer, Description, Question, Snapshot};
+use runtime::control::Host;
 
 /// Age of the vehicle's state with which nobody arms, s.
 const STALE: f64 = 0.1;
@@ -22,6 +23,13 @@ impl Flight<'_> {
     pub(super) fn answer(&mut self, question: Question) -> Answer {
         match question {
             Question::Look => Answer::Snapshot(Box::new(self.snapshot())),
+            Question::Describe => Answer::Description(Box::new(Description::new(
+                self.scenario,
+                Host::RealTime,
+                Some(self.clock.start_ns),
+                self.schedule.published_topics(),
+            ))),
+            Question::Watch => Answer::Newest(self.recorder.newest_samples()),
             Question::Operate(request) => self.operate(request),
             Question::Stop => {
                 self.tell("`gerono stop` asked for the end of the flight");
@@ -153,11 +161,7 @@ impl Flight<'_> {
 
     /// The phase of the flight, if it has phases.
     pub(super) fn phase(&self) -> Option<FlightPhase> {
-        self.scenario.flight.as_ref()?;
-        let reference = self.recorder.newest::<PathReference>();
-        Some(reference.map_or(FlightPhase::Disarmed, |reference| {
-            FlightPhase::from_code(reference.phase)
-        }))
+        self.recorder.phase(self.scenario)
     }
 
     fn snapshot(&self) -> Snapshot {
@@ -166,12 +170,8 @@ impl Flight<'_> {
         let Operator { armed, land, killed } = block.operator(planned);
         let elapsed_ns = self.clock.elapsed_ns();
         let (radio_link, cameras) = self.laboratory.snapshot(block, elapsed_ns);
-        let adaptation = self.recorder.newest::<ControlAdaptation>();
         Snapshot {
-            scenario: self.scenario.description.clone(),
             time: seconds(elapsed_ns),
-            duration: seconds(self.schedule.time_ns(self.schedule.last_tick())),
-            phase: self.phase().map(|phase| phase.name().to_owned()),
             armed,
             landing: land,
             killed,
@@ -179,28 +179,10 @@ impl Flight<'_> {
             capture_to_frame: self.monitor.capture_to_frame(),
             cameras,
             radio_link,
-            position_error: self.position_error(),
-            mass_estimate: adaptation.map(|adaptation| adaptation.mass_estimate),
-            disturbance_estimate: adaptation.map(|adaptation| {
-                let [x, y, z] = adaptation.disturbance_projected_world;
-                (x * x + y * y + z * z).sqrt()
-            }),
             recorded: self.recorder.received_in_all(),
-            events: self.events.iter().cloned().collect(),
+            events: self.events.all(),
+            ..self.recorder.snapshot(self.scenario, self.schedule)
         }
-    }
-
-    /// Distance of the vehicle from the path, m: the true one, or in a laboratory the estimated one.
-    fn position_error(&self) -> Option<f64> {
-        let vehicle = match StateSource::of(self.schedule) {
-            StateSource::Truth => Vehicle::from(&self.recorder.newest::<VehicleTruth>()?),
-            StateSource::Estimate => {
-                let state = self.recorder.newest::<VehicleState>()?;
-                Vehicle::from(&Some(state).filter(|state| state.tracked.is_set())?)
-            }
-        };
-        let reference = self.recorder.newest::<PathReference>()?;
-        newest_distance(&vehicle, &reference, self.scenario.flight.is_some())
     }
 
     fn services(&self) -> Vec<ServiceSnapshot> {

@@ -13,9 +13,10 @@ use runtime::ports::{PortError, RECORDER_BUFFER};
 use runtime::watchdog::{self, Work};
 use shared_types::ExternalServices;
 use shared_types::service::header_of;
-use shared_types::{Published, Schedule, ServiceId, Topic};
+use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::FlightFailure;
+use crate::newest::Newest;
 use crate::subscription::Subscription;
 
 /// Time for which samples of a tick are waited for before the tick is written, ns.
@@ -30,6 +31,13 @@ pub struct Recorder {
     spare: [Vec<OwnedSample>; Topic::ALL.len()],
     /// Ticks before this one have been written.
     written_until: u64,
+}
+
+impl Newest for Recorder {
+    fn newest_bytes(&self, topic: Topic) -> Option<&[u8]> {
+        let feed = self.feeds.iter().find(|feed| feed.subscription.topic == topic)?;
+        feed.subscription.receiver.held()
+    }
 }
 
 struct Feed {
@@ -100,16 +108,6 @@ impl Recorder {
         self.feeds
             .iter_mut()
             .try_for_each(|feed| watchdog::during(Work::Ports, || feed.subscription.receiver.connect()))
-    }
-
-    /// The newest sample of a topic that has been received.
-    #[must_use]
-    pub fn newest<T: Published>(&self) -> Option<T> {
-        let feed = self
-            .feeds
-            .iter()
-            .find(|feed| feed.subscription.topic == T::TOPIC)?;
-        T::read_from_bytes(feed.subscription.receiver.held()?).ok()
     }
 
     /// Samples of all topics that have been received.

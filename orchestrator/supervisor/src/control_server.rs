@@ -1,4 +1,4 @@
-//! The control server of a flight in real time: where `gerono arm`, `kill`, `top` and the like ask their questions.
+//! The control server of a flight: where `gerono arm`, `kill`, `top`, `view` and the like ask their questions.
 //!
 //! It never waits for a client: it takes the new ones, answers the questions that have come, and goes on. A client can
 //! take neither the flight's time nor another client's place: there is one answer a round, a message has a largest size,

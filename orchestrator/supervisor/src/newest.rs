@@ -1,0 +1,64 @@
+//! The newest samples that a recorder has received, and what they say of the flight: for those who look at it.
+
+use scenario::Scenario;
+use shared_types::flight_phase::FlightPhase;
+use shared_types::samples::{ControlAdaptation, PathReference, VehicleState, VehicleTruth};
+use shared_types::{Published, Schedule, Topic};
+
+use live::{NewestSamples, Snapshot};
+use metrics::tracker::{StateSource, Vehicle, newest_distance};
+
+/// A recorder that knows the newest sample of each topic.
+pub trait Newest {
+    /// Returns the newest sample of a topic that has been received.
+    fn newest_bytes(&self, topic: Topic) -> Option<&[u8]>;
+
+    /// Returns the newest sample of a topic that has been received.
+    fn newest<T: Published>(&self) -> Option<T> {
+        T::read_from_bytes(self.newest_bytes(T::TOPIC)?).ok()
+    }
+
+    /// Returns all of them, for a watcher.
+    fn newest_samples(&self) -> NewestSamples {
+        NewestSamples::of(|topic| self.newest_bytes(topic))
+    }
+
+    /// Returns the phase of a flight of `scenario`, if it has phases.
+    fn phase(&self, scenario: &Scenario) -> Option<FlightPhase> {
+        scenario.flight.as_ref()?;
+        let reference = self.newest::<PathReference>();
+        Some(reference.map_or(FlightPhase::Disarmed, |reference| {
+            FlightPhase::from_code(reference.phase)
+        }))
+    }
+
+    /// Returns the distance of the vehicle from the path, m: the true one, or in a laboratory the estimated one.
+    fn position_error(&self, scenario: &Scenario, schedule: &Schedule) -> Option<f64> {
+        let vehicle = match StateSource::of(schedule) {
+            StateSource::Truth => Vehicle::from(&self.newest::<VehicleTruth>()?),
+            StateSource::Estimate => {
+                let state = self.newest::<VehicleState>()?;
+                Vehicle::from(&Some(state).filter(|state| state.tracked.is_set())?)
+            }
+        };
+        let reference = self.newest::<PathReference>()?;
+        newest_distance(&vehicle, &reference, scenario.flight.is_some())
+    }
+
+    /// Returns a snapshot with what the samples tell; what they do not is left out.
+    fn snapshot(&self, scenario: &Scenario, schedule: &Schedule) -> Snapshot {
+        let adaptation = self.newest::<ControlAdaptation>();
+        Snapshot {
+            scenario: scenario.description.clone(),
+            duration: shared_types::service::seconds(schedule.time_ns(schedule.last_tick())),
+            phase: self.phase(scenario).map(|phase| phase.name().to_owned()),
+            position_error: self.position_error(scenario, schedule),
+            mass_estimate: adaptation.map(|adaptation| adaptation.mass_estimate),
+            disturbance_estimate: adaptation.map(|adaptation| {
+                let [x, y, z] = adaptation.disturbance_projected_world;
+                (x * x + y * y + z * z).sqrt()
+            }),
+            ..Snapshot::default()
+        }
+    }
+}
