@@ -28,6 +28,7 @@ use grid::arguments::Grid;
 pub use mocap_tools::arguments::*;
 use model_identification::arguments::Identify;
 use sweep::arguments::Sweep;
+use view::arguments::View;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
 #[derive(Debug, Parser)]
@@ -174,6 +175,14 @@ pub enum Command {
     /// service can be killed or frozen, each after a confirmation. The key `?` explains keys and columns.
     #[command(after_help = Top::EXAMPLES)]
     Top(Top),
+    /// Show a flight in a browser, while it is flown or afterwards.
+    ///
+    /// Serves one page at a port of this machine: the vehicle in space, all signals over time, the state of the services, and
+    /// what has happened. Of a flight under way, in real or in simulated time, it shows the newest samples some thirty times a
+    /// second, to at most eight browsers; of a finished one the page of `gerono report`. Read-only: nothing that a browser
+    /// sends can reach the flight.
+    #[command(after_help = View::EXAMPLES)]
+    View(View),
     /// Try a radio link on the ground, or identify its channels from a log.
     #[command(subcommand)]
     Rc(RcCommand),

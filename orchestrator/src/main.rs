@@ -41,6 +41,7 @@ fn main() -> ExitCode {
         Command::Rc(RcCommand::Identify(arguments)) => rc::identify(&arguments).map(|()| Exit::Success),
         Command::Attach(arguments) => attach::attach(&arguments),
         Command::Top(arguments) => top::top(&arguments),
+        Command::View(arguments) => view::view(&arguments),
         Command::World(arguments) => world::world(&arguments),
         Command::Truth(arguments) => truth::truth(&arguments).map(|()| Exit::Success),
         Command::Clean => clean::clean().map(|()| Exit::Success),

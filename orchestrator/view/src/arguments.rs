@@ -1,0 +1,35 @@
+//! Arguments of `gerono view`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// Port unless one is stated: nothing well known has it.
+const PORT: u16 = 8421;
+
+/// Arguments of `gerono view`.
+#[derive(Debug, Args)]
+pub struct View {
+    /// A finished flight to show instead: a run.mcap, or the folder of a run.
+    #[arg(value_name = "LOG", conflicts_with_all = ["run", "follow"])]
+    pub log: Option<PathBuf>,
+    /// The run, if several are under way: its name, as `gerono doctor` shows it, or the number of one of its services'
+    /// processes.
+    #[arg(long, value_name = "ID")]
+    pub run: Option<String>,
+    /// Wait for a flight if none is under way, and for the next one when it has ended: for a screen on the wall.
+    #[arg(long, conflicts_with = "run")]
+    pub follow: bool,
+    /// The port to listen at; 0 takes a free one.
+    #[arg(long, value_name = "PORT", default_value_t = PORT)]
+    pub port: u16,
+}
+
+impl View {
+    /// The end of `gerono view --help`.
+    pub const EXAMPLES: &str = "Examples:\n  \
+        gerono view\n  \
+        gerono view --follow\n  \
+        gerono view runs/fig1-1\n\n\
+        Exit codes: 0 the run has ended; 1 there is no such run, or the port is taken; 128 + n ended by signal n (Ctrl-C: 130).";
+}

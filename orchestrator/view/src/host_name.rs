@@ -1,0 +1,108 @@
+//! Which names a browser may call this server by.
+//!
+//! A page on the internet can make its own name mean 127.0.0.1 and then ask this server as if it were the page's own (DNS
+//! rebinding). The browser still says the name, in the header `Host`.
+
+use std::net::IpAddr;
+
+use crate::http::{Refusal, Request};
+
+/// The server is called by a name that is not its own.
+const OTHER_NAME: Refusal = Refusal {
+    status: 421,
+    reason: "this server does not go by the name in the address; use the address that `gerono view` printed",
+};
+
+/// The names of a server.
+#[derive(Clone, Debug)]
+pub struct HostNames {
+    names: Vec<String>,
+}
+
+impl HostNames {
+    /// Returns the names of a server that listens at `address`.
+    #[must_use]
+    pub fn of(address: IpAddr) -> Self {
+        let mut names = vec!["localhost".to_owned(), "127.0.0.1".to_owned(), "[::1]".to_owned()];
+        names.push(in_url(address));
+        Self { names }
+    }
+
+    /// Checks the name in a request. Its port is not looked at: a tunnel may have another.
+    ///
+    /// # Errors
+    /// A refusal if it is not a name of this server.
+    pub fn check(&self, request: &Request) -> Result<(), Refusal> {
+        let host = request.host.as_deref().unwrap_or_default();
+        let name = without_port(host);
+        let is_ours = self.names.iter().any(|ours| ours.eq_ignore_ascii_case(name));
+        if is_ours { Ok(()) } else { Err(OTHER_NAME) }
+    }
+}
+
+/// Returns an address as it stands in a URL.
+#[must_use]
+pub fn in_url(address: IpAddr) -> String {
+    match address {
+        IpAddr::V4(address) => address.to_string(),
+        IpAddr::V6(address) => format!("[{address}]"),
+    }
+}
+
+fn without_port(host: &str) -> &str {
+    match host.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) && !name.is_empty() => name,
+        _ => host,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Ipv4Addr;
+
+    fn is_permitted(host: &str) -> bool {
+        let names = HostNames::of(IpAddr::V4(Ipv4Addr::new(192, 168, 1, 5)));
+        let request = Request {
+            host: Some(host.to_owned()),
+            ..Request::default()
+        };
+        names.check(&request).is_ok()
+    }
+
+    #[test]
+    fn its_own_names_are_permitted_with_any_port() {
+        for host in [
+            "localhost:8421",
+            "LOCALHOST",
+            "127.0.0.1:9000",
+            "[::1]:8421",
+            "[::1]",
+            "192.168.1.5:8421",
+        ] {
+            assert!(is_permitted(host), "{host}");
+        }
+    }
+
+    #[test]
+    fn other_names_are_refused_also_those_that_look_alike() {
+        for host in [
+            "",
+            "evil.example",
+            "evil.example:8421",
+            "127.0.0.1.evil.example",
+            "localhost.evil.example:8421",
+            "127.0.0.1:8421:8421",
+            "127.0.0.1@evil.example",
+            "localhost:x",
+            "localhost.",
+            "::1",
+            ":8421",
+            "10.0.0.1",
+        ] {
+            assert!(!is_permitted(host), "{host}");
+        }
+        let without = HostNames::of(Ipv4Addr::LOCALHOST.into()).check(&Request::default());
+        assert_eq!(without, Err(OTHER_NAME));
+    }
+}

@@ -1,0 +1,299 @@
+//! The little of HTTP/1.1 that a page and its events need: a request with GET and no body, one a connection.
+//!
+//! Nothing that a client sends is kept or acted upon but the path and some headers, whose lengths are limited.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::time::{Duration, Instant};
+
+/// Longest request, bytes.
+pub const LONGEST_REQUEST: usize = 8 * 1024;
+
+/// Most headers of a request; browsers send some twenty.
+const MOST_HEADERS: usize = 64;
+
+/// A request as far as it is looked at.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Request {
+    /// The path, without what follows a question mark.
+    pub path: String,
+    /// What follows the question mark.
+    pub query: String,
+    /// The header `Host`.
+    pub host: Option<String>,
+    /// The header `Sec-Fetch-Site`: where the page comes from that asks.
+    pub fetch_site: Option<String>,
+}
+
+/// A refusal, with its status and reason in words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// The status code.
+    pub status: u16,
+    /// The reason, for a person.
+    pub reason: &'static str,
+}
+
+/// What does not parse.
+pub const NOT_UNDERSTOOD: Refusal = Refusal {
+    status: 400,
+    reason: "this is not a request of HTTP/1.1",
+};
+
+const ONLY_GET: Refusal = Refusal {
+    status: 405,
+    reason: "this server only shows: it answers GET and nothing else",
+};
+
+const TOO_SLOW: Refusal = Refusal {
+    status: 408,
+    reason: "the request took too long to arrive",
+};
+
+const TOO_LONG: Refusal = Refusal {
+    status: 431,
+    reason: "the request has more than 8 KiB or 64 headers",
+};
+
+/// There is nothing of this name.
+pub const NOT_FOUND: Refusal = Refusal {
+    status: 404,
+    reason: "there is no such page; the flight is shown at /",
+};
+
+/// Returns the request in `bytes`, or none if they are only a part of one.
+///
+/// # Errors
+/// The refusal of what is not a request that this server answers.
+pub fn parse(bytes: &[u8]) -> Result<Option<Request>, Refusal> {
+    let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
+    let mut parsed = httparse::Request::new(&mut headers);
+    let is_whole = match parsed.parse(bytes) {
+        Ok(status) => status.is_complete(),
+        Err(httparse::Error::TooManyHeaders) => return Err(TOO_LONG),
+        Err(_) => return Err(NOT_UNDERSTOOD),
+    };
+    if !is_whole {
+        let is_full = bytes.len() >= LONGEST_REQUEST;
+        return if is_full { Err(TOO_LONG) } else { Ok(None) };
+    }
+    if parsed.method != Some("GET") {
+        return Err(ONLY_GET);
+    }
+    let target = parsed.path.unwrap_or_default();
+    let (path, query) = target.split_once('?').unwrap_or((target, ""));
+    let headers = &*parsed.headers;
+    Ok(Some(Request {
+        path: path.to_owned(),
+        query: query.to_owned(),
+        host: only(headers, "host")?,
+        fetch_site: only(headers, "sec-fetch-site")?,
+    }))
+}
+
+/// Returns the text of a header that a request has at most once.
+fn only(headers: &[httparse::Header<'_>], name: &str) -> Result<Option<String>, Refusal> {
+    let mut found = headers
+        .iter()
+        .filter(|header| header.name.eq_ignore_ascii_case(name));
+    let Some(first) = found.next() else {
+        return Ok(None);
+    };
+    let text = std::str::from_utf8(first.value).map_err(|_| NOT_UNDERSTOOD)?;
+    match found.next() {
+        None => Ok(Some(text.trim().to_owned())),
+        Some(_) => Err(NOT_UNDERSTOOD),
+    }
+}
+
+/// Reads a request, which has to arrive within `limit`. None if the client has gone without one.
+///
+/// # Errors
+/// The refusal of what is not a request that this server answers.
+pub fn read(stream: &mut TcpStream, limit: Duration) -> Result<Option<Request>, Refusal> {
+    let deadline = Instant::now() + limit;
+    let mut bytes = [0; LONGEST_REQUEST];
+    let mut length = 0;
+    loop {
+        match read_until(stream, &mut bytes[length..], deadline) {
+            Ok(0) => return Ok(None),
+            Ok(count) => length += count,
+            Err(error) if error.kind() == ErrorKind::TimedOut => return Err(TOO_SLOW),
+            Err(_) => return Ok(None),
+        }
+        if let Some(request) = parse(&bytes[..length])? {
+            return Ok(Some(request));
+        }
+    }
+}
+
+/// Reads once, until a moment.
+fn read_until(stream: &mut TcpStream, bytes: &mut [u8], deadline: Instant) -> std::io::Result<usize> {
+    loop {
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(ErrorKind::TimedOut.into());
+        }
+        stream.set_read_timeout(Some(left))?;
+        match stream.read(bytes) {
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    ErrorKind::Interrupted | ErrorKind::WouldBlock | ErrorKind::TimedOut
+                ) => {}
+            result => return result,
+        }
+    }
+}
+
+/// Writes all bytes within `limit`.
+///
+/// # Errors
+/// If the client is gone or does not take them in time.
+pub fn write(stream: &mut TcpStream, mut bytes: &[u8], limit: Duration) -> std::io::Result<()> {
+    let deadline = Instant::now() + limit;
+    while !bytes.is_empty() {
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(ErrorKind::TimedOut.into());
+        }
+        stream.set_write_timeout(Some(left))?;
+        match stream.write(bytes) {
+            Ok(0) => return Err(ErrorKind::WriteZero.into()),
+            Ok(count) => bytes = &bytes[count..],
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    ErrorKind::Interrupted | ErrorKind::WouldBlock | ErrorKind::TimedOut
+                ) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+/// Ends a connection so that what was written arrives: a client that still sends would otherwise lose it.
+pub fn close(stream: &mut TcpStream, limit: Duration) {
+    // A client that goes on sending is cut off.
+    const MOST_IGNORED: usize = 256 * 1024;
+    if stream.shutdown(Shutdown::Write).is_err() {
+        return;
+    }
+    let deadline = Instant::now() + limit;
+    let mut ignored = 0;
+    let mut bytes = [0; 4096];
+    while ignored < MOST_IGNORED {
+        match read_until(stream, &mut bytes, deadline) {
+            Ok(0) | Err(_) => return,
+            Ok(count) => ignored += count,
+        }
+    }
+}
+
+/// Returns the head of an answer. `length` is that of its body, if it is known.
+#[must_use]
+pub fn head(status: u16, content_type: &str, length: Option<usize>, more: &[(&str, &str)]) -> String {
+    let mut head = format!(
+        "HTTP/1.1 {status} {}\r\nContent-Type: {content_type}\r\n",
+        phrase(status)
+    );
+    if let Some(length) = length {
+        head += &format!("Content-Length: {length}\r\n");
+    }
+    head += "Connection: close\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n\
+             Referrer-Policy: no-referrer\r\nCross-Origin-Resource-Policy: same-origin\r\n";
+    for (name, value) in more {
+        head += &format!("{name}: {value}\r\n");
+    }
+    head + "\r\n"
+}
+
+/// Returns the answer to a request that is refused.
+#[must_use]
+pub fn refused(Refusal { status, reason }: Refusal) -> String {
+    let body = format!("{reason}\n");
+    let allow: &[_] = if status == ONLY_GET.status {
+        &[("Allow", "GET")]
+    } else {
+        &[]
+    };
+    head(status, "text/plain; charset=utf-8", Some(body.len()), allow) + &body
+}
+
+fn phrase(status: u16) -> &'static str {
+    match status {
+        200 => "OK",
+        303 => "See Other",
+        400 => "Bad Request",
+        401 => "Unauthorized",
+        403 => "Forbidden",
+        404 => "Not Found",
+        405 => "Method Not Allowed",
+        408 => "Request Timeout",
+        421 => "Misdirected Request",
+        431 => "Request Header Fields Too Large",
+        503 => "Service Unavailable",
+        _ => "",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const BROWSER: &str = "GET /live?t=1 HTTP/1.1\r\nHost: 127.0.0.1:8421\r\nAccept: text/event-stream\r\n\
+                           sec-fetch-site: same-origin\r\n\r\n";
+
+    #[test]
+    fn a_browsers_request_is_understood_as_soon_as_it_is_whole() {
+        let request = Request {
+            path: "/live".to_owned(),
+            query: "t=1".to_owned(),
+            host: Some("127.0.0.1:8421".to_owned()),
+            fetch_site: Some("same-origin".to_owned()),
+        };
+        for length in 0..BROWSER.len() {
+            assert_eq!(parse(&BROWSER.as_bytes()[..length]), Ok(None), "{length}");
+        }
+        assert_eq!(parse(BROWSER.as_bytes()), Ok(Some(request)));
+    }
+
+    #[test]
+    fn all_that_could_change_something_is_refused() {
+        for method in [
+            "POST", "PUT", "DELETE", "PATCH", "OPTIONS", "HEAD", "CONNECT", "get",
+        ] {
+            let request = format!("{method} / HTTP/1.1\r\nHost: localhost\r\n\r\n");
+            assert_eq!(parse(request.as_bytes()), Err(ONLY_GET), "{method}");
+            assert!(refused(ONLY_GET).contains("\r\nAllow: GET\r\n"));
+        }
+    }
+
+    #[test]
+    fn what_has_two_hosts_or_too_much_is_refused() {
+        let parsed = |headers: String| parse(format!("GET / HTTP/1.1\r\n{headers}\r\n").as_bytes());
+        assert_eq!(parsed("Host: a\r\nhost: b\r\n".to_owned()), Err(NOT_UNDERSTOOD));
+        assert_eq!(parsed("X: y\r\n".repeat(MOST_HEADERS + 1)), Err(TOO_LONG));
+        assert!(parsed("X: y\r\n".repeat(MOST_HEADERS)).is_ok());
+        let endless = format!("GET / HTTP/1.1\r\nX: {}", "y".repeat(LONGEST_REQUEST));
+        assert_eq!(parse(&endless.as_bytes()[..LONGEST_REQUEST]), Err(TOO_LONG));
+        assert_eq!(parse(b"\x16\x03\x01\x02\x00\x01\x00"), Err(NOT_UNDERSTOOD));
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_that_is_sent_is_more_than_refused(bytes in proptest::collection::vec(any::<u8>(), 0..600)) {
+            let _ = parse(&bytes);
+        }
+
+        #[test]
+        fn a_changed_request_is_refused_or_understood_as_a_get(place in 0..BROWSER.len(), byte: u8) {
+            let mut bytes = BROWSER.as_bytes().to_vec();
+            bytes[place] = byte;
+            if let Ok(Some(_)) = parse(&bytes) {
+                prop_assert!(bytes.starts_with(b"GET "));
+            }
+        }
+    }
+}

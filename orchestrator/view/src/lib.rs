@@ -1,0 +1,142 @@
+//! `gerono view`: a flight in a browser, while it is flown or afterwards.
+//!
+//! One page over plain HTTP, and its news as Server-Sent Events, which cannot carry a command: there is no way from a browser
+//! to the flight. The samples come from the run's orchestrator, which has received them anyway, so no service learns of a
+//! watcher ([`live`]).
+//!
+//! * [`feed`]: asks the run and puts up what it answers;
+//! * [`frame`], [`path`]: what the page draws of samples and scenario;
+//! * [`board`]: the newest of each kind, for any number of readers;
+//! * [`server`], [`http`], [`host_name`]: connections, their limits, and who may ask;
+//! * [`page`]: the page and what a browser may do with it;
+//! * [`manners`]: the lowest priority, away from the services' cores.
+//!
+//! Failure policy: a run that does not answer is shown as such and asked again. A client that does anything but read is
+//! refused or cut off, in silence: nothing that a client does reaches the terminal or another client.
+
+pub mod arguments;
+pub mod board;
+pub mod feed;
+pub mod frame;
+pub mod host_name;
+pub mod http;
+pub mod manners;
+pub mod page;
+pub mod path;
+pub mod server;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc;
+use std::time::Duration;
+
+use command_line::exit::Exit;
+use command_line::failure::Failure;
+use command_line::interrupt::Interrupt;
+use command_line::output::{log_path, note, print};
+use evaluation::report;
+use live::LiveError;
+use live::runs::MachineRun;
+
+use arguments::View;
+use board::Board;
+use feed::Feed;
+use page::Page;
+use server::{Content, Server};
+
+/// Time for which browsers are waited for that have not read the last news.
+const FAREWELL: Duration = Duration::from_secs(2);
+
+/// `gerono view`.
+///
+/// # Errors
+/// [`Failure`] if there is no such flight, or the port is taken.
+pub fn view(arguments: &View) -> Result<Exit, Failure> {
+    let interrupt = Interrupt::install_in_terminal().map_err(Failure::trouble)?;
+    match &arguments.log {
+        Some(log) => show(log, arguments, &interrupt),
+        None => watch(arguments, &interrupt),
+    }
+}
+
+/// Serves the page of a finished flight.
+fn show(log: &Path, arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
+    let (html, broken) = report::page(&log_path(log)).map_err(Failure::trouble)?;
+    if let Some(reason) = broken {
+        note(format_args!("{reason}; the page shows that part"));
+    }
+    let server = listen(arguments)?;
+    print(format!("{}\n", server.url()));
+    let content = Content {
+        page: Page::new(html),
+        board: None,
+    };
+    // Nothing is ever sent: it becomes readable never.
+    let (never, _held) = std::io::pipe().map_err(Failure::trouble)?;
+    end(server.serve(&Arc::new(content), interrupt, &never))
+}
+
+/// Serves the page of a flight that goes on.
+fn watch(arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
+    let found = find(arguments)?;
+    let server = listen(arguments)?;
+    let name = found.as_ref().map_or("the next flight", MachineRun::name);
+    print(format!("{name}: {}\n", server.url()));
+    manners::be_idle();
+    let content = Arc::new(Content {
+        page: Page::live(),
+        board: Some(Board::default()),
+    });
+    let (finished, finishes) = std::io::pipe().map_err(Failure::trouble)?;
+    let (stop, stopped) = mpsc::channel();
+    let fed = Arc::clone(&content);
+    let run = arguments.run.clone();
+    let follows = arguments.follow;
+    let feed = std::thread::spawn(move || {
+        // Dropped at the end, however that comes.
+        let _finishes = finishes;
+        if let Some(board) = &fed.board {
+            let feed = Feed {
+                run,
+                follows,
+                board,
+                stop: stopped,
+            };
+            feed.run(found);
+            board.end();
+            board.await_no_reader(FAREWELL);
+        }
+    });
+    let served = server.serve(&content, interrupt, &finished);
+    drop(stop);
+    let is_finished = matches!(served, Ok(None));
+    if feed.join().is_ok() && is_finished {
+        print("the run has ended\n");
+    }
+    end(served)
+}
+
+/// Finds the run to begin with; none if it is to be waited for.
+fn find(arguments: &View) -> Result<Option<MachineRun>, Failure> {
+    match live::find_to_watch(arguments.run.as_deref(), "view") {
+        Err(LiveError::NoneToWatch(_)) if arguments.follow => Ok(None),
+        found => found.map(Some).map_err(Failure::trouble),
+    }
+}
+
+fn listen(arguments: &View) -> Result<Server, Failure> {
+    let port = arguments.port;
+    Server::listen(port).map_err(|error| {
+        Failure::trouble(format!(
+            "cannot listen at port {port} of this machine: {error}; choose another one with `--port`, or any free one \
+             with `--port 0`"
+        ))
+    })
+}
+
+fn end(served: std::io::Result<Option<i32>>) -> Result<Exit, Failure> {
+    match served.map_err(Failure::trouble)? {
+        Some(signal) => Ok(Exit::Signal(signal)),
+        None => Ok(Exit::Success),
+    }
+}

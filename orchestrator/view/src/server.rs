@@ -1,0 +1,225 @@
+//! The server: one thread that takes connections, and one a connection.
+//!
+//! It answers GET and nothing else, one request a connection, and limits everything that a client could use up: length and
+//! time of a request, connections, browsers that watch, and the time that a client may take for what it is sent. A client that
+//! is stopped or slow is cut off, and costs nobody else anything.
+
+use std::io::{self, Write};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::os::fd::AsFd;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use command_line::interrupt::Interrupt;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::net::sockopt::set_socket_send_buffer_size;
+
+use crate::board::Board;
+use crate::host_name::HostNames;
+use crate::http::{self, NOT_FOUND, Refusal, Request};
+use crate::page::Page;
+
+/// Browsers that watch at once.
+pub const MOST_WATCHERS: usize = 8;
+
+/// Connections at once: those of the watchers, and others that ask for the page.
+const MOST_CONNECTIONS: usize = 2 * MOST_WATCHERS;
+
+/// Time in which a request has to arrive.
+const REQUEST_LIMIT: Duration = Duration::from_secs(5);
+
+/// Time in which a client has to take the page, some megabytes.
+const PAGE_LIMIT: Duration = Duration::from_secs(60);
+
+/// Time in which a watcher has to take its news.
+const NEWS_LIMIT: Duration = Duration::from_secs(1);
+
+/// Time after which a watcher is told something even if there are no news: else nobody learns that it has gone.
+const KEEP_ALIVE: Duration = Duration::from_secs(5);
+
+/// Time for which a closed connection may still send.
+const CLOSE_LIMIT: Duration = Duration::from_secs(1);
+
+/// Bytes that the system keeps for a watcher: what is in there grows old.
+const WATCHER_BUFFER: usize = 32 * 1024;
+
+/// Longest wait for a connection: how late a signal may be noticed that came just before the wait.
+const LOOK_PERIOD: Duration = Duration::from_millis(250);
+
+const TOO_MANY_CONNECTIONS: Refusal = Refusal {
+    status: 503,
+    reason: "too many connections; try again",
+};
+
+const TOO_MANY_WATCHERS: Refusal = Refusal {
+    status: 503,
+    reason: "eight browsers are watching already; close one of them",
+};
+
+const OTHER_SITE: Refusal = Refusal {
+    status: 403,
+    reason: "the page of another site may not watch",
+};
+
+/// What is served.
+#[derive(Debug)]
+pub struct Content {
+    /// The page.
+    pub page: Page,
+    /// The news of the flight; none of one that is finished.
+    pub board: Option<Board>,
+}
+
+/// A server that listens.
+#[derive(Debug)]
+pub struct Server {
+    listener: TcpListener,
+    names: HostNames,
+    address: SocketAddr,
+}
+
+/// A place among the connections, for as long as this lives.
+struct Connection(Arc<AtomicUsize>);
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+impl Server {
+    /// Listens at a port of this machine itself; at a free one if it is 0.
+    ///
+    /// # Errors
+    /// If the port is taken.
+    pub fn listen(port: u16) -> io::Result<Self> {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
+        listener.set_nonblocking(true)?;
+        let address = listener.local_addr()?;
+        Ok(Self {
+            names: HostNames::of(IpAddr::V4(Ipv4Addr::LOCALHOST)),
+            listener,
+            address,
+        })
+    }
+
+    /// Returns the address to open in a browser.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://{}/", self.address)
+    }
+
+    /// Serves until a signal asks for the end, or until `finished` becomes readable: returns the signal.
+    ///
+    /// # Errors
+    /// If the system takes the socket away.
+    pub fn serve(
+        &self,
+        content: &Arc<Content>,
+        interrupt: &Interrupt,
+        finished: &impl AsFd,
+    ) -> io::Result<Option<i32>> {
+        let connections = Arc::new(AtomicUsize::new(0));
+        let names = Arc::new(self.names.clone());
+        loop {
+            if let Some(signal) = interrupt.signal() {
+                return Ok(Some(signal));
+            }
+            let period = Timespec::try_from(LOOK_PERIOD).map_err(io::Error::other)?;
+            let mut files = [
+                PollFd::new(&self.listener, PollFlags::IN),
+                PollFd::new(finished, PollFlags::IN),
+            ];
+            match poll(&mut files, Some(&period)) {
+                Ok(_) => {}
+                Err(rustix::io::Errno::INTR) => continue,
+                Err(error) => return Err(error.into()),
+            }
+            if !files[1].revents().is_empty() {
+                return Ok(None);
+            }
+            if let Ok((stream, _)) = self.listener.accept() {
+                take(stream, &connections, &names, content);
+            }
+        }
+    }
+}
+
+/// Gives a connection a thread, or refuses it.
+fn take(stream: TcpStream, connections: &Arc<AtomicUsize>, names: &Arc<HostNames>, content: &Arc<Content>) {
+    let place = Connection(Arc::clone(connections));
+    let others = connections.fetch_add(1, Ordering::AcqRel);
+    // A listener's sockets do not inherit that it does not wait.
+    let mut stream = stream;
+    if others >= MOST_CONNECTIONS {
+        // The thread that takes connections waits for no client.
+        let _ = stream.set_nonblocking(true);
+        let _ = stream.write(http::refused(TOO_MANY_CONNECTIONS).as_bytes());
+        return;
+    }
+    let (names, content) = (Arc::clone(names), Arc::clone(content));
+    let thread = std::thread::Builder::new().name("browser".to_owned());
+    // Without a thread the connection ends, and the browser tries again.
+    let _ = thread.spawn(move || {
+        let _place = place;
+        // A client that is gone needs no answer.
+        let _ = answer(&mut stream, &names, &content);
+        http::close(&mut stream, CLOSE_LIMIT);
+    });
+}
+
+fn answer(stream: &mut TcpStream, names: &HostNames, content: &Content) -> io::Result<()> {
+    let request = match http::read(stream, REQUEST_LIMIT) {
+        Ok(Some(request)) => request,
+        Ok(None) => return Ok(()),
+        Err(refusal) => return refuse(stream, refusal),
+    };
+    if let Err(refusal) = names.check(&request) {
+        return refuse(stream, refusal);
+    }
+    match (request.path.as_str(), &content.board) {
+        ("/", _) => send_page(stream, &content.page),
+        ("/live", Some(board)) => watch(stream, &request, board),
+        _ => refuse(stream, NOT_FOUND),
+    }
+}
+
+fn refuse(stream: &mut TcpStream, refusal: Refusal) -> io::Result<()> {
+    http::write(stream, http::refused(refusal).as_bytes(), CLOSE_LIMIT)
+}
+
+fn send_page(stream: &mut TcpStream, Page { html, policy }: &Page) -> io::Result<()> {
+    let more = [("Content-Security-Policy", policy.as_str())];
+    let head = http::head(200, "text/html; charset=utf-8", Some(html.len()), &more);
+    http::write(stream, head.as_bytes(), CLOSE_LIMIT)?;
+    http::write(stream, html.as_bytes(), PAGE_LIMIT)
+}
+
+/// Sends the news of a flight, the newest of each kind, until there are no more or the client does not take them.
+fn watch(stream: &mut TcpStream, request: &Request, board: &Board) -> io::Result<()> {
+    // Else any page of the internet that this machine's user looks at could take all places.
+    let site = request.fetch_site.as_deref();
+    if site.is_some_and(|site| !["same-origin", "none"].contains(&site)) {
+        return refuse(stream, OTHER_SITE);
+    }
+    let Some(mut reader) = board.read(MOST_WATCHERS) else {
+        return refuse(stream, TOO_MANY_WATCHERS);
+    };
+    set_socket_send_buffer_size(&*stream, WATCHER_BUFFER)?;
+    stream.set_nodelay(true)?;
+    let head = http::head(200, "text/event-stream", None, &[]);
+    http::write(stream, head.as_bytes(), NEWS_LIMIT)?;
+    let mut events = String::new();
+    while let Some(unread) = reader.wait(KEEP_ALIVE) {
+        events.clear();
+        for (name, text) in &unread {
+            events.extend(["event: ", name, "\ndata: ", text, "\n\n"]);
+        }
+        if unread.is_empty() {
+            events.push_str(":\n\n");
+        }
+        http::write(stream, events.as_bytes(), NEWS_LIMIT)?;
+    }
+    Ok(())
+}
