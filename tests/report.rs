@@ -102,7 +102,7 @@ fn the_page_stands_alone_and_holds_the_log_s_extremes() {
     assert_eq!(references(&page), Vec::<&str>::new());
     assert_eq!(
         page.matches("</script").count(),
-        4,
+        5,
         "nothing of a log ends an element"
     );
 

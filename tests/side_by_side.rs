@@ -26,3 +26,4 @@ mod reproduce;
 mod safety;
 mod sweeps;
 mod verdicts;
+mod view;

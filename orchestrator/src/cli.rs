@@ -28,6 +28,7 @@ use grid::arguments::Grid;
 pub use mocap_tools::arguments::*;
 use model_identification::arguments::Identify;
 use sweep::arguments::Sweep;
+use top::arguments::Top;
 use view::arguments::View;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.

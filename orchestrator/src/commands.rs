@@ -16,7 +16,6 @@ pub mod report;
 pub mod reproduce;
 pub mod run;
 pub mod service;
-pub mod top;
 pub mod truth;
 pub mod world;
 

@@ -8,7 +8,7 @@ use live::Question;
 use orchestrator::cli::{Cli, Command, Operate, RcCommand};
 use orchestrator::commands::{
     Failure, attach, check, clean, doctor, faults, generated, logs, operate, postmortem, rc, replay, report,
-    reproduce, run, service, top, truth, world,
+    reproduce, run, service, truth, world,
 };
 use runtime::shared_page::Request;
 

@@ -48,29 +48,3 @@ pub struct Postmortem {
     #[arg(long, value_name = "CAUSE")]
     pub cause: String,
 }
-
-/// Arguments of `gerono top`.
-#[derive(Debug, Args)]
-pub struct Top {
-    /// Which run.
-    #[command(flatten)]
-    pub run: Operate,
-    /// Permit the keys that kill (`k`) and freeze (`f`) the selected service; without it they do nothing.
-    #[arg(long, conflicts_with = "once")]
-    pub allow_faults: bool,
-    /// Print how the run is now, and no more; needs no terminal.
-    #[arg(long)]
-    pub once: bool,
-    /// Print it as JSON, for other programs.
-    #[arg(long, requires = "once")]
-    pub json: bool,
-}
-
-impl Top {
-    /// The end of `gerono top --help`.
-    pub(super) const EXAMPLES: &str = "Examples:\n  \
-        gerono top\n  \
-        gerono top --allow-faults\n  \
-        gerono top --once --json | jq '.services[] | {name, rate, wake: .wake.p99}'\n\n\
-        Exit codes: 0 left by a key, or the run has ended; 1 there is no such run, or no terminal.";
-}

@@ -4,6 +4,8 @@
 //! output. This module asks the run, hands over what comes, and waits. It never waits for the run: a run that does
 //! not answer is shown as such, and the keys go on to work.
 
+pub mod arguments;
+mod command;
 pub mod history;
 pub mod keys;
 mod screen;
@@ -17,6 +19,7 @@ use std::time::{Duration, Instant};
 use ratatui::crossterm::event::{self, Event, KeyEventKind};
 use rustix::event::{PollFd, PollFlags, Timespec};
 
+pub use self::command::top;
 use self::history::History;
 use self::keys::{Action, Controls, Key};
 use self::screen::Screen;

@@ -117,7 +117,7 @@ pub struct Reader<'a> {
 
 impl Board {
     fn state(&self) -> MutexGuard<'_, State> {
-        // Whoever panicked left whole news behind.
+        // A thread that panicked left whole news behind.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

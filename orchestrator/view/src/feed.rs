@@ -14,10 +14,10 @@ use crate::board::{Board, Kind};
 use crate::frame::Encoder;
 use crate::manners::Distance;
 
-/// Period of frames while somebody reads them.
+/// Period of frames while a browser watches.
 const FRAME_PERIOD: Duration = Duration::from_millis(33);
 
-/// Period of frames while nobody does: the past goes on.
+/// Period of frames while none does: the past goes on.
 const IDLE_PERIOD: Duration = Duration::from_millis(250);
 
 /// Period of the state of services; its numbers are those of whole seconds.

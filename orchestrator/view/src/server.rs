@@ -223,3 +223,94 @@ fn watch(stream: &mut TcpStream, request: &Request, board: &Board) -> io::Result
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::{BufRead, BufReader, Read};
+    use std::net::TcpStream;
+
+    use super::*;
+    use crate::board::Kind;
+
+    /// A server that ends with the test, and its address.
+    fn serve() -> (Arc<Content>, SocketAddr, io::PipeWriter) {
+        let server = Server::listen(0).unwrap();
+        let content = Arc::new(Content {
+            page: Page::new("<p>here</p>".to_owned()),
+            board: Some(Board::default()),
+        });
+        let (finished, finishes) = io::pipe().unwrap();
+        let (served, address) = (Arc::clone(&content), server.address);
+        std::thread::spawn(move || server.serve(&served, &Interrupt::never(), &finished));
+        (content, address, finishes)
+    }
+
+    fn ask(address: SocketAddr, path: &str) -> TcpStream {
+        let mut stream = TcpStream::connect(address).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {address}\r\n\r\n").unwrap();
+        stream
+    }
+
+    fn answer_to(mut stream: TcpStream) -> String {
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        text
+    }
+
+    #[test]
+    fn a_watcher_that_does_not_read_is_cut_off_and_others_go_on() {
+        let (content, address, _finishes) = serve();
+        let board = content.board.as_ref().unwrap();
+        let silent = ask(address, "/live");
+        let reading = ask(address, "/live");
+        let (told, tells) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            for line in BufReader::new(reading).lines() {
+                told.send(line.unwrap()).unwrap_or_default();
+            }
+        });
+        let news = "7".repeat(100_000);
+        let mut had_both = false;
+        loop {
+            board.put(Kind::Frame, news.clone());
+            // The one that reads gets it, whatever the other does.
+            while tells.recv().unwrap() != format!("data: {news}") {}
+            had_both |= board.readers() == 2;
+            if had_both && board.readers() == 1 {
+                break;
+            }
+        }
+        drop(silent);
+    }
+
+    #[test]
+    fn those_who_hold_connections_do_not_keep_others_out_for_longer_than_a_request_may_take() {
+        let (_content, address, _finishes) = serve();
+        let held: Vec<_> = (0..MOST_CONNECTIONS)
+            .map(|_| TcpStream::connect(address).unwrap())
+            .collect();
+        // Before it has asked: a question that nobody reads would end the connection before its answer.
+        let refused = answer_to(TcpStream::connect(address).unwrap());
+        assert!(refused.starts_with("HTTP/1.1 503 "), "{refused}");
+        for stream in held {
+            let late = answer_to(stream);
+            assert!(late.starts_with("HTTP/1.1 408 "), "{late}");
+        }
+        let page = answer_to(ask(address, "/"));
+        assert!(page.ends_with("<p>here</p>"), "{page}");
+    }
+
+    #[test]
+    fn a_ninth_watcher_is_refused() {
+        let (content, address, _finishes) = serve();
+        let board = content.board.as_ref().unwrap();
+        let _readers: Vec<_> = (0..MOST_WATCHERS)
+            .map(|_| board.read(MOST_WATCHERS).unwrap())
+            .collect();
+        let refused = answer_to(ask(address, "/live"));
+        assert!(
+            refused.starts_with("HTTP/1.1 503 ") && refused.contains("eight"),
+            "{refused}"
+        );
+    }
+}

@@ -12,6 +12,7 @@ const NEWEST_MOMENTS = 2400;
 /** Places of the vehicle that the 3D view draws, and the time in which it shows them brightly, s. */
 const MOST_PLACES = 900;
 const BRIGHT = 6;
+const LONGEST_GAP = 0.6;
 
 /** Least time between two drawings of the panels, ms. */
 const PANELS_PERIOD = 100;
@@ -78,12 +79,20 @@ function keep(moment) {
     const old = moments.slice(0, -NEWEST_MOMENTS).filter((_, place) => place % 2 === 0);
     moments = old.concat(moments.slice(-NEWEST_MOMENTS));
   }
-  const p = moment.p.map((value) => value ?? NaN);
-  const place = { time: moment.t, position: p.slice(0, 3), desired: p.slice(3, 6), attitude: p.slice(6, 9) };
+  const place = placeIn(moment);
+  if (moment.t - (last?.t ?? 0) > LONGEST_GAP) followed.places.push(breakAt(moment.t));
   followed.places.push(place);
   if (followed.places.length > MOST_PLACES) followed.places.splice(0, followed.places.length - MOST_PLACES);
   if (!orbit.holds(place.position) || !orbit.holds(place.desired)) orbit.measure();
 }
+
+function placeIn({ t, p }) {
+  const known = p.map((value) => value ?? NaN);
+  return { time: t, position: known.slice(0, 3), desired: known.slice(3, 6), attitude: known.slice(6, 9) };
+}
+
+/** Nobody knows the way between places that are far apart in time: none is drawn. */
+const breakAt = (time) => ({ time, position: [NaN, NaN, NaN], desired: [NaN, NaN, NaN], attitude: [0, 0, 0] });
 
 function take(moment) {
   keep(moment);
@@ -197,21 +206,25 @@ function drawEvents() {
 
 /* ---- Over time ---- */
 
-/** A panel with the places of its curves among the values of a moment. It is drawn once one of them has a value. */
+/** A panel with the places of its curves among the values of a moment. A curve is drawn from its first value on. */
 function arrange(panel) {
   const curves = panel.groups.flatMap((group, color) => group.curves.map((curve) => ({
     ...curve, color, place: flight.channels.findIndex(([topic, name]) => topic === curve.topic && name === curve.channel),
   }))).filter(({ place }) => place >= 0);
-  return { panel, curves: curves.sort((left, right) => right.dash - left.dash), plot: null, isSeen: true };
+  return { panel, curves: curves.sort((left, right) => right.dash - left.dash), shown: [], plot: null, holder: null, isSeen: true };
 }
 
-function open(arranged) {
-  const { panel, curves } = arranged;
+/** Draws a panel with those of its curves that have had a value, in the place of an earlier one with fewer. */
+function open(arranged, curves) {
+  const { panel } = arranged;
+  arranged.holder?.remove();
+  arranged.plot?.destroy();
+  arranged.shown = curves;
   const holder = element("div", { class: "panel", role: "group", "aria-label": `${panel.title} over time` },
     element("h3", {}, panel.title, element("span", {}, panel.unit)));
   // In the order of the panels, whichever has a value first.
   const later = plots.slice(plots.indexOf(arranged) + 1).find(({ plot }) => plot !== null);
-  byId("panels").insertBefore(holder, later === undefined ? null : later.holder);
+  byId("panels").insertBefore(holder, later?.holder ?? null);
   arranged.holder = holder;
   const bounds = panel.has_bound && flight.bound !== null ? [flight.bound] : [];
   arranged.plot = new uPlot({
@@ -271,12 +284,11 @@ function drawPanels() {
   const seen = moments.slice(Math.max(placeOf(from) - 1, 0), placeOf(to) + 1);
   const times = seen.map(({ t }) => t);
   for (const arranged of plots) {
-    const { panel, curves } = arranged;
-    const hasValue = () => curves.some(({ place }) => seen.some(({ v }) => v[place] !== null));
-    if (arranged.plot === null) {
-      if (!hasValue()) continue;
-      open(arranged);
-    }
+    const { panel } = arranged;
+    const hasValue = ({ place }) => seen.some(({ v }) => v[place] !== null);
+    const curves = arranged.curves.filter((curve) => arranged.shown.includes(curve) || hasValue(curve));
+    if (curves.length === 0) continue;
+    if (curves.length > arranged.shown.length) open(arranged, curves);
     if (!arranged.isSeen) continue;
     const least = panel.is_logarithmic ? FLOOR : -Infinity;
     const values = ({ place }) => seen.map(({ v }) => (v[place] === null ? null : Math.max(v[place], least)));
@@ -349,9 +361,9 @@ function showPaused() {
   if (isPaused) {
     [slider.min, slider.max] = [moments[0].t, moments.at(-1).t];
     slider.value = pausedAt;
-    followed.places = moments.map(({ t, p }) => {
-      const q = p.map((value) => value ?? NaN);
-      return { time: t, position: q.slice(0, 3), desired: q.slice(3, 6), attitude: q.slice(6, 9) };
+    followed.places = moments.flatMap((moment, index) => {
+      const isFar = index > 0 && moment.t - moments[index - 1].t > LONGEST_GAP;
+      return isFar ? [breakAt(moment.t), placeIn(moment)] : [placeIn(moment)];
     });
   } else {
     [slider.min, slider.max, slider.value] = [0, 1, 1];

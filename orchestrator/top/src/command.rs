@@ -2,12 +2,14 @@
 
 use std::io::IsTerminal;
 
-use super::{Failure, print};
-use crate::cli::Top;
 use command_line::exit::Exit;
+use command_line::failure::Failure;
 use command_line::interrupt::Interrupt;
+use command_line::output::print;
 use live::{Answer, LiveRun, PATIENCE, Question, Snapshot};
-use top::Leaving;
+
+use crate::arguments::Top;
+use crate::{Leaving, once, watch};
 
 /// Columns of what is printed where there is no terminal.
 const COLUMNS: u16 = 80;
@@ -23,12 +25,12 @@ pub fn top(arguments: &Top) -> Result<Exit, Failure> {
              now, and `--once --json` does so for other programs";
         return Err(Failure::trouble(reason));
     }
-    let run = LiveRun::find(arguments.run.run.as_deref(), "top").map_err(Failure::trouble)?;
+    let run = LiveRun::find(arguments.run.as_deref(), "top").map_err(Failure::trouble)?;
     if arguments.once {
         return print_once(arguments, &run);
     }
     let interrupt = Interrupt::install_in_terminal().map_err(Failure::trouble)?;
-    match top::watch(&run, arguments.allow_faults, &interrupt).map_err(Failure::trouble)? {
+    match watch(&run, arguments.allow_faults, &interrupt).map_err(Failure::trouble)? {
         Leaving::Wanted => Ok(Exit::Success),
         Leaving::Signal(signal) => Ok(Exit::Signal(signal)),
         Leaving::Ended(last) => {
@@ -52,7 +54,7 @@ fn print_once(arguments: &Top, run: &LiveRun) -> Result<Exit, Failure> {
         let text = serde_json::to_string_pretty(&snapshot).map_err(Failure::trouble)?;
         print(text + "\n");
     } else {
-        print(top::once(run.name(), &snapshot, COLUMNS));
+        print(once(run.name(), &snapshot, COLUMNS));
     }
     Ok(Exit::Success)
 }

@@ -1,0 +1,251 @@
+//! `gerono view` as browsers have it, and as a flight has it: not at all.
+
+use crate::common;
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use common::processes::signal;
+use common::{Begun, Place, begin, complaint, finish, fly_to_the_end, output, succeed, until};
+use rustix::process::Signal;
+use serde_json::Value;
+
+/// Browsers that may watch at once.
+const MOST_WATCHERS: usize = 8;
+
+/// A server, with its address.
+struct View {
+    child: Begun,
+    address: SocketAddr,
+}
+
+/// Answer of a server: status, header lines and body.
+struct Answer {
+    status: u16,
+    head: String,
+    body: String,
+}
+
+impl View {
+    /// `gerono view` with these arguments, at a free port.
+    fn begin(place: &Place, arguments: &[&str]) -> Self {
+        let mut child = begin(&mut place.gerono(&[&["view", "--port", "0"], arguments].concat()));
+        let mut line = String::new();
+        let mut out = BufReader::new(child.stdout.take().unwrap());
+        out.read_line(&mut line).unwrap();
+        let address = line
+            .trim()
+            .split_once("http://")
+            .unwrap_or_else(|| panic!("no address in {line:?}"))
+            .1;
+        let address = address.trim_end_matches('/').parse().unwrap();
+        Self { child, address }
+    }
+
+    fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(self.address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream
+    }
+
+    /// Asks with these first lines.
+    fn ask(&self, lines: &str) -> Answer {
+        let mut stream = self.connect();
+        stream.write_all(format!("{lines}\r\n\r\n").as_bytes()).unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        let (head, body) = text.split_once("\r\n\r\n").unwrap();
+        Answer {
+            status: head.split(' ').nth(1).unwrap().parse().unwrap(),
+            head: head.to_owned(),
+            body: body.to_owned(),
+        }
+    }
+
+    fn get(&self, path: &str) -> Answer {
+        self.ask(&format!("GET {path} HTTP/1.1\r\nHost: {}", self.address))
+    }
+
+    /// A browser that watches.
+    fn watch(&self) -> Events {
+        let mut stream = self.connect();
+        let request = format!("GET /live HTTP/1.1\r\nHost: {}\r\n\r\n", self.address);
+        stream.write_all(request.as_bytes()).unwrap();
+        Events(BufReader::new(stream))
+    }
+}
+
+/// The events that a browser gets.
+struct Events(BufReader<TcpStream>);
+
+impl Events {
+    /// The next event, with its name; none at the end.
+    fn next(&mut self) -> Option<(String, Value)> {
+        let mut name = String::new();
+        loop {
+            let mut line = String::new();
+            if self.0.read_line(&mut line).unwrap() == 0 {
+                return None;
+            }
+            if let Some(event) = line.strip_prefix("event: ") {
+                name = event.trim_end().to_owned();
+            } else if let Some(data) = line.strip_prefix("data: ") {
+                return Some((name, serde_json::from_str(data).unwrap()));
+            }
+        }
+    }
+
+    /// The next event of a name.
+    fn await_event(&mut self, wanted: &str) -> Value {
+        loop {
+            let (name, data) = self.next().unwrap_or_else(|| panic!("never came: {wanted}"));
+            if name == wanted {
+                return data;
+            }
+        }
+    }
+}
+
+fn digest(place: &Place, out: &str) -> String {
+    String::from_utf8(succeed(&mut place.gerono(&["digest", out])).stdout).unwrap()
+}
+
+/// A process that has a browser's connection and is stopped.
+fn stopped_watcher(view: &View) -> Begun {
+    let stream = view.watch().0.into_inner();
+    rustix::net::sockopt::set_socket_recv_buffer_size(&stream, 4096).unwrap();
+    let cat = Command::new("cat")
+        .stdin(Stdio::from(std::os::fd::OwnedFd::from(stream)))
+        .stdout(Stdio::null())
+        .spawn();
+    let cat = Begun::from(cat.unwrap());
+    signal(cat.id(), Signal::STOP);
+    cat
+}
+
+#[test]
+fn a_flight_with_eight_browsers_of_which_one_is_stopped_has_the_bytes_of_one_with_none() {
+    let place = Place::new();
+    let arguments = ["--host", "inprocess", "--quiet"];
+    fly_to_the_end(&mut place.short_flight("alone", 300.0, &arguments));
+    let flight = begin(&mut place.short_flight("watched", 300.0, &["--quiet"]));
+    let view = until("a flight that can be watched", || {
+        let found = output(&mut place.gerono(&["doctor"]));
+        let is_found = String::from_utf8_lossy(&found.stdout).contains(&format!("{}-0", flight.id()));
+        is_found.then(|| View::begin(&place, &[]))
+    });
+    let mut watchers: Vec<_> = (1..MOST_WATCHERS).map(|_| view.watch()).collect();
+    let _stopped = stopped_watcher(&view);
+    for watcher in &mut watchers {
+        let flight = watcher.await_event("flight");
+        assert_eq!(flight["is_in_real_time"], false);
+        let frame = watcher.await_event("frame");
+        let channels = flight["channels"].as_array().unwrap();
+        assert_eq!(frame["v"].as_array().unwrap().len(), channels.len());
+    }
+    assert_eq!(view.get("/live").status, 503);
+    assert!(finish(flight).status.success());
+    for mut watcher in watchers {
+        // Its last word may come before the flight's processes are gone.
+        while watcher.await_event("contact")["state"] != "ended" {}
+        assert_eq!(watcher.next(), None);
+    }
+    assert_eq!(finish(view.child).status.code(), Some(0));
+    assert_eq!(digest(&place, "watched"), digest(&place, "alone"));
+    assert_eq!(place.leftovers(), Vec::<String>::new());
+}
+
+#[test]
+fn a_flight_in_real_time_is_shown_and_outlives_its_watchers() {
+    let place = Place::new();
+    let flight = begin(&mut place.live_hover("out", &["--quiet"]));
+    until("a flight that can be looked at", || place.look());
+    let mut killed = View::begin(&place, &[]);
+    let mut watcher = killed.watch();
+    let description = watcher.await_event("flight");
+    assert_eq!(description["run"], format!("{}-0", flight.id()));
+    assert_eq!(description["path"].as_array().unwrap().len(), 1, "a hover");
+    let status = watcher.await_event("status");
+    assert_eq!(status["snapshot"]["services"].as_array().unwrap().len(), 5);
+    let [first, second] = [(); 2].map(|()| watcher.await_event("frame")["t"].as_f64().unwrap());
+    assert!(second > first);
+    killed.child.kill().unwrap();
+
+    let view = View::begin(&place, &[]);
+    only_the_page_is_to_be_had(&view);
+    let mut watcher = view.watch();
+    watcher.await_event("frame");
+    signal(flight.id(), Signal::INT);
+    assert_eq!(finish(flight).status.code(), Some(130));
+    while watcher.await_event("contact")["state"] != "ended" {}
+    assert_eq!(finish(view.child).status.code(), Some(0));
+    assert_eq!(place.leftovers(), Vec::<String>::new());
+}
+
+fn only_the_page_is_to_be_had(view: &View) {
+    let page = view.get("/");
+    assert_eq!(page.status, 200);
+    assert!(
+        page.head
+            .contains("Content-Security-Policy: default-src 'none'; script-src 'sha256-")
+    );
+    assert!(page.body.contains("EventSource"));
+    assert_eq!(view.get("/etc/passwd").status, 404);
+    assert_eq!(view.ask("GET / HTTP/1.1\r\nHost: evil.example").status, 421);
+    assert_eq!(view.ask("GET / HTTP/1.1").status, 421);
+    let host = format!("Host: {}", view.address);
+    for method in ["POST", "PUT", "DELETE", "HEAD", "OPTIONS"] {
+        assert_eq!(view.ask(&format!("{method} / HTTP/1.1\r\n{host}")).status, 405);
+    }
+    let other_site = format!("GET /live HTTP/1.1\r\n{host}\r\nSec-Fetch-Site: cross-site");
+    assert_eq!(view.ask(&other_site).status, 403);
+    assert_eq!(
+        view.ask(&format!("GET / HTTP/1.1\r\nX: {}", "x".repeat(9000)))
+            .status,
+        431
+    );
+    assert_eq!(view.ask("\x16\x03\x01").status, 400);
+}
+
+#[test]
+fn a_finished_flight_is_shown_until_a_signal_comes() {
+    let place = Place::new();
+    fly_to_the_end(&mut place.short_flight("out", 1.0, &["--host", "inprocess", "--quiet"]));
+    let view = View::begin(&place, &["out"]);
+    let page = view.get("/");
+    assert_eq!(page.status, 200);
+    assert!(page.body.contains("id=\"moment\""), "there is a slider of time");
+    assert_eq!(view.get("/live").status, 404);
+    signal(view.child.id(), Signal::TERM);
+    assert_eq!(finish(view.child).status.code(), Some(143));
+}
+
+#[test]
+fn without_a_flight_or_a_port_it_says_what_to_do() {
+    let place = Place::new();
+    let none = output(&mut place.gerono(&["view"]));
+    assert_eq!(none.status.code(), Some(1));
+    assert!(
+        complaint(&none).contains("no flight is under way"),
+        "{}",
+        complaint(&none)
+    );
+
+    let waits = View::begin(&place, &["--follow"]);
+    let port = waits.address.port().to_string();
+    let taken = output(&mut place.gerono(&["view", "--follow", "--port", &port]));
+    assert_eq!(taken.status.code(), Some(1));
+    assert!(complaint(&taken).contains("--port 0"), "{}", complaint(&taken));
+
+    // A flight that comes later is shown all the same.
+    let mut watcher = waits.watch();
+    let flight = begin(&mut place.short_flight("out", 200.0, &["--quiet"]));
+    let run = watcher.await_event("flight")["run"].clone();
+    assert_eq!(run, format!("{}-0", flight.id()));
+    while watcher.await_event("contact")["state"] != "ended" {}
+    assert!(finish(flight).status.success());
+    signal(waits.child.id(), Signal::INT);
+    assert_eq!(finish(waits.child).status.code(), Some(130));
+}
