@@ -19,6 +19,8 @@ const MOST_WATCHERS: usize = 8;
 struct View {
     child: Begun,
     address: SocketAddr,
+    /// What follows the path in its address: the token, if it needs one.
+    query: String,
 }
 
 /// Answer of a server: status, header lines and body.
@@ -35,13 +37,14 @@ impl View {
         let mut line = String::new();
         let mut out = BufReader::new(child.stdout.take().unwrap());
         out.read_line(&mut line).unwrap();
-        let address = line
-            .trim()
-            .split_once("http://")
-            .unwrap_or_else(|| panic!("no address in {line:?}"))
-            .1;
-        let address = address.trim_end_matches('/').parse().unwrap();
-        Self { child, address }
+        let url = line.trim().split_once("http://");
+        let (_, url) = url.unwrap_or_else(|| panic!("no address in {line:?}"));
+        let (address, query) = url.split_once('/').unwrap();
+        Self {
+            child,
+            address: address.parse().unwrap(),
+            query: query.to_owned(),
+        }
     }
 
     fn connect(&self) -> TcpStream {
@@ -220,6 +223,50 @@ fn a_finished_flight_is_shown_until_a_signal_comes() {
     assert_eq!(view.get("/live").status, 404);
     signal(view.child.id(), Signal::TERM);
     assert_eq!(finish(view.child).status.code(), Some(143));
+}
+
+#[test]
+fn who_watches_from_elsewhere_needs_the_token_and_then_has_a_cookie() {
+    let place = Place::new();
+    fly_to_the_end(&mut place.short_flight("out", 1.0, &["--host", "inprocess", "--quiet"]));
+    // Of this machine too, but not the one that browsers on it call `localhost`.
+    let view = View::begin(
+        &place,
+        &["out", "--bind", "127.0.0.2", "--allow-host", "lab.example"],
+    );
+    let token = view.query.strip_prefix("?t=").expect("a token is printed");
+    assert_eq!(token.len(), 32);
+    let with = |query: &str, host: &str, more: &str| {
+        view.ask(&format!("GET /{query} HTTP/1.1\r\nHost: {host}{more}"))
+    };
+    let host = view.address.to_string();
+    let page = with(&view.query, &host, "");
+    assert_eq!(page.status, 200);
+    let cookie = page
+        .head
+        .lines()
+        .find_map(|line| line.strip_prefix("Set-Cookie: "));
+    let cookie = cookie.expect("the browser gets a cookie");
+    assert!(cookie.ends_with("; HttpOnly; SameSite=Strict"), "{cookie}");
+    let pair = cookie.split(';').next().unwrap();
+
+    let cookie = format!("\r\nCookie: {pair}");
+    assert_eq!(with("", &host, &cookie).status, 200);
+    assert_eq!(with("", "lab.example", &cookie).status, 200);
+    assert_eq!(with(&view.query, "evil.example", &cookie).status, 421);
+    assert_eq!(with("", &host, "").status, 401);
+    assert_eq!(with(&format!("?t={}", "0".repeat(32)), &host, "").status, 401);
+
+    // Each start has another: an old address is good for nothing.
+    let other = View::begin(&place, &["out", "--bind", "127.0.0.2"]);
+    assert_ne!(other.query, view.query);
+    let refused = output(&mut place.gerono(&["view", "out", "--bind", "192.0.2.1"]));
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(complaint(&refused).contains("--bind"), "{}", complaint(&refused));
+    for view in [view, other] {
+        signal(view.child.id(), Signal::TERM);
+        assert_eq!(finish(view.child).status.code(), Some(143));
+    }
 }
 
 #[test]

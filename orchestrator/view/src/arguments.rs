@@ -1,5 +1,6 @@
 //! Arguments of `gerono view`.
 
+use std::net::IpAddr;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -23,6 +24,13 @@ pub struct View {
     /// The port to listen at; 0 takes a free one.
     #[arg(long, value_name = "PORT", default_value_t = PORT)]
     pub port: u16,
+    /// Listen at this address of the machine instead, so that others can watch; its pages then need the token in the address
+    /// that is printed, also as a QR code.
+    #[arg(long, value_name = "ADDRESS")]
+    pub bind: Option<IpAddr>,
+    /// Also answer to this name, for example that of a proxy.
+    #[arg(long, value_name = "NAME")]
+    pub allow_host: Vec<String>,
 }
 
 impl View {
@@ -30,6 +38,7 @@ impl View {
     pub const EXAMPLES: &str = "Examples:\n  \
         gerono view\n  \
         gerono view --follow\n  \
+        gerono view --bind 192.168.1.5\n  \
         gerono view runs/fig1-1\n\n\
-        Exit codes: 0 the run has ended; 1 there is no such run, or the port is taken; 128 + n ended by signal n (Ctrl-C: 130).";
+        Exit codes: 0 the run has ended; 1 there is no such run, or it cannot listen there; 128 + n ended by signal n (Ctrl-C: 130).";
 }

@@ -3,7 +3,7 @@
 //! A page on the internet can make its own name mean 127.0.0.1 and then ask this server as if it were the page's own (DNS
 //! rebinding). The browser still says the name, in the header `Host`.
 
-use std::net::IpAddr;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use crate::http::{Refusal, Request};
 
@@ -17,15 +17,21 @@ const OTHER_NAME: Refusal = Refusal {
 #[derive(Clone, Debug)]
 pub struct HostNames {
     names: Vec<String>,
+    /// `true` if every address is one of its names: a name of the internet can mean any of them, but none is such a name.
+    has_all_addresses: bool,
 }
 
 impl HostNames {
-    /// Returns the names of a server that listens at `address`.
+    /// Returns the names of a server that listens at `address`, with `more` that a person has permitted.
     #[must_use]
-    pub fn of(address: IpAddr) -> Self {
+    pub fn of(address: IpAddr, more: &[String]) -> Self {
         let mut names = vec!["localhost".to_owned(), "127.0.0.1".to_owned(), "[::1]".to_owned()];
         names.push(in_url(address));
-        Self { names }
+        names.extend(more.iter().cloned());
+        Self {
+            names,
+            has_all_addresses: address.is_unspecified(),
+        }
     }
 
     /// Checks the name in a request. Its port is not looked at: a tunnel may have another.
@@ -36,7 +42,11 @@ impl HostNames {
         let host = request.host.as_deref().unwrap_or_default();
         let name = without_port(host);
         let is_ours = self.names.iter().any(|ours| ours.eq_ignore_ascii_case(name));
-        if is_ours { Ok(()) } else { Err(OTHER_NAME) }
+        if is_ours || self.has_all_addresses && is_address(name) {
+            Ok(())
+        } else {
+            Err(OTHER_NAME)
+        }
     }
 }
 
@@ -46,6 +56,15 @@ pub fn in_url(address: IpAddr) -> String {
     match address {
         IpAddr::V4(address) => address.to_string(),
         IpAddr::V6(address) => format!("[{address}]"),
+    }
+}
+
+/// Returns whether a name is an address, as it stands in a URL.
+fn is_address(name: &str) -> bool {
+    let in_brackets = name.strip_prefix('[').and_then(|name| name.strip_suffix(']'));
+    match in_brackets {
+        Some(address) => address.parse::<Ipv6Addr>().is_ok(),
+        None => name.parse::<Ipv4Addr>().is_ok(),
     }
 }
 
@@ -59,15 +78,35 @@ fn without_port(host: &str) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::net::Ipv4Addr;
 
-    fn is_permitted(host: &str) -> bool {
-        let names = HostNames::of(IpAddr::V4(Ipv4Addr::new(192, 168, 1, 5)));
+    fn is_permitted_to(names: &HostNames, host: &str) -> bool {
         let request = Request {
             host: Some(host.to_owned()),
             ..Request::default()
         };
         names.check(&request).is_ok()
+    }
+
+    fn is_permitted(host: &str) -> bool {
+        is_permitted_to(&HostNames::of([192, 168, 1, 5].into(), &[]), host)
+    }
+
+    #[test]
+    fn a_server_at_all_addresses_has_them_for_names_and_those_that_were_permitted() {
+        let names = HostNames::of(Ipv4Addr::UNSPECIFIED.into(), &["lab.example".to_owned()]);
+        for host in ["10.1.2.3:8421", "[fe80::1]:8421", "lab.example", "LAB.example:80"] {
+            assert!(is_permitted_to(&names, host), "{host}");
+        }
+        for host in [
+            "evil.example",
+            "10.1.2.3.evil.example",
+            "fe80::1",
+            "[10.1.2.3]",
+            "0x7f.1",
+            "",
+        ] {
+            assert!(!is_permitted_to(&names, host), "{host}");
+        }
     }
 
     #[test]
@@ -102,7 +141,7 @@ mod tests {
         ] {
             assert!(!is_permitted(host), "{host}");
         }
-        let without = HostNames::of(Ipv4Addr::LOCALHOST.into()).check(&Request::default());
+        let without = HostNames::of(Ipv4Addr::LOCALHOST.into(), &[]).check(&Request::default());
         assert_eq!(without, Err(OTHER_NAME));
     }
 }

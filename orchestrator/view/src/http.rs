@@ -21,6 +21,8 @@ pub struct Request {
     pub query: String,
     /// The header `Host`.
     pub host: Option<String>,
+    /// The header `Cookie`.
+    pub cookie: Option<String>,
     /// The header `Sec-Fetch-Site`: where the page comes from that asks.
     pub fetch_site: Option<String>,
 }
@@ -87,6 +89,7 @@ pub fn parse(bytes: &[u8]) -> Result<Option<Request>, Refusal> {
         path: path.to_owned(),
         query: query.to_owned(),
         host: only(headers, "host")?,
+        cookie: only(headers, "cookie")?,
         fetch_site: only(headers, "sec-fetch-site")?,
     }))
 }
@@ -251,6 +254,7 @@ mod tests {
             path: "/live".to_owned(),
             query: "t=1".to_owned(),
             host: Some("127.0.0.1:8421".to_owned()),
+            cookie: None,
             fetch_site: Some("same-origin".to_owned()),
         };
         for length in 0..BROWSER.len() {

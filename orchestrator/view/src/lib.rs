@@ -7,13 +7,15 @@
 //! * [`feed`]: asks the run and puts up what it answers;
 //! * [`frame`], [`path`]: what the page draws of samples and scenario;
 //! * [`board`]: the newest of each kind, for any number of readers;
-//! * [`server`], [`http`], [`host_name`]: connections, their limits, and who may ask;
+//! * [`server`], [`http`]: connections and their limits;
+//! * [`site`], [`host_name`], [`token`]: who may see what; [`address`]: where;
 //! * [`page`]: the page and what a browser may do with it;
 //! * [`manners`]: the lowest priority, away from the services' cores.
 //!
 //! Failure policy: a run that does not answer is shown as such and asked again. A client that does anything but read is
 //! refused or cut off, in silence: nothing that a client does reaches the terminal or another client.
 
+pub mod address;
 pub mod arguments;
 pub mod board;
 pub mod feed;
@@ -24,7 +26,11 @@ pub mod manners;
 pub mod page;
 pub mod path;
 pub mod server;
+pub mod site;
+pub mod token;
 
+use std::io::IsTerminal;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc;
@@ -33,7 +39,7 @@ use std::time::Duration;
 use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::interrupt::Interrupt;
-use command_line::output::{log_path, note, print};
+use command_line::output::{log_path, note, print, print_as_it_is};
 use evaluation::report;
 use live::LiveError;
 use live::runs::MachineRun;
@@ -41,8 +47,11 @@ use live::runs::MachineRun;
 use arguments::View;
 use board::Board;
 use feed::Feed;
+use host_name::HostNames;
 use page::Page;
 use server::{Content, Server};
+use site::Site;
+use token::Token;
 
 /// Time for which browsers are waited for that have not read the last news.
 const FAREWELL: Duration = Duration::from_secs(2);
@@ -65,9 +74,10 @@ fn show(log: &Path, arguments: &View, interrupt: &Interrupt) -> Result<Exit, Fai
     if let Some(reason) = broken {
         note(format_args!("{reason}; the page shows that part"));
     }
-    let server = listen(arguments)?;
-    print(format!("{}\n", server.url()));
+    let (server, site) = listen(arguments, false)?;
+    invite("", &server, &site);
     let content = Content {
+        site,
         page: Page::new(html),
         board: None,
     };
@@ -79,11 +89,12 @@ fn show(log: &Path, arguments: &View, interrupt: &Interrupt) -> Result<Exit, Fai
 /// Serves the page of a flight that goes on.
 fn watch(arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
     let found = find(arguments)?;
-    let server = listen(arguments)?;
+    let (server, site) = listen(arguments, true)?;
     let name = found.as_ref().map_or("the next flight", MachineRun::name);
-    print(format!("{name}: {}\n", server.url()));
+    invite(&format!("{name}: "), &server, &site);
     manners::be_idle();
     let content = Arc::new(Content {
+        site,
         page: Page::live(),
         board: Some(Board::default()),
     });
@@ -124,14 +135,35 @@ fn find(arguments: &View) -> Result<Option<MachineRun>, Failure> {
     }
 }
 
-fn listen(arguments: &View) -> Result<Server, Failure> {
-    let port = arguments.port;
-    Server::listen(port).map_err(|error| {
+/// Listens where the command line says, and makes the rules of the server.
+fn listen(arguments: &View, has_news: bool) -> Result<(Server, Site), Failure> {
+    let address = arguments.bind.unwrap_or(Ipv4Addr::LOCALHOST.into());
+    let server = Server::listen((address, arguments.port).into()).map_err(|error| {
         Failure::trouble(format!(
-            "cannot listen at port {port} of this machine: {error}; choose another one with `--port`, or any free one \
-             with `--port 0`"
+            "cannot listen at {}: {error}; choose another port with `--port`, or any free one with `--port 0`; an address \
+             with `--bind` has to be this machine's",
+            SocketAddr::from((address, arguments.port))
         ))
-    })
+    })?;
+    // Of an address that was not asked for only this machine knows.
+    let token = arguments.bind.map(|_| Token::draw(server.address().port()));
+    let site = Site {
+        names: HostNames::of(address, &arguments.allow_host),
+        token: token.transpose().map_err(Failure::trouble)?,
+        has_news,
+    };
+    Ok((server, site))
+}
+
+/// Prints where the page is, on a terminal as a QR code too if others can reach it.
+fn invite(name: &str, server: &Server, site: &Site) {
+    let query = site.token.as_ref().map(Token::query).unwrap_or_default();
+    let url = address::url(server.address(), &query);
+    print(format!("{name}{url}\n"));
+    let is_for_others = site.token.is_some() && std::io::stdout().is_terminal();
+    if let Some(code) = address::qr_code(&url).filter(|_| is_for_others) {
+        print_as_it_is(code);
+    }
 }
 
 fn end(served: std::io::Result<Option<i32>>) -> Result<Exit, Failure> {

@@ -5,7 +5,7 @@
 //! is stopped or slow is cut off, and costs nobody else anything.
 
 use std::io::{self, Write};
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::fd::AsFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,9 +16,9 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::sockopt::set_socket_send_buffer_size;
 
 use crate::board::Board;
-use crate::host_name::HostNames;
-use crate::http::{self, NOT_FOUND, Refusal, Request};
+use crate::http::{self, NOT_FOUND, Refusal};
 use crate::page::Page;
+use crate::site::{Reply, Site};
 
 /// Browsers that watch at once.
 pub const MOST_WATCHERS: usize = 8;
@@ -57,14 +57,11 @@ const TOO_MANY_WATCHERS: Refusal = Refusal {
     reason: "eight browsers are watching already; close one of them",
 };
 
-const OTHER_SITE: Refusal = Refusal {
-    status: 403,
-    reason: "the page of another site may not watch",
-};
-
-/// What is served.
+/// What is served, and to whom.
 #[derive(Debug)]
 pub struct Content {
+    /// Who may see it.
+    pub site: Site,
     /// The page.
     pub page: Page,
     /// The news of the flight; none of one that is finished.
@@ -75,7 +72,6 @@ pub struct Content {
 #[derive(Debug)]
 pub struct Server {
     listener: TcpListener,
-    names: HostNames,
     address: SocketAddr,
 }
 
@@ -89,25 +85,21 @@ impl Drop for Connection {
 }
 
 impl Server {
-    /// Listens at a port of this machine itself; at a free one if it is 0.
+    /// Listens at an address; at a free port if it is 0.
     ///
     /// # Errors
-    /// If the port is taken.
-    pub fn listen(port: u16) -> io::Result<Self> {
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
+    /// If the port is taken, or the address is not this machine's.
+    pub fn listen(address: SocketAddr) -> io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
-        Ok(Self {
-            names: HostNames::of(IpAddr::V4(Ipv4Addr::LOCALHOST)),
-            listener,
-            address,
-        })
+        Ok(Self { listener, address })
     }
 
-    /// Returns the address to open in a browser.
+    /// Returns the address at which it listens.
     #[must_use]
-    pub fn url(&self) -> String {
-        format!("http://{}/", self.address)
+    pub fn address(&self) -> SocketAddr {
+        self.address
     }
 
     /// Serves until a signal asks for the end, or until `finished` becomes readable: returns the signal.
@@ -121,7 +113,6 @@ impl Server {
         finished: &impl AsFd,
     ) -> io::Result<Option<i32>> {
         let connections = Arc::new(AtomicUsize::new(0));
-        let names = Arc::new(self.names.clone());
         loop {
             if let Some(signal) = interrupt.signal() {
                 return Ok(Some(signal));
@@ -140,48 +131,44 @@ impl Server {
                 return Ok(None);
             }
             if let Ok((stream, _)) = self.listener.accept() {
-                take(stream, &connections, &names, content);
+                take(stream, &connections, content);
             }
         }
     }
 }
 
 /// Gives a connection a thread, or refuses it.
-fn take(stream: TcpStream, connections: &Arc<AtomicUsize>, names: &Arc<HostNames>, content: &Arc<Content>) {
+fn take(mut stream: TcpStream, connections: &Arc<AtomicUsize>, content: &Arc<Content>) {
     let place = Connection(Arc::clone(connections));
     let others = connections.fetch_add(1, Ordering::AcqRel);
-    // A listener's sockets do not inherit that it does not wait.
-    let mut stream = stream;
     if others >= MOST_CONNECTIONS {
         // The thread that takes connections waits for no client.
         let _ = stream.set_nonblocking(true);
         let _ = stream.write(http::refused(TOO_MANY_CONNECTIONS).as_bytes());
         return;
     }
-    let (names, content) = (Arc::clone(names), Arc::clone(content));
+    let content = Arc::clone(content);
     let thread = std::thread::Builder::new().name("browser".to_owned());
     // Without a thread the connection ends, and the browser tries again.
     let _ = thread.spawn(move || {
         let _place = place;
         // A client that is gone needs no answer.
-        let _ = answer(&mut stream, &names, &content);
+        let _ = answer(&mut stream, &content);
         http::close(&mut stream, CLOSE_LIMIT);
     });
 }
 
-fn answer(stream: &mut TcpStream, names: &HostNames, content: &Content) -> io::Result<()> {
+fn answer(stream: &mut TcpStream, content: &Content) -> io::Result<()> {
     let request = match http::read(stream, REQUEST_LIMIT) {
         Ok(Some(request)) => request,
         Ok(None) => return Ok(()),
         Err(refusal) => return refuse(stream, refusal),
     };
-    if let Err(refusal) = names.check(&request) {
-        return refuse(stream, refusal);
-    }
-    match (request.path.as_str(), &content.board) {
-        ("/", _) => send_page(stream, &content.page),
-        ("/live", Some(board)) => watch(stream, &request, board),
-        _ => refuse(stream, NOT_FOUND),
+    match (content.site.reply(&request), &content.board) {
+        (Ok(Reply::Page(cookie)), _) => send_page(stream, &content.page, cookie.as_deref()),
+        (Ok(Reply::News), Some(board)) => watch(stream, board),
+        (Ok(Reply::News), None) => refuse(stream, NOT_FOUND),
+        (Err(refusal), _) => refuse(stream, refusal),
     }
 }
 
@@ -189,20 +176,17 @@ fn refuse(stream: &mut TcpStream, refusal: Refusal) -> io::Result<()> {
     http::write(stream, http::refused(refusal).as_bytes(), CLOSE_LIMIT)
 }
 
-fn send_page(stream: &mut TcpStream, Page { html, policy }: &Page) -> io::Result<()> {
-    let more = [("Content-Security-Policy", policy.as_str())];
+fn send_page(stream: &mut TcpStream, page: &Page, cookie: Option<&str>) -> io::Result<()> {
+    let Page { html, policy } = page;
+    let mut more = vec![("Content-Security-Policy", policy.as_str())];
+    more.extend(cookie.map(|cookie| ("Set-Cookie", cookie)));
     let head = http::head(200, "text/html; charset=utf-8", Some(html.len()), &more);
     http::write(stream, head.as_bytes(), CLOSE_LIMIT)?;
     http::write(stream, html.as_bytes(), PAGE_LIMIT)
 }
 
 /// Sends the news of a flight, the newest of each kind, until there are no more or the client does not take them.
-fn watch(stream: &mut TcpStream, request: &Request, board: &Board) -> io::Result<()> {
-    // Else any page of the internet that this machine's user looks at could take all places.
-    let site = request.fetch_site.as_deref();
-    if site.is_some_and(|site| !["same-origin", "none"].contains(&site)) {
-        return refuse(stream, OTHER_SITE);
-    }
+fn watch(stream: &mut TcpStream, board: &Board) -> io::Result<()> {
     let Some(mut reader) = board.read(MOST_WATCHERS) else {
         return refuse(stream, TOO_MANY_WATCHERS);
     };
@@ -227,15 +211,21 @@ fn watch(stream: &mut TcpStream, request: &Request, board: &Board) -> io::Result
 #[cfg(test)]
 mod tests {
     use std::io::{BufRead, BufReader, Read};
-    use std::net::TcpStream;
+    use std::net::{Ipv4Addr, TcpStream};
 
     use super::*;
     use crate::board::Kind;
+    use crate::host_name::HostNames;
 
     /// A server that ends with the test, and its address.
     fn serve() -> (Arc<Content>, SocketAddr, io::PipeWriter) {
-        let server = Server::listen(0).unwrap();
+        let server = Server::listen((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
         let content = Arc::new(Content {
+            site: Site {
+                names: HostNames::of(Ipv4Addr::LOCALHOST.into(), &[]),
+                token: None,
+                has_news: true,
+            },
             page: Page::new("<p>here</p>".to_owned()),
             board: Some(Board::default()),
         });

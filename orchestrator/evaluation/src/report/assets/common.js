@@ -2,6 +2,9 @@
 
 /* What the report's page and the live page share: colours, elements, numbers in words, axes. */
 
+// A token in the address has done its work once the page is here: from then on it is in a cookie.
+if (location.search.startsWith("?t=")) history.replaceState(null, "", location.pathname);
+
 /** Told apart by eyes of all kinds (after Okabe and Ito), on white and on black, also from the bound and from faults. */
 const COLORS = {
   light: ["#0072b2", "#009e73", "#cc79a7", "#6a51a3", "#56b4e9", "#8a6d00", "#333333"],

@@ -1,0 +1,122 @@
+//! Who may see what: every request passes here before it is answered.
+
+use crate::host_name::HostNames;
+use crate::http::{NOT_FOUND, Refusal, Request};
+use crate::token::Token;
+
+const OTHER_SITE: Refusal = Refusal {
+    status: 403,
+    reason: "the page of another site may not watch",
+};
+
+/// The rules of a server.
+#[derive(Clone, Debug)]
+pub struct Site {
+    /// The names by which it may be called.
+    pub names: HostNames,
+    /// The token that its address needs; none where only this machine can reach it.
+    pub token: Option<Token>,
+    /// `true` if there are news besides the page.
+    pub has_news: bool,
+}
+
+/// What is answered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Reply {
+    /// The page, and the header `Set-Cookie` with it.
+    Page(Option<String>),
+    /// News, for as long as there are some.
+    News,
+}
+
+impl Site {
+    /// Returns the reply to a request.
+    ///
+    /// # Errors
+    /// The refusal if there is none for it.
+    pub fn reply(&self, request: &Request) -> Result<Reply, Refusal> {
+        self.names.check(request)?;
+        let cookie = match &self.token {
+            Some(token) => token.check(request)?,
+            None => None,
+        };
+        match request.path.as_str() {
+            "/" => Ok(Reply::Page(cookie)),
+            "/live" if self.has_news => {
+                // Else any page of the internet that this machine's user looks at could take all places.
+                let site = request.fetch_site.as_deref();
+                match site {
+                    None | Some("same-origin" | "none") => Ok(Reply::News),
+                    Some(_) => Err(OTHER_SITE),
+                }
+            }
+            _ => Err(NOT_FOUND),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Ipv4Addr;
+
+    fn request(path: &str, host: &str, query: &str) -> Request {
+        Request {
+            path: path.to_owned(),
+            query: query.to_owned(),
+            host: Some(host.to_owned()),
+            ..Request::default()
+        }
+    }
+
+    #[test]
+    fn name_and_token_are_needed_for_everything_that_is_there_or_not() {
+        let token = Token::new(&[7; 16], 1);
+        let query = token.query().trim_start_matches('?').to_owned();
+        let site = Site {
+            names: HostNames::of(Ipv4Addr::new(10, 0, 0, 1).into(), &[]),
+            token: Some(token),
+            has_news: true,
+        };
+        let status = |host, query, path| {
+            site.reply(&request(path, host, query))
+                .map_err(|refusal| refusal.status)
+        };
+        for path in ["/", "/live", "/x"] {
+            assert_eq!(status("evil.example", &query, path), Err(421), "{path}");
+            assert_eq!(status("10.0.0.1", "", path), Err(401), "{path}");
+        }
+        assert!(matches!(
+            status("10.0.0.1", &query, "/"),
+            Ok(Reply::Page(Some(_)))
+        ));
+        assert_eq!(status("10.0.0.1", &query, "/live"), Ok(Reply::News));
+        assert_eq!(status("10.0.0.1", &query, "/x"), Err(404));
+    }
+
+    #[test]
+    fn the_pages_of_other_sites_may_link_here_but_not_watch() {
+        let site = Site {
+            names: HostNames::of(Ipv4Addr::LOCALHOST.into(), &[]),
+            token: None,
+            has_news: true,
+        };
+        let from = |path, fetch_site: &str| {
+            let request = Request {
+                fetch_site: Some(fetch_site.to_owned()),
+                ..request(path, "localhost", "")
+            };
+            site.reply(&request)
+        };
+        for other in ["cross-site", "same-site", "x"] {
+            assert_eq!(from("/live", other), Err(OTHER_SITE));
+            assert_eq!(from("/", other), Ok(Reply::Page(None)));
+        }
+        assert_eq!(from("/live", "same-origin"), Ok(Reply::News));
+        let finished = Site {
+            has_news: false,
+            ..site.clone()
+        };
+        assert_eq!(finished.reply(&request("/live", "localhost", "")), Err(NOT_FOUND));
+    }
+}
