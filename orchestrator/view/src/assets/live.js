@@ -102,13 +102,21 @@ function take(moment) {
 function takeStatus({ snapshot, speed }) {
   events = snapshot.events;
   byId("phase").textContent = snapshot.phase === null ? "in flight" : snapshot.landing && snapshot.phase === "fly" ? "fly, asked to land" : snapshot.phase;
-  byId("armed").textContent = snapshot.killed ? "killed" : snapshot.phase === null ? "" : snapshot.armed ? "armed" : "disarmed";
+  byId("armed").textContent = motors(snapshot);
   byId("armed").className = snapshot.killed ? "killed" : snapshot.armed ? "armed" : "";
   const isSimulated = flight !== null && !flight.is_in_real_time;
   byId("speed").textContent = isSimulated && speed !== null ? `${inDigits(Number(speed.toPrecision(2)))} times real time` : "";
   drawServices(snapshot);
   drawLaboratory(snapshot);
   drawEvents();
+}
+
+/** What the motors may do. On the ground the phase says that they rest, and this only whether they are permitted to turn. */
+function motors({ phase, armed, killed }) {
+  if (killed) return "killed";
+  if (phase === null) return "";
+  if (phase === "disarmed") return armed ? "may arm" : "";
+  return armed ? "armed" : "disarmed";
 }
 
 function takeMarks(news) {

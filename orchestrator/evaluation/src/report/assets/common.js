@@ -83,7 +83,7 @@ function rangeUpwards(panel, bounds) {
     return (_, low, high) => uPlot.rangeLog(Math.min(low ?? 1, ...bounds) * 0.7, Math.max(high ?? 1, ...bounds) * 1.3, 10, false);
   }
   return (_, low, high) => {
-    if (low === null || high === null) return [-1, 1];
+    if (low === null || high === null || (low === 0 && high === 0)) return [-1, 1];
     const middle = (low + high) / 2;
     const half = Math.max((high - low) * 0.55, Math.abs(middle) * 1e-4, 1e-6);
     return [middle - half, middle + half];

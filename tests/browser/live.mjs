@@ -1,0 +1,237 @@
+// Watches flights as a person would: node live.mjs ADDRESS GERONO FOLDER PICTURES [laboratory]
+//
+// The server follows one flight after the other. The flights are made here, so that what is seen can be compared with what is
+// done: one in real time; and with `laboratory` another with cameras and a radio link.
+
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { existsSync } from "node:fs";
+import { join } from "node:path";
+import { start } from "./browser.mjs";
+
+const [address, gerono, scenarios, folder, pictures, withLaboratory] = process.argv.slice(2);
+
+const DESKTOP = { width: 1280, height: 800 };
+const PHONE = { width: 360, height: 740, isMobile: true, hasTouch: true, deviceScaleFactor: 2 };
+
+/** Longest wait for anything, ms. */
+const PATIENCE = 60_000;
+
+/** Drawings whose delay is measured. */
+const MEASURED = 150;
+
+let browser;
+try {
+  browser = await start();
+} catch (error) {
+  console.log(`\nSKIPPED: no Chromium starts here: ${error.message}\n`);
+  process.exit(process.env.BROWSER_REQUIRED ? 1 : 0);
+}
+
+const processes = [];
+/** A command beside this program; ends with it. */
+function begin(...args) {
+  const child = spawn(gerono, args, { stdio: ["ignore", "inherit", "inherit"] });
+  child.ended = new Promise((done) => child.on("exit", done));
+  processes.push(child);
+  return child;
+}
+
+const page = await browser.newPage();
+page.setDefaultTimeout(PATIENCE);
+const troubles = [];
+page.on("console", (message) => {
+  if (["error", "warn"].includes(message.type())) troubles.push(`console: ${message.text()}`);
+});
+page.on("pageerror", (error) => troubles.push(`error: ${error.message}`));
+page.on("request", (request) => {
+  const known = [address, `${address}live`];
+  if (!known.includes(request.url()) && !request.url().startsWith("data:")) troubles.push(`request: ${request.url()}`);
+});
+
+let checks = 0;
+async function check(what, property) {
+  await property();
+  checks += 1;
+  console.log(`ok   ${what}`);
+}
+
+const picture = (name) => page.screenshot({ path: join(pictures, `${name}.png`) });
+const text = (id) => page.$eval(`#${id}`, (node) => node.textContent);
+const settled = () => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+/** The time that the first panels show; panels that nobody sees are not drawn. */
+const scales = () => page.evaluate(() => plots.slice(0, 2).map(({ plot: { scales: { x } } }) => [x.min, x.max]));
+const services = () => page.$$eval("#services tbody tr", (rows) => rows.map((row) => [...row.cells].map((cell) => cell.textContent)));
+const darken = (value) => page.emulateMediaFeatures([{ name: "prefers-color-scheme", value }]);
+const awaitPhase = (phase) => page.waitForFunction((wanted) => byId("phase").textContent === wanted, {}, phase);
+/** The flight's time on the page goes on to this, s. */
+const awaitTime = (time) => page.waitForFunction((wanted) => (moments.at(-1)?.t ?? 0) >= wanted, {}, time);
+
+/** How long after a moment of the flight it was drawn, ms: the median, and 95 %. */
+async function delays() {
+  const found = await page.evaluate((count) => new Promise((done) => {
+    const late = [];
+    let last = null;
+    const look = () => {
+      if (drawn.wall !== null && drawn.wall !== last) {
+        last = drawn.wall;
+        late.push(drawn.at - drawn.wall);
+      }
+      if (late.length < count) requestAnimationFrame(look); else done(late);
+    };
+    look();
+  }), MEASURED);
+  found.sort((left, right) => left - right);
+  return [found[Math.floor(found.length / 2)], found[Math.floor(found.length * 0.95)]];
+}
+
+async function nothingSticksOut() {
+  const [content, window] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
+  assert.ok(content <= window, `${content} of ${window} pixels`);
+}
+
+/** The process of a service, as the run tells. */
+async function processOf(name) {
+  const news = await fetch(`${address}live`);
+  let seen = "";
+  for await (const piece of news.body.pipeThrough(new TextDecoderStream())) {
+    seen += piece;
+    const status = /^event: status\ndata: (.*)\n\n/m.exec(seen);
+    if (status !== null) return JSON.parse(status[1]).snapshot.services.find((service) => service.name === name).pid;
+  }
+  throw new Error("the run told nothing");
+}
+
+async function watchAFlight() {
+  const flight = begin("run", join(scenarios, "takeoff_and_land.toml"), "--host", "realtime", "--quiet", "--out", join(folder, "flight"),
+    "--set", "flight.arm_at=1.0", "--set", "duration=200.0", "--set", "flight.land_at=190.0");
+  await check("a flight that begins is shown", async () => {
+    await page.waitForFunction(() => byId("contact").textContent === "live" && moments.length > 5);
+    assert.match(await text("title"), /^Take-off/);
+    const rows = await services();
+    assert.deepEqual(rows.map(([name]) => name), ["plant", "estimator", "path_generator", "controller", "rc_output"]);
+  });
+  await check("the phase and what the motors may do are told in large letters", async () => {
+    await awaitPhase("take-off");
+    assert.equal(await text("armed"), "armed");
+    await picture("1-take-off");
+    await awaitPhase("fly");
+    const size = await page.$eval("#phase", (node) => parseFloat(getComputedStyle(node).fontSize));
+    assert.ok(size >= 24, `${size} pixels`);
+  });
+  await check("every number is known, and services step", async () => {
+    await page.waitForFunction(() => [...document.querySelectorAll("#numbers dd")].every((cell) => !cell.textContent.startsWith("–")));
+    for (const [name, rate] of await services()) assert.ok(Number(rate) > 10, `${name}: ${rate} Hz`);
+  });
+  await check("the panels grow with the flight, and then its end moves on", async () => {
+    await page.$eval("#over-time", (section) => section.scrollIntoView());
+    await page.waitForFunction(() => plots[0].plot.scales.x.max > 4);
+    for (const [from] of await scales()) assert.equal(from, 0);
+    await awaitTime(12);
+    await page.keyboard.press("1");
+    await page.waitForFunction(() => plots[0].plot.scales.x.min > 1);
+    for (const [from, to] of await scales()) assert.ok(Math.abs(to - from - 10) < 0.01, `${from} to ${to}`);
+    await page.keyboard.press("2");
+    await page.waitForFunction(() => plots[0].plot.scales.x.min === 0);
+    assert.ok((await page.$$("#panels .panel")).length >= 8);
+    await picture("3-panels");
+    await page.evaluate(() => scrollTo(0, 0));
+  });
+  await awaitTime(pictured ? 24 : 13);
+  await picture("2-flight");
+  await check("the space bar pauses the page, keys and slider then move the moment, and the flight goes on", async () => {
+    await page.keyboard.press("Space");
+    const [paused, kept] = await page.evaluate(() => [now(), moments.length]);
+    for (let times = 0; times < 4; times++) await page.keyboard.press(",");
+    const earlier = await page.evaluate(() => now());
+    assert.ok(earlier < paused - 1, `${earlier} after ${paused}`);
+    await page.$eval("#moment", (slider) => {
+      slider.valueAsNumber = 8;
+      slider.dispatchEvent(new Event("input"));
+    });
+    await page.waitForFunction((count) => moments.length > count + 20, {}, kept);
+    await settled();
+    assert.match(await text("clock"), /^8\.0 s of/);
+    await picture("4-paused");
+    await page.keyboard.press("Space");
+    await page.waitForFunction((then) => now() > then, {}, paused);
+  });
+  await check("the 3D view turns with the keys", async () => {
+    await page.focus("#orbit");
+    const turned = () => page.evaluate(() => orbit.azimuth);
+    const before = await turned();
+    await page.keyboard.press("ArrowRight");
+    assert.notEqual(await turned(), before);
+    await page.keyboard.press("Home");
+    await page.evaluate(() => document.activeElement.blur());
+  });
+  await check("a service that dies is told, and its restart counted", async () => {
+    await darken("dark");
+    process.kill(await processOf("estimator"), "SIGKILL");
+    await page.waitForFunction(() => [...document.querySelectorAll("#services tbody tr")].some((row) => row.cells[0].textContent === "estimator" && row.cells[5].textContent === "1"));
+    await page.waitForFunction(() => byId("marks").textContent.includes("estimator"));
+    await settled();
+    await picture("5-restart-in-the-dark");
+    await darken("light");
+  });
+  await check("a moment of the flight is drawn soon", async () => {
+    const [half, most] = await delays();
+    console.log(`     from a sample to its drawing: ${half.toFixed(0)} ms (median), ${most.toFixed(0)} ms (95 %)`);
+    assert.ok(half < 500, `${half} ms`);
+  });
+  await check("on a phone nothing sticks out, also not the restarts of a service", async () => {
+    await page.setViewport(PHONE);
+    await settled();
+    await nothingSticksOut();
+    const right = await page.$$eval("#services tbody tr", (rows) => Math.max(...rows.map((row) => row.lastElementChild.getBoundingClientRect().right)));
+    assert.ok(right <= PHONE.width, `${right} pixels`);
+    await picture("6-phone");
+    await page.setViewport(DESKTOP);
+  });
+  await check("the end of a flight is told", async () => {
+    flight.kill("SIGINT");
+    await page.waitForFunction(() => byId("contact").textContent === "ended");
+    assert.match(await text("banners"), /has ended; the next flight is waited for/);
+    await flight.ended;
+  });
+}
+
+async function watchALaboratory() {
+  const scenario = join(scenarios, "laboratory_simulated.toml");
+  const device = join(folder, "radio");
+  const settings = ["--set", `rc_output.transmitter.device="${device}"`];
+  begin("world", scenario, "--out", join(folder, "world"), ...settings);
+  while (!existsSync(device)) await new Promise((done) => { setTimeout(done, 100); });
+  const flight = begin("run", scenario, "--host", "realtime", "--quiet", "--out", join(folder, "laboratory"), ...settings);
+  await check("cameras and radio link of a laboratory are shown", async () => {
+    await page.waitForFunction(() => /cameras: .* accepted/.test(byId("laboratory").textContent) && moments.length > 5);
+    assert.match(await text("laboratory"), /radio link: \d+ sent/);
+    assert.match(await text("banners"), /where the estimator believes it to be/);
+    // Not before the rate of frames is known.
+    while ((await begin("arm").ended) !== 0) await settled();
+    await awaitPhase("fly");
+    await settled();
+    await picture("7-laboratory");
+  });
+  flight.kill("SIGINT");
+  await flight.ended;
+}
+
+const pictured = withLaboratory === "laboratory";
+try {
+  await page.setViewport(DESKTOP);
+  await page.goto(address, { waitUntil: "load" });
+  await watchAFlight();
+  if (pictured) await watchALaboratory();
+  await check("nothing went wrong and nothing was asked of another server", async () => assert.deepEqual(troubles, []));
+  console.log(`${checks} checks of the live page, ${await browser.version()}; pictures in ${pictures}`);
+} catch (error) {
+  console.log(`FAILED: ${error.message}`);
+  for (const trouble of troubles) console.log(`  ${trouble}`);
+  await picture("failed").catch(() => {});
+  process.exitCode = 1;
+} finally {
+  await browser.close();
+  for (const child of processes) child.kill("SIGINT");
+  await Promise.all(processes.map((child) => child.ended));
+}
