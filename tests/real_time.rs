@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use common::logs::host_samples;
 use common::pilot::{
     ask, await_phase, flight_on_the_ground, may_arm, take_off_from_the_ground, wait_on_the_ground,
 };
@@ -21,24 +22,12 @@ use rustix::process::Signal;
 use shared_types::samples::{RcFrame, VehicleTruth};
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId};
-use zerocopy::FromBytes;
 
 /// Flights in real time share the machine with nobody else of these tests.
 static MACHINE: Mutex<()> = Mutex::new(());
 
 fn the_machine() -> MutexGuard<'static, ()> {
     MACHINE.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Samples of a type in `host.mcap`.
-fn host_samples<T: FromBytes>(place: &Place, out: &str, channel: &str) -> Vec<T> {
-    let file = std::fs::read(place.path(out).join("host.mcap")).unwrap();
-    let messages = mcap::MessageStream::new(&file).unwrap();
-    messages
-        .map(|message| message.unwrap())
-        .filter(|message| message.channel.topic == channel)
-        .map(|message| T::read_from_bytes(&message.data[4..]).unwrap())
-        .collect()
 }
 
 /// All samples of a log, by tick and topic.

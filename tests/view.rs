@@ -5,12 +5,15 @@ use crate::common;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use common::logs::host_samples;
 use common::processes::signal;
 use common::{Begun, Place, begin, complaint, finish, fly_to_the_end, output, succeed, until};
+use run_log::ServiceStep;
 use rustix::process::Signal;
 use serde_json::Value;
+use shared_types::ServiceId;
 
 /// Browsers that may watch at once.
 const MOST_WATCHERS: usize = 8;
@@ -295,4 +298,119 @@ fn without_a_flight_or_a_port_it_says_what_to_do() {
     assert!(finish(flight).status.success());
     signal(waits.child.id(), Signal::INT);
     assert_eq!(finish(waits.child).status.code(), Some(130));
+}
+
+/// A stretch of a flight, ns since its start.
+type Stretch = std::ops::Range<u64>;
+
+/// Length of the stretches that are compared.
+const STRETCH: Duration = Duration::from_secs(5);
+
+/// Time that a view has before it is measured.
+const SETTLING: Duration = Duration::from_secs(1);
+
+/// Pairs of stretches.
+const PAIRS: usize = 10;
+
+#[test]
+#[ignore = "prints the figures of docs/live_view.md, which takes four minutes"]
+fn what_eight_browsers_cost_a_flight_and_the_machine() {
+    let place = Place::new();
+    let flight = begin(&mut place.live_flight("hover", "out", &["duration=1000.0"]));
+    let snapshot = until("a flight that can be looked at", || place.look());
+    let began = Instant::now() - Duration::from_secs_f64(snapshot.time);
+    let stretch = || {
+        let from = began.elapsed();
+        std::thread::sleep(STRETCH);
+        let [from, to] = [from, began.elapsed()].map(|time| time.as_nanos() as u64);
+        from..to
+    };
+    let mut pairs = Vec::new();
+    let mut cost = [(); 3].map(|()| Vec::new());
+    for pair in 0..PAIRS {
+        // Now one first, now the other: the machine may change meanwhile.
+        let before = pair.is_multiple_of(2).then(stretch);
+        let watched = watched(&place, stretch, &mut cost);
+        pairs.push((before.unwrap_or_else(stretch), watched));
+    }
+    signal(flight.id(), Signal::INT);
+    finish(flight);
+    let steps: Vec<ServiceStep> = host_samples(&place, "out", "host/steps");
+    for service in ServiceId::ALL {
+        let of = |stretch: &Stretch| times_of(&steps, service, stretch);
+        let compared: Vec<_> = pairs
+            .iter()
+            .map(|(alone, watched)| (of(alone), of(watched)))
+            .collect();
+        for (name, share) in [("p50", 0.5), ("p99", 0.99)] {
+            let [alone, watched] = [false, true].map(|is_watched| {
+                let of_pair =
+                    |pair: &(Vec<f64>, Vec<f64>)| quantile(if is_watched { &pair.1 } else { &pair.0 }, share);
+                median(&compared.iter().map(of_pair).collect::<Vec<_>>())
+            });
+            let ratio =
+                |(alone, watched): &(Vec<f64>, Vec<f64>)| quantile(watched, share) / quantile(alone, share);
+            let ratio = median(&compared.iter().map(ratio).collect::<Vec<_>>());
+            println!("{service}: step {name} {alone:.1} us alone, {watched:.1} us watched; ratio {ratio:.3}");
+        }
+    }
+    let [idle, one, eight] = cost.map(|values| median(&values));
+    println!(
+        "the view: {idle:.2} % of a core without a browser, {one:.2} % with one, {eight:.2} % with eight"
+    );
+}
+
+/// The stretch in which eight browsers watch, of which one is stopped; adds what the view takes of a core, % (with none, one,
+/// and eight).
+fn watched(place: &Place, stretch: impl Fn() -> Stretch, cost: &mut [Vec<f64>; 3]) -> Stretch {
+    let mut view = View::begin(place, &[]);
+    let pid = view.child.id();
+    let taken = |cost: &mut Vec<f64>| {
+        std::thread::sleep(SETTLING);
+        let before = cpu_seconds(pid);
+        let stretch = stretch();
+        cost.push(100.0 * (cpu_seconds(pid) - before) / STRETCH.as_secs_f64());
+        stretch
+    };
+    taken(&mut cost[0]);
+    let read = |mut watcher: Events| std::thread::spawn(move || while watcher.next().is_some() {});
+    let mut readers = vec![read(view.watch())];
+    taken(&mut cost[1]);
+    readers.extend((2..MOST_WATCHERS).map(|_| read(view.watch())));
+    let stopped = stopped_watcher(&view);
+    let stretch = taken(&mut cost[2]);
+    view.child.kill().unwrap();
+    drop(stopped);
+    for reader in readers {
+        reader.join().unwrap();
+    }
+    stretch
+}
+
+/// CPU time of a process, s.
+fn cpu_seconds(pid: u32) -> f64 {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
+    let (_, fields) = stat.rsplit_once(')').unwrap();
+    // User and system time are the 14th and 15th field, in hundredths of a second.
+    let times = fields.split_whitespace().skip(11).take(2);
+    times.map(|time| time.parse::<f64>().unwrap() / 100.0).sum()
+}
+
+/// Times that the steps of a service took that began in a stretch, us.
+fn times_of(steps: &[ServiceStep], service: ServiceId, stretch: &Stretch) -> Vec<f64> {
+    let is_in = |step: &&ServiceStep| {
+        step.service as usize == service.index() && step.published_ns > 0 && stretch.contains(&step.began_ns)
+    };
+    let took = |step: &ServiceStep| (step.published_ns - step.began_ns) as f64 / 1e3;
+    steps.iter().filter(is_in).map(took).collect()
+}
+
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[((sorted.len() - 1) as f64 * share) as usize]
+}
+
+fn median(values: &[f64]) -> f64 {
+    quantile(values, 0.5)
 }

@@ -5,6 +5,9 @@ use std::path::Path;
 use replay::{Options, Replayed, replay};
 use run_log::LogReader;
 use shared_types::ServiceId;
+use zerocopy::FromBytes;
+
+use super::Place;
 
 /// A whole log, replayed.
 pub(crate) fn replayed(log: &Path) -> Replayed {
@@ -54,4 +57,15 @@ pub(crate) fn last_tick(log: &Path) -> u64 {
         last = sample.header.tick;
     }
     last
+}
+
+/// Samples of a type in `host.mcap`.
+pub(crate) fn host_samples<T: FromBytes>(place: &Place, out: &str, channel: &str) -> Vec<T> {
+    let file = std::fs::read(place.path(out).join("host.mcap")).unwrap();
+    let messages = mcap::MessageStream::new(&file).unwrap();
+    messages
+        .map(|message| message.unwrap())
+        .filter(|message| message.channel.topic == channel)
+        .map(|message| T::read_from_bytes(&message.data[4..]).unwrap())
+        .collect()
 }
