@@ -44,6 +44,7 @@ pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest, ManifestProblem, topics_of};
 pub use reader::{LogReadError, LogReader, LoggedSample};
 pub use recovery::{Gap, RecoverError, Recovery, SampleTime, inspect, is_whole, recover, recovered_path};
+pub use schema::definition as message_definition;
 pub use size::predicted_bytes;
 pub use view::{ViewError, export_view, view_path};
 pub use writer::RunLogWriter;

@@ -11,7 +11,8 @@ use shared_types::samples::ControlTelemetry;
 const PADDING: &str = "pad0";
 
 /// Returns the message definition of a topic in a flight of `scenario`, which names the numbers of telemetry.
-pub(super) fn definition(topic: Topic, scenario: &Scenario) -> String {
+#[must_use]
+pub fn definition(topic: Topic, scenario: &Scenario) -> String {
     const NUMBERS: usize = ControlTelemetry::NUMBERS;
     let definition = topic.msg_definition();
     if topic != Topic::ControlTelemetry {

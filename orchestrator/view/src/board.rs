@@ -5,6 +5,8 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use crate::foxglove::Moment;
+
 /// Frames that are kept for readers that come later. When there are more, every second one is forgotten.
 const PAST: usize = 600;
 
@@ -61,6 +63,8 @@ struct State {
     last: u64,
     news: [News; Kind::ALL.len()],
     past: Past,
+    /// The newest samples themselves, and their number.
+    moment: Option<(u64, Arc<Moment>)>,
     readers: usize,
     is_over: bool,
 }
@@ -113,6 +117,7 @@ impl Past {
 pub struct Reader<'a> {
     board: &'a Board,
     seen: [u64; Kind::ALL.len()],
+    seen_moment: u64,
 }
 
 impl Board {
@@ -140,6 +145,15 @@ impl Board {
         self.changed.notify_all();
     }
 
+    /// Puts up the newest samples, for those who want them as they are.
+    pub fn put_moment(&self, moment: Moment) {
+        let mut state = self.state();
+        state.last += 1;
+        state.moment = Some((state.last, Arc::new(moment)));
+        drop(state);
+        self.changed.notify_all();
+    }
+
     /// Says that no more news will come.
     pub fn end(&self) {
         self.state().is_over = true;
@@ -159,6 +173,7 @@ impl Board {
         Some(Reader {
             board: self,
             seen: [0; Kind::ALL.len()],
+            seen_moment: 0,
         })
     }
 
@@ -193,6 +208,27 @@ impl Reader<'_> {
             return None;
         }
         Some(self.take(&state))
+    }
+
+    /// Waits for samples, but no longer than `limit`. None when no more will come; `Some(None)` after the limit.
+    #[must_use]
+    pub fn wait_for_moment(&mut self, limit: Duration) -> Option<Option<Arc<Moment>>> {
+        let seen = self.seen_moment;
+        let unread = |state: &State| state.moment.as_ref().is_some_and(|(number, _)| *number > seen);
+        let waits = |state: &mut State| !state.is_over && !unread(state);
+        let waited = self
+            .board
+            .changed
+            .wait_timeout_while(self.board.state(), limit, waits);
+        let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        match &state.moment {
+            Some((number, moment)) if *number > seen => {
+                self.seen_moment = *number;
+                Some(Some(Arc::clone(moment)))
+            }
+            _ if state.is_over => None,
+            _ => Some(None),
+        }
     }
 
     fn take(&mut self, state: &State) -> Unread {

@@ -3,6 +3,7 @@
 //! The orchestrator answers between its other work and never waits. Whatever becomes of this process, the flight loses
 //! nothing but a client.
 
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
@@ -11,6 +12,7 @@ use live::{Answer, Description, LiveError, LiveRun, Question, Snapshot};
 use serde_json::json;
 
 use crate::board::{Board, Kind};
+use crate::foxglove::Moment;
 use crate::frame::Encoder;
 use crate::manners::Distance;
 
@@ -147,11 +149,13 @@ impl Feed<'_> {
         let mut next_status = Instant::now();
         loop {
             let began = Instant::now();
-            if let Answer::Newest(newest) = line.ask(&Question::Watch, PATIENCE)?
-                && let Some(frame) = encoder.frame(&newest)
-            {
-                pace.observe(began, frame.time);
-                self.board.put(Kind::Frame, text_of(&frame));
+            if let Answer::Newest(samples) = line.ask(&Question::Watch, PATIENCE)? {
+                if let Some(frame) = encoder.frame(&samples) {
+                    pace.observe(began, frame.time);
+                    self.board.put(Kind::Frame, text_of(&frame));
+                }
+                let scenario = Arc::clone(encoder.scenario());
+                self.board.put_moment(Moment { scenario, samples });
             }
             if began >= next_status {
                 next_status = began + STATUS_PERIOD;

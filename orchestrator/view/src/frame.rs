@@ -1,6 +1,7 @@
 //! From a run's samples to what the page draws of them.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use evaluation::report::marks::{Mark, Marks};
 use evaluation::report::{channels, panels};
@@ -8,6 +9,7 @@ use live::{Description, NewestSamples};
 use metrics::tracker::{StateSource, Vehicle, newest_distance};
 use nalgebra::Vector3;
 use runtime::control::Host;
+use scenario::Scenario;
 use serde::Serialize;
 use serde_json::json;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
@@ -24,6 +26,7 @@ use crate::path;
 /// Makes frames of the samples of one flight.
 pub struct Encoder {
     description: Description,
+    scenario: Arc<Scenario>,
     schedule: Schedule,
     source: StateSource,
     marks: Marks,
@@ -61,10 +64,17 @@ impl Encoder {
         Some(Self {
             source: StateSource::of(&schedule),
             schedule,
+            scenario: Arc::new(description.scenario.clone()),
             description,
             marks: Marks::default(),
             planned,
         })
+    }
+
+    /// Returns the scenario of the flight.
+    #[must_use]
+    pub fn scenario(&self) -> &Arc<Scenario> {
+        &self.scenario
     }
 
     /// Returns what does not change in the flight of a run, as the page reads it.

@@ -40,13 +40,28 @@ impl HostNames {
     /// A refusal if it is not a name of this server.
     pub fn check(&self, request: &Request) -> Result<(), Refusal> {
         let host = request.host.as_deref().unwrap_or_default();
+        if self.has(host) { Ok(()) } else { Err(OTHER_NAME) }
+    }
+
+    fn has(&self, host: &str) -> bool {
         let name = without_port(host);
         let is_ours = self.names.iter().any(|ours| ours.eq_ignore_ascii_case(name));
-        if is_ours || self.has_all_addresses && is_address(name) {
-            Ok(())
-        } else {
-            Err(OTHER_NAME)
-        }
+        is_ours || self.has_all_addresses && is_address(name)
+    }
+
+    /// Returns whether a site is this server's, or none of the internet: a program says none, or names a scheme of its own.
+    #[must_use]
+    pub fn is_origin_permitted(&self, origin: Option<&str>) -> bool {
+        let Some(origin) = origin else {
+            return true;
+        };
+        let Some((scheme, host)) = origin.split_once("://") else {
+            return false;
+        };
+        let is_of_the_web = ["http", "https"]
+            .iter()
+            .any(|web| scheme.eq_ignore_ascii_case(web));
+        !is_of_the_web || self.has(host)
     }
 }
 
@@ -106,6 +121,28 @@ mod tests {
             "",
         ] {
             assert!(!is_permitted_to(&names, host), "{host}");
+        }
+    }
+
+    #[test]
+    fn sites_of_the_web_are_not_permitted_but_for_its_own() {
+        let names = HostNames::of([192, 168, 1, 5].into(), &[]);
+        for origin in [
+            None,
+            Some("http://localhost:8421"),
+            Some("https://192.168.1.5"),
+            Some("file://"),
+        ] {
+            assert!(names.is_origin_permitted(origin), "{origin:?}");
+        }
+        for origin in [
+            "null",
+            "",
+            "https://evil.example",
+            "HTTP://evil.example:8421",
+            "http://",
+        ] {
+            assert!(!names.is_origin_permitted(Some(origin)), "{origin}");
         }
     }
 

@@ -6,6 +6,10 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use sha1::{Digest, Sha1};
+
 /// Longest request, bytes.
 pub const LONGEST_REQUEST: usize = 8 * 1024;
 
@@ -25,6 +29,19 @@ pub struct Request {
     pub cookie: Option<String>,
     /// The header `Sec-Fetch-Site`: where the page comes from that asks.
     pub fetch_site: Option<String>,
+    /// The header `Origin`: the site of the page that asks.
+    pub origin: Option<String>,
+    /// What the connection is to become, if it is not to stay one of HTTP.
+    pub upgrade: Option<Upgrade>,
+}
+
+/// A request to go on as a WebSocket (RFC 6455).
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Upgrade {
+    /// The header `Sec-WebSocket-Key`.
+    pub key: String,
+    /// The protocols that the client speaks, the best first.
+    pub protocols: Vec<String>,
 }
 
 /// A refusal, with its status and reason in words.
@@ -91,7 +108,33 @@ pub fn parse(bytes: &[u8]) -> Result<Option<Request>, Refusal> {
         host: only(headers, "host")?,
         cookie: only(headers, "cookie")?,
         fetch_site: only(headers, "sec-fetch-site")?,
+        origin: only(headers, "origin")?,
+        upgrade: upgrade(headers)?,
     }))
+}
+
+/// Returns the request to go on as a WebSocket, if it is one.
+fn upgrade(headers: &[httparse::Header<'_>]) -> Result<Option<Upgrade>, Refusal> {
+    let wanted = only(headers, "upgrade")?.filter(|wanted| wanted.eq_ignore_ascii_case("websocket"));
+    if wanted.is_none() {
+        return Ok(None);
+    }
+    let list = |name| Ok(list_of(&only(headers, name)?.unwrap_or_default()));
+    let is_asked_for = list("connection")?
+        .iter()
+        .any(|option| option.eq_ignore_ascii_case("upgrade"));
+    let version = only(headers, "sec-websocket-version")?;
+    let key = only(headers, "sec-websocket-key")?.unwrap_or_default();
+    let is_a_key = STANDARD.decode(&key).is_ok_and(|key| key.len() == 16);
+    if !is_asked_for || version.as_deref() != Some("13") || !is_a_key {
+        return Err(NOT_UNDERSTOOD);
+    }
+    let protocols = list("sec-websocket-protocol")?;
+    Ok(Some(Upgrade { key, protocols }))
+}
+
+fn list_of(text: &str) -> Vec<String> {
+    text.split(',').map(|item| item.trim().to_owned()).collect()
 }
 
 /// Returns the text of a header that a request has at most once.
@@ -211,6 +254,18 @@ pub fn head(status: u16, content_type: &str, length: Option<usize>, more: &[(&st
     head + "\r\n"
 }
 
+/// Returns the head by which a connection becomes a WebSocket.
+#[must_use]
+pub fn switched(key: &str, protocol: &str) -> String {
+    /// Says that the server knows what it does (RFC 6455, section 1.3).
+    const MAGIC: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
+    let accepted = STANDARD.encode(Sha1::digest([key, MAGIC].concat()));
+    format!(
+        "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+         Sec-WebSocket-Accept: {accepted}\r\nSec-WebSocket-Protocol: {protocol}\r\n\r\n"
+    )
+}
+
 /// Returns the answer to a request that is refused.
 #[must_use]
 pub fn refused(Refusal { status, reason }: Refusal) -> String {
@@ -254,8 +309,8 @@ mod tests {
             path: "/live".to_owned(),
             query: "t=1".to_owned(),
             host: Some("127.0.0.1:8421".to_owned()),
-            cookie: None,
             fetch_site: Some("same-origin".to_owned()),
+            ..Request::default()
         };
         for length in 0..BROWSER.len() {
             assert_eq!(parse(&BROWSER.as_bytes()[..length]), Ok(None), "{length}");
@@ -283,6 +338,37 @@ mod tests {
         let endless = format!("GET / HTTP/1.1\r\nX: {}", "y".repeat(LONGEST_REQUEST));
         assert_eq!(parse(&endless.as_bytes()[..LONGEST_REQUEST]), Err(TOO_LONG));
         assert_eq!(parse(b"\x16\x03\x01\x02\x00\x01\x00"), Err(NOT_UNDERSTOOD));
+    }
+
+    #[test]
+    fn a_request_for_a_websocket_needs_all_its_headers() {
+        const ALL: [&str; 5] = [
+            "Upgrade: WebSocket\r\n",
+            "Connection: keep-alive, Upgrade\r\n",
+            "Sec-WebSocket-Version: 13\r\n",
+            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n",
+            "Sec-WebSocket-Protocol: a, b\r\n",
+        ];
+        let parsed = |headers: &[&str]| {
+            let request = format!("GET / HTTP/1.1\r\n{}\r\n", headers.concat());
+            parse(request.as_bytes()).map(|request| request.unwrap().upgrade)
+        };
+        let upgrade = parsed(&ALL).unwrap().unwrap();
+        assert_eq!(upgrade.protocols, ["a", "b"]);
+        // The example of RFC 6455, section 1.3.
+        let head = switched(&upgrade.key, "a");
+        assert!(
+            head.contains("Sec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=\r\n"),
+            "{head}"
+        );
+        assert_eq!(parsed(&ALL[1..]), Ok(None));
+        for left_out in 1..4 {
+            let mut headers = ALL.to_vec();
+            headers.remove(left_out);
+            assert_eq!(parsed(&headers), Err(NOT_UNDERSTOOD), "{left_out}");
+        }
+        let other = [ALL[0], ALL[1], ALL[2], "Sec-WebSocket-Key: AAAA\r\n"];
+        assert_eq!(parsed(&other), Err(NOT_UNDERSTOOD));
     }
 
     proptest! {

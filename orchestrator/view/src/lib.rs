@@ -1,13 +1,14 @@
 //! `gerono view`: a flight in a browser, while it is flown or afterwards.
 //!
 //! One page over plain HTTP, and its news as Server-Sent Events, which cannot carry a command: there is no way from a browser
-//! to the flight. The samples come from the run's orchestrator, which has received them anyway, so no service learns of a
+//! to the flight. Programs that speak the Foxglove protocol get the topics themselves, and say no more than which they want. The samples come from the run's orchestrator, which has received them anyway, so no service learns of a
 //! watcher ([`live`]).
 //!
 //! * [`feed`]: asks the run and puts up what it answers;
 //! * [`frame`], [`path`]: what the page draws of samples and scenario;
 //! * [`board`]: the newest of each kind, for any number of readers;
 //! * [`server`], [`http`]: connections and their limits;
+//! * [`foxglove`], [`websocket`]: all topics as they are, for other programs;
 //! * [`site`], [`host_name`], [`token`]: who may see what; [`address`]: where;
 //! * [`page`]: the page and what a browser may do with it;
 //! * [`manners`]: the lowest priority, away from the services' cores.
@@ -19,6 +20,7 @@ pub mod address;
 pub mod arguments;
 pub mod board;
 pub mod feed;
+pub mod foxglove;
 pub mod frame;
 pub mod host_name;
 pub mod http;
@@ -28,6 +30,7 @@ pub mod path;
 pub mod server;
 pub mod site;
 pub mod token;
+pub mod websocket;
 
 use std::io::IsTerminal;
 use std::net::{Ipv4Addr, SocketAddr};

@@ -9,16 +9,18 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::fd::AsFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use command_line::interrupt::Interrupt;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::sockopt::set_socket_send_buffer_size;
 
 use crate::board::Board;
+use crate::foxglove::Session;
 use crate::http::{self, NOT_FOUND, Refusal};
 use crate::page::Page;
 use crate::site::{Reply, Site};
+use crate::websocket::Socket;
 
 /// Browsers that watch at once.
 pub const MOST_WATCHERS: usize = 8;
@@ -37,6 +39,9 @@ const NEWS_LIMIT: Duration = Duration::from_secs(1);
 
 /// Time after which a watcher is told something even if there are no news: else nobody learns that it has gone.
 const KEEP_ALIVE: Duration = Duration::from_secs(5);
+
+/// Time after which a program that wants topics is listened to, even if there are no samples.
+const LISTEN_PERIOD: Duration = Duration::from_millis(100);
 
 /// Time for which a closed connection may still send.
 const CLOSE_LIMIT: Duration = Duration::from_secs(1);
@@ -167,7 +172,10 @@ fn answer(stream: &mut TcpStream, content: &Content) -> io::Result<()> {
     match (content.site.reply(&request), &content.board) {
         (Ok(Reply::Page(cookie)), _) => send_page(stream, &content.page, cookie.as_deref()),
         (Ok(Reply::News), Some(board)) => watch(stream, board),
-        (Ok(Reply::News), None) => refuse(stream, NOT_FOUND),
+        (Ok(Reply::Topics { key, protocol }), Some(board)) => {
+            relay(stream, board, &http::switched(&key, protocol))
+        }
+        (Ok(Reply::News | Reply::Topics { .. }), None) => refuse(stream, NOT_FOUND),
         (Err(refusal), _) => refuse(stream, refusal),
     }
 }
@@ -208,13 +216,51 @@ fn watch(stream: &mut TcpStream, board: &Board) -> io::Result<()> {
     Ok(())
 }
 
+/// Sends the samples that a program wants, the newest of each topic, until there are no more, another flight begins, or the
+/// program does not take them.
+fn relay(stream: &mut TcpStream, board: &Board, head: &str) -> io::Result<()> {
+    let Some(mut reader) = board.read(MOST_WATCHERS) else {
+        return refuse(stream, TOO_MANY_WATCHERS);
+    };
+    set_socket_send_buffer_size(&*stream, WATCHER_BUFFER)?;
+    stream.set_nodelay(true)?;
+    http::write(stream, head.as_bytes(), NEWS_LIMIT)?;
+    let mut socket = Socket::new(stream, NEWS_LIMIT);
+    let mut session = Session::default();
+    socket.send([Session::greeting()])?;
+    let mut next_ping = Instant::now() + KEEP_ALIVE;
+    while let Some(moment) = reader.wait_for_moment(LISTEN_PERIOD) {
+        for text in socket.received()? {
+            session.take(&text);
+        }
+        if let Some(moment) = moment {
+            let Some(news) = session.news(&moment) else {
+                break;
+            };
+            socket.send(news)?;
+        }
+        if Instant::now() >= next_ping {
+            next_ping += KEEP_ALIVE;
+            socket.ping()?;
+        }
+    }
+    socket.end()
+}
+
 #[cfg(test)]
 mod tests {
     use std::io::{BufRead, BufReader, Read};
     use std::net::{Ipv4Addr, TcpStream};
 
+    use live::NewestSamples;
+    use shared_types::Topic;
+    use shared_types::samples::VehicleTruth;
+    use tungstenite::Message;
+    use zerocopy::{FromZeros, IntoBytes};
+
     use super::*;
     use crate::board::Kind;
+    use crate::foxglove::Moment;
     use crate::host_name::HostNames;
 
     /// A server that ends with the test, and its address.
@@ -286,8 +332,94 @@ mod tests {
             let late = answer_to(stream);
             assert!(late.starts_with("HTTP/1.1 408 "), "{late}");
         }
-        let page = answer_to(ask(address, "/"));
-        assert!(page.ends_with("<p>here</p>"), "{page}");
+        // The last places become free shortly after their clients have been answered.
+        let has_page = || {
+            let mut stream = TcpStream::connect(address)?;
+            stream.write_all(format!("GET / HTTP/1.1\r\nHost: {address}\r\n\r\n").as_bytes())?;
+            let mut page = String::new();
+            stream.read_to_string(&mut page)?;
+            io::Result::Ok(page.ends_with("<p>here</p>"))
+        };
+        while !has_page().unwrap_or(false) {}
+    }
+
+    /// The end of a program that wants topics.
+    fn connect(address: SocketAddr) -> tungstenite::WebSocket<TcpStream> {
+        let mut stream = TcpStream::connect(address).unwrap();
+        write!(
+            stream,
+            "GET / HTTP/1.1\r\nHost: {address}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+             Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
+             Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n"
+        )
+        .unwrap();
+        let mut head = Vec::new();
+        while !head.ends_with(b"\r\n\r\n") {
+            let mut byte = [0];
+            stream.read_exact(&mut byte).unwrap();
+            head.push(byte[0]);
+        }
+        assert!(head.starts_with(b"HTTP/1.1 101 "));
+        tungstenite::WebSocket::from_raw_socket(stream, tungstenite::protocol::Role::Client, None)
+    }
+
+    fn moment(scenario: &Arc<scenario::Scenario>, seq: u64) -> Moment {
+        let mut truth = VehicleTruth::new_zeroed();
+        truth.header.seq = seq;
+        Moment {
+            scenario: Arc::clone(scenario),
+            samples: NewestSamples::of(|topic| (topic == Topic::VehicleTruth).then_some(truth.as_bytes())),
+        }
+    }
+
+    #[test]
+    fn a_program_gets_what_it_wants_until_another_flight_begins() {
+        let (content, address, _finishes) = serve();
+        let board = content.board.as_ref().unwrap();
+        let scenario = Arc::new(run_log::test_flight::scenario(0.001, 1.0));
+        let mut socket = connect(address);
+        let text = |message: Message| message.into_text().unwrap().to_string();
+        assert!(text(socket.read().unwrap()).contains(r#""capabilities":[]"#));
+        board.put_moment(moment(&scenario, 1));
+        assert!(text(socket.read().unwrap()).contains("vehicle/truth"));
+        let channel = Topic::VehicleTruth.index();
+        let wish = format!(r#"{{"op":"subscribe","subscriptions":[{{"id":7,"channelId":{channel}}}]}}"#);
+        socket.send(Message::text(wish)).unwrap();
+        let (told, tells) = std::sync::mpsc::channel();
+        let reads = std::thread::spawn(move || {
+            loop {
+                match socket.read() {
+                    Ok(Message::Binary(bytes)) => told.send(bytes).unwrap(),
+                    Ok(Message::Close(_)) => return,
+                    Ok(_) => {}
+                    Err(error) => panic!("{error}"),
+                }
+            }
+        });
+        let mut seq = 1;
+        let sample = loop {
+            seq += 1;
+            board.put_moment(moment(&scenario, seq));
+            if let Ok(sample) = tells.recv_timeout(LISTEN_PERIOD) {
+                break sample;
+            }
+        };
+        assert_eq!(sample[..5], [1, 7, 0, 0, 0]);
+        board.put_moment(moment(&Arc::new(scenario.as_ref().clone()), 1));
+        reads.join().unwrap();
+    }
+
+    #[test]
+    fn a_program_that_sends_too_much_at_once_is_cut_off() {
+        let (content, address, _finishes) = serve();
+        let board = content.board.as_ref().unwrap();
+        let mut socket = connect(address);
+        socket.read().unwrap();
+        assert_eq!(board.readers(), 1);
+        // The server may be gone before it has all.
+        let _ = socket.send(Message::text("x".repeat(100_000)));
+        while socket.read().is_ok() {}
+        board.await_no_reader(Duration::MAX);
     }
 
     #[test]

@@ -1,12 +1,18 @@
 //! Who may see what: every request passes here before it is answered.
 
+use crate::foxglove::PROTOCOLS;
 use crate::host_name::HostNames;
-use crate::http::{NOT_FOUND, Refusal, Request};
+use crate::http::{NOT_FOUND, Refusal, Request, Upgrade};
 use crate::token::Token;
 
 const OTHER_SITE: Refusal = Refusal {
     status: 403,
     reason: "the page of another site may not watch",
+};
+
+const OTHER_PROTOCOL: Refusal = Refusal {
+    status: 400,
+    reason: "this WebSocket speaks `foxglove.sdk.v1` and `foxglove.websocket.v1`",
 };
 
 /// The rules of a server.
@@ -27,6 +33,13 @@ pub enum Reply {
     Page(Option<String>),
     /// News, for as long as there are some.
     News,
+    /// All topics, by this protocol of WebSocket.
+    Topics {
+        /// Key of the request.
+        key: String,
+        /// The protocol of those that the client speaks.
+        protocol: &'static str,
+    },
 }
 
 impl Site {
@@ -40,6 +53,15 @@ impl Site {
             Some(token) => token.check(request)?,
             None => None,
         };
+        if let Some(upgrade) = &request.upgrade {
+            // A page that knows the token has it from a person; the cookie comes by itself.
+            let is_permitted = cookie.is_some() || self.names.is_origin_permitted(request.origin.as_deref());
+            return if is_permitted {
+                self.topics(request, upgrade)
+            } else {
+                Err(OTHER_SITE)
+            };
+        }
         match request.path.as_str() {
             "/" => Ok(Reply::Page(cookie)),
             "/live" if self.has_news => {
@@ -52,6 +74,16 @@ impl Site {
             }
             _ => Err(NOT_FOUND),
         }
+    }
+
+    fn topics(&self, request: &Request, upgrade: &Upgrade) -> Result<Reply, Refusal> {
+        if request.path != "/" || !self.has_news {
+            return Err(NOT_FOUND);
+        }
+        let speaks = |protocol: &&str| upgrade.protocols.iter().any(|spoken| spoken == protocol);
+        let protocol = PROTOCOLS.into_iter().find(speaks).ok_or(OTHER_PROTOCOL)?;
+        let key = upgrade.key.clone();
+        Ok(Reply::Topics { key, protocol })
     }
 }
 
@@ -118,5 +150,42 @@ mod tests {
             ..site.clone()
         };
         assert_eq!(finished.reply(&request("/live", "localhost", "")), Err(NOT_FOUND));
+    }
+
+    #[test]
+    fn all_topics_are_for_programs_and_for_pages_that_know_the_token() {
+        let asked = |origin: Option<&str>, query: &str, protocol: &str| Request {
+            origin: origin.map(str::to_owned),
+            upgrade: Some(Upgrade {
+                key: "k".to_owned(),
+                protocols: vec!["x".to_owned(), protocol.to_owned()],
+            }),
+            ..request("/", "localhost", query)
+        };
+        let mut site = Site {
+            names: HostNames::of(Ipv4Addr::LOCALHOST.into(), &[]),
+            token: None,
+            has_news: true,
+        };
+        let elsewhere = Some("https://app.example");
+        for protocol in PROTOCOLS {
+            let key = "k".to_owned();
+            assert_eq!(
+                site.reply(&asked(None, "", protocol)),
+                Ok(Reply::Topics { key, protocol })
+            );
+            assert_eq!(site.reply(&asked(elsewhere, "", protocol)), Err(OTHER_SITE));
+        }
+        assert_eq!(site.reply(&asked(None, "", "y")), Err(OTHER_PROTOCOL));
+        let token = Token::new(&[7; 16], 1);
+        let query = token.query().trim_start_matches('?').to_owned();
+        site.token = Some(token);
+        let by_token = site.reply(&asked(elsewhere, &query, PROTOCOLS[1]));
+        assert!(matches!(by_token, Ok(Reply::Topics { .. })), "{by_token:?}");
+        site.has_news = false;
+        assert_eq!(
+            site.reply(&asked(elsewhere, &query, PROTOCOLS[1])),
+            Err(NOT_FOUND)
+        );
     }
 }

@@ -68,13 +68,6 @@ impl Token {
     /// # Errors
     /// A refusal if it has not.
     pub fn check(&self, request: &Request) -> Result<Option<String>, Refusal> {
-        let mut cookies = request.cookie.as_deref().unwrap_or_default().split(';');
-        let mut values = cookies
-            .by_ref()
-            .filter_map(|cookie| cookie.trim().split_once('='));
-        if values.any(|(name, value)| name == self.cookie && self.is(value)) {
-            return Ok(None);
-        }
         let given = request.query.split('&').filter_map(|pair| pair.split_once('='));
         for (name, value) in given {
             if name == IN_QUERY && self.is(value) {
@@ -83,6 +76,11 @@ impl Token {
                     self.cookie, self.text
                 )));
             }
+        }
+        let cookies = request.cookie.as_deref().unwrap_or_default().split(';');
+        let mut values = cookies.filter_map(|cookie| cookie.trim().split_once('='));
+        if values.any(|(name, value)| name == self.cookie && self.is(value)) {
+            return Ok(None);
         }
         Err(NO_TOKEN)
     }

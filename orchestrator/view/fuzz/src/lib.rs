@@ -2,12 +2,16 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 
+use view::foxglove::Session;
 use view::host_name::HostNames;
 use view::http::{self, LONGEST_REQUEST, Refusal, Request};
 use view::site::{Reply, Site};
 use view::token::Token;
 
 const PORT: u16 = 8421;
+
+/// The token of these bytes.
+const SECRET: &str = "07070707070707070707070707070707";
 
 /// Statuses of refusals.
 const REFUSED: [u16; 6] = [400, 401, 403, 404, 405, 421];
@@ -21,6 +25,7 @@ fn is_a_refusal(refusal: Refusal) -> bool {
 /// # Panics
 /// If something does not.
 pub fn check(bytes: &[u8]) {
+    said(&String::from_utf8_lossy(bytes));
     let bytes = &bytes[..bytes.len().min(LONGEST_REQUEST)];
     let read = http::parse(bytes);
     in_pieces(bytes, &read);
@@ -35,6 +40,15 @@ pub fn check(bytes: &[u8]) {
             assert!(http::refused(refusal).starts_with(&format!("HTTP/1.1 {} ", refusal.status)));
         }
     }
+}
+
+/// Asserts that a client that is connected can want every topic once and no more.
+fn said(text: &str) {
+    let mut session = Session::default();
+    session.take(text);
+    assert!(session.subscriptions() == 0 || text.contains("subscribe"));
+    session.take(text);
+    assert!(session.subscriptions() <= shared_types::Topic::ALL.len());
 }
 
 /// Asserts that a request is the same however the network cuts it.
@@ -61,7 +75,6 @@ fn understood(bytes: &[u8], request: &Request) {
     ] {
         for has_news in [false, true] {
             let token = Token::new(&[7; 16], PORT);
-            let secret = token.query().split_off("?t=".len());
             let site = Site {
                 names: HostNames::of(address, names),
                 token: has_token.then_some(token),
@@ -72,8 +85,8 @@ fn understood(bytes: &[u8], request: &Request) {
                 Ok(reply) => {
                     let host = request.host.as_deref().unwrap_or_default().to_ascii_lowercase();
                     assert!(is_ours(&host, address, names), "{host:?} is no name of {address}");
-                    assert!(!has_token || text.contains(&secret), "the token was not needed");
-                    permitted_reply(request, &reply, has_token, has_news);
+                    assert!(!has_token || text.contains(SECRET), "the token was not needed");
+                    permitted_reply(request, &reply, (has_token, has_news), (address, names));
                 }
             }
         }
@@ -104,7 +117,12 @@ fn is_ours(host: &str, address: IpAddr, names: &[String]) -> bool {
     address.is_unspecified() && host.bytes().all(alphabet) && host.contains(['.', ':'])
 }
 
-fn permitted_reply(request: &Request, reply: &Reply, has_token: bool, has_news: bool) {
+fn permitted_reply(
+    request: &Request,
+    reply: &Reply,
+    (has_token, has_news): (bool, bool),
+    (address, names): (IpAddr, &[String]),
+) {
     match reply {
         Reply::Page(cookie) => {
             assert_eq!(request.path, "/");
@@ -116,6 +134,19 @@ fn permitted_reply(request: &Request, reply: &Reply, has_token: bool, has_news: 
             assert!(has_news && request.path == "/live");
             let site = request.fetch_site.as_deref();
             assert!(matches!(site, None | Some("same-origin" | "none")));
+        }
+        Reply::Topics { key, protocol } => {
+            assert!(has_news && request.path == "/");
+            let upgrade = request.upgrade.as_ref().expect("it was asked for");
+            assert!(*key == upgrade.key && key.len() == 24 && key.is_ascii());
+            assert!(upgrade.protocols.iter().any(|spoken| spoken == protocol));
+            let origin = request.origin.as_deref().unwrap_or_default().to_ascii_lowercase();
+            let is_of_the_web = origin.starts_with("http://") || origin.starts_with("https://");
+            let host = origin.split_once("://").map_or("", |(_, host)| host);
+            let has_said_the_token = has_token && request.query.contains(SECRET);
+            assert!(
+                origin != "null" && !is_of_the_web || has_said_the_token || is_ours(host, address, names)
+            );
         }
     }
 }
