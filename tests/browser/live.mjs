@@ -8,6 +8,7 @@ import { spawn } from "node:child_process";
 import { existsSync } from "node:fs";
 import { join } from "node:path";
 import { start } from "./browser.mjs";
+import { checkDoor, compare, receive } from "./topics.mjs";
 
 const [address, gerono, scenarios, folder, pictures, withLaboratory] = process.argv.slice(2);
 
@@ -179,6 +180,8 @@ async function watchAFlight() {
     console.log(`     from a sample to its drawing: ${half.toFixed(0)} ms (median), ${most.toFixed(0)} ms (95 %)`);
     assert.ok(half < 500, `${half} ms`);
   });
+  await check("all topics are for programs that speak the Foxglove protocol, and not for pages of the internet", () => checkDoor(address));
+  const received = await receive(address);
   await check("on a phone nothing sticks out, also not the restarts of a service", async () => {
     await page.setViewport(PHONE);
     await settled();
@@ -193,6 +196,11 @@ async function watchAFlight() {
     await page.waitForFunction(() => byId("contact").textContent === "ended");
     assert.match(await text("banners"), /has ended; the next flight is waited for/);
     await flight.ended;
+  });
+  await check("what the published client of that protocol has received is what the log has", async () => {
+    const { topics, samples } = compare(received, join(folder, "flight", "run.mcap"));
+    console.log(`     ${samples} samples of ${topics} topics`);
+    assert.ok(topics >= 8 && samples > 100);
   });
 }
 

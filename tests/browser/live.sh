@@ -27,7 +27,7 @@ export XDG_RUNTIME_DIR="$work" GERONO_RUNS="$work"
 "$gerono" view --follow --port 0 >"$work/view" &
 view=$!
 trap 'kill -INT $view; wait $view || true; rm -rf "$work"' EXIT
-until grep -q http: "$work/view"; do
+until grep -q http: "$work/view" 2>/dev/null; do
     kill -0 $view
     sleep 0.1
 done

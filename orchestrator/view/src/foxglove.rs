@@ -121,7 +121,7 @@ impl Session {
     }
 
     /// Returns what the client has not been told of a moment: topics that are new, and samples of those that it wants. None if
-    /// it is of another flight than those before: the client has to begin anew.
+    /// it is of another flight than those before: the client has to connect again.
     pub fn news(&mut self, moment: &Moment) -> Option<Vec<Outgoing>> {
         let is_first = self.scenario.is_none();
         let scenario = self.scenario.get_or_insert_with(|| Arc::clone(&moment.scenario));
