@@ -30,24 +30,37 @@ try {
 }
 
 const processes = [];
-/** A command beside this program; ends with it. */
+/** A command beside this program; ends with it. What it says is of no interest: what becomes of it is seen. */
 function begin(...args) {
-  const child = spawn(gerono, args, { stdio: ["ignore", "inherit", "inherit"] });
+  const child = spawn(gerono, args, { stdio: "ignore" });
   child.ended = new Promise((done) => child.on("exit", done));
   processes.push(child);
   return child;
 }
 
+/** `gerono view` beside the one that this program was started for, and its address. */
+async function serve(...args) {
+  const child = spawn(gerono, ["view", "--port", "0", ...args], { stdio: ["ignore", "pipe", "inherit"] });
+  child.ended = new Promise((done) => child.on("exit", done));
+  processes.push(child);
+  for await (const piece of child.stdout) {
+    const [, url] = /(http:\S+)/.exec(piece.toString()) ?? [];
+    if (url !== undefined) return { child, url };
+  }
+  throw new Error(`no address of gerono view ${args.join(" ")}`);
+}
+
 const page = await browser.newPage();
 page.setDefaultTimeout(PATIENCE);
+/** Where something may be asked for. */
+const known = [address];
 const troubles = [];
 page.on("console", (message) => {
   if (["error", "warn"].includes(message.type())) troubles.push(`console: ${message.text()}`);
 });
 page.on("pageerror", (error) => troubles.push(`error: ${error.message}`));
 page.on("request", (request) => {
-  const known = [address, `${address}live`];
-  if (!known.includes(request.url()) && !request.url().startsWith("data:")) troubles.push(`request: ${request.url()}`);
+  if (!known.some((url) => [url, `${url}live`].includes(request.url())) && !request.url().startsWith("data:")) troubles.push(`request: ${request.url()}`);
 });
 
 let checks = 0;
@@ -204,6 +217,49 @@ async function watchAFlight() {
   });
 }
 
+async function watchFromElsewhere() {
+  const { child, url } = await serve("--follow", "--bind", "127.0.0.2");
+  const { origin } = new URL(url);
+  known.push(url, `${origin}/`);
+  const flight = begin("run", join(scenarios, "fig1.toml"), "--quiet", "--out", join(folder, "fig1"), "--set", "duration=2000.0");
+  await check("with the token a flight in simulated time is shown, and without it nothing", async () => {
+    assert.equal((await fetch(`${origin}/`)).status, 401);
+    await page.goto(url, { waitUntil: "load" });
+    assert.equal(page.url(), `${origin}/`);
+    await page.waitForFunction(() => moments.length > 5 && /times real time/.test(byId("speed").textContent));
+    // The cookie is enough from now on.
+    await page.reload({ waitUntil: "load" });
+    await page.waitForFunction(() => moments.length > 5);
+    assert.equal(await page.evaluate(() => document.cookie), "");
+    await settled();
+    await picture("8-simulated");
+  });
+  flight.kill("SIGINT");
+  child.kill("SIGINT");
+  await Promise.all([flight.ended, child.ended]);
+}
+
+async function lookAtAFinishedFlight() {
+  const { child, url } = await serve(join(folder, "flight"));
+  known.push(url);
+  await check("a finished flight has a slider of time that moves the vehicle", async () => {
+    await page.goto(url, { waitUntil: "load" });
+    const seen = () => page.$eval("#orbit", (canvas) => canvas.toDataURL());
+    const slide = async (share) => {
+      await page.$eval("#moment", (slider, part) => {
+        slider.valueAsNumber = Number(slider.min) + part * (slider.max - slider.min);
+        slider.dispatchEvent(new Event("input"));
+      }, share);
+      await settled();
+      return seen();
+    };
+    assert.notEqual(await slide(0.2), await slide(0.6));
+    await picture("9-finished");
+  });
+  child.kill("SIGINT");
+  await child.ended;
+}
+
 async function watchALaboratory() {
   const scenario = join(scenarios, "laboratory_simulated.toml");
   const device = join(folder, "radio");
@@ -216,7 +272,8 @@ async function watchALaboratory() {
     assert.match(await text("laboratory"), /radio link: \d+ sent/);
     assert.match(await text("banners"), /where the estimator believes it to be/);
     // Not before the rate of frames is known.
-    while ((await begin("arm").ended) !== 0) await settled();
+    const until = Date.now() + PATIENCE;
+    while ((await begin("arm").ended) !== 0) assert.ok(Date.now() < until, "it is not armed");
     await awaitPhase("fly");
     await settled();
     await picture("7-laboratory");
@@ -231,6 +288,8 @@ try {
   await page.goto(address, { waitUntil: "load" });
   await watchAFlight();
   if (pictured) await watchALaboratory();
+  await watchFromElsewhere();
+  await lookAtAFinishedFlight();
   await check("nothing went wrong and nothing was asked of another server", async () => assert.deepEqual(troubles, []));
   console.log(`${checks} checks of the live page, ${await browser.version()}; pictures in ${pictures}`);
 } catch (error) {

@@ -410,6 +410,24 @@ mod tests {
     }
 
     #[test]
+    fn a_program_that_does_not_read_is_cut_off() {
+        let (content, address, _finishes) = serve();
+        let board = content.board.as_ref().unwrap();
+        let mut socket = connect(address);
+        socket.read().unwrap();
+        let channel = Topic::VehicleTruth.index();
+        let wish = format!(r#"{{"op":"subscribe","subscriptions":[{{"id":7,"channelId":{channel}}}]}}"#);
+        socket.send(Message::text(wish)).unwrap();
+        let scenario = Arc::new(run_log::test_flight::scenario(0.001, 1.0));
+        let mut seq = 0;
+        while board.readers() > 0 {
+            seq += 1;
+            board.put_moment(moment(&scenario, seq));
+        }
+        drop(socket);
+    }
+
+    #[test]
     fn a_program_that_sends_too_much_at_once_is_cut_off() {
         let (content, address, _finishes) = serve();
         let board = content.board.as_ref().unwrap();
