@@ -11,6 +11,7 @@ use common::logs::host_samples;
 use common::processes::signal;
 use common::{Begun, Place, begin, complaint, finish, fly_to_the_end, output, succeed, until};
 use run_log::ServiceStep;
+use runtime::deployment::use_idle;
 use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::ServiceId;
@@ -309,6 +310,9 @@ const STRETCH: Duration = Duration::from_secs(5);
 /// Time that a view has before it is measured.
 const SETTLING: Duration = Duration::from_secs(1);
 
+/// Tick of the hover, ns.
+const TICK_NS: u64 = 1_000_000;
+
 /// Pairs of stretches.
 const PAIRS: usize = 10;
 
@@ -336,23 +340,15 @@ fn what_eight_browsers_cost_a_flight_and_the_machine() {
     signal(flight.id(), Signal::INT);
     finish(flight);
     let steps: Vec<ServiceStep> = host_samples(&place, "out", "host/steps");
+    let took = |step: &ServiceStep| step.published_ns - step.began_ns;
+    let late = |step: &ServiceStep| step.began_ns.saturating_sub(step.tick * TICK_NS);
     for service in ServiceId::ALL {
-        let of = |stretch: &Stretch| times_of(&steps, service, stretch);
-        let compared: Vec<_> = pairs
-            .iter()
-            .map(|(alone, watched)| (of(alone), of(watched)))
-            .collect();
-        for (name, share) in [("p50", 0.5), ("p99", 0.99)] {
-            let [alone, watched] = [false, true].map(|is_watched| {
-                let of_pair =
-                    |pair: &(Vec<f64>, Vec<f64>)| quantile(if is_watched { &pair.1 } else { &pair.0 }, share);
-                median(&compared.iter().map(of_pair).collect::<Vec<_>>())
-            });
-            let ratio =
-                |(alone, watched): &(Vec<f64>, Vec<f64>)| quantile(watched, share) / quantile(alone, share);
-            let ratio = median(&compared.iter().map(ratio).collect::<Vec<_>>());
-            println!("{service}: step {name} {alone:.1} us alone, {watched:.1} us watched; ratio {ratio:.3}");
-        }
+        compare(&format!("{service}: step took"), &pairs, |stretch| {
+            times_of(&steps, service, stretch, took)
+        });
+        compare(&format!("{service}: step began late by"), &pairs, |stretch| {
+            times_of(&steps, service, stretch, late)
+        });
     }
     let [idle, one, eight] = cost.map(|values| median(&values));
     println!(
@@ -373,7 +369,13 @@ fn watched(place: &Place, stretch: impl Fn() -> Stretch, cost: &mut [Vec<f64>; 3
         stretch
     };
     taken(&mut cost[0]);
-    let read = |mut watcher: Events| std::thread::spawn(move || while watcher.next().is_some() {});
+    // A browser runs elsewhere: here it must not compete with the flight.
+    let read = |mut watcher: Events| {
+        std::thread::spawn(move || {
+            use_idle().unwrap();
+            while watcher.next().is_some() {}
+        })
+    };
     let mut readers = vec![read(view.watch())];
     taken(&mut cost[1]);
     readers.extend((2..MOST_WATCHERS).map(|_| read(view.watch())));
@@ -396,13 +398,36 @@ fn cpu_seconds(pid: u32) -> f64 {
     times.map(|time| time.parse::<f64>().unwrap() / 100.0).sum()
 }
 
-/// Times that the steps of a service took that began in a stretch, us.
-fn times_of(steps: &[ServiceStep], service: ServiceId, stretch: &Stretch) -> Vec<f64> {
+/// Prints the medians of p50 and p99 over all pairs, and those of their ratios, pair by pair.
+fn compare(what: &str, pairs: &[(Stretch, Stretch)], times: impl Fn(&Stretch) -> Vec<f64>) {
+    let compared: Vec<_> = pairs
+        .iter()
+        .map(|(alone, watched)| (times(alone), times(watched)))
+        .collect();
+    for (name, share) in [("p50", 0.5), ("p99", 0.99)] {
+        let of_pair = |(alone, watched): &(Vec<f64>, Vec<f64>)| {
+            let [alone, watched] = [alone, watched].map(|times| quantile(times, share));
+            [alone, watched, watched / alone]
+        };
+        let found: Vec<_> = compared.iter().map(of_pair).collect();
+        let [alone, watched, ratio] =
+            [0, 1, 2].map(|place| median(&found.iter().map(|pair| pair[place]).collect::<Vec<_>>()));
+        println!("{what} {name} {alone:.1} us alone, {watched:.1} us watched; ratio {ratio:.3}");
+    }
+}
+
+/// Times of the steps of a service that began in a stretch, us.
+fn times_of(
+    steps: &[ServiceStep],
+    service: ServiceId,
+    stretch: &Stretch,
+    time_ns: impl Fn(&ServiceStep) -> u64,
+) -> Vec<f64> {
     let is_in = |step: &&ServiceStep| {
         step.service as usize == service.index() && step.published_ns > 0 && stretch.contains(&step.began_ns)
     };
-    let took = |step: &ServiceStep| (step.published_ns - step.began_ns) as f64 / 1e3;
-    steps.iter().filter(is_in).map(took).collect()
+    let time = |step: &ServiceStep| time_ns(step) as f64 / 1e3;
+    steps.iter().filter(is_in).map(time).collect()
 }
 
 fn quantile(values: &[f64], share: f64) -> f64 {
