@@ -264,10 +264,13 @@ fn who_watches_from_elsewhere_needs_the_token_and_then_has_a_cookie() {
     // Each start has another: an old address is good for nothing.
     let other = View::begin(&place, &["out", "--bind", "127.0.0.2"]);
     assert_ne!(other.query, view.query);
+    // A proxy is for others, even where it is on this machine.
+    let behind = View::begin(&place, &["out", "--allow-host", "lab.example"]);
+    assert_eq!(behind.get("/").status, 401);
     let refused = output(&mut place.gerono(&["view", "out", "--bind", "192.0.2.1"]));
     assert_eq!(refused.status.code(), Some(1));
     assert!(complaint(&refused).contains("--bind"), "{}", complaint(&refused));
-    for view in [view, other] {
+    for view in [view, other, behind] {
         signal(view.child.id(), Signal::TERM);
         assert_eq!(finish(view.child).status.code(), Some(143));
     }

@@ -28,7 +28,7 @@ pub struct View {
     /// that is printed, also as a QR code.
     #[arg(long, value_name = "ADDRESS")]
     pub bind: Option<IpAddr>,
-    /// Also answer to this name, for example that of a proxy.
+    /// Also answer to this name, for example that of a proxy; pages then need the token, too.
     #[arg(long, value_name = "NAME")]
     pub allow_host: Vec<String>,
 }

@@ -148,8 +148,9 @@ fn listen(arguments: &View, has_news: bool) -> Result<(Server, Site), Failure> {
             SocketAddr::from((address, arguments.port))
         ))
     })?;
-    // Of an address that was not asked for only this machine knows.
-    let token = arguments.bind.map(|_| Token::draw(server.address().port()));
+    // Else only this machine reaches it. Who names a proxy lets others reach it, too.
+    let is_for_others = arguments.bind.is_some() || !arguments.allow_host.is_empty();
+    let token = is_for_others.then(|| Token::draw(server.address().port()));
     let site = Site {
         names: HostNames::of(address, &arguments.allow_host),
         token: token.transpose().map_err(Failure::trouble)?,
