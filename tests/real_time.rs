@@ -7,6 +7,7 @@ mod common;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use common::logs::host_samples;
 use common::pilot::{
@@ -253,6 +254,52 @@ fn a_service_that_hangs_is_replaced() {
         .collect();
     assert_eq!(hung, services.map(ServiceId::index));
     place.assert_nothing_is_left_of(orchestrator);
+}
+
+/// Stops the processes for a time that is well beyond the limit of a service that hangs, and lets them go on.
+fn stop_for_long(limit: Duration, processes: &[u32]) {
+    processes.iter().for_each(|&pid| signal(pid, Signal::STOP));
+    let stopped = Instant::now();
+    until("twice the time of a service that hangs", || {
+        (stopped.elapsed() > 2 * limit).then_some(())
+    });
+    processes.iter().rev().for_each(|&pid| signal(pid, Signal::CONT));
+}
+
+#[test]
+fn when_all_services_are_late_at_once_nobody_is_replaced() {
+    let _machine = the_machine();
+    let limit = Duration::from_secs(1);
+    for with_orchestrator in [true, false] {
+        let place = Place::new();
+        let child = begin(&mut place.rig_flight(
+            "out",
+            5.0,
+            &["--host", "realtime", "--set", "real_time.hang_limit=1.0"],
+        ));
+        let orchestrator = child.id();
+        until("all services", || {
+            (services_of(orchestrator).len() == ServiceId::ALL.len()).then_some(())
+        });
+        place.await_log("out", 20_000);
+        let services: Vec<_> = services_of(orchestrator)
+            .into_iter()
+            .map(|(_, pid)| pid)
+            .collect();
+        let stopped: Vec<_> = with_orchestrator
+            .then_some(orchestrator)
+            .into_iter()
+            .chain(services.iter().copied())
+            .collect();
+        stop_for_long(limit, &stopped);
+        let output = finish(child);
+        assert_flown_to_the_end(&output);
+        let events: Vec<HostEvent> = host_samples(&place, "out", "host/events");
+        let hung = events.iter().filter(|event| event.kind == HostEvent::KIND_HUNG);
+        assert_eq!(hung.count(), 0, "{}", said(&output));
+        assert_eq!(place.summary("out").get("rebirths"), None);
+        place.assert_nothing_is_left_of(orchestrator);
+    }
 }
 
 #[test]

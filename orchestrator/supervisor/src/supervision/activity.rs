@@ -7,6 +7,8 @@ pub struct Activity {
     pub is_runnable: bool,
     /// Time for which it has been on a processor, ns.
     pub cpu_time_ns: u64,
+    /// Time for which it could have run and waited for a processor, ns, up to the last time that it got one.
+    pub run_delay_ns: u64,
 }
 
 impl Activity {
@@ -17,9 +19,12 @@ impl Activity {
         let stat = read("stat")?;
         // The name before the state may contain anything, also parentheses.
         let (_, fields) = stat.rsplit_once(") ")?;
+        let schedstat = read("schedstat")?;
+        let mut times = schedstat.split_whitespace().map(str::parse);
         Some(Self {
             is_runnable: fields.starts_with(['R', 'D']),
-            cpu_time_ns: read("schedstat")?.split_whitespace().next()?.parse().ok()?,
+            cpu_time_ns: times.next()?.ok()?,
+            run_delay_ns: times.next()?.ok()?,
         })
     }
 }
