@@ -39,8 +39,15 @@ fn fly(place: &Place, (base, law): (&str, &str), out: &str, more: &[&str]) -> Ve
 fn every_law_gives_the_same_bytes_in_one_process_and_in_processes_that_die_and_can_be_replayed() {
     let baselines = BASELINES.map(|law| format!("controller.law={law}"));
     let in_the_laboratory = EXTENSIONS.into_iter().chain(baselines.iter().map(String::as_str));
-    let with_torque = ["controller.harmonics={}", "controller.law=immersion_inertia"];
+    // Gains that change before each death: a process that replaces the dead one has them too.
+    let planned = "controller.change=[{at = 2.1, k1 = 3.0}, {at = 3.2, k2 = 5.0, lambda_disturbance = [9.0, 9.0, 12.0]}]";
+    let with_torque = [
+        "controller.harmonics={}",
+        "controller.law=immersion_inertia",
+        planned,
+    ];
     let flights = in_the_laboratory
+        .chain([planned])
         .map(|law| ("fig3_6", law))
         .chain(with_torque.map(|law| ("fig1", law)));
     for law in flights {

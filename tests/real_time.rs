@@ -20,7 +20,7 @@ use metrics::tracker::Tracker;
 use run_log::{HostEvent, LogReader, ServiceStep};
 use runtime::process::SPARE;
 use rustix::process::Signal;
-use shared_types::samples::{RcFrame, VehicleTruth};
+use shared_types::samples::{RcFrame, RunEvent, VehicleTruth};
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId};
 
@@ -253,6 +253,71 @@ fn a_service_that_hangs_is_replaced() {
         .map(|event| event.service as usize)
         .collect();
     assert_eq!(hung, services.map(ServiceId::index));
+    place.assert_nothing_is_left_of(orchestrator);
+}
+
+/// Asks a live run for something; what it says.
+fn ask_run(place: &Place, arguments: &[&str]) -> String {
+    let output = succeed(&mut place.gerono(arguments));
+    String::from_utf8_lossy(&output.stdout).trim().to_owned()
+}
+
+#[test]
+fn gains_that_are_set_in_flight_survive_the_death_of_the_controller_and_are_replayed_to_the_bit() {
+    let _machine = the_machine();
+    let place = Place::new();
+    let child = take_off(&place, "out", 100.0);
+    let orchestrator = child.id();
+    let set = ask_run(
+        &place,
+        &["set", "controller.k1=3", "controller.lambda_disturbance.2=9.5"],
+    );
+    assert!(
+        set.contains("controller.k1=3.0") && set.contains(" s on"),
+        "{set}"
+    );
+    for setting in ["controller.k1=-3", "controller.law=px4", "controller.beta=1e-6"] {
+        let refused = output(&mut place.gerono(&["set", "controller.k2=3", setting]));
+        assert_eq!(refused.status.code(), Some(7), "{setting}: {}", said(&refused));
+    }
+    assert_eq!(ask_run(&place, &["get", "controller.k1"]), "controller.k1=3.0");
+    assert_eq!(ask_run(&place, &["get", "controller.k2"]), "controller.k2=4.0");
+    let controller = until("the controller", || pid_of(orchestrator, ServiceId::Controller));
+    signal(controller, Signal::KILL);
+    await_successor(orchestrator, ServiceId::Controller, controller);
+    assert_eq!(ask_run(&place, &["get", "controller.k1"]), "controller.k1=3.0");
+    ask_run(&place, &["set", "controller.k2=3.5"]);
+    place.await_log("out", place.log_bytes("out") + 100_000);
+    signal(orchestrator, Signal::INT);
+    finish(child);
+
+    let steps: Vec<ServiceStep> = host_samples(&place, "out", "host/steps");
+    let of_controller = steps
+        .iter()
+        .filter(|step| step.service as usize == ServiceId::Controller.index());
+    let changes: BTreeSet<_> = of_controller.map(|step| step.operator >> 8).collect();
+    assert_eq!(changes, BTreeSet::from([0, 1, 2]));
+    let log = LogReader::open(&place.log("out")).unwrap();
+    let events: Vec<RunEvent> = log.samples().map(Result::unwrap).collect();
+    let words: Vec<_> = events
+        .iter()
+        .filter(|event| event.kind == RunEvent::KIND_OPERATOR_TUNES)
+        .map(|event| event.words())
+        .collect();
+    assert_eq!(
+        words,
+        [
+            "controller.k1=3.0 (change 1)",
+            "controller.lambda_disturbance=[18.0, 18.0, 9.5] (change 1)",
+            "controller.k2=3.5 (change 2)"
+        ]
+    );
+    for processes in [&[][..], &["--processes"]] {
+        let mut arguments = vec!["replay", "out"];
+        arguments.extend(processes);
+        let replayed = said(&succeed(&mut place.gerono(&arguments)));
+        assert!(replayed.contains("identical: "), "{replayed}");
+    }
     place.assert_nothing_is_left_of(orchestrator);
 }
 

@@ -163,6 +163,15 @@ pub enum Command {
     ///
     /// Asking again changes nothing: `gerono kill` stops motors in the air.
     Stop(Operate),
+    /// Change gains of a flight in real time while it flies: `gerono set controller.k1=3`.
+    ///
+    /// The keys are those that docs/scenarios.md calls tunable. All of them change at one tick, or none. The change is
+    /// checked like a scenario, and in the air also by the rules of docs/tuning.md. It is recorded as an event, and `gerono
+    /// replay` repeats it.
+    #[command(after_help = Set::EXAMPLES)]
+    Set(Set),
+    /// Print the present values of keys of a flight in real time, as `gerono set` and `--set` take them.
+    Get(Get),
     /// Take over a flight in real time whose orchestrator has died: record and supervise it to its end.
     ///
     /// The services of such a flight go on alone: they land, or fly on to the end, as the scenario's

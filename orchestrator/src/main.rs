@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 use command_line::exit::Exit;
 use live::Question;
-use orchestrator::cli::{Cli, Command, Operate, RcCommand};
+use orchestrator::cli::{Cli, Command, Get, Operate, RcCommand, Set};
 use orchestrator::commands::{
     Failure, attach, check, clean, doctor, faults, generated, logs, operate, postmortem, rc, replay, report,
     reproduce, run, service, truth, world,
@@ -37,6 +37,8 @@ fn main() -> ExitCode {
         Command::Disarm(arguments) => operate(&arguments, "disarm", &Question::Operate(Request::Disarm)),
         Command::Kill(arguments) => operate::kill(&arguments).map(|()| Exit::Success),
         Command::Stop(arguments) => operate(&arguments, "stop", &Question::Stop),
+        Command::Set(Set { run, settings }) => operate(&run, "set", &Question::Set(settings)),
+        Command::Get(Get { run, keys }) => operate(&run, "get", &Question::Get(keys)),
         Command::Rc(RcCommand::Probe(arguments)) => rc::probe(&arguments),
         Command::Rc(RcCommand::Identify(arguments)) => rc::identify(&arguments).map(|()| Exit::Success),
         Command::Attach(arguments) => attach::attach(&arguments),

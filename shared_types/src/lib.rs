@@ -9,7 +9,8 @@
 //! * [`flight_phase`]: the phases from disarmed to disarmed, one table;
 //! * [`input_validator`]: acceptance of samples; a service uses the last valid one;
 //! * [`noise`]: random numbers as functions of seed, stream and tick;
-//! * [`rotation`]: the conventions of attitude.
+//! * [`rotation`]: the conventions of attitude;
+//! * [`tuning`]: gains that may change in flight.
 //!
 //! Nothing in this crate does input or output.
 
@@ -25,12 +26,14 @@ pub mod sample;
 pub mod samples;
 pub mod schedule;
 pub mod service;
+pub mod tuning;
 pub mod wiring;
 
 pub use flight_phase::FlightPhase;
 pub use sample::{Header, Sample};
 pub use schedule::Schedule;
 pub use service::{Input, Now, Operator, Output, Service};
+pub use tuning::Gains;
 pub use wiring::{ExternalServices, Published, ServiceId, Topic};
 
 /// Standard gravity as the paper uses it, m/s².

@@ -268,6 +268,14 @@ impl ControlTelemetry {
 }
 
 impl RunEvent {
+    /// A value of [`kind`](Self::kind): the operator changes a gain in flight. The text is the key with its value and the
+    /// number of the change, such as `controller.k1=3.0 (change 2)`. It is not in the message definition, which would
+    /// change the layout of every log.
+    pub const KIND_OPERATOR_TUNES: u32 = 12;
+
+    /// A value of [`kind`](Self::kind): gains change as the scenario plans. Not in the message definition either.
+    pub const KIND_GAINS_CHANGE: u32 = 13;
+
     /// Returns the event in words; the readable part of a text that is not valid UTF-8.
     #[must_use]
     pub fn words(&self) -> Cow<'_, str> {

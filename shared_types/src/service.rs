@@ -10,6 +10,7 @@ use zerocopy::{FromBytes, IntoBytes};
 pub use crate::moment::{Now, Operator, nanoseconds, seconds};
 pub use crate::ports::{Input, InputView, Inputs, Output, OutputSlot, Outputs, SampleKind, header_of};
 use crate::sample::Record;
+use crate::tuning::Gains;
 use crate::wiring::ServiceId;
 
 /// Pure step logic of a service.
@@ -25,6 +26,10 @@ pub trait Service: Send {
 
     /// Advances to `now` and writes the outputs that are due.
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>);
+
+    /// Replaces the gains that may change in flight, from the next step on; `None` returns to those of the scenario.
+    /// They are no part of the state. Services without such gains ignore it.
+    fn tune(&mut self, _gains: Option<&Gains>) {}
 
     /// Returns the state after the last step.
     fn save(&self) -> Self::State;
@@ -45,6 +50,8 @@ pub trait ErasedService: Send {
     fn id(&self) -> ServiceId;
     /// [`Service::step`].
     fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]);
+    /// [`Service::tune`].
+    fn tune(&mut self, _gains: Option<&Gains>) {}
     /// Returns the size of a saved state, bytes.
     fn state_size(&self) -> usize;
     /// Hands the bytes of [`Service::save`], `state_size` of them, to `keep`.
@@ -73,6 +80,10 @@ impl<S: Service> ErasedService for S {
         let inputs = S::Inputs::from_views(inputs);
         let mut outputs = S::Outputs::from_slots(outputs);
         Service::step(self, now, &inputs, &mut outputs);
+    }
+
+    fn tune(&mut self, gains: Option<&Gains>) {
+        Service::tune(self, gains);
     }
 
     fn state_size(&self) -> usize {

@@ -53,6 +53,10 @@ pub enum Question {
     Operate(Request),
     /// End the run, with the vehicle on the ground.
     Stop,
+    /// Change tunable keys, each as in `controller.k1=3`: all at one tick, or none.
+    Set(Vec<String>),
+    /// Tell the present values of keys, or of all tunable ones if none is named.
+    Get(Vec<String>),
     /// Kill the process of a service (SIGKILL), by name.
     KillService(String),
     /// Stop the process of a service (SIGSTOP), by name: it hangs.
@@ -69,6 +73,8 @@ pub enum Answer {
     Description(Box<Description>),
     /// The newest sample of every topic.
     Newest(NewestSamples),
+    /// The values of keys, each as `controller.k1=3.0`.
+    Values(Vec<String>),
     /// It has been done; what, in words.
     Done(String),
     /// It has not been done; why, in words.
@@ -342,6 +348,7 @@ impl Answer {
             }
             // Both are for programs, which make of them what they can show.
             Self::Description(_) | Self::Newest(_) => self,
+            Self::Values(values) => Self::Values(values.into_iter().map(text).collect()),
             Self::Done(what) => Self::Done(text(what)),
             Self::Refused(why) => Self::Refused(text(why)),
             Self::Closed(why) => Self::Closed(text(why)),
@@ -468,6 +475,7 @@ mod tests {
         };
         for answer in [
             Answer::Snapshot(Box::new(snapshot)),
+            Answer::Values(vec![hostile()]),
             Answer::Done(hostile()),
             Answer::Refused(hostile()),
             Answer::Closed(hostile()),

@@ -57,6 +57,19 @@ pub fn setting() -> ArgValueCompleter {
     })
 }
 
+/// Completes `KEY=` of `gerono set`.
+#[must_use]
+pub fn tunable_setting() -> ArgValueCompleter {
+    ArgValueCompleter::new(|current: &OsStr| -> Vec<CompletionCandidate> {
+        let typed = current.to_string_lossy();
+        let mut keys = scenario_file::tuning::tunable_keys();
+        keys.retain(|key| key.starts_with(&*typed));
+        keys.into_iter()
+            .map(|key| CompletionCandidate::new(format!("{key}=")))
+            .collect()
+    })
+}
+
 /// Candidates for the name of a topic.
 #[must_use]
 pub fn topic() -> ArgValueCandidates {

@@ -315,6 +315,10 @@ impl FlightSummary {
                 }
             }),
             Topic::RunEvent => {
+                // The theorem is about gains that stay.
+                if read::<RunEvent>(bytes).kind == RunEvent::KIND_OPERATOR_TUNES {
+                    self.bound = None;
+                }
                 if let Some(flight) = &mut self.flight {
                     flight.observe_event(&read::<RunEvent>(bytes));
                 }

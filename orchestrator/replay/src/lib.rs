@@ -18,13 +18,14 @@ mod scope;
 mod service_process;
 mod service_replay;
 mod stepper;
+mod tuning;
 
 use std::error::Error;
 use std::path::Path;
 
 use scenario::Scenario;
 use shared_types::service::seconds;
-use shared_types::{Schedule, ServiceId};
+use shared_types::{Schedule, ServiceId, Topic};
 
 pub use compare::{Comparison, Difference};
 use environment::ReplayEnvironment;
@@ -34,6 +35,7 @@ use scope::Scope;
 pub use service_process::ProcessFailure;
 use service_replay::ServiceReplay;
 use stepper::{InThisProcess, Stepper};
+use tuning::RecordedTuning;
 
 use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
@@ -55,6 +57,9 @@ pub enum ReplayError {
     /// The scenario does not make services.
     #[error("the log's scenario cannot be flown: {0}")]
     Scenario(#[source] Box<dyn Error + Send + Sync>),
+    /// A change of gains that was recorded cannot be made again.
+    #[error("a recorded change of a gain cannot be made again: {0}")]
+    Tuning(#[source] Box<dyn Error + Send + Sync>),
     /// The changed scenario has another schedule.
     #[error(
         "the change gives the flight another schedule, and the log has not the samples of that; change nothing that says when services step"
@@ -245,6 +250,7 @@ pub fn replay(
         source: LogSource {
             reader,
             history: History::of(is_asked_for),
+            tuning: RecordedTuning::of(scenario),
             read_until: 0,
             ends: None,
             breaks_off: false,
@@ -305,7 +311,7 @@ impl Replay<'_> {
                 if self.recorded_steps.is_of_real_time() {
                     let steps = self.recorded_steps.take_to(service, tick)?;
                     let checkpoints = self.recorded_steps.checkpoints(service, tick);
-                    replay.step_as_recorded(tick, &steps, history, checkpoints)?;
+                    replay.step_as_recorded(tick, &steps, &self.source.tuning, history, checkpoints)?;
                 } else {
                     let checkpoints = self.recorded_steps.checkpoints(service, tick);
                     replay.step_as_scheduled(tick, history, checkpoints)?;
@@ -375,6 +381,7 @@ impl Replay<'_> {
 struct LogSource {
     reader: LogReader,
     history: History,
+    tuning: RecordedTuning,
     /// All samples of ticks before this one have been read.
     read_until: u64,
     /// Reason why the log ends early.
@@ -390,6 +397,9 @@ impl LogSource {
                 Ok(Some(sample)) => {
                     self.read_until = self.read_until.max(sample.header.tick);
                     self.history.keep(sample.topic, sample.bytes);
+                    if sample.topic == Topic::RunEvent {
+                        self.tuning.take(sample.bytes)?;
+                    }
                 }
                 Ok(None) => {
                     self.breaks_off |= self.reader.recovery().is_some();

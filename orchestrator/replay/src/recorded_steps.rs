@@ -9,6 +9,8 @@ use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::Operator;
 
+use runtime::step_log::TUNING_SHIFT;
+
 use super::checkpoints::RecordedCheckpoints;
 use super::{READ_AHEAD_TICKS, ReplayError};
 use run_log::{HostEntry, HostReader, LoggedCheckpoint, ServiceStep, host_log_beside};
@@ -23,6 +25,8 @@ pub(super) struct RecordedStep {
     /// Tick of the step before it that the service remembered.
     pub(super) previous: Option<u64>,
     pub(super) operator: Operator,
+    /// Number of the last change of gains that held.
+    pub(super) tuning: u64,
     /// `true` if all that it had to publish was published; else its process died meanwhile.
     pub(super) is_finished: bool,
     /// Of each input, the sequence number of the sample that it saw, and whether the step before saw another one.
@@ -169,6 +173,7 @@ impl From<&ServiceStep> for RecordedStep {
                 land: has(2),
                 killed: has(4),
             },
+            tuning: u64::from(step.operator >> TUNING_SHIFT),
             seen: std::array::from_fn(|input| {
                 let is_fresh = step.fresh_inputs & 1 << input != 0;
                 step.consumed[input].checked_sub(1).map(|seq| (seq, is_fresh))

@@ -14,7 +14,7 @@ use runtime::ports::PortError;
 use runtime::replaying::BATCH;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
-use shared_types::ServiceId;
+use shared_types::{Gains, ServiceId};
 
 pub use failure::ProcessFailure;
 pub(super) use ports::{InputPort, OutputPort};
@@ -65,6 +65,8 @@ pub(super) struct ServiceProcess {
     is_ready: bool,
     /// The state before the step that is told next.
     memory: Memory,
+    /// The gains of the step that was told last, if they had been changed in flight.
+    gains: Option<Gains>,
     /// The steps that are to be handed over next.
     orders: Vec<StepOrder>,
     told: Vec<ComparatorMessage>,
@@ -94,6 +96,7 @@ impl ServiceProcess {
             outputs,
             is_ready: false,
             memory: Memory::default(),
+            gains: None,
             orders: Vec::with_capacity(BATCH),
             told: Vec::new(),
             tells_state: false,
@@ -299,6 +302,11 @@ impl Stepper for ServiceProcess {
             self.hand_over(comparator, history)?;
         }
         self.make_ready()?;
+        if step.gains != self.gains {
+            self.hand_over(comparator, history)?;
+            self.gains = step.gains;
+            self.say(&ToService::Tune { gains: self.gains })?;
+        }
         let order = self.order(step).map_err(|error| self.gave_up(&error))?;
         self.orders.push(order);
         self.told.push(ComparatorMessage::Step {

@@ -4,7 +4,7 @@ use host::edge_store::EdgeStore;
 use host::step::{Timetable, Views};
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::{InputView, header_of};
-use shared_types::{Now, Schedule, ServiceId, Topic};
+use shared_types::{Gains, Now, Schedule, ServiceId, Topic};
 
 use super::ReplayError;
 use super::checkpoints::RecordedCheckpoints;
@@ -14,6 +14,7 @@ use super::history::{History, KEPT};
 use super::recorded_steps::{InputSequences, RecordedStep};
 use super::scope::Scope;
 use super::stepper::{Step, Stepper};
+use super::tuning::RecordedTuning;
 
 /// A service that does its steps again.
 pub(super) struct ServiceReplay {
@@ -155,7 +156,7 @@ impl ServiceReplay {
             self.leave_out(tick, history);
             return Ok(());
         }
-        self.is_lost = !self.step(self.timetable.now(tick), &seen, true, history)?;
+        self.is_lost = !self.step(self.timetable.now(tick), None, &seen, true, history)?;
         Ok(())
     }
 
@@ -177,6 +178,7 @@ impl ServiceReplay {
         &mut self,
         tick: u64,
         steps: &[RecordedStep],
+        tuning: &RecordedTuning,
         history: &History,
         checkpoints: &RecordedCheckpoints,
     ) -> Result<(), ReplayError> {
@@ -185,7 +187,7 @@ impl ServiceReplay {
             return Ok(());
         }
         for step in steps {
-            self.do_again(step, history, checkpoints)?;
+            self.do_again(step, tuning, history, checkpoints)?;
         }
         if !steps.is_empty() {
             self.compare_state(tick, checkpoints);
@@ -196,9 +198,16 @@ impl ServiceReplay {
     fn do_again(
         &mut self,
         recorded: &RecordedStep,
+        tuning: &RecordedTuning,
         history: &History,
         checkpoints: &RecordedCheckpoints,
     ) -> Result<(), ReplayError> {
+        // Without the record of a change nothing is known of the steps after it.
+        let Some(gains) = tuning.gains(recorded.tuning) else {
+            self.leave_out(recorded.tick, history);
+            (self.last, self.last_but_one) = (None, None);
+            return Ok(());
+        };
         let previous = recorded.previous;
         if !self.remember_only(previous) && !self.resume_after(previous, history, checkpoints)? {
             self.leave_out(recorded.tick, history);
@@ -208,7 +217,7 @@ impl ServiceReplay {
             operator: recorded.operator,
             ..self.timetable.now_after(recorded.previous, recorded.tick)
         };
-        self.is_lost = !self.step(now, &recorded.seen, recorded.is_finished, history)?;
+        self.is_lost = !self.step(now, gains, &recorded.seen, recorded.is_finished, history)?;
         if self.is_lost {
             (self.last, self.last_but_one) = (None, None);
         } else {
@@ -273,6 +282,7 @@ impl ServiceReplay {
     fn step(
         &mut self,
         now: Now,
+        gains: Option<Gains>,
         seen: &InputSequences,
         is_finished: bool,
         history: &History,
@@ -308,6 +318,7 @@ impl ServiceReplay {
         }
         let step = Step {
             now,
+            gains,
             views,
             as_recorded,
             is_finished,

@@ -4,7 +4,7 @@ use host::owned_sample::OwnedSample;
 use host::step::{self, Slots, Timetable, Views};
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::ErasedService;
-use shared_types::{Now, Schedule};
+use shared_types::{Gains, Now, Schedule};
 
 use super::ReplayError;
 use super::comparator::Comparator;
@@ -14,6 +14,8 @@ use super::history::History;
 pub(super) struct Step<'a> {
     /// Its moment.
     pub(super) now: Now,
+    /// The gains that held, if they had been changed in flight.
+    pub(super) gains: Option<Gains>,
     /// Its views of the inputs.
     pub(super) views: Views<'a>,
     /// Of each input, the sequence number of the recorded sample that it sees; none where it is altered on its way.
@@ -73,6 +75,8 @@ pub(super) struct InThisProcess {
     /// The state before the last step: who dies in its step goes on from there.
     before_last: Vec<u8>,
     outputs: Vec<OwnedSample>,
+    /// The gains of the last step, if they had been changed in flight.
+    gains: Option<Gains>,
 }
 
 impl InThisProcess {
@@ -87,6 +91,7 @@ impl InThisProcess {
             newborn,
             outputs: outputs.map(|output| OwnedSample::of(output.topic)).collect(),
             timetable,
+            gains: None,
         }
     }
 }
@@ -116,6 +121,10 @@ impl Stepper for InThisProcess {
         comparator: &mut Comparator,
         history: &History,
     ) -> Result<(), ReplayError> {
+        if step.gains != self.gains {
+            self.service.tune(step.gains.as_ref());
+            self.gains = step.gains;
+        }
         self.service.save(&mut self.before_last);
         let tick = step.now.tick;
         let mut slots = Slots::default();

@@ -59,6 +59,21 @@ impl ScenarioError {
         matches!(self, Self::Refused { findings, .. } if findings.iter().all(|finding| finding.is_of_values))
     }
 
+    /// Returns the error in one line without places in a file: each finding with its reason and fix.
+    #[must_use]
+    pub fn without_places(&self) -> String {
+        let Self::Refused { findings, .. } = self else {
+            return format!("{self:#}");
+        };
+        let lines = findings.iter().map(|finding| {
+            let Finding {
+                title, reason, fix, ..
+            } = finding;
+            format!("{title}: {reason}; {fix}")
+        });
+        lines.collect::<Vec<_>>().join("; also ")
+    }
+
     /// The finding that is the whole error, if there is one.
     fn only_finding(&self) -> Option<&Finding> {
         match self {

@@ -22,6 +22,8 @@ struct KeyInfo {
     kind: String,
     /// The value where nothing is stated.
     default: Default,
+    /// `true` if it may change in flight.
+    is_tunable: bool,
 }
 
 #[derive(Debug)]
@@ -70,10 +72,27 @@ pub fn key_table(section: &str) -> String {
                 Default::None => String::new(),
             };
             let (key, kind, description) = (&info.key, &info.kind, &info.description);
-            writeln!(table, "| `{key}` | {kind} | {description} | {default} |").expect("a String takes all");
+            let tunable = if info.is_tunable { " (tunable)" } else { "" };
+            writeln!(table, "| `{key}` | {kind} | {description}{tunable} | {default} |")
+                .expect("a String takes all");
         }
     }
     table
+}
+
+/// Returns the keys that may change in flight.
+pub(super) fn tunable() -> impl Iterator<Item = Key> {
+    all()
+        .into_iter()
+        .filter(|info| info.is_tunable)
+        .map(|info| info.key)
+}
+
+/// Returns whether a key, or a number inside its value, may change in flight; `None` if a scenario has no such value.
+pub(super) fn is_tunable(key: &Key) -> Option<bool> {
+    let keys = all();
+    let info = keys.iter().find(|info| is_of(key, &info.key));
+    info.map(|info| info.is_tunable)
 }
 
 /// Keys that can be written without choosing a name, with their descriptions; positions in arrays are 0.
@@ -181,6 +200,7 @@ fn push_property(property: &Value, key: &Key, required: bool, keys: &mut Vec<Key
                 Value::Object(_) => Default::None,
                 value => Default::Value(toml_text(value)),
             },
+            is_tunable: property["x-tunable"] == true,
         });
     }
 }

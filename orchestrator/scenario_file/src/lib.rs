@@ -14,6 +14,7 @@ mod setting;
 mod snippet;
 mod sources;
 mod structure;
+pub mod tuning;
 
 use std::path::Path;
 

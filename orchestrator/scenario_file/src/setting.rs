@@ -93,6 +93,12 @@ impl<'i> Setting<'i> {
     }
 }
 
+/// Returns the key that a text names, if it names one.
+pub(super) fn path_of(text: &str) -> Option<Key> {
+    let path = parse_path(text, 0).ok()?;
+    Some(path.into_iter().map(Spanned::into_inner).collect())
+}
+
 /// The names and positions of a dotted key, as TOML reads it.
 fn parse_path(key: &str, start: usize) -> Result<Vec<Spanned<String>>, Refusal> {
     let refused = |span: Range<usize>, reason: &str| {

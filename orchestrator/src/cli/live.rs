@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use manual::completion::tunable_setting;
 
 use super::flight::{Host, RecordingArguments};
 
@@ -13,6 +14,37 @@ pub struct Operate {
     /// processes.
     #[arg(long, value_name = "ID")]
     pub run: Option<String>,
+}
+
+/// Arguments of `gerono set`.
+#[derive(Debug, Args)]
+pub struct Set {
+    /// Which run.
+    #[command(flatten)]
+    pub run: Operate,
+    /// Tunable keys with their new values.
+    #[arg(value_name = "KEY=VALUE", required = true, add = tunable_setting())]
+    pub settings: Vec<String>,
+}
+
+impl Set {
+    /// The end of `gerono set --help`.
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono set controller.k1=3\n  \
+        gerono set controller.k1=3 controller.k2=3.5\n  \
+        gerono set controller.lambda_disturbance=[1.0, 1.0, 0.5]\n\n\
+        Exit codes: 0 set; 7 refused, with the reason; 1 there is no such run.";
+}
+
+/// Arguments of `gerono get`.
+#[derive(Debug, Args)]
+pub struct Get {
+    /// Which run.
+    #[command(flatten)]
+    pub run: Operate,
+    /// Keys of the scenario [default: all tunable ones].
+    #[arg(value_name = "KEY")]
+    pub keys: Vec<String>,
 }
 
 /// Arguments of `gerono attach`.

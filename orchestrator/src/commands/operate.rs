@@ -69,6 +69,10 @@ fn show(answer: Answer) -> Result<(), Failure> {
             print(format!("{text}\n"));
             Ok(())
         }
+        Answer::Values(values) => {
+            print(format!("{}\n", values.join("\n")));
+            Ok(())
+        }
         Answer::Refused(reason) => Err(Failure::new(Exit::Refused, reason)),
         Answer::Closed(reason) => Err(Failure::trouble(reason)),
         Answer::Snapshot(_) | Answer::Description(_) | Answer::Newest(_) => Ok(()),

@@ -93,6 +93,7 @@ fn exit_of(error: &ReplayError) -> Exit {
         | ReplayError::Read(_)
         | ReplayError::Machine(_)
         | ReplayError::Scenario(_)
+        | ReplayError::Tuning(_)
         | ReplayError::OtherSchedule => Exit::Trouble,
     }
 }

@@ -15,7 +15,9 @@ mod monitor;
 mod recorder;
 mod shutdown;
 mod take_over;
+mod tuning;
 
+use std::borrow::Cow;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -153,6 +155,7 @@ where
     let mut flight = Flight::new(&context, clock, supervisor, recorder, people, observer);
     flight.motors = Motors::unknown();
     flight.monitor.begin_now(flight.supervisor.step_log());
+    flight.inherit_tuning();
     Ok(flight.conduct(sink, &mut server, Vec::new()))
 }
 
@@ -185,7 +188,9 @@ struct Flight<'a> {
     /// The first failure, with which the flight ends once the vehicle is on the ground.
     failure: Option<FlightFailure>,
     /// Events that are not in the log yet: tick, kind and text.
-    happened: Vec<(u64, u32, &'static str)>,
+    happened: Vec<(u64, u32, Cow<'static, str>)>,
+    /// The scenario with the gains that the operator has changed; `None` before the first change.
+    tuned: Option<Scenario>,
     /// The last events, for people at other terminals.
     events: LiveEvents,
 }
@@ -218,6 +223,7 @@ impl<'a> Flight<'a> {
             signal: None,
             failure: None,
             happened: Vec::new(),
+            tuned: None,
             events: LiveEvents::default(),
         }
     }
@@ -399,7 +405,7 @@ impl<'a> Flight<'a> {
         FlightFailure: From<S::Error>,
     {
         for (tick, kind, text) in self.happened.drain(..) {
-            sink.event(tick, kind, text);
+            sink.event(tick, kind, &text);
         }
         Ok(self.recorder.write_before(tick, sink)?)
     }

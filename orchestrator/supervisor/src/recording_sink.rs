@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
 use host::in_process::TickSink;
-use scenario::{Fault, Flight, Scenario, Target, VehicleChange};
+use scenario::{ControllerChange, Fault, Flight, Scenario, Target, VehicleChange};
 use shared_types::samples::RunEvent;
 use shared_types::{Header, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
@@ -185,6 +185,10 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<Event> {
             describe(change),
         ));
     }
+    for change in &scenario.controller.change {
+        let tick = scenario.tick_of(change.at);
+        events.push((tick, RunEvent::KIND_GAINS_CHANGE, describe_gains(change)));
+    }
     events.extend(operator_requests(scenario));
     for fault in &scenario.fault {
         let (begins, ends) = if fault.kind.is_outage() {
@@ -256,6 +260,22 @@ fn describe(change: &VehicleChange) -> String {
     if let Some([x, y, z]) = change.disturbance {
         parts.push(format!("disturbance [{x}, {y}, {z}] m/s²"));
     }
+    parts.join(", ")
+}
+
+fn describe_gains(change: &ControllerChange) -> String {
+    let numbers = [
+        ("k1", change.k1),
+        ("k2", change.k2),
+        ("k3", change.k3),
+        ("β", change.beta),
+        ("λm", change.lambda_mass),
+        ("Λw", change.lambda_inertia),
+        ("κ", change.prediction_gain),
+    ];
+    let stated = numbers.into_iter().filter_map(|(name, gain)| Some((name, gain?)));
+    let mut parts: Vec<_> = stated.map(|(name, gain)| format!("{name} {gain:?}")).collect();
+    parts.extend(change.lambda_disturbance.map(|gains| format!("Λb {gains:?}")));
     parts.join(", ")
 }
 

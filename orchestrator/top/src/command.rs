@@ -46,7 +46,7 @@ fn print_once(arguments: &Top, run: &LiveRun) -> Result<Exit, Failure> {
         Answer::Done(text) | Answer::Refused(text) | Answer::Closed(text) => {
             return Err(Failure::trouble(text));
         }
-        Answer::Description(_) | Answer::Newest(_) => {
+        Answer::Description(_) | Answer::Newest(_) | Answer::Values(_) => {
             return Err(Failure::trouble("the run answered something else"));
         }
     };

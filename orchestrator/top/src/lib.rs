@@ -183,7 +183,8 @@ impl<'a> Watch<'a> {
                     self.snapshot = Some(*snapshot);
                 }
                 Answer::Done(text) => self.controls.tell(text),
-                Answer::Description(_) | Answer::Newest(_) => {}
+                // It asks for none of them.
+                Answer::Description(_) | Answer::Newest(_) | Answer::Values(_) => {}
                 Answer::Refused(reason) | Answer::Closed(reason) => {
                     self.controls.tell(format!("refused: {reason}"));
                 }

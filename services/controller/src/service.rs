@@ -27,7 +27,7 @@ use shared_types::input_validator::{GateState, StateGateState, StateValidator};
 use shared_types::sample::Flag;
 use shared_types::samples::{ControlAdaptation, PathReference};
 use shared_types::wiring::{ControllerInputs, ControllerOutputs};
-use shared_types::{Now, Service, ServiceId, Topic};
+use shared_types::{Gains, Now, Service, ServiceId, Topic};
 
 use crate::bumpless_transfer::Transfer;
 use crate::control_supervisor::{ControlInput, ControlSupervisor, Telemetry};
@@ -104,6 +104,12 @@ pub struct ControllerService {
     states: StateValidator,
     references: References,
     modes: ControlModes,
+    /// Gains of the scenario.
+    gains: Gains,
+    /// Planned changes of them, each with the tick from which it holds.
+    planned: Vec<(u64, Gains)>,
+    /// Gains that were changed in flight without a plan: they hold in place of all others.
+    tuned: Option<Gains>,
 }
 
 impl ControllerService {
@@ -117,7 +123,18 @@ impl ControllerService {
             states: StateValidator::new(safety.map(scenario::InputSafety::policy)),
             references: References::new(scenario),
             modes: ControlModes::new(scenario),
+            gains: scenario.gains(),
+            planned: scenario.planned_gains(),
+            tuned: None,
         }
+    }
+
+    /// Returns the gains at a tick without those that were changed in flight.
+    fn gains_at(&self, tick: u64) -> &Gains {
+        let begun = self.planned.partition_point(|(from, _)| *from <= tick);
+        self.planned[..begun]
+            .last()
+            .map_or(&self.gains, |(_, gains)| gains)
     }
 }
 
@@ -129,12 +146,18 @@ impl Service for ControllerService {
 
     #[inline]
     fn step(&mut self, now: &Now, inputs: &ControllerInputs<'_>, outputs: &mut ControllerOutputs<'_>) {
+        if !self.planned.is_empty() && self.tuned.is_none() {
+            // A function of the tick: a process that replaces a dead one has the same gains.
+            let gains = *self.gains_at(now.tick);
+            self.supervisor.parameters = self.supervisor.parameters.with_gains(&gains);
+        }
         let Self {
             supervisor,
             rates,
             states,
             references,
             modes,
+            ..
         } = self;
         let advanced = supervisor.estimates.advanced(rates, now.elapsed());
         if advanced.is_finite() {
@@ -188,6 +211,12 @@ impl Service for ControllerService {
             due.rates_body = command.rates_body;
             due.mode = supervisor.mode();
         }
+    }
+
+    fn tune(&mut self, gains: Option<&Gains>) {
+        self.tuned = gains.copied();
+        let parameters = &mut self.supervisor.parameters;
+        *parameters = parameters.with_gains(gains.unwrap_or(&self.gains));
     }
 
     fn save(&self) -> ControllerState {

@@ -11,7 +11,7 @@ use control_law::adaptive::parameter_vector::ParameterVector;
 use control_law::{Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
 use controller::ControllerService;
 use nalgebra::Vector3;
-use scenario::{Controller, Scenario};
+use scenario::{Controller, ControllerChange, Scenario};
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
 use shared_types::service::{ErasedService, InputView};
 use shared_types::{Service, rotation};
@@ -251,4 +251,83 @@ fn steps_saves_and_restores_do_not_allocate() {
         });
         assert_eq!(count, 0);
     }
+}
+
+/// Steps on the same inputs as all of these tests, from a tick on.
+fn flown(service: &mut ControllerService, ticks: std::ops::Range<u64>) -> Vec<Published> {
+    let reference = reference();
+    let step = |tick| {
+        let state = state(tick);
+        let inputs = [state.as_bytes(), reference.as_bytes()].map(|bytes| InputView {
+            bytes: Some(bytes),
+            fresh: true,
+        });
+        support::step(service, tick, inputs)
+    };
+    ticks.map(step).collect()
+}
+
+#[test]
+fn gains_that_change_in_flight_act_from_the_next_step_on_and_are_no_part_of_the_state() {
+    let stated = scenario();
+    let other = Scenario {
+        controller: Controller {
+            k1: 3.0,
+            lambda_mass: 0.7,
+            lambda_disturbance: [2.0, 1.0, 3.0],
+            prediction_gain: Some(0.1),
+            ..stated.controller.clone()
+        },
+        ..stated.clone()
+    };
+    let mut tuned = ControllerService::new(&stated);
+    flown(&mut tuned, 0..10);
+    let state = Service::save(&tuned);
+    Service::tune(&mut tuned, Some(&other.gains()));
+    assert_eq!(Service::save(&tuned).as_bytes(), state.as_bytes());
+    let mut expected = ControllerService::new(&other);
+    Service::restore(&mut expected, &state);
+    let as_tuned = flown(&mut tuned, 10..20);
+    assert_eq!(as_tuned, flown(&mut expected, 10..20));
+    // Another process takes over, and is told the gains; then they are those of the scenario again.
+    let mut successor = ControllerService::new(&stated);
+    Service::restore(&mut successor, &state);
+    Service::tune(&mut successor, Some(&other.gains()));
+    assert_eq!(flown(&mut successor, 10..20), as_tuned);
+    Service::restore(&mut successor, &state);
+    Service::tune(&mut successor, None);
+    let mut untouched = ControllerService::new(&stated);
+    Service::restore(&mut untouched, &state);
+    let as_stated = flown(&mut successor, 10..20);
+    assert_eq!(as_stated, flown(&mut untouched, 10..20));
+    assert_ne!(as_stated, as_tuned);
+}
+
+#[test]
+fn a_planned_change_of_gains_is_a_function_of_the_tick() {
+    let stated = scenario();
+    let mut planned = stated.clone();
+    planned.controller.change = vec![
+        ControllerChange {
+            at: 0.005,
+            k1: Some(3.0),
+            ..ControllerChange::default()
+        },
+        ControllerChange {
+            at: 0.012,
+            k2: Some(5.0),
+            ..ControllerChange::default()
+        },
+    ];
+    assert_eq!(planned.problems(), []);
+    let changes = planned.planned_gains();
+    assert_eq!(changes.iter().map(|(tick, _)| *tick).collect::<Vec<_>>(), [5, 12]);
+    let mut by_plan = ControllerService::new(&planned);
+    let mut by_hand = ControllerService::new(&stated);
+    let mut expected = flown(&mut by_hand, 0..5);
+    for (ticks, (_, gains)) in [5..12, 12..20].into_iter().zip(&changes) {
+        Service::tune(&mut by_hand, Some(gains));
+        expected.extend(flown(&mut by_hand, ticks));
+    }
+    assert_eq!(flown(&mut by_plan, 0..20), expected);
 }

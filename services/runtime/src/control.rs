@@ -11,7 +11,7 @@ use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType};
 use scenario::Scenario;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use shared_types::{Now, ServiceId};
+use shared_types::{Gains, Now, ServiceId};
 
 use crate::crash::Crash;
 use crate::deployment::Scheduler;
@@ -96,6 +96,11 @@ pub enum ToService {
         orders: Vec<StepOrder>,
         /// `true` if the service is to report its state after them.
         tells_state: bool,
+    },
+    /// In a replay: step with these gains from the next step on, or with those of the scenario.
+    Tune {
+        /// The gains.
+        gains: Option<Gains>,
     },
     /// In a replay: take this state before the next step.
     Know {

@@ -19,6 +19,7 @@ use crate::real_time::{self, RealTimePorts};
 use crate::replaying::{self, ReplayPorts};
 use crate::step_log::StepLog;
 use crate::take_over::{HandOver, Hello};
+use crate::tuning::TuningReader;
 use crate::wait::Waiter;
 use crate::watchdog::{self, Work};
 use host::step::Timetable;
@@ -147,6 +148,7 @@ impl Launch<'_> {
                 waiter.channel().try_clone()?,
                 hand_over,
             ),
+            tuning: TuningReader::default(),
             crash: self.crash,
         };
         real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut context)?;

@@ -69,6 +69,7 @@ pub mod shared_page;
 pub mod status_cell;
 pub mod step_log;
 pub mod take_over;
+pub mod tuning;
 pub mod untrusted;
 pub mod wait;
 pub mod wait_policy;

@@ -31,7 +31,8 @@ use crate::orchestrator_watchdog::OrchestratorWatchdog;
 use crate::output_ports::OutputPorts;
 use crate::ports::{PortError, Receiver, Topics};
 use crate::shared_page::{Cell, SharedPage};
-use crate::step_log::{StepLog, StepRecord};
+use crate::step_log::{StepLog, StepRecord, TUNING_SHIFT};
+use crate::tuning::TuningReader;
 use crate::untrusted::UntrustedReceiver;
 use crate::wait::announcement;
 use crate::watchdog::{self, Work};
@@ -125,6 +126,8 @@ pub struct ServiceContext<'a> {
     pub grace_ns: u64,
     /// Its watchdog over the orchestrator.
     pub orchestrator_watchdog: OrchestratorWatchdog,
+    /// Its place in the changes of gains.
+    pub tuning: TuningReader,
     /// Place where it is to die.
     pub crash: CrashPoint,
 }
@@ -362,7 +365,10 @@ impl ServiceContext<'_> {
             operator: self.operator(planned.operator),
             ..planned
         };
-        record.operator = bits_of(now.operator);
+        if let Some(gains) = self.tuning.due(&self.page.control_block().tuning, tick) {
+            service.tune(Some(&gains));
+        }
+        record.operator = bits_of(now.operator) | self.tuning.number() << TUNING_SHIFT;
         record.previous = previous.map_or(0, |previous| previous + 1);
         let RealTimePorts { queues, outputs } = &mut self.ports;
         let mut views = Views::default();

@@ -108,6 +108,7 @@ pub fn obey(
                 let state = tells_state.then(|| replaying.state());
                 channel.send(&ToOrchestrator::Stepped { not_finite, state })?;
             }
+            Ok(ToService::Tune { gains }) => replaying.service.tune(gains.as_ref()),
             Ok(ToService::Know { state }) => replaying.service.restore(&state),
             Ok(_) | Err(ControlError::Closed) => return Ok(()),
             Err(error) => return Err(error.into()),

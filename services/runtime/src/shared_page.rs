@@ -1,7 +1,7 @@
 //! Control block: one page of shared words by which the processes of a run coordinate their waiting.
 //!
-//! It carries no data of the experiment: losing or corrupting it can only cost time or end the run. The orchestrator
-//! makes it as an anonymous file that every service inherits.
+//! But for the operator's requests and [gains](TuningRing) it carries no data of the experiment: losing or corrupting it
+//! can only cost time or end the run. The orchestrator makes it as an anonymous file that every service inherits.
 #![expect(
     unsafe_code,
     reason = "a page shared by several processes can only be reached by mapping it"
@@ -18,6 +18,7 @@ use shared_types::{ServiceId, Topic};
 
 use crate::shared_file::SharedFile;
 use crate::status_cell::StatusCell;
+use crate::tuning::TuningRing;
 
 /// Contents of the page. All words begin as 0.
 #[repr(C)]
@@ -45,6 +46,8 @@ pub struct ControlBlock {
     pub recorder: [ReceiverId; Topic::ALL.len()],
     /// Status of the hardware that each service is connected to in a laboratory.
     pub notices: [StatusCell; ServiceId::ALL.len()],
+    /// In real time, gains that the operator has changed in flight.
+    pub tuning: TuningRing,
 }
 
 /// Words of one service, on separate cache lines so that services do not slow each other down.

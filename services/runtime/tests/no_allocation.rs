@@ -21,13 +21,17 @@ use runtime::real_time::{RealTimePorts, ServiceContext, fly};
 use runtime::shared_page::SharedPage;
 use runtime::step_log::{StepLog, StepReader};
 use runtime::take_over::{FILES, HandOver, Hello};
+use runtime::tuning::TuningReader;
 use scenario::{Curve, Hover, Path, Scenario, Vehicle};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
-use shared_types::{Now, Schedule, ServiceId};
+use shared_types::{Gains, Now, Schedule, ServiceId};
 use std::os::fd::AsFd;
 
-/// Plant that publishes zeros.
-struct Still;
+/// Plant that publishes zeros and counts how often its gains change.
+#[derive(Default)]
+struct Still {
+    tuned: u64,
+}
 
 impl ErasedService for Still {
     fn id(&self) -> ServiceId {
@@ -35,6 +39,10 @@ impl ErasedService for Still {
     }
 
     fn step(&mut self, _now: &Now, _inputs: &[InputView<'_>], _outputs: &mut [OutputSlot<'_>]) {}
+
+    fn tune(&mut self, gains: Option<&Gains>) {
+        self.tuned += u64::from(gains.is_some());
+    }
 
     fn state_size(&self) -> usize {
         8
@@ -64,6 +72,9 @@ fn hand_over(scenario: &Scenario) -> HandOver {
     HandOver::new(hello.start.place(), &hello, [file.as_fd(); FILES]).unwrap()
 }
 
+/// Changes of gains in each flight, one a tick from the first on.
+const CHANGES: u64 = 4;
+
 /// Returns the allocations of a flight of so many ticks of a millisecond, and the steps that it recorded.
 fn allocations_of(member: &RunNode, ticks: u64) -> (u64, usize) {
     let schedule = Schedule::ideal(1_000_000, ticks - 1);
@@ -73,6 +84,9 @@ fn allocations_of(member: &RunNode, ticks: u64) -> (u64, usize) {
     page.control_block()
         .orchestrator_alive_ns
         .store(monotonic_ns(), Ordering::Relaxed);
+    for change in 1..=CHANGES {
+        page.control_block().tuning.change(change, &Gains::default());
+    }
     let (_orchestrator, line) = Channel::pair().unwrap();
     let hover = Curve::Hover(Hover {
         position: [0.0, 0.0, -1.0],
@@ -93,11 +107,18 @@ fn allocations_of(member: &RunNode, ticks: u64) -> (u64, usize) {
             Channel::inherited(line),
             hand_over(&scenario),
         ),
+        tuning: TuningReader::default(),
         crash: CrashPoint::default(),
     };
     let mut flown = Ok(());
-    let count = allocations::allocations_during(|| flown = fly(&mut Still, &schedule, None, &mut context));
+    let mut service = Still::default();
+    let count = allocations::allocations_during(|| flown = fly(&mut service, &schedule, None, &mut context));
     flown.unwrap();
+    assert!(
+        (1..=CHANGES).contains(&service.tuned),
+        "{} changes of gains",
+        service.tuned
+    );
     let mut reader = StepReader::new(ServiceId::Plant);
     let steps = std::iter::from_fn(|| reader.next(&step_log)).count();
     (count, steps)

@@ -40,6 +40,8 @@ impl Scenario {
             .check(self.duration, &root.then("vehicle"), &mut found);
         self.path.check(self.duration, &root.then("path"), &mut found);
         self.controller.check(&root.then("controller"), &mut found);
+        self.controller
+            .check_changes(self.duration, &root.then("controller"), &mut found);
         self.controller.check_law(&root.then("controller"), &mut found);
         self.check_assumption_1(&mut found);
         self.check_rig(&root, &mut found);

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Baseline, LawKind, Scenario, Vector};
+use shared_types::Gains;
 use shared_types::wiring::ServiceId;
 
 /// Gains, bounds and initial estimates of the adaptive law.
@@ -17,27 +18,35 @@ pub struct Controller {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub baseline: Option<Baseline>,
     /// k1, gain on the position error.
+    #[schemars(extend("x-tunable" = true))]
     pub k1: f64,
     /// k2, gain on the velocity error.
+    #[schemars(extend("x-tunable" = true))]
     pub k2: f64,
     /// k3, gain on the angular velocity error.
+    #[schemars(extend("x-tunable" = true))]
     pub k3: f64,
     /// β, weight of the angular velocity error in the Lyapunov function; follows from `initial.inertia` unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-tunable" = true))]
     pub beta: Option<f64>,
     /// δ, the value to which the velocity error is driven along the thrust axis, m/s; not 0.
     pub delta: f64,
     /// σmax, level of the saturation; above δ/k1.
     pub sigma_max: f64,
     /// λm, adaptation gain of η̂; with 0 the estimate stays where it begins.
+    #[schemars(extend("x-tunable" = true))]
     pub lambda_mass: f64,
     /// Diagonal of Λb, adaptation gains of b̂; with 0 the estimate stays where it begins.
+    #[schemars(extend("x-tunable" = true))]
     pub lambda_disturbance: Vector,
     /// Λw is this times the identity, adaptation gain of ŵ; 0 holds the estimate; follows from the other gains unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-tunable" = true))]
     pub lambda_inertia: Option<f64>,
     /// κ, weight of the prediction error beside z2 in the estimators of η and b, s; none in the paper.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-tunable" = true))]
     pub prediction_gain: Option<f64>,
     /// Estimators of what repeats with the path in the disturbance; none in the paper.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -60,9 +69,61 @@ pub struct Controller {
     /// unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub observer_gain: Option<f64>,
+    /// Planned changes of gains in flight.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub change: Vec<ControllerChange>,
     /// Names of the numbers that a plug-in or program in place of the controller publishes on `control/telemetry`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub telemetry: Vec<String>,
+}
+
+/// Change of gains in flight: stated values take effect at once, the others stay as they are.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ControllerChange {
+    /// Time of the change, s.
+    pub at: f64,
+    /// New k1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub k1: Option<f64>,
+    /// New k2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub k2: Option<f64>,
+    /// New k3.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub k3: Option<f64>,
+    /// New β; stays as it is unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beta: Option<f64>,
+    /// New λm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lambda_mass: Option<f64>,
+    /// New diagonal of Λb.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lambda_disturbance: Option<Vector>,
+    /// New Λw; stays as it is unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lambda_inertia: Option<f64>,
+    /// New κ, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prediction_gain: Option<f64>,
+}
+
+impl ControllerChange {
+    /// Returns the gains after the change.
+    #[must_use]
+    pub fn of(&self, gains: &Gains) -> Gains {
+        Gains {
+            k1: self.k1.unwrap_or(gains.k1),
+            k2: self.k2.unwrap_or(gains.k2),
+            k3: self.k3.unwrap_or(gains.k3),
+            beta: self.beta.unwrap_or(gains.beta),
+            lambda_mass: self.lambda_mass.unwrap_or(gains.lambda_mass),
+            lambda_disturbance: self.lambda_disturbance.unwrap_or(gains.lambda_disturbance),
+            lambda_inertia: self.lambda_inertia.unwrap_or(gains.lambda_inertia),
+            prediction_gain: self.prediction_gain.unwrap_or(gains.prediction_gain),
+        }
+    }
 }
 
 /// Harmonics of the path's parameter in the disturbance.
@@ -114,6 +175,7 @@ impl Default for Controller {
             remove_offset: false,
             rates: None,
             observer_gain: None,
+            change: Vec::new(),
             telemetry: Vec::new(),
         }
     }
@@ -129,14 +191,14 @@ impl Controller {
 
 impl Scenario {
     /// Returns the theorem's ultimate bound on the distance from the path, m. The theorem is about the paper's law
-    /// alone: not about an external service, about estimators that are switched off, or about a law that aims elsewhere
-    /// (`remove_offset`).
+    /// alone: not about an external service, about estimators that are switched off, about gains that change in flight, or
+    /// about a law that aims elsewhere (`remove_offset`).
     #[must_use]
     pub fn theorem_bound(&self) -> Option<f64> {
         let law = &self.controller;
         let learns = law.lambda_mass > 0.0 && law.lambda_disturbance.iter().all(|&gain| gain > 0.0);
         let is_ours = law.law.is_adaptive() && !self.is_foreign(ServiceId::Controller);
-        (is_ours && learns && !law.remove_offset).then(|| law.ultimate_bound())
+        (is_ours && learns && law.change.is_empty() && !law.remove_offset).then(|| law.ultimate_bound())
     }
 }
 

@@ -38,7 +38,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use cameras::{Cameras, MarkerSwap, Occlusion};
-pub use controller::{Bounds, Controller, Harmonics, InitialEstimates, RateCommand};
+pub use controller::{Bounds, Controller, ControllerChange, Harmonics, InitialEstimates, RateCommand};
 pub use curve::{Circle, Curve, Hover, Line, Lissajous, TiltedEight, Waypoints};
 pub use envelope::{Action, Envelope, EstimateLimit, Fence, Limit, VectorLimit};
 pub use estimator::{Estimator, Kalman};

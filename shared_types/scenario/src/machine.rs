@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::kind::MOTION_CAPTURE;
-use super::{Controller, Plugins, Programs, RadioProtocol, RcLink, Scenario};
+use super::{Plugins, Programs, RadioProtocol, RcLink, Scenario};
 use shared_types::wiring::ServiceId;
 
 macro_rules! deployment {
@@ -159,11 +159,7 @@ impl Scenario {
             deployment: None,
             real_time: None,
             // With the gains that were flown, for an external service with other rules too.
-            controller: Controller {
-                beta: Some(self.beta()),
-                lambda_inertia: Some(self.lambda_inertia()),
-                ..self.controller.clone()
-            },
+            controller: self.controller.with_gains(&self.gains()),
             plugins: self.plugins.as_ref().map(Plugins::without_folder),
             programs: self.programs.as_ref().map(Programs::without_folder),
             rc_output: self.rc_output.as_ref().map(|link| RcLink {

@@ -49,7 +49,7 @@ fn a_misspelt_key_is_refused_with_the_nearest_and_all_known_ones() {
         &[
             "`controller.sigmamax` is unknown",
             "there is no key `sigmamax` here",
-            "help: did you mean `sigma_max`? Known are: `baseline`, `beta`, `bounds`, `delta`",
+            "help: did you mean `sigma_max`? Known are: `baseline`, `beta`, `bounds`, `change`, `delta`",
         ],
     );
 }

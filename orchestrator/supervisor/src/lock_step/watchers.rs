@@ -90,6 +90,11 @@ impl<'a> Watchers<'a> {
                 self.schedule.published_topics(),
             ))),
             Question::Watch => Answer::Newest(recorder.newest_samples()),
+            Question::Set(_) | Question::Get(_) => Answer::Refused(
+                "the gains of a flight in simulated time are those of its scenario; plan changes with \
+                 `[[controller.change]]`"
+                    .to_owned(),
+            ),
             Question::Operate(_) | Question::Stop | Question::KillService(_) | Question::FreezeService(_) => {
                 Answer::Refused(
                     "a flight in simulated time is only watched; Ctrl-C in its terminal ends it".to_owned(),

@@ -35,6 +35,8 @@ impl Flight<'_> {
                 self.tell("`gerono stop` asked for the end of the flight");
                 Answer::Done(self.request_end("gerono stop"))
             }
+            Question::Set(settings) => self.tune(&settings),
+            Question::Get(names) => self.tuned(&names),
             Question::KillService(name) => self.break_service(&name, Break::Kill),
             Question::FreezeService(name) => self.break_service(&name, Break::Freeze),
         }
@@ -102,7 +104,7 @@ impl Flight<'_> {
         // What comes of the request has no earlier tick.
         let tick = self.clock.tick().min(self.schedule.last_tick());
         self.supervisor.page().control_block().ask(request);
-        self.happened.push((tick, kind, event));
+        self.happened.push((tick, kind, event.into()));
     }
 
     /// Returns why the vehicle may not be armed now, if it may not.

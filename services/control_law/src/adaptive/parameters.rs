@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use scenario::Scenario;
+use shared_types::Gains;
 
 use crate::adaptive::projection::Projection;
 use crate::adaptive::saturation::Saturation;
@@ -43,19 +44,20 @@ impl From<&Scenario> for Parameters {
     fn from(scenario: &Scenario) -> Self {
         let controller = &scenario.controller;
         let bounds = &controller.bounds;
+        let gains = scenario.gains();
         Self {
-            k1: controller.k1,
-            k2: controller.k2,
-            k3: controller.k3,
-            beta: scenario.beta(),
+            k1: gains.k1,
+            k2: gains.k2,
+            k3: gains.k3,
+            beta: gains.beta,
             delta: controller.delta,
             saturation: Saturation {
                 level: controller.sigma_max,
             },
-            lambda_mass: controller.lambda_mass,
-            lambda_disturbance: Vector3::from(controller.lambda_disturbance),
-            lambda_inertia: scenario.lambda_inertia(),
-            prediction_gain: controller.prediction_gain.unwrap_or(0.0),
+            lambda_mass: gains.lambda_mass,
+            lambda_disturbance: Vector3::from(gains.lambda_disturbance),
+            lambda_inertia: gains.lambda_inertia,
+            prediction_gain: gains.prediction_gain,
             observes_disturbance: controller.disturbance_observer,
             eta_projection: Projection {
                 minimum: 1.0 / bounds.mass_max,
@@ -68,6 +70,24 @@ impl From<&Scenario> for Parameters {
                 epsilon: bounds.epsilon_disturbance,
             },
             removes_offset: controller.remove_offset,
+        }
+    }
+}
+
+impl Parameters {
+    /// Returns the parameters with other gains.
+    #[must_use]
+    pub fn with_gains(&self, gains: &Gains) -> Self {
+        Self {
+            k1: gains.k1,
+            k2: gains.k2,
+            k3: gains.k3,
+            beta: gains.beta,
+            lambda_mass: gains.lambda_mass,
+            lambda_disturbance: Vector3::from(gains.lambda_disturbance),
+            lambda_inertia: gains.lambda_inertia,
+            prediction_gain: gains.prediction_gain,
+            ..*self
         }
     }
 }

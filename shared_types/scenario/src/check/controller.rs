@@ -1,8 +1,9 @@
 //! Gains, bounds and initial estimates with which the laws are defined and the theorem holds.
 
+use super::events::Events;
 use super::vehicle::check_inertia;
 use super::{Findings, six_digits};
-use crate::{Bounds, Controller, InitialEstimates, Key, RateCommand};
+use crate::{Bounds, Controller, ControllerChange, InitialEstimates, Key, RateCommand};
 
 impl Controller {
     pub(super) fn check(&self, at: &Key, found: &mut Findings) {
@@ -15,7 +16,7 @@ impl Controller {
         let sigma_max_is_good = found.positive(&at.then("sigma_max"), "σmax", self.sigma_max);
         let delta_is_good = self.check_delta(&at.then("delta"), found);
         if k1_is_good && sigma_max_is_good && delta_is_good {
-            self.check_saturation(at, found);
+            self.check_saturation(&at.then("sigma_max"), found);
         }
         // An adaptation gain of 0 is a choice: the estimate then stays where it begins.
         found.not_negative(&at.then("lambda_mass"), "λm", self.lambda_mass);
@@ -35,6 +36,33 @@ impl Controller {
         }
     }
 
+    /// Changes of gains in a flight of `duration` s.
+    pub(super) fn check_changes(&self, duration: f64, at: &Key, found: &mut Findings) {
+        let at = at.then("change");
+        if !self.change.is_empty() && !self.law.is_adaptive() {
+            found.add(
+                at.clone(),
+                "only the adaptive law has gains that change in flight",
+                "leave `controller.change` out, or `controller.law`",
+            );
+        }
+        for (index, change) in self.change.iter().enumerate() {
+            let at = at.then(index);
+            let is_good = change.check(&at, found);
+            if let Some(k1) = change.k1.filter(|_| is_good) {
+                let changed = Self { k1, ..self.clone() };
+                changed.check_saturation(&at.then("k1"), found);
+            }
+        }
+        let changes = Events {
+            one: "change",
+            several: "changes",
+            at,
+            times: self.change.iter().map(|change| change.at).collect(),
+        };
+        changes.check(duration, found);
+    }
+
     fn check_delta(&self, key: &Key, found: &mut Findings) -> bool {
         let good = found.number(key, self.delta) && self.delta != 0.0;
         if self.delta == 0.0 {
@@ -48,11 +76,11 @@ impl Controller {
     }
 
     /// σmax > ‖δ‖/k1, the condition of the theorem: else no position error balances δ.
-    fn check_saturation(&self, at: &Key, found: &mut Findings) {
+    fn check_saturation(&self, key: &Key, found: &mut Findings) {
         let least = self.delta.abs() / self.k1;
         if self.sigma_max <= least {
             found.add(
-                at.then("sigma_max"),
+                key.clone(),
                 format!(
                     "σmax = {:?} is not above |δ|/k1 = {:?}/{:?} = {}, so the theorem bounds no position error",
                     self.sigma_max,
@@ -66,6 +94,38 @@ impl Controller {
                 ),
             );
         }
+    }
+}
+
+impl ControllerChange {
+    /// Returns whether the gains of the law are above 0.
+    fn check(&self, at: &Key, found: &mut Findings) -> bool {
+        let gains = [
+            ("k1", "k1", self.k1),
+            ("k2", "k2", self.k2),
+            ("k3", "k3", self.k3),
+            ("beta", "β", self.beta),
+        ];
+        let mut is_good = true;
+        for (name, symbol, gain) in gains {
+            if let Some(gain) = gain {
+                is_good &= found.positive(&at.then(name), symbol, gain);
+            }
+        }
+        let learning = [
+            ("lambda_mass", "λm", self.lambda_mass),
+            ("lambda_inertia", "Λw", self.lambda_inertia),
+            ("prediction_gain", "κ", self.prediction_gain),
+        ];
+        for (name, symbol, gain) in learning {
+            if let Some(gain) = gain {
+                found.not_negative(&at.then(name), symbol, gain);
+            }
+        }
+        for (axis, gain) in self.lambda_disturbance.into_iter().flatten().enumerate() {
+            found.not_negative(&at.then("lambda_disturbance").then(axis), "Λb", gain);
+        }
+        is_good
     }
 }
 

@@ -40,6 +40,9 @@ impl Scenario {
         let vehicle = root.then("vehicle");
         let changes = &self.vehicle.change;
         let mut moments = in_array(&vehicle.then("change"), "at", changes, |change| change.at);
+        let gains = &self.controller.change;
+        let at = root.then("controller").then("change");
+        moments.extend(in_array(&at, "at", gains, |change| change.at));
         let steps = &self.path.yaw_step;
         moments.extend(in_array(
             &root.then("path").then("yaw_step"),

@@ -1,7 +1,7 @@
 //! The choice of a law, and its extensions.
 
 use super::*;
-use crate::{Harmonics, LawKind, Lissajous};
+use crate::{ControllerChange, Harmonics, LawKind, Lissajous};
 
 fn harmonics(scenario: &mut Scenario) -> &mut Harmonics {
     scenario.controller.harmonics.get_or_insert_default()
@@ -70,4 +70,54 @@ fn a_figure_repeats_with_the_lowest_of_its_frequencies_if_the_others_are_multipl
         true,
     );
     assert_eq!(course.frequency(), Some(std::f64::consts::FRAC_PI_2));
+}
+
+#[test]
+fn gains_that_change_in_flight_are_those_of_the_adaptive_law_and_fit_it() {
+    let change = |k1| {
+        vec![ControllerChange {
+            at: 0.5,
+            k1: Some(k1),
+            ..ControllerChange::default()
+        }]
+    };
+    accepted(|scenario| scenario.controller.change = change(3.0));
+    refused(
+        |scenario| scenario.controller.change = change(0.0),
+        "controller.change.0.k1",
+        "is not above 0",
+        "give a number above 0",
+    );
+    refused(
+        |scenario| scenario.controller.change = change(1e-3),
+        "controller.change.0.k1",
+        "the theorem bounds no position error",
+        "raise `sigma_max`",
+    );
+    refused(
+        |scenario| {
+            scenario.controller.change = change(3.0);
+            scenario.controller.change[0].lambda_disturbance = Some([1.0, -1.0, 1.0]);
+        },
+        "controller.change.0.lambda_disturbance.1",
+        "is below 0",
+        "",
+    );
+    refused(
+        |scenario| {
+            scenario.controller.change = change(3.0);
+            scenario.controller.change[0].at = 1e6;
+        },
+        "controller.change.0.at",
+        "comes after the end of the flight",
+        "raise `duration`",
+    );
+    let problems = problems(|scenario| {
+        scenario.controller.change = change(3.0);
+        scenario.controller.law = LawKind::Indi;
+    });
+    let of_change = problems
+        .iter()
+        .find(|problem| problem.key.to_string() == "controller.change");
+    assert!(of_change.is_some(), "{problems:?}");
 }
