@@ -25,6 +25,7 @@ pub use self::world::*;
 pub use bench::arguments::*;
 use command_line::exit::Exit;
 use grid::arguments::Grid;
+use kill_switch::arguments::OperatorCommand;
 pub use mocap_tools::arguments::*;
 use model_identification::arguments::Identify;
 use sweep::arguments::Sweep;
@@ -172,6 +173,9 @@ pub enum Command {
     Set(Set),
     /// Print the present values of keys of a flight in real time, as `gerono set` and `--set` take them.
     Get(Get),
+    /// Try the kill switch of a scenario's `[operator]`.
+    #[command(subcommand)]
+    Operator(OperatorCommand),
     /// Take over a flight in real time whose orchestrator has died: record and supervise it to its end.
     ///
     /// The services of such a flight go on alone: they land, or fly on to the end, as the scenario's

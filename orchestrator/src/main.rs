@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 use command_line::exit::Exit;
+use kill_switch::arguments::OperatorCommand;
 use live::Question;
 use orchestrator::cli::{Cli, Command, Get, Operate, RcCommand, Set};
 use orchestrator::commands::{
@@ -39,6 +40,7 @@ fn main() -> ExitCode {
         Command::Stop(arguments) => operate(&arguments, "stop", &Question::Stop),
         Command::Set(Set { run, settings }) => operate(&run, "set", &Question::Set(settings)),
         Command::Get(Get { run, keys }) => operate(&run, "get", &Question::Get(keys)),
+        Command::Operator(OperatorCommand::Probe(arguments)) => kill_switch::probe::probe(&arguments),
         Command::Rc(RcCommand::Probe(arguments)) => rc::probe(&arguments),
         Command::Rc(RcCommand::Identify(arguments)) => rc::identify(&arguments).map(|()| Exit::Success),
         Command::Attach(arguments) => attach::attach(&arguments),

@@ -276,6 +276,10 @@ impl RunEvent {
     /// A value of [`kind`](Self::kind): gains change as the scenario plans. Not in the message definition either.
     pub const KIND_GAINS_CHANGE: u32 = 13;
 
+    /// A value of [`kind`](Self::kind): the kill switch of a flight in real time is lost or found again. Not in the message
+    /// definition either.
+    pub const KIND_KILL_SWITCH: u32 = 14;
+
     /// Returns the event in words; the readable part of a text that is not valid UTF-8.
     #[must_use]
     pub fn words(&self) -> Cow<'_, str> {

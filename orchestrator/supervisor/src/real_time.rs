@@ -10,6 +10,7 @@
 
 mod answers;
 mod heartbeat;
+mod kill_switch;
 mod laboratory;
 mod monitor;
 mod recorder;
@@ -34,6 +35,7 @@ use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};
 
 use self::heartbeat::Heartbeats;
+use self::kill_switch::KillSwitch;
 use self::laboratory::Laboratory;
 use self::monitor::Monitor;
 use self::recorder::{Recorder, SETTLING_NS};
@@ -91,6 +93,7 @@ pub fn fly<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
+    let kill_device = kill_switch::open(scenario)?;
     let context = RunContext::prepare(scenario, deployment)?;
     let mut recorder = Recorder::new(context.subscribe(Delivery::NewestWins)?, 0);
     let mut server = ControlServer::open(&context.root).map_err(FlightFailure::setup)?;
@@ -98,6 +101,9 @@ where
     let warnings = context.await_ready(&mut supervisor)?;
     observer.ready(&supervisor, context.cores.ring);
     recorder.connect().map_err(FlightFailure::setup)?;
+    let start = |stated| KillSwitch::start(stated, kill_device, supervisor.page());
+    let kill_switch = context.scenario.operator.as_ref().map(start).transpose();
+    let kill_switch = kill_switch.map_err(FlightFailure::setup)?;
 
     let clock = FlightClock::starting_in(COUNTDOWN, context.schedule.tick_ns());
     supervisor
@@ -119,7 +125,8 @@ where
         );
         people.messages.say(text);
     }
-    let flight = Flight::new(&context, clock, supervisor, recorder, people, observer);
+    let mut flight = Flight::new(&context, clock, supervisor, recorder, people, observer);
+    flight.kill_switch = kill_switch;
     Ok(flight.conduct(sink, &mut server, warnings))
 }
 
@@ -156,6 +163,7 @@ where
     flight.motors = Motors::unknown();
     flight.monitor.begin_now(flight.supervisor.step_log());
     flight.inherit_tuning();
+    flight.inherit_kill_switch();
     Ok(flight.conduct(sink, &mut server, Vec::new()))
 }
 
@@ -185,6 +193,8 @@ struct Flight<'a> {
     shutdown: Shutdown,
     /// The signal that asked for the end.
     signal: Option<i32>,
+    /// The operator's kill switch, if the scenario states one.
+    kill_switch: Option<KillSwitch>,
     /// The first failure, with which the flight ends once the vehicle is on the ground.
     failure: Option<FlightFailure>,
     /// Events that are not in the log yet: tick, kind and text.
@@ -221,6 +231,7 @@ impl<'a> Flight<'a> {
             motors: Motors::AT_REST,
             shutdown: Shutdown::None,
             signal: None,
+            kill_switch: None,
             failure: None,
             happened: Vec::new(),
             tuned: None,
@@ -262,6 +273,7 @@ impl<'a> Flight<'a> {
                 let answer = self.request_end("a signal");
                 self.people.messages.say(answer);
             }
+            self.attend_to_kill_switch();
             let period = if self.supervisor.needs_care() {
                 RESTART_POLL_PERIOD
             } else {
@@ -316,7 +328,7 @@ impl<'a> Flight<'a> {
     }
 
     /// Asks for the end of the flight, on the ground; what follows, in words.
-    fn request_end(&mut self, reason: &'static str) -> String {
+    fn request_end(&mut self, reason: impl Into<Cow<'static, str>>) -> String {
         let before = self.shutdown;
         self.shutdown = Shutdown::requested(self.scenario.flight.is_some());
         if self.shutdown == Shutdown::Land && before == Shutdown::None {
@@ -404,8 +416,8 @@ impl<'a> Flight<'a> {
     where
         FlightFailure: From<S::Error>,
     {
-        for (tick, kind, text) in self.happened.drain(..) {
-            sink.event(tick, kind, &text);
+        for (at, kind, text) in self.happened.extract_if(.., |(at, ..)| *at < tick) {
+            sink.event(at, kind, &text);
         }
         Ok(self.recorder.write_before(tick, sink)?)
     }
@@ -474,6 +486,12 @@ impl<'a> Flight<'a> {
         let until = flown.into_iter().max().unwrap_or_default();
         let until = until.min(self.schedule.last_tick() + 1);
         let received = self.recorder.receive();
+        // What ended the flight comes after its last step. Gains that no step has used have not changed.
+        self.happened
+            .retain(|(at, kind, _)| *at < until || *kind != RunEvent::KIND_OPERATOR_TUNES);
+        for (at, ..) in &mut self.happened {
+            *at = until.saturating_sub(1).min(*at);
+        }
         if let Err(failure) = self.write_before(until, sink).and(received) {
             self.failure.get_or_insert(failure);
         }

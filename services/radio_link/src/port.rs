@@ -8,7 +8,7 @@
 //! [`LONGEST_PAUSE_NS`].
 
 mod queue;
-mod serial;
+pub mod serial;
 mod socket;
 
 use std::net::SocketAddr;

@@ -14,6 +14,7 @@ mod judge;
 mod law;
 mod machine;
 mod motion_capture;
+mod operator;
 mod path;
 mod plugins;
 mod programs;
@@ -51,6 +52,7 @@ impl Scenario {
         self.check_envelope(&mut found);
         self.check_judge(&mut found);
         self.check_machine(&mut found);
+        self.check_operator(&mut found);
         self.check_plugins(&mut found);
         self.check_telemetry(&mut found);
         self.check_harmonics(&mut found);

@@ -19,6 +19,7 @@ mod law;
 mod machine;
 mod model;
 mod motion_capture;
+mod operator;
 mod path;
 mod plugins;
 mod problem;
@@ -50,6 +51,7 @@ pub use law::{Baseline, LawKind};
 pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
 pub use model::Model;
 pub use motion_capture::{CaptureSystem, FrameTransform, MotionCapture, PoseSource};
+pub use operator::{KillSwitchLoss, OperatorDevices};
 pub use path::{Path, PathMode, YawStep};
 pub use plugins::Plugins;
 pub use problem::{Key, Problem, Unflyable};
@@ -141,6 +143,9 @@ pub struct Scenario {
     /// Reaction of a flight in real time to services that are late or hang, and to the loss of the orchestrator.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub real_time: Option<RealTime>,
+    /// Devices of the operator in a flight in real time: a kill switch. None unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub operator: Option<OperatorDevices>,
 }
 
 fn first_seed() -> u64 {
@@ -173,6 +178,7 @@ impl Scenario {
             programs: None,
             deployment: None,
             real_time: None,
+            operator: None,
         }
     }
 }

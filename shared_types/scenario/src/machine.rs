@@ -158,6 +158,7 @@ impl Scenario {
         Self {
             deployment: None,
             real_time: None,
+            operator: None,
             // With the gains that were flown, for an external service with other rules too.
             controller: self.controller.with_gains(&self.gains()),
             plugins: self.plugins.as_ref().map(Plugins::without_folder),
@@ -184,8 +185,8 @@ impl Scenario {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Transmitter;
     use super::super::tests_support::{fig1, rig};
+    use super::super::{OperatorDevices, Transmitter};
     use super::*;
 
     #[test]
@@ -247,6 +248,7 @@ mod tests {
         let deployed = Scenario {
             deployment: Some(Deployment::default()),
             real_time: Some(RealTime::default()),
+            operator: Some(OperatorDevices::new("/dev/null")),
             ..fig1()
         };
         assert_eq!(deployed.experiment(), fig1().experiment());

@@ -1,5 +1,7 @@
 //! Questions of people at other terminals about a flight, and the answers.
 
+use std::borrow::Cow;
+
 use runtime::shared_page::Request;
 use shared_types::ServiceId;
 use shared_types::flight_phase::FlightPhase;
@@ -7,6 +9,7 @@ use shared_types::samples::{RunEvent, VehicleState};
 use shared_types::service::{Operator, seconds};
 
 use super::Flight;
+use super::kill_switch::KillSwitch;
 use crate::newest::Newest;
 use live::snapshot::ServiceSnapshot;
 use live::{Answer, Description, Question, Snapshot};
@@ -100,9 +103,20 @@ impl Flight<'_> {
     }
 
     /// Asks all services for something, and keeps it as an event of the log.
-    pub(super) fn ask(&mut self, request: Request, kind: u32, event: &'static str) {
+    pub(super) fn ask(&mut self, request: Request, kind: u32, event: impl Into<Cow<'static, str>>) {
+        self.ask_at(self.clock.tick(), request, kind, event);
+    }
+
+    /// The same, for a request of this tick.
+    pub(super) fn ask_at(
+        &mut self,
+        tick: u64,
+        request: Request,
+        kind: u32,
+        event: impl Into<Cow<'static, str>>,
+    ) {
         // What comes of the request has no earlier tick.
-        let tick = self.clock.tick().min(self.schedule.last_tick());
+        let tick = tick.min(self.schedule.last_tick());
         self.supervisor.page().control_block().ask(request);
         self.happened.push((tick, kind, event.into()));
     }
@@ -119,6 +133,9 @@ impl Flight<'_> {
             .find(|&service| !self.supervisor.flies(service))
         {
             return Some(format!("`{missing}` does not fly"));
+        }
+        if let Some(reason) = self.kill_switch.as_ref().and_then(KillSwitch::refusal_to_arm) {
+            return Some(reason);
         }
         let elapsed_ns = self.clock.elapsed_ns();
         let block = self.supervisor.page().control_block();

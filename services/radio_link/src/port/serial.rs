@@ -11,8 +11,11 @@ use rustix::termios::{
 
 use super::{ByteFormat, OpenError};
 
-/// Opens a device and sets it up. No other program can open it meanwhile, programs that lock it included.
-pub(super) fn open(path: &Path, baud: u32, byte: ByteFormat) -> Result<OwnedFd, OpenError> {
+/// Opens a device and sets it up, not to block. No other program can open it meanwhile, programs that lock it included.
+///
+/// # Errors
+/// [`OpenError`], with the fix.
+pub fn open(path: &Path, baud: u32, byte: ByteFormat) -> Result<OwnedFd, OpenError> {
     // Without O_NONBLOCK a device that has no carrier would not open.
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let device = open_file(path, flags, Mode::empty()).map_err(|reason| refusal(path, reason))?;

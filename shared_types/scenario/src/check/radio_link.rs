@@ -16,7 +16,7 @@ const FREE_CHANNELS: RangeInclusive<u32> = 5..=16;
 const FRAME_RATES: RangeInclusive<f64> = 1.0..=1000.0;
 
 /// Speeds that a serial device can be asked for, baud.
-const BAUDS: RangeInclusive<u32> = 1200..=4_000_000;
+pub(super) const BAUDS: RangeInclusive<u32> = 1200..=4_000_000;
 
 /// Shortest time after which a command counts as lost, s: several periods of any transmitter.
 const SHORTEST_SILENCE: f64 = 0.1;

@@ -2,7 +2,10 @@
 
 use super::assert_only;
 use crate::tests_support::{fig1, rig};
-use crate::{Deployment, Problem, RealTime, Scenario, ServiceDeployment};
+use crate::{
+    Deployment, KillSwitchLoss, OperatorDevices, OrchestratorLoss, Problem, RealTime, Scenario,
+    ServiceDeployment,
+};
 
 fn deployed(deployment: Deployment) -> Vec<Problem> {
     Scenario {
@@ -118,4 +121,63 @@ fn a_healthy_service_does_not_hang() {
         "inf is not a finite number",
         "give a finite number",
     );
+}
+
+#[test]
+fn a_kill_switch_is_some_device_and_some_key() {
+    let with = |spoil: &dyn Fn(&mut OperatorDevices)| {
+        let mut devices = OperatorDevices::new("/dev/input/event3");
+        spoil(&mut devices);
+        Scenario {
+            operator: Some(devices),
+            ..rig()
+        }
+    };
+    let refused = |spoil: &dyn Fn(&mut OperatorDevices)| with(spoil).problems();
+    assert_eq!(refused(&|devices| devices.kill_key = Some(0x2ff)), []);
+    assert_only(
+        &refused(&|devices| devices.kill_device.clear()),
+        "operator.kill_device",
+        "has no name",
+        "gerono operator probe",
+    );
+    assert_only(
+        &refused(&|devices| devices.kill_key = Some(0x300)),
+        "operator.kill_key",
+        "no key has the code 768",
+        "leave it out for any key",
+    );
+    assert_only(
+        &refused(&|devices| devices.kill_baud = 0),
+        "operator.kill_baud",
+        "0 baud is no speed",
+        "such as 9600",
+    );
+}
+
+#[test]
+fn a_flight_that_needs_its_kill_switch_does_not_go_on_without_the_orchestrator_that_hears_it() {
+    let with = |on_loss| {
+        let scenario = Scenario {
+            operator: Some(OperatorDevices {
+                on_loss,
+                ..OperatorDevices::new("/dev/input/event3")
+            }),
+            ..rig()
+        };
+        let real_time = RealTime {
+            orchestrator_loss: OrchestratorLoss::Continue,
+            ..RealTime::default()
+        };
+        in_real_time(scenario, real_time)
+    };
+    assert_eq!(with(KillSwitchLoss::Ignore), []);
+    for on_loss in [KillSwitchLoss::Land, KillSwitchLoss::Kill] {
+        assert_only(
+            &with(on_loss),
+            "operator.on_loss",
+            "the orchestrator hears the kill switch",
+            "on_loss = \"ignore\"",
+        );
+    }
 }

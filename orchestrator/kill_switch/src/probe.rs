@@ -1,0 +1,48 @@
+//! `gerono operator probe`: what a kill switch sends.
+
+use command_line::exit::Exit;
+use command_line::failure::Failure;
+use command_line::interrupt::Interrupt;
+use command_line::output::print;
+use rustix::event::Timespec;
+
+use crate::arguments::OperatorProbe;
+use crate::device::Device;
+use crate::signal::Signal;
+
+/// Longest wait between two looks for Ctrl-C: one that comes just before the wait does not end it.
+const WAIT: Timespec = Timespec {
+    tv_sec: 0,
+    tv_nsec: 200_000_000,
+};
+
+/// Prints what a device sends, until Ctrl-C.
+///
+/// # Errors
+/// [`Failure`] if the device cannot be read, with the next step, or is gone.
+pub fn probe(arguments: &OperatorProbe) -> Result<Exit, Failure> {
+    let mut device = Device::open(&arguments.device, arguments.baud).map_err(Failure::trouble)?;
+    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let shown = arguments.device.display();
+    print(format!("{shown}: press the button; Ctrl-C ends this.\n"));
+    loop {
+        let read = device.read(|signal| {
+            if !signal.is_separator() {
+                print(line(&signal));
+            }
+        });
+        read.map_err(Failure::trouble)?;
+        if let Some(signal) = interrupt.signal() {
+            return Ok(Exit::Signal(signal));
+        }
+        device.wait(None, Some(WAIT)).map_err(Failure::trouble)?;
+    }
+}
+
+/// A signal, and how a scenario states it as the kill switch.
+fn line(signal: &Signal) -> String {
+    match signal.press() {
+        Some(key) => format!("{signal}; kill_key = {key}\n"),
+        None => format!("{signal}\n"),
+    }
+}

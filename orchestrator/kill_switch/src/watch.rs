@@ -1,0 +1,215 @@
+//! A thread that waits for a press of the kill switch.
+//!
+//! It carries out a press by itself, so that the press does not wait for the thread that records and supervises. What else
+//! follows of a press or a loss is that thread's work, which asks for the [`News`].
+
+use std::os::fd::{AsFd, OwnedFd};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
+use scenario::OperatorDevices;
+
+use crate::device::{Device, DeviceError};
+
+/// Pause between two attempts to open a lost device.
+const RETRY: Timespec = Timespec {
+    tv_sec: 0,
+    tv_nsec: 250_000_000,
+};
+
+/// What has happened to the kill switch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum News {
+    /// It was pressed: the signal in words, and a time just before it was carried out. Told once.
+    Pressed(String, Instant),
+    /// It is lost: the reason.
+    Lost(String),
+    /// It is there again.
+    Found,
+}
+
+/// The thread. It ends with this.
+#[derive(Debug)]
+pub struct Watch {
+    news: Receiver<News>,
+    stop: Arc<OwnedFd>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What the thread knows.
+struct Watcher<F> {
+    path: PathBuf,
+    baud: u32,
+    key: Option<u32>,
+    stop: Arc<OwnedFd>,
+    news: Sender<News>,
+    is_pressed: bool,
+    press: F,
+}
+
+/// Opens the kill switch of a scenario.
+///
+/// # Errors
+/// [`DeviceError`], with the fix.
+pub fn open(stated: &OperatorDevices) -> Result<Device, DeviceError> {
+    Device::open(Path::new(&stated.kill_device), stated.kill_baud)
+}
+
+impl Watch {
+    /// Waits from now on for the first press, which calls `press` on the thread; without a device, for the device first.
+    ///
+    /// # Errors
+    /// If the system has no thread or no file descriptor left.
+    pub fn start(
+        stated: &OperatorDevices,
+        device: Option<Device>,
+        press: impl Fn() + Send + 'static,
+    ) -> std::io::Result<Self> {
+        let stop = Arc::new(eventfd(0, EventfdFlags::CLOEXEC)?);
+        let (sender, news) = channel();
+        let watcher = Watcher {
+            path: PathBuf::from(&stated.kill_device),
+            baud: stated.kill_baud,
+            key: stated.kill_key,
+            stop: Arc::clone(&stop),
+            news: sender,
+            is_pressed: false,
+            press,
+        };
+        let thread = std::thread::Builder::new()
+            .name("kill switch".to_owned())
+            .spawn(move || watcher.watch(device))?;
+        Ok(Self {
+            news,
+            stop,
+            thread: Some(thread),
+        })
+    }
+
+    /// Returns what has happened since the last call.
+    pub fn news(&self) -> impl Iterator<Item = News> + '_ {
+        self.news.try_iter()
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        // Eight bytes always fit into an eventfd that was never written to.
+        let _ = rustix::io::write(&*self.stop, &1_u64.to_ne_bytes());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl<F: Fn()> Watcher<F> {
+    fn watch(mut self, mut device: Option<Device>) {
+        while !self.is_stopped(&Timespec::default()) {
+            let Some(open) = &mut device else {
+                device = self.open_again();
+                continue;
+            };
+            let stop = Arc::clone(&self.stop);
+            let taken = self.take(open).and_then(|()| open.wait(Some(stop.as_fd()), None));
+            if let Err(error) = taken {
+                device = None;
+                self.tell(News::Lost(error.to_string()));
+            }
+        }
+    }
+
+    /// Takes what has come; the first press kills.
+    fn take(&mut self, device: &mut Device) -> Result<(), DeviceError> {
+        let mut pressed = None;
+        let read = device.read(|signal| {
+            if signal.is_press(self.key) {
+                pressed.get_or_insert(signal);
+            }
+        });
+        if let Some(signal) = pressed.filter(|_| !self.is_pressed) {
+            let before = Instant::now();
+            (self.press)();
+            self.is_pressed = true;
+            self.tell(News::Pressed(signal.to_string(), before));
+        }
+        read
+    }
+
+    /// Opens the device again, after a pause.
+    fn open_again(&mut self) -> Option<Device> {
+        if self.is_stopped(&RETRY) {
+            return None;
+        }
+        let device = Device::open(&self.path, self.baud).ok()?;
+        self.tell(News::Found);
+        Some(device)
+    }
+
+    /// Waits for the end, so long at most. Returns whether it has come.
+    fn is_stopped(&self, longest: &Timespec) -> bool {
+        let mut stop = [PollFd::new(&*self.stop, PollFlags::IN)];
+        poll(&mut stop, Some(longest)).is_ok_and(|count| count > 0)
+    }
+
+    fn tell(&self, news: News) {
+        // Nobody listens any more only while the thread is being ended.
+        let _ = self.news.send(news);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::time::Duration;
+
+    use rustix::fs::{CWD, Mode, OFlags};
+
+    use super::*;
+    use crate::signal::InputEvent;
+
+    /// Longest wait for news: a hang becomes a failure.
+    const WATCHDOG: Duration = Duration::from_secs(30);
+
+    #[test]
+    fn the_first_press_of_the_key_kills_and_a_lost_device_is_found_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("switch");
+        rustix::fs::mkfifoat(CWD, &path, Mode::RUSR | Mode::WUSR).unwrap();
+        let writer = || rustix::fs::open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()).unwrap();
+        let send = |writer: &OwnedFd, code| {
+            rustix::io::write(writer, &InputEvent::press(code).to_bytes()).unwrap();
+        };
+        let stated = OperatorDevices {
+            kill_key: Some(57),
+            ..OperatorDevices::new(path.to_str().unwrap())
+        };
+        let presses = Arc::new(AtomicU32::new(0));
+        let count = Arc::clone(&presses);
+        let held = writer();
+        let device = open(&stated).unwrap();
+        let watch = Watch::start(&stated, Some(device), move || {
+            count.fetch_add(1, Ordering::Relaxed);
+        });
+        let watch = watch.unwrap();
+        let next = || watch.news.recv_timeout(WATCHDOG).unwrap();
+
+        send(&held, 28);
+        drop(held);
+        assert!(matches!(next(), News::Lost(reason) if reason.contains("is gone")));
+        assert_eq!(presses.load(Ordering::Relaxed), 0);
+        let held = writer();
+        assert_eq!(next(), News::Found);
+        for code in [57, 57, 57] {
+            send(&held, code);
+        }
+        assert!(matches!(next(), News::Pressed(signal, _) if signal == "key 57 (SPACE) pressed"));
+        drop(held);
+        assert!(matches!(next(), News::Lost(_)));
+        assert_eq!(presses.load(Ordering::Relaxed), 1);
+        drop(watch);
+    }
+}

@@ -1,0 +1,160 @@
+//! The kill switch of a flight: a press, a loss, and what follows of them.
+
+use std::os::fd::AsFd;
+use std::time::Instant;
+
+use kill_switch::device::Device;
+use kill_switch::watch::{self, News, Watch};
+use runtime::shared_page::{Request, SharedPage, ask_in};
+use scenario::{KillSwitchLoss, OperatorDevices, Scenario};
+use shared_types::samples::RunEvent;
+
+use super::Flight;
+use crate::FlightFailure;
+
+/// The kill switch that the scenario states.
+pub(super) struct KillSwitch {
+    stated: OperatorDevices,
+    watch: Watch,
+    /// The reason of its loss, while it is lost.
+    lost: Option<String>,
+    /// `true` if the flight has reacted to this loss.
+    is_handled: bool,
+}
+
+/// Opens the kill switch of a scenario, if it has one: nobody takes off without it.
+///
+/// # Errors
+/// [`FlightFailure::Setup`], with the fix.
+pub(super) fn open(scenario: &Scenario) -> Result<Option<Device>, FlightFailure> {
+    let device = scenario.operator.as_ref().map(watch::open).transpose();
+    device.map_err(|error| FlightFailure::setup(format!("operator.kill_device: {error}")))
+}
+
+impl KillSwitch {
+    /// Listens to the kill switch of a scenario from now on. A flight that is taken over does so without a device as well.
+    pub(super) fn start(
+        stated: &OperatorDevices,
+        device: Option<Device>,
+        page: &SharedPage,
+    ) -> std::io::Result<Self> {
+        let page = page.file().try_clone_to_owned()?;
+        // The services obey at their next step, also while this process waits for its disk.
+        let kill = move || {
+            // If it fails, the flight asks when it learns of the press.
+            let _ = ask_in(page.as_fd(), Request::Kill);
+        };
+        Ok(Self {
+            watch: Watch::start(stated, device, kill)?,
+            stated: stated.clone(),
+            lost: None,
+            is_handled: false,
+        })
+    }
+
+    /// Returns why the vehicle may not be armed, if it may not.
+    pub(super) fn refusal_to_arm(&self) -> Option<String> {
+        let reason = self.lost.as_ref()?;
+        Some(format!("the kill switch is lost: {reason}"))
+    }
+}
+
+impl Flight<'_> {
+    /// Listens to the kill switch of a flight that is taken over. Without it the flight is one that has lost it.
+    pub(super) fn inherit_kill_switch(&mut self) {
+        let Some(stated) = &self.scenario.operator else {
+            return;
+        };
+        let opened = watch::open(stated);
+        let missing = opened.as_ref().err().map(ToString::to_string);
+        match KillSwitch::start(stated, opened.ok(), self.supervisor.page()) {
+            Ok(switch) => self.kill_switch = Some(switch),
+            Err(error) => self.fail(FlightFailure::setup(error)),
+        }
+        if missing.is_some() {
+            self.note_kill_switch(missing);
+        }
+    }
+
+    /// Takes note of a press or a loss of the kill switch.
+    pub(super) fn attend_to_kill_switch(&mut self) {
+        let Some(switch) = &self.kill_switch else { return };
+        let news: Vec<_> = switch.watch.news().collect();
+        for news in news {
+            match news {
+                News::Pressed(signal, at) => self.kill_by(&signal, at),
+                News::Lost(reason) => self.note_kill_switch(Some(reason)),
+                News::Found => self.note_kill_switch(None),
+            }
+        }
+        self.react_to_lost_kill_switch();
+    }
+
+    /// Kills, as `gerono kill` does, and says by which signal of the kill switch.
+    fn kill_by(&mut self, signal: &str, at: Instant) {
+        let event = format!("kill switch: {signal}, {}", self.kill_device());
+        // The services may have obeyed already: the event comes before what they did.
+        let age_ns = u64::try_from(at.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let tick = self.clock.elapsed_ns().saturating_sub(age_ns) / self.clock.tick_ns;
+        self.ask_at(tick, Request::Kill, RunEvent::KIND_OPERATOR_KILLS, event.clone());
+        let text = format!("killed: the motors rest until the end of the run ({event})");
+        self.tell(&text);
+        self.people.messages.say(text);
+    }
+
+    /// Takes note of the loss of the kill switch, with its reason, or of its return.
+    fn note_kill_switch(&mut self, lost: Option<String>) {
+        let device = self.kill_device();
+        let (text, event) = match &lost {
+            Some(reason) => (
+                format!("the kill switch is lost: {reason}"),
+                format!("kill switch lost: {device}"),
+            ),
+            None => (
+                format!("the kill switch {device} is there again"),
+                format!("kill switch found: {device}"),
+            ),
+        };
+        let tick = self.clock.tick().min(self.schedule.last_tick());
+        self.happened
+            .push((tick, RunEvent::KIND_KILL_SWITCH, event.into()));
+        self.tell(&text);
+        self.people.messages.say(text);
+        if let Some(switch) = &mut self.kill_switch {
+            switch.is_handled = false;
+            switch.lost = lost;
+        }
+    }
+
+    /// Does what the scenario states for a flight without its kill switch, once a loss, while the vehicle is armed.
+    fn react_to_lost_kill_switch(&mut self) {
+        let planned = self.schedule.operator().at(self.clock.tick());
+        let operator = self.supervisor.page().control_block().operator(planned);
+        let is_open = |switch: &&mut KillSwitch| switch.lost.is_some() && !switch.is_handled;
+        let Some(switch) = self.kill_switch.as_mut().filter(is_open) else {
+            return;
+        };
+        if !operator.armed || operator.killed {
+            return;
+        }
+        switch.is_handled = true;
+        let event = format!("kill switch lost: {}", switch.stated.kill_device);
+        let text = match switch.stated.on_loss {
+            KillSwitchLoss::Ignore => {
+                "The flight goes on without its kill switch, as `operator.on_loss` says.".to_owned()
+            }
+            KillSwitchLoss::Land => self.request_end(event),
+            KillSwitchLoss::Kill => {
+                self.ask(Request::Kill, RunEvent::KIND_OPERATOR_KILLS, event);
+                "killed: the motors rest until the end of the run (the kill switch is lost)".to_owned()
+            }
+        };
+        self.tell(&text);
+        self.people.messages.say(text);
+    }
+
+    fn kill_device(&self) -> String {
+        let stated = self.scenario.operator.as_ref();
+        stated.map_or_else(String::new, |stated| stated.kill_device.clone())
+    }
+}
