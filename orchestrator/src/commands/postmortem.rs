@@ -106,13 +106,17 @@ fn program_of(pid: u32) -> Option<String> {
 /// may have left it others.
 fn processes_of_the_run() -> Vec<Pid> {
     let program = |of: &str| {
-        let found = std::fs::metadata(format!("/proc/{of}/exe")).ok()?;
-        Some((found.dev(), found.ino()))
+        let found = std::fs::metadata(format!("/proc/{of}/exe"));
+        found.map(|found| (found.dev(), found.ino()))
     };
-    let own = program("self");
+    let own = program("self").ok();
     let is_of_the_run = |pid: &Pid| {
         let number = number_of(*pid);
-        program(&number.to_string()) == own || program_of(number).is_some()
+        match program(&number.to_string()) {
+            Ok(program) => Some(program) == own || program_of(number).is_some(),
+            // It is dying: it has no memory any more, but may still hold the lock on the run's place.
+            Err(error) => error.kind() == std::io::ErrorKind::NotFound,
+        }
     };
     let tasks = std::fs::read_dir("/proc/self/task")
         .into_iter()
