@@ -75,6 +75,28 @@ fn a_flight_whose_shared_memory_is_truncated_ends_with_an_error_that_says_so() {
     }
 }
 
+/// The services go on alone and are waited for, also by one who is in a hurry.
+#[test]
+fn nothing_is_left_of_a_flight_that_is_interrupted_while_its_services_end_alone() {
+    let place = Place::new();
+    let mut run = fly(&place, "realtime");
+    let (orchestrator, pids) = (run.id(), pids_of(&run));
+    shared_memory_of(orchestrator)
+        .iter()
+        .for_each(|path| truncate(path));
+    until("the end of the orchestrator as it was", || {
+        let line = std::fs::read(format!("/proc/{orchestrator}/cmdline")).unwrap();
+        (line.windows(10).any(|word| word == b"postmortem") || run.try_wait().unwrap().is_some())
+            .then_some(())
+    });
+    while run.try_wait().unwrap().is_none() {
+        signal(orchestrator, Signal::INT);
+        std::thread::yield_now();
+    }
+    let ended = finish(run);
+    assert_ended_in_words(&place, orchestrator, &pids, &ended, &["truncated"]);
+}
+
 /// Also memory of one kind, of which only a part of the processes notices anything.
 #[test]
 fn one_kind_of_shared_memory_that_is_truncated_or_overwritten_stops_nobody_from_ending_the_flight() {

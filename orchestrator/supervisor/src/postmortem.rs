@@ -4,7 +4,7 @@
 //! Its memory cannot be trusted then, and part of it is gone. So it becomes a fresh image of the same program,
 //! `gerono postmortem`: the same process, and thus still the parent of the services, without any of the memory. That one
 //! says what has happened, sees to the services, removes the run's shared memory and ends with exit code 1. No second
-//! process is needed beforehand, and nothing but `execv` and reads of `/proc` happens inside the signal handler.
+//! process is needed beforehand, and nothing but `execv`, a mask of signals and reads of `/proc` happens inside the signal handler.
 //!
 //! In simulated time the services are killed. In real time they go on alone, as after any other death of the
 //! orchestrator: they land the vehicle, or fly on, or are taken over by `gerono attach`.
@@ -134,12 +134,26 @@ impl Plan {
         self.cause[at] = 0;
     }
 
-    /// Becomes the fresh image.
+    /// Becomes the fresh image. It sees to the services and removes what the run had; no signal that asks for the end keeps it from that.
     fn carry_out(&self) {
+        block_requests_to_end();
         // SAFETY: path and words end with 0, the line with a null pointer, and all of them outlive the call.
         unsafe { libc::execv(c"/proc/self/exe".as_ptr(), self.line.as_ptr()) };
         // Only reached where that was refused; what follows the handler ends the process.
         let _ = rustix::io::write(rustix::stdio::stderr(), b"gerono: cannot end in good order\n");
+    }
+}
+
+/// Keeps SIGINT, SIGTERM and SIGHUP from this thread, and so from the image that it becomes.
+fn block_requests_to_end() {
+    // SAFETY: a set of numbers, of which all zeros is a valid value; the calls write to it alone and may be made in a handler.
+    unsafe {
+        let mut requests: libc::sigset_t = std::mem::zeroed();
+        libc::sigemptyset(&raw mut requests);
+        for signal in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP] {
+            libc::sigaddset(&raw mut requests, signal);
+        }
+        libc::sigprocmask(libc::SIG_BLOCK, &raw const requests, null_mut());
     }
 }
 
