@@ -26,7 +26,10 @@ impl Log {
         let reader = open(&path)?;
         Ok(Self {
             scenario: serde_json::to_string(&reader.manifest().scenario).map_err(crate::errors::other)?,
-            recovery: reader.recovery().map(ToString::to_string),
+            recovery: {
+                let recoveries: Vec<_> = reader.recoveries().iter().map(ToString::to_string).collect();
+                (!recoveries.is_empty()).then(|| recoveries.join("\n"))
+            },
             path,
         })
     }

@@ -16,10 +16,14 @@ use crate::terminal::printable_lines;
 #[must_use]
 pub fn log_path(path: &Path) -> PathBuf {
     let log = log_meant_by(path);
-    if let Ok(reader) = LogReader::open(&log)
-        && let Some(recovery) = reader.recovery()
-    {
-        note(format_args!("{} was recovered: {recovery}", log.display()));
+    if let Ok(reader) = LogReader::open(&log) {
+        for recovery in reader.recoveries() {
+            note(format_args!(
+                "{}: {} was recovered: {recovery}",
+                log.display(),
+                recovery.source
+            ));
+        }
     }
     log
 }

@@ -15,14 +15,18 @@ use metrics::stretch::Metrics;
 use metrics::summary::{FlightSummary, RunFacts, Summary};
 use metrics::tracker::StateSource;
 use run_log::run_folder::summary_text_beside;
-use run_log::{FORMAT_VERSION, LogReadError, LogReader, Recovery, host_log_beside, inspect, is_whole};
+use run_log::{
+    FORMAT_VERSION, LogReadError, LogReader, Recovery, files_of_log, host_log_beside, inspect, is_whole,
+};
 
 /// The content of a log.
 #[derive(Debug, Serialize)]
 pub struct Info {
     /// The file.
     pub log: String,
-    /// Its size.
+    /// Its files: one, unless it was split.
+    pub files: usize,
+    /// The size of all of them.
     pub bytes: u64,
     /// Whether all of it is there.
     pub state: State,
@@ -87,7 +91,7 @@ pub enum State {
     Complete,
     /// It is a proper file, made of what was left of another one.
     Recovered,
-    /// It was never closed, or its end is cut off.
+    /// It was never closed, its end is cut off, or a file in which it goes on is missing.
     Unclosed,
     /// It is not what was written.
     Damaged,
@@ -154,17 +158,20 @@ impl Info {
             }
         };
         let seconds = span.map_or(0.0, |[first, last]| seconds_between(first, last));
+        let files = files_of_log(log);
+        let sizes = files.iter().filter_map(|file| std::fs::metadata(file).ok());
         Ok(Self {
-            bytes: std::fs::metadata(log).map_or(0, |file| file.len()),
+            files: files.len(),
+            bytes: sizes.map(|file| file.len()).sum(),
             state: match &end {
                 Ok(()) if reader.recovery().is_some() => State::Recovered,
                 Ok(()) => State::Complete,
-                Err(LogReadError::Unclosed { .. }) => State::Unclosed,
+                Err(LogReadError::Unclosed { .. } | LogReadError::MissingPart { .. }) => State::Unclosed,
                 Err(_) => State::Damaged,
             },
             recovery: match &end {
                 Ok(()) => reader.recovery().cloned(),
-                Err(_) => inspect(log).ok(),
+                Err(error) => inspect(error.path()).ok(),
             },
             reason: end.err().map(|error| error.to_string()),
             format_version: FORMAT_VERSION,

@@ -339,8 +339,8 @@ impl Replay<'_> {
     fn lacks_samples(&self) -> bool {
         let begins = self.replays.iter().map(ServiceReplay::begins_at).min();
         let replayed = begins.unwrap_or_default()..=self.scope.last;
-        let recovery = self.source.reader.recovery();
-        recovery.is_some_and(|recovery| recovery.lacks_samples_in(&replayed))
+        let mut recoveries = self.source.reader.recoveries().iter();
+        recoveries.any(|recovery| recovery.lacks_samples_in(&replayed))
     }
 
     /// The first service and step after which it did not know what is recorded.
@@ -406,7 +406,11 @@ impl LogSource {
                     self.read_until = u64::MAX;
                 }
                 // What was read before it is whole.
-                Err(error @ (LogReadError::Unclosed { .. } | LogReadError::Damaged { .. })) => {
+                Err(
+                    error @ (LogReadError::Unclosed { .. }
+                    | LogReadError::MissingPart { .. }
+                    | LogReadError::Damaged { .. }),
+                ) => {
                     self.ends = Some(error.to_string());
                     self.breaks_off = true;
                     self.read_until = u64::MAX;

@@ -133,6 +133,8 @@ pub(super) struct McapFile {
     /// A message's bytes; kept to spare an allocation.
     payload: Vec<u8>,
     messages: u64,
+    /// Size of what has been handed to the system.
+    bytes: u64,
     /// `None` if the system writes to the disk when it likes.
     durability: Option<Durability>,
 }
@@ -193,6 +195,7 @@ impl McapFile {
             writer: Some(writer),
             payload: CDR_HEADER.to_vec(),
             messages: 0,
+            bytes: 0,
             durability: None,
         })
     }
@@ -298,6 +301,10 @@ impl McapFile {
         self.attempt(Writer::flush)?;
         let path = partial_path(&self.path);
         match fs::symlink_metadata(&path) {
+            Ok(file) => {
+                self.bytes = file.len();
+                Ok(())
+            }
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 self.abandon();
                 Err(LogError::Removed { path })
@@ -305,6 +312,16 @@ impl McapFile {
             // Whatever else is wrong with the name, the file is there.
             _ => Ok(()),
         }
+    }
+
+    /// Messages that have been written.
+    pub(super) fn messages(&self) -> u64 {
+        self.messages
+    }
+
+    /// Size of what has been handed to the system.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// Forces the rest to the disk; a file of which that has failed takes no more.

@@ -20,12 +20,14 @@ mod host_reader;
 mod host_samples;
 mod host_writer;
 mod manifest;
+mod parts;
 mod reader;
 mod records;
 mod recovery;
 pub mod run_folder;
 mod schema;
 mod size;
+mod splitter;
 mod view;
 mod writer;
 
@@ -42,6 +44,7 @@ pub use host_samples::{
 };
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest, ManifestProblem, topics_of};
+pub use parts::{Ending, ending, files_of_log, written_files};
 pub use reader::{LogReadError, LogReader, LoggedSample};
 pub use recovery::{Gap, RecoverError, Recovery, SampleTime, inspect, is_whole, recover, recovered_path};
 pub use schema::definition as message_definition;
@@ -55,9 +58,7 @@ pub use writer::RunLogWriter;
 pub fn host_log_beside(log: &Path) -> Option<PathBuf> {
     let complete = log.with_file_name("host.mcap");
     let recovered = recovered_path(&complete);
-    let is_recovered = log
-        .file_name()
-        .is_some_and(|name| name.to_string_lossy().ends_with(".recovered.mcap"));
+    let is_recovered = parts::has_recovered(log);
     let others = [partial_path(&complete), complete];
     let candidates = is_recovered.then_some(recovered).into_iter().chain(others);
     candidates.into_iter().find(|path| path.exists())

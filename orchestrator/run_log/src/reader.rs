@@ -1,6 +1,6 @@
 //! Reads `run.mcap`: the manifest, then every sample in the order of the file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::error::Error;
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -15,6 +15,7 @@ use zerocopy::IntoBytes;
 
 use super::framing::LAYOUT_KEY;
 use super::manifest::{COPY_RECORD_NAME, FORMAT_VERSION, Manifest, ManifestProblem};
+use super::parts::{self, Numbered, Part, files_after, next_number};
 use super::records::{self, RawRecord, Records, is_message_index};
 use super::recovery::Recovery;
 
@@ -71,6 +72,18 @@ pub enum LogReadError {
         /// Tick of the last of them.
         last_tick: Option<u64>,
     },
+    /// The log goes on in a file that is not there.
+    #[error("the log goes on after {} in {}, which is missing; its {samples} samples before that are whole{}; put the file beside it, or run `gerono recover` on the folder to read the log without it", .path.display(), .missing.display(), last_tick_in_words(.last_tick))]
+    MissingPart {
+        /// The file before.
+        path: PathBuf,
+        /// The file that is missing.
+        missing: PathBuf,
+        /// Samples before the break.
+        samples: u64,
+        /// Tick of the last of them.
+        last_tick: Option<u64>,
+    },
     /// The log is not what was written.
     #[error("the log {} is damaged after {samples} samples: {source}; what was read before is whole; `gerono recover {}` keeps that and what is whole behind the damage", .path.display(), .path.display())]
     Damaged {
@@ -87,6 +100,23 @@ fn last_tick_in_words(last_tick: &Option<u64>) -> String {
     last_tick.map_or_else(String::new, |tick| format!(", the last of tick {tick}"))
 }
 
+impl LogReadError {
+    /// Returns the file that cannot be read further.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Io { path, .. }
+            | Self::Foreign { path, .. }
+            | Self::Manifest { path, .. }
+            | Self::Version { path, .. }
+            | Self::Layouts { path, .. }
+            | Self::Unclosed { path, .. }
+            | Self::MissingPart { path, .. }
+            | Self::Damaged { path, .. } => path,
+        }
+    }
+}
+
 /// A sample as it was logged.
 #[derive(Clone, Copy, Debug)]
 pub struct LoggedSample<'a> {
@@ -99,10 +129,29 @@ pub struct LoggedSample<'a> {
 }
 
 /// Reads a run log from begin to end; memory does not grow with the log.
+///
+/// A log that was split is read as one, from the file that is opened on.
 pub struct LogReader {
+    /// The file that is read.
     path: PathBuf,
     manifest: Manifest,
-    recovery: Option<Recovery>,
+    /// Those of all files of the log that were recovered.
+    recoveries: Vec<Recovery>,
+    /// The place of the file in a log that was split.
+    part: Option<Part>,
+    /// The files that come after it.
+    following: VecDeque<Numbered>,
+    /// `true` if the file says that another one follows.
+    goes_on: bool,
+    /// `true` if the file before this one was recovered.
+    follows_recovered: bool,
+    /// `true` if this file was recovered.
+    is_recovered: bool,
+    /// Samples of the log before the file that was opened.
+    opened_at: u64,
+    /// Samples and chunks in the files that have been read to their ends.
+    samples_before: u64,
+    chunks_before: u64,
     records: Records<BufReader<File>>,
     record: RawRecord,
     channels: BTreeMap<u16, Topic>,
@@ -122,18 +171,23 @@ impl LogReader {
     /// # Errors
     /// [`LogReadError`]; in particular [`LogReadError::Layouts`] for the log of a program whose samples differ.
     pub fn open(path: &Path) -> Result<Self, LogReadError> {
-        let failed = |source| LogReadError::Io {
-            path: path.to_owned(),
-            source,
-        };
-        let file = File::open(path).map_err(failed)?;
-        let file_bytes = file.metadata().map_err(failed)?.len();
-        let mut records = Records::new(BufReader::with_capacity(1 << 16, file), file_bytes);
-        let (manifest, recovery) = read_manifest(path, &mut records)?;
+        let Opened { records, head } = Opened::open(path)?;
+        let following = head.part.map_or_else(Vec::new, |_| files_after(path));
+        let later = following.iter().filter_map(|(_, path)| Opened::open(path).ok());
+        let later = later.filter_map(|opened| opened.head.recovery);
+        let is_recovered = head.recovery.is_some();
         Ok(Self {
             path: path.to_owned(),
-            manifest,
-            recovery,
+            manifest: head.manifest,
+            recoveries: head.recovery.into_iter().chain(later).collect(),
+            part: head.part,
+            following: following.into(),
+            goes_on: false,
+            follows_recovered: false,
+            is_recovered,
+            opened_at: head.part.map_or(0, |part| part.samples_before),
+            samples_before: 0,
+            chunks_before: 0,
             records,
             record: RawRecord::default(),
             channels: BTreeMap::new(),
@@ -152,10 +206,17 @@ impl LogReader {
         &self.manifest
     }
 
-    /// Returns the gaps of the log, if it is not the one that was recorded but was made of what was left of that.
+    /// Returns the gaps of the first file of the log that was recovered, if any was: that is not the one that was
+    /// recorded but was made of what was left of it.
     #[must_use]
     pub fn recovery(&self) -> Option<&Recovery> {
-        self.recovery.as_ref()
+        self.recoveries.first()
+    }
+
+    /// Returns the gaps of every file of the log that was recovered.
+    #[must_use]
+    pub fn recoveries(&self) -> &[Recovery] {
+        &self.recoveries
     }
 
     /// Returns the compression of the chunk that was read last, as `gerono run --compression` calls it.
@@ -170,13 +231,14 @@ impl LogReader {
     /// Chunks read so far.
     #[must_use]
     pub fn chunks(&self) -> u64 {
-        self.records.chunk.chunks
+        self.chunks_before + self.records.chunk.chunks
     }
 
     /// The next sample in the order of the file; `None` at the end of a complete log.
     ///
     /// # Errors
-    /// [`LogReadError::Unclosed`] after the last sample of an incomplete log; [`LogReadError::Damaged`] and
+    /// [`LogReadError::Unclosed`] after the last sample of an incomplete log; [`LogReadError::MissingPart`] after the last sample
+    /// before a file that is missing; [`LogReadError::Damaged`] and
     /// [`LogReadError::Io`] wherever they happen. Nothing follows an error.
     pub fn next_sample(&mut self) -> Result<Option<LoggedSample<'_>>, LogReadError> {
         if self.has_ended {
@@ -210,8 +272,84 @@ impl LogReader {
         })
     }
 
-    /// Reads on to the next sample and puts it into `self.sample`.
+    /// Reads on to the next sample, in whichever file it is, and puts it into `self.sample`.
     fn advance(&mut self) -> Result<Option<(Topic, Header)>, LogReadError> {
+        loop {
+            let found = match self.advance_in_file() {
+                Err(LogReadError::Unclosed { .. }) if self.holds_nothing() => return Ok(None),
+                found => found?,
+            };
+            if found.is_some() || !self.open_next_file()? {
+                return Ok(found);
+            }
+        }
+    }
+
+    /// Returns whether nothing of this file could be recovered: that was tried with the file before.
+    fn holds_nothing(&self) -> bool {
+        self.follows_recovered && self.samples == self.samples_before
+    }
+
+    /// Goes on in the next file of a log that was split; `false` at the end of the last one.
+    fn open_next_file(&mut self) -> Result<bool, LogReadError> {
+        let Some(part) = self.part else {
+            return Ok(false);
+        };
+        let next = self.following.pop_front();
+        let is_there = next
+            .as_ref()
+            .is_some_and(|(number, _)| *number == part.number + 1);
+        if self.goes_on && !is_there {
+            return Err(LogReadError::MissingPart {
+                missing: parts::part_beside(&self.path, part.number + 1),
+                path: self.path.clone(),
+                samples: self.samples,
+                last_tick: self.last_tick,
+            });
+        }
+        let Some((number, path)) = next else {
+            return Ok(false);
+        };
+        self.follows_recovered = self.is_recovered;
+        self.chunks_before = self.chunks();
+        self.samples_before = self.samples;
+        self.path = path;
+        let Opened { records, head } = match Opened::open(&self.path) {
+            Err(LogReadError::Unclosed { .. }) if self.holds_nothing() => return Ok(false),
+            Err(LogReadError::Unclosed { path, .. }) => {
+                return Err(LogReadError::Unclosed {
+                    path,
+                    samples: self.samples,
+                    last_tick: self.last_tick,
+                });
+            }
+            opened => opened?,
+        };
+        self.check_follows(number, &head)?;
+        self.is_recovered = head.recovery.is_some();
+        self.part = head.part;
+        self.records = records;
+        self.channels.clear();
+        self.schemas.clear();
+        self.goes_on = false;
+        self.is_in_summary = false;
+        Ok(true)
+    }
+
+    /// Refuses a file of another flight, or one that has lost samples that nobody speaks of.
+    fn check_follows(&self, number: u64, head: &LogHead) -> Result<(), LogReadError> {
+        let is_next = head.part.is_some_and(|part| {
+            let expected = self.opened_at + self.samples;
+            part.number == number && (part.samples_before == expected || !self.recoveries.is_empty())
+        });
+        if is_next && head.manifest == self.manifest {
+            return Ok(());
+        }
+        Err(self.damaged("it is not of the same flight as the file before it"))
+    }
+
+    /// Reads on to the next sample of the file.
+    fn advance_in_file(&mut self) -> Result<Option<(Topic, Header)>, LogReadError> {
         loop {
             if !self
                 .records
@@ -226,6 +364,7 @@ impl LogReader {
                 (op::MESSAGE, Place::Chunk) => return self.take_message().map(Some),
                 (op::CHANNEL | op::SCHEMA, Place::Chunk) => self.take_declaration()?,
                 (op::MESSAGE_INDEX, Place::Data) if is_message_index(&self.record.body) => {}
+                (op::METADATA, Place::Data) if next_number(&self.record).is_some() => self.goes_on = true,
                 (op::DATA_END, Place::Data) => self.is_in_summary = true,
                 (
                     op::CHANNEL
@@ -333,15 +472,40 @@ enum Place {
     Nowhere,
 }
 
-/// Reads up to the manifest, which precedes all samples, and what stands before it of a recovery.
-fn read_manifest(
-    path: &Path,
-    records: &mut Records<BufReader<File>>,
-) -> Result<(Manifest, Option<Recovery>), LogReadError> {
+/// The facts that precede all samples of a file.
+struct LogHead {
+    manifest: Manifest,
+    recovery: Option<Recovery>,
+    part: Option<Part>,
+}
+
+/// A file whose facts have been read.
+struct Opened {
+    records: Records<BufReader<File>>,
+    head: LogHead,
+}
+
+impl Opened {
+    fn open(path: &Path) -> Result<Self, LogReadError> {
+        let failed = |source| LogReadError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let file = File::open(path).map_err(failed)?;
+        let file_bytes = file.metadata().map_err(failed)?.len();
+        let mut records = Records::new(BufReader::with_capacity(1 << 16, file), file_bytes);
+        let head = read_head(path, &mut records)?;
+        Ok(Self { records, head })
+    }
+}
+
+/// Reads up to the manifest, which precedes all samples, and what stands before it of a recovery and of a split.
+fn read_head(path: &Path, records: &mut Records<BufReader<File>>) -> Result<LogHead, LogReadError> {
     let foreign = |reason| LogReadError::Foreign {
         path: path.to_owned(),
         reason,
     };
+    let mut part = None;
     let mut record = RawRecord::default();
     let mut recovery = None;
     while records
@@ -361,10 +525,20 @@ fn read_manifest(
                 let found = Recovery::from_metadata(&metadata.metadata);
                 recovery = Some(found.ok_or_else(|| foreign("what it says of its recovery makes no sense"))?);
             }
+            Part::RECORD_NAME => {
+                let found = Part::from_metadata(&metadata.metadata);
+                part = Some(
+                    found.ok_or_else(|| foreign("what it says of its place in the log makes no sense"))?,
+                );
+            }
             Manifest::RECORD_NAME => {
                 let manifest = Manifest::from_metadata(&metadata.metadata);
                 let manifest = manifest.map_err(|problem| explain_manifest(path, problem))?;
-                return Ok((manifest, recovery));
+                return Ok(LogHead {
+                    manifest,
+                    recovery,
+                    part,
+                });
             }
             COPY_RECORD_NAME => return Err(foreign("it is a copy for viewers")),
             _ => return Err(foreign("its first metadata is not the manifest of a flight")),

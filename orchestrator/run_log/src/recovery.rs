@@ -13,7 +13,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
@@ -24,7 +24,7 @@ use self::channels::{Channels, Kind, Message, kinds};
 use self::scan::{Chunk, Piece, Scan};
 use super::framing::{Compression, LogError, McapFile};
 use super::manifest::{Manifest, ManifestProblem, topics_of};
-use super::records::{RawRecord, Records};
+use super::parts::{Ending, Part, ending};
 
 pub use self::report::{Gap, Recovery, SampleTime};
 
@@ -87,18 +87,7 @@ pub enum RecoverError {
 /// # Errors
 /// What the system says if the file cannot be read.
 pub fn is_whole(path: &Path) -> io::Result<bool> {
-    let file = File::open(path)?;
-    let bytes = file.metadata()?.len();
-    let mut records = Records::new(BufReader::with_capacity(1 << 16, file), bytes);
-    let mut record = RawRecord::default();
-    loop {
-        match records.next(&mut record) {
-            Ok(true) => {}
-            Ok(false) => return Ok(true),
-            Err(mcap::McapError::Io(error)) => return Err(error),
-            Err(_) => return Ok(false),
-        }
-    }
+    Ok(ending(path)? != Ending::Broken)
 }
 
 /// Returns where the recovered log is put unless another place is named: `run.recovered.mcap` for `run.mcap` and
@@ -122,11 +111,18 @@ pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Res
         return Err(RecoverError::Exists(target.to_owned()));
     }
     let mut kinds = kinds();
-    let (manifest, recovery) = Survey::of(source, &kinds)?.finish(source, scenario)?;
+    let survey = Survey::of(source, &kinds)?;
+    let part = survey.part;
+    let (manifest, recovery) = survey.finish(source, scenario)?;
     if let Some(manifest) = &manifest {
         channels::name_telemetry(&mut kinds, &manifest.scenario);
     }
-    write(source, target, &kinds, manifest.as_ref(), &recovery)?;
+    let head = Head {
+        part,
+        manifest: manifest.as_ref(),
+        recovery: &recovery,
+    };
+    write(source, target, &kinds, &head)?;
     Ok(recovery)
 }
 
@@ -155,6 +151,8 @@ struct Survey<'a> {
     channels: Channels<'a>,
     recovery: Recovery,
     manifest: Result<Manifest, ManifestProblem>,
+    /// The place of the file in a log that was split.
+    part: Option<Part>,
     /// Of each kind of samples, the number that the next one should have.
     next: Vec<u64>,
     /// Of each kind of samples, the gap since its last one.
@@ -175,6 +173,7 @@ impl<'a> Survey<'a> {
                 ..Recovery::default()
             },
             manifest: Err(ManifestProblem::Absent),
+            part: None,
             next: vec![0; kinds.len()],
             open_gap: vec![None; kinds.len()],
         };
@@ -195,6 +194,9 @@ impl<'a> Survey<'a> {
                 Piece::Metadata(metadata) if metadata.name == Recovery::RECORD_NAME => {
                     survey.recovery.earlier = Recovery::from_metadata(&metadata.metadata).map(Box::new);
                 }
+                Piece::Metadata(metadata) if metadata.name == Part::RECORD_NAME => {
+                    survey.take_part(Part::from_metadata(&metadata.metadata));
+                }
                 Piece::Metadata(_) => {}
                 Piece::Damage { at, bytes } => survey.lose(at, bytes),
                 Piece::End => survey.recovery.was_closed = true,
@@ -209,6 +211,14 @@ impl<'a> Survey<'a> {
             self.recovery.planned_last_tick = schedule.map(|schedule| schedule.last_tick());
         }
         self.manifest = manifest;
+    }
+
+    /// Takes note of the file's place in its log. Of a later file nobody knows the first numbers.
+    fn take_part(&mut self, part: Option<Part>) {
+        self.part = part;
+        if self.recovery.kept() == 0 && part.is_some_and(|part| part.number > 0) {
+            self.next.fill(u64::MAX);
+        }
     }
 
     fn take(&mut self, chunk: &Chunk) {
@@ -320,13 +330,7 @@ fn nothing_in(path: PathBuf) -> RecoverError {
 }
 
 /// Writes what is whole of `source`, chunk by chunk as it was.
-fn write(
-    source: &Path,
-    target: &Path,
-    kinds: &[Kind],
-    manifest: Option<&Manifest>,
-    recovery: &Recovery,
-) -> Result<(), RecoverError> {
+fn write(source: &Path, target: &Path, kinds: &[Kind], head: &Head<'_>) -> Result<(), RecoverError> {
     let failed = unreadable(source);
     let mut scan = Scan::open(source).map_err(&failed)?;
     let mut copy: Option<Copy> = None;
@@ -335,13 +339,15 @@ fn write(
         match piece {
             Piece::Chunk(chunk) | Piece::Cut { chunk, .. } => {
                 if copy.is_none() {
-                    let mut begun = Copy::begin(target, kinds, &chunk, manifest, recovery)?;
+                    let mut begun = Copy::begin(target, kinds, &chunk, head)?;
                     begun.write_facts(std::mem::take(&mut facts))?;
                     copy = Some(begun);
                 }
                 copy.as_mut().expect("begun above").write(&chunk)?;
             }
-            Piece::Metadata(metadata) if manifest.is_none() && metadata.name != Recovery::RECORD_NAME => {
+            Piece::Metadata(metadata)
+                if head.manifest.is_none() && metadata.name != Recovery::RECORD_NAME =>
+            {
                 facts.push(metadata);
                 if let Some(copy) = &mut copy {
                     copy.write_facts(std::mem::take(&mut facts))?;
@@ -356,6 +362,13 @@ fn write(
     }
 }
 
+/// What the new log says before its samples.
+struct Head<'a> {
+    part: Option<Part>,
+    manifest: Option<&'a Manifest>,
+    recovery: &'a Recovery,
+}
+
 /// The new log.
 struct Copy<'a> {
     file: McapFile,
@@ -368,13 +381,7 @@ struct Copy<'a> {
 
 impl<'a> Copy<'a> {
     /// Begins the new log, compressed as its first chunk was.
-    fn begin(
-        target: &Path,
-        kinds: &'a [Kind],
-        first: &Chunk,
-        manifest: Option<&Manifest>,
-        recovery: &Recovery,
-    ) -> Result<Self, LogError> {
+    fn begin(target: &Path, kinds: &'a [Kind], first: &Chunk, head: &Head<'_>) -> Result<Self, LogError> {
         let compression = Compression::of_name(&first.compression);
         let mut copy = Self {
             file: McapFile::create(target, compression, None)?,
@@ -382,8 +389,11 @@ impl<'a> Copy<'a> {
             channels: Channels::new(kinds),
             numbers: vec![None; kinds.len()],
         };
-        copy.write_facts(vec![recovery.to_metadata()])?;
-        if let Some(manifest) = manifest {
+        copy.write_facts(vec![head.recovery.to_metadata()])?;
+        if let Some(part) = head.part {
+            copy.file.write_metadata(Part::RECORD_NAME, part.to_metadata())?;
+        }
+        if let Some(manifest) = head.manifest {
             copy.file
                 .write_metadata(Manifest::RECORD_NAME, manifest.to_metadata())?;
             for topic in topics_of(&manifest.scenario) {

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use crate::{partial_path, recovered_path};
+use crate::{partial_path, recovered_path, written_files};
 
 /// Reason why there is no folder for the results.
 #[derive(Debug, thiserror::Error)]
@@ -76,8 +76,11 @@ impl RunFolder {
 
     /// Removes both logs, whole or not.
     pub fn remove_logs(&self) {
-        let logs = [self.run_log(), self.host_log()];
-        for log in logs.into_iter().flat_map(|log| [partial_path(&log), log]) {
+        let host = self.host_log();
+        for log in written_files(&self.run_log())
+            .into_iter()
+            .chain([partial_path(&host), host])
+        {
             // It fails for what is not there.
             let _ = fs::remove_file(log);
         }

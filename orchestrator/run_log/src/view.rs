@@ -293,6 +293,9 @@ fn facts(reader: &LogReader) -> Vec<Metadata> {
         name: Manifest::RECORD_NAME.to_owned(),
         metadata: reader.manifest().to_metadata(),
     };
-    let recovery = reader.recovery().map(super::Recovery::to_metadata);
-    std::iter::once(view).chain(recovery).chain([manifest]).collect()
+    let recoveries = reader.recoveries().iter().map(super::Recovery::to_metadata);
+    std::iter::once(view)
+        .chain(recoveries)
+        .chain([manifest])
+        .collect()
 }

@@ -10,7 +10,9 @@ use shared_types::service::header_of;
 
 use super::framing::{Compression, LogError, McapFile, Written};
 use super::manifest::{Manifest, topics_of};
+use super::parts::Part;
 use super::schema::definition;
+use super::splitter::Splitter;
 
 /// Simulated time that a chunk spans, s: what a crash of the recorder may cost.
 const CHUNK_SECONDS: f64 = 0.25;
@@ -25,7 +27,8 @@ const CHUNK_TICKS_MAX: f64 = 1000.0;
 /// Writes a flight's samples to `run.mcap`.
 ///
 /// Two logs of equal scenario, seed and compression are equal in every byte: order and chunk boundaries are a
-/// function of the ticks, and nothing of the machine is in the file.
+/// function of the ticks, and nothing of the machine is in the file. Where the scenario says so (`[record]`) the log goes on in
+/// further files, always between two ticks.
 pub struct RunLogWriter {
     file: McapFile,
     channels: [u16; Topic::ALL.len()],
@@ -34,6 +37,8 @@ pub struct RunLogWriter {
     next_chunk: u64,
     /// The tick that has ended last.
     last_tick: u64,
+    /// How the log is split, if it is.
+    splitter: Option<Splitter>,
 }
 
 impl RunLogWriter {
@@ -42,7 +47,12 @@ impl RunLogWriter {
     /// # Errors
     /// [`LogError::Create`] or [`LogError::Write`].
     pub fn create(path: &Path, manifest: &Manifest, compression: Compression) -> Result<Self, LogError> {
-        Self::begin(McapFile::create(path, compression, None)?, manifest)
+        Self::begin(
+            McapFile::create(path, compression, None)?,
+            path,
+            manifest,
+            compression,
+        )
     }
 
     /// As [`Self::create`], over a file that is open: a device in place of a disk.
@@ -55,10 +65,24 @@ impl RunLogWriter {
         manifest: &Manifest,
         compression: Compression,
     ) -> Result<Self, LogError> {
-        Self::begin(McapFile::over(file, path, compression, None)?, manifest)
+        Self::begin(
+            McapFile::over(file, path, compression, None)?,
+            path,
+            manifest,
+            compression,
+        )
     }
 
-    fn begin(mut file: McapFile, manifest: &Manifest) -> Result<Self, LogError> {
+    fn begin(
+        mut file: McapFile,
+        path: &Path,
+        manifest: &Manifest,
+        compression: Compression,
+    ) -> Result<Self, LogError> {
+        let splitter = Splitter::new(path, manifest, compression);
+        if let Some(splitter) = &splitter {
+            file.write_metadata(Part::RECORD_NAME, splitter.part.to_metadata())?;
+        }
         file.write_metadata(Manifest::RECORD_NAME, manifest.to_metadata())?;
         let chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, CHUNK_SECONDS);
         Ok(Self {
@@ -67,6 +91,7 @@ impl RunLogWriter {
             chunk_ticks,
             next_chunk: chunk_ticks,
             last_tick: 0,
+            splitter,
         })
     }
 
@@ -85,6 +110,9 @@ impl RunLogWriter {
     pub fn durable(mut self, period: Option<Duration>) -> Result<Self, LogError> {
         if let Some(period) = period {
             self.file.force_every(period)?;
+            if let Some(splitter) = &mut self.splitter {
+                splitter.force_every(period);
+            }
         }
         Ok(self)
     }
@@ -101,6 +129,11 @@ impl RunLogWriter {
         let header = header_of(bytes);
         if header.tick >= self.next_chunk {
             self.end_chunk_before(header.tick)?;
+        }
+        if let Some(splitter) = &mut self.splitter
+            && splitter.is_due(header.tick)
+        {
+            self.channels = splitter.split(&mut self.file)?;
         }
         let sequence = header.seq as u32;
         self.file
@@ -130,7 +163,11 @@ impl RunLogWriter {
         // A sample states its tick, and may be damaged.
         let chunk = (tick / self.chunk_ticks).saturating_add(1);
         self.next_chunk = chunk.saturating_mul(self.chunk_ticks);
-        self.file.flush()
+        self.file.flush()?;
+        if let Some(splitter) = &mut self.splitter {
+            splitter.end_chunk_before(tick, self.file.bytes());
+        }
+        Ok(())
     }
 
     /// Completes the log and gives it its name. To be called at the end of a whole tick.
@@ -140,7 +177,11 @@ impl RunLogWriter {
     /// # Errors
     /// [`LogError`].
     pub fn finish(self) -> Result<Written, LogError> {
-        self.file.finish()
+        let last = self.file.finish()?;
+        match self.splitter {
+            Some(splitter) => splitter.finish(last),
+            None => Ok(last),
+        }
     }
 }
 

@@ -5,8 +5,8 @@ use crate::cli::Host;
 use command_line::exit::Exit;
 use command_line::failure::report_of;
 use metrics::summary::{self, RunFacts, Summary};
-use run_log::inspect;
 use run_log::run_folder::{RunFolder, log_meant_by};
+use run_log::{files_of_log, inspect};
 use supervisor::recording_sink::RecordingSink;
 use supervisor::{Ending, FlightFailure, Outcome};
 
@@ -74,8 +74,9 @@ impl FlightResult<'_> {
 
     /// Samples in what there is of the log: what could not be written is not in it, whatever was received.
     fn samples_in_log(&self) -> u64 {
-        let found = inspect(&log_meant_by(self.folder.path()));
-        found.map_or(0, |found| found.samples.values().sum())
+        let files = files_of_log(&log_meant_by(self.folder.path()));
+        let found = files.iter().filter_map(|file| inspect(file).ok());
+        found.map(|found| found.kept()).sum()
     }
 
     fn show(&self, summary: &Summary, ending: &Ending) {

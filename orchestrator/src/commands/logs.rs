@@ -13,7 +13,8 @@ use command_line::terminal::Terminal;
 use evaluation::{info, plot};
 use run_log::run_folder::log_meant_by;
 use run_log::{
-    ExportError, RecoverError, ViewError, host_log_beside, is_whole, partial_path, recovered_path,
+    Ending, ExportError, RecoverError, ViewError, ending, host_log_beside, is_whole, recovered_path,
+    written_files,
 };
 
 /// `gerono plot`.
@@ -134,18 +135,8 @@ pub fn recover(arguments: &Recover) -> Result<(), Failure> {
             Failure::not_written(reason)
         })?;
     }
-    // If one cannot be recovered, the other still can.
-    let results: Vec<_> = logs
-        .iter()
-        .map(|log| {
-            let beside = recovered_path(log);
-            let target = match out {
-                Some(folder) => folder.join(beside.file_name().unwrap_or_default()),
-                None => beside,
-            };
-            recover_one(log, &target, scenario.as_ref())
-        })
-        .collect();
+    // If one cannot be recovered, the others still can.
+    let results = recover_all(&logs, out, scenario.as_ref());
     let some_are_whole = results.iter().any(Result::is_ok);
     for result in results {
         match result {
@@ -165,14 +156,50 @@ fn refusal(error: RecoverError) -> Failure {
     Failure::new(exit, error)
 }
 
-/// The logs that a run has written into its folder.
+/// The files that a run has written into its folder.
 fn logs_of(folder: &Path) -> Vec<PathBuf> {
     let run = folder.join("run.mcap");
-    let run = [run.clone(), partial_path(&run)]
-        .into_iter()
-        .find(|path| path.exists());
-    let host = host_log_beside(&folder.join("run.mcap"));
-    run.into_iter().chain(host).collect()
+    let host = host_log_beside(&run);
+    written_files(&run).into_iter().chain(host).collect()
+}
+
+/// Recovers those of the files that are not whole, the last one first, and those after which nothing more can be read of a log
+/// that was split.
+fn recover_all(
+    logs: &[PathBuf],
+    out: Option<&Path>,
+    scenario: Option<&Scenario>,
+) -> Vec<Result<(), RecoverError>> {
+    let mut results = Vec::new();
+    // The file after this one, if something can be read of it.
+    let mut next: Option<&Path> = None;
+    for log in logs.iter().rev() {
+        let beside = recovered_path(log);
+        let target = match out {
+            Some(folder) => folder.join(beside.file_name().unwrap_or_default()),
+            None => beside,
+        };
+        let result = match ending(log) {
+            Ok(Ending::GoesOn(number)) if !next.is_some_and(|next| is_file_of(next, number)) => {
+                note(format_args!(
+                    "{} goes on in another file, of which nothing can be read",
+                    log.display()
+                ));
+                recover_broken(log, &target, scenario)
+            }
+            _ => recover_one(log, &target, scenario),
+        };
+        next = result.is_ok().then_some(log);
+        results.push(result);
+    }
+    results.reverse();
+    results
+}
+
+/// Returns whether a file is the one of this number of a log that was split.
+fn is_file_of(log: &Path, number: u64) -> bool {
+    log.file_name()
+        .is_some_and(|name| name.to_string_lossy().contains(&format!(".{number}.mcap")))
 }
 
 fn recover_one(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<(), RecoverError> {
@@ -180,6 +207,10 @@ fn recover_one(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result
         print(format!("{} is whole: nothing to recover\n", log.display()));
         return Ok(());
     }
+    recover_broken(log, target, scenario)
+}
+
+fn recover_broken(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<(), RecoverError> {
     let recovery = run_log::recover(log, target, scenario)?;
     print(format!(
         "{} from {}: {recovery}\n",

@@ -20,6 +20,7 @@ mod plugins;
 mod programs;
 mod radio;
 mod radio_link;
+mod record;
 mod safety;
 mod sections;
 mod vehicle;
@@ -57,6 +58,7 @@ impl Scenario {
         self.check_telemetry(&mut found);
         self.check_harmonics(&mut found);
         self.check_programs(&mut found);
+        self.check_record(&mut found);
         found.problems.extend(self.schedule().err().unwrap_or_default());
         found.problems
     }

@@ -26,6 +26,7 @@ mod problem;
 mod programs;
 mod radio_link;
 mod rc_link;
+mod record;
 mod safety;
 pub mod suggest;
 #[cfg(test)]
@@ -60,6 +61,7 @@ pub use radio_link::{
     ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProtocol, Transmitter,
 };
 pub use rc_link::RcLink;
+pub use record::{Record, Split};
 pub use safety::InputSafety;
 pub use shared_types::GRAVITY;
 pub use timing::Timing;
@@ -137,6 +139,9 @@ pub struct Scenario {
     /// External services: programs that fly in place of services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub programs: Option<Programs>,
+    /// The recording of the flight: one file unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub record: Option<Record>,
     /// Use of the machine by the services; never changes the log.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deployment: Option<Deployment>,
@@ -176,6 +181,7 @@ impl Scenario {
             safety: BTreeMap::new(),
             plugins: None,
             programs: None,
+            record: None,
             deployment: None,
             real_time: None,
             operator: None,

@@ -23,9 +23,13 @@ impl Display for State {
 impl Display for Info {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
         let Self { log, state, .. } = self;
+        let files = match self.files {
+            1 => String::new(),
+            count => format!("{count} files with "),
+        };
         writeln!(
             formatter,
-            "{log}: {state}; {:.1} MB in {} chunks, compression {}, format {}",
+            "{log}: {state}; {:.1} MB in {files}{} chunks, compression {}, format {}",
             self.bytes as f64 * 1e-6,
             self.chunks,
             self.compression,

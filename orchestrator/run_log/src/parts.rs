@@ -1,0 +1,232 @@
+//! The files of a log that was split: `run.mcap`, `run.1.mcap`, `run.2.mcap` and so on.
+//!
+//! Each is a whole log of its part of the flight. Metadata before its manifest state its number, and metadata behind its
+//! last sample state that the log goes on in another file. So a missing file is noticed.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
+
+use mcap::McapError;
+use mcap::records::{Metadata, Record, op};
+
+use super::records::{self, RawRecord, Records};
+
+const NUMBER_KEY: &str = "number";
+const SAMPLES_KEY: &str = "samples_before";
+
+/// Name of the metadata record behind the last sample of a file after which the log goes on.
+pub(super) const GOES_ON: &str = "gerono_goes_on";
+
+/// The place of a file in a log that was split.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Part {
+    /// 0 for the first file.
+    pub(super) number: u64,
+    /// Samples of the log in the files before it.
+    pub(super) samples_before: u64,
+}
+
+impl Part {
+    /// Name of the metadata record.
+    pub(super) const RECORD_NAME: &str = "gerono_part";
+
+    pub(super) fn to_metadata(self) -> BTreeMap<String, String> {
+        BTreeMap::from([
+            (NUMBER_KEY.to_owned(), self.number.to_string()),
+            (SAMPLES_KEY.to_owned(), self.samples_before.to_string()),
+        ])
+    }
+
+    /// Back from the metadata of its name.
+    pub(super) fn from_metadata(metadata: &BTreeMap<String, String>) -> Option<Self> {
+        let number = |key: &str| metadata.get(key)?.parse().ok();
+        Some(Self {
+            number: number(NUMBER_KEY)?,
+            samples_before: number(SAMPLES_KEY)?,
+        })
+    }
+}
+
+/// Returns the metadata which state that the log goes on in the file of a number.
+pub(super) fn goes_on_in(number: u64) -> BTreeMap<String, String> {
+    BTreeMap::from([(NUMBER_KEY.to_owned(), number.to_string())])
+}
+
+/// Returns the path of a file of the log whose first file is `first`.
+pub(super) fn part_path(first: &Path, number: u64) -> PathBuf {
+    if number == 0 {
+        return first.to_owned();
+    }
+    first.with_extension(format!("{number}.mcap"))
+}
+
+/// Returns the path of the file of a number beside another file of the same log.
+pub(super) fn part_beside(log: &Path, number: u64) -> PathBuf {
+    let common = Name::of(log).map_or_else(String::new, |name| name.common);
+    part_path(&log.with_file_name(format!("{common}.mcap")), number)
+}
+
+/// The state of a file, in the order in which one is preferred to another of the same part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Make {
+    Recovered,
+    Complete,
+    Partial,
+}
+
+/// The name of a file of a log: what all files of the log have in common, and what is its own.
+#[derive(Debug, PartialEq, Eq)]
+struct Name {
+    common: String,
+    number: u64,
+    make: Make,
+}
+
+impl Name {
+    fn of(path: &Path) -> Option<Self> {
+        let name = path.file_name()?.to_str()?;
+        let (stem, make) = match name.strip_suffix(".mcap.partial") {
+            Some(stem) => (stem, Make::Partial),
+            None => match name.strip_suffix(".recovered.mcap") {
+                Some(stem) => (stem, Make::Recovered),
+                None => (name.strip_suffix(".mcap")?, Make::Complete),
+            },
+        };
+        let numbered = stem.rsplit_once('.').and_then(|(common, digits)| {
+            let number: u64 = digits.parse().ok()?;
+            // As it is written, and not `01` or `+1`.
+            (number > 0 && number.to_string() == digits).then_some((common, number))
+        });
+        let (common, number) = numbered.unwrap_or((stem, 0));
+        Some(Self {
+            common: common.to_owned(),
+            number,
+            make,
+        })
+    }
+}
+
+/// A file of a log, and its number.
+pub(super) type Numbered = (u64, PathBuf);
+
+/// Returns the files beside `log` that follow it in the same log, in their order: of each number the recovered one before the
+/// complete and that before the partial one.
+pub(super) fn files_after(log: &Path) -> Vec<Numbered> {
+    Name::of(log).map_or_else(Vec::new, |own| files_of(log, |name| name.number > own.number))
+}
+
+/// The files of the log of which `log` is one, as far as they are wanted.
+fn files_of(log: &Path, is_wanted: impl Fn(&Name) -> bool) -> Vec<Numbered> {
+    let Some(own) = Name::of(log) else {
+        return Vec::new();
+    };
+    let folder = log.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    let mut found: BTreeMap<u64, (Make, PathBuf)> = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let Some(name) = Name::of(Path::new(&entry.file_name())) else {
+            continue;
+        };
+        if name.common != own.common || !is_wanted(&name) {
+            continue;
+        }
+        let path = log.with_file_name(entry.file_name());
+        let is_better = found.get(&name.number).is_none_or(|(make, _)| name.make < *make);
+        if is_better {
+            found.insert(name.number, (name.make, path));
+        }
+    }
+    let numbered = found.into_iter().map(|(number, (_, path))| (number, path));
+    numbered.collect()
+}
+
+/// Returns the files that are read as one log if `log` is opened: itself, and if it was split those after it.
+#[must_use]
+pub fn files_of_log(log: &Path) -> Vec<PathBuf> {
+    let mut files = vec![log.to_owned()];
+    if part_of(log).is_some() {
+        files.extend(files_after(log).into_iter().map(|(_, path)| path));
+    }
+    files
+}
+
+/// Returns the files that a run has written for the log whose first file has the path `first`, complete or not, in their
+/// order; not those that were recovered of them.
+#[must_use]
+pub fn written_files(first: &Path) -> Vec<PathBuf> {
+    let files = files_of(first, |name| name.make != Make::Recovered);
+    files.into_iter().map(|(_, path)| path).collect()
+}
+
+/// Returns whether any file of the log was recovered.
+pub(super) fn has_recovered(log: &Path) -> bool {
+    !files_of(log, |name| name.make == Make::Recovered).is_empty()
+}
+
+/// Returns the place of a file in its log; `None` if the log was not split, or the file does not say.
+fn part_of(path: &Path) -> Option<Part> {
+    let file = File::open(path).ok()?;
+    let bytes = file.metadata().ok()?.len();
+    let mut records = Records::new(BufReader::new(file), bytes);
+    let mut record = RawRecord::default();
+    while records.next(&mut record).ok()? {
+        match records::parse(record.opcode, &record.body).ok()? {
+            Record::Header(_) => {}
+            Record::Metadata(Metadata { name, metadata }) if name == Part::RECORD_NAME => {
+                return Part::from_metadata(&metadata);
+            }
+            Record::Metadata(_) => {}
+            _ => return None,
+        }
+    }
+    None
+}
+
+/// The end of a file of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// The file has no proper end, or is damaged.
+    Broken,
+    /// The file is whole, and the last of its log.
+    Last,
+    /// The file is whole, and the log goes on in the file of this number.
+    GoesOn(u64),
+}
+
+/// Reads a log to its last checksum, and returns its end.
+///
+/// # Errors
+/// What the system says if the file cannot be read.
+pub fn ending(path: &Path) -> io::Result<Ending> {
+    let file = File::open(path)?;
+    let bytes = file.metadata()?.len();
+    let mut records = Records::new(BufReader::with_capacity(1 << 16, file), bytes);
+    let mut record = RawRecord::default();
+    let mut ending = Ending::Last;
+    loop {
+        match records.next(&mut record) {
+            Ok(true) if record.opcode == op::METADATA => {
+                ending = next_number(&record).map_or(ending, Ending::GoesOn);
+            }
+            Ok(true) => {}
+            Ok(false) => return Ok(ending),
+            Err(McapError::Io(error)) => return Err(error),
+            Err(_) => return Ok(Ending::Broken),
+        }
+    }
+}
+
+/// Returns the number of the file in which the log goes on, if a record of metadata says so.
+pub(super) fn next_number(record: &RawRecord) -> Option<u64> {
+    match records::parse(record.opcode, &record.body) {
+        Ok(Record::Metadata(metadata)) if metadata.name == GOES_ON => {
+            metadata.metadata.get(NUMBER_KEY)?.parse().ok()
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests;
