@@ -17,6 +17,7 @@ mod identity;
 mod language;
 mod laws;
 mod logs;
+mod long_logs;
 mod outages;
 mod plugins;
 mod replay;

@@ -159,3 +159,6 @@ fn sum(before: Written, last: Written) -> Written {
         bytes: before.bytes + last.bytes,
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,3 +1,5 @@
+//! Names of the files of a log.
+
 use super::*;
 
 #[test]

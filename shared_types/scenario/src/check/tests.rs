@@ -4,6 +4,7 @@ mod law;
 mod machine;
 mod programs;
 mod radio_link;
+mod record;
 mod rig;
 mod safety;
 
