@@ -1,4 +1,5 @@
 //! Logs in several files: every command reads them as one, whatever host has flown, and however the flight ended.
+//! And logs of a part of the samples: what they have is as ever, and every command says what they have not.
 
 use std::path::{Path, PathBuf};
 
@@ -215,5 +216,118 @@ fn a_flight_in_real_time_is_split_without_a_gap() {
     assert!(
         replayed.contains("identical") && !replayed.contains("not identical"),
         "{replayed}"
+    );
+}
+
+/// One in ten errors, one in a hundred samples of the adaptation, and nothing of the truth.
+const IN_PART: [&str; 4] = [
+    "--set",
+    r#"record.every={"control/errors"=10,"control/adaptation"=100}"#,
+    "--set",
+    r#"record.leave_out=["vehicle/truth"]"#,
+];
+
+#[test]
+fn a_log_has_the_samples_that_the_scenario_wants_and_the_summary_those_of_the_flight() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("whole", 2.0, &["--host", "inprocess"]));
+    succeed(&mut place.short_flight("part", 2.0, &[&IN_PART[..], &["--host", "inprocess"]].concat()));
+    succeed(&mut place.short_flight("processes", 2.0, &IN_PART));
+    assert!(bytes(&place.log("part")) == bytes(&place.log("processes")));
+    let samples = |log, topic| -> Vec<serde_json::Value> {
+        let text = answer(&place, &["export", log, "--topic", topic]);
+        // Notes are no samples.
+        let lines = text.lines().filter(|line| line.starts_with('{'));
+        let samples = lines.map(|line| serde_json::from_str(line).unwrap());
+        samples.collect()
+    };
+    for (topic, every) in [
+        ("control/errors", 10),
+        ("control/adaptation", 100),
+        ("vehicle/state", 1),
+        ("run/events", 1),
+    ] {
+        let expected: Vec<_> = samples("whole", topic).into_iter().step_by(every).collect();
+        assert!(samples("part", topic) == expected, "{topic}");
+    }
+    assert_eq!(samples("part", "vehicle/truth"), [] as [serde_json::Value; 0]);
+
+    let [whole, part] = ["whole", "part"].map(|flight| place.summary(flight));
+    for key in ["stretches", "loss", "outcome"] {
+        assert_eq!(whole[key], part[key], "{key}");
+    }
+    let counted = |summary: &serde_json::Value| -> Vec<_> {
+        let topics = summary["topics"].as_array().unwrap().iter();
+        let count = |topic: &serde_json::Value| {
+            assert_eq!(
+                (&topic["not_recorded"], &topic["not_flown"]),
+                (&0.into(), &0.into())
+            );
+            topic["recorded"].as_u64().unwrap()
+        };
+        topics.map(count).collect()
+    };
+    assert_eq!(counted(&whole)[..3], [2001, 2001, 2001]);
+    assert_eq!(counted(&part)[..3], [0, 2001, 2001]);
+    let info: serde_json::Value = serde_json::from_str(&answer(&place, &["info", "part", "--json"])).unwrap();
+    assert_eq!(info["samples"], counted(&part).iter().sum::<u64>());
+    for topic in info["topics"].as_array().unwrap() {
+        assert_eq!(
+            (&topic["gaps"], &topic["missing"]),
+            (&0.into(), &0.into()),
+            "{topic}"
+        );
+    }
+}
+
+#[test]
+fn a_replay_says_what_it_cannot_prove_of_a_log_that_has_not_everything() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("outputs", 2.0, &IN_PART));
+    let replayed = succeed(&mut place.gerono(&["replay", "outputs"]));
+    let words = said(&replayed);
+    // 2001 of the truth, 1800 of the errors, 1980 of the adaptation.
+    assert!(
+        words.contains("5781 samples were made of which the log has none"),
+        "{words}"
+    );
+    assert!(
+        words.contains("\nidentical: 10227 samples of 10005 steps"),
+        "{words}"
+    );
+    let note = complaint(&replayed);
+    assert!(
+        note.contains("nothing of vehicle/truth, one in 100 samples of control/adaptation"),
+        "{note}"
+    );
+
+    let inputs = ["--set", r#"record.every={"vehicle/state"=2}"#];
+    succeed(&mut place.short_flight("inputs", 2.0, &inputs));
+    let words = answer(&place, &["replay", "inputs"]);
+    let names_service = words.contains("The steps of controller cannot be done again");
+    assert!(names_service && words.contains("`vehicle/state`"), "{words}");
+    assert!(words.contains("\nidentical: "), "{words}");
+    let alone = output(&mut place.gerono(&["replay", "inputs", "--service", "controller"]));
+    assert_eq!(alone.status.code(), Some(8), "nothing was compared");
+    // A sample that is not as recorded is found all the same.
+    let changed = output(&mut place.gerono(&["replay", "outputs", "--set", "controller.k1=1.5"]));
+    assert!(said(&changed).contains("not identical"), "{}", said(&changed));
+}
+
+#[test]
+fn a_recovered_log_of_a_part_counts_what_is_lost_of_that_part() {
+    let place = Place::new();
+    let part = [&IN_PART[..], &["--host", "inprocess"]].concat();
+    succeed(&mut place.short_flight("out", 2.0, &part));
+    let log = place.log("out");
+    let mut damaged = bytes(&log);
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    std::fs::write(place.path("damaged.mcap"), damaged).unwrap();
+    let words = answer(&place, &["recover", "damaged.mcap", "--out", "saved.mcap"]);
+    // A chunk of 250 ticks.
+    assert!(
+        words.contains("250 of vehicle/state") && words.contains("25 of control/errors"),
+        "{words}"
     );
 }

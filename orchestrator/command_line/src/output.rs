@@ -12,11 +12,17 @@ use crate::terminal::printable_lines;
 
 /// The log that a path means: the file itself, or the run's log in the folder, be it complete, recovered or never closed.
 ///
-/// Says so if it was recovered, for no command may take such a log for the one that was recorded.
+/// Says so if it was recovered or has topics in part only, for no command may take such a log for the whole one.
 #[must_use]
 pub fn log_path(path: &Path) -> PathBuf {
     let log = log_meant_by(path);
     if let Ok(reader) = LogReader::open(&log) {
+        if let Some(omissions) = reader.manifest().omissions() {
+            note(format_args!(
+                "{}: as its scenario says in `[record]`, it has {omissions}; results are of what it has",
+                log.display()
+            ));
+        }
         for recovery in reader.recoveries() {
             note(format_args!(
                 "{}: {} was recovered: {recovery}",

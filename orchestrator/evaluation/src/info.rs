@@ -5,7 +5,7 @@ mod words;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use scenario::Scenario;
+use scenario::{Recorded, Scenario};
 use serde::Serialize;
 use serde_json::Value;
 use shared_types::{Header, Topic};
@@ -139,6 +139,7 @@ impl Info {
         let mut samples = 0;
         let scenario = reader.manifest().scenario.clone();
         let schedule = scenario.schedule().ok();
+        let recorded = Recorded::of_topics(scenario.record.as_ref());
         let mut judge = schedule.map(|schedule| FlightSummary::new(&scenario, &schedule));
         let end = loop {
             match reader.next_sample() {
@@ -148,9 +149,10 @@ impl Info {
                         judge.observe(sample.topic, sample.bytes);
                     }
                     span = Some([span.map_or(sample.header, |[first, _]| first), sample.header]);
-                    tallies[sample.topic.index()]
+                    let at = sample.topic.index();
+                    tallies[at]
                         .get_or_insert(Tally::new(sample.header))
-                        .count(sample.header);
+                        .count(sample.header, recorded[at]);
                 }
                 Ok(None) => break Ok(()),
                 Err(error @ LogReadError::Io { .. }) => return Err(error),
@@ -216,10 +218,11 @@ impl Tally {
         }
     }
 
-    fn count(&mut self, header: Header) {
-        let left_out = header.seq.saturating_sub(self.last.seq + 1);
-        self.gaps += u64::from(left_out > 0);
-        self.missing += left_out;
+    fn count(&mut self, header: Header, recorded: Recorded) {
+        let due = recorded.count_before(header.seq);
+        let missing = due.saturating_sub(recorded.count_before(self.last.seq + 1));
+        self.gaps += u64::from(missing > 0);
+        self.missing += missing;
         self.samples += 1;
         self.last = header;
     }

@@ -12,11 +12,11 @@ pub mod restart;
 mod table;
 pub mod timing;
 
-use scenario::{Bounds, Scenario, Vector};
+use scenario::{Bounds, Recorded, Scenario, Vector};
 use serde::Serialize;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, RunEvent, VehicleTruth};
 use shared_types::service::{header_of, seconds};
-use shared_types::{Header, Schedule, ServiceId, Topic};
+use shared_types::{Schedule, ServiceId, Topic};
 
 use self::restart::Restart;
 use crate::loss::{Loss, LossWatch};
@@ -210,15 +210,18 @@ pub struct FlightSummary {
     flight: Option<FlightWatch>,
     current: usize,
     counts: [SequenceCount; Topic::ALL.len()],
+    /// How much of each topic the log has.
+    recorded: [Recorded; Topic::ALL.len()],
     first_tick: u64,
     last_tick: Option<u64>,
 }
 
-/// Counts the samples of a topic by the sequence numbers in their headers.
+/// Counts the samples of a topic that belong into the log, by the sequence numbers in their headers.
 #[derive(Clone, Copy, Debug, Default)]
 struct SequenceCount {
     recorded: u64,
-    next_seq: u64,
+    /// Number of the next one, of those that belong into the log.
+    next: u64,
     gaps: u64,
 }
 
@@ -243,6 +246,7 @@ impl FlightSummary {
             flight: scenario.flight.as_ref().map(|_| FlightWatch::default()),
             current: 0,
             counts: [SequenceCount::default(); Topic::ALL.len()],
+            recorded: Recorded::of_topics(scenario.record.as_ref()),
             first_tick: 0,
             last_tick: None,
             schedule: schedule.clone(),
@@ -253,7 +257,8 @@ impl FlightSummary {
     pub fn begin_at(&mut self, tick: u64) {
         self.first_tick = tick;
         for topic in Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some()) {
-            self.counts[topic.index()].next_seq = self.schedule.publications(topic).count_before(tick);
+            let published = self.schedule.publications(topic).count_before(tick);
+            self.counts[topic.index()].next = self.recorded[topic.index()].count_before(published);
         }
     }
 
@@ -261,7 +266,7 @@ impl FlightSummary {
     #[inline]
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let header = header_of(bytes);
-        self.counts[topic.index()].count(&header);
+        self.counts[topic.index()].count(self.recorded[topic.index()], header.seq);
         self.last_tick = self.last_tick.max(Some(header.tick));
         let Self {
             tracker,
@@ -408,16 +413,15 @@ impl FlightSummary {
     /// In simulated time everything due is published. In real time `timing` tells what was; of a topic that is not published
     /// at every step nobody knows it, and what is missing counts as not flown.
     fn topic_count(&self, topic: Topic, timing: Option<&TimingReport>) -> TopicCount {
-        let SequenceCount {
-            recorded,
-            next_seq,
-            gaps,
-        } = self.counts[topic.index()];
+        let SequenceCount { recorded, next, gaps } = self.counts[topic.index()];
         let due = match (topic.publisher(), self.last_tick) {
             (Some(_), Some(tick)) => self.schedule.publications(topic).count_before(tick + 1),
             _ => 0,
         };
-        let missing = gaps + due.saturating_sub(next_seq);
+        let missing = gaps
+            + self.recorded[topic.index()]
+                .count_before(due)
+                .saturating_sub(next);
         let not_recorded = timing.map_or(missing, |timing| timing.unrecorded_of(topic.name()).min(missing));
         TopicCount {
             topic: topic.name(),
@@ -439,10 +443,13 @@ fn phase_at<'a>(phases: &'a mut [PhaseRecord], current: &mut usize, tick: u64) -
 
 impl SequenceCount {
     #[inline]
-    fn count(&mut self, header: &Header) {
-        self.recorded += 1;
-        self.gaps += header.seq.saturating_sub(self.next_seq);
-        self.next_seq = self.next_seq.max(header.seq + 1);
+    fn count(&mut self, recorded: Recorded, seq: u64) {
+        if recorded.has(seq) {
+            let number = recorded.count_before(seq);
+            self.recorded += 1;
+            self.gaps += number.saturating_sub(self.next);
+            self.next = self.next.max(number + 1);
+        }
     }
 }
 

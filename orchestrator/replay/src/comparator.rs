@@ -5,7 +5,9 @@
 //! finished, or of one before it.
 
 use host::owned_sample::OwnedSample;
+use scenario::Recorded;
 use shared_types::Topic;
+use shared_types::service::header_of;
 
 use super::compare::Comparison;
 use super::history::History;
@@ -21,10 +23,13 @@ pub(super) struct Comparator {
 }
 
 impl Comparator {
-    /// One judge a topic that the service publishes, in the order of the wiring table.
-    pub(super) fn new(topics: impl IntoIterator<Item = Topic>) -> Self {
+    /// One judge a topic that the service publishes, in the order of the wiring table, and how much of it was recorded.
+    pub(super) fn new(topics: impl IntoIterator<Item = (Topic, Recorded)>) -> Self {
+        let judges = topics
+            .into_iter()
+            .map(|(topic, recorded)| Judge::new(topic, recorded));
         Self {
-            judges: topics.into_iter().map(Judge::new).collect(),
+            judges: judges.collect(),
             checkpoints: 0,
             checkpoints_different: 0,
             first_different_after: None,
@@ -61,6 +66,7 @@ impl Comparator {
 /// Compares what the steps of a tick publish on one topic with what was recorded.
 struct Judge {
     comparison: Comparison,
+    recorded: Recorded,
     /// `true` if the recorded sample of the tick has been accounted for.
     is_settled: bool,
     /// A sample of the last step that may not have been published, and that is not what was recorded.
@@ -68,9 +74,10 @@ struct Judge {
 }
 
 impl Judge {
-    fn new(topic: Topic) -> Self {
+    fn new(topic: Topic, recorded: Recorded) -> Self {
         Self {
             comparison: Comparison::new(topic),
+            recorded,
             is_settled: false,
             doubtful: None,
         }
@@ -83,6 +90,11 @@ impl Judge {
     /// Hears what a step publishes; if it was not finished, perhaps.
     fn hear(&mut self, replayed: &[u8], is_finished: bool, history: &History) {
         if self.is_settled {
+            return;
+        }
+        if !self.recorded.has(header_of(replayed).seq) {
+            self.comparison.left_out += 1;
+            self.is_settled = true;
             return;
         }
         if is_finished || self.comparison.is_recorded(replayed, history) {
@@ -130,7 +142,7 @@ mod tests {
         if let Some(gamma) = recorded {
             history.keep(PathReference::TOPIC, sample(gamma).as_bytes());
         }
-        let mut judge = Judge::new(PathReference::TOPIC);
+        let mut judge = Judge::new(PathReference::TOPIC, Recorded::All);
         for (gamma, is_finished) in steps {
             judge.hear(sample(*gamma).as_bytes(), *is_finished, &history);
         }

@@ -16,6 +16,8 @@ pub struct Comparison {
     pub compared: u64,
     /// Samples of which none was recorded.
     pub unrecorded: u64,
+    /// Samples that do not belong into the log, which has a part of the topic only.
+    pub left_out: u64,
     /// Samples that differ.
     pub different: u64,
     /// The first of them.
@@ -49,6 +51,7 @@ impl Comparison {
             topic,
             compared: 0,
             unrecorded: 0,
+            left_out: 0,
             different: 0,
             first: None,
             largest: None,

@@ -23,7 +23,7 @@ mod tuning;
 use std::error::Error;
 use std::path::Path;
 
-use scenario::Scenario;
+use scenario::{Recorded, Scenario};
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -131,6 +131,8 @@ pub struct Replayed {
     pub not_again: Option<&'static str>,
     /// Services to be replayed in whose place external services flew: their steps cannot be repeated.
     pub external_services: Vec<ServiceId>,
+    /// Services to be replayed of whose inputs not every sample belongs into the log, each with the first such input.
+    pub without_inputs: Vec<(ServiceId, Topic)>,
     /// Of each topic that was published in the replay.
     pub comparisons: Vec<Comparison>,
     /// Reason why the log ends early, if it does.
@@ -176,6 +178,15 @@ impl Replayed {
             .sum()
     }
 
+    /// Samples that were made and that do not belong into the log, which has parts of some topics only.
+    #[must_use]
+    pub fn left_out(&self) -> u64 {
+        self.comparisons
+            .iter()
+            .map(|comparison| comparison.left_out)
+            .sum()
+    }
+
     /// Returns whether all that could be compared is the same, and all could.
     #[must_use]
     pub fn is_identical(&self) -> bool {
@@ -218,6 +229,7 @@ pub fn replay(
         return Err(ReplayError::OtherSchedule);
     }
     let scope = Scope::of(options, &schedule)?;
+    let topics = Recorded::of_topics(recorded.record.as_ref());
     let wanted = |service: &ServiceId| options.services.is_empty() || options.services.contains(service);
     // Dropped after the replays, whose processes are in it.
     let environment = options
@@ -233,7 +245,7 @@ pub fn replay(
                 Box::new(InThisProcess::new(service, &schedule))
             }
         };
-        Ok(ServiceReplay::new(service, &schedule, stepper, scope))
+        Ok(ServiceReplay::new(service, &schedule, stepper, scope, &topics))
     };
     let mut replayed: Vec<_> = schedule.order().iter().copied().filter(wanted).collect();
     let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
@@ -242,11 +254,17 @@ pub fn replay(
     let is_external_service = |service: &ServiceId| recorded.program_of(*service).is_some();
     let external_services = replayed.iter().copied().filter(is_external_service).collect();
     replayed.retain(|service| !seen(service) && !is_external_service(service));
+    let without_inputs: Vec<_> = replayed
+        .iter()
+        .filter_map(|&service| unknown_input(service, &topics))
+        .collect();
+    replayed.retain(|service| !without_inputs.iter().any(|(without, _)| without == service));
     let replays: Vec<_> = replayed.into_iter().map(replay).collect::<Result<_, _>>()?;
     let is_asked_for = |topic| replays.iter().any(|replay| replay.is_about(topic));
     let mut flight = Replay {
         not_again,
         external_services,
+        without_inputs,
         source: LogSource {
             reader,
             history: History::of(is_asked_for),
@@ -268,6 +286,13 @@ pub fn replay(
     Ok(flight.finish())
 }
 
+/// Returns the first input of a service of which not every sample belongs into the log, if there is one.
+fn unknown_input(service: ServiceId, recorded: &[Recorded; Topic::ALL.len()]) -> Option<(ServiceId, Topic)> {
+    let mut inputs = service.inputs().iter().map(|input| input.topic);
+    let unknown = inputs.find(|topic| recorded[topic.index()] != Recorded::All)?;
+    Some((service, unknown))
+}
+
 fn schedule_of(scenario: &Scenario) -> Result<Schedule, ReplayError> {
     supervisor::schedule_of(scenario).map_err(|error| ReplayError::Scenario(error.into()))
 }
@@ -278,6 +303,7 @@ struct Replay<'a> {
     replays: Vec<ServiceReplay>,
     not_again: Option<&'static str>,
     external_services: Vec<ServiceId>,
+    without_inputs: Vec<(ServiceId, Topic)>,
     source: LogSource,
     recorded_steps: RecordedSteps,
     starts: Vec<Start>,
@@ -371,6 +397,7 @@ impl Replay<'_> {
             starts: self.starts,
             not_again: self.not_again,
             external_services: self.external_services,
+            without_inputs: self.without_inputs,
             comparisons: self.replays.into_iter().flat_map(ServiceReplay::finish).collect(),
             log_ends: self.source.ends,
         }

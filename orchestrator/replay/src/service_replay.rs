@@ -2,6 +2,7 @@
 
 use host::edge_store::EdgeStore;
 use host::step::{Timetable, Views};
+use scenario::Recorded;
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::{InputView, header_of};
 use shared_types::{Gains, Now, Schedule, ServiceId, Topic};
@@ -46,8 +47,11 @@ impl ServiceReplay {
         schedule: &Schedule,
         stepper: Box<dyn Stepper>,
         scope: Scope,
+        recorded: &[Recorded; Topic::ALL.len()],
     ) -> Self {
         let timetable = Timetable::new(schedule, service);
+        let outputs = schedule.outputs(service);
+        let outputs = outputs.map(|output| (output.topic, recorded[output.topic.index()]));
         let mut stores: [Option<EdgeStore>; MAX_PORTS] = Default::default();
         for (store, edge) in stores.iter_mut().zip(&timetable.inputs) {
             *store = edge.has_faults().then(|| EdgeStore::new(edge.clone()));
@@ -61,7 +65,7 @@ impl ServiceReplay {
             begins_at: 0,
             stores,
             next_stored: [0; MAX_PORTS],
-            comparator: Comparator::new(schedule.outputs(service).map(|output| output.topic)),
+            comparator: Comparator::new(outputs),
             timetable,
             steps: 0,
             steps_without_inputs: 0,

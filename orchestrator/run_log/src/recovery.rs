@@ -17,7 +17,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
-use scenario::Scenario;
+use scenario::{Recorded, Scenario};
 use shared_types::Topic;
 
 use self::channels::{Channels, Kind, Message, kinds};
@@ -155,6 +155,8 @@ struct Survey<'a> {
     part: Option<Part>,
     /// Of each kind of samples, the number that the next one should have.
     next: Vec<u64>,
+    /// Of each kind of samples, how much the log should have.
+    recorded: Vec<Recorded>,
     /// Of each kind of samples, the gap since its last one.
     open_gap: Vec<Option<usize>>,
 }
@@ -175,6 +177,7 @@ impl<'a> Survey<'a> {
             manifest: Err(ManifestProblem::Absent),
             part: None,
             next: vec![0; kinds.len()],
+            recorded: vec![Recorded::All; kinds.len()],
             open_gap: vec![None; kinds.len()],
         };
         let failed = unreadable(source);
@@ -207,6 +210,8 @@ impl<'a> Survey<'a> {
 
     fn take_manifest(&mut self, manifest: Result<Manifest, ManifestProblem>) {
         if let Ok(Manifest { scenario }) = &manifest {
+            let topics = Recorded::of_topics(scenario.record.as_ref());
+            self.recorded[..topics.len()].copy_from_slice(&topics);
             let schedule = scenario.schedule().ok();
             self.recovery.planned_last_tick = schedule.map(|schedule| schedule.last_tick());
         }
@@ -227,6 +232,7 @@ impl<'a> Survey<'a> {
             channels,
             recovery,
             next,
+            recorded,
             open_gap,
             ..
         } = self;
@@ -239,7 +245,10 @@ impl<'a> Survey<'a> {
             let name = kinds[message.kind].channel;
             let expected = std::mem::replace(&mut next[message.kind], message.sequence.saturating_add(1));
             if let Some(gap) = open_gap[message.kind].take() {
-                let missing = message.sequence.saturating_sub(expected);
+                let recorded = recorded[message.kind];
+                let missing = recorded
+                    .count_before(message.sequence)
+                    .saturating_sub(recorded.count_before(expected));
                 if missing > 0 {
                     recovery.gaps[gap].lost.insert(name.to_owned(), missing);
                 }

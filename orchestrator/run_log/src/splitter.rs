@@ -37,7 +37,7 @@ pub(super) struct Splitter {
 impl Splitter {
     /// The splitter of a log with this manifest; none if the scenario does not ask for one.
     pub(super) fn new(first: &Path, manifest: &Manifest, compression: Compression) -> Option<Self> {
-        let split = manifest.scenario.record?.split?;
+        let split = manifest.scenario.record.as_ref()?.split?;
         let tick = manifest.scenario.schedule.tick;
         let ticks = split.after_seconds.map(|seconds| whole_ticks(seconds / tick));
         Some(Self {

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::path::Path;
 use std::time::Duration;
 
-use scenario::Scenario;
+use scenario::{Recorded, Scenario};
 use shared_types::Topic;
 use shared_types::service::header_of;
 
@@ -32,6 +32,7 @@ const CHUNK_TICKS_MAX: f64 = 1000.0;
 pub struct RunLogWriter {
     file: McapFile,
     channels: [u16; Topic::ALL.len()],
+    recorded: [Recorded; Topic::ALL.len()],
     chunk_ticks: u64,
     /// Tick at which the next chunk begins, whether there are samples just before it or not.
     next_chunk: u64,
@@ -87,6 +88,7 @@ impl RunLogWriter {
         let chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, CHUNK_SECONDS);
         Ok(Self {
             channels: declare_topics(&mut file, &manifest.scenario)?,
+            recorded: Recorded::of_topics(manifest.scenario.record.as_ref()),
             file,
             chunk_ticks,
             next_chunk: chunk_ticks,
@@ -117,7 +119,7 @@ impl RunLogWriter {
         Ok(self)
     }
 
-    /// Writes a sample of a topic. The caller keeps the order (tick, topic).
+    /// Writes a sample of a topic, if the scenario does not leave it out (`[record]`). The caller keeps the order (tick, topic).
     ///
     /// The message's sequence number is the header's `seq` modulo 2³²: MCAP has no room for more. The sample
     /// itself keeps all of it.
@@ -127,6 +129,9 @@ impl RunLogWriter {
     #[inline]
     pub fn write(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), LogError> {
         let header = header_of(bytes);
+        if !self.recorded[topic.index()].has(header.seq) {
+            return Ok(());
+        }
         if header.tick >= self.next_chunk {
             self.end_chunk_before(header.tick)?;
         }

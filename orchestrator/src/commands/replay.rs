@@ -125,6 +125,11 @@ fn report(replayed: &Replayed, options: &Options) -> String {
             names(&replayed.external_services)
         );
     }
+    for (service, topic) in &replayed.without_inputs {
+        text += &format!(
+            "The steps of {service} cannot be done again: the log has only a part of its input `{topic}` (`[record]`).\n"
+        );
+    }
     if replayed
         .comparisons
         .iter()
@@ -159,6 +164,12 @@ fn report(replayed: &Replayed, options: &Options) -> String {
             replayed.unrecorded()
         );
     }
+    if replayed.left_out() > 0 {
+        text += &format!(
+            "{} samples were made of which the log has none, as `[record]` says, and were not compared.\n",
+            replayed.left_out()
+        );
+    }
     let (steps, compared, checkpoints) = (replayed.steps, replayed.compared(), replayed.checkpoints);
     let by_whom = if options.in_processes.is_some() {
         ", done by service processes"
@@ -185,7 +196,10 @@ fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
         0 => ServiceId::ALL.len(),
         count => count,
     };
-    let done_again = services - usize::from(replayed.not_again.is_some()) - replayed.external_services.len();
+    let done_again = services
+        - usize::from(replayed.not_again.is_some())
+        - replayed.external_services.len()
+        - replayed.without_inputs.len();
     let rest = if replayed.starts.len() < done_again {
         "; the others with the flight"
     } else {

@@ -61,7 +61,7 @@ pub use radio_link::{
     ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProtocol, Transmitter,
 };
 pub use rc_link::RcLink;
-pub use record::{Record, Split};
+pub use record::{Record, Recorded, Split};
 pub use safety::InputSafety;
 pub use shared_types::GRAVITY;
 pub use timing::Timing;
@@ -139,7 +139,7 @@ pub struct Scenario {
     /// External services: programs that fly in place of services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub programs: Option<Programs>,
-    /// The recording of the flight: one file unless stated.
+    /// The recording of the flight: everything in one file unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub record: Option<Record>,
     /// Use of the machine by the services; never changes the log.

@@ -1,15 +1,24 @@
 //! What is recorded of a flight, and in which files.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use shared_types::Topic;
 
 /// The recording of the flight. It changes the files of the log, not the flight.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
     /// When the log goes on in another file; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub split: Option<Split>,
+    /// Names of topics, each with a number n: only samples whose number is a multiple of n are recorded.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub every: BTreeMap<String, u64>,
+    /// Names of topics of which nothing is recorded.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub leave_out: Vec<String>,
 }
 
 /// Limits of one file of a log: the first that is reached counts.
@@ -24,10 +33,92 @@ pub struct Split {
     pub after_seconds: Option<f64>,
 }
 
+impl Record {
+    /// Returns of which topics not everything is recorded, in words, if there are any.
+    #[must_use]
+    pub fn omissions(&self) -> Option<String> {
+        let topics = Topic::ALL.into_iter().zip(Recorded::of_topics(Some(self)));
+        let omissions = topics.filter_map(|(topic, recorded)| match recorded {
+            Recorded::All => None,
+            Recorded::Every(every) => Some(format!("one in {every} samples of {topic}")),
+            Recorded::Nothing => Some(format!("nothing of {topic}")),
+        });
+        let omissions: Vec<_> = omissions.collect();
+        (!omissions.is_empty()).then(|| omissions.join(", "))
+    }
+}
+
 impl Split {
     /// Smallest limit of a file's size, bytes: manifest and schemas, which each file repeats, take about half of it.
     pub const LEAST_BYTES: u64 = 1 << 16;
 
     /// Shortest time of a file, s.
     pub const LEAST_SECONDS: f64 = 1.0;
+}
+
+/// How much of a topic is recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Recorded {
+    /// Every sample.
+    All,
+    /// Those whose number is a multiple of this, which is more than one.
+    Every(u64),
+    /// None.
+    Nothing,
+}
+
+impl Recorded {
+    /// Of each topic, how much of it a log of a flight with this recording has.
+    #[must_use]
+    pub fn of_topics(record: Option<&Record>) -> [Self; Topic::ALL.len()] {
+        Topic::ALL.map(|topic| {
+            let name = topic.name();
+            match record {
+                Some(record) if record.leave_out.iter().any(|left_out| left_out == name) => Self::Nothing,
+                Some(record) => match record.every.get(name) {
+                    Some(&every) if every > 1 => Self::Every(every),
+                    _ => Self::All,
+                },
+                None => Self::All,
+            }
+        })
+    }
+
+    /// Returns whether the sample of a sequence number is recorded.
+    #[inline]
+    #[must_use]
+    pub fn has(self, seq: u64) -> bool {
+        match self {
+            Self::All => true,
+            Self::Every(every) => seq.is_multiple_of(every),
+            Self::Nothing => false,
+        }
+    }
+
+    /// Returns how many of the samples before a sequence number are recorded.
+    #[inline]
+    #[must_use]
+    pub fn count_before(self, seq: u64) -> u64 {
+        match self {
+            Self::All => seq,
+            Self::Every(every) => seq.div_ceil(every),
+            Self::Nothing => 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn as_many_are_counted_as_are_recorded(every in 2u64..50, seq in 0u64..500) {
+            for recorded in [Recorded::All, Recorded::Every(every), Recorded::Nothing] {
+                let count = (0..seq).filter(|number| recorded.has(*number)).count();
+                prop_assert_eq!(recorded.count_before(seq), count as u64);
+            }
+        }
+    }
 }

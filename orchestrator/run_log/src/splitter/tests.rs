@@ -17,7 +17,10 @@ use crate::{
 /// The flight of [`scenario`] whose log is split.
 fn split_flight(split: Split) -> Scenario {
     let mut flown = scenario(0.01, 10.0);
-    flown.record = Some(Record { split: Some(split) });
+    flown.record = Some(Record {
+        split: Some(split),
+        ..Record::default()
+    });
     flown
 }
 

@@ -1,13 +1,62 @@
-//! Files of a log that are worth their headers.
+//! Files of a log that are worth their headers, and topics of which less may be recorded.
+
+use shared_types::Topic;
 
 use super::Findings;
-use crate::{Key, Scenario, Split};
+use crate::suggest::known_names;
+use crate::{Key, Record, Scenario, Split};
 
 impl Scenario {
     pub(super) fn check_record(&self, found: &mut Findings) {
-        if let Some(split) = self.record.and_then(|record| record.split) {
-            split.check(&Key::root().then("record").then("split"), found);
+        let Some(record) = &self.record else { return };
+        let at = Key::root().then("record");
+        if let Some(split) = record.split {
+            split.check(&at.then("split"), found);
         }
+        record.check_topics(&at, found);
+    }
+}
+
+impl Record {
+    fn check_topics(&self, at: &Key, found: &mut Findings) {
+        for (topic, every) in &self.every {
+            let key = at.then("every").then(topic);
+            check_topic(topic, &key, found);
+            if *every == 0 {
+                found.add(
+                    key.clone(),
+                    "of 0 no sample's number is a multiple",
+                    "state 1 or more, or name the topic in `record.leave_out`",
+                );
+            }
+            if self.leave_out.contains(topic) {
+                found.add(
+                    key,
+                    "`record.leave_out` has the topic as well",
+                    "name it in one of the two",
+                );
+            }
+        }
+        for (index, topic) in self.leave_out.iter().enumerate() {
+            check_topic(topic, &at.then("leave_out").then(index), found);
+        }
+    }
+}
+
+/// The name of a topic of which less may be recorded.
+fn check_topic(topic: &str, key: &Key, found: &mut Findings) {
+    match Topic::from_name(topic) {
+        None => found.add(
+            key.clone(),
+            format!("there is no topic `{topic}`"),
+            known_names(topic, &Topic::ALL.map(Topic::name)),
+        ),
+        Some(Topic::RunEvent) => found.add(
+            key.clone(),
+            "the events say what happened in the flight, and a replay needs them",
+            "leave them in the log; they are few",
+        ),
+        Some(_) => {}
     }
 }
 

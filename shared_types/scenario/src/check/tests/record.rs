@@ -1,4 +1,4 @@
-//! Files of a log that are worth their headers.
+//! Files of a log that are worth their headers, and topics of which less may be recorded.
 
 use super::{accepted, refused};
 use crate::{Record, Scenario, Split};
@@ -9,7 +9,10 @@ fn split(after_bytes: Option<u64>, after_seconds: Option<f64>) -> impl FnOnce(&m
             after_bytes,
             after_seconds,
         });
-        scenario.record = Some(Record { split });
+        scenario.record = Some(Record {
+            split,
+            ..Record::default()
+        });
     }
 }
 
@@ -46,5 +49,61 @@ fn a_split_that_says_nothing_or_makes_crumbs_is_refused() {
         "record.split.after_seconds",
         "finite",
         "",
+    );
+}
+
+fn topics(every: &[(&str, u64)], leave_out: &[&str]) -> impl FnOnce(&mut Scenario) {
+    let every = every.iter().map(|(topic, every)| ((*topic).to_owned(), *every));
+    let record = Record {
+        every: every.collect(),
+        leave_out: leave_out.iter().map(ToString::to_string).collect(),
+        ..Record::default()
+    };
+    |scenario| scenario.record = Some(record)
+}
+
+#[test]
+fn any_topic_but_the_events_may_be_recorded_in_part_or_not_at_all() {
+    accepted(topics(&[("control/errors", 10)], &["vehicle/truth"]));
+    accepted(topics(&[("control/errors", 1)], &[]));
+    refused(
+        topics(&[("run/events", 2)], &[]),
+        "record.every.\"run/events\"",
+        "replay",
+        "few",
+    );
+    refused(
+        topics(&[], &["run/events"]),
+        "record.leave_out.0",
+        "replay",
+        "few",
+    );
+}
+
+#[test]
+fn what_is_no_topic_and_what_contradicts_itself_is_refused() {
+    refused(
+        topics(&[("control/error", 10)], &[]),
+        "record.every.\"control/error\"",
+        "no topic",
+        "did you mean `control/errors`",
+    );
+    refused(
+        topics(&[], &["mocap/pose", "mocap/pos"]),
+        "record.leave_out.1",
+        "no topic",
+        "did you mean `mocap/pose`",
+    );
+    refused(
+        topics(&[("mocap/pose", 0)], &[]),
+        "record.every.\"mocap/pose\"",
+        "multiple",
+        "leave_out",
+    );
+    refused(
+        topics(&[("mocap/pose", 2)], &["mocap/pose"]),
+        "record.every.\"mocap/pose\"",
+        "as well",
+        "one of the two",
     );
 }
