@@ -84,6 +84,7 @@ fn a_live_flight_is_looked_at_broken_and_left_behind_with_the_terminal_as_it_was
     await_rates(&mut terminal);
     terminal.press("k");
     terminal.await_text("only looking; `gerono top --allow-faults` can");
+    set_after_enter(&mut terminal);
     signal(top.id(), Signal::TERM);
     assert_left_clean(&mut terminal, top, 143, &settings);
 
@@ -157,6 +158,20 @@ fn killed_only_after_a_yes(terminal: &mut Terminal, orchestrator: u32) {
     terminal.press("?");
     terminal.await_text("SIGSTOP");
     terminal.press("q");
+    await_rates(terminal);
+}
+
+/// A gain is typed and set, what cannot be is refused with its reason, and both without leaving the view.
+fn set_after_enter(terminal: &mut Terminal) {
+    terminal.press("s");
+    terminal.await_text("set controller.▏");
+    terminal.await_text("controller.k1=");
+    terminal.press("k2=2.25\r");
+    terminal.await_text("controller.k2=2.25 from");
+    terminal.press("s");
+    terminal.await_text("controller.k2=2.25");
+    terminal.press("k2=-1\r");
+    terminal.await_text("refused: not set:");
     await_rates(terminal);
 }
 

@@ -185,8 +185,9 @@ pub enum Command {
     /// Show a flight in real time while it flies, from any terminal.
     ///
     /// Shows how every service keeps time, the delay from a capture to its frame, the vehicle's error and estimates of
-    /// the last minute, and events. Read-only, and the flight never waits for it. With --allow-faults the selected
-    /// service can be killed or frozen, each after a confirmation. The key `?` explains keys and columns.
+    /// the last minute, and events. The flight never waits for it. The key `s` sets a gain, as `gerono set` does. With
+    /// --allow-faults the selected service can be killed or frozen, each after a confirmation. The key `?` explains keys and
+    /// columns.
     #[command(after_help = Top::EXAMPLES)]
     Top(Top),
     /// Show a flight in a browser, while it is flown or afterwards.

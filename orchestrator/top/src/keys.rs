@@ -1,9 +1,16 @@
-//! The meanings of the keys. Nothing is broken without a confirmation, and nothing at all unless that was permitted.
+//! The meanings of the keys. Nothing is broken without a confirmation, and nothing at all unless that was permitted; no gain
+//! is set before its new value has been typed.
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 use live::Question;
 use live::snapshot::ServiceSnapshot;
+
+/// Beginning of every key that can be set.
+const COMMON_SECTION: &str = "controller.";
+
+/// Bytes that a setting has at most.
+const LONGEST_SETTING: usize = 120;
 
 /// A key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +21,10 @@ pub enum Key {
     Down,
     /// A character, as typed.
     Character(char),
+    /// Enter.
+    Enter,
+    /// Backspace.
+    Backspace,
     /// Escape.
     Escape,
     /// Ctrl-C.
@@ -34,6 +45,8 @@ impl Key {
             }
             KeyCode::Up => Self::Up,
             KeyCode::Down => Self::Down,
+            KeyCode::Enter => Self::Enter,
+            KeyCode::Backspace => Self::Backspace,
             KeyCode::Esc => Self::Escape,
             _ => Self::Other,
         }
@@ -78,6 +91,8 @@ pub enum Mode {
     Help,
     /// About to break a service.
     Confirm(Intent),
+    /// Typing a setting.
+    Set(String),
 }
 
 /// The consequence of a key.
@@ -97,6 +112,7 @@ pub struct Controls {
     may_break: bool,
     mode: Mode,
     selected: usize,
+    gains: Vec<String>,
     notice: String,
 }
 
@@ -108,6 +124,7 @@ impl Controls {
             may_break,
             mode: Mode::Watch,
             selected: 0,
+            gains: Vec::new(),
             notice: String::new(),
         }
     }
@@ -130,6 +147,17 @@ impl Controls {
         self.selected
     }
 
+    /// The gains that can be set, with their present values, once the run has told them.
+    #[must_use]
+    pub fn gains(&self) -> &[String] {
+        &self.gains
+    }
+
+    /// Takes note of the gains and their present values.
+    pub fn keep_gains(&mut self, gains: Vec<String>) {
+        self.gains = gains;
+    }
+
     /// Returns the notice to the user; empty if there is none.
     #[must_use]
     pub fn notice(&self) -> &str {
@@ -150,6 +178,7 @@ impl Controls {
         match std::mem::replace(&mut self.mode, Mode::Watch) {
             Mode::Help => Action::None,
             Mode::Confirm(intent) => self.decide(intent, key, services),
+            Mode::Set(setting) => self.type_in(setting, key),
             Mode::Watch => self.choose(key, services),
         }
     }
@@ -162,8 +191,29 @@ impl Controls {
             Key::Character('?') => self.mode = Mode::Help,
             Key::Character('k') => self.intend(Break::Kill, services),
             Key::Character('f') => self.intend(Break::Freeze, services),
-            Key::Character(_) | Key::Interrupt | Key::Other => {}
+            Key::Character('s') => {
+                self.mode = Mode::Set(COMMON_SECTION.to_owned());
+                return Action::Ask(Question::Get(Vec::new()));
+            }
+            Key::Character(_) | Key::Enter | Key::Backspace | Key::Interrupt | Key::Other => {}
         }
+        Action::None
+    }
+
+    fn type_in(&mut self, mut setting: String, key: Key) -> Action {
+        match key {
+            Key::Escape => {
+                self.notice = "nothing was set".to_owned();
+                return Action::None;
+            }
+            Key::Enter if setting.contains('=') => return Action::Ask(Question::Set(vec![setting])),
+            Key::Character(character) if setting.len() < LONGEST_SETTING => setting.push(character),
+            Key::Backspace => {
+                setting.pop();
+            }
+            _ => {}
+        }
+        self.mode = Mode::Set(setting);
         Action::None
     }
 

@@ -183,8 +183,9 @@ impl<'a> Watch<'a> {
                     self.snapshot = Some(*snapshot);
                 }
                 Answer::Done(text) => self.controls.tell(text),
+                Answer::Values(gains) => self.controls.keep_gains(gains),
                 // It asks for none of them.
-                Answer::Description(_) | Answer::Newest(_) | Answer::Values(_) => {}
+                Answer::Description(_) | Answer::Newest(_) => {}
                 Answer::Refused(reason) | Answer::Closed(reason) => {
                     self.controls.tell(format!("refused: {reason}"));
                 }

@@ -5,6 +5,7 @@
 
 mod help;
 mod laboratory;
+mod overlay;
 mod services;
 mod trends;
 
@@ -53,8 +54,16 @@ impl Widget for &View<'_> {
             Some(snapshot) => self.draw(snapshot, area, buffer),
             None => self.draw_waiting(area, buffer),
         }
-        if *self.controls.mode() == Mode::Help {
-            help::draw(area, buffer);
+        match self.controls.mode() {
+            Mode::Help => overlay::draw(" help ", &help::TEXT, area, buffer),
+            Mode::Set(_) => {
+                let above_keys = Rect {
+                    height: area.height - 1,
+                    ..area
+                };
+                overlay::draw(" gains ", self.controls.gains(), above_keys, buffer);
+            }
+            Mode::Watch | Mode::Confirm(_) => {}
         }
     }
 }
@@ -130,8 +139,12 @@ impl View<'_> {
     }
 
     fn keys(&self, width: u16) -> Line<'static> {
-        if let Mode::Confirm(intent) = self.controls.mode() {
-            return Line::styled(confirmation(intent), Style::new().red().reversed());
+        match self.controls.mode() {
+            Mode::Confirm(intent) => {
+                return Line::styled(confirmation(intent), Style::new().red().reversed());
+            }
+            Mode::Set(setting) => return prompt(setting, width),
+            Mode::Watch | Mode::Help => {}
         }
         if !self.controls.notice().is_empty() {
             return Line::styled(self.controls.notice().to_owned(), Style::new().bold());
@@ -139,11 +152,23 @@ impl View<'_> {
         let faults = if self.controls.may_break() {
             ["k kill", "f freeze"].as_slice()
         } else {
-            &["(only looking)"]
+            &["(no faults)"]
         };
-        let parts = ["? help", "q leave"].iter().chain(faults).chain(&["↑↓ select"]);
+        let parts = ["? help", "q leave", "s set"]
+            .iter()
+            .chain(faults)
+            .chain(&["↑↓ select"]);
         fitting(parts.map(|&part| Span::raw(part).dim()).collect(), width)
     }
+}
+
+/// The setting that is being typed, of a long one the end, and what becomes of it.
+fn prompt(setting: &str, width: u16) -> Line<'static> {
+    const KEYS: &str = "Enter: set, Esc: no";
+    let room = usize::from(width).saturating_sub("set ▏  ".chars().count() + KEYS.len());
+    let hidden = setting.chars().count().saturating_sub(room);
+    let shown: String = setting.chars().skip(hidden).collect();
+    Line::styled(format!("set {shown}▏  {KEYS}"), Style::new().reversed())
 }
 
 fn confirmation(Intent { how, service, pid }: &Intent) -> String {

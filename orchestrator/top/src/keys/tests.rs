@@ -98,6 +98,55 @@ fn keys_of_a_terminal_are_told_apart() {
     assert_eq!(key(KeyCode::Esc, none), Key::Escape);
 }
 
+#[test]
+fn a_gain_is_set_once_its_value_is_typed_and_entered() {
+    let typed = |text: &str| text.chars().map(Key::Character).collect::<Vec<_>>();
+    let mut controls = Controls::new(false);
+    let asks = controls.press(Key::Character('s'), &services());
+    assert_eq!(asks, Action::Ask(Question::Get(Vec::new())));
+    // Letters that mean something elsewhere are letters here, and without a value nothing is set.
+    let keys = [
+        typed("qk"),
+        vec![Key::Backspace, Key::Backspace],
+        typed("k1"),
+        vec![Key::Enter],
+    ]
+    .concat();
+    let actions = type_in(&mut controls, &keys, &services());
+    assert!(actions.iter().all(|action| *action == Action::None));
+    assert_eq!(*controls.mode(), Mode::Set("controller.k1".to_owned()));
+    let actions = type_in(
+        &mut controls,
+        &[typed("=3.5"), vec![Key::Enter]].concat(),
+        &services(),
+    );
+    let set = Question::Set(vec!["controller.k1=3.5".to_owned()]);
+    assert_eq!(actions.last(), Some(&Action::Ask(set)));
+    assert_eq!(*controls.mode(), Mode::Watch);
+}
+
+#[test]
+fn a_setting_is_given_up_by_escape_and_has_a_length() {
+    let mut controls = Controls::new(false);
+    controls.press(Key::Character('s'), &services());
+    type_in(&mut controls, &[Key::Character('=')], &services());
+    assert_eq!(controls.press(Key::Escape, &services()), Action::None);
+    assert_eq!(
+        (controls.mode(), controls.notice()),
+        (&Mode::Watch, "nothing was set")
+    );
+
+    controls.press(Key::Character('s'), &services());
+    type_in(&mut controls, &[Key::Character('ü'); 1000], &services());
+    let Mode::Set(setting) = controls.mode() else {
+        panic!("it is being typed")
+    };
+    assert!(setting.len() <= LONGEST_SETTING + 1);
+    type_in(&mut controls, &[Key::Backspace; 1000], &services());
+    assert_eq!(*controls.mode(), Mode::Set(String::new()));
+    assert_eq!(controls.press(Key::Interrupt, &services()), Action::Leave);
+}
+
 fn any_key() -> impl Strategy<Value = Key> {
     prop::sample::select(vec![
         K,
@@ -108,6 +157,9 @@ fn any_key() -> impl Strategy<Value = Key> {
         Key::Character('?'),
         Key::Character('n'),
         Key::Escape,
+        Key::Character('s'),
+        Key::Character('='),
+        Key::Enter,
         Key::Other,
     ])
 }
@@ -120,7 +172,11 @@ proptest! {
         let mut before = Key::Other;
         for key in keys {
             let selected = services()[controls.selected()].name.clone();
-            if let Action::Ask(question) = controls.press(key, &services()) {
+            let action = controls.press(key, &services());
+            // A setting is no fault.
+            if let Action::Ask(question) = action
+                && !matches!(question, Question::Get(_) | Question::Set(_))
+            {
                 prop_assert!(may_break && key == Y);
                 let expected = match before {
                     K => Question::KillService(selected),

@@ -1,14 +1,11 @@
 //! The meanings of the keys and of the words of the view.
 
-use ratatui::buffer::Buffer;
-use ratatui::layout::Rect;
-use ratatui::text::Line;
-use ratatui::widgets::{Block, Clear, Widget};
-
-const TEXT: [&str; 20] = [
+/// The help, a line each.
+pub(super) const TEXT: [&str; 21] = [
     "↑ ↓       select a service",
     "k         kill it (SIGKILL), after a y    only with",
     "f         freeze it (SIGSTOP), after a y  --allow-faults",
+    "s         set a gain: type KEY=VALUE, then Enter; Esc: no",
     "?         this help; any key closes it",
     "q, Esc    leave; Ctrl-C leaves from everywhere",
     "",
@@ -27,25 +24,3 @@ const TEXT: [&str; 20] = [
     "‖b̂‖       estimate of the disturbance, its size",
     "Bars are the largest of their time; empty: nothing was known.",
 ];
-
-/// Columns of the text and of its frame.
-const WIDTH: u16 = 72;
-
-/// Draws it over the middle of the view.
-pub(super) fn draw(area: Rect, buffer: &mut Buffer) {
-    let width = WIDTH.min(area.width);
-    let height = (TEXT.len() as u16 + 2).min(area.height);
-    let place = Rect {
-        x: area.x + (area.width - width) / 2,
-        y: area.y + (area.height - height) / 2,
-        width,
-        height,
-    };
-    Clear.render(place, buffer);
-    let block = Block::bordered().title(" help ");
-    let inner = block.inner(place);
-    block.render(place, buffer);
-    for (text, row) in TEXT.iter().zip(inner.rows()) {
-        Line::raw(*text).render(row, buffer);
-    }
-}

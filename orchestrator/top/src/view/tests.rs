@@ -194,8 +194,14 @@ fn what_is_in_a_laboratory_has_a_line_and_what_is_the_matter_comes_first() {
 #[test]
 fn every_size_can_be_drawn_in_every_mode() {
     let services = snapshot(0.0).services;
-    for keys in [&[][..], &[Key::Character('?')], &[Key::Character('k')]] {
+    for keys in [
+        &[][..],
+        &[Key::Character('?')],
+        &[Key::Character('s')],
+        &[Key::Character('k')],
+    ] {
         let mut controls = Controls::new(true);
+        controls.keep_gains(vec!["controller.k1=3.0".to_owned(); 30]);
         for &key in keys {
             controls.press(key, &services);
         }
@@ -270,6 +276,33 @@ fn a_question_names_what_it_would_do_and_to_whom() {
     let drawn = screen(&controls, 80, 24);
     assert!(
         drawn.ends_with("freeze plant (41201)? y: yes, else: no"),
+        "{drawn}"
+    );
+}
+
+#[test]
+fn the_gains_are_shown_while_one_is_typed_and_of_a_long_setting_the_end() {
+    let mut controls = Controls::new(false);
+    controls.keep_gains(vec![
+        "controller.k1=3.0".to_owned(),
+        "controller.k2=2.0".to_owned(),
+    ]);
+    controls.press(Key::Character('s'), &[]);
+    let drawn = screen(&controls, 80, 24);
+    assert!(
+        drawn.contains("controller.k1=3.0") && drawn.contains("controller.k2=2.0"),
+        "{drawn}"
+    );
+    assert!(
+        drawn.ends_with("set controller.▏  Enter: set, Esc: no"),
+        "{drawn}"
+    );
+    for digit in "lambda_disturbance=[1.0, 1.0, 0.5]".chars() {
+        controls.press(Key::Character(digit), &[]);
+    }
+    let drawn = screen(&controls, 40, 24);
+    assert!(
+        drawn.ends_with("set 1.0, 1.0, 0.5]▏  Enter: set, Esc: no"),
         "{drawn}"
     );
 }
