@@ -18,7 +18,7 @@ use shared_types::samples::PathReference;
 /// References are seldom made, and of times to come; between them the point moves on. A path that nothing has moved for
 /// longer stands. The polynomial of third order in γ is exact to a tenth of a millimetre over this time on the paper's
 /// eight, and to 1e-7 m between two references of the laboratory.
-const CARRIED_NS: i128 = 200_000_000;
+const CARRIED_NS: u64 = 200_000_000;
 
 /// The furthest time ahead of its publication that a reference may speak of, ns. Predictions reach some tens of
 /// milliseconds; the number of references that are put aside must not grow with what a program writes into its samples.
@@ -50,95 +50,66 @@ impl Demand {
 /// Tells where the path is, given all references in the order in which they were published.
 #[derive(Clone, Debug, Default)]
 pub struct PathClock {
-    /// The course that acts, if its time has come, and those whose time is still to come: as many as are made during a
-    /// prediction.
-    courses: VecDeque<Course>,
+    /// The reference that acts, if its time has come, and those whose time is still to come: as many as are made during a
+    /// prediction. They are kept whole, because a copy of a whole sample is cheaper than one of its parts.
+    references: VecDeque<PathReference>,
     /// `true` if the first of them acts.
     has_begun: bool,
-}
-
-/// What a reference says of the path.
-#[derive(Clone, Copy, Debug)]
-struct Course {
-    /// Time that it speaks of, ns.
-    time_ns: u64,
-    gamma: [f64; 3],
-    /// pd and its derivatives in γ, in {I}.
-    point: [Vector; 4],
-    yaw: f64,
-    phase: u8,
-}
-
-impl From<&PathReference> for Course {
-    #[inline]
-    fn from(reference: &PathReference) -> Self {
-        Self {
-            time_ns: reference.reference_time_ns,
-            gamma: [reference.gamma, reference.gamma_dot, reference.gamma_ddot],
-            point: [
-                reference.position_world,
-                reference.derivative1_world,
-                reference.derivative2_world,
-                reference.derivative3_world,
-            ],
-            yaw: reference.yaw,
-            phase: reference.phase,
-        }
-    }
 }
 
 impl PathClock {
     /// Takes a reference into account.
     #[inline]
     pub fn observe(&mut self, reference: &PathReference) {
-        let latest = reference.header.stamp_ns.saturating_add(HORIZON_NS);
-        let course = Course::from(reference);
-        self.courses.push_back(Course {
-            time_ns: course.time_ns.min(latest),
-            ..course
-        });
+        self.references.push_back(*reference);
     }
 
     /// Returns where the path is at a time, which must not go back; nothing before the first reference's.
     #[inline]
     pub fn at(&mut self, time_ns: u64) -> Option<Demand> {
-        while let Some(next) = self.courses.get(usize::from(self.has_begun))
-            && next.time_ns <= time_ns
+        while let Some(next) = self.references.get(usize::from(self.has_begun))
+            && time_of(next) <= time_ns
         {
             if self.has_begun {
-                self.courses.pop_front();
+                self.references.pop_front();
             }
             self.has_begun = true;
         }
-        let acting = self.courses.front().filter(|_| self.has_begun);
-        acting.map(|acting| acting.at(time_ns))
+        let acting = self.references.front().filter(|_| self.has_begun);
+        acting.map(|acting| carried(acting, time_ns))
     }
 }
 
-/// Returns where the path of a reference is at another time.
-#[must_use]
-pub fn carried(reference: &PathReference, time_ns: u64) -> Demand {
-    Course::from(reference).at(time_ns)
+/// Returns the time that a reference speaks of, ns.
+#[inline]
+fn time_of(reference: &PathReference) -> u64 {
+    let latest = reference.header.stamp_ns.saturating_add(HORIZON_NS);
+    reference.reference_time_ns.min(latest)
 }
 
-impl Course {
-    /// Returns where the path is at another time: γ moves by its derivatives, and pd by its Taylor polynomial in γ.
-    #[inline]
-    fn at(&self, time_ns: u64) -> Demand {
-        let ahead_ns = i128::from(time_ns) - i128::from(self.time_ns);
-        let t = ahead_ns.clamp(-CARRIED_NS, CARRIED_NS) as f64 * 1e-9;
-        let [gamma, gamma_dot, gamma_ddot] = self.gamma;
-        let way = t * (gamma_dot + 0.5 * t * gamma_ddot);
-        let [point, first, second, third] = &self.point;
-        Demand {
-            position_world: [0, 1, 2].map(|axis| {
-                let bend = second[axis] + way / 3.0 * third[axis];
-                point[axis] + way * (first[axis] + 0.5 * way * bend)
-            }),
-            gamma: gamma + way,
-            yaw: self.yaw,
-            phase: FlightPhase::from_code(self.phase),
-        }
+/// Returns where the path of a reference is at another time: γ moves by its derivatives, and pd by its Taylor polynomial in γ.
+#[must_use]
+#[inline]
+pub fn carried(reference: &PathReference, time_ns: u64) -> Demand {
+    let begin_ns = time_of(reference);
+    // One of the two is zero.
+    let [ahead_ns, behind_ns] = [time_ns.saturating_sub(begin_ns), begin_ns.saturating_sub(time_ns)]
+        .map(|way_ns| way_ns.min(CARRIED_NS) as i64);
+    let t = (ahead_ns - behind_ns) as f64 * 1e-9;
+    let way = t * (reference.gamma_dot + 0.5 * t * reference.gamma_ddot);
+    let [first, second, third] = [
+        &reference.derivative1_world,
+        &reference.derivative2_world,
+        &reference.derivative3_world,
+    ];
+    Demand {
+        position_world: [0, 1, 2].map(|axis| {
+            let bend = second[axis] + way / 3.0 * third[axis];
+            reference.position_world[axis] + way * (first[axis] + 0.5 * way * bend)
+        }),
+        gamma: reference.gamma + way,
+        yaw: reference.yaw,
+        phase: FlightPhase::from_code(reference.phase),
     }
 }
 

@@ -105,16 +105,6 @@ pub struct Moment {
 }
 
 impl Moment {
-    /// Moment of a vehicle whose path is not known yet.
-    #[inline]
-    fn of(vehicle: Vehicle) -> Self {
-        Self {
-            vehicle,
-            path: None,
-            distance: None,
-        }
-    }
-
     /// Distance from the path while the vehicle flies along it, m: neither on its way there nor on its way down.
     #[must_use]
     #[inline]
@@ -133,8 +123,8 @@ pub struct Tracker {
     /// `true` if references tell of phases; a flight without them is flown from its start.
     has_phases: bool,
     clock: PathClock,
-    /// The newest vehicle; its path is looked up when it is complete.
-    moment: Option<Moment>,
+    /// The newest vehicle; its path is looked up when all of its moment is known.
+    vehicle: Option<Vehicle>,
 }
 
 impl Tracker {
@@ -145,7 +135,7 @@ impl Tracker {
             source: StateSource::of(schedule),
             has_phases,
             clock: PathClock::default(),
-            moment: None,
+            vehicle: None,
         }
     }
 
@@ -168,18 +158,21 @@ impl Tracker {
     pub fn observe_in_place(&mut self, topic: Topic, bytes: &[u8], sink: impl FnOnce(&Moment)) {
         match (topic, self.source) {
             (Topic::VehicleTruth, StateSource::Truth) => {
-                self.complete(sink);
-                let vehicle = view(bytes, |truth: &VehicleTruth| Vehicle::from(truth));
-                self.moment = Some(Moment::of(vehicle));
+                if let Some(moment) = self.moment() {
+                    sink(&moment);
+                }
+                self.vehicle = Some(view(bytes, |truth: &VehicleTruth| Vehicle::from(truth)));
             }
             (Topic::VehicleState, StateSource::Estimate) => {
                 // One that is not tracked repeats an old one, or guesses.
                 let vehicle = view(bytes, |state: &VehicleState| {
                     state.tracked.is_set().then(|| Vehicle::from(state))
                 });
-                if let Some(vehicle) = vehicle {
-                    self.complete(sink);
-                    self.moment = Some(Moment::of(vehicle));
+                if vehicle.is_some() {
+                    if let Some(moment) = self.moment() {
+                        sink(&moment);
+                    }
+                    self.vehicle = vehicle;
                 }
             }
             (Topic::PathReference, _) => {
@@ -191,8 +184,9 @@ impl Tracker {
 
     /// The last moment, once nothing more of it comes.
     pub fn last(&mut self) -> Option<Moment> {
-        self.complete(|_| ());
-        self.moment.take()
+        let moment = self.moment();
+        self.vehicle = None;
+        moment
     }
 
     /// Hands every moment of a recorded flight to `sink`.
@@ -209,22 +203,22 @@ impl Tracker {
         Ok(())
     }
 
-    /// Puts the path beside the newest vehicle.
+    /// The newest vehicle with the path beside it.
     #[inline]
-    fn complete(&mut self, sink: impl FnOnce(&Moment)) {
-        let Some(moment) = &mut self.moment else {
-            return;
-        };
-        moment.path = self.clock.at(moment.vehicle.time_ns);
-        if let Some(path) = &mut moment.path {
-            if !self.has_phases {
-                path.phase = FlightPhase::Fly;
-            }
-            if is_followed(path.phase) {
-                moment.distance = path.distance(&moment.vehicle.position_world);
-            }
+    fn moment(&mut self) -> Option<Moment> {
+        let vehicle = self.vehicle?;
+        let mut path = self.clock.at(vehicle.time_ns);
+        if let Some(path) = &mut path
+            && !self.has_phases
+        {
+            path.phase = FlightPhase::Fly;
         }
-        sink(moment);
+        let followed = path.filter(|path| is_followed(path.phase));
+        Some(Moment {
+            vehicle,
+            path,
+            distance: followed.and_then(|path| path.distance(&vehicle.position_world)),
+        })
     }
 }
 
