@@ -112,6 +112,14 @@ def test_a_log_is_what_the_flight_was(fig1, tmp_path):
         assert log.summary.metrics.rmse == flight.summary.metrics.rmse
 
 
+def test_a_log_in_several_files_is_one(fig1, command, tmp_path):
+    run(command, fig1, tmp_path / "whole")
+    run(command, fig1, tmp_path / "split", "--set", "record.split.after_seconds=1")
+    assert (tmp_path / "split" / "run.1.mcap").exists()
+    whole, split = (gerono.Log(tmp_path / name) for name in ("whole", "split"))
+    assert np.array_equal(whole["control/errors"], split["control/errors"])
+
+
 def test_of_a_log_that_is_cut_off_the_rest_is_read(fig1, tmp_path):
     whole = fig1.fly(set=SHORT)
     path = whole.save(tmp_path)

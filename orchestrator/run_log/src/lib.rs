@@ -28,6 +28,7 @@ pub mod run_folder;
 mod schema;
 mod size;
 mod splitter;
+mod topic_channels;
 mod view;
 mod writer;
 

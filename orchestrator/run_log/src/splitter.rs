@@ -12,7 +12,7 @@ use shared_types::Topic;
 use super::framing::{Compression, LogError, McapFile, Written};
 use super::manifest::Manifest;
 use super::parts::{GOES_ON, Part, goes_on_in, part_path};
-use super::writer::declare_topics;
+use super::topic_channels::declare_topics;
 
 /// The files of a log up to the one that is written.
 pub(super) struct Splitter {

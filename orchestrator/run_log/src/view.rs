@@ -22,7 +22,7 @@ use self::scene::Placed;
 use super::framing::{Compression, LogError, McapFile, Written};
 use super::manifest::{COPY_RECORD_NAME, Manifest};
 use super::reader::{LogReadError, LogReader, LoggedSample};
-use super::writer::declare_topics;
+use super::topic_channels::declare_topics;
 
 /// Poses a second, of the flight's time.
 const DISPLAY_RATE: u64 = 30;

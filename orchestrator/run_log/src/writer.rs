@@ -4,15 +4,15 @@ use std::fs::File;
 use std::path::Path;
 use std::time::Duration;
 
-use scenario::{Recorded, Scenario};
+use scenario::Recorded;
 use shared_types::Topic;
 use shared_types::service::header_of;
 
 use super::framing::{Compression, LogError, McapFile, Written};
-use super::manifest::{Manifest, topics_of};
+use super::manifest::Manifest;
 use super::parts::Part;
-use super::schema::definition;
 use super::splitter::Splitter;
+use super::topic_channels::declare_topics;
 
 /// Simulated time that a chunk spans, s: what a crash of the recorder may cost.
 const CHUNK_SECONDS: f64 = 0.25;
@@ -200,20 +200,6 @@ fn chunk_ticks(tick: f64, seconds: f64) -> u64 {
     (seconds / tick).round().clamp(1.0, CHUNK_TICKS_MAX) as u64
 }
 
-/// Adds a channel for every topic of a flight of `scenario`, in their order, and says their numbers.
-pub(super) fn declare_topics(
-    file: &mut McapFile,
-    scenario: &Scenario,
-) -> Result<[u16; Topic::ALL.len()], LogError> {
-    let mut channels = [0; Topic::ALL.len()];
-    for topic in topics_of(scenario) {
-        let definition = definition(topic, scenario);
-        channels[topic.index()] =
-            file.declare_channel(topic.name(), topic.msg_name(), &definition, &topic.layout_hash())?;
-    }
-    Ok(channels)
-}
-
 #[cfg(test)]
 mod tests {
     use std::fs;
@@ -221,6 +207,7 @@ mod tests {
 
     use super::*;
     use crate::partial_path;
+    use crate::schema::definition;
     use crate::test_flight::{record, sample, samples, scenario};
     use shared_types::Header;
 

@@ -11,8 +11,8 @@ use run_log::run_folder::RunFolder;
 use crate::arguments::Fly;
 use crate::definition::Source;
 use crate::flight;
+use crate::prepared::Prepared;
 use crate::row::{Cell, Row};
-use crate::run::Prepared;
 use crate::shard::{ShardReader, shards_in};
 
 /// `gerono sweep fly`.

@@ -24,6 +24,7 @@ mod merge;
 pub mod ordered;
 pub mod page;
 pub mod plan;
+mod prepared;
 pub mod report;
 pub mod row;
 mod run;

@@ -9,7 +9,8 @@ use evaluation::reproduce::parallel;
 use crate::definition::Source;
 use crate::flight::{self, OwnController};
 use crate::merge::merge_folder;
-use crate::run::{Prepared, fly_shard};
+use crate::prepared::Prepared;
+use crate::run::fly_shard;
 use crate::shard::{Shard, ShardWriter};
 
 fn prepared(

@@ -11,9 +11,9 @@ use run_log::partial_path;
 use crate::arguments::Merge;
 use crate::definition::Source;
 use crate::page;
+use crate::prepared::Prepared;
 use crate::report::{Report, Results};
 use crate::row::Row;
-use crate::run::Prepared;
 use crate::shard::{Shard, ShardReader, shards_in};
 use crate::table::TableWriter;
 

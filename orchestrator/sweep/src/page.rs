@@ -9,8 +9,8 @@ use statistics::quantile::{median, quantile, sorted};
 
 use crate::definition::Map;
 use crate::expression::Expression;
+use crate::prepared::Prepared;
 use crate::report::{EntryResults, Report, Results, Shown, digits};
-use crate::run::Prepared;
 
 /// Most points of a drawing: of more every n-th is shown.
 const POINTS: usize = 3000;

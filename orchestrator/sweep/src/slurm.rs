@@ -9,7 +9,7 @@ use command_line::output::{print, print_as_it_is};
 use crate::arguments::Plan as Arguments;
 use crate::definition::Source;
 use crate::flight;
-use crate::run::Prepared;
+use crate::prepared::Prepared;
 
 /// Flights that are flown to know how long one takes.
 const TRIED: u64 = 4;

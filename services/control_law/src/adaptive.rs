@@ -10,6 +10,7 @@
 //! * [`parameter_vector`]: w of (20);
 //! * [`lyapunov`]: the Lyapunov function that the law makes decrease;
 //! * [`harmonics`]: estimators of what repeats with the path in the disturbance;
+//! * [`repeating`]: the estimate of it at one moment, which the law uses;
 //! * [`offset`]: the distance by which δ makes the vehicle hang below the path;
 //! * [`rate_law`]: the law for a vehicle with a rate loop.
 
@@ -23,5 +24,6 @@ pub mod parameters;
 pub mod projection;
 pub mod rate_law;
 pub mod regressor;
+pub mod repeating;
 pub mod saturation;
 pub mod zeta_rate;

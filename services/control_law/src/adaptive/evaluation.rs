@@ -5,9 +5,9 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::adaptive::errors::Errors;
-use crate::adaptive::harmonics::Repeating;
 use crate::adaptive::parameters::Parameters;
 use crate::adaptive::regressor::{Regressor, delta_m_times};
+use crate::adaptive::repeating::Repeating;
 use crate::adaptive::zeta_rate::ZetaRate;
 use crate::signals::{EstimateRates, Estimates, Measured, Reference};
 

@@ -10,10 +10,11 @@
 //! where Wb are the columns of W in (20) that belong to J1 b, J2 b and J3 b, and ŵk estimates J1 ak, J2 ak and J3 ak. Their
 //! terms cancel in V̇n as those of b̂ and ŵ do, so that Theorem 1 stands.
 
-use nalgebra::{SVector, Vector3};
+use nalgebra::Vector3;
 use scenario::Scenario;
 
 use crate::adaptive::evaluation::Evaluation;
+use crate::adaptive::repeating::{InertiaTimesDisturbance, Repeating};
 use crate::law::{MEMORY, Memory};
 
 /// Largest number of harmonics N.
@@ -27,32 +28,6 @@ const OF_DISTURBANCE: usize = 6;
 
 /// Estimates, and what they learn: γ, z2 + κε and the rate of w.
 const _: () = assert!(12 * FUNCTIONS + 13 <= MEMORY);
-
-/// J1 b, J2 b and J3 b, kg m³/s².
-pub type InertiaTimesDisturbance = SVector<f64, 9>;
-
-/// The repeating part at one moment.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Repeating {
-    /// Σ φk âk in {I}, m/s².
-    pub disturbance_world: Vector3<f64>,
-    /// Σ φk′ γ̇ âk in {I}, m/s³: its rate as the path goes on.
-    pub rate_world: Vector3<f64>,
-    /// Σ φk ŵk.
-    pub w: InertiaTimesDisturbance,
-    /// λa Σ φk² = λa N: its rate by learning, over z2 + κε, 1/s².
-    pub gain: f64,
-}
-
-impl Repeating {
-    /// Without harmonics.
-    pub const NOTHING: Self = Self {
-        disturbance_world: Vector3::new(0.0, 0.0, 0.0),
-        rate_world: Vector3::new(0.0, 0.0, 0.0),
-        w: InertiaTimesDisturbance::from_array_storage(nalgebra::ArrayStorage([[0.0; 9]])),
-        gain: 0.0,
-    };
-}
 
 /// What a moment of the flight teaches; held until the next step.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,9 +7,10 @@ use nalgebra::Vector3;
 use vehicle_model::rigid_body::{acceleration, angular_acceleration, free_fall};
 
 use crate::adaptive::evaluation::{Evaluation, evaluate_composite};
-use crate::adaptive::harmonics::{Harmonics, Repeating};
+use crate::adaptive::harmonics::Harmonics;
 use crate::adaptive::offset::hanging_offset;
 use crate::adaptive::parameters::Parameters;
+use crate::adaptive::repeating::Repeating;
 use crate::law::{Law, Telemetry};
 use crate::signals::{Estimates, Measured, ProjectedEstimates, Reference};
 
