@@ -24,6 +24,7 @@ if ! cmp -s "$here/requirements.txt" "$venv/requirements.txt"; then
     cp "$here/requirements.txt" "$venv/requirements.txt"
 fi
 
+# They write their warnings into a file where they run.
 exec "$GERONO" bench sweep \
-    --beside "crazyflow=$venv/bin/python '$here/crazyflow_rate.py'" \
-    --beside "MuJoCo=$venv/bin/python '$here/mujoco_rate.py'" "$@"
+    --beside "crazyflow=cd '$venv' && bin/python '$here/crazyflow_rate.py'" \
+    --beside "MuJoCo=cd '$venv' && bin/python '$here/mujoco_rate.py'" "$@"
