@@ -124,8 +124,8 @@ fn digest(place: &Place, out: &str) -> String {
 }
 
 /// A process that has a browser's connection and is stopped.
-fn stopped_watcher(view: &View) -> Begun {
-    let stream = view.watch().0.into_inner();
+fn stopped(watcher: Events) -> Begun {
+    let stream = watcher.0.into_inner();
     rustix::net::sockopt::set_socket_recv_buffer_size(&stream, 4096).unwrap();
     let cat = Command::new("cat")
         .stdin(Stdio::from(std::os::fd::OwnedFd::from(stream)))
@@ -143,24 +143,28 @@ fn a_flight_with_eight_browsers_of_which_one_is_stopped_has_the_bytes_of_one_wit
     fly_to_the_end(&mut place.short_flight("alone", 600.0, &arguments));
     let flight = begin(&mut place.short_flight("watched", 600.0, &["--quiet"]));
     let view = until("a flight that can be watched", || View::try_to_begin(&place, &[]));
-    let mut watchers: Vec<_> = (1..MOST_WATCHERS).map(|_| view.watch()).collect();
-    let _stopped = stopped_watcher(&view);
-    for watcher in &mut watchers {
-        let flight = watcher.await_event("flight");
-        assert_eq!(flight["is_in_real_time"], false);
-        let frame = watcher.await_event("frame");
-        let channels = flight["channels"].as_array().unwrap();
-        assert_eq!(frame["v"].as_array().unwrap().len(), channels.len());
-    }
-    assert_eq!(view.get("/live").status, 503);
-    // A browser that does not read is dropped after a while, so each reads by itself until the flight has ended.
-    let readers = watchers.into_iter().map(|mut watcher| {
+    // A browser that does not read is dropped after a while, so each reads by itself.
+    let (has_frame, first_frames) = std::sync::mpsc::channel();
+    let readers = (1..MOST_WATCHERS).map(|_| {
+        let (mut watcher, has_frame) = (view.watch(), has_frame.clone());
         std::thread::spawn(move || {
+            let flight = watcher.await_event("flight");
+            assert_eq!(flight["is_in_real_time"], false);
+            let frame = watcher.await_event("frame");
+            let channels = flight["channels"].as_array().unwrap();
+            assert_eq!(frame["v"].as_array().unwrap().len(), channels.len());
+            has_frame.send(()).unwrap();
             while watcher.await_event("contact")["state"] != "ended" {}
             assert_eq!(watcher.next(), None);
         })
     });
     let readers: Vec<_> = readers.collect();
+    drop(has_frame);
+    assert_eq!(first_frames.iter().take(readers.len()).count(), readers.len());
+    let mut last = view.watch();
+    last.await_event("frame");
+    assert_eq!(view.get("/live").status, 503);
+    let _stopped = stopped(last);
     assert!(finish(flight).status.success());
     for reader in readers {
         reader.join().unwrap();
@@ -388,7 +392,7 @@ fn watched(place: &Place, stretch: impl Fn() -> Stretch, cost: &mut [Vec<f64>; 3
     let mut readers = vec![read(view.watch())];
     taken(&mut cost[1]);
     readers.extend((2..MOST_WATCHERS).map(|_| read(view.watch())));
-    let stopped = stopped_watcher(&view);
+    let stopped = stopped(view.watch());
     let stretch = taken(&mut cost[2]);
     view.child.kill().unwrap();
     drop(stopped);
