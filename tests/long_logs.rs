@@ -28,6 +28,15 @@ fn answer(place: &Place, arguments: &[&str]) -> String {
     said(&succeed(&mut place.gerono(arguments)))
 }
 
+/// Demands that a replay with these arguments finds everything as it was recorded.
+fn assert_replayed(place: &Place, arguments: &[&str]) {
+    let words = answer(place, &[&["replay"], arguments].concat());
+    assert!(
+        words.contains("identical") && !words.contains("not identical"),
+        "{words}"
+    );
+}
+
 fn bytes(file: &Path) -> Vec<u8> {
     std::fs::read(file).unwrap()
 }
@@ -62,17 +71,9 @@ fn every_command_reads_a_split_log_as_one_and_every_host_writes_the_same_files()
     }
     assert!(answer(&place, &["diff", "whole", "split"]).starts_with("identical"));
     for flight in ["split", "processes"] {
-        let replayed = answer(&place, &["replay", flight]);
-        assert!(
-            replayed.contains("identical") && !replayed.contains("not identical"),
-            "{replayed}"
-        );
+        assert_replayed(&place, &[flight]);
     }
-    let part = answer(&place, &["replay", "processes", "--from", "1.5", "--to", "2.5"]);
-    assert!(
-        part.contains("identical") && !part.contains("not identical"),
-        "{part}"
-    );
+    assert_replayed(&place, &["processes", "--from", "1.5", "--to", "2.5"]);
 
     let info = |log| -> serde_json::Value {
         serde_json::from_str(&answer(&place, &["info", log, "--json"])).unwrap()
@@ -127,11 +128,7 @@ fn a_killed_orchestrator_leaves_whole_files_and_a_newest_one_that_is_recovered()
     );
     answer(&place, &["recover", "out"]);
     assert!(!place.path("out/run.recovered.mcap").exists());
-    let replayed = answer(&place, &["replay", "out"]);
-    assert!(
-        replayed.contains("identical") && !replayed.contains("not identical"),
-        "{replayed}"
-    );
+    assert_replayed(&place, &["out"]);
     assert!(answer(&place, &["info", "out"]).contains("recovered"));
 }
 
@@ -212,11 +209,7 @@ fn a_flight_in_real_time_is_split_without_a_gap() {
     for topic in place.summary("out")["topics"].as_array().unwrap() {
         assert_eq!(topic["not_recorded"], 0, "{topic}");
     }
-    let replayed = answer(&place, &["replay", "out"]);
-    assert!(
-        replayed.contains("identical") && !replayed.contains("not identical"),
-        "{replayed}"
-    );
+    assert_replayed(&place, &["out"]);
 }
 
 /// One in ten errors, one in a hundred samples of the adaptation, and nothing of the truth.

@@ -17,7 +17,7 @@ use crate::terminal::printable_lines;
 pub fn log_path(path: &Path) -> PathBuf {
     let log = log_meant_by(path);
     if let Ok(reader) = LogReader::open(&log) {
-        if let Some(omissions) = reader.manifest().omissions() {
+        if let Some(omissions) = reader.manifest().scenario.omissions() {
             note(format_args!(
                 "{}: as its scenario says in `[record]`, it has {omissions}; results are of what it has",
                 log.display()

@@ -139,7 +139,7 @@ impl Info {
         let mut samples = 0;
         let scenario = reader.manifest().scenario.clone();
         let schedule = scenario.schedule().ok();
-        let recorded = Recorded::of_topics(scenario.record.as_ref());
+        let recorded = Recorded::of_topics(&scenario);
         let mut judge = schedule.map(|schedule| FlightSummary::new(&scenario, &schedule));
         let end = loop {
             match reader.next_sample() {

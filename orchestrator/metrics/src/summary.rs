@@ -246,7 +246,7 @@ impl FlightSummary {
             flight: scenario.flight.as_ref().map(|_| FlightWatch::default()),
             current: 0,
             counts: [SequenceCount::default(); Topic::ALL.len()],
-            recorded: Recorded::of_topics(scenario.record.as_ref()),
+            recorded: Recorded::of_topics(scenario),
             first_tick: 0,
             last_tick: None,
             schedule: schedule.clone(),

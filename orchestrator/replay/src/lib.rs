@@ -163,28 +163,23 @@ impl Replayed {
     /// Samples that were compared.
     #[must_use]
     pub fn compared(&self) -> u64 {
-        self.comparisons
-            .iter()
-            .map(|comparison| comparison.compared)
-            .sum()
+        self.sum(|comparison| comparison.compared)
     }
 
     /// Samples that were made and not recorded, so that nothing can be said of them.
     #[must_use]
     pub fn unrecorded(&self) -> u64 {
-        self.comparisons
-            .iter()
-            .map(|comparison| comparison.unrecorded)
-            .sum()
+        self.sum(|comparison| comparison.unrecorded)
     }
 
     /// Samples that were made and that do not belong into the log, which has parts of some topics only.
     #[must_use]
     pub fn left_out(&self) -> u64 {
-        self.comparisons
-            .iter()
-            .map(|comparison| comparison.left_out)
-            .sum()
+        self.sum(|comparison| comparison.left_out)
+    }
+
+    fn sum(&self, count: impl Fn(&Comparison) -> u64) -> u64 {
+        self.comparisons.iter().map(count).sum()
     }
 
     /// Returns whether all that could be compared is the same, and all could.
@@ -229,7 +224,7 @@ pub fn replay(
         return Err(ReplayError::OtherSchedule);
     }
     let scope = Scope::of(options, &schedule)?;
-    let topics = Recorded::of_topics(recorded.record.as_ref());
+    let topics = Recorded::of_topics(&recorded);
     let wanted = |service: &ServiceId| options.services.is_empty() || options.services.contains(service);
     // Dropped after the replays, whose processes are in it.
     let environment = options

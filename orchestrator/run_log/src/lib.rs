@@ -45,7 +45,7 @@ pub use host_samples::{
 };
 pub use host_writer::HostLogWriter;
 pub use manifest::{FORMAT_VERSION, Manifest, ManifestProblem, topics_of};
-pub use parts::{Ending, ending, files_of_log, written_files};
+pub use parts::{Ending, ending, files_of_log, number_of, written_files};
 pub use reader::{LogReadError, LogReader, LoggedSample};
 pub use recovery::{Gap, RecoverError, Recovery, SampleTime, inspect, is_whole, recover, recovered_path};
 pub use schema::definition as message_definition;

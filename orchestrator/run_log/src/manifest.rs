@@ -62,12 +62,6 @@ impl Manifest {
         }
     }
 
-    /// Returns of which topics the log does not have everything, in words, if there are any.
-    #[must_use]
-    pub fn omissions(&self) -> Option<String> {
-        self.scenario.record.as_ref()?.omissions()
-    }
-
     /// As MCAP metadata: the scenario as JSON with its checksum, for MCAP has none of metadata in an unclosed log;
     /// beside it, for people, the seed; version and layout hashes.
     pub(super) fn to_metadata(&self) -> BTreeMap<String, String> {

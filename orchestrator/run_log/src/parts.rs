@@ -108,6 +108,12 @@ impl Name {
     }
 }
 
+/// Returns the number that the name of a file gives it in a log; 0 for the first one.
+#[must_use]
+pub fn number_of(log: &Path) -> Option<u64> {
+    Name::of(log).map(|name| name.number)
+}
+
 /// A file of a log, and its number.
 pub(super) type Numbered = (u64, PathBuf);
 

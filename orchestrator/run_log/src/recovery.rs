@@ -210,7 +210,7 @@ impl<'a> Survey<'a> {
 
     fn take_manifest(&mut self, manifest: Result<Manifest, ManifestProblem>) {
         if let Ok(Manifest { scenario }) = &manifest {
-            let topics = Recorded::of_topics(scenario.record.as_ref());
+            let topics = Recorded::of_topics(scenario);
             self.recorded[..topics.len()].copy_from_slice(&topics);
             let schedule = scenario.schedule().ok();
             self.recovery.planned_last_tick = schedule.map(|schedule| schedule.last_tick());

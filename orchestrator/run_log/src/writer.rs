@@ -88,7 +88,7 @@ impl RunLogWriter {
         let chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, CHUNK_SECONDS);
         Ok(Self {
             channels: declare_topics(&mut file, &manifest.scenario)?,
-            recorded: Recorded::of_topics(manifest.scenario.record.as_ref()),
+            recorded: Recorded::of_topics(&manifest.scenario),
             file,
             chunk_ticks,
             next_chunk: chunk_ticks,

@@ -13,8 +13,8 @@ use command_line::terminal::Terminal;
 use evaluation::{info, plot};
 use run_log::run_folder::log_meant_by;
 use run_log::{
-    Ending, ExportError, RecoverError, ViewError, ending, host_log_beside, is_whole, recovered_path,
-    written_files,
+    Ending, ExportError, RecoverError, ViewError, ending, host_log_beside, is_whole, number_of,
+    recovered_path, written_files,
 };
 
 /// `gerono plot`.
@@ -180,7 +180,7 @@ fn recover_all(
             None => beside,
         };
         let result = match ending(log) {
-            Ok(Ending::GoesOn(number)) if !next.is_some_and(|next| is_file_of(next, number)) => {
+            Ok(Ending::GoesOn(number)) if next.and_then(number_of) != Some(number) => {
                 note(format_args!(
                     "{} goes on in another file, of which nothing can be read",
                     log.display()
@@ -194,12 +194,6 @@ fn recover_all(
     }
     results.reverse();
     results
-}
-
-/// Returns whether a file is the one of this number of a log that was split.
-fn is_file_of(log: &Path, number: u64) -> bool {
-    log.file_name()
-        .is_some_and(|name| name.to_string_lossy().contains(&format!(".{number}.mcap")))
 }
 
 fn recover_one(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<(), RecoverError> {

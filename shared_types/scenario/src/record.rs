@@ -6,6 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use shared_types::Topic;
 
+use crate::Scenario;
+
 /// The recording of the flight. It changes the files of the log, not the flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -33,11 +35,11 @@ pub struct Split {
     pub after_seconds: Option<f64>,
 }
 
-impl Record {
+impl Scenario {
     /// Returns of which topics not everything is recorded, in words, if there are any.
     #[must_use]
     pub fn omissions(&self) -> Option<String> {
-        let topics = Topic::ALL.into_iter().zip(Recorded::of_topics(Some(self)));
+        let topics = Topic::ALL.into_iter().zip(Recorded::of_topics(self));
         let omissions = topics.filter_map(|(topic, recorded)| match recorded {
             Recorded::All => None,
             Recorded::Every(every) => Some(format!("one in {every} samples of {topic}")),
@@ -68,18 +70,20 @@ pub enum Recorded {
 }
 
 impl Recorded {
-    /// Of each topic, how much of it a log of a flight with this recording has.
+    /// Of each topic, how much of it a log of a flight of `scenario` has.
     #[must_use]
-    pub fn of_topics(record: Option<&Record>) -> [Self; Topic::ALL.len()] {
+    pub fn of_topics(scenario: &Scenario) -> [Self; Topic::ALL.len()] {
+        let Some(record) = &scenario.record else {
+            return [Self::All; Topic::ALL.len()];
+        };
         Topic::ALL.map(|topic| {
             let name = topic.name();
-            match record {
-                Some(record) if record.leave_out.iter().any(|left_out| left_out == name) => Self::Nothing,
-                Some(record) => match record.every.get(name) {
-                    Some(&every) if every > 1 => Self::Every(every),
-                    _ => Self::All,
-                },
-                None => Self::All,
+            if record.leave_out.iter().any(|left_out| left_out == name) {
+                return Self::Nothing;
+            }
+            match record.every.get(name) {
+                Some(&every) if every > 1 => Self::Every(every),
+                _ => Self::All,
             }
         })
     }
