@@ -42,7 +42,8 @@ impl Demand {
     #[must_use]
     #[inline]
     pub fn distance(&self, position_world: &Vector) -> Option<f64> {
-        let [x, y, z] = [0, 1, 2].map(|axis| position_world[axis] - self.position_world[axis]);
+        let away = |axis: usize| position_world[axis] - self.position_world[axis];
+        let [x, y, z] = [away(0), away(1), away(2)];
         Some((x * x + y * y + z * z).sqrt()).filter(|distance| distance.is_finite())
     }
 }
@@ -92,6 +93,15 @@ fn time_of(reference: &PathReference) -> u64 {
 #[inline]
 pub fn carried(reference: &PathReference, time_ns: u64) -> Demand {
     let begin_ns = time_of(reference);
+    let phase = FlightPhase::from_code(reference.phase);
+    if time_ns == begin_ns {
+        return Demand {
+            position_world: reference.position_world,
+            gamma: reference.gamma,
+            yaw: reference.yaw,
+            phase,
+        };
+    }
     // One of the two is zero.
     let [ahead_ns, behind_ns] = [time_ns.saturating_sub(begin_ns), begin_ns.saturating_sub(time_ns)]
         .map(|way_ns| way_ns.min(CARRIED_NS) as i64);
@@ -109,7 +119,7 @@ pub fn carried(reference: &PathReference, time_ns: u64) -> Demand {
         }),
         gamma: reference.gamma + way,
         yaw: reference.yaw,
-        phase: FlightPhase::from_code(reference.phase),
+        phase,
     }
 }
 

@@ -14,21 +14,23 @@ pub mod timing;
 
 use scenario::{Bounds, Recorded, Scenario, Vector};
 use serde::Serialize;
-use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, RunEvent, VehicleTruth};
+use shared_types::samples::{
+    ControlAdaptation, PathReference, RcFrame, RunEvent, VehicleState, VehicleTruth,
+};
 use shared_types::service::{header_of, seconds};
 use shared_types::{Schedule, ServiceId, Topic};
 
 use self::restart::Restart;
 use crate::loss::{Loss, LossWatch};
 use crate::stretch::{Metrics, Stretch};
-use crate::tracker::{StateSource, Tracker};
+use crate::tracker::{StateSource, Tracker, Vehicle};
 use crate::{read, view};
 pub use at_bound::AtBound;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 pub use flight::FlightPhaseBegin;
 use flight::FlightWatch;
 use laboratory::LaboratoryReport;
-use phase::PhaseRecord;
+use phase::PhaseRecords;
 use timing::TimingReport;
 
 /// The largest ratio to the theorem's bound that still counts as near it.
@@ -203,22 +205,21 @@ pub struct FlightSummary {
     loss: LossWatch,
     /// `true` if the vehicle flies along its path, as far as it is known.
     is_on_path: bool,
-    phases: Vec<PhaseRecord>,
+    phases: PhaseRecords,
     /// Only where faults are planned: who plans none does not pay for them.
     faults: Option<Box<FaultWatch>>,
     /// Only of a flight with phases.
     flight: Option<FlightWatch>,
-    current: usize,
     counts: [SequenceCount; Topic::ALL.len()],
-    /// How much of each topic the log has.
-    recorded: [Recorded; Topic::ALL.len()],
     first_tick: u64,
     last_tick: Option<u64>,
 }
 
 /// Counts the samples of a topic that belong into the log, by the sequence numbers in their headers.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct SequenceCount {
+    /// How much of the topic the log has.
+    scope: Recorded,
     recorded: u64,
     /// Number of the next one, of those that belong into the log.
     next: u64,
@@ -241,12 +242,10 @@ impl FlightSummary {
             loss: LossWatch::new(scenario, tracker.source()),
             tracker,
             is_on_path: false,
-            phases: phase::phases(scenario, schedule),
+            phases: PhaseRecords::new(scenario, schedule),
             faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, &changes, schedule))),
             flight: scenario.flight.as_ref().map(|_| FlightWatch::default()),
-            current: 0,
-            counts: [SequenceCount::default(); Topic::ALL.len()],
-            recorded: Recorded::of_topics(scenario),
+            counts: Recorded::of_topics(scenario).map(SequenceCount::new),
             first_tick: 0,
             last_tick: None,
             schedule: schedule.clone(),
@@ -258,7 +257,8 @@ impl FlightSummary {
         self.first_tick = tick;
         for topic in Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some()) {
             let published = self.schedule.publications(topic).count_before(tick);
-            self.counts[topic.index()].next = self.recorded[topic.index()].count_before(published);
+            let count = &mut self.counts[topic.index()];
+            count.next = count.scope.count_before(published);
         }
     }
 
@@ -266,73 +266,105 @@ impl FlightSummary {
     #[inline]
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let header = header_of(bytes);
-        self.counts[topic.index()].count(self.recorded[topic.index()], header.seq);
+        self.counts[topic.index()].count(header.seq);
         self.last_tick = self.last_tick.max(Some(header.tick));
+        match topic {
+            Topic::VehicleTruth => view(bytes, |truth| self.observe_truth(truth)),
+            Topic::VehicleState => view(bytes, |state| self.observe_state(state)),
+            Topic::PathReference => view(bytes, |reference| self.observe_reference(reference)),
+            Topic::ControlAdaptation => view(bytes, |adaptation| self.observe_adaptation(adaptation)),
+            Topic::RcFrame => view(bytes, |frame| self.observe_frame(frame)),
+            Topic::RunEvent => self.observe_event(&read(bytes)),
+            Topic::MocapPose | Topic::ControlCommand | Topic::ControlErrors | Topic::ControlTelemetry => {}
+        }
+        if let Some(faults) = &mut self.faults {
+            faults.observe(topic, bytes);
+        }
+    }
+
+    #[inline]
+    fn observe_truth(&mut self, truth: &VehicleTruth) {
+        let tick = truth.header.tick;
+        if self.tracker.source() == StateSource::Truth {
+            self.end_moment();
+            self.tracker.turn_to(truth);
+            self.phases.at(tick).last_tick = Some(tick);
+        }
+        let parameters = &mut self.phases.at(tick).parameters;
+        parameters.mass = Some(truth.mass);
+        parameters.disturbance = Some(truth.disturbance_world);
+    }
+
+    #[inline]
+    fn observe_state(&mut self, state: &VehicleState) {
+        let tick = state.header.tick;
+        if self.tracker.source() == StateSource::Estimate {
+            if let Some(vehicle) = Vehicle::tracked(state) {
+                self.end_moment();
+                self.tracker.turn_to(vehicle);
+            }
+            self.phases.at(tick).last_tick = Some(tick);
+        }
+    }
+
+    /// Takes the moment of the newest vehicle into account, nothing more of which comes.
+    #[inline]
+    fn end_moment(&mut self) {
         let Self {
             tracker,
             loss,
             is_on_path,
             phases,
-            current,
             faults,
             ..
         } = self;
-        tracker.observe_in_place(topic, bytes, |moment| {
-            *is_on_path = moment.distance_on_path().is_some();
-            loss.observe(moment);
-            phase_at(phases, current, moment.vehicle.tick).observe(moment);
-            if let Some(faults) = faults {
-                faults.observe_moment(moment, None);
-            }
-        });
-        if topic == self.tracker.source().topic() {
-            self.phase_at(header.tick).last_tick = Some(header.tick);
+        let Some(moment) = tracker.moment() else {
+            return;
+        };
+        *is_on_path = moment.distance_on_path().is_some();
+        loss.observe(moment);
+        phases.at(moment.vehicle.tick).observe(moment);
+        if let Some(faults) = faults {
+            faults.observe_moment(moment, None);
         }
-        if let Some(faults) = &mut self.faults {
-            faults.observe(topic, bytes);
+    }
+
+    #[inline]
+    fn observe_reference(&mut self, reference: &PathReference) {
+        self.tracker.observe_reference(reference);
+        self.phases.at(reference.header.tick).gamma = Some(reference.gamma);
+        if let Some(flight) = &mut self.flight {
+            flight.observe(reference);
         }
-        match topic {
-            Topic::VehicleTruth => view(bytes, |truth: &VehicleTruth| {
-                let parameters = &mut self.phase_at(header.tick).parameters;
-                parameters.mass = Some(truth.mass);
-                parameters.disturbance = Some(truth.disturbance_world);
-            }),
-            Topic::ControlAdaptation => view(bytes, |adaptation: &ControlAdaptation| {
-                // A controller that is not ours need not estimate anything, and then leaves the sample zero.
-                if adaptation.mass_estimate > 0.0 {
-                    let parameters = &mut self.phase_at(header.tick).parameters;
-                    parameters.mass_estimate = Some(adaptation.mass_estimate);
-                    parameters.disturbance_estimate = Some(adaptation.disturbance_projected_world);
-                }
-            }),
-            Topic::PathReference => view(bytes, |reference: &PathReference| {
-                self.phase_at(header.tick).gamma = Some(reference.gamma);
-                if let Some(flight) = &mut self.flight {
-                    flight.observe(reference);
-                }
-            }),
-            Topic::RcFrame => view(bytes, |frame: &RcFrame| {
-                if let Some(flight) = &mut self.flight {
-                    flight.observe_frame(frame);
-                }
-                if self.is_on_path {
-                    self.phase_at(header.tick).stretch.observe_frame(frame);
-                }
-            }),
-            Topic::RunEvent => {
-                // The theorem is about gains that stay.
-                if read::<RunEvent>(bytes).kind == RunEvent::KIND_OPERATOR_TUNES {
-                    self.bound = None;
-                }
-                if let Some(flight) = &mut self.flight {
-                    flight.observe_event(&read::<RunEvent>(bytes));
-                }
-            }
-            Topic::MocapPose
-            | Topic::VehicleState
-            | Topic::ControlCommand
-            | Topic::ControlErrors
-            | Topic::ControlTelemetry => {}
+    }
+
+    #[inline]
+    fn observe_adaptation(&mut self, adaptation: &ControlAdaptation) {
+        // A controller that is not ours need not estimate anything, and then leaves the sample zero.
+        if adaptation.mass_estimate > 0.0 {
+            let parameters = &mut self.phases.at(adaptation.header.tick).parameters;
+            parameters.mass_estimate = Some(adaptation.mass_estimate);
+            parameters.disturbance_estimate = Some(adaptation.disturbance_projected_world);
+        }
+    }
+
+    #[inline]
+    fn observe_frame(&mut self, frame: &RcFrame) {
+        if let Some(flight) = &mut self.flight {
+            flight.observe_frame(frame);
+        }
+        if self.is_on_path {
+            self.phases.at(frame.header.tick).stretch.observe_frame(frame);
+        }
+    }
+
+    fn observe_event(&mut self, event: &RunEvent) {
+        // The theorem is about gains that stay.
+        if event.kind == RunEvent::KIND_OPERATOR_TUNES {
+            self.bound = None;
+        }
+        if let Some(flight) = &mut self.flight {
+            flight.observe_event(event);
         }
     }
 
@@ -345,21 +377,18 @@ impl FlightSummary {
     /// The summary of all that was observed.
     #[must_use]
     pub fn finish(mut self, run: RunFacts) -> Summary {
-        if let Some(moment) = self.tracker.last() {
-            self.loss.observe(&moment);
-            self.phase_at(moment.vehicle.tick).observe(&moment);
-            if let Some(faults) = &mut self.faults {
-                faults.observe_moment(&moment, None);
-            }
-        }
+        self.end_moment();
         let source = self.tracker.source();
         let simulated_ticks = self
             .last_tick
             .map_or(0, |tick| tick.saturating_sub(self.first_tick));
         let simulated_seconds = seconds(self.schedule.time_ns(simulated_ticks));
         let mut whole = Stretch::default();
-        self.phases.iter().for_each(|phase| whole.join(&phase.stretch));
-        let flown = self.phases.iter().filter(|phase| phase.last_tick.is_some());
+        self.phases
+            .all()
+            .iter()
+            .for_each(|phase| whole.join(&phase.stretch));
+        let flown = self.phases.all().iter().filter(|phase| phase.last_tick.is_some());
         let phases: Vec<Phase> = flown
             .map(|phase| phase.finish(&self.schedule, source.topic(), self.bound))
             .collect();
@@ -402,26 +431,22 @@ impl FlightSummary {
         }
     }
 
-    /// The phase of a tick, entering it if it has not been.
-    #[inline]
-    fn phase_at(&mut self, tick: u64) -> &mut PhaseRecord {
-        phase_at(&mut self.phases, &mut self.current, tick)
-    }
-
     /// Returns the recorded samples of a topic; of the orchestrator's own topics only gaps can be told.
     ///
     /// In simulated time everything due is published. In real time `timing` tells what was; of a topic that is not published
     /// at every step nobody knows it, and what is missing counts as not flown.
     fn topic_count(&self, topic: Topic, timing: Option<&TimingReport>) -> TopicCount {
-        let SequenceCount { recorded, next, gaps } = self.counts[topic.index()];
+        let SequenceCount {
+            scope,
+            recorded,
+            next,
+            gaps,
+        } = self.counts[topic.index()];
         let due = match (topic.publisher(), self.last_tick) {
             (Some(_), Some(tick)) => self.schedule.publications(topic).count_before(tick + 1),
             _ => 0,
         };
-        let missing = gaps
-            + self.recorded[topic.index()]
-                .count_before(due)
-                .saturating_sub(next);
+        let missing = gaps + scope.count_before(due).saturating_sub(next);
         let not_recorded = timing.map_or(missing, |timing| timing.unrecorded_of(topic.name()).min(missing));
         TopicCount {
             topic: topic.name(),
@@ -432,20 +457,20 @@ impl FlightSummary {
     }
 }
 
-/// The phase of a tick, which comes no earlier than the one before.
-#[inline]
-fn phase_at<'a>(phases: &'a mut [PhaseRecord], current: &mut usize, tick: u64) -> &'a mut PhaseRecord {
-    while tick >= phases[*current].end_tick && *current + 1 < phases.len() {
-        *current += 1;
-    }
-    &mut phases[*current]
-}
-
 impl SequenceCount {
+    fn new(scope: Recorded) -> Self {
+        Self {
+            scope,
+            recorded: 0,
+            next: 0,
+            gaps: 0,
+        }
+    }
+
     #[inline]
-    fn count(&mut self, recorded: Recorded, seq: u64) {
-        if recorded.has(seq) {
-            let number = recorded.count_before(seq);
+    fn count(&mut self, seq: u64) {
+        if self.scope.has(seq) {
+            let number = self.scope.count_before(seq);
             self.recorded += 1;
             self.gaps += number.saturating_sub(self.next);
             self.next = self.next.max(number + 1);

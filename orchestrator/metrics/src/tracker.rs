@@ -92,6 +92,15 @@ impl From<&VehicleState> for Vehicle {
     }
 }
 
+impl Vehicle {
+    /// The estimated vehicle, if it is tracked: otherwise the sample repeats an old one, or guesses.
+    #[must_use]
+    #[inline]
+    pub fn tracked(state: &VehicleState) -> Option<Self> {
+        state.tracked.is_set().then(|| state.into())
+    }
+}
+
 /// The vehicle and the path at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
@@ -124,7 +133,7 @@ pub struct Tracker {
     has_phases: bool,
     clock: PathClock,
     /// The newest vehicle; its path is looked up when all of its moment is known.
-    vehicle: Option<Vehicle>,
+    newest: Option<Moment>,
 }
 
 impl Tracker {
@@ -135,7 +144,7 @@ impl Tracker {
             source: StateSource::of(schedule),
             has_phases,
             clock: PathClock::default(),
-            vehicle: None,
+            newest: None,
         }
     }
 
@@ -148,44 +157,61 @@ impl Tracker {
     /// Takes a sample into account; the moment before, if it is now whole.
     #[inline]
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) -> Option<Moment> {
-        let mut whole = None;
-        self.observe_in_place(topic, bytes, |moment| whole = Some(*moment));
+        let vehicle = match (topic, self.source) {
+            (Topic::VehicleTruth, StateSource::Truth) => {
+                Some(view(bytes, |truth: &VehicleTruth| Vehicle::from(truth)))
+            }
+            (Topic::VehicleState, StateSource::Estimate) => view(bytes, Vehicle::tracked),
+            (Topic::PathReference, _) => {
+                view(bytes, |reference| self.observe_reference(reference));
+                None
+            }
+            _ => None,
+        };
+        let vehicle = vehicle?;
+        let whole = self.moment().copied();
+        self.turn_to(vehicle);
         whole
     }
 
-    /// As [`observe`](Self::observe), without a copy of the moment.
+    /// Takes a reference into account.
     #[inline]
-    pub fn observe_in_place(&mut self, topic: Topic, bytes: &[u8], sink: impl FnOnce(&Moment)) {
-        match (topic, self.source) {
-            (Topic::VehicleTruth, StateSource::Truth) => {
-                if let Some(moment) = self.moment() {
-                    sink(&moment);
-                }
-                self.vehicle = Some(view(bytes, |truth: &VehicleTruth| Vehicle::from(truth)));
-            }
-            (Topic::VehicleState, StateSource::Estimate) => {
-                // One that is not tracked repeats an old one, or guesses.
-                let vehicle = view(bytes, |state: &VehicleState| {
-                    state.tracked.is_set().then(|| Vehicle::from(state))
-                });
-                if vehicle.is_some() {
-                    if let Some(moment) = self.moment() {
-                        sink(&moment);
-                    }
-                    self.vehicle = vehicle;
-                }
-            }
-            (Topic::PathReference, _) => {
-                view(bytes, |reference: &PathReference| self.clock.observe(reference));
-            }
-            _ => {}
-        }
+    pub fn observe_reference(&mut self, reference: &PathReference) {
+        self.clock.observe(reference);
+    }
+
+    /// Takes a newer vehicle into account. The moment before is whole now: ask for it first.
+    #[inline]
+    pub fn turn_to(&mut self, vehicle: impl Into<Vehicle>) {
+        self.newest = Some(Moment {
+            vehicle: vehicle.into(),
+            path: None,
+            distance: None,
+        });
+    }
+
+    /// The newest vehicle with the path beside it, as far as it is known.
+    #[inline]
+    pub fn moment(&mut self) -> Option<&Moment> {
+        let newest = self.newest.as_mut()?;
+        let path = self.clock.at(newest.vehicle.time_ns);
+        newest.path = path.map(|path| Demand {
+            phase: if self.has_phases {
+                path.phase
+            } else {
+                FlightPhase::Fly
+            },
+            ..path
+        });
+        let followed = newest.path.as_ref().filter(|path| is_followed(path.phase));
+        newest.distance = followed.and_then(|path| path.distance(&newest.vehicle.position_world));
+        Some(newest)
     }
 
     /// The last moment, once nothing more of it comes.
     pub fn last(&mut self) -> Option<Moment> {
-        let moment = self.moment();
-        self.vehicle = None;
+        let moment = self.moment().copied();
+        self.newest = None;
         moment
     }
 
@@ -201,24 +227,6 @@ impl Tracker {
         }
         self.last().iter().for_each(sink);
         Ok(())
-    }
-
-    /// The newest vehicle with the path beside it.
-    #[inline]
-    fn moment(&mut self) -> Option<Moment> {
-        let vehicle = self.vehicle?;
-        let mut path = self.clock.at(vehicle.time_ns);
-        if let Some(path) = &mut path
-            && !self.has_phases
-        {
-            path.phase = FlightPhase::Fly;
-        }
-        let followed = path.filter(|path| is_followed(path.phase));
-        Some(Moment {
-            vehicle,
-            path,
-            distance: followed.and_then(|path| path.distance(&vehicle.position_world)),
-        })
     }
 }
 

@@ -95,13 +95,16 @@ impl TickSink for Judge {
 
     #[inline]
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), LogError> {
-        if JUDGED.contains(&topic) {
-            self.judge(topic, bytes);
-        }
         match &mut self.log {
-            Some(log) => log.write(topic, bytes),
-            None => Ok(()),
+            None => self.judge(topic, bytes),
+            Some(log) => {
+                log.write(topic, bytes)?;
+                if JUDGED.contains(&topic) {
+                    self.judge(topic, bytes);
+                }
+            }
         }
+        Ok(())
     }
 
     #[inline]

@@ -26,23 +26,46 @@ pub(super) struct PhaseRecord {
     pub(super) gamma: Option<f64>,
 }
 
-/// The phases of a scenario, in order, without gaps.
-pub(super) fn phases(scenario: &Scenario, schedule: &Schedule) -> Vec<PhaseRecord> {
-    let end = schedule.last_tick() + 1;
-    let mut bounds: Vec<u64> = scenario
-        .vehicle
-        .change
-        .iter()
-        .map(|change| scenario.tick_of(change.at))
-        .filter(|tick| (1..end).contains(tick))
-        .chain([0, end])
-        .collect();
-    bounds.sort_unstable();
-    bounds.dedup();
-    bounds
-        .windows(2)
-        .map(|pair| PhaseRecord::new(pair[0], pair[1], schedule))
-        .collect()
+/// The phases of a flight, in order, without gaps.
+#[derive(Clone, Debug)]
+pub(super) struct PhaseRecords {
+    all: Vec<PhaseRecord>,
+    current: usize,
+}
+
+impl PhaseRecords {
+    /// Those of a scenario.
+    pub(super) fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
+        let end = schedule.last_tick() + 1;
+        let changes = scenario.vehicle.change.iter();
+        let mut bounds: Vec<u64> = changes
+            .map(|change| scenario.tick_of(change.at))
+            .filter(|tick| (1..end).contains(tick))
+            .chain([0, end])
+            .collect();
+        bounds.sort_unstable();
+        bounds.dedup();
+        let pairs = bounds.windows(2);
+        Self {
+            all: pairs
+                .map(|pair| PhaseRecord::new(pair[0], pair[1], schedule))
+                .collect(),
+            current: 0,
+        }
+    }
+
+    /// The phase of a tick, which comes no earlier than the one before.
+    #[inline]
+    pub(super) fn at(&mut self, tick: u64) -> &mut PhaseRecord {
+        while tick >= self.all[self.current].end_tick && self.current + 1 < self.all.len() {
+            self.current += 1;
+        }
+        &mut self.all[self.current]
+    }
+
+    pub(super) fn all(&self) -> &[PhaseRecord] {
+        &self.all
+    }
 }
 
 impl PhaseRecord {
