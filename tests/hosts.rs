@@ -212,6 +212,70 @@ proptest! {
     }
 }
 
+/// Digests what is published up to a tick, and counts the ticks.
+struct Until {
+    digest: ExperimentDigest,
+    ticks: Vec<u64>,
+    last: u64,
+}
+
+impl TickSink for Until {
+    type Error = Infallible;
+
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        self.digest.update(topic, bytes);
+        Ok(())
+    }
+
+    fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        self.ticks.push(tick);
+        Ok(if tick == self.last {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        })
+    }
+}
+
+/// The digest of a flight up to a tick, its ticks, and what it ended with.
+fn flown_until(mut host: InProcess, last: u64) -> (String, Vec<u64>, String) {
+    let mut sink = Until {
+        digest: ExperimentDigest::default(),
+        ticks: Vec::new(),
+        last,
+    };
+    let ending = host.fly(&mut sink);
+    assert_eq!(host.next_tick(), sink.ticks.len() as u64);
+    (sink.digest.finish(), sink.ticks, format!("{ending:?}"))
+}
+
+/// At one rate and at several, with planned faults and without, ended within a batch and at its end.
+#[test]
+fn a_flight_in_batches_is_the_flight_tick_by_tick() {
+    for scenario in [short_fig1(), short_rig(), short_losses()] {
+        for last in [799, 802, u64::MAX] {
+            let [one_by_one, in_batches] = [host(&scenario), host(&scenario).in_batches()];
+            assert_eq!(flown_until(one_by_one, last), flown_until(in_batches, last));
+        }
+    }
+}
+
+/// The estimator of the inertia runs away.
+#[test]
+fn a_number_that_is_not_finite_ends_a_flight_in_batches_at_its_tick() {
+    let sets = [
+        "duration=5.0",
+        "vehicle.change=[]",
+        "controller.lambda_inertia=1e9",
+    ]
+    .map(str::to_owned);
+    let scenario = scenario_file::load(&common::scenario("fig1"), &sets, None).unwrap();
+    let [one_by_one, in_batches] = [host(&scenario), host(&scenario).in_batches()];
+    let flown = flown_until(one_by_one, u64::MAX);
+    assert!(flown.2.contains("NonFinite"), "{flown:?}");
+    assert_eq!(flown, flown_until(in_batches, u64::MAX));
+}
+
 struct Nowhere;
 
 impl TickSink for Nowhere {
@@ -226,9 +290,10 @@ impl TickSink for Nowhere {
 #[test]
 fn a_flight_allocates_nothing_in_any_step() {
     for scenario in [short_fig1(), short_rig()] {
-        let mut host = host(&scenario);
-        let count = allocations::allocations_during(|| host.fly(&mut Nowhere).unwrap());
-        assert_eq!(count, 0);
+        for mut host in [host(&scenario), host(&scenario).in_batches()] {
+            let count = allocations::allocations_during(|| host.fly(&mut Nowhere).unwrap());
+            assert_eq!(count, 0);
+        }
     }
 }
 

@@ -17,7 +17,8 @@ impl FinitenessCheck {
     ///
     /// # Panics
     /// If the sample is not aligned whole words.
-    #[inline]
+    // Always, so that the sums stay in registers.
+    #[inline(always)]
     pub fn take_in(&mut self, sample: &[u8]) {
         let words = <[f64]>::ref_from_bytes(sample).expect("a sample is aligned and of whole words");
         let (rows, rest) = words.as_chunks::<LANES>();

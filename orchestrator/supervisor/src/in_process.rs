@@ -44,12 +44,14 @@ where
     FlightFailure: From<S::Error>,
 {
     let mut host = host(scenario)?;
-    if let Some(own) = own {
-        host.replace(own);
-    }
     let watches = ServiceId::ALL
         .into_iter()
         .any(|service| scenario.has_plugin(service));
+    if let Some(own) = own {
+        host.replace(own);
+    } else if !watches {
+        host = host.in_batches();
+    }
     let mut sink = Interruptible {
         sink,
         interrupt,

@@ -7,18 +7,16 @@ use zerocopy::IntoBytes;
 #[derive(Clone, Debug)]
 pub struct OwnedSample {
     words: Box<[u64]>,
-    /// Size of the sample, bytes.
-    size: usize,
 }
 
 impl OwnedSample {
     /// Makes a place for samples of `topic`; zeroed.
     #[must_use]
     pub fn of(topic: Topic) -> Self {
-        let size = topic.kind().size;
+        // Samples are whole words: see `SampleKind::of`.
+        let words = topic.kind().size / size_of::<u64>();
         Self {
-            words: vec![0; size.div_ceil(size_of::<u64>())].into_boxed_slice(),
-            size,
+            words: vec![0; words].into_boxed_slice(),
         }
     }
 
@@ -34,13 +32,13 @@ impl OwnedSample {
     #[must_use]
     #[inline]
     pub fn bytes(&self) -> &[u8] {
-        &self.words.as_bytes()[..self.size]
+        self.words.as_bytes()
     }
 
     /// Returns the sample, to be written.
     #[must_use]
     #[inline]
     pub fn bytes_mut(&mut self) -> &mut [u8] {
-        &mut self.words.as_mut_bytes()[..self.size]
+        self.words.as_mut_bytes()
     }
 }

@@ -1,17 +1,14 @@
 //! Ring of the latest samples of a topic, by their place in its sequence, in memory that is allocated once.
 
 use shared_types::Topic;
-use zerocopy::IntoBytes;
+
+use crate::owned_sample::OwnedSample;
 
 /// A ring of samples of one topic.
 #[derive(Clone, Debug)]
 pub struct SampleRing {
-    /// One sample after the other, in whole words, because samples are read in place.
-    words: Box<[u64]>,
-    /// Size of a sample, words.
-    size: usize,
-    /// Number of samples, a power of two, minus one.
-    mask: u64,
+    /// As many as a power of two.
+    samples: Box<[OwnedSample]>,
 }
 
 impl SampleRing {
@@ -21,14 +18,9 @@ impl SampleRing {
     /// If that is more memory than can be addressed.
     #[must_use]
     pub fn new(topic: Topic, depth: u64) -> Self {
-        // Samples are whole words: see `SampleKind::of`.
-        let size = topic.kind().size / size_of::<u64>();
-        let depth = depth.next_power_of_two();
-        let samples = usize::try_from(depth).expect("that many samples can be addressed");
+        let samples = usize::try_from(depth.next_power_of_two()).expect("that many samples can be addressed");
         Self {
-            words: vec![0; samples * size].into_boxed_slice(),
-            size,
-            mask: depth - 1,
+            samples: vec![OwnedSample::of(topic); samples].into_boxed_slice(),
         }
     }
 
@@ -36,27 +28,37 @@ impl SampleRing {
     #[must_use]
     #[inline]
     pub fn depth(&self) -> u64 {
-        self.mask + 1
+        self.samples.len() as u64
     }
 
     /// Returns the sample of a place in the sequence, if it has been written and not been overwritten since.
     #[must_use]
     #[inline]
     pub fn at(&self, place: u64) -> &[u8] {
-        let first = self.first_word_of(place);
-        self.words[first..first + self.size].as_bytes()
+        self.samples[self.index_of(place)].bytes()
     }
 
     /// Returns the memory for the sample of a place in the sequence.
     #[must_use]
     #[inline]
     pub fn at_mut(&mut self, place: u64) -> &mut [u8] {
-        let first = self.first_word_of(place);
-        self.words[first..first + self.size].as_mut_bytes()
+        let index = self.index_of(place);
+        self.samples[index].bytes_mut()
+    }
+
+    /// Takes the sample of a place in the sequence, in exchange for the one that it overwrites.
+    #[inline]
+    pub fn swap(&mut self, place: u64, sample: &mut OwnedSample) {
+        let index = self.index_of(place);
+        std::mem::swap(&mut self.samples[index], sample);
     }
 
     #[inline]
-    fn first_word_of(&self, place: u64) -> usize {
-        usize::try_from(place & self.mask).expect("below the depth") * self.size
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "what is masked away does not matter"
+    )]
+    fn index_of(&self, place: u64) -> usize {
+        place as usize & (self.samples.len() - 1)
     }
 }

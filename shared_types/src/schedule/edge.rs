@@ -41,7 +41,7 @@ impl Edge {
     #[inline]
     pub fn is_fresh(&self, tick: u64, due: u64) -> bool {
         // With a sample at every tick, every step gets a new one.
-        if self.published.rate.period == 1 && self.published.is_unbroken() && !self.has_faults() {
+        if self.published.is_always() && !self.has_faults() {
             return true;
         }
         let previous = self.step_before(tick);
