@@ -42,8 +42,7 @@ impl Demand {
     #[must_use]
     #[inline]
     pub fn distance(&self, position_world: &Vector) -> Option<f64> {
-        let away = |axis: usize| position_world[axis] - self.position_world[axis];
-        let [x, y, z] = [away(0), away(1), away(2)];
+        let [x, y, z] = [0, 1, 2].map(|axis| position_world[axis] - self.position_world[axis]);
         Some((x * x + y * y + z * z).sqrt()).filter(|distance| distance.is_finite())
     }
 }
