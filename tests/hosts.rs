@@ -172,24 +172,12 @@ fn digest_of(plant: &Scenario, others: &Scenario) -> String {
         };
         registry::build(service, scenario).unwrap()
     });
-    let mut host = InProcess::new(plant.schedule().unwrap(), services.into());
-    let mut sink = Digesting::default();
-    match host.fly(&mut sink) {
-        Ok(()) => sink.0.finish(),
-        Err(_) => "ended early".to_owned(),
-    }
-}
-
-/// Digests what is published.
-#[derive(Default)]
-struct Digesting(ExperimentDigest);
-
-impl TickSink for Digesting {
-    type Error = Infallible;
-
-    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
-        self.0.update(topic, bytes);
-        Ok(())
+    let host = InProcess::new(plant.schedule().unwrap(), services.into());
+    let (digest, _, ending) = flown_until(host, u64::MAX);
+    if ending == "Ok(())" {
+        digest
+    } else {
+        "ended early".to_owned()
     }
 }
 
