@@ -1,16 +1,19 @@
 //! All services in one thread: no shared memory, no waiting. The reference that the other hosts must equal.
 
+mod history;
+mod service_slot;
+
 use std::ops::{ControlFlow, Range};
 
 use shared_types::finiteness::FinitenessCheck;
-use shared_types::schedule::{Edge, OutageSchedule, Publication};
-use shared_types::service::{ErasedService, InputView, header_of};
+use shared_types::service::{ErasedService, header_of};
 use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::edge_store::EdgeStore;
-use crate::owned_sample::OwnedSample;
 use crate::sample_ring::SampleRing;
-use crate::step::{self, NonFinite, Slots, Timetable, Views};
+use crate::step::NonFinite;
+use history::History;
+use service_slot::ServiceSlot;
 
 /// Ticks of a batch. Their samples stay in the nearest cache of the processor.
 const BATCH: u64 = 8;
@@ -84,89 +87,6 @@ pub struct FlightState {
     paused: Option<usize>,
 }
 
-/// Service with its steps, inputs and outputs.
-struct ServiceSlot {
-    service: Box<dyn ErasedService>,
-    /// The service's state before its first step.
-    newborn: Vec<u8>,
-    timetable: Timetable,
-    /// Its inputs, in the order of the wiring table.
-    feeds: Vec<Feed>,
-    /// `true` if any of them has planned faults.
-    has_stores: bool,
-    /// Places of the histories of its outputs.
-    own: Range<usize>,
-    /// Its outputs while they are written, in the order of the wiring table.
-    drafts: Vec<OwnedSample>,
-}
-
-/// Source of an input.
-struct Feed {
-    edge: Edge,
-    /// Place of the topic's history.
-    source: usize,
-    /// Samples so far, if faults of the input are planned.
-    store: Option<Box<EdgeStore>>,
-}
-
-/// The latest samples of a topic, as many as any consumer may still need.
-struct History {
-    publication: Publication,
-    samples: SampleRing,
-}
-
-impl History {
-    fn new(topic: Topic, schedule: &Schedule, batch: u64) -> Self {
-        let publication = schedule.publication(topic);
-        let consumers = topic.consumers();
-        let latest = consumers
-            .map(|(service, input)| schedule.latency(service, input))
-            .max();
-        let period = publication.ticks.rate.period;
-        let depth = (latest.unwrap_or(0) / period + 2).max(batch.div_ceil(period));
-        Self {
-            samples: SampleRing::new(topic, depth),
-            publication,
-        }
-    }
-
-    /// Returns whether a sample is published at a tick; of a `STEADY` flight, whether there are any.
-    #[inline]
-    fn is_due<const STEADY: bool>(&self, tick: u64) -> bool {
-        let ticks = &self.publication.ticks;
-        if STEADY {
-            ticks.is_always()
-        } else {
-            ticks.occurs_at(tick)
-        }
-    }
-
-    #[inline]
-    fn bytes(&self, tick: u64) -> &[u8] {
-        self.bytes_of::<false>(tick)
-    }
-
-    #[inline]
-    fn bytes_of<const STEADY: bool>(&self, tick: u64) -> &[u8] {
-        self.samples.at(self.place_of::<STEADY>(tick))
-    }
-
-    /// Takes the sample of a tick; `draft` becomes one that is not needed any more.
-    #[inline]
-    fn publish<const STEADY: bool>(&mut self, tick: u64, draft: &mut OwnedSample) {
-        self.samples.swap(self.place_of::<STEADY>(tick), draft);
-    }
-
-    #[inline]
-    fn place_of<const STEADY: bool>(&self, tick: u64) -> u64 {
-        if STEADY {
-            tick
-        } else {
-            self.publication.ticks.count_before(tick)
-        }
-    }
-}
-
 impl InProcess {
     /// Prepares a flight of all services of the wiring table.
     ///
@@ -181,7 +101,7 @@ impl InProcess {
             .map(|service| service.id())
             .eq(order.iter().copied());
         assert!(complete, "one of each service");
-        let outputs = order.iter().flat_map(|service| service.outputs());
+        let outputs = order.iter().flat_map(|&service| schedule.outputs(service));
         let histories: Vec<_> = outputs
             .map(|output| History::new(output.topic, &schedule, 1))
             .collect();
@@ -193,7 +113,10 @@ impl InProcess {
         published.sort_by_key(|&place| histories[place].publication.topic);
         Self {
             has_stores: services.iter().any(|slot| slot.has_stores),
-            is_steady: services.iter().all(|slot| slot.is_steady(&histories)),
+            is_steady: services.iter().all(ServiceSlot::is_steady)
+                && histories
+                    .iter()
+                    .all(|history| history.publication.ticks.is_always()),
             services,
             histories,
             published,
@@ -258,13 +181,12 @@ impl InProcess {
         let (wanted, count) = self.wanted(sink);
         let wanted = &wanted[..count];
         while self.next_tick <= self.schedule.last_tick() {
+            let from = self.paused.take();
             let begin = self.next_tick;
             let end = (begin + self.batch).min(self.schedule.last_tick() + 1);
-            let (ticks, found) = self.step_ticks(begin..end);
-            if self.hand_over(ticks, wanted, sink)?.is_break() {
+            if self.fly_ticks(from, begin..end, wanted, sink)?.is_break() {
                 break;
             }
-            found.map_err(FlightError::NonFinite)?;
         }
         Ok(())
     }
@@ -295,10 +217,7 @@ impl InProcess {
                 self.paused = Some(place);
                 return Ok(true);
             }
-            self.paused = from;
-            let (ticks, found) = self.step_ticks(tick..tick + 1);
-            found.map_err(FlightError::NonFinite)?;
-            if self.hand_over(ticks, wanted, sink)?.is_break() {
+            if self.fly_ticks(from, tick..tick + 1, wanted, sink)?.is_break() {
                 break;
             }
         }
@@ -374,9 +293,7 @@ impl InProcess {
             .zip(state.services.iter().zip(&state.stores))
         {
             slot.service.restore(own);
-            for (feed, store) in slot.feeds.iter_mut().zip(stores) {
-                feed.store.clone_from(store);
-            }
+            slot.restore_stores(stores);
         }
         for (history, ring) in self.histories.iter_mut().zip(&state.rings) {
             history.samples.clone_from(ring);
@@ -384,12 +301,33 @@ impl InProcess {
         (self.next_tick, self.paused) = (state.next_tick, state.paused);
     }
 
-    /// Steps all services, from where the flight has paused, at some ticks. Returns the ticks that are whole, and what ended
+    /// Flies some ticks, of the first one the services from a place on, and hands over those that are whole.
+    #[inline]
+    fn fly_ticks<S: TickSink>(
+        &mut self,
+        from: Option<usize>,
+        ticks: Range<u64>,
+        wanted: &[usize],
+        sink: &mut S,
+    ) -> Result<ControlFlow<()>, FlightError<S::Error>> {
+        let (whole, found) = self.step_ticks(from, ticks);
+        if self.hand_over(whole, wanted, sink)?.is_break() {
+            return Ok(ControlFlow::Break(()));
+        }
+        found.map_err(FlightError::NonFinite)?;
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Steps the services at some ticks, at the first one from a place on. Returns the ticks that are whole, and what ended
     /// them.
     #[inline]
-    fn step_ticks(&mut self, ticks: Range<u64>) -> (Range<u64>, Result<(), NonFinite>) {
+    fn step_ticks(
+        &mut self,
+        mut from: Option<usize>,
+        ticks: Range<u64>,
+    ) -> (Range<u64>, Result<(), NonFinite>) {
         for tick in ticks.clone() {
-            let from = self.paused.take().unwrap_or(0);
+            let from = from.take().unwrap_or(0);
             if let Err(found) = self.step_services(tick, from..self.services.len()) {
                 return (ticks.start..tick, Err(found));
             }
@@ -470,149 +408,5 @@ impl InProcess {
             }
         }
         Ok(ControlFlow::Continue(()))
-    }
-}
-
-impl ServiceSlot {
-    /// The slot of a service whose outputs are among `histories`, as are its inputs.
-    fn new(service: Box<dyn ErasedService>, schedule: &Schedule, histories: &[History]) -> Self {
-        let timetable = Timetable::new(schedule, service.id());
-        let mut newborn = vec![0; service.state_size()];
-        service.save(&mut newborn);
-        let place = |topic| {
-            let mut topics = histories.iter().map(|history| history.publication.topic);
-            let place = topics.position(|other| other == topic);
-            place.expect("services consume what services publish")
-        };
-        let first_own = timetable.outputs.first().map_or(0, |output| place(output.topic));
-        let feeds = timetable.inputs.iter().map(|edge| Feed {
-            source: place(edge.topic),
-            store: edge.has_faults().then(|| Box::new(EdgeStore::new(edge.clone()))),
-            edge: edge.clone(),
-        });
-        let outputs = timetable.outputs.iter();
-        Self {
-            service,
-            newborn,
-            feeds: feeds.collect(),
-            has_stores: timetable.inputs.iter().any(Edge::has_faults),
-            own: first_own..first_own + timetable.outputs.len(),
-            drafts: outputs.map(|output| OwnedSample::of(output.topic)).collect(),
-            timetable,
-        }
-    }
-
-    /// Returns whether the service steps at every tick, gets something new from all its sources then, and publishes at
-    /// every tick what it publishes at all.
-    fn is_steady(&self, histories: &[History]) -> bool {
-        fn ticks(history: &History) -> &OutageSchedule {
-            &history.publication.ticks
-        }
-        let mut sources = self.feeds.iter().map(|feed| &histories[feed.source]);
-        let mut own = histories[self.own.clone()].iter();
-        self.timetable.steps.is_always()
-            && !self.has_stores
-            && sources.all(|source| ticks(source).is_always())
-            && own.all(|own| ticks(own).is_always() || ticks(own).is_never())
-    }
-
-    /// Steps, if a step is due, on the samples that the schedule says are due, and publishes what it makes. In a
-    /// `STEADY` flight all of it is, which need not be asked.
-    #[inline]
-    fn step<const STEADY: bool>(
-        &mut self,
-        histories: &mut [History],
-        tick: u64,
-        check: &mut FinitenessCheck,
-    ) {
-        if !STEADY {
-            if !self.timetable.steps.occurs_at(tick) {
-                return;
-            }
-            self.prepare(histories, tick);
-        }
-        let mut views = Views::default();
-        let inputs = self.feeds.len();
-        for (view, feed) in views.iter_mut().zip(&mut self.feeds) {
-            feed.look::<STEADY>(histories, tick, view);
-        }
-        let mut slots = Slots::default();
-        let drafts = slots.iter_mut().zip(&mut self.drafts);
-        for ((slot, draft), history) in drafts.zip(&histories[self.own.clone()]) {
-            if history.is_due::<STEADY>(tick) {
-                let publication = &history.publication;
-                *slot = step::prepared(publication.topic, publication.header(tick), draft.bytes_mut());
-            }
-        }
-        let (inputs, outputs) = (&views[..inputs], &mut slots[..self.own.len()]);
-        self.service.step(&self.timetable.now(tick), inputs, outputs);
-        for (draft, history) in self.drafts.iter_mut().zip(&mut histories[self.own.clone()]) {
-            if history.is_due::<STEADY>(tick) {
-                check.take_in(draft.bytes());
-                history.publish::<STEADY>(tick, draft);
-            }
-        }
-    }
-
-    /// Loses the service's state where that is planned, and keeps the samples of inputs with planned faults.
-    fn prepare(&mut self, histories: &[History], tick: u64) {
-        if self.timetable.begins_anew_at(tick) {
-            self.service.restore(&self.newborn);
-        }
-        if self.has_stores {
-            // What is published later in the tick is due later as well.
-            self.keep_published(histories, tick, |edge| edge.latency == 0);
-        }
-    }
-
-    /// Keeps what is published at `tick` over those of the edges with planned faults that are `wanted`.
-    #[cold]
-    fn keep_published(&mut self, histories: &[History], tick: u64, wanted: impl Fn(&Edge) -> bool) {
-        for feed in &mut self.feeds {
-            let history = &histories[feed.source];
-            if let Some(store) = &mut feed.store
-                && wanted(&feed.edge)
-                && history.publication.is_due(tick)
-            {
-                store.keep(history.bytes(tick));
-            }
-        }
-    }
-
-    fn stores(&self) -> Vec<Option<Box<EdgeStore>>> {
-        self.feeds.iter().map(|feed| feed.store.clone()).collect()
-    }
-}
-
-impl Feed {
-    /// Puts the sample that is due at `tick` into a view, if there is one.
-    #[inline]
-    fn look<'a, const STEADY: bool>(
-        &'a mut self,
-        histories: &'a [History],
-        tick: u64,
-        view: &mut InputView<'a>,
-    ) {
-        let due = if STEADY {
-            tick.checked_sub(self.edge.latency)
-        } else {
-            self.edge.due_sample(tick)
-        };
-        let Some(due) = due else {
-            return;
-        };
-        match &mut self.store {
-            Some(store) if !STEADY => {
-                store.forget_before(due);
-                *view = store.view(tick, due);
-            }
-            _ => {
-                let bytes = histories[self.source].bytes_of::<STEADY>(due);
-                debug_assert_eq!(header_of(bytes).tick, due, "histories hold all that is still due");
-                // Member by member: a view that is made elsewhere and copied costs a wait for its last byte.
-                view.bytes = Some(bytes);
-                view.fresh = STEADY || self.edge.is_fresh(tick, due);
-            }
-        }
     }
 }

@@ -68,12 +68,6 @@ impl OutageSchedule {
         self.is_always
     }
 
-    /// Returns whether there is no tick.
-    #[must_use]
-    pub fn is_never(&self) -> bool {
-        self.rate == Rate::NEVER
-    }
-
     /// Returns the outages.
     #[must_use]
     pub fn outages(&self) -> &[Outage] {

@@ -1,0 +1,189 @@
+//! A service of a flight in one process, with the sources of its inputs and the place of its outputs.
+
+use std::ops::Range;
+
+use shared_types::Schedule;
+use shared_types::finiteness::FinitenessCheck;
+use shared_types::schedule::Edge;
+use shared_types::service::{ErasedService, InputView, header_of};
+
+use super::history::History;
+use crate::edge_store::EdgeStore;
+use crate::owned_sample::OwnedSample;
+use crate::step::{self, Slots, Timetable, Views};
+
+/// Service with its steps, inputs and outputs.
+pub(super) struct ServiceSlot {
+    pub(super) service: Box<dyn ErasedService>,
+    /// The service's state before its first step.
+    newborn: Vec<u8>,
+    pub(super) timetable: Timetable,
+    /// Its inputs, in the order of the wiring table.
+    feeds: Vec<Feed>,
+    /// `true` if any of them has planned faults.
+    pub(super) has_stores: bool,
+    /// Places of the histories of its outputs that the flight has; others come after them in the wiring table.
+    pub(super) own: Range<usize>,
+    /// These outputs while they are written.
+    drafts: Vec<OwnedSample>,
+}
+
+/// Source of an input.
+struct Feed {
+    edge: Edge,
+    /// Place of the topic's history.
+    source: usize,
+    /// Samples so far, if faults of the input are planned.
+    store: Option<Box<EdgeStore>>,
+}
+
+impl ServiceSlot {
+    /// The slot of a service whose outputs are among `histories`, as are its inputs.
+    pub(super) fn new(service: Box<dyn ErasedService>, schedule: &Schedule, histories: &[History]) -> Self {
+        let timetable = Timetable::new(schedule, service.id());
+        let mut newborn = vec![0; service.state_size()];
+        service.save(&mut newborn);
+        let place = |topic| {
+            let mut topics = histories.iter().map(|history| history.publication.topic);
+            let place = topics.position(|other| other == topic);
+            place.expect("services consume what services publish")
+        };
+        let outputs: Vec<_> = schedule.outputs(service.id()).collect();
+        let first_own = outputs.first().map_or(0, |output| place(output.topic));
+        let feeds = timetable.inputs.iter().map(|edge| Feed {
+            source: place(edge.topic),
+            store: edge.has_faults().then(|| Box::new(EdgeStore::new(edge.clone()))),
+            edge: edge.clone(),
+        });
+        Self {
+            service,
+            newborn,
+            feeds: feeds.collect(),
+            has_stores: timetable.inputs.iter().any(Edge::has_faults),
+            own: first_own..first_own + outputs.len(),
+            drafts: outputs
+                .iter()
+                .map(|output| OwnedSample::of(output.topic))
+                .collect(),
+            timetable,
+        }
+    }
+
+    /// Returns whether the service steps at every tick, and no fault of its inputs is planned.
+    pub(super) fn is_steady(&self) -> bool {
+        self.timetable.steps.is_always() && !self.has_stores
+    }
+
+    /// Steps, if a step is due, on the samples that the schedule says are due, and publishes what it makes. In a
+    /// `STEADY` flight all of it is, which need not be asked.
+    #[inline]
+    pub(super) fn step<const STEADY: bool>(
+        &mut self,
+        histories: &mut [History],
+        tick: u64,
+        check: &mut FinitenessCheck,
+    ) {
+        if !STEADY {
+            if !self.timetable.steps.occurs_at(tick) {
+                return;
+            }
+            self.prepare(histories, tick);
+        }
+        let mut views = Views::default();
+        let (inputs, outputs) = (self.feeds.len(), self.timetable.outputs.len());
+        for (view, feed) in views.iter_mut().zip(&mut self.feeds) {
+            feed.look::<STEADY>(histories, tick, view);
+        }
+        let mut slots = Slots::default();
+        let drafts = slots.iter_mut().zip(&mut self.drafts);
+        for ((slot, draft), history) in drafts.zip(&histories[self.own.clone()]) {
+            if history.is_due::<STEADY>(tick) {
+                let publication = &history.publication;
+                *slot = step::prepared(publication.topic, publication.header(tick), draft.bytes_mut());
+            }
+        }
+        let (inputs, outputs) = (&views[..inputs], &mut slots[..outputs]);
+        self.service.step(&self.timetable.now(tick), inputs, outputs);
+        for (draft, history) in self.drafts.iter_mut().zip(&mut histories[self.own.clone()]) {
+            if history.is_due::<STEADY>(tick) {
+                check.take_in(draft.bytes());
+                history.publish::<STEADY>(tick, draft);
+            }
+        }
+    }
+
+    /// Loses the service's state where that is planned, and keeps the samples of inputs with planned faults.
+    fn prepare(&mut self, histories: &[History], tick: u64) {
+        if self.timetable.begins_anew_at(tick) {
+            self.service.restore(&self.newborn);
+        }
+        if self.has_stores {
+            // What is published later in the tick is due later as well.
+            self.keep_published(histories, tick, |edge| edge.latency == 0);
+        }
+    }
+
+    /// Keeps what is published at `tick` over those of the edges with planned faults that are `wanted`.
+    #[cold]
+    pub(super) fn keep_published(
+        &mut self,
+        histories: &[History],
+        tick: u64,
+        wanted: impl Fn(&Edge) -> bool,
+    ) {
+        for feed in &mut self.feeds {
+            let history = &histories[feed.source];
+            if let Some(store) = &mut feed.store
+                && wanted(&feed.edge)
+                && history.publication.is_due(tick)
+            {
+                store.keep(history.bytes(tick));
+            }
+        }
+    }
+
+    /// Returns the samples so far of its inputs.
+    pub(super) fn stores(&self) -> Vec<Option<Box<EdgeStore>>> {
+        self.feeds.iter().map(|feed| feed.store.clone()).collect()
+    }
+
+    /// Goes back, or forth, to these samples.
+    pub(super) fn restore_stores(&mut self, stores: &[Option<Box<EdgeStore>>]) {
+        for (feed, store) in self.feeds.iter_mut().zip(stores) {
+            feed.store.clone_from(store);
+        }
+    }
+}
+
+impl Feed {
+    /// Puts the sample that is due at `tick` into a view, if there is one.
+    #[inline]
+    fn look<'a, const STEADY: bool>(
+        &'a mut self,
+        histories: &'a [History],
+        tick: u64,
+        view: &mut InputView<'a>,
+    ) {
+        let due = if STEADY {
+            tick.checked_sub(self.edge.latency)
+        } else {
+            self.edge.due_sample(tick)
+        };
+        let Some(due) = due else {
+            return;
+        };
+        match &mut self.store {
+            Some(store) if !STEADY => {
+                store.forget_before(due);
+                *view = store.view(tick, due);
+            }
+            _ => {
+                let bytes = histories[self.source].bytes_of::<STEADY>(due);
+                debug_assert_eq!(header_of(bytes).tick, due, "histories hold all that is still due");
+                // Member by member: a view that is made elsewhere and copied costs a wait for its last byte.
+                view.bytes = Some(bytes);
+                view.fresh = STEADY || self.edge.is_fresh(tick, due);
+            }
+        }
+    }
+}
