@@ -138,10 +138,7 @@ mod tests {
     }
 
     fn armed() -> Sticks {
-        Sticks {
-            codes: [1200, 1000, 1100, 1023],
-            ..Sticks::default()
-        }
+        Sticks::flying([1200, 1000, 1100, 1023])
     }
 
     #[test]

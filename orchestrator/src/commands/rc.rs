@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::time::Duration;
 
 use comfy_table::{Table, presets};
-use radio_link::channel_map::ChannelMap;
+use radio_link::channel_map::{ChannelMap, SentTravel, StickTravel};
 use radio_link::link::RadioLink;
 use radio_link::sender::{LinkReport, Sender};
 use radio_link::sticks::Sticks;
@@ -43,14 +43,17 @@ pub fn probe(arguments: &RcProbe) -> Result<Exit, Failure> {
     for &stick in moved {
         let steps = nanoseconds(arguments.seconds) / nanoseconds(STEP);
         for step in 0..=steps {
-            let travel = sweep(step as f64 / steps.max(1) as f64);
+            let travel = StickTravel::new(sweep(step as f64 / steps.max(1) as f64));
             let sticks = one_stick(&map, stick, travel);
             sender.put(&sticks);
             if step % SHOWN_EVERY == 0 {
-                let channel = map.stick_channels()[stick];
-                let sent = map.travels(&sticks)[channel];
-                let code = units.codes(&map.travels(&sticks))[channel];
-                print(line(link.link, stick, channel, sent, code));
+                print(if transmitter.has_channels(link.link) {
+                    let (channel, travels) = (map.stick_channels()[stick], map.travels(&sticks));
+                    let sent = travels[channel].map_or(f64::NAN, SentTravel::value);
+                    line(link.link, stick, channel, sent, units.codes(&travels)[channel])
+                } else {
+                    attitude_line(link, &map, stick, &sticks)
+                });
             }
             if interrupt.signal().is_some() {
                 break;
@@ -92,14 +95,14 @@ fn sweep(share: f64) -> f64 {
     }
 }
 
-/// One stick somewhere, the others at rest: thrust at its lowest, the rates in the middle, disarmed.
-fn one_stick(map: &ChannelMap, stick: usize, travel: f64) -> Sticks {
-    let mut codes = [-1.0, 0.0, 0.0, 0.0].map(|travel| map.code(travel));
-    codes[stick] = map.code(travel);
+/// One stick somewhere, the others at rest: the least thrust, the rates in the middle, disarmed.
+fn one_stick(map: &ChannelMap, stick: usize, travel: StickTravel) -> Sticks {
+    let middle = StickTravel::MIDDLE;
+    let mut travels = [map.least_thrust(), middle, middle, middle];
+    travels[stick] = travel;
     Sticks {
-        codes,
         disarmed: true,
-        ..Sticks::default()
+        ..Sticks::flying(travels.map(|travel| map.code(travel)))
     }
 }
 
@@ -129,6 +132,18 @@ fn line(link: RadioProtocol, stick: usize, channel: usize, travel: f64, code: u1
         "{name:10}  channel {:2}  {percent:+6.1} %  {shown}\n",
         channel + 1
     )
+}
+
+/// What `SET_ATTITUDE_TARGET` says of a stick: it has no channels.
+fn attitude_line(link: &RcLink, map: &ChannelMap, stick: usize, sticks: &Sticks) -> String {
+    let name = STICKS[stick];
+    match (stick, sticks.codes) {
+        (1.., Some(codes)) => {
+            let rate = link.rate_slope[stick - 1] * map.travel(codes[stick]).value();
+            format!("{name:10}  {rate:+7.2} rad/s\n")
+        }
+        _ => format!("{name:10}  {:7.3} of the largest\n", map.thrust_share(sticks)),
+    }
 }
 
 fn summary(report: &LinkReport) -> String {
@@ -255,25 +270,57 @@ mod tests {
 
     #[test]
     fn nothing_that_a_probe_sends_is_armed_and_only_one_stick_moves() {
-        let transmitter = Transmitter {
-            arming_channel: Some(5),
-            ..Transmitter::default()
-        };
-        let map = ChannelMap::new(&RcLink::default(), &transmitter);
-        for &stick in moved_sticks(true) {
-            for travel in [-1.0, -0.3, 1.0] {
-                let travels = map.travels(&one_stick(&map, stick, travel));
-                assert_eq!(travels[4], -1.0, "disarmed");
-                for (other, &channel) in map.stick_channels().iter().enumerate() {
-                    let wanted = if other == stick {
-                        travel
-                    } else {
-                        transmitter.failsafe[other]
-                    };
-                    assert!((travels[channel] - wanted).abs() < 1e-3);
+        for (slope, reversed, least) in [
+            (3.0, "", -1.0),
+            (3.0, "T", 1.0),
+            (-3.0, "", 1.0),
+            (-3.0, "T", -1.0),
+        ] {
+            let transmitter = Transmitter {
+                arming_channel: Some(5),
+                reversed: reversed.to_owned(),
+                ..Transmitter::default()
+            };
+            let link = RcLink {
+                thrust_slope: slope,
+                ..RcLink::default()
+            };
+            let map = ChannelMap::new(&link, &transmitter);
+            for &stick in moved_sticks(true) {
+                for travel in [-1.0, -0.3, 1.0] {
+                    let sticks = one_stick(&map, stick, StickTravel::new(travel));
+                    let travels = map.travels(&sticks).map(|sent| sent.map(SentTravel::value));
+                    assert_eq!(travels[4], Some(-1.0), "disarmed");
+                    for (other, &channel) in map.stick_channels().iter().enumerate() {
+                        let turned = if stick == 0 && reversed == "T" {
+                            -travel
+                        } else {
+                            travel
+                        };
+                        let rest = if other == 0 { least } else { 0.0 };
+                        let wanted = if other == stick { turned } else { rest };
+                        assert!((travels[channel].unwrap() - wanted).abs() < 1e-3);
+                    }
                 }
             }
         }
         assert!(!moved_sticks(false).contains(&0));
+    }
+
+    #[test]
+    fn a_probe_of_attitude_targets_says_what_they_carry() {
+        let link = RcLink {
+            thrust_slope: -3.0,
+            ..RcLink::default()
+        };
+        let map = ChannelMap::new(&link, &Transmitter::default());
+        let shown = |stick, travel| {
+            let sticks = one_stick(&map, stick, StickTravel::new(travel));
+            attitude_line(&link, &map, stick, &sticks)
+        };
+        assert_eq!(shown(0, -1.0), "thrust        1.000 of the largest\n");
+        assert_eq!(shown(0, 1.0), "thrust        0.000 of the largest\n");
+        assert_eq!(shown(1, 1.0), "roll rate    -19.00 rad/s\n");
+        assert_eq!(shown(3, -1.0), "yaw rate      +8.00 rad/s\n");
     }
 }

@@ -2,8 +2,11 @@
 //!
 //! A stick's code c of 2^bits − 1 is the travel s = 2c/(2^bits − 1) − 1, as in `rc_output`. The sent travel is reversed
 //! if the stick is, and scaled to its ends. A travel of −1 to 1 is the link's −100 to 100 %.
+//!
+//! The two travels are different types, and only the map makes one of the other. What stops the motors is therefore
+//! stated as the least thrust, and never as an end of the channel: which end that is, the calibration and the map say.
 
-use scenario::{RcLink, Transmitter};
+use scenario::{RcLink, ThrustChannel, Transmitter};
 
 use crate::ChannelCodes;
 use crate::sticks::Sticks;
@@ -11,8 +14,43 @@ use crate::sticks::Sticks;
 /// Letters of the sticks in the order of [`Sticks::codes`]: thrust, roll, pitch, yaw.
 const LETTERS: [char; 4] = ['T', 'A', 'E', 'R'];
 
-/// A travel a channel, from −1.25 to 1.25.
-pub type Travels = [f64; 16];
+/// Travel of a stick by its calibration, −1 to 1: neither reversed nor scaled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StickTravel(f64);
+
+/// Travel of a channel as it is sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SentTravel(f64);
+
+/// Sent travel of each channel; `None` for channels that no scenario states.
+pub type Travels = [Option<SentTravel>; 16];
+
+impl StickTravel {
+    /// A stick in the middle: no rate.
+    pub const MIDDLE: Self = Self(0.0);
+
+    /// Makes a travel, within −1 to 1.
+    #[must_use]
+    pub fn new(travel: f64) -> Self {
+        Self(travel.clamp(-1.0, 1.0))
+    }
+
+    /// Returns it as a number.
+    #[must_use]
+    #[inline]
+    pub fn value(self) -> f64 {
+        self.0
+    }
+}
+
+impl SentTravel {
+    /// Returns it as a number.
+    #[must_use]
+    #[inline]
+    pub fn value(self) -> f64 {
+        self.0
+    }
+}
 
 /// Map from sticks and switches to channels.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +59,8 @@ pub struct ChannelMap {
     largest_code: f64,
     /// Channel and travel of each stick.
     sticks: [Stick; 4],
+    /// Travel of the thrust stick that asks for the least thrust.
+    least_thrust: StickTravel,
     /// The arming switch: its channel, and its travels disarmed and armed.
     arming: Option<(usize, [f64; 2])>,
     /// Travels of all channels when the motors stop.
@@ -35,15 +75,21 @@ struct Stick {
     ends: [f64; 2],
 }
 
+impl Stick {
+    #[inline]
+    fn sent(&self, travel: StickTravel) -> SentTravel {
+        let [low, high] = self.ends;
+        SentTravel(low + (travel.0 + 1.0) / 2.0 * (high - low))
+    }
+}
+
 impl ChannelMap {
     /// Makes the map of a checked link.
     #[must_use]
     pub fn new(link: &RcLink, transmitter: &Transmitter) -> Self {
-        let mut at_rest = [transmitter.others; 16];
+        let mut at_rest = [transmitter.others.map(SentTravel); 16];
         let sticks = [0, 1, 2, 3].map(|stick| {
             let letter = LETTERS[stick];
-            let channel = transmitter.order.find(letter).unwrap_or(stick);
-            at_rest[channel] = transmitter.failsafe[stick];
             let mut ends = if stick == 0 {
                 transmitter.thrust_ends
             } else {
@@ -52,49 +98,70 @@ impl ChannelMap {
             if transmitter.reversed.contains(letter) {
                 ends.reverse();
             }
-            Stick { channel, ends }
+            let channel = transmitter.order.find(letter).unwrap_or(stick);
+            let made = Stick { channel, ends };
+            at_rest[channel] = Some(match transmitter.failsafe {
+                Some(stated) => SentTravel(stated[stick]),
+                None if stick == 0 => SentTravel(ThrustChannel::new(link, transmitter).at_rest()),
+                None => made.sent(StickTravel::MIDDLE),
+            });
+            made
         });
         for switch in &transmitter.switch {
-            at_rest[index_of(switch.channel)] = switch.travel;
+            at_rest[index_of(switch.channel)] = Some(SentTravel(switch.travel));
         }
         let arming = transmitter.arming_channel.map(index_of);
         if let Some(channel) = arming {
-            at_rest[channel] = transmitter.arming[0];
+            at_rest[channel] = Some(SentTravel(transmitter.arming[0]));
         }
         Self {
             largest_code: f64::from((1_u32 << link.resolution.clamp(1, 16)) - 1),
             sticks,
+            least_thrust: StickTravel(-link.thrust_slope.signum()),
             arming: arming.map(|channel| (channel, transmitter.arming)),
             at_rest,
         }
     }
 
-    /// Returns the travel of a stick's code, −1 to 1, by the calibration, before it is mapped.
+    /// Returns the travel of a stick's code by the calibration, before it is mapped.
     #[must_use]
     #[inline]
-    pub fn travel(&self, code: u16) -> f64 {
-        (2.0 * f64::from(code) / self.largest_code - 1.0).min(1.0)
+    pub fn travel(&self, code: u16) -> StickTravel {
+        StickTravel((2.0 * f64::from(code) / self.largest_code - 1.0).min(1.0))
     }
 
-    /// Returns the travels of all channels.
+    /// Returns the travels of all channels. Every frame that stops the motors has its travels from here.
     #[must_use]
     #[inline]
     pub fn travels(&self, sticks: &Sticks) -> Travels {
         let mut travels = self.at_rest;
-        if sticks.failsafe {
+        let Some(codes) = sticks.codes else {
             return travels;
-        }
-        for (stick, &code) in self.sticks.iter().zip(&sticks.codes) {
-            let [low, high] = stick.ends;
-            let share = (self.travel(code) + 1.0) / 2.0;
-            travels[stick.channel] = low + share * (high - low);
+        };
+        for (stick, code) in self.sticks.iter().zip(codes) {
+            travels[stick.channel] = Some(stick.sent(self.travel(code)));
         }
         if let Some((channel, [_, armed])) = self.arming
             && !sticks.disarmed
         {
-            travels[channel] = armed;
+            travels[channel] = Some(SentTravel(armed));
         }
         travels
+    }
+
+    /// Returns the thrust of the sticks as a share of the way from the least to the largest; 0 if the motors stop.
+    #[must_use]
+    #[inline]
+    pub fn thrust_share(&self, sticks: &Sticks) -> f64 {
+        sticks.codes.map_or(0.0, |[thrust, ..]| {
+            (1.0 - self.least_thrust.0 * self.travel(thrust).0) / 2.0
+        })
+    }
+
+    /// Returns the travel of the thrust stick that asks for the least thrust.
+    #[must_use]
+    pub fn least_thrust(&self) -> StickTravel {
+        self.least_thrust
     }
 
     /// Returns the channel of each stick, as an index: thrust, roll, pitch, yaw.
@@ -103,22 +170,28 @@ impl ChannelMap {
         self.sticks.map(|stick| stick.channel)
     }
 
-    /// Returns the travels of the sticks thrust, roll, pitch and yaw from sent channels: the inverse of
+    /// Returns the channel of the arming switch, as an index.
+    #[must_use]
+    pub fn arming_channel(&self) -> Option<usize> {
+        self.arming.map(|(channel, _)| channel)
+    }
+
+    /// Returns the travels of the sticks thrust, roll, pitch and yaw from received channels: the inverse of
     /// [`ChannelMap::travels`], except for failsafe.
     #[must_use]
-    pub fn stick_travels(&self, sent: &Travels) -> [f64; 4] {
+    pub fn stick_travels(&self, received: &[f64; 16]) -> [f64; 4] {
         self.sticks.map(|stick| {
             let [low, high] = stick.ends;
-            2.0 * (sent[stick.channel] - low) / (high - low) - 1.0
+            2.0 * (received[stick.channel] - low) / (high - low) - 1.0
         })
     }
 
-    /// Returns whether these channels let the motors turn: the arming switch is nearer to its travel armed. Without
+    /// Returns whether received channels let the motors turn: the arming switch is nearer to its travel armed. Without
     /// such a switch they always do.
     #[must_use]
-    pub fn is_armed(&self, sent: &Travels) -> bool {
+    pub fn is_armed(&self, received: &[f64; 16]) -> bool {
         self.arming.is_none_or(|(channel, [disarmed, armed])| {
-            (sent[channel] - armed).abs() < (sent[channel] - disarmed).abs()
+            (received[channel] - armed).abs() < (received[channel] - disarmed).abs()
         })
     }
 
@@ -129,8 +202,8 @@ impl ChannelMap {
         clippy::cast_sign_loss,
         reason = "a whole number from 0 to the largest code, of at most 16 bits"
     )]
-    pub fn code(&self, travel: f64) -> u16 {
-        libm::round((travel.clamp(-1.0, 1.0) + 1.0) / 2.0 * self.largest_code) as u16
+    pub fn code(&self, travel: StickTravel) -> u16 {
+        libm::round((travel.0 + 1.0) / 2.0 * self.largest_code) as u16
     }
 }
 
@@ -146,6 +219,8 @@ pub struct Units {
     pub ends: [u16; 2],
     /// Smallest and largest code of the link.
     pub limits: [u16; 2],
+    /// Codes of channels that are not stated: the link's word for *leave it*, or −100 % where it has none.
+    pub unstated: ChannelCodes,
 }
 
 impl Units {
@@ -153,7 +228,13 @@ impl Units {
     #[must_use]
     #[inline]
     pub fn codes(&self, travels: &Travels) -> ChannelCodes {
-        travels.map(|travel| self.code(travel))
+        let mut codes = self.unstated;
+        for (code, travel) in codes.iter_mut().zip(travels) {
+            if let Some(travel) = travel {
+                *code = self.code(travel.0);
+            }
+        }
+        codes
     }
 
     #[inline]
@@ -197,38 +278,78 @@ mod tests {
         }
     }
 
-    #[test]
-    fn sticks_go_where_the_order_says_and_turn_around_where_they_are_reversed() {
-        let map = ChannelMap::new(&RcLink::default(), &transmitter());
-        let sticks = Sticks {
-            codes: [2047, 2047, 2047, 0],
-            failsafe: false,
-            is_lost: false,
-            disarmed: false,
-        };
-        let travels = map.travels(&sticks);
-        assert_eq!(travels[..8], [1.1, 1.0, -1.0, -1.0, 1.0, -1.0, 0.5, -1.0]);
+    /// The first eight travels as numbers.
+    fn numbers(travels: &Travels) -> [Option<f64>; 8] {
+        std::array::from_fn(|channel| travels[channel].map(SentTravel::value))
     }
 
     #[test]
-    fn failsafe_frames_are_disarmed_and_carry_the_failsafe_travels_as_they_are() {
+    fn sticks_go_where_the_order_says_and_turn_around_where_they_are_reversed() {
         let map = ChannelMap::new(&RcLink::default(), &transmitter());
-        let travels = map.travels(&Sticks::AT_REST);
-        assert_eq!(travels[..8], [-1.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.5, -1.0]);
+        let travels = map.travels(&Sticks::flying([2047, 2047, 2047, 0]));
+        let [thrust, roll, pitch, yaw] = [1.1, 1.0, -1.0, -1.0].map(Some);
+        let switches = [Some(1.0), None, Some(0.5), None];
+        assert_eq!(numbers(&travels)[..4], [thrust, roll, pitch, yaw]);
+        assert_eq!(numbers(&travels)[4..], switches);
+    }
+
+    #[test]
+    fn stated_failsafe_travels_are_sent_as_they_are() {
+        let stated = Transmitter {
+            failsafe: Some([-1.1, 0.1, 0.2, 0.3]),
+            others: Some(-0.5),
+            ..transmitter()
+        };
+        let travels = ChannelMap::new(&RcLink::default(), &stated).travels(&Sticks::AT_REST);
+        let wanted = [-1.1, 0.1, 0.2, 0.3, -1.0, -0.5, 0.5, -0.5].map(Some);
+        assert_eq!(numbers(&travels), wanted);
+    }
+
+    #[test]
+    fn the_motors_stop_at_the_end_of_the_channel_that_means_the_least_thrust() {
+        for (slope, reversed, [low, high], wanted) in [
+            (3.138, "", [-1.0, 1.0], -1.0),
+            (3.138, "T", [-1.0, 1.0], 1.0),
+            (-3.138, "", [-1.0, 1.0], 1.0),
+            (-3.138, "T", [-1.0, 1.0], -1.0),
+            // Not less than the link's own end, and as far as the stick goes.
+            (3.138, "", [-0.9, 0.8], -1.0),
+            (3.138, "T", [-0.9, 0.8], 1.0),
+            (3.138, "", [-1.1, 1.15], -1.1),
+            (3.138, "T", [-1.1, 1.15], 1.15),
+        ] {
+            let link = RcLink {
+                thrust_slope: slope,
+                ..RcLink::default()
+            };
+            let stated = Transmitter {
+                reversed: reversed.to_owned(),
+                thrust_ends: [low, high],
+                rate_ends: [-1.0, 0.8],
+                order: "TAER".to_owned(),
+                ..Transmitter::default()
+            };
+            let map = ChannelMap::new(&link, &stated);
+            let [thrust, rates @ ..] = numbers(&map.travels(&Sticks::AT_REST));
+            assert_eq!(thrust, Some(wanted), "{slope} {reversed:?} {low} {high}");
+            // No rate is the middle of what is sent.
+            for rate in &rates[..3] {
+                assert!((rate.unwrap() + 0.1).abs() < 1e-12);
+            }
+        }
     }
 
     #[test]
     fn sticks_move_while_the_arming_switch_stays_off() {
         let map = ChannelMap::new(&RcLink::default(), &transmitter());
         let sticks = Sticks {
-            codes: [1, -1, 0, 1].map(|travel| map.code(f64::from(travel))),
             disarmed: true,
-            ..Sticks::default()
+            ..Sticks::flying([1, -1, 0, 1].map(|travel| map.code(StickTravel::new(f64::from(travel)))))
         };
-        let travels = map.travels(&sticks);
+        let travels = numbers(&map.travels(&sticks));
         assert_eq!(
-            (travels[0], travels[1], travels[3], travels[4]),
-            (1.1, -1.0, 1.0, -1.0)
+            [travels[0], travels[1], travels[3], travels[4]],
+            [1.1, -1.0, 1.0, -1.0].map(Some)
         );
     }
 
@@ -242,6 +363,7 @@ mod tests {
             let units = Units {
                 ends,
                 limits: [0, 2047],
+                unstated: [0; 16],
             };
             assert_eq!(
                 [-1.0, 0.0, 1.0].map(|travel| units.code(travel)),
@@ -255,7 +377,7 @@ mod tests {
         #[test]
         fn a_code_of_the_link_is_at_most_half_a_step_from_the_travel(travel in -1.0..=1.0f64) {
             for ends in [crate::crsf::ENDS, crate::multi::ENDS, crate::msp::ENDS] {
-                let units = Units { ends, limits: [0, 2047] };
+                let units = Units { ends, limits: [0, 2047], unstated: [0; 16] };
                 let step = 2.0 / f64::from(ends[1] - ends[0]);
                 let error = units.travel(units.code(travel)) - travel;
                 prop_assert!(error.abs() <= 0.5 * step + 1e-12, "{} of {}", error, step);

@@ -2,7 +2,7 @@
 
 use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 
-use crate::channel_map::{ChannelMap, Travels, Units};
+use crate::channel_map::{ChannelMap, Units};
 use crate::frame::Frame;
 use crate::mavlink::{AttitudeTarget, MavlinkPacket, Sender};
 use crate::sticks::Sticks;
@@ -69,8 +69,7 @@ impl Encoder {
     #[inline]
     pub fn encode(&mut self, sticks: &Sticks, failsafe: bool, now_ns: u64, frame: &mut Frame) {
         frame.clear();
-        let travels = self.map.travels(sticks);
-        let codes = self.units().codes(&travels);
+        let codes = self.units().codes(&self.map.travels(sticks));
         match &mut self.format {
             Format::Crsf => frame.push(&crsf::encode(&codes)),
             Format::Sbus => {
@@ -88,9 +87,7 @@ impl Encoder {
                         target: format.target,
                         channels: codes,
                     },
-                    MavlinkMessage::AttitudeTarget => {
-                        format.attitude_target(&self.map, sticks, &travels, now_ns)
-                    }
+                    MavlinkMessage::AttitudeTarget => format.attitude_target(&self.map, sticks, now_ns),
                 };
                 format.push(&message, now_ns, frame);
             }
@@ -108,7 +105,15 @@ impl Encoder {
             Format::Msp => (msp::ENDS, PULSES),
             Format::Mavlink(_) => (mavlink::ENDS, PULSES),
         };
-        Units { ends, limits }
+        let unstated = match self.format {
+            Format::Mavlink(_) => mavlink::LEFT_ALONE,
+            _ => [ends[0]; 16],
+        };
+        Units {
+            ends,
+            limits,
+            unstated,
+        }
     }
 
     /// Returns the channel map.
@@ -141,31 +146,23 @@ impl MavlinkFormat {
         }
     }
 
-    /// Returns the body rates that the sticks mean, and the thrust as the share that its channel would have.
+    /// Returns the body rates and the thrust that the sticks mean: the message has no channels, so that neither their
+    /// ends nor their reversal act on it.
     #[inline]
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the message has numbers of 32 bits"
     )]
-    fn attitude_target(
-        &mut self,
-        map: &ChannelMap,
-        sticks: &Sticks,
-        travels: &Travels,
-        now_ns: u64,
-    ) -> MavlinkPacket {
+    fn attitude_target(&mut self, map: &ChannelMap, sticks: &Sticks, now_ns: u64) -> MavlinkPacket {
         let began = *self.began_ns.get_or_insert(now_ns);
         let rate = |axis: usize| {
-            if sticks.failsafe {
-                0.0
-            } else {
-                (self.rate_slope[axis] * map.travel(sticks.codes[axis + 1])) as f32
-            }
+            let travel = sticks.codes.map(|codes| map.travel(codes[axis + 1]).value());
+            travel.map_or(0.0, |travel| (self.rate_slope[axis] * travel) as f32)
         };
         MavlinkPacket::AttitudeTarget(AttitudeTarget {
             time_ms: (now_ns.saturating_sub(began) / 1_000_000) as u32,
             rates_body: [0, 1, 2].map(rate),
-            thrust: ((travels[map.stick_channels()[0]] + 1.0) / 2.0).clamp(0.0, 1.0) as f32,
+            thrust: map.thrust_share(sticks) as f32,
             target: self.target,
         })
     }

@@ -165,12 +165,7 @@ mod tests {
         }
     }
 
-    const FLYING: Sticks = Sticks {
-        codes: [1000; 4],
-        failsafe: false,
-        is_lost: false,
-        disarmed: false,
-    };
+    const FLYING: Sticks = Sticks::flying([1000; 4]);
     const LOST: Sticks = Sticks {
         is_lost: true,
         ..Sticks::AT_REST

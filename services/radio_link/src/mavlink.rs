@@ -14,6 +14,21 @@ use crate::{ChannelCodes, DecodeError};
 /// Pulses at −100 and 100 %, µs.
 pub const ENDS: [u16; 2] = [1000, 2000];
 
+/// Fields of `RC_CHANNELS_OVERRIDE` that leave a channel as it is: of the first eight `UINT16_MAX`, of the others 0, as
+/// in a message that is too short to have them.
+pub const LEFT_ALONE: ChannelCodes = {
+    let mut fields = [0; 16];
+    let mut channel = 0;
+    while channel < FIRST {
+        fields[channel] = u16::MAX;
+        channel += 1;
+    }
+    fields
+};
+
+/// Channels of `RC_CHANNELS_OVERRIDE` whose fields are of the first definition: 0 gives them back to the radio.
+const FIRST: usize = 8;
+
 const START: u8 = 0xfd;
 /// Bytes before the payload.
 const HEADER: usize = 10;
@@ -40,7 +55,7 @@ pub enum MavlinkPacket {
     RcOverride {
         /// The autopilot's system and component.
         target: [u8; 2],
-        /// Pulses of the channels, µs.
+        /// Fields of the channels: pulses in µs, or values that leave a channel alone or give it back.
         channels: ChannelCodes,
     },
 }
@@ -56,6 +71,28 @@ pub struct AttitudeTarget {
     pub thrust: f32,
     /// The autopilot's system and component.
     pub target: [u8; 2],
+}
+
+/// Channels that an autopilot takes from `RC_CHANNELS_OVERRIDE` in place of those of its radio.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Overrides {
+    /// Pulses, µs; 0 for channels that are the radio's.
+    pub pulses: ChannelCodes,
+}
+
+impl Overrides {
+    /// Takes the fields of a message.
+    pub fn take(&mut self, fields: &ChannelCodes) {
+        for (channel, (pulse, &field)) in self.pulses.iter_mut().zip(fields).enumerate() {
+            *pulse = match field {
+                u16::MAX => *pulse,
+                0 if channel >= FIRST => *pulse,
+                // Given back to the radio.
+                0xfffe if channel >= FIRST => 0,
+                pulse => pulse,
+            };
+        }
+    }
 }
 
 /// Number, length of the payload and the byte that stands for the definition.

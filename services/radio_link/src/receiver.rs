@@ -8,7 +8,7 @@ use scenario::{RadioProtocol, RcLink, Transmitter};
 
 use crate::channel_map::{ChannelMap, Units};
 use crate::encoder::Encoder;
-use crate::mavlink::MavlinkPacket;
+use crate::mavlink::{MavlinkPacket, Overrides};
 use crate::{ChannelCodes, DecodeError, crsf, mavlink, msp, multi, sbus};
 
 /// Bytes of an unfinished frame that are kept: more than any frame has.
@@ -55,7 +55,8 @@ pub struct Receiver {
     protocol: RadioProtocol,
     map: ChannelMap,
     units: Units,
-    rate_slope: [f64; 3],
+    link: RcLink,
+    overrides: Overrides,
     bytes: Vec<u8>,
     heard: ReceivedCommands,
 }
@@ -64,6 +65,8 @@ pub struct Receiver {
 enum First {
     /// A frame of so many bytes with channels.
     Channels(usize, ChannelCodes, bool),
+    /// A frame of so many bytes with fields that override channels.
+    Override(usize, ChannelCodes),
     /// A frame of so many bytes with body rates, rad/s, and thrust as a share.
     Rates(usize, [f64; 3], f64),
     /// A frame of so many bytes without a command.
@@ -83,7 +86,8 @@ impl Receiver {
             protocol: link.link,
             map: encoder.map().clone(),
             units: encoder.units(),
-            rate_slope: link.rate_slope,
+            link: link.clone(),
+            overrides: Overrides::default(),
             bytes: Vec::with_capacity(KEPT),
             heard: ReceivedCommands::default(),
         })
@@ -96,6 +100,7 @@ impl Receiver {
         while at < self.bytes.len() {
             let (length, command) = match self.first(&self.bytes[at..]) {
                 First::Channels(length, codes, is_lost) => (length, Some(self.of_channels(&codes, is_lost))),
+                First::Override(length, fields) => (length, Some(self.of_overrides(&fields))),
                 First::Rates(length, rates, share) => (length, Some(self.of_rates(rates, share))),
                 First::Other(length) => (length, None),
                 First::Unfinished if self.bytes.len() - at < KEPT => break,
@@ -150,11 +155,32 @@ impl Receiver {
         }
     }
 
+    /// A channel that is not overridden is the radio's, and here nobody holds one: the motors stop.
+    fn of_overrides(&mut self, fields: &ChannelCodes) -> Command {
+        self.overrides.take(fields);
+        let pulses = self.overrides.pulses;
+        let needed = self
+            .map
+            .stick_channels()
+            .into_iter()
+            .chain(self.map.arming_channel());
+        let is_missing = needed.into_iter().any(|channel| pulses[channel] == 0);
+        self.of_channels(&pulses, is_missing)
+    }
+
+    /// By the definition of `SET_ATTITUDE_TARGET`: the rates are those about the body's axes, and the thrust is a share
+    /// of the way from the least to the largest thrust, whatever channels and sticks a transmitter has.
     fn of_rates(&self, rates: [f64; 3], share: f64) -> Command {
-        let mut sent = [0.0; 16];
-        sent[self.map.stick_channels()[0]] = 2.0 * share - 1.0;
-        let [thrust, ..] = self.map.stick_travels(&sent);
-        let [roll, pitch, yaw] = std::array::from_fn(|axis| rates[axis] / self.rate_slope[axis]);
+        let RcLink {
+            thrust_offset: offset,
+            thrust_slope: slope,
+            rate_slope,
+            ..
+        } = &self.link;
+        let (least, largest) = (offset - slope.abs(), offset + slope.abs());
+        let asked = least + share * (largest - least);
+        let thrust = (asked - offset) / slope;
+        let [roll, pitch, yaw] = std::array::from_fn(|axis| rates[axis] / rate_slope[axis]);
         Command {
             codes: [0; 16],
             travels: [thrust, roll, pitch, yaw],
@@ -178,9 +204,7 @@ fn fixed(
 
 fn of_mavlink(bytes: &[u8]) -> First {
     match mavlink::decode(bytes) {
-        Ok((MavlinkPacket::RcOverride { channels, .. }, _, _, length)) => {
-            First::Channels(length, channels, false)
-        }
+        Ok((MavlinkPacket::RcOverride { channels, .. }, _, _, length)) => First::Override(length, channels),
         Ok((MavlinkPacket::AttitudeTarget(target), _, _, length)) => {
             First::Rates(length, target.rates_body.map(f64::from), f64::from(target.thrust))
         }

@@ -5,12 +5,11 @@ use std::sync::atomic::{AtomicU64, Ordering, fence};
 use shared_types::samples::RcFrame;
 
 /// Sticks of a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sticks {
-    /// Codes of thrust, roll rate, pitch rate and yaw rate, as in the frame.
-    pub codes: [u16; 4],
-    /// `true` if the motors are to stop.
-    pub failsafe: bool,
+    /// Codes of thrust, roll rate, pitch rate and yaw rate, as in the frame; `None` if the motors are to stop: no code
+    /// means that on every link.
+    pub codes: Option<[u16; 4]>,
     /// `true` if they are to stop because the transmitter has lost its inputs, not because of a request.
     pub is_lost: bool,
     /// `true` if the arming switch stays off in any case: to try the sticks on the ground.
@@ -20,11 +19,20 @@ pub struct Sticks {
 impl Sticks {
     /// Sticks that stop the motors.
     pub const AT_REST: Self = Self {
-        codes: [0; 4],
-        failsafe: true,
+        codes: None,
         is_lost: false,
         disarmed: true,
     };
+
+    /// Returns sticks that fly.
+    #[must_use]
+    pub const fn flying(codes: [u16; 4]) -> Self {
+        Self {
+            codes: Some(codes),
+            is_lost: false,
+            disarmed: false,
+        }
+    }
 
     /// Returns the sticks of a frame. A frame without body rates has no sticks: it stops the motors.
     #[must_use]
@@ -33,8 +41,7 @@ impl Sticks {
         let [thrust, roll, pitch, yaw, ..] = frame.channels;
         let failsafe = frame.failsafe.is_set() || frame.mode != RcFrame::MODE_RATES;
         Self {
-            codes: [thrust, roll, pitch, yaw],
-            failsafe,
+            codes: (!failsafe).then_some([thrust, roll, pitch, yaw]),
             // The frames of a disarmed vehicle are failsafe frames too, but its commands go on.
             is_lost: failsafe && !frame.inputs_fresh.is_set(),
             disarmed: failsafe,
@@ -64,12 +71,13 @@ impl SticksCell {
         // The odd count becomes visible before any of the new words. Without the fence a reader could mix new words
         // with old ones under an unchanged even count.
         fence(Ordering::Release);
-        let codes = sticks.codes.iter().rev();
-        self.codes.store(
-            codes.fold(0, |word, &code| word << 16 | u64::from(code)),
-            Ordering::Relaxed,
-        );
-        let flags = [sticks.failsafe, sticks.is_lost, sticks.disarmed];
+        let codes = sticks.codes.unwrap_or_default();
+        let word = codes
+            .iter()
+            .rev()
+            .fold(0, |word, &code| word << 16 | u64::from(code));
+        self.codes.store(word, Ordering::Relaxed);
+        let flags = [sticks.codes.is_none(), sticks.is_lost, sticks.disarmed];
         let flags = flags
             .iter()
             .rev()
@@ -100,8 +108,7 @@ impl SticksCell {
         };
         (is_whole && count > 0).then(|| {
             let sticks = Sticks {
-                codes: [0, 1, 2, 3].map(code),
-                failsafe: flags & 1 != 0,
+                codes: (flags & 1 == 0).then(|| [0, 1, 2, 3].map(code)),
                 is_lost: flags & 2 != 0,
                 disarmed: flags & 4 != 0,
             };
@@ -120,8 +127,7 @@ mod tests {
         let cell = SticksCell::default();
         assert_eq!(cell.look(), None);
         let sticks = Sticks {
-            codes: [1, 0xffff, 3, 0x8000],
-            failsafe: false,
+            codes: Some([1, 0xffff, 3, 0x8000]),
             is_lost: true,
             disarmed: false,
         };
@@ -138,9 +144,9 @@ mod tests {
             scope.spawn(|| {
                 for now_ns in 1..=last {
                     let code = now_ns.to_le_bytes();
+                    let codes = [u16::from_le_bytes([code[0], code[1]]); 4];
                     let sticks = Sticks {
-                        codes: [u16::from_le_bytes([code[0], code[1]]); 4],
-                        failsafe: now_ns % 2 == 0,
+                        codes: (now_ns % 2 != 0).then_some(codes),
                         is_lost: now_ns % 3 == 0,
                         disarmed: now_ns % 5 == 0,
                     };
@@ -155,9 +161,9 @@ mod tests {
                 assert!(newest <= now_ns);
                 newest = now_ns;
                 let code = u16::from_le_bytes([now_ns.to_le_bytes()[0], now_ns.to_le_bytes()[1]]);
-                assert_eq!(sticks.codes, [code; 4]);
-                let flags = [sticks.failsafe, sticks.is_lost, sticks.disarmed];
-                assert_eq!(flags, [2, 3, 5].map(|divisor| now_ns % divisor == 0));
+                assert_eq!(sticks.codes, (now_ns % 2 != 0).then_some([code; 4]));
+                let flags = [sticks.is_lost, sticks.disarmed];
+                assert_eq!(flags, [3, 5].map(|divisor| now_ns % divisor == 0));
             }
         });
     }
@@ -172,13 +178,13 @@ mod tests {
             ..RcFrame::new_zeroed()
         };
         let disarmed = Sticks::of(&frame);
-        assert!(disarmed.failsafe && disarmed.disarmed && !disarmed.is_lost);
+        assert!(disarmed.codes.is_none() && disarmed.disarmed && !disarmed.is_lost);
         frame.inputs_fresh = false.into();
         assert!(Sticks::of(&frame).is_lost);
         frame.failsafe = false.into();
         assert_eq!(
             Sticks::of(&frame),
-            Sticks::default(),
+            Sticks::flying([0; 4]),
             "a command is followed for as long as the transmitter does"
         );
     }
@@ -189,6 +195,6 @@ mod tests {
             mode: RcFrame::MODE_TORQUE,
             ..RcFrame::new_zeroed()
         };
-        assert!(Sticks::of(&frame).failsafe);
+        assert_eq!(Sticks::of(&frame).codes, None);
     }
 }

@@ -14,6 +14,7 @@ mod judge;
 mod law;
 mod machine;
 mod motion_capture;
+mod motors_stop;
 mod operator;
 mod path;
 mod plugins;

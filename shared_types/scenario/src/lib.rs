@@ -31,6 +31,7 @@ mod safety;
 pub mod suggest;
 #[cfg(test)]
 mod tests_support;
+mod thrust_channel;
 mod timing;
 mod vehicle;
 
@@ -64,6 +65,7 @@ pub use rc_link::RcLink;
 pub use record::{Record, Recorded, Split};
 pub use safety::InputSafety;
 pub use shared_types::GRAVITY;
+pub use thrust_channel::ThrustChannel;
 pub use timing::Timing;
 pub use timing::names::EdgeName;
 pub use vehicle::{

@@ -61,13 +61,15 @@ pub struct Transmitter {
     pub arming_channel: Option<u32>,
     /// Travels of the arming switch: disarmed, which failsafe frames have, and armed.
     pub arming: [f64; 2],
-    /// Travel of every other unstated channel.
-    pub others: f64,
+    /// Travel of every other unstated channel: -1.0 unless stated, but `rc_override` of MAVLink leaves them alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub others: Option<f64>,
     /// Channels with a constant switch, such as that of the flight mode.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub switch: Vec<ChannelSwitch>,
-    /// Travels of the sticks thrust, roll, pitch and yaw in failsafe frames, as sent: neither reversed nor scaled.
-    pub failsafe: [f64; 4],
+    /// Travels of the sticks thrust, roll, pitch and yaw in failsafe frames, as sent: neither reversed nor scaled; least thrust and no rates unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failsafe: Option<[f64; 4]>,
     /// Time without commands or states before the failsafe of the link is used as well, s.
     pub silence_after: f64,
     /// Settings of `multi`.
@@ -158,9 +160,9 @@ impl Default for Transmitter {
             rate_ends: [-1.0, 1.0],
             arming_channel: None,
             arming: [-1.0, 1.0],
-            others: -1.0,
+            others: None,
             switch: Vec::new(),
-            failsafe: [-1.0, 0.0, 0.0, 0.0],
+            failsafe: None,
             silence_after: 0.5,
             multi: None,
             mavlink: None,
@@ -233,6 +235,20 @@ impl RadioProtocol {
         }
     }
 
+    /// Returns the largest travel that a channel can be sent as, in both senses: beyond it a flight controller takes
+    /// the channel for broken (pulses below 900 or above 2100 µs), or the frame has no code.
+    #[must_use]
+    pub fn largest_travel(self) -> f64 {
+        match self {
+            // 1.17 · 512 µs.
+            Self::Crsf | Self::Sbus => 1.17,
+            // The codes 0 to 2047 around 1024, 8.195 a percent.
+            Self::Multi => 1.24,
+            // 1.2 · 500 µs.
+            Self::Simulated | Self::Msp | Self::Mavlink => 1.2,
+        }
+    }
+
     /// Returns the bits of the longest frame on a serial line, start, parity and stop bits included.
     #[must_use]
     pub fn bits_per_frame(self) -> u32 {
@@ -268,5 +284,12 @@ impl Transmitter {
     #[must_use]
     pub fn baud_on(&self, link: RadioProtocol) -> u32 {
         self.baud.unwrap_or_else(|| link.baud())
+    }
+
+    /// Returns whether the frames have channels: `SET_ATTITUDE_TARGET` has none.
+    #[must_use]
+    pub fn has_channels(&self, link: RadioProtocol) -> bool {
+        let message = self.mavlink.unwrap_or_default().message;
+        link != RadioProtocol::Mavlink || message == MavlinkMessage::RcOverride
     }
 }

@@ -34,7 +34,7 @@ fn a_transmitter_is_read_as_it_is_written() {
         ("TAER", 6)
     );
     assert_eq!(transmitter.multi.unwrap().dsm, DsmProtocol::Dsm2Fast);
-    assert_eq!(transmitter.failsafe, [-1.0, 0.0, 0.0, 0.0]);
+    assert_eq!((transmitter.failsafe, transmitter.others), (None, None));
 }
 
 #[test]

@@ -258,12 +258,7 @@ fn a_sender_repeats_the_newest_sticks_and_stops_when_they_are_not_renewed() {
     let at_rest = crsf::decode(&read_frames(&master, 1)[0]).unwrap();
     // Roll, pitch and yaw in the middle, thrust at its lowest, disarmed.
     assert_eq!(at_rest[..5], [992, 992, 172, 992, 172]);
-    let sticks = Sticks {
-        codes: [2047, 0, 2047, 2047],
-        failsafe: false,
-        is_lost: false,
-        disarmed: false,
-    };
+    let sticks = Sticks::flying([2047, 0, 2047, 2047]);
     let flown = [172, 1811, 1811, 1811, 1811];
     // Sticks are put whether or not a frame has come: on a busy machine they would grow old meanwhile.
     let mut bytes = Vec::new();
@@ -308,12 +303,7 @@ fn the_last_frame_has_the_sticks_that_were_put_last() {
     let (master, path) = pseudo_terminal();
     let link = RadioLink::open(&crsf_link(&path)).unwrap().unwrap();
     let sender = Sender::start(link, 1_000_000).unwrap();
-    let flying = Sticks {
-        codes: [1000; 4],
-        failsafe: false,
-        is_lost: false,
-        disarmed: false,
-    };
+    let flying = Sticks::flying([1000; 4]);
     sender.put(&flying);
     sender.put(&Sticks::AT_REST);
     let report = sender.stop().unwrap();

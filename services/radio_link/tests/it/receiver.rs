@@ -60,10 +60,7 @@ fn heard(receiver: &mut Receiver, bytes: &[u8]) -> Vec<Command> {
 const HALF_A_STEP: f64 = 1.1e-3;
 
 fn flying(codes: [u16; 4]) -> Sticks {
-    Sticks {
-        codes,
-        ..Sticks::default()
-    }
+    Sticks::flying(codes)
 }
 
 proptest! {
@@ -75,10 +72,10 @@ proptest! {
             let [command] = heard(&mut receiver, &bytes)[..] else { panic!("{:?}", link.link) };
             prop_assert!(command.is_armed);
             for (stick, code) in codes.into_iter().enumerate() {
-                let meant = encoder.map().travel(code);
+                let meant = encoder.map().travel(code).value();
                 prop_assert!((command.travels[stick] - meant).abs() < HALF_A_STEP, "{:?}: {stick}", link.link);
             }
-            let thrust = (2.3071 + 3.138 * encoder.map().travel(codes[0])).max(0.0);
+            let thrust = (2.3071 + 3.138 * encoder.map().travel(codes[0]).value()).max(0.0);
             prop_assert!((command.thrust(&link) - thrust).abs() < 3.138 * HALF_A_STEP);
         }
     }

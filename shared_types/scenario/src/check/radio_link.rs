@@ -6,9 +6,6 @@ use std::ops::RangeInclusive;
 use super::Findings;
 use crate::{Key, Mavlink, MultiModule, RadioProtocol, RcLink, Transmitter};
 
-/// Travels that a channel can be sent as: most links reach a quarter beyond their ends.
-const TRAVELS: RangeInclusive<f64> = -1.25..=1.25;
-
 /// Channels that no stick takes, counted from 1.
 const FREE_CHANNELS: RangeInclusive<u32> = 5..=16;
 
@@ -40,20 +37,30 @@ impl RcLink {
                 "the simulated link has no transmitter",
                 "say which `link` it is: crsf, sbus, multi, msp or mavlink",
             ),
-            (Some(transmitter), link) => transmitter.check(link, &section, found),
+            (Some(transmitter), link) => {
+                let mut good = Findings::has_none(|found| self.check(at, found));
+                good &= transmitter.check(link, &section, found);
+                if good {
+                    self.check_motors_stop(transmitter, &section, found);
+                }
+            }
         }
     }
 }
 
 impl Transmitter {
-    fn check(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
+    /// Checks a transmitter. Returns whether what stops its motors can be computed.
+    fn check(&self, link: RadioProtocol, at: &Key, found: &mut Findings) -> bool {
         self.check_place(link, at, found);
         self.check_rate(link, at, found);
-        self.check_sticks(at, found);
-        self.check_switches(at, found);
-        check_travels(&self.failsafe, &at.then("failsafe"), found);
         self.check_silence(&at.then("silence_after"), found);
         self.check_own_tables(link, at, found);
+        let before = found.problems.len();
+        self.check_sticks(link, at, found);
+        self.check_switches(link, at, found);
+        let failsafe = self.failsafe.iter().flatten();
+        check_travels(link, failsafe, &at.then("failsafe"), found);
+        found.problems.len() == before
     }
 
     /// A command that is a little late is not lost.
@@ -149,7 +156,7 @@ impl Transmitter {
         }
     }
 
-    fn check_sticks(&self, at: &Key, found: &mut Findings) {
+    fn check_sticks(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
         let mut letters: Vec<char> = self.order.chars().collect();
         letters.sort_unstable();
         let mut sticks = STICKS;
@@ -174,7 +181,7 @@ impl Transmitter {
             seen.push(letter);
         }
         for (name, ends) in [("thrust_ends", &self.thrust_ends), ("rate_ends", &self.rate_ends)] {
-            let good = check_travels(ends, &at.then(name), found);
+            let good = check_travels(link, ends, &at.then(name), found);
             if good && ends[0] >= ends[1] {
                 found.add(
                     at.then(name),
@@ -186,9 +193,9 @@ impl Transmitter {
     }
 
     /// Requires a separate channel for every switch.
-    fn check_switches(&self, at: &Key, found: &mut Findings) {
-        check_travels(&[self.others], &at.then("others"), found);
-        if check_travels(&self.arming, &at.then("arming"), found) && self.arming[0] == self.arming[1] {
+    fn check_switches(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
+        check_travels(link, &self.others, &at.then("others"), found);
+        if check_travels(link, &self.arming, &at.then("arming"), found) && self.arming[0] == self.arming[1] {
             let reason = "armed and disarmed are sent alike";
             found.add(at.then("arming"), reason, "give two travels, such as [-1.0, 1.0]");
         }
@@ -213,6 +220,7 @@ impl Transmitter {
         }
         for (index, switch) in self.switch.iter().enumerate() {
             check_travels(
+                link,
                 &[switch.travel],
                 &at.then("switch").then(index).then("travel"),
                 found,
@@ -278,16 +286,19 @@ impl Mavlink {
     }
 }
 
-fn check_travels(travels: &[f64], key: &Key, found: &mut Findings) -> bool {
-    let wrong = travels.iter().find(|travel| !TRAVELS.contains(travel));
+fn check_travels<'a>(
+    link: RadioProtocol,
+    travels: impl IntoIterator<Item = &'a f64>,
+    key: &Key,
+    found: &mut Findings,
+) -> bool {
+    let most = link.largest_travel();
+    let mut travels = travels.into_iter();
+    let wrong = travels.find(|travel| !(-most..=most).contains(*travel));
     if let Some(travel) = wrong {
-        let (least, most) = (TRAVELS.start(), TRAVELS.end());
-        let reason = format!("{travel:?} is no travel of a channel");
-        found.add(
-            key.clone(),
-            reason,
-            format!("give travels from {least:?} to {most:?}; 1 is 100 %"),
-        );
+        let reason = format!("{travel:?} is no travel of a channel of `{}`", link.name());
+        let fix = format!("give travels from {:?} to {most:?}; 1 is 100 %", -most);
+        found.add(key.clone(), reason, fix);
     }
     wrong.is_none()
 }

@@ -2,6 +2,7 @@ mod flight;
 mod judge;
 mod law;
 mod machine;
+mod motors_stop;
 mod programs;
 mod radio_link;
 mod record;

@@ -172,8 +172,12 @@ fn channels_that_no_receiver_would_understand_are_refused() {
             ".rate_ends",
             "1.5 is no travel",
         ),
-        (|stated| stated.failsafe[2] = f64::NAN, ".failsafe", "no travel"),
-        (|stated| stated.others = -2.0, ".others", "no travel"),
+        (
+            |stated| stated.failsafe = Some([-1.0, 0.0, f64::NAN, 0.0]),
+            ".failsafe",
+            "no travel",
+        ),
+        (|stated| stated.others = Some(-2.0), ".others", "no travel"),
         (|stated| stated.arming = [1.0, 1.0], ".arming", "sent alike"),
         (
             |stated| stated.arming_channel = Some(4),

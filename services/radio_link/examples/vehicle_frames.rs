@@ -1,0 +1,51 @@
+//! Frames for other programs to understand: `vehicle_frames FILE`.
+//!
+//! Writes a line of JSON a frame: the vehicle as its receiver reads pulses, what was asked for (`null` for what stops the
+//! motors), the largest error, and the frame. They are the cases of the test `meaning`, of whose map no line says a word.
+
+use std::error::Error;
+use std::fmt::Write as _;
+
+use radio_link::encoder::Encoder;
+use radio_link::frame::Frame;
+
+#[path = "../tests/it/vehicles.rs"]
+mod vehicles;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let path = std::env::args().nth(1).ok_or("usage: vehicle_frames FILE")?;
+    let mut lines = String::new();
+    for case in vehicles::cases() {
+        let vehicle = &case.vehicle;
+        let transmitter = case.link.transmitter.as_ref().ok_or("every case has one")?;
+        let mut encoder = Encoder::new(&case.link, transmitter).ok_or("no case is simulated")?;
+        let channels: Vec<_> = ['T', 'A', 'E', 'R']
+            .iter()
+            .filter_map(|letter| transmitter.order.find(*letter))
+            .collect();
+        for (sticks, asked) in vehicles::asked(&case) {
+            let mut frame = Frame::default();
+            encoder.encode(&sticks, false, 0, &mut frame);
+            let asked = asked.map_or("null".to_owned(), |asked| format!("{asked:?}"));
+            write!(
+                lines,
+                "{{\"link\":\"{}\",\"channels\":{channels:?},\"thrust\":{:?},\"largest\":{:?},\"idle_share\":{:?},\
+                 \"rates\":{:?},\"rate\":{:?},\"stopped\":{:?},\"tolerance\":{:?},\"asked\":{asked},\"frame\":\"",
+                case.link.link.name(),
+                vehicle.thrust,
+                vehicles::LARGEST,
+                case.idle_share,
+                vehicle.rates,
+                vehicle.rate,
+                case.stopped(),
+                case.tolerance,
+            )?;
+            for byte in frame.bytes() {
+                write!(lines, "{byte:02x}")?;
+            }
+            lines.push_str("\"}\n");
+        }
+    }
+    std::fs::write(path, lines)?;
+    Ok(())
+}

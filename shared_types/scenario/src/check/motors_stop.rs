@@ -1,0 +1,94 @@
+//! Frames that stop the motors, and a receiver that gets none, ask for no thrust.
+
+use super::{Findings, six_digits};
+use crate::{Key, RcLink, ThrustChannel, Transmitter};
+
+/// Share of the largest thrust up to which motors count as stopped: calibrations are fitted, and are not exact.
+const STOPPED: f64 = 0.01;
+
+/// Travel of a channel that is lost or not there, as receivers give it: the link's −100 %.
+const ABSENT: f64 = -1.0;
+
+impl RcLink {
+    /// Checks what stops the motors of a link that is valid otherwise.
+    pub(super) fn check_motors_stop(&self, transmitter: &Transmitter, at: &Key, found: &mut Findings) {
+        if transmitter.has_channels(self.link) {
+            self.check_channel(transmitter, at, found);
+        } else {
+            self.check_share(transmitter, at, found);
+        }
+    }
+
+    /// Returns whether a thrust, N, turns the motors.
+    fn turns_motors(&self, thrust: f64) -> bool {
+        thrust > STOPPED * (self.thrust_offset + self.thrust_slope.abs())
+    }
+
+    fn check_channel(&self, transmitter: &Transmitter, at: &Key, found: &mut Findings) {
+        let channel = ThrustChannel::new(self, transmitter);
+        let least = channel.thrust(channel.at_rest());
+        let stated = transmitter.failsafe.map(|[travel, ..]| travel);
+        let stopped = stated.map_or(least, |travel| channel.thrust(travel));
+        // With an arming switch a link may have no travel without thrust.
+        if let Some(travel) = stated
+            && self.turns_motors(stopped - least.max(0.0))
+        {
+            let newtons = six_digits(stopped);
+            let reason = format!("a travel of {travel:?} of the thrust channel asks for {newtons} N");
+            let fix = format!(
+                "leave `failsafe` out, or give {:?} as its first travel, which asks for the least",
+                channel.at_rest()
+            );
+            found.add(at.then("failsafe"), reason, fix);
+            return;
+        }
+        if transmitter.arming_channel.is_some() {
+            return;
+        }
+        let absent = channel.thrust(ABSENT);
+        if self.turns_motors(stopped) {
+            let reason = format!(
+                "no switch stops the motors, and the least that the thrust channel asks for is {} N",
+                six_digits(stopped)
+            );
+            let fix = "state `arming_channel`, or check `thrust_offset` and `thrust_slope`";
+            found.add(at.then("arming_channel"), reason, fix);
+        } else if self.turns_motors(absent) {
+            let reason = format!(
+                "no switch stops the motors, and a receiver that has lost the link puts the thrust channel to -100 %, \
+                 which asks for {} N",
+                six_digits(absent)
+            );
+            let fix = "state `arming_channel`, or turn the thrust channel around at the receiver, so that -100 % is no thrust";
+            found.add(at.then("arming_channel"), reason, fix);
+        }
+    }
+
+    /// `SET_ATTITUDE_TARGET` has a share of the thrust, of which 0 is none, and no channels.
+    fn check_share(&self, transmitter: &Transmitter, at: &Key, found: &mut Findings) {
+        let least = self.thrust_offset - self.thrust_slope.abs();
+        if self.turns_motors(least) {
+            let reason = format!(
+                "a share of 0 stops the motors, but would ask for {} N",
+                six_digits(least)
+            );
+            let fix = "check `thrust_offset` and `thrust_slope`: a share of 0 is a travel of -1, or of 1 where the slope is negative";
+            found.add(at.then("mavlink").then("message"), reason, fix);
+        }
+        for (name, is_stated) in [
+            ("arming_channel", transmitter.arming_channel.is_some()),
+            ("switch", !transmitter.switch.is_empty()),
+            ("others", transmitter.others.is_some()),
+            ("failsafe", transmitter.failsafe.is_some()),
+        ] {
+            if is_stated {
+                let fix = format!("leave `{name}` out, or state `mavlink.message = \"rc_override\"`");
+                found.add(
+                    at.then(name),
+                    "the message `attitude_target` has no channels",
+                    fix,
+                );
+            }
+        }
+    }
+}
