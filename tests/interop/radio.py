@@ -69,10 +69,11 @@ def override(data):
     return [[getattr(m, f"chan{i}_raw") for i in range(1, 17)] for m in messages(data)]
 
 
-link, frames, values = sys.argv[1:]
-wanted = [[int(number) for number in line.split()] for line in open(values)]
-found = {f.__name__: f for f in (crsf, sbus, multi, mavlink, override)}[link](open(frames, "rb").read())
-assert len(found) == len(wanted), f"{link}: {len(found)} frames of {len(wanted)}"
-for number, (one, other) in enumerate(zip(found, wanted)):
-    assert list(one) == other, f"{link}: frame {number} carries {other}, read as {list(one)}"
-print(f"{link}: {len(found)} frames read exactly")
+if __name__ == "__main__":
+    link, frames, values = sys.argv[1:]
+    wanted = [[int(number) for number in line.split()] for line in open(values)]
+    found = {f.__name__: f for f in (crsf, sbus, multi, mavlink, override)}[link](open(frames, "rb").read())
+    assert len(found) == len(wanted), f"{link}: {len(found)} frames of {len(wanted)}"
+    for number, (one, other) in enumerate(zip(found, wanted)):
+        assert list(one) == other, f"{link}: frame {number} carries {other}, read as {list(one)}"
+    print(f"{link}: {len(found)} frames read exactly")

