@@ -189,7 +189,7 @@ mod tests {
     }
 
     /// Returns the last frame that a receiver gets of a transmitter with frames of these thrusts.
-    fn last_frame(thrusts: &[f64]) -> radio_link::ChannelCodes {
+    fn last_frame(thrusts: &[f64], reversed: &str) -> radio_link::ChannelCodes {
         let receiver = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
         grantpt(&receiver).unwrap();
         unlockpt(&receiver).unwrap();
@@ -199,6 +199,7 @@ mod tests {
             transmitter: Some(Stated {
                 device: Some(device),
                 arming_channel: Some(5),
+                reversed: reversed.to_owned(),
                 ..Stated::default()
             }),
             ..RcLink::default()
@@ -231,12 +232,13 @@ mod tests {
 
     #[test]
     fn at_the_end_the_motors_rest() {
-        assert_eq!(last_frame(&[2.0, 2.1])[..5], [992, 992, 172, 992, 172]);
+        assert_eq!(last_frame(&[2.0, 2.1], "")[..5], [992, 992, 172, 992, 172]);
+        assert_eq!(last_frame(&[2.0, 2.1], "T")[..5], [992, 992, 1811, 992, 172]);
     }
 
     #[test]
     fn a_transmitter_that_is_not_finite_leaves_the_sticks_to_its_successor() {
-        let last = last_frame(&[2.0, f64::NAN]);
+        let last = last_frame(&[2.0, f64::NAN], "");
         assert_eq!(last[4], crsf::ENDS[1], "still armed");
     }
 }
