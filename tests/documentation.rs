@@ -374,7 +374,7 @@ fn no_crate_holds_half_of_the_house() {
         let most = match member.folder.as_str() {
             "orchestrator" => 3600,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.
-            "shared_types/scenario" => 10_600,
+            "shared_types/scenario" => 11_000,
             _ => 8000,
         };
         assert!((1..=most).contains(&lines), "{}: {lines} lines", member.folder);

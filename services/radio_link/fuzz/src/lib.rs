@@ -2,19 +2,19 @@
 
 use radio_link::receiver::{Command, Receiver};
 use radio_link::{crsf, mavlink, msp, multi, sbus};
-use scenario::{Mavlink, MavlinkPacket, RadioProtocol, RcLink, Transmitter};
+use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 
 /// A receiver of every kind, the last two of `MAVLink`.
-const LINKS: [(RadioProtocol, MavlinkPacket); 6] = [
-    (RadioProtocol::Crsf, MavlinkPacket::RcOverride),
-    (RadioProtocol::Sbus, MavlinkPacket::RcOverride),
-    (RadioProtocol::Multi, MavlinkPacket::RcOverride),
-    (RadioProtocol::Msp, MavlinkPacket::RcOverride),
-    (RadioProtocol::Mavlink, MavlinkPacket::RcOverride),
-    (RadioProtocol::Mavlink, MavlinkPacket::AttitudeTarget),
+const LINKS: [(RadioProtocol, MavlinkMessage); 6] = [
+    (RadioProtocol::Crsf, MavlinkMessage::RcOverride),
+    (RadioProtocol::Sbus, MavlinkMessage::RcOverride),
+    (RadioProtocol::Multi, MavlinkMessage::RcOverride),
+    (RadioProtocol::Msp, MavlinkMessage::RcOverride),
+    (RadioProtocol::Mavlink, MavlinkMessage::RcOverride),
+    (RadioProtocol::Mavlink, MavlinkMessage::AttitudeTarget),
 ];
 
-fn receiver((link, message): (RadioProtocol, MavlinkPacket)) -> Receiver {
+fn receiver((link, message): (RadioProtocol, MavlinkMessage)) -> Receiver {
     let transmitter = Transmitter {
         arming_channel: Some(6),
         mavlink: Some(Mavlink {
@@ -31,7 +31,7 @@ fn receiver((link, message): (RadioProtocol, MavlinkPacket)) -> Receiver {
 }
 
 /// Decodes bytes that arrive in pieces of a length. Returns the commands and the number of bytes outside of frames.
-fn heard(link: (RadioProtocol, MavlinkPacket), bytes: &[u8], piece: usize) -> (Vec<Command>, u64) {
+fn heard(link: (RadioProtocol, MavlinkMessage), bytes: &[u8], piece: usize) -> (Vec<Command>, u64) {
     let mut receiver = receiver(link);
     let mut commands = Vec::new();
     for piece in bytes.chunks(piece) {
