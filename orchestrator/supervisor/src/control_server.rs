@@ -13,6 +13,7 @@ use rustix::fs::{Mode, fchmod};
 use rustix::net::sockopt::socket_peercred;
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType};
 
+use crate::postmortem::contained;
 use live::run_root::RunRoot;
 use live::{Answer, Question, SOCKET, may_operate};
 
@@ -154,7 +155,10 @@ impl Client {
             Ok((_, length)) => buffer.get(..length),
         };
         let answer = match question.map(serde_json::from_slice) {
-            Some(Ok(question)) => answer(question),
+            Some(Ok(question)) => contained(|| answer(question)).unwrap_or_else(|| {
+                let reason = "answering this is a defect of gerono, which has reported it at its own terminal; the flight goes on";
+                Answer::Refused(reason.to_owned())
+            }),
             Some(Err(error)) => Answer::Refused(format!("this cannot be understood: {error}")),
             None => Answer::Refused(format!("a question has at most {LONGEST_QUESTION} bytes")),
         };
@@ -287,6 +291,19 @@ mod tests {
             assert_eq!(server.serve(), 0);
             assert!(matches!(answer(&client), Some(Answer::Refused(_))), "{nonsense}");
         }
+        client.send(&KILL).unwrap();
+        assert_eq!(server.serve(), 1);
+    }
+
+    #[test]
+    fn a_question_whose_answer_panics_is_refused_and_the_next_is_answered() {
+        let mut server = Server::open();
+        let client = server.client();
+        client
+            .send(&Question::Set(vec!["controller.k1=5".to_owned()]))
+            .unwrap();
+        server.server.serve(|_| panic!("this question is a defect"));
+        assert!(matches!(answer(&client), Some(Answer::Refused(reason)) if reason.contains("goes on")));
         client.send(&KILL).unwrap();
         assert_eq!(server.serve(), 1);
     }

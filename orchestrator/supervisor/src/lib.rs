@@ -25,6 +25,7 @@ use std::time::Duration;
 use host::step::NonFinite;
 use scenario::{Scenario, Unflyable};
 use shared_types::{Header, Schedule, ServiceId};
+use system_limits::resource_limits;
 
 use metrics::summary::laboratory::LaboratoryReport;
 use metrics::summary::timing::TimingReport;
@@ -199,7 +200,11 @@ pub enum FlightFailure {
 impl FlightFailure {
     /// A flight that cannot begin, and the error or the sentence that says why.
     pub fn setup(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self::Setup(error.into())
+        let error = error.into();
+        match resource_limits::advice(&*error) {
+            Some(_) => Self::Setup(resource_limits::in_words(&*error).into()),
+            None => Self::Setup(error),
+        }
     }
 }
 

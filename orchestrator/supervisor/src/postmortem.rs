@@ -13,7 +13,9 @@
     reason = "signal handlers and execv can only be reached by calls of libc"
 )]
 
+use std::cell::Cell;
 use std::ffi::{CString, c_char, c_int, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::ptr::{null, null_mut};
 use std::sync::Once;
@@ -239,6 +241,19 @@ fn hexadecimal(digits: &[u8]) -> Option<usize> {
     })
 }
 
+thread_local! {
+    /// `true` while a panic of this thread ends what it does and not the flight.
+    static IS_CONTAINED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs what a client has asked for; `None` if it panicked. The flight goes on in any case.
+pub(crate) fn contained<T>(action: impl FnOnce() -> T) -> Option<T> {
+    let outer = IS_CONTAINED.replace(true);
+    let done = catch_unwind(AssertUnwindSafe(action));
+    IS_CONTAINED.set(outer);
+    done.ok()
+}
+
 /// Lets a panic of the thread that flies end the process in good order, after it was told as ever: unwinding would stop
 /// the services with the vehicle in the air.
 fn handle_panics() {
@@ -248,7 +263,7 @@ fn handle_panics() {
         let tell = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
             tell(panic);
-            if std::thread::current().id() == flying {
+            if std::thread::current().id() == flying && !IS_CONTAINED.get() {
                 give_up(
                     "it met what cannot be, see above: the run's shared memory was damaged by another program, or this is \
                      a defect of gerono",
@@ -327,6 +342,19 @@ mod tests {
         let own = std::env::current_exe().unwrap();
         assert_eq!(&name[..length], own.as_os_str().as_encoded_bytes());
         assert_eq!(mapping_at(1, &mut page, &mut name), 0);
+    }
+
+    /// Without containment this process would become another image, which ends in failure.
+    #[test]
+    fn a_panic_of_what_was_asked_for_ends_that_and_not_the_process() {
+        let prepared =
+            Postmortem::prepare(Host::RealTime, Path::new("results"), ExternalServices::default()).unwrap();
+        assert_eq!(contained(|| 1), Some(1));
+        assert_eq!(contained(|| -> i32 { panic!("a defect") }), None);
+        assert!(!IS_CONTAINED.get());
+        let plan = take_plan();
+        assert!(plan.is_some(), "the plan is there for what comes");
+        drop(prepared);
     }
 
     #[test]

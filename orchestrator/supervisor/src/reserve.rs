@@ -91,6 +91,7 @@ impl Reserve {
     ///
     /// # Errors
     /// If the file cannot be made.
+    #[expect(clippy::disallowed_methods, reason = "it is memory of the run, not a result")]
     pub fn new(prefix: &str) -> io::Result<Self> {
         let path = Path::new(shared_memory::FOLDER).join(format!("{prefix}reserve"));
         // It may be that of an orchestrator which has died.
@@ -198,6 +199,7 @@ fn allocate(segment: &Path) -> Result<u64, u64> {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use super::*;
 

@@ -1,7 +1,8 @@
 //! Control channel between the orchestrator and each service: a `SOCK_SEQPACKET` socket that the service inherits. A
 //! closed channel means that the orchestrator is gone.
 //!
-//! A message is one packet of JSON, so that a service in another language needs no more than a JSON parser.
+//! A message is one packet of JSON, so that a service in another language needs no more than a JSON parser. One that is too
+//! long for a packet, as a long scenario is, travels in a file of its own ([`packet`]).
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
@@ -17,6 +18,7 @@ use crate::crash::Crash;
 use crate::deployment::Scheduler;
 use crate::watchdog;
 use host::step::NonFinite;
+use system_limits::packet::{self, PacketError};
 
 /// Order to execute a step, with its inputs: one bit per input, in the order of the wiring table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -57,9 +59,6 @@ pub const STEP_LOG_FD: i32 = 6;
 pub const LOCK_FD: i32 = 7;
 /// File descriptor of the first service's doorbell in a service; the others' follow in the table's order.
 pub const FIRST_DOORBELL_FD: i32 = 8;
-
-/// Largest message, bytes; a scenario is far below.
-pub(crate) const MESSAGE_LIMIT: usize = 128 * 1024;
 
 /// Message of the orchestrator to a service.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -208,6 +207,9 @@ pub enum ControlError {
     /// The system refused.
     #[error("the control channel failed: {0}")]
     Io(#[from] rustix::io::Errno),
+    /// The message does not fit into its packet.
+    #[error("a message of the control channel is too long for a packet")]
+    TooLong,
     /// The message is not one of this version.
     #[error("a message of the control channel cannot be understood: {0}; are both ends of one build?")]
     Message(#[from] serde_json::Error),
@@ -256,8 +258,8 @@ impl Channel {
 
     fn send_with<M: Serialize>(&self, message: &M, flags: SendFlags) -> Result<(), ControlError> {
         let text = serde_json::to_vec(message)?;
-        match rustix::io::retry_on_intr(|| rustix::net::send(&self.0, &text, flags)) {
-            Ok(_) => Ok(()),
+        match packet::send(&self.0, &text, &[], flags) {
+            Ok(()) => Ok(()),
             Err(rustix::io::Errno::PIPE | rustix::io::Errno::CONNRESET) => Err(ControlError::Closed),
             Err(error) => Err(error.into()),
         }
@@ -312,17 +314,18 @@ impl Channel {
     }
 
     fn receive_with<M: DeserializeOwned>(&self, flags: RecvFlags) -> Result<M, ControlError> {
-        let mut buffer = vec![0; MESSAGE_LIMIT];
-        let mut receive = || rustix::io::retry_on_intr(|| rustix::net::recv(&self.0, &mut *buffer, flags));
-        let received = match receive() {
+        const RESET: PacketError = PacketError::Io(rustix::io::Errno::CONNRESET);
+        let received = match packet::receive(&self.0, flags) {
             // The other end was closed before it read everything; its last messages can still be received.
-            Err(rustix::io::Errno::CONNRESET) => receive(),
+            Err(RESET) => packet::receive(&self.0, flags),
             received => received,
         };
         match received {
-            Ok((0, _)) | Err(rustix::io::Errno::CONNRESET) => Err(ControlError::Closed),
-            Ok((length, _)) => Ok(serde_json::from_slice(&buffer[..length])?),
-            Err(error) => Err(error.into()),
+            Ok(packet) if packet.text.is_empty() => Err(ControlError::Closed),
+            Ok(packet) => Ok(serde_json::from_slice(&packet.text)?),
+            Err(RESET) => Err(ControlError::Closed),
+            Err(PacketError::Io(error)) => Err(error.into()),
+            Err(PacketError::TooLong) => Err(ControlError::TooLong),
         }
     }
 }
@@ -389,5 +392,21 @@ mod tests {
         mine.send(&ToService::Stop).unwrap();
         assert_eq!(theirs.receive::<ToService>().unwrap(), go);
         assert_eq!(theirs.receive::<ToService>().unwrap(), ToService::Stop);
+    }
+
+    #[test]
+    fn a_message_of_any_length_arrives_and_a_cut_one_is_not_blamed_on_a_build() {
+        let (mine, theirs) = Channel::pair().unwrap();
+        let theirs = Channel::inherited(theirs);
+        let long = ToOrchestrator::Failed {
+            reason: "x".repeat(1_000_000),
+        };
+        mine.send(&long).unwrap();
+        assert!(theirs.receive::<ToOrchestrator>().unwrap() == long);
+        rustix::net::send(&mine, &[b' '; 150_000], SendFlags::empty()).unwrap();
+        assert!(matches!(
+            theirs.receive::<ToOrchestrator>(),
+            Err(ControlError::TooLong)
+        ));
     }
 }

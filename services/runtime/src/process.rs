@@ -10,6 +10,7 @@ use rustix::process::DumpableBehavior;
 use scenario::{Scenario, ServiceDeployment, Unflyable};
 use shared_types::service::{Built, ErasedService};
 use shared_types::{Schedule, ServiceId};
+use system_limits::resource_limits;
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
@@ -240,7 +241,7 @@ fn report(channel: &Channel, result: Result<(), ProcessError>) -> Result<(), Pro
         ProcessError::Flight(FlightError::Stopping) => return Ok(()),
         ProcessError::Flight(FlightError::NonFinite(found)) => ToOrchestrator::NonFinite(found.clone()),
         error => ToOrchestrator::Failed {
-            reason: error.to_string(),
+            reason: resource_limits::in_words(error),
         },
     };
     // Once told, the orchestrator reports it; otherwise the error ends the process.

@@ -103,6 +103,7 @@ pub fn close_to_others(prefix: &str) -> io::Result<()> {
 }
 
 /// Replaces shared memory by a copy. Another user who has opened the original keeps memory that no process uses.
+#[expect(clippy::disallowed_methods, reason = "it is memory of a run, not a result")]
 fn close(open: &Path) -> io::Result<()> {
     let mut copy = open.to_owned().into_os_string();
     copy.push(".closed");
@@ -154,6 +155,7 @@ fn is_open_anywhere(file: &Path) -> bool {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use std::fs::File;
     use std::os::unix::fs::PermissionsExt;

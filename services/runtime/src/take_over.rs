@@ -4,8 +4,6 @@
 //! one says which service it is and what is flown, and hands over the files by which the processes of the run share
 //! their memory. That is all a new orchestrator needs. The connection is the service's control channel from then on.
 
-use std::io::{IoSlice, IoSliceMut};
-use std::mem::MaybeUninit;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -13,15 +11,13 @@ use std::time::Duration;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::Mode;
 use rustix::net::sockopt::socket_peercred;
-use rustix::net::{
-    AddressFamily, RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, SendAncillaryBuffer,
-    SendAncillaryMessage, SendFlags, SocketAddrUnix, SocketFlags, SocketType,
-};
+use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketAddrUnix, SocketFlags, SocketType};
 use rustix::process::Pid;
 use serde::{Deserialize, Serialize};
 use shared_types::ServiceId;
+use system_limits::packet;
 
-use crate::control::{Channel, MESSAGE_LIMIT, Start};
+use crate::control::{Channel, Start};
 
 /// Name of the socket in a run's place.
 pub const SOCKET: &str = "succession";
@@ -70,14 +66,8 @@ impl HandOver {
         if !is_own(&socket) {
             return None;
         }
-        let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(FILES))];
-        let mut ancillary = SendAncillaryBuffer::new(&mut space);
         let files = self.files.each_ref().map(AsFd::as_fd);
-        if !ancillary.push(SendAncillaryMessage::ScmRights(&files)) {
-            return None;
-        }
-        let text = [IoSlice::new(&self.hello)];
-        rustix::net::sendmsg(&socket, &text, &mut ancillary, SendFlags::NOSIGNAL).ok()?;
+        packet::send(&socket, &self.hello, &files, SendFlags::NOSIGNAL).ok()?;
         // From now on it is a control channel, whose reader may wait.
         rustix::io::ioctl_fionbio(&socket, false).ok()?;
         Some(Channel::inherited(socket))
@@ -142,27 +132,12 @@ impl TakeOverListener {
                 "a process of another user connected instead of a service",
             ));
         }
-        let mut text = vec![0; MESSAGE_LIMIT];
-        let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(FILES))];
-        let mut ancillary = RecvAncillaryBuffer::new(&mut space);
-        let received = rustix::net::recvmsg(
-            &line,
-            &mut [IoSliceMut::new(&mut text)],
-            &mut ancillary,
-            RecvFlags::CMSG_CLOEXEC,
-        )?;
-        let files: Vec<_> = ancillary
-            .drain()
-            .filter_map(|message| match message {
-                RecvAncillaryMessage::ScmRights(files) => Some(files),
-                _ => None,
-            })
-            .flatten()
-            .collect();
-        let files = <[OwnedFd; FILES]>::try_from(files)
+        let received = packet::receive(&line, RecvFlags::empty())
+            .map_err(|error| std::io::Error::other(format!("a service did not introduce itself: {error}")))?;
+        let files = <[OwnedFd; FILES]>::try_from(received.files)
             .map_err(|_| std::io::Error::other("a service did not hand over its files"))?;
         Ok(Some(InheritedDescriptors {
-            hello: serde_json::from_slice(&text[..received.bytes])?,
+            hello: serde_json::from_slice(&received.text)?,
             pid: socket_peercred(&line)?.pid,
             channel: Channel::inherited(line),
             files,
@@ -183,6 +158,7 @@ impl Drop for TakeOverListener {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use super::*;
     use crate::control::{Host, ToService};
@@ -203,6 +179,19 @@ mod tests {
                 host: Host::RealTime,
             },
         }
+    }
+
+    #[test]
+    fn a_scenario_of_any_length_is_handed_over() {
+        let place = tempfile::tempdir().unwrap();
+        let mut long = hello();
+        long.start.scenario.description = "x".repeat(400_000);
+        let file = std::fs::File::create(place.path().join("shared")).unwrap();
+        let hand_over = HandOver::new(place.path(), &long, [file.as_fd(); FILES]).unwrap();
+        let listener = TakeOverListener::listen(place.path()).unwrap();
+        let _line = hand_over.offer().unwrap();
+        let inherited = listener.accept(Duration::from_secs(10)).unwrap().unwrap();
+        assert!(inherited.hello == long);
     }
 
     #[test]

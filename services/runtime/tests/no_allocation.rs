@@ -2,6 +2,8 @@
 //! checkpoint and the step record. One exception lies outside of this code: iceoryx2 0.10 makes the handle of every
 //! loaned sample on the heap.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 #[path = "../../../tests/common/allocations.rs"]
 mod allocations;
 
