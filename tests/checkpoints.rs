@@ -1,6 +1,8 @@
 //! The services' states in the log: replayed services start from them, a replay of a part of a flight begins with them,
 //! and behind a gap services go on with it.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use crate::common;
 
 use std::collections::BTreeMap;

@@ -1,6 +1,8 @@
 //! Shared memory that is truncated, overwritten or full: every flight ends with an error that says so, or goes on; nothing is
 //! left behind and nobody waits for ever.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 mod common;
 
 use std::fs::{File, OpenOptions};

@@ -2,6 +2,8 @@
 //!
 //! A failure shows the text that belongs into the document; with `GERONO_BLESS=1` in the environment it is written there.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use crate::common;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -3,6 +3,8 @@
 //!
 //! The external services are processes of this very test, which `an_external_service` is when it finds itself started as one, and shells.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 mod common;
 #[path = "common/external_service.rs"]
 mod external_service;

@@ -1,6 +1,8 @@
 //! `gerono faults` as a user runs it: what it writes, that it writes the same again, that processes fly the same, and what
 //! it refuses.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use crate::common;
 
 use std::collections::BTreeMap;

@@ -2,6 +2,8 @@
 //! but themselves. The flight goes on, or ends with an error that names the service or its topic; and a user who wants its end
 //! gets it, at any moment.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 mod common;
 #[path = "common/external_service.rs"]
 mod external_service;

@@ -1,6 +1,8 @@
 //! Logs that were cut, damaged or never closed: nothing panics or hangs, all that is whole is recovered, and every command says
 //! what it has before it.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use crate::common;
 
 use std::ops::Range;

@@ -1,6 +1,8 @@
 //! Logs in several files: every command reads them as one, whatever host has flown, and however the flight ended.
 //! And logs of a part of the samples: what they have is as ever, and every command says what they have not.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use std::path::{Path, PathBuf};
 
 use crate::common::processes::{fill_the_disk_of, signal};

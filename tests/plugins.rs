@@ -1,6 +1,8 @@
 //! Plug-ins fly as built-in services do, and what they do wrong ends in a clear failure or a restart, never in a wrong
 //! log.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use std::path::Path;
 use std::process::Command;
 

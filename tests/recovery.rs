@@ -1,5 +1,7 @@
 //! Services that are killed in flight: the finished log shows nothing of it.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 mod common;
 
 use std::collections::BTreeSet;

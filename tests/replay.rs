@@ -1,6 +1,8 @@
 //! Replays: what the services make of their recorded inputs is what was recorded, whatever happened in the flight;
 //! and what is not is found.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use crate::common;
 
 use std::path::Path;

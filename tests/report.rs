@@ -1,5 +1,7 @@
 //! `gerono report`: a page that needs nothing else and shows what the logs hold, whatever became of them.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use crate::common;
 
 use std::path::{Path, PathBuf};

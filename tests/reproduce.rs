@@ -1,5 +1,7 @@
 //! `gerono reproduce` as a user runs it: what it writes, that it writes the same again, and how it ends.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use crate::common;
 
 use std::collections::BTreeMap;

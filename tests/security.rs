@@ -2,6 +2,8 @@
 //!
 //! Needs root, to act as two users whom nobody else is. Without it these tests are skipped with a message.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 mod common;
 
 use std::fs::{self, File};

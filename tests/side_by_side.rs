@@ -24,6 +24,7 @@ mod replay;
 mod replay_processes;
 mod report;
 mod reproduce;
+mod result_files;
 mod safety;
 mod sweeps;
 mod verdicts;

@@ -1,5 +1,7 @@
 //! Sweeps: shards and kills change no byte, every row can be repeated, and wrong input is refused with its reason.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use std::path::Path;
 use std::process::{Command, Stdio};
 

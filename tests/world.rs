@@ -1,6 +1,8 @@
 //! `gerono world`: a flight in real time whose vehicle, cameras and receiver are another program, met over a socket and a
 //! pseudo-terminal only.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 mod common;
 
 use std::net::TcpListener;

@@ -19,14 +19,16 @@ pub mod service;
 pub mod truth;
 pub mod world;
 
-use std::path::Path;
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
 
 use scenario::Scenario;
 use shared_types::Schedule;
 
 use crate::cli::{RecordingArguments, ScenarioArguments};
 pub use command_line::failure::Failure;
-use command_line::output::{log_path, note, print, print_as_it_is, write, write_json, write_result};
+use command_line::output::{log_path, not_written, note, print, print_as_it_is, write, write_json};
+use plugin::library_file;
 use run_log::run_folder::RunFolder;
 use run_log::{HostLogWriter, LogError, Manifest, RunLogWriter};
 use supervisor::host_record::HostRecord;
@@ -34,6 +36,17 @@ use supervisor::host_record::HostRecord;
 /// Loads the scenario that the command line asks for.
 fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
     scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed).map_err(Failure::from)
+}
+
+/// Keeps the plug-ins that fly beside the log; their copies.
+fn keep_plugins(scenario: &mut Scenario, folder: &RunFolder) -> Result<Vec<PathBuf>, Failure> {
+    let kept = RefCell::new(Vec::new());
+    let write = |path: &Path, bytes: &[u8]| {
+        kept.borrow_mut().push(path.to_owned());
+        result_file::write(path, bytes, &[])
+    };
+    library_file::keep_in(scenario, folder.path(), write).map_err(Failure::not_written)?;
+    Ok(kept.into_inner())
 }
 
 /// Begins the log of a run.

@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 use command_line::exit::Exit;
+use command_line::interrupt::survive_full_files;
 use kill_switch::arguments::OperatorCommand;
 use live::Question;
 use orchestrator::cli::{Cli, Command, Get, Operate, RcCommand, Set};
@@ -15,6 +16,10 @@ use runtime::shared_page::Request;
 
 fn main() -> ExitCode {
     manual::completion::answer(Cli::command);
+    if let Err(error) = survive_full_files() {
+        eprintln!("{error}");
+        return Exit::Trouble.into();
+    }
     let result = match Cli::parse().command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),

@@ -92,7 +92,7 @@ impl Flight {
         let path = folder.join("run.mcap");
         let manifest = Manifest::new(&self.scenario);
         let written = self.with_all(py, |samples| {
-            let mut log = RunLogWriter::create(&path, &manifest, Compression::None)?;
+            let mut log = RunLogWriter::create_result(&path, &manifest, Compression::None)?;
             memory::in_order(samples, |topic, bytes, ends_tick| {
                 if ends_tick {
                     log.end_tick(u64::read_from_bytes(bytes).expect("the end of a tick has its number"))
@@ -103,7 +103,7 @@ impl Flight {
             log.finish().map(drop)
         })?;
         written.map_err(|error: LogError| pyo3::exceptions::PyOSError::new_err(error.to_string()))?;
-        std::fs::write(folder.join("summary.json"), &self.summary)?;
+        result_file::write(&folder.join("summary.json"), &self.summary, &[])?;
         Ok(path)
     }
 }

@@ -284,7 +284,7 @@ impl FlightCommand {
             scenario: folder.path().join("fig1.toml"),
         };
         let text = toml::to_string(flight).map_err(FlightFailure::setup)?;
-        std::fs::write(&command.scenario, text).map_err(FlightFailure::setup)?;
+        result_file::write(&command.scenario, text, &[]).map_err(FlightFailure::setup)?;
         Ok(command)
     }
 }

@@ -214,6 +214,10 @@ impl Messages {
     }
 
     /// Writes them so many times with the library alone.
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "it is measured, in a folder of its own, and not kept"
+    )]
     fn write_plainly(&self, path: &Path, rounds: u64) -> McapResult<()> {
         let file = BufWriter::new(File::create(path)?);
         let mut writer: Writer<_> = WriteOptions::new().compression(None).create(file)?;

@@ -5,22 +5,28 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
 
+/// Lets a file that grows beyond its limit (SIGXFSZ) no longer end the process: the write fails, as on a full disk, and is
+/// handled there.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn survive_full_files() -> std::io::Result<()> {
+    signal_hook::flag::register_usize(SIGXFSZ, Arc::default(), 1).map(drop)
+}
+
 /// Request to end the run.
 #[derive(Clone, Debug)]
 pub struct Interrupt(Arc<AtomicUsize>);
 
 impl Interrupt {
-    /// Listens to SIGINT, SIGTERM and, unless `nohup` or its like ignores it, SIGHUP from now on. A file that grows
-    /// beyond its limit (SIGXFSZ) no longer ends the process: the write fails, as on a full disk, and is handled there.
+    /// Listens to SIGINT, SIGTERM and, unless `nohup` or its like ignores it, SIGHUP from now on.
     ///
     /// # Errors
     /// If the system does not permit it.
     pub fn install() -> std::io::Result<Self> {
         let hang_up = (!is_ignored(SIGHUP)).then_some(SIGHUP);
         let numbers: Vec<i32> = [SIGINT, SIGTERM].into_iter().chain(hang_up).collect();
-        let interrupt = Self::listen_to(&numbers)?;
-        signal_hook::flag::register_usize(SIGXFSZ, Arc::default(), 1)?;
-        Ok(interrupt)
+        Self::listen_to(&numbers)
     }
 
     /// Listens to all signals that end a program at a terminal: also SIGHUP and SIGQUIT.
@@ -40,10 +46,17 @@ impl Interrupt {
         Ok(Self(signal))
     }
 
-    /// Never raised: for flights that nobody can interrupt.
+    /// Raised by no signal: for flights that end by themselves, or by [`Self::raise`].
     #[must_use]
     pub fn never() -> Self {
         Self(Arc::new(AtomicUsize::new(0)))
+    }
+
+    /// Asks for the end as a signal of this number would.
+    pub fn raise(&self, signal: i32) {
+        // Relaxed: the number is all that is handed over.
+        self.0
+            .store(usize::try_from(signal).unwrap_or_default(), Ordering::Relaxed);
     }
 
     /// Number of the signal that asked for the end, once: a later one is another one.

@@ -3,8 +3,8 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use run_log::LogReader;
 use run_log::run_folder::log_meant_by;
-use run_log::{LogReader, make_anew, partial_path};
 use serde::Serialize;
 
 use crate::failure::Failure;
@@ -34,25 +34,7 @@ pub fn log_path(path: &Path) -> PathBuf {
     log
 }
 
-/// Writes a file of a run's results under its name once it is whole.
-///
-/// The bytes are on the disk before the name is: a process or machine that dies in between leaves no empty file.
-///
-/// # Errors
-/// [`Failure`] if it cannot be written.
-pub fn write_result(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string_pretty(value).map_err(Failure::trouble)?;
-    let partial = partial_path(path);
-    let written = make_anew(&partial).and_then(|mut file| {
-        file.write_all((text + "\n").as_bytes())?;
-        file.sync_all()
-    });
-    written
-        .and_then(|()| std::fs::rename(&partial, path))
-        .map_err(|error| not_written(path, &error))
-}
-
-/// Writes a file of results as JSON.
+/// Writes a file of results as JSON, whole or not at all ([`result_file`]).
 ///
 /// # Errors
 /// [`Failure`] if it cannot be written.
@@ -61,15 +43,17 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
     write(path, &(text + "\n"))
 }
 
-/// Writes a file of results.
+/// Writes a file of results, whole or not at all ([`result_file`]).
 ///
 /// # Errors
 /// [`Failure`] if it cannot be written.
 pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    std::fs::write(path, text).map_err(|error| not_written(path, &error))
+    result_file::write(path, text, &[]).map_err(|error| not_written(path, &error))
 }
 
-fn not_written(path: &Path, error: &std::io::Error) -> Failure {
+/// Returns the failure to write a file of results.
+#[must_use]
+pub fn not_written(path: &Path, error: &std::io::Error) -> Failure {
     Failure::not_written(format!("cannot write {}: {error}", path.display()))
 }
 

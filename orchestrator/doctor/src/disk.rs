@@ -125,6 +125,7 @@ pub fn measure(folder: &Path, free: u64, stopped: impl Fn() -> bool) -> io::Resu
     Ok(Some(written as f64 / started.elapsed().as_secs_f64()))
 }
 
+#[expect(clippy::disallowed_methods, reason = "the file loses its name at once")]
 fn nameless(folder: &Path) -> io::Result<File> {
     let path = folder.join(format!(".gerono-doctor-{}", std::process::id()));
     let file = OpenOptions::new().write(true).create_new(true).open(&path)?;

@@ -126,6 +126,7 @@ pub fn shown_cores(cores: &[u32]) -> String {
 
 /// A machine of a test: its files, and space of all its file systems.
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 pub(super) fn fake(files: &[(&str, &str)], space: Option<Space>) -> (tempfile::TempDir, HostFacts) {
     let folder = tempfile::tempdir().unwrap();
     for (path, text) in files {

@@ -14,7 +14,7 @@ use curve::Curve;
 pub use curve::Span;
 pub(crate) use curve::label;
 use metrics::tracker::StateSource;
-use run_log::LogReadError;
+use run_log::{LogReadError, files_of_log};
 use scenario::Unflyable;
 
 /// Size of a figure, pixels: as wide as a README is shown.
@@ -70,7 +70,8 @@ pub enum PlotError {
 /// [`PlotError`].
 pub fn distance(logs: &[PathBuf], span: Span, out: &Path) -> Result<(), PlotError> {
     let curves = curve::read_all(logs, span)?;
-    std::fs::write(out, draw(&curves, span)).map_err(|source| PlotError::Write {
+    let inputs: Vec<_> = logs.iter().flat_map(|log| files_of_log(log)).collect();
+    result_file::write(out, draw(&curves, span), &inputs).map_err(|source| PlotError::Write {
         path: out.to_owned(),
         source,
     })

@@ -27,7 +27,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use flight::Flight;
-use run_log::LogReadError;
+use run_log::run_folder::summary_beside;
+use run_log::{LogReadError, files_of_log, host_log_beside};
 use scenario::Unflyable;
 
 /// Name of the page.
@@ -81,10 +82,11 @@ pub fn write(logs: &[PathBuf], out: &Path) -> Result<Written, ReportError> {
         .map(|log| Flight::read(log, table::buckets(logs.len())))
         .collect::<Result<_, _>>()?;
     let figures = figures::drawn(flights.iter().filter_map(|flight| flight.paper.as_ref()));
-    let page = write_file(out, PAGE, &page::html(&flights, &figures))?;
+    let inputs: Vec<_> = logs.iter().flat_map(|log| inputs_of(log)).collect();
+    let page = write_file(out, PAGE, &page::html(&flights, &figures), &inputs)?;
     let figures = figures
         .iter()
-        .map(|figure| write_file(out, figure.file, &figure.svg))
+        .map(|figure| write_file(out, figure.file, &figure.svg, &inputs))
         .collect::<Result<_, _>>()?;
     Ok(Written {
         page,
@@ -99,7 +101,7 @@ pub fn write(logs: &[PathBuf], out: &Path) -> Result<Written, ReportError> {
 /// [`ReportError`].
 pub fn write_page(log: &Path, out: &Path) -> Result<PathBuf, ReportError> {
     let flight = Flight::read(log, table::buckets(1))?;
-    write_file(out, PAGE, &page::html(&[flight], &[]))
+    write_file(out, PAGE, &page::html(&[flight], &[]), &inputs_of(log))
 }
 
 /// Reads a log and returns its page, with the paper's figures, and why only a part of the log is whole, if so.
@@ -113,9 +115,17 @@ pub fn page(log: &Path) -> Result<(String, Option<String>), ReportError> {
     Ok((html, flight.broken))
 }
 
-fn write_file(folder: &Path, name: &str, text: &str) -> Result<PathBuf, ReportError> {
+/// Returns the files that are read for the report of a log.
+fn inputs_of(log: &Path) -> Vec<PathBuf> {
+    let mut files = files_of_log(log);
+    files.extend(host_log_beside(log));
+    files.push(summary_beside(log));
+    files
+}
+
+fn write_file(folder: &Path, name: &str, text: &str, inputs: &[PathBuf]) -> Result<PathBuf, ReportError> {
     let path = folder.join(name);
-    let written = fs::create_dir_all(folder).and_then(|()| fs::write(&path, text));
+    let written = fs::create_dir_all(folder).and_then(|()| result_file::write(&path, text, inputs));
     match written {
         Ok(()) => Ok(path),
         Err(source) => Err(ReportError::Write { path, source }),

@@ -196,6 +196,7 @@ impl Drop for Serial {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use super::*;
     use radio_link::port::{ByteFormat, Port, Sent};

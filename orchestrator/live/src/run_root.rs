@@ -17,7 +17,6 @@ use runtime::shared_memory;
 use rustix::fs::{FlockOperation, flock};
 
 use self::base::{Base, State};
-use run_log::partial_path;
 
 /// Time for which is waited for another process that makes or sweeps places; it takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -43,9 +42,11 @@ impl RunRoot {
         sweep(&base)?;
 
         let id = unused_id(&base);
+        // Before anything is made: a machine without random numbers is left as it was.
+        let prefix = unguessable_prefix(&id)?;
         let lock = base.make_place(&id)?;
         let root = Self {
-            prefix: unguessable_prefix(&id)?,
+            prefix,
             folder: base.path().join(&id),
             lock,
             is_mine: Cell::new(true),
@@ -119,9 +120,7 @@ impl RunRoot {
             self.prefix,
         );
         // Under its name it is whole: an empty one would be taken for iceoryx2's own defaults.
-        let written = partial_path(&self.configuration());
-        fs::write(&written, text)?;
-        fs::rename(written, self.configuration())
+        result_file::write(&self.configuration(), text, &[])
     }
 }
 
@@ -168,8 +167,10 @@ pub struct RunRoots {
 /// Looks for the places of this user's runs and leaves all of them as they are. Waits for nobody.
 ///
 /// # Errors
-/// If the folder for what lives no longer than the machine runs cannot be read or trusted.
+/// If the folder for what lives no longer than the machine runs cannot be read or trusted, or if no run could make a place
+/// there.
 pub fn find() -> io::Result<RunRoots> {
+    base::check_writable()?;
     let Some(base) = Base::open_existing()? else {
         return Ok(RunRoots::default());
     };
@@ -189,13 +190,15 @@ fn common_prefix(id: &str) -> String {
 /// What is random is drawn once: iceoryx2 has one configuration for a whole process, which flies its runs one after another
 /// under the same names.
 fn unguessable_prefix(id: &str) -> io::Result<String> {
+    const RANDOM: &str = "/dev/urandom";
     static DRAWN: Mutex<Option<u32>> = Mutex::new(None);
     let mut drawn = DRAWN.lock().unwrap_or_else(PoisonError::into_inner);
     let random = match *drawn {
         Some(random) => random,
         None => {
             let mut bytes = [0; 4];
-            File::open("/dev/urandom")?.read_exact(&mut bytes)?;
+            let read = File::open(RANDOM).and_then(|mut file| file.read_exact(&mut bytes));
+            read.map_err(|error| io::Error::new(error.kind(), format!("{RANDOM}: {error}")))?;
             *drawn.insert(u32::from_ne_bytes(bytes))
         }
     };
@@ -250,6 +253,7 @@ fn remove(folder: &Path, prefix: &str) -> io::Result<()> {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 

@@ -302,6 +302,7 @@ impl RunProcess {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use std::os::fd::BorrowedFd;
     use std::process::{Child, Command, Stdio};

@@ -17,7 +17,15 @@ const COLUMNS: usize = 100;
 /// What creating the folder or writing a file returns.
 pub fn write_man_pages(command: Command, folder: &Path) -> io::Result<()> {
     fs::create_dir_all(folder)?;
-    clap_mangen::generate_to(command, folder)
+    let mut command = command.disable_help_subcommand(true);
+    command.build();
+    for (_, command) in visible(&command, "") {
+        let page = Man::new(command.clone());
+        let mut text = Vec::new();
+        page.render(&mut text)?;
+        result_file::write(&folder.join(page.get_filename()), text, &[])?;
+    }
+    Ok(())
 }
 
 /// Returns the man page of the whole program.

@@ -10,6 +10,7 @@ use std::time::Duration;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{McapError, McapResult, WriteOptions, Writer};
+use result_file::ResultFile;
 use shared_types::sample::{CDR_HEADER, Record, layout_hash, msg_definition};
 
 use super::durability::Durability;
@@ -68,6 +69,20 @@ pub enum LogError {
     /// The file cannot be made.
     #[error("cannot create the log {}: {source}; choose a folder that exists and that you may write to", .path.display())]
     Create {
+        /// The file.
+        path: PathBuf,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// A file has the name of the incomplete log already.
+    #[error("{} exists already: it may be all that is left of a flight and is not overwritten; move it away, or record into another folder", .path.display())]
+    Exists {
+        /// The file, with the name of an incomplete log.
+        path: PathBuf,
+    },
+    /// A log that is made of what exists elsewhere cannot be written.
+    #[error("cannot write {}: {source}; nothing of it is kept, and what had this name before still has it", .path.display())]
+    NotMade {
         /// The file.
         path: PathBuf,
         /// The error of the system.
@@ -137,10 +152,21 @@ pub(super) struct McapFile {
     bytes: u64,
     /// `None` if the system writes to the disk when it likes.
     durability: Option<Durability>,
+    /// The file as a result that is whole or not there; `None` for the log of a flight, of which every whole chunk counts.
+    result: Option<ResultFile>,
+}
+
+/// The content of a file that is made as a result.
+#[derive(Clone, Copy)]
+pub(super) enum Content {
+    /// Samples alone.
+    Samples,
+    /// Samples, and messages of other encodings beside them, which is of no profile.
+    Mixed,
 }
 
 impl McapFile {
-    /// Creates the file under the name of an incomplete one.
+    /// Creates the file under the name of an incomplete one, which no other file may have.
     ///
     /// `chunk_bytes` closes a chunk by size; without it only [`flush`](Self::flush) does.
     pub(super) fn create(
@@ -151,6 +177,28 @@ impl McapFile {
         Self::begin(ROS2_PROFILE, new_file(path)?, path, compression, chunk_bytes)
     }
 
+    /// Begins a file that is whole or not there: one that can be made again from what exists elsewhere.
+    pub(super) fn create_result(
+        result: io::Result<ResultFile>,
+        content: Content,
+        path: &Path,
+        compression: Compression,
+        chunk_bytes: Option<u64>,
+    ) -> Result<Self, LogError> {
+        let opened = result.and_then(|result| Ok((result.try_clone()?, result)));
+        let (file, result) = opened.map_err(|source| LogError::NotMade {
+            path: path.to_owned(),
+            source,
+        })?;
+        let profile = match content {
+            Content::Samples => ROS2_PROFILE,
+            Content::Mixed => "",
+        };
+        let mut begun = Self::begin(profile, file, path, compression, chunk_bytes)?;
+        begun.result = Some(result);
+        Ok(begun)
+    }
+
     /// As [`Self::create`], over a file that is open: a device in place of a disk.
     pub(super) fn over(
         file: File,
@@ -159,15 +207,6 @@ impl McapFile {
         chunk_bytes: Option<u64>,
     ) -> Result<Self, LogError> {
         Self::begin(ROS2_PROFILE, file, path, compression, chunk_bytes)
-    }
-
-    /// Creates a file whose messages are of several encodings, which is of no profile.
-    pub(super) fn create_mixed(
-        path: &Path,
-        compression: Compression,
-        chunk_bytes: u64,
-    ) -> Result<Self, LogError> {
-        Self::begin("", new_file(path)?, path, compression, Some(chunk_bytes))
     }
 
     fn begin(
@@ -197,7 +236,22 @@ impl McapFile {
             messages: 0,
             bytes: 0,
             durability: None,
+            result: None,
         })
+    }
+
+    /// Returns the error of a write that has failed.
+    fn failed(&self, source: io::Error) -> LogError {
+        match self.result {
+            Some(_) => LogError::NotMade {
+                path: self.path.clone(),
+                source,
+            },
+            None => LogError::Write {
+                path: partial_path(&self.path),
+                source,
+            },
+        }
     }
 
     /// Forces what has been handed to the system to the disk in every `period`.
@@ -299,6 +353,10 @@ impl McapFile {
             self.end_durability()?;
         }
         self.attempt(Writer::flush)?;
+        if let Some(result) = &self.result {
+            self.bytes = result.bytes().map_err(|source| self.failed(source))?;
+            return Ok(());
+        }
         let path = partial_path(&self.path);
         match fs::symlink_metadata(&path) {
             Ok(file) => {
@@ -332,10 +390,7 @@ impl McapFile {
             .map_or(Ok(()), |mut durability| durability.end());
         result.map_err(|source| {
             self.abandon();
-            LogError::Write {
-                path: partial_path(&self.path),
-                source,
-            }
+            self.failed(source)
         })
     }
 
@@ -347,6 +402,9 @@ impl McapFile {
         self.attempt(Writer::finish)?;
         let is_durable = self.durability.is_some();
         self.end_durability()?;
+        if let Some(result) = self.result.take() {
+            return self.finish_result(result);
+        }
         let partial = partial_path(&self.path);
         let written = |source| LogError::Write {
             path: partial.clone(),
@@ -372,6 +430,19 @@ impl McapFile {
         })
     }
 
+    fn finish_result(&self, result: ResultFile) -> Result<Written, LogError> {
+        let bytes = result.bytes();
+        let finished = bytes.and_then(|bytes| result.finish().map(|()| bytes));
+        let bytes = finished.map_err(|source| LogError::NotMade {
+            path: self.path.clone(),
+            source,
+        })?;
+        Ok(Written {
+            messages: self.messages,
+            bytes,
+        })
+    }
+
     /// Does something with the file, for the last time if it fails.
     #[inline]
     fn attempt<T>(
@@ -385,10 +456,7 @@ impl McapFile {
         };
         action(writer).map_err(|error| {
             self.abandon();
-            LogError::Write {
-                path: partial_path(&self.path),
-                source: io_error(error),
-            }
+            self.failed(io_error(error))
         })
     }
 
@@ -407,21 +475,18 @@ impl Drop for McapFile {
 }
 
 /// Makes the file of an incomplete log.
+///
+/// A file of its name is not ours to remove: it may be the only copy of a flight. A symbolic link there is removed and not
+/// followed: in a folder in which others may write it leads to where they want it.
 fn new_file(path: &Path) -> Result<File, LogError> {
     let path = partial_path(path);
-    make_anew(&path).map_err(|source| LogError::Create { path, source })
-}
-
-/// Makes a file in the place of whatever has its name. A symbolic link there is removed and not followed: in a folder in
-/// which others may write it leads to where they want it.
-///
-/// # Errors
-/// The error of the system.
-pub fn make_anew(path: &Path) -> io::Result<File> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => File::options().write(true).create_new(true).open(path),
-    }
+    let is_link = fs::symlink_metadata(&path).is_ok_and(|found| found.is_symlink());
+    let removed = if is_link { fs::remove_file(&path) } else { Ok(()) };
+    let made = removed.and_then(|()| result_file::new_file(&path));
+    made.map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists => LogError::Exists { path },
+        _ => LogError::Create { path, source },
+    })
 }
 
 /// Forces the names of a file's folder to the disk.

@@ -7,8 +7,10 @@
 //! Both are MCAP files of the profile `ros2`, so that any tool that knows MCAP and CDR reads them. A sample's
 //! bytes in shared memory are its bytes in the log (see [`mod@shared_types::sample`]).
 //!
-//! Failure policy: a log has the name `<name>.partial` until it is complete. A failed write is reported once,
-//! with what to do; later writes report that the log is closed. A reader hands out nothing of a damaged chunk.
+//! Failure policy: the log of a flight has the name `<name>.partial` until it is complete, and no file that exists is removed
+//! for it. A log that is made of another one is written as every result is ([`result_file`]): whole or not at all. A failed
+//! write is reported once, with what to do; later writes report that the log is closed. A reader hands out nothing of a
+//! damaged chunk.
 
 mod csv;
 mod digest;
@@ -37,7 +39,7 @@ use std::path::{Path, PathBuf};
 pub use csv::export_csv;
 pub use digest::digest;
 pub use export::{ExportError, decode_sample, export_json};
-pub use framing::{Compression, LogError, Written, make_anew, partial_path};
+pub use framing::{Compression, LogError, Written, partial_path};
 pub use host_reader::{HostEntry, HostReadError, HostReader};
 pub use host_samples::{
     CaptureFigures, HostEvent, HostSample, LinkFigures, LoggedCheckpoint, ServiceCheckpoint, ServiceHealth,

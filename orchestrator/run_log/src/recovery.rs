@@ -17,12 +17,13 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
+use result_file::ResultFile;
 use scenario::{Recorded, Scenario};
 use shared_types::Topic;
 
 use self::channels::{Channels, Kind, Message, kinds};
 use self::scan::{Chunk, Piece, Scan};
-use super::framing::{Compression, LogError, McapFile};
+use super::framing::{Compression, Content, LogError, McapFile};
 use super::manifest::{Manifest, ManifestProblem, topics_of};
 use super::parts::{Ending, Part, ending};
 
@@ -105,9 +106,9 @@ pub fn recovered_path(log: &Path) -> PathBuf {
 /// `scenario` replaces the one in a manifest that cannot be read, and only then.
 ///
 /// # Errors
-/// [`RecoverError`]; nothing of the name `target` is left then.
+/// [`RecoverError`]; nothing of the name `target` is left then. The source stays as it is in any case.
 pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<Recovery, RecoverError> {
-    if target.exists() {
+    if target.symlink_metadata().is_ok() {
         return Err(RecoverError::Exists(target.to_owned()));
     }
     let mut kinds = kinds();
@@ -122,7 +123,14 @@ pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Res
         manifest: manifest.as_ref(),
         recovery: &recovery,
     };
-    write(source, target, &kinds, &head)?;
+    write(source, target, &kinds, &head).map_err(|error| match error {
+        RecoverError::Write(LogError::NotMade { path, source })
+            if source.kind() == io::ErrorKind::AlreadyExists =>
+        {
+            RecoverError::Exists(path)
+        }
+        other => other,
+    })?;
     Ok(recovery)
 }
 
@@ -392,8 +400,9 @@ impl<'a> Copy<'a> {
     /// Begins the new log, compressed as its first chunk was.
     fn begin(target: &Path, kinds: &'a [Kind], first: &Chunk, head: &Head<'_>) -> Result<Self, LogError> {
         let compression = Compression::of_name(&first.compression);
+        let result = ResultFile::create_new(target);
         let mut copy = Self {
-            file: McapFile::create(target, compression, None)?,
+            file: McapFile::create_result(result, Content::Samples, target, compression, None)?,
             kinds,
             channels: Channels::new(kinds),
             numbers: vec![None; kinds.len()],

@@ -74,6 +74,14 @@ impl RunFolder {
         let _ = fs::remove_dir(&self.0);
     }
 
+    /// Removes these files of the folder.
+    pub fn remove_files(&self, files: &[PathBuf]) {
+        for file in files.iter().filter(|file| file.parent() == Some(self.path())) {
+            // It fails for what is not there.
+            let _ = fs::remove_file(file);
+        }
+    }
+
     /// Removes both logs, whole or not.
     pub fn remove_logs(&self) {
         let host = self.host_log();
@@ -111,11 +119,17 @@ impl RunFolder {
     }
 }
 
+/// The summary beside a log.
+#[must_use]
+pub fn summary_beside(log: &Path) -> PathBuf {
+    log.with_file_name("summary.json")
+}
+
 /// The text of the summary beside a log; none if there is none, or if it is too long for one.
 #[must_use]
 pub fn summary_text_beside(log: &Path) -> Option<String> {
     const LONGEST: u64 = 16 << 20;
-    let path = log.with_file_name("summary.json");
+    let path = summary_beside(log);
     // A pipe of this name would be waited for without an end.
     let found = fs::metadata(&path).ok()?;
     if !found.is_file() || found.len() > LONGEST {
@@ -148,6 +162,7 @@ pub fn log_meant_by(path: &Path) -> PathBuf {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use super::*;
 

@@ -7,18 +7,42 @@ use std::path::{Path, PathBuf};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use result_file::ResultFile;
 use shared_types::Topic;
 
-use super::framing::{Compression, LogError, McapFile, Written};
+use super::framing::{Compression, Content, LogError, McapFile, Written};
 use super::manifest::Manifest;
 use super::parts::{GOES_ON, Part, goes_on_in, part_path};
 use super::topic_channels::declare_topics;
+
+/// How the files of a log are made.
+#[derive(Clone, Copy)]
+pub(super) enum Making {
+    /// Under the name of an incomplete log, which keeps every chunk of a flight that cannot be repeated.
+    Flight,
+    /// As a result: whole or not there.
+    Result,
+}
+
+impl Making {
+    /// Begins a file of the log.
+    pub(super) fn file(self, path: &Path, compression: Compression) -> Result<McapFile, LogError> {
+        match self {
+            Self::Flight => McapFile::create(path, compression, None),
+            Self::Result => {
+                let result = ResultFile::create(path, &[]);
+                McapFile::create_result(result, Content::Samples, path, compression, None)
+            }
+        }
+    }
+}
 
 /// The files of a log up to the one that is written.
 pub(super) struct Splitter {
     first: PathBuf,
     manifest: Manifest,
     compression: Compression,
+    making: Making,
     bytes: u64,
     ticks: u64,
     /// How often the files are forced to the disk, if they are.
@@ -36,7 +60,12 @@ pub(super) struct Splitter {
 
 impl Splitter {
     /// The splitter of a log with this manifest; none if the scenario does not ask for one.
-    pub(super) fn new(first: &Path, manifest: &Manifest, compression: Compression) -> Option<Self> {
+    pub(super) fn new(
+        first: &Path,
+        manifest: &Manifest,
+        compression: Compression,
+        making: Making,
+    ) -> Option<Self> {
         let split = manifest.scenario.record.as_ref()?.split?;
         let tick = manifest.scenario.schedule.tick;
         let ticks = split.after_seconds.map(|seconds| whole_ticks(seconds / tick));
@@ -44,6 +73,7 @@ impl Splitter {
             first: first.to_owned(),
             manifest: manifest.clone(),
             compression,
+            making,
             bytes: split.after_bytes.unwrap_or(u64::MAX),
             ticks: ticks.unwrap_or(u64::MAX),
             forcing: None,
@@ -101,7 +131,7 @@ impl Splitter {
     /// Begins the file of a part, whose manifest is handed to the system at once.
     fn begin(&self, part: Part) -> Result<(McapFile, [u16; Topic::ALL.len()]), LogError> {
         let path = part_path(&self.first, part.number);
-        let mut file = McapFile::create(&path, self.compression, None)?;
+        let mut file = self.making.file(&path, self.compression)?;
         file.write_metadata(Part::RECORD_NAME, part.to_metadata())?;
         file.write_metadata(Manifest::RECORD_NAME, self.manifest.to_metadata())?;
         file.flush()?;

@@ -1,5 +1,7 @@
 //! A made-up flight for tests: every topic at every tick, every byte of every sample a function of topic and tick.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use std::path::Path;
 
 use scenario::Scenario;

@@ -14,13 +14,15 @@ use std::path::{Path, PathBuf};
 use mcap::records::Metadata;
 use nalgebra::Matrix3;
 use prost::{Message, Name};
+use result_file::{ResultFile, is_one_of};
 use shared_types::rotation::{from_roll_pitch_yaw, from_row_major};
 use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
 use shared_types::{Sample, Topic};
 
 use self::scene::Placed;
-use super::framing::{Compression, LogError, McapFile, Written};
+use super::framing::{Compression, Content, LogError, McapFile, Written};
 use super::manifest::{COPY_RECORD_NAME, Manifest};
+use super::parts::files_of_log;
 use super::reader::{LogReadError, LogReader, LoggedSample};
 use super::topic_channels::declare_topics;
 
@@ -43,7 +45,7 @@ pub enum ViewError {
     #[error("the log {} does not say where the vehicle is: nothing to show in space", .0.display())]
     Nowhere(PathBuf),
     /// The copy would take the log's place.
-    #[error("{} is the log itself, which is not overwritten; name another file with `--out`", .0.display())]
+    #[error("{} is the log itself or a file of it, which is not overwritten; name another file with `--out`", .0.display())]
     Itself(PathBuf),
     /// The copy cannot be written.
     #[error(transparent)]
@@ -61,14 +63,21 @@ pub fn view_path(log: &Path) -> PathBuf {
 /// # Errors
 /// [`ViewError`].
 pub fn export_view(log: &Path, target: &Path) -> Result<Written, ViewError> {
-    if let (Ok(log), Ok(target)) = (log.canonicalize(), target.canonicalize())
-        && log == target
-    {
-        return Err(ViewError::Itself(target));
+    let inputs = files_of_log(log);
+    if is_one_of(target, &inputs) {
+        return Err(ViewError::Itself(target.to_owned()));
     }
     let survey = Survey::of(log)?;
     let mut reader = LogReader::open(log)?;
-    let mut copy = Copy::begin(target, &reader, &survey)?;
+    let result = ResultFile::create(target, &inputs);
+    let file = McapFile::create_result(
+        result,
+        Content::Mixed,
+        target,
+        survey.compression,
+        Some(CHUNK_BYTES),
+    )?;
+    let mut copy = Copy::begin(file, &reader, &survey)?;
     while let Some(logged) = reader.next_sample()? {
         copy.take(&logged)?;
     }
@@ -221,8 +230,7 @@ struct Copy {
 
 impl Copy {
     /// Begins the copy with what does not change in it.
-    fn begin(target: &Path, reader: &LogReader, survey: &Survey) -> Result<Self, LogError> {
-        let mut file = McapFile::create_mixed(target, survey.compression, CHUNK_BYTES)?;
+    fn begin(mut file: McapFile, reader: &LogReader, survey: &Survey) -> Result<Self, LogError> {
         for facts in facts(reader) {
             file.write_metadata(&facts.name, facts.metadata)?;
         }

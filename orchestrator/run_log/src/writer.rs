@@ -11,7 +11,7 @@ use shared_types::service::header_of;
 use super::framing::{Compression, LogError, McapFile, Written};
 use super::manifest::Manifest;
 use super::parts::Part;
-use super::splitter::Splitter;
+use super::splitter::{Making, Splitter};
 use super::topic_channels::declare_topics;
 
 /// Simulated time that a chunk spans, s: what a crash of the recorder may cost.
@@ -46,14 +46,32 @@ impl RunLogWriter {
     /// Creates the log under the name `<path>.partial`, with its manifest and a channel for every topic.
     ///
     /// # Errors
-    /// [`LogError::Create`] or [`LogError::Write`].
+    /// [`LogError::Create`], [`LogError::Exists`] or [`LogError::Write`].
     pub fn create(path: &Path, manifest: &Manifest, compression: Compression) -> Result<Self, LogError> {
-        Self::begin(
-            McapFile::create(path, compression, None)?,
-            path,
-            manifest,
-            compression,
-        )
+        Self::begin_as(Making::Flight, path, manifest, compression)
+    }
+
+    /// Creates a log that is whole or not there, for a flight that can be flown or written again: what has its name is
+    /// replaced in the end.
+    ///
+    /// # Errors
+    /// [`LogError::NotMade`].
+    pub fn create_result(
+        path: &Path,
+        manifest: &Manifest,
+        compression: Compression,
+    ) -> Result<Self, LogError> {
+        Self::begin_as(Making::Result, path, manifest, compression)
+    }
+
+    fn begin_as(
+        making: Making,
+        path: &Path,
+        manifest: &Manifest,
+        compression: Compression,
+    ) -> Result<Self, LogError> {
+        let file = making.file(path, compression)?;
+        Self::begin(file, making, path, manifest, compression)
     }
 
     /// As [`Self::create`], over a file that is open: a device in place of a disk.
@@ -68,6 +86,7 @@ impl RunLogWriter {
     ) -> Result<Self, LogError> {
         Self::begin(
             McapFile::over(file, path, compression, None)?,
+            Making::Flight,
             path,
             manifest,
             compression,
@@ -76,11 +95,12 @@ impl RunLogWriter {
 
     fn begin(
         mut file: McapFile,
+        making: Making,
         path: &Path,
         manifest: &Manifest,
         compression: Compression,
     ) -> Result<Self, LogError> {
-        let splitter = Splitter::new(path, manifest, compression);
+        let splitter = Splitter::new(path, manifest, compression, making);
         if let Some(splitter) = &splitter {
             file.write_metadata(Part::RECORD_NAME, splitter.part.to_metadata())?;
         }
@@ -201,6 +221,7 @@ fn chunk_ticks(tick: f64, seconds: f64) -> u64 {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use std::fs;
     use std::os::unix::fs::symlink;
@@ -380,6 +401,51 @@ mod tests {
         writer.finish().unwrap();
         assert_eq!(fs::read_to_string(precious).unwrap(), "content");
         assert!(path.symlink_metadata().unwrap().is_file());
+    }
+
+    #[test]
+    fn a_file_with_the_name_of_the_incomplete_log_is_not_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        fs::write(partial_path(&path), "the only copy").unwrap();
+        let manifest = Manifest::new(&scenario(0.01, 1.0));
+        let refused = RunLogWriter::create(&path, &manifest, Compression::None)
+            .err()
+            .unwrap();
+        assert!(matches!(refused, LogError::Exists { .. }), "{refused}");
+        RunLogWriter::create_result(&path, &manifest, Compression::None)
+            .unwrap()
+            .finish()
+            .unwrap();
+        assert!(path.exists());
+        assert_eq!(fs::read_to_string(partial_path(&path)).unwrap(), "the only copy");
+    }
+
+    #[test]
+    fn a_log_that_can_be_made_again_is_whole_or_leaves_what_was_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let split = "split = { after_seconds = 1.0 }";
+        let mut scenario = scenario(0.01, 3.0);
+        scenario.record = Some(toml::from_str(split).unwrap());
+        fs::write(&path, "before").unwrap();
+        let begun = RunLogWriter::create_result(&path, &Manifest::new(&scenario), Compression::None);
+        drop(begun.unwrap());
+        assert_eq!(fs::read_to_string(&path).unwrap(), "before");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        record(&path, &scenario, Compression::None);
+        let flown = crate::digest(&path).unwrap();
+        let mut again =
+            RunLogWriter::create_result(&path, &Manifest::new(&scenario), Compression::None).unwrap();
+        for (topic, bytes) in samples(&scenario.schedule().unwrap()) {
+            again.write(topic, &bytes).unwrap();
+            if topic.index() + 1 == Topic::ALL.len() {
+                again.end_tick(header_of(&bytes).tick).unwrap();
+            }
+        }
+        again.finish().unwrap();
+        assert_eq!(crate::digest(&path).unwrap(), flown);
+        assert!(!partial_path(&path).exists());
     }
 
     #[test]

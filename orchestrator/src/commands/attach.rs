@@ -30,7 +30,7 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
         .map_err(Failure::trouble)?;
     let flight = TakeOver::prepare(&place).map_err(Failure::trouble)?;
     let scenario = flight.scenario().clone();
-    plugin::library_file::keep_in(&mut scenario.clone(), folder.path()).map_err(Failure::not_written)?;
+    let kept = super::keep_plugins(&mut scenario.clone(), &folder)?;
     let mut record = host_record(&folder, &scenario, arguments.recording).map_err(Failure::not_written)?;
     let manifest = Manifest::new(&scenario);
     let log = run_log(&folder, &manifest, arguments.recording)
@@ -49,6 +49,7 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
         name: NAME,
         host: Host::Realtime,
         folder: &folder,
+        kept,
         quiet: arguments.quiet,
     };
     flown.conclude(sink, ending)

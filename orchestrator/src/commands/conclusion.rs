@@ -1,6 +1,8 @@
 //! The work after a recorded flight: its log is closed, its summary made, kept and shown.
 
-use super::{Failure, note, print, write_result};
+use std::path::PathBuf;
+
+use super::{Failure, note, print, write_json};
 use crate::cli::Host;
 use command_line::exit::Exit;
 use command_line::failure::report_of;
@@ -16,6 +18,8 @@ pub(super) struct FlightResult<'a> {
     pub(super) host: Host,
     /// Place where its results go.
     pub(super) folder: &'a RunFolder,
+    /// What was kept beside the log before the flight.
+    pub(super) kept: Vec<PathBuf>,
     /// `true` if nothing is shown that went well.
     pub(super) quiet: bool,
 }
@@ -39,8 +43,15 @@ impl FlightResult<'_> {
         let summary = flown.finish(self.facts(&ending));
         if has_flown_nothing(&ending.outcome, &summary) {
             self.folder.remove_logs();
+            if was_refused(&ending.outcome) {
+                // There is nothing to keep: the same command finds the folder as it was.
+                self.folder.remove_files(&self.kept);
+                self.folder.remove_if_empty();
+                self.show(&summary, &ending);
+                return Ok(exit(&ending.outcome, &summary));
+            }
         }
-        let saved = write_result(&self.folder.summary(), &summary);
+        let saved = write_json(&self.folder.summary(), &summary);
         self.show(&summary, &ending);
         saved?;
         Ok(exit(&ending.outcome, &summary))
@@ -100,6 +111,16 @@ fn has_flown_nothing(outcome: &Outcome, summary: &Summary) -> bool {
     has_failed && summary.topics.iter().all(|topic| topic.recorded == 0)
 }
 
+/// Returns whether the machine refused the run.
+fn was_refused(outcome: &Outcome) -> bool {
+    matches!(
+        outcome,
+        Outcome::Failed(
+            FlightFailure::Setup(_) | FlightFailure::NotReady { .. } | FlightFailure::NotPermitted { .. }
+        )
+    )
+}
+
 /// Returns the exit code: a failure of the machine or the log counts first, then that the flight failed, then that the
 /// vehicle was lost.
 fn exit(outcome: &Outcome, summary: &Summary) -> Exit {
@@ -108,9 +129,7 @@ fn exit(outcome: &Outcome, summary: &Summary) -> Exit {
         Outcome::Completed => Exit::Success,
         Outcome::Interrupted { signal } => Exit::Signal(*signal),
         Outcome::Failed(FlightFailure::Log(_) | FlightFailure::Record(_)) => Exit::NotWritten,
-        Outcome::Failed(
-            FlightFailure::Setup(_) | FlightFailure::NotReady { .. } | FlightFailure::NotPermitted { .. },
-        ) => Exit::Trouble,
+        outcome if was_refused(outcome) => Exit::Trouble,
         Outcome::Failed(_) => Exit::FlightFailed,
     }
 }

@@ -1,20 +1,20 @@
 //! Commands on a log without a flight: `gerono info`, `recover`, `export`, `digest` and `plot`.
 
-use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use scenario::Scenario;
 
-use super::{Failure, log_path, note, print};
+use super::{Failure, log_path, not_written, note, print};
 use crate::cli::{Digest, Export, Info, Plot, Recover};
 use command_line::exit::Exit;
 use command_line::terminal::Terminal;
 use evaluation::{info, plot};
+use result_file::ResultFile;
 use run_log::run_folder::log_meant_by;
 use run_log::{
-    Ending, ExportError, RecoverError, ViewError, ending, host_log_beside, is_whole, number_of,
-    recovered_path, written_files,
+    Ending, ExportError, LogReader, RecoverError, ViewError, ending, files_of_log, host_log_beside, is_whole,
+    number_of, recovered_path, written_files,
 };
 
 /// `gerono plot`.
@@ -49,24 +49,37 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
     if arguments.view {
         return export_view(&log, arguments.output.as_deref());
     }
-    let file = arguments.output.as_deref().filter(|path| *path != Path::new("-"));
-    let mut output: Box<dyn Write> = match file {
-        Some(path) => Box::new(
-            File::create(path)
-                .map_err(|error| Failure::not_written(format!("cannot write {}: {error}", path.display())))?,
-        ),
-        None if io::stdout().is_terminal() => Box::new(Terminal::new(io::stdout().lock())),
-        None => Box::new(io::stdout().lock()),
-    };
-    let mut buffered = BufWriter::new(&mut output);
+    match arguments.output.as_deref().filter(|path| *path != Path::new("-")) {
+        Some(path) => export_file(arguments, &log, path),
+        None if io::stdout().is_terminal() => {
+            export_lines(arguments, &log, Terminal::new(io::stdout().lock()))
+        }
+        None => export_lines(arguments, &log, io::stdout().lock()),
+    }
+}
+
+/// Writes the samples of a log to a file. A log that breaks off makes none; `-` has what comes before.
+fn export_file(arguments: &Export, log: &Path, path: &Path) -> Result<(), Failure> {
+    // Nothing is made, and no FIFO is waited for, for a log that cannot be read.
+    LogReader::open(log).map_err(Failure::trouble)?;
+    let failed = |error: io::Error| not_written(path, &error);
+    let mut file = ResultFile::create(path, &files_of_log(log)).map_err(failed)?;
+    export_lines(arguments, log, &mut file)?;
+    file.finish().map_err(failed)
+}
+
+fn export_lines(arguments: &Export, log: &Path, output: impl Write) -> Result<(), Failure> {
+    let mut buffered = BufWriter::new(output);
     let exported = match arguments.topic {
-        Some(topic) if arguments.csv => run_log::export_csv(&log, topic, arguments.every, &mut buffered),
-        topic => run_log::export_json(&log, topic, arguments.every, &mut buffered),
+        Some(topic) if arguments.csv => run_log::export_csv(log, topic, arguments.every, &mut buffered),
+        topic => run_log::export_json(log, topic, arguments.every, &mut buffered),
     };
     match exported.and_then(|()| Ok(buffered.flush()?)) {
         // A reader that stops has what it needs.
         Err(ExportError::Write(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        result => result.map_err(Failure::trouble),
+        Err(error @ ExportError::Write(_)) => Err(Failure::not_written(error)),
+        Err(error @ ExportError::Read(_)) => Err(Failure::trouble(error)),
+        Ok(()) => Ok(()),
     }
 }
 

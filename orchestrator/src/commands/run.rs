@@ -12,7 +12,6 @@ use crate::cli::{DeploymentArguments, Host, Run};
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
-use plugin::library_file;
 use run_log::Manifest;
 use run_log::run_folder::RunFolder;
 use supervisor::deployment::{Deployment, Placement};
@@ -56,7 +55,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
-    library_file::keep_in(&mut scenario, folder.path()).map_err(Failure::not_written)?;
+    let kept = super::keep_plugins(&mut scenario, &folder)?;
     let manifest = Manifest::new(&scenario);
     let mut log = run_log(&folder, &manifest, arguments.recording).map_err(Failure::not_written)?;
     if arguments.host == Host::Realtime {
@@ -74,6 +73,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         name: &name,
         host: arguments.host,
         folder: &folder,
+        kept,
         quiet: arguments.quiet,
     };
     flown.conclude(sink, ending)

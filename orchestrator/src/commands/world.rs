@@ -9,7 +9,7 @@ use scenario::{Key, Problem, Scenario};
 use serde::Serialize;
 use shared_types::service::{nanoseconds, seconds};
 
-use super::{Failure, load, print, scenario_name, schedule_of, write_result};
+use super::{Failure, load, print, scenario_name, schedule_of, write_json};
 use crate::cli::HilSimulator as Arguments;
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
@@ -55,7 +55,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         .map_or(u64::MAX, |seconds| nanoseconds(seconds) / clock.tick_ns);
     let report = world.run(ticks, &interrupt).map_err(Failure::not_written)?;
     let summary = Summary::of(&report, clock.tick_ns);
-    write_result(&folder.summary(), &summary)?;
+    write_json(&folder.summary(), &summary)?;
     if !arguments.quiet {
         print(&summary);
         print(format!("results: {}\n", folder.path().display()));

@@ -81,7 +81,11 @@ impl Judge {
     /// Records the flight as well.
     fn recorded(mut self, scenario: &Scenario, path: &Path) -> Result<Self, LogError> {
         let manifest = Manifest::new(scenario);
-        self.log = Some(RunLogWriter::create(path, &manifest, Compression::default())?);
+        self.log = Some(RunLogWriter::create_result(
+            path,
+            &manifest,
+            Compression::default(),
+        )?);
         Ok(self)
     }
 }

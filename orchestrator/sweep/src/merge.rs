@@ -6,7 +6,6 @@ use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::output::{note, print, write, write_json};
 use parquet::errors::ParquetError;
-use run_log::partial_path;
 
 use crate::arguments::Merge;
 use crate::definition::Source;
@@ -56,14 +55,13 @@ pub(crate) fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report,
         )));
     }
     let path = folder.join("results.parquet");
-    let partial = partial_path(&path);
     let not_written =
-        |error: ParquetError| Failure::not_written(format!("cannot write {}: {error}", partial.display()));
+        |error: ParquetError| Failure::not_written(format!("cannot write {}: {error}", path.display()));
     let about = [
         ("gerono.sweep", first.sweep_text.as_str()),
         ("gerono.scenario", first.scenario_text.as_str()),
     ];
-    let mut table = TableWriter::create(&partial, &prepared.layout.columns, &about).map_err(not_written)?;
+    let mut table = TableWriter::create(&path, &prepared.layout.columns, &about).map_err(not_written)?;
     let mut results = Results::new(&prepared.plan, &prepared.layout);
     for shard in &shards {
         let mut reader = ShardReader::open(&shard.path(folder))?;
@@ -90,8 +88,6 @@ pub(crate) fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report,
         }
     }
     table.finish().map_err(not_written)?;
-    std::fs::rename(&partial, &path)
-        .map_err(|error| Failure::not_written(format!("cannot write {}: {error}", path.display())))?;
     let report = Report::new(&prepared.plan, &prepared.layout, &results);
     write_json(&folder.join("sweep.json"), &report)?;
     write(&folder.join("sweep.md"), &report.markdown())?;

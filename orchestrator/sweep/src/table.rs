@@ -1,6 +1,5 @@
 //! The rows as a Parquet file, whose bytes are a function of the rows alone.
 
-use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -12,6 +11,7 @@ use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersion};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
+use result_file::ResultFile;
 
 use crate::row::{Cell, Column, Kind, Row};
 
@@ -21,7 +21,7 @@ const GROUP: usize = 8192;
 /// Writes a table, group by group.
 pub struct TableWriter {
     columns: Vec<Column>,
-    writer: SerializedFileWriter<File>,
+    writer: SerializedFileWriter<ResultFile>,
     rows: Vec<Row>,
 }
 
@@ -66,7 +66,7 @@ impl TableWriter {
             .build();
         Ok(Self {
             columns: columns.to_vec(),
-            writer: SerializedFileWriter::new(File::create(path)?, schema, Arc::new(properties))?,
+            writer: SerializedFileWriter::new(ResultFile::create(path, &[])?, schema, Arc::new(properties))?,
             rows: Vec::with_capacity(GROUP),
         })
     }
@@ -97,7 +97,7 @@ impl TableWriter {
         Ok(())
     }
 
-    /// Ends the table; it is on the disk then.
+    /// Ends the table; it is on the disk then, and has its name.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -105,8 +105,7 @@ impl TableWriter {
         if !self.rows.is_empty() {
             self.write_group()?;
         }
-        self.writer.finish()?;
-        self.writer.inner().sync_all()?;
+        self.writer.into_inner()?.finish()?;
         Ok(())
     }
 }

@@ -1,5 +1,7 @@
 //! Decoders give back what was encoded, and nothing that a stranger sends makes them panic, grow, or give half a frame.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use std::path::Path;
 
 use motion_capture::natnet::{Received, RigidBody, ServerInfo, Times, Version};

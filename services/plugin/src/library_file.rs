@@ -22,6 +22,14 @@ pub enum FileError {
         /// The error of the system.
         source: io::Error,
     },
+    /// Its copy beside the log cannot be written.
+    #[error("the plug-in cannot be copied to {}; name a writable folder with `--out`", path.display())]
+    NotKept {
+        /// The copy.
+        path: PathBuf,
+        /// The error of the system.
+        source: io::Error,
+    },
     /// It is another file than the scenario means.
     #[error(
         "the plug-in `{}` has the SHA-256 {found}, and the scenario means {stated}: it was built again since. Name the \
@@ -93,18 +101,25 @@ pub fn pin(scenario: &mut Scenario) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Copies the plug-ins of a scenario into a folder and lets the scenario mean the copies, so that a log keeps what was
-/// flown, and a build during the flight changes nothing.
+/// Copies the plug-ins of a scenario into a folder, by `write`, and lets the scenario mean the copies, so that a log keeps what
+/// was flown, and a build during the flight changes nothing.
 ///
 /// # Errors
 /// [`FileError`] if one cannot be read or written.
-pub fn keep_in(scenario: &mut Scenario, folder: &Path) -> Result<(), FileError> {
+pub fn keep_in(
+    scenario: &mut Scenario,
+    folder: &Path,
+    write: impl Fn(&Path, &[u8]) -> io::Result<()>,
+) -> Result<(), FileError> {
     let mut has_any = false;
     for role in ServiceId::ALL {
         if let Some(LibraryFile { path, .. }) = find(scenario, role)? {
             let copy = folder.join(path.file_name().unwrap_or_default());
-            let copied = std::fs::copy(&path, &copy);
-            copied.map_err(|source| FileError::NotRead { path: copy, source })?;
+            let bytes = std::fs::read(&path).map_err(|source| FileError::NotRead {
+                path: path.clone(),
+                source,
+            })?;
+            write(&copy, &bytes).map_err(|source| FileError::NotKept { path: copy, source })?;
             let plugins = scenario.plugins.as_mut().expect("it names the plug-in");
             plugins.rename(role, path.file_name().unwrap_or_default());
             has_any = true;

@@ -1,5 +1,7 @@
 //! The header in the repository is made of the wiring table, and compiles as C and as C++.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;

@@ -6,6 +6,11 @@
 //! `random_frames msp COUNT SEED ADDRESS` talks with a flight controller instead: it sends channels by `MSP_SET_RAW_RC` and
 //! asks with `MSP_RC` until they are what it has received, which must be so exactly.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "a helper of tests, which make their own files"
+)]
+
 use std::error::Error;
 use std::fmt::Write;
 use std::io::{Read, Write as _};

@@ -46,6 +46,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             lines.push_str("\"}\n");
         }
     }
-    std::fs::write(path, lines)?;
+    result_file::write(std::path::Path::new(&path), lines, &[])?;
     Ok(())
 }

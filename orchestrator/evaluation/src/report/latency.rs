@@ -78,6 +78,7 @@ pub(super) fn histograms(log: &Path, scenario: &Scenario, schedule: &Schedule) -
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use super::*;
 

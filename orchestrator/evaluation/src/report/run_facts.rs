@@ -31,6 +31,7 @@ pub(super) fn beside(log: &Path) -> Option<RunFacts> {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use super::*;
 

@@ -99,7 +99,7 @@ fn record(scenario: &Scenario, log: &Path, interrupt: &Interrupt) -> Result<Opti
     let Ok(schedule) = supervisor::schedule_of(scenario) else {
         return Ok(None);
     };
-    let log = RunLogWriter::create(log, &Manifest::new(scenario), Compression::None)?;
+    let log = RunLogWriter::create_result(log, &Manifest::new(scenario), Compression::None)?;
     let mut progress = Progress::hidden();
     let mut sink = Both {
         sink: RecordingSink::new(scenario, &schedule, Some(log), &mut progress),

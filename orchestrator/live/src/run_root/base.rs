@@ -15,7 +15,8 @@ use std::time::{Duration, Instant};
 
 use runtime::shared_memory;
 use rustix::fs::{
-    AtFlags, Dir, FlockOperation, Mode, OFlags, fchmod, flock, fstat, mkdirat, openat, renameat, statat,
+    Access, AtFlags, Dir, FlockOperation, Mode, OFlags, access, fchmod, flock, fstat, mkdirat, openat,
+    renameat, statat,
 };
 use rustix::io::Errno;
 
@@ -209,6 +210,23 @@ fn state_of(place: &impl AsFd) -> State {
     }
 }
 
+/// Returns whether a run could make its place, without making one.
+///
+/// # Errors
+/// Why it could not: a file system that is read-only, or missing permissions.
+pub(super) fn check_writable() -> io::Result<()> {
+    check_writable_at(&path()?)
+}
+
+fn check_writable_at(path: &Path) -> io::Result<()> {
+    let existing = if fs::symlink_metadata(path).is_ok() {
+        path
+    } else {
+        path.parent().unwrap_or(path)
+    };
+    access(existing, Access::WRITE_OK | Access::EXEC_OK).map_err(|error| named(existing, error))
+}
+
 /// Returns where the places of all of this user's runs are: in memory, because iceoryx2 writes its bookkeeping to disk before
 /// it goes on, which would make every start of a process wait for the disk.
 fn path() -> io::Result<PathBuf> {
@@ -247,6 +265,7 @@ fn named(path: &Path, error: Errno) -> io::Error {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use std::os::unix::fs::{PermissionsExt, chown, symlink};
 
@@ -290,6 +309,18 @@ mod tests {
             refusal.contains("65534") && refusal.contains("XDG_RUNTIME_DIR"),
             "{refusal}"
         );
+    }
+
+    #[test]
+    fn a_folder_in_which_no_place_can_be_made_is_found_before_one_is() {
+        // Nobody can write to these file systems, root neither.
+        for folder in ["/proc/gerono-0", "/proc/self/fdinfo"] {
+            let refusal = check_writable_at(Path::new(folder)).unwrap_err().to_string();
+            assert!(refusal.starts_with("/proc"), "{refusal}");
+        }
+        let above = tempfile::tempdir().unwrap();
+        check_writable_at(&folder(&above, 0o700)).unwrap();
+        check_writable_at(&above.path().join("to be made")).unwrap();
     }
 
     #[test]

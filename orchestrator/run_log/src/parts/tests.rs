@@ -1,5 +1,7 @@
 //! Names of the files of a log.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use super::*;
 
 #[test]

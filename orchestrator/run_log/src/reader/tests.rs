@@ -1,5 +1,7 @@
 //! Promises of a reader about whole, broken and foreign files.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use std::fs;
 
 use proptest::prelude::*;

@@ -1,5 +1,7 @@
 //! Recovery of made-up flights, byte by byte and chunk by chunk.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use std::fs;
 
 use shared_types::service::header_of;
@@ -236,6 +238,21 @@ fn what_is_empty_or_no_log_is_said_to_be_so() {
     let text = b"a text, and a long one: longer than the magic of any log".repeat(100);
     assert!(matches!(recover_bytes(&text), RecoverError::Foreign(_)));
     assert!(matches!(recover_bytes(mcap::MAGIC), RecoverError::Nothing(_)));
+}
+
+/// The log in the making of `run.mcap` has the name of the source.
+#[test]
+fn a_log_that_was_never_closed_is_kept_when_it_is_recovered_under_its_final_name() {
+    let log = Log::new(Compression::None);
+    let folder = tempfile::tempdir().unwrap();
+    let [source, target] = ["run.mcap.partial", "run.mcap"].map(|name| folder.path().join(name));
+    let bytes = &log.bytes[..log.bytes.len() * 3 / 4];
+    fs::write(&source, bytes).unwrap();
+    let recovery = recover(&source, &target, None).unwrap();
+    assert!(recovery.kept() > 0);
+    assert_eq!(fs::read(&source).unwrap(), bytes);
+    assert_eq!(LogReader::open(&target).unwrap().recoveries().len(), 1);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 
 /// A channel of the machine's log is declared with its first sample, facts stand anywhere.

@@ -1,5 +1,7 @@
 //! The content of a copy for viewers, read by other means than it was written with.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use std::collections::BTreeMap;
 use std::fs;
 
@@ -320,6 +322,37 @@ fn a_log_that_nobody_is_seen_in_has_nothing_to_show() {
     let refused = export_view(&log, &view_path(&log)).unwrap_err();
     assert!(matches!(refused, ViewError::Nowhere(_)), "{refused}");
     assert!(!view_path(&log).exists());
+}
+
+#[test]
+fn no_file_of_a_log_is_taken_for_the_copy_or_for_its_temporary_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    record(&path("q.mcap"), &scenario(0.01, 1.0), Compression::None);
+    fs::rename(path("q.mcap"), path("q.mcap.partial")).unwrap();
+    let whole = fs::read(path("q.mcap.partial")).unwrap();
+    export_view(&path("q.mcap.partial"), &path("q.mcap")).unwrap();
+    assert_eq!(fs::read(path("q.mcap.partial")).unwrap(), whole);
+
+    fs::hard_link(path("q.mcap.partial"), path("other name.mcap")).unwrap();
+    let refused = export_view(&path("q.mcap.partial"), &path("other name.mcap")).unwrap_err();
+    assert!(matches!(refused, ViewError::Itself(_)), "{refused}");
+    assert_eq!(fs::read(path("q.mcap.partial")).unwrap(), whole);
+}
+
+#[test]
+fn a_later_file_of_a_log_that_was_split_is_not_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("run.mcap");
+    let mut split = scenario(0.01, 3.0);
+    let record_section = "split = { after_seconds = 1.0 }";
+    split.record = Some(toml::from_str(record_section).unwrap());
+    record(&log, &split, Compression::None);
+    let later = folder.path().join("run.1.mcap");
+    let before = fs::read(&later).unwrap();
+    let refused = export_view(&log, &later).unwrap_err();
+    assert!(matches!(refused, ViewError::Itself(_)), "{refused}");
+    assert_eq!(fs::read(&later).unwrap(), before);
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! The scenarios, the schema and the documentation that the repository holds.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use std::ffi::OsStr;
 
 use scenario::{Curve, VehicleChange};

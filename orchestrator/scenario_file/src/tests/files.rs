@@ -1,5 +1,7 @@
 //! Files that are not there, and files that are no text.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use super::*;
 
 fn load_error(path: &Path) -> String {

@@ -1,5 +1,7 @@
 //! External services.
 
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
 use shared_types::ServiceId;
 
 use super::*;

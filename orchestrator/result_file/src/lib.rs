@@ -1,0 +1,363 @@
+//! The one way to write a file of results: whole or not at all.
+//!
+//! A file is written under a temporary name in the folder of its target and gets its own name when it is whole and on the
+//! disk. Until then whatever has the target's name stays as it is, so a command that fails, a full disk or a killed process
+//! costs no earlier result. A file that the command reads is refused as a target, by its inode: no name, link or
+//! spelling of a path gets around that.
+//!
+//! A symbolic link in the target's place is replaced and not followed: in a folder in which others may write it leads where
+//! they want it. A device, a FIFO or an open descriptor (`/dev/stdout`) cannot be replaced and is written directly.
+//!
+//! clippy.toml forbids every other way to create, empty or overwrite a file.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::os::fd::AsFd;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::io::Errno;
+
+/// A file of results in the making. Dropped before [`Self::finish`] it leaves nothing behind.
+#[derive(Debug)]
+pub struct ResultFile {
+    file: File,
+    /// `None` if the target is written directly.
+    naming: Option<Naming>,
+}
+
+/// How a file gets its name.
+#[derive(Debug)]
+struct Naming {
+    temporary: PathBuf,
+    target: PathBuf,
+    replaces: bool,
+}
+
+impl ResultFile {
+    /// Begins the file `target`; a file of that name is replaced in the end. `inputs` are all files that are read for it.
+    ///
+    /// # Errors
+    /// The error of the system, or that `target` is one of the inputs.
+    pub fn create(target: &Path, inputs: &[PathBuf]) -> io::Result<Self> {
+        if is_one_of(target, inputs) {
+            let reason = "this command reads it and does not overwrite it; name another file";
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
+        }
+        match written_directly(target)? {
+            Some(file) => Ok(Self { file, naming: None }),
+            None => Self::begin(target, true),
+        }
+    }
+
+    /// Begins the file `target`, which must not exist when it is finished either.
+    ///
+    /// # Errors
+    /// The error of the system.
+    pub fn create_new(target: &Path) -> io::Result<Self> {
+        if fs::symlink_metadata(target).is_ok() {
+            return Err(io::ErrorKind::AlreadyExists.into());
+        }
+        Self::begin(target, false)
+    }
+
+    fn begin(target: &Path, replaces: bool) -> io::Result<Self> {
+        let folder = folder_of(target);
+        loop {
+            let temporary = folder.join(next_name());
+            match new_file(&temporary) {
+                // Left by an earlier process of the same number. It is not ours, so it stays.
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                made => {
+                    let naming = Some(Naming {
+                        temporary,
+                        target: target.to_owned(),
+                        replaces,
+                    });
+                    return Ok(Self { file: made?, naming });
+                }
+            }
+        }
+    }
+
+    /// Returns another descriptor of the file, for a writer that keeps its own.
+    ///
+    /// # Errors
+    /// If no descriptor is left.
+    pub fn try_clone(&self) -> io::Result<File> {
+        self.file.try_clone()
+    }
+
+    /// Returns the number of bytes written so far.
+    ///
+    /// # Errors
+    /// The error of the system.
+    pub fn bytes(&self) -> io::Result<u64> {
+        Ok(self.file.metadata()?.len())
+    }
+
+    /// Gives the file its name. Its bytes are on the disk before, so no name of a result is one of an empty file.
+    ///
+    /// # Errors
+    /// The error of the system; nothing has changed then.
+    pub fn finish(mut self) -> io::Result<()> {
+        let Some(naming) = &self.naming else {
+            return self.file.flush();
+        };
+        self.file.sync_all()?;
+        naming.give()?;
+        self.naming = None;
+        Ok(())
+    }
+}
+
+impl Write for ResultFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for ResultFile {
+    fn drop(&mut self) {
+        if let Some(naming) = &self.naming {
+            // This process made it, under a name that nothing else had.
+            let _ = fs::remove_file(&naming.temporary);
+        }
+    }
+}
+
+impl Naming {
+    fn give(&self) -> io::Result<()> {
+        let Self {
+            temporary,
+            target,
+            replaces,
+        } = self;
+        if *replaces {
+            return fs::rename(temporary, target);
+        }
+        match renameat_with(CWD, temporary, CWD, target, RenameFlags::NOREPLACE) {
+            // A file system without this, such as NFS.
+            Err(Errno::INVAL | Errno::NOSYS) => {
+                fs::hard_link(temporary, target)?;
+                // The result has its name; a second one is no reason to fail.
+                let _ = fs::remove_file(temporary);
+                Ok(())
+            }
+            result => Ok(result?),
+        }
+    }
+}
+
+/// Writes a file of results. `inputs` are all files that were read for it.
+///
+/// # Errors
+/// As [`ResultFile::create`].
+pub fn write(target: &Path, bytes: impl AsRef<[u8]>, inputs: &[PathBuf]) -> io::Result<()> {
+    let mut file = ResultFile::create(target, inputs)?;
+    file.write_all(bytes.as_ref())?;
+    file.finish()
+}
+
+/// Returns whether a path leads to one of these files, by whatever name.
+#[must_use]
+pub fn is_one_of(path: &Path, files: &[PathBuf]) -> bool {
+    let identity = |path: &Path| {
+        let found = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
+        Some((found.dev(), found.ino()))
+    };
+    let own = identity(path);
+    own.is_some() && files.iter().any(|file| identity(file) == own)
+}
+
+/// Makes a file that did not exist.
+///
+/// # Errors
+/// The error of the system.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "a file is made here, and nothing else is"
+)]
+pub fn new_file(path: &Path) -> io::Result<File> {
+    File::options().read(true).write(true).create_new(true).open(path)
+}
+
+/// Opens a target that cannot be replaced: a device, a FIFO, or a descriptor of this process.
+fn written_directly(target: &Path) -> io::Result<Option<File>> {
+    // The same file, place and flags as the descriptor's: opened by its name it would be written from its beginning.
+    if target == Path::new("/dev/stdout") {
+        return duplicate(&io::stdout()).map(Some);
+    }
+    if target == Path::new("/dev/stderr") {
+        return duplicate(&io::stderr()).map(Some);
+    }
+    let Ok(found) = fs::metadata(target) else {
+        return Ok(None);
+    };
+    if found.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
+    }
+    let is_descriptor = folder_of(target)
+        .canonicalize()
+        .is_ok_and(|folder| folder.starts_with("/proc"));
+    if found.is_file() && !is_descriptor {
+        return Ok(None);
+    }
+    File::options().append(true).open(target).map(Some)
+}
+
+fn duplicate(stream: &impl AsFd) -> io::Result<File> {
+    Ok(File::from(stream.as_fd().try_clone_to_owned()?))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
+}
+
+/// Returns a name that this process has not used yet.
+fn next_name() -> String {
+    static NUMBER: AtomicU64 = AtomicU64::new(0);
+    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+    format!(".gerono-{}-{number}.tmp", std::process::id())
+}
+
+#[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    /// Names in a folder, sorted.
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<_> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_result_replaces_the_earlier_one_only_when_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("plot.svg");
+        write(&target, "first", &[]).unwrap();
+        let mut second = ResultFile::create(&target, &[]).unwrap();
+        second.write_all(b"second").unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"first");
+        drop(second);
+        assert_eq!(fs::read(&target).unwrap(), b"first");
+        assert_eq!(names(folder.path()), ["plot.svg"]);
+        write(&target, "third", &[]).unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"third");
+        assert_eq!(names(folder.path()), ["plot.svg"]);
+    }
+
+    #[test]
+    fn a_file_that_is_read_is_no_target_by_any_of_its_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::write(path("log"), "flight").unwrap();
+        fs::write(path("other"), "other").unwrap();
+        symlink("log", path("link")).unwrap();
+        fs::hard_link(path("log"), path("hard")).unwrap();
+        let inputs = [path("other"), path("log")];
+        for name in ["log", "link", "hard", "./log", "other"] {
+            let refused = write(&path(name), "new", &inputs).unwrap_err();
+            assert_eq!(refused.kind(), io::ErrorKind::InvalidInput, "{name}: {refused}");
+        }
+        let through_another_folder = path("..").join(folder.path().file_name().unwrap()).join("log");
+        assert!(write(&through_another_folder, "new", &inputs).is_err());
+        assert_eq!(fs::read(path("log")).unwrap(), b"flight");
+        assert_eq!(names(folder.path()), ["hard", "link", "log", "other"]);
+    }
+
+    #[test]
+    fn a_symbolic_link_is_replaced_and_what_it_leads_to_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let [log, link, dangling] = ["log", "link", "dangling"].map(|name| folder.path().join(name));
+        fs::write(&log, "flight").unwrap();
+        symlink(&log, &link).unwrap();
+        symlink("nowhere", &dangling).unwrap();
+        for target in [&link, &dangling] {
+            write(target, "plot", &[]).unwrap();
+            assert!(target.symlink_metadata().unwrap().is_file());
+            assert_eq!(fs::read(target).unwrap(), b"plot");
+        }
+        assert_eq!(fs::read(&log).unwrap(), b"flight");
+    }
+
+    #[test]
+    fn a_new_file_takes_nobodys_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("saved.mcap");
+        let mut file = ResultFile::create_new(&target).unwrap();
+        file.write_all(b"recovered").unwrap();
+        // Something gets the name meanwhile.
+        fs::write(&target, "mine").unwrap();
+        assert_eq!(file.finish().unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        assert_eq!(fs::read(&target).unwrap(), b"mine");
+        assert_eq!(names(folder.path()), ["saved.mcap"]);
+        symlink("nowhere", folder.path().join("link")).unwrap();
+        let refused = ResultFile::create_new(&folder.path().join("link")).unwrap_err();
+        assert_eq!(refused.kind(), io::ErrorKind::AlreadyExists);
+    }
+
+    #[test]
+    fn a_temporary_name_that_is_taken_stays_and_another_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        // As an earlier process of this number would have left them; other tests count, too.
+        let left: Vec<_> = (0..500)
+            .map(|number| {
+                folder
+                    .path()
+                    .join(format!(".gerono-{}-{number}.tmp", std::process::id()))
+            })
+            .collect();
+        for name in &left {
+            fs::write(name, "left").unwrap();
+        }
+        write(&folder.path().join("a"), "new", &[]).unwrap();
+        assert_eq!(fs::read(folder.path().join("a")).unwrap(), b"new");
+        assert!(left.iter().all(|name| fs::read(name).unwrap() == b"left"));
+    }
+
+    #[test]
+    fn devices_and_descriptors_are_written_and_not_replaced() {
+        write(Path::new("/dev/null"), "nothing", &[]).unwrap();
+        assert!(!fs::metadata("/dev/null").unwrap().is_file());
+        let full = write(Path::new("/dev/full"), "much", &[]).unwrap_err();
+        assert_eq!(full.kind(), io::ErrorKind::StorageFull);
+        // What a shell opens for `>>`: the text before stays.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("text");
+        fs::write(&path, "before ").unwrap();
+        let open = File::options().append(true).open(&path).unwrap();
+        let descriptor = std::os::fd::AsRawFd::as_raw_fd(&open);
+        for name in [
+            format!("/dev/fd/{descriptor}"),
+            format!("/proc/self/fd/{descriptor}"),
+        ] {
+            write(Path::new(&name), "after ", &[]).unwrap();
+        }
+        assert_eq!(fs::read(&path).unwrap(), b"before after after ");
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_an_error_that_changes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = write(&folder.path().join("no/such/file"), "", &[]).unwrap_err();
+        assert_eq!(missing.kind(), io::ErrorKind::NotFound);
+        let place = write(folder.path(), "", &[]).unwrap_err();
+        assert_eq!(place.kind(), io::ErrorKind::IsADirectory);
+        assert!(names(folder.path()).is_empty());
+    }
+}
