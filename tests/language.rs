@@ -138,3 +138,55 @@ fn pages_have_one_sentence_a_line_and_none_that_begins_with_who() {
     }
     assert!(found.is_empty(), "{} lines:\n{}", found.len(), found.join("\n"));
 }
+
+/// Returns the widths of formats in a line that are no constants.
+fn computed_widths(line: &str) -> Vec<&str> {
+    let is_part = |character: char| character.is_alphanumeric() || character == '_';
+    let mut found = Vec::new();
+    for (sign, _) in line.match_indices('$') {
+        let before = &line[..sign];
+        let name = before
+            .rfind(|character| !is_part(character))
+            .map_or(0, |at| at + 1);
+        let name_of_width = &before[name..];
+        let Some(format) = before[..name].rsplit_once('{').map(|(_, format)| format) else {
+            continue;
+        };
+        let is_format = format.contains(':') && !format.contains(['}', '"']);
+        // A number of digits is stated in the code; a width often comes from a text.
+        let is_precision = format.ends_with('.');
+        let is_constant = name_of_width.chars().all(|character| !character.is_lowercase())
+            && name_of_width.starts_with(char::is_alphabetic);
+        if is_format && !is_precision && !is_constant && !name_of_width.is_empty() {
+            found.push(name_of_width);
+        }
+    }
+    found
+}
+
+/// A width of a format is at most 65,535, and a larger one panics: nothing is padded to a width that a text or a place in one
+/// gives. `" ".repeat(n)` pads to any.
+#[test]
+fn no_format_has_a_computed_width() {
+    assert_eq!(
+        computed_widths(r#"format!("{VALUE:>width$}={value}")"#),
+        ["width"]
+    );
+    assert_eq!(computed_widths(r#"format!(" {:>1$}", label, width)"#), ["1"]);
+    assert_eq!(
+        computed_widths(r#"format!("{:NAME$} {value:.digits$}", " service")"#),
+        [""; 0]
+    );
+    let mut found = Vec::new();
+    for (path, text) in texts() {
+        if path == "tests/language.rs" || !path.ends_with(".rs") {
+            continue;
+        }
+        for (number, line) in text.lines().enumerate() {
+            for width in computed_widths(line) {
+                found.push(format!("{path}:{}: {width}", number + 1));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{} lines:\n{}", found.len(), found.join("\n"));
+}

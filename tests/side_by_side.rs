@@ -18,6 +18,7 @@ mod language;
 mod laws;
 mod logs;
 mod long_logs;
+mod long_scenarios;
 mod outages;
 mod plugins;
 mod replay;

@@ -15,6 +15,36 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, is_control)
 }
 
+/// Longest word of a message, such as a name from a file, characters.
+const LONGEST_WORD: usize = 200;
+
+/// Longest message, characters: ten lines of a wide terminal, and far below what a formatter can pad.
+const LONGEST_TEXT: usize = 2000;
+
+/// A text of a message with its long words cut, and itself if all of it is too long: names and values come from files and
+/// arguments of any size.
+#[must_use]
+pub fn shortened(text: &str) -> String {
+    let mut short = String::new();
+    let (mut in_text, mut in_word) = (0, 0);
+    for character in text.chars() {
+        in_word = if character.is_whitespace() { 0 } else { in_word + 1 };
+        if in_word == LONGEST_WORD {
+            short.push('…');
+        }
+        if in_word >= LONGEST_WORD {
+            continue;
+        }
+        in_text += 1;
+        if in_text == LONGEST_TEXT {
+            short.push('…');
+            break;
+        }
+        short.push(character);
+    }
+    short
+}
+
 /// Lines of text: as [`printable`], but for line breaks and tabs.
 #[must_use]
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
@@ -108,6 +138,19 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn long_words_and_long_texts_are_cut_and_others_are_not() {
+        let sentence = "`controller.k1` is unknown: there is no key `k1` here";
+        assert_eq!(shortened(sentence), sentence);
+        let exactly = "é".repeat(199);
+        assert_eq!(shortened(&exactly), exactly);
+        let name = "x".repeat(70_000);
+        let cut = shortened(&format!("there is no key `{name}` here"));
+        assert_eq!(cut, format!("there is no key `{}… here", "x".repeat(198)));
+        let values = "1.0 ".repeat(20_000);
+        assert_eq!(shortened(&values).chars().count(), 2000);
+    }
 
     #[test]
     fn sequences_are_shown_instead_of_obeyed() {

@@ -18,8 +18,9 @@ const VALUE: &str = "v";
 pub(super) fn placed_values(sources: &Sources) -> Vec<String> {
     let values = sources.arguments().map(|(start, argument)| {
         let (key, value) = argument.split_once('=').unwrap_or((argument, ""));
-        let width = start + key.len();
-        format!("{VALUE:>width$}={value}")
+        // Not by a width of a format, which ends at 65,535: a scenario may be longer.
+        let blanks = " ".repeat((start + key.len()).saturating_sub(VALUE.len()));
+        format!("{blanks}{VALUE}={value}")
     });
     values.collect()
 }

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::Finding;
 use super::snippet::Lines;
-use command_line::terminal::{printable, printable_lines};
+use command_line::terminal::{printable, printable_lines, shortened};
 
 /// The texts, each with its first offset and its name.
 #[derive(Debug)]
@@ -48,7 +48,7 @@ impl Sources {
     ) -> Finding {
         let text = self.texts.partition_point(|(start, ..)| *start <= span.start);
         let (start, name, lines) = &self.texts[text.saturating_sub(1)];
-        let shown = |text: String| printable_lines(&text).into_owned();
+        let shown = |text: String| shortened(&printable_lines(&text));
         Finding {
             title: shown(title.into()),
             reason: shown(reason.into()),

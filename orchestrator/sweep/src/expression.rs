@@ -5,6 +5,15 @@
 
 use std::fmt::{Display, Formatter};
 
+/// Characters that an error shows on each side of its place.
+const SHOWN: usize = 100;
+
+/// Brackets, signs and exponents within each other, at most: each is a step of a recursion.
+const DEPTH_MAX: usize = 100;
+
+/// Operators, at most: the sides of a long sum lie within each other, too.
+const OPERATORS_MAX: usize = 1000;
+
 /// An expression whose names are places of a list of values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expression(Node);
@@ -89,12 +98,13 @@ pub struct ExpressionError {
 
 impl Display for ExpressionError {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        let before = self.text[..self.place.min(self.text.len())].chars().count();
-        write!(
-            formatter,
-            "{}\n    {}\n    {:before$}^",
-            self.reason, self.text, ""
-        )
+        let place = self.text.floor_char_boundary(self.place);
+        let (before, after) = self.text.split_at(place);
+        let begin = before.char_indices().rev().take(SHOWN).last();
+        let before = &before[begin.map_or(0, |(at, _)| at)..];
+        let after: String = after.chars().take(SHOWN).collect();
+        let mark = " ".repeat(before.chars().count());
+        write!(formatter, "{}\n    {before}{after}\n    {mark}^", self.reason)
     }
 }
 
@@ -110,6 +120,8 @@ impl Expression {
             text,
             place: 0,
             place_of: &place_of,
+            depth: 0,
+            operators: 0,
         };
         let node = parser.level(0)?;
         parser.skip_blanks();
@@ -220,6 +232,9 @@ struct Parser<'a> {
     text: &'a str,
     place: usize,
     place_of: &'a dyn Fn(&str) -> Option<usize>,
+    /// Parts that are begun and not ended.
+    depth: usize,
+    operators: usize,
 }
 
 impl Parser<'_> {
@@ -260,6 +275,10 @@ impl Parser<'_> {
         };
         let mut left = self.level(level + 1)?;
         while let Some((_, operator)) = operators.iter().find(|(symbol, _)| self.take(symbol)) {
+            self.operators += 1;
+            if self.operators > OPERATORS_MAX {
+                return Err(self.error(format!("an expression has at most {OPERATORS_MAX} operators")));
+            }
             let right = self.level(level + 1)?;
             left = Node::Binary(*operator, Box::new((left, right)));
         }
@@ -267,6 +286,18 @@ impl Parser<'_> {
     }
 
     fn unary(&mut self) -> Result<Node, ExpressionError> {
+        if self.depth == DEPTH_MAX {
+            let reason =
+                format!("brackets, signs and exponents lie at most {DEPTH_MAX} deep within each other");
+            return Err(self.error(reason));
+        }
+        self.depth += 1;
+        let node = self.signed()?;
+        self.depth -= 1;
+        Ok(node)
+    }
+
+    fn signed(&mut self) -> Result<Node, ExpressionError> {
         if self.take("-") {
             return Ok(Node::Negative(Box::new(self.unary()?)));
         }
@@ -433,6 +464,36 @@ mod tests {
             assert_eq!(error.place, place, "{error}");
             assert!(error.reason.contains(reason), "{error}");
         }
+    }
+
+    #[test]
+    fn depth_and_length_are_bounded_and_long_texts_have_errors() {
+        let parse = |text: &str| Expression::parse(text, |_| Some(0));
+        let nested = |before: &str, after: &str, count: usize| {
+            format!("{}1{}", before.repeat(count), after.repeat(count))
+        };
+        for (before, after) in [("(", ")"), ("-", ""), ("not ", ""), ("2^", ""), ("abs(", ")")] {
+            let fine = parse(&nested(before, after, 99)).unwrap();
+            let _ = fine.value(&[1.0]);
+            for count in [100, 200_000] {
+                let error = parse(&nested(before, after, count)).unwrap_err();
+                assert!(error.reason.contains("at most 100 deep"), "{before}: {error}");
+            }
+        }
+        let fine = parse(&nested("1+", "", 1000)).unwrap();
+        assert!((fine.value(&[]) - 1001.0).abs() < 1e-12);
+        assert!(
+            parse(&nested("1+", "", 100_000))
+                .unwrap_err()
+                .reason
+                .contains("1000 operators")
+        );
+
+        let late = format!("{}x", " ".repeat(70_000));
+        let error = Expression::parse(&late, |_| None).unwrap_err().to_string();
+        let lines: Vec<_> = error.lines().collect();
+        assert_eq!(lines[1].chars().position(|character| character == 'x'), Some(104));
+        assert_eq!(lines[2].chars().position(|character| character == '^'), Some(104));
     }
 
     #[test]

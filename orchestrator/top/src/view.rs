@@ -135,7 +135,7 @@ impl View<'_> {
             style
         };
         let gap = usize::from(width).saturating_sub(left.chars().count() + right.chars().count());
-        Line::styled(format!("{left}{:gap$}{right}", ""), style)
+        Line::styled(format!("{left}{}{right}", " ".repeat(gap)), style)
     }
 
     fn keys(&self, width: u16) -> Line<'static> {

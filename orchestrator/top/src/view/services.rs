@@ -175,9 +175,12 @@ impl<'a> ServiceTable<'a> {
         for group in self.columns.chunk_by(|one, other| one.group == other.group) {
             let width = group.iter().map(|column| column.width + 1).sum::<usize>() - 1;
             line += &match group[0].group {
-                "" => format!(" {:width$}", ""),
-                name if name.len() <= width => format!(" {name:─^width$}"),
-                _ => format!(" {:─^width$}", ""),
+                "" => " ".repeat(width + 1),
+                name => {
+                    let name = if name.len() <= width { name } else { "" };
+                    let rule = width - name.len();
+                    format!(" {}{name}{}", "─".repeat(rule / 2), "─".repeat(rule - rule / 2))
+                }
             };
         }
         line
@@ -187,7 +190,7 @@ impl<'a> ServiceTable<'a> {
         let labels = self
             .columns
             .iter()
-            .map(|column| format!(" {:>1$}", column.label, column.width));
+            .map(|column| right_aligned(column.label, column.width));
         let line = format!("{:NAME$}", " service") + &labels.collect::<String>();
         if self.left >= INPUTS {
             line + "  inputs, by age"
@@ -201,7 +204,7 @@ impl<'a> ServiceTable<'a> {
         let values = self
             .columns
             .iter()
-            .map(|column| format!(" {:>1$}", (column.value)(service), column.width));
+            .map(|column| right_aligned(&(column.value)(service), column.width));
         let line = format!("{:NAME$}", format!("{mark}{}", service.name)) + &values.collect::<String>();
         if self.left >= INPUTS {
             line + "  " + &ages(&service.inputs)
@@ -209,6 +212,12 @@ impl<'a> ServiceTable<'a> {
             line
         }
     }
+}
+
+/// Returns a cell of a column, behind a blank.
+fn right_aligned(text: &str, width: usize) -> String {
+    let blanks = width.saturating_sub(text.chars().count());
+    format!(" {}{text}", " ".repeat(blanks))
 }
 
 fn ages(inputs: &[InputSnapshot]) -> String {
