@@ -97,7 +97,7 @@ impl PythonController {
         self.step.call1(py, (arrived,))?;
         for (slot, array) in outputs.iter_mut().zip(&self.outputs) {
             if let Some(bytes) = slot.bytes.as_deref_mut() {
-                let array = array.bind(py).readonly();
+                let array = array.bind(py).try_readonly()?;
                 let written = array.as_slice()?.as_bytes();
                 // The header is the host's.
                 let header = size_of::<shared_types::Header>();
@@ -113,7 +113,7 @@ fn seconds(time_ns: u64) -> u64 {
 }
 
 fn write(array: &Bound<'_, PyArray1<u64>>, bytes: &[u8]) -> PyResult<()> {
-    let mut array = array.readwrite();
+    let mut array = array.try_readwrite()?;
     array.as_slice_mut()?.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
     Ok(())
 }

@@ -11,6 +11,7 @@
 mod controller;
 mod errors;
 mod flight;
+mod interruptible;
 mod log;
 mod memory;
 mod scenario;

@@ -1,6 +1,6 @@
 //! Samples of a flight in memory: of each topic one after the other, in whole words.
 
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use shared_types::Topic;
@@ -42,9 +42,12 @@ impl Samples {
         self.wanted.iter().all(|wanted| *wanted)
     }
 
-    /// Returns the samples of a topic as an array of words that owns them: they are handed out once and not copied.
+    /// Returns the samples of a topic as an array of words that owns them: they are handed out once and not copied. Nobody writes
+    /// into them, for they are the flight that is saved and hashed.
     pub(crate) fn take<'py>(&mut self, py: Python<'py>, topic: Topic) -> Bound<'py, PyArray1<u64>> {
-        PyArray1::from_vec(py, std::mem::take(&mut self.topics[topic.index()]))
+        let array = PyArray1::from_vec(py, std::mem::take(&mut self.topics[topic.index()]));
+        array.readwrite().make_nonwriteable();
+        array
     }
 
     /// Returns the names of the topics of which there are samples.

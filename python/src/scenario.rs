@@ -15,6 +15,7 @@ use supervisor::{FlightFailure, Outcome, in_process};
 use crate::controller::PythonController;
 use crate::errors;
 use crate::flight::Flight;
+use crate::interruptible::interruptible;
 use crate::memory::{Samples, topic_of};
 use crate::simulation::Simulation;
 
@@ -111,7 +112,9 @@ fn fly(
     own: Option<PythonController>,
 ) -> PyResult<Flight> {
     let failed = own.as_ref().map(PythonController::error);
-    let flown = py.detach(|| {
+    // A controller in Python is stepped by this thread, where Python's handlers of signals run.
+    let is_python = own.is_some();
+    let flight = |interrupt: &Interrupt| {
         let schedule = supervisor::schedule_of(&scenario).map_err(|error| error.to_string())?;
         let mut samples = Samples::new(topics);
         let mut progress = Progress::hidden();
@@ -121,10 +124,15 @@ fn fly(
             sink = sink.until(|| failed.is_set());
         }
         let own = own.map(|own| Box::new(own) as Box<dyn ErasedService>);
-        let ending = in_process::fly_with(&scenario, own, &mut sink, &Interrupt::never());
+        let ending = in_process::fly_with(&scenario, own, &mut sink, interrupt);
         let (summary, _) = sink.finish();
         Ok::<_, String>((ending, summary, samples))
-    });
+    };
+    let flown = if is_python {
+        py.detach(|| flight(&Interrupt::never()))
+    } else {
+        interruptible(py, flight)?
+    };
     let (ending, summary, samples) = flown.map_err(errors::other)?;
     if let Some(error) = failed.and_then(|failed| failed.take()) {
         return Err(error);

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use command_line::interrupt::Interrupt;
 use pyo3::prelude::*;
 use sweep::flight::OwnController;
 
 use crate::controller::{Error, PythonController};
 use crate::errors;
+use crate::interruptible::interruptible;
 
-/// Fly a sweep in this process on all cores, or on so many, and merge it; returns its folder.
+/// Fly a sweep in this process on all cores, or on so many, and merge it. Ctrl-C keeps the rows that were flown.
 #[pyfunction]
 pub(crate) fn run_sweep(
     py: Python<'_>,
@@ -19,16 +19,9 @@ pub(crate) fn run_sweep(
     folder: PathBuf,
     jobs: Option<usize>,
 ) -> PyResult<()> {
-    py.detach(|| {
-        sweep::library::run(
-            text,
-            scenario_path,
-            scenario_text,
-            &folder,
-            jobs,
-            &Interrupt::never(),
-        )
-    })
+    interruptible(py, |interrupt| {
+        sweep::library::run(text, scenario_path, scenario_text, &folder, jobs, interrupt)
+    })?
     .map_err(|failure| errors::of_command(&failure))
 }
 

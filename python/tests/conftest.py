@@ -1,6 +1,11 @@
 """Scenarios and controllers that the tests share."""
 
+import os
+import signal
 import sys
+import threading
+import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,6 +17,28 @@ sys.path.insert(0, str(REPOSITORY / "examples" / "python_controller"))
 
 # Fig. 1 for two seconds, without its step of mass.
 SHORT = {"duration": 2.0, "vehicle.change": []}
+
+
+@contextmanager
+def ctrl_c(after, when=lambda: True):
+    """The work inside is interrupted after so many seconds, and when something holds, and ends at once: KeyboardInterrupt."""
+    sent = []
+
+    def send():
+        while not when():
+            time.sleep(0.01)
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(after, send)
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            yield
+    finally:
+        timer.cancel()
+    # A tenth of a second, and what a loaded machine adds.
+    assert time.monotonic() - sent[0] < 3.0
 
 
 @pytest.fixture(scope="session")

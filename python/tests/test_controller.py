@@ -23,6 +23,22 @@ class Counting(controller.Hover):
         command["thrust"] += self.integral[2] * 0.1
 
 
+class Locking(controller.Hover):
+    """A controller that locks the memory of its input."""
+
+    def step(self, now, state, reference, command, errors):
+        super().step(now, state, reference, command, errors)
+        memory = state
+        while memory.base is not None:
+            memory = memory.base
+        memory.flags.writeable = False
+
+
+def test_locked_memory_is_an_error(hover):
+    with pytest.raises(Exception, match="writeable"):
+        hover.fly(set={"duration": 0.5}, controller=Locking())
+
+
 def test_a_class_and_a_service_fly_the_same_bytes(hover, command, tmp_path):
     program = f'programs.controller=["{sys.executable}", "controller.py"]'
     subprocess.run([command, "run", hover.path, "--set", program, "--quiet", "--out", tmp_path], check=True)

@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, SHORT
+from conftest import REPOSITORY, SHORT, ctrl_c
 
 import gerono
 
@@ -24,6 +24,33 @@ def test_a_flight_has_the_bytes_of_the_command(fig1, command, tmp_path):
     theirs = json.loads((tmp_path / "command" / "summary.json").read_text())
     assert ours["metrics"] == theirs["metrics"]
     assert ours["phases"] == theirs["phases"]
+
+
+def test_ctrl_c_ends_a_flight(fig1):
+    with ctrl_c(after=0.5):
+        fig1.fly(set={"duration": 3000.0}, topics=["vehicle/truth"])
+    # And the next one flies.
+    assert fig1.fly(set=SHORT).summary.outcome == "completed"
+
+
+def test_nobody_writes_into_a_flight(fig1, tmp_path):
+    flight = fig1.fly(set=SHORT)
+    truth = flight["vehicle/truth"]
+    with pytest.raises(ValueError, match="read-only"):
+        truth["position_world"][:] = 77.0
+    with pytest.raises(ValueError, match="read-only"):
+        flight["control/errors"]["tick"][0] = 9
+    copy = truth["position_world"].copy()
+    copy[:] = 77.0
+    flight.save(tmp_path)
+    assert gerono.Log(tmp_path).scenario is not None
+
+
+def test_a_scenario_of_any_length_is_set():
+    fig1 = (REPOSITORY / "scenarios" / "fig1.toml").read_text()
+    comment = "# a long comment\n" * 10_000
+    scenario = gerono.Scenario(REPOSITORY / "scenarios" / "fig1.toml", comment + fig1)
+    assert scenario.fly(set=SHORT | {"controller.k1": 5.0}).summary.outcome == "completed"
 
 
 def test_noise_depends_on_the_seed_alone():

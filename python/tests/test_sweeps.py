@@ -4,7 +4,7 @@ import subprocess
 
 import controller
 import pytest
-from conftest import REPOSITORY, SHORT
+from conftest import REPOSITORY, SHORT, ctrl_c
 
 import gerono
 from gerono.sweeps import sweep_text
@@ -44,6 +44,26 @@ def test_laws_fly_the_same_samples():
     assert runs.rate(law="indi").flown == 4
     with pytest.raises(KeyError, match="paper, indi"):
         runs.rate(law="pid")
+
+
+def test_ctrl_c_ends_a_sweep_and_keeps_its_rows(fig1, tmp_path):
+    arguments = {"samples": 300, "set": SHORT | {"duration": 20.0}, "folder": tmp_path, "jobs": 1}
+
+    def has_rows():
+        return any(rows.read_text().count("\n") > 1 for rows in tmp_path.glob("*.rows.partial"))
+
+    with ctrl_c(after=0.0, when=has_rows):
+        gerono.sweep(fig1, VARY, **arguments)
+    (rows,) = tmp_path.glob("*.rows.partial")
+    kept = len(rows.read_text().splitlines()) - 1
+    assert 0 < kept < 300
+    assert len(gerono.sweep(fig1, VARY, **arguments).to_polars()) == 300
+
+
+def test_deep_criteria_are_refused(fig1):
+    deep = "(" * 200_000 + "1" + ")" * 200_000
+    with pytest.raises(Exception, match="at most 100 deep"):
+        gerono.sweep(fig1, VARY, samples=2, set=SHORT, judge={"deep": deep})
 
 
 def test_a_class_is_swept(hover):
