@@ -34,7 +34,12 @@ pub(crate) fn interruptible<T: Send>(
             });
             let mut raised = None;
             while end.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
-                if let Err(error) = Python::attach(|py| py.check_signals()) {
+                #[expect(
+                    clippy::redundant_closure_for_method_calls,
+                    reason = "the method is of one lifetime, and the closure of any"
+                )]
+                let checked = Python::attach(|py| py.check_signals());
+                if let Err(error) = checked {
                     raised.get_or_insert(error);
                     interrupt.raise(CTRL_C);
                 }

@@ -72,6 +72,7 @@ impl Harness {
     }
 
     /// Panics unless what was made of an input is read and recovered as it should be.
+    #[expect(clippy::disallowed_methods, reason = "tests make their own files")]
     pub fn check(&self, input: &[u8]) {
         let [source, target] = ["run.mcap", "run.recovered.mcap"].map(|name| self.folder.path().join(name));
         std::fs::write(&source, self.file(input)).expect("temporary files can be written");

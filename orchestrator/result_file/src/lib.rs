@@ -10,14 +10,14 @@
 //!
 //! clippy.toml forbids every other way to create, empty or overwrite a file.
 
-use std::fs::{self, File};
+use std::fs::{self, File, Permissions};
 use std::io::{self, Write};
 use std::os::fd::AsFd;
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::fs::{Access, CWD, RenameFlags, access, renameat_with};
 use rustix::io::Errno;
 
 /// A file of results in the making. Dropped before [`Self::finish`] it leaves nothing behind.
@@ -76,7 +76,9 @@ impl ResultFile {
                         target: target.to_owned(),
                         replaces,
                     });
-                    return Ok(Self { file: made?, naming });
+                    let result = Self { file: made?, naming };
+                    take_after(target, &result.file)?;
+                    return Ok(result);
                 }
             }
         }
@@ -212,6 +214,18 @@ fn written_directly(target: &Path) -> io::Result<Option<File>> {
     File::options().append(true).open(target).map(Some)
 }
 
+/// Gives a file the permissions of the one that it will replace, which may be closed to others. One that may not be written
+/// is not replaced either.
+fn take_after(target: &Path, file: &File) -> io::Result<()> {
+    match fs::symlink_metadata(target) {
+        Ok(found) if found.is_file() => {
+            access(target, Access::WRITE_OK)?;
+            file.set_permissions(Permissions::from_mode(found.mode() & 0o777))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn duplicate(stream: &impl AsFd) -> io::Result<File> {
     Ok(File::from(stream.as_fd().try_clone_to_owned()?))
 }
@@ -258,6 +272,9 @@ mod tests {
         assert_eq!(names(folder.path()), ["plot.svg"]);
         write(&target, "third", &[]).unwrap();
         assert_eq!(fs::read(&target).unwrap(), b"third");
+        fs::set_permissions(&target, Permissions::from_mode(0o640)).unwrap();
+        write(&target, "fourth", &[]).unwrap();
+        assert_eq!(fs::metadata(&target).unwrap().mode() & 0o777, 0o640);
         assert_eq!(names(folder.path()), ["plot.svg"]);
     }
 

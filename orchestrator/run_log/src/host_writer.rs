@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
-use super::framing::{Compression, LogError, McapFile, Written};
+use super::compression::Compression;
+use super::framing::{LogError, McapFile, Written};
 use super::host_samples::HostSample;
 
 /// Size at which a chunk is closed, bytes.

@@ -12,6 +12,7 @@
 //! write is reported once, with what to do; later writes report that the log is closed. A reader hands out nothing of a
 //! damaged chunk.
 
+mod compression;
 mod csv;
 mod digest;
 mod durability;
@@ -36,10 +37,11 @@ mod writer;
 
 use std::path::{Path, PathBuf};
 
+pub use compression::Compression;
 pub use csv::export_csv;
 pub use digest::digest;
 pub use export::{ExportError, decode_sample, export_json};
-pub use framing::{Compression, LogError, Written, partial_path};
+pub use framing::{LogError, Written, partial_path};
 pub use host_reader::{HostEntry, HostReadError, HostReader};
 pub use host_samples::{
     CaptureFigures, HostEvent, HostSample, LinkFigures, LoggedCheckpoint, ServiceCheckpoint, ServiceHealth,

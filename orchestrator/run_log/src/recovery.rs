@@ -23,7 +23,8 @@ use shared_types::Topic;
 
 use self::channels::{Channels, Kind, Message, kinds};
 use self::scan::{Chunk, Piece, Scan};
-use super::framing::{Compression, Content, LogError, McapFile};
+use super::compression::Compression;
+use super::framing::{Content, LogError, McapFile};
 use super::manifest::{Manifest, ManifestProblem, topics_of};
 use super::parts::{Ending, Part, ending};
 

@@ -10,7 +10,8 @@ use std::time::Duration;
 use result_file::ResultFile;
 use shared_types::Topic;
 
-use super::framing::{Compression, Content, LogError, McapFile, Written};
+use super::compression::Compression;
+use super::framing::{Content, LogError, McapFile, Written};
 use super::manifest::Manifest;
 use super::parts::{GOES_ON, Part, goes_on_in, part_path};
 use super::topic_channels::declare_topics;

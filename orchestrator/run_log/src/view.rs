@@ -20,7 +20,8 @@ use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
 use shared_types::{Sample, Topic};
 
 use self::scene::Placed;
-use super::framing::{Compression, Content, LogError, McapFile, Written};
+use super::compression::Compression;
+use super::framing::{Content, LogError, McapFile, Written};
 use super::manifest::{COPY_RECORD_NAME, Manifest};
 use super::parts::files_of_log;
 use super::reader::{LogReadError, LogReader, LoggedSample};

@@ -348,7 +348,7 @@ mod tests {
     #[test]
     fn a_panic_of_what_was_asked_for_ends_that_and_not_the_process() {
         let prepared =
-            Postmortem::prepare(Host::RealTime, Path::new("results"), ExternalServices::default()).unwrap();
+            Postmortem::prepare(Host::Realtime, Path::new("results"), ExternalServices::default()).unwrap();
         assert_eq!(contained(|| 1), Some(1));
         assert_eq!(contained(|| -> i32 { panic!("a defect") }), None);
         assert!(!IS_CONTAINED.get());

@@ -6,15 +6,11 @@
 //! `random_frames msp COUNT SEED ADDRESS` talks with a flight controller instead: it sends channels by `MSP_SET_RAW_RC` and
 //! asks with `MSP_RC` until they are what it has received, which must be so exactly.
 
-#![expect(
-    clippy::disallowed_methods,
-    reason = "a helper of tests, which make their own files"
-)]
-
 use std::error::Error;
 use std::fmt::Write;
 use std::io::{Read, Write as _};
 use std::net::TcpStream;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use radio_link::frame::Frame;
@@ -41,8 +37,8 @@ fn main() -> Result<(), Box<dyn Error>> {
                 bytes.extend_from_slice(&frame);
                 writeln!(lines, "{carried}")?;
             }
-            std::fs::write(frames, bytes)?;
-            std::fs::write(values, lines)?;
+            result_file::write(Path::new(frames), bytes, &[])?;
+            result_file::write(Path::new(values), lines, &[])?;
             Ok(())
         }
         _ => Err("give two files, or for msp an address".into()),

@@ -29,8 +29,8 @@ pub enum ProcessError {
     /// The program that is to fly in place of the service cannot be started.
     #[error("{0}")]
     ExternalService(String),
-    /// The system refused something.
-    #[error(transparent)]
+    /// The system refused something. Not transparent: the error is to be found among the sources.
+    #[error("{0}")]
     Io(#[from] std::io::Error),
     /// The flight ended early.
     #[error(transparent)]
