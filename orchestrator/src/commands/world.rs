@@ -46,7 +46,12 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     let clock = FlightClock::starting_in(COUNTDOWN, nanoseconds(scenario.schedule.tick));
     let record = Record::begin(&folder, &scenario, clock.start_ns).map_err(Failure::not_written)?;
     let world = HilSimulator::new(&scenario, clock, onboard, cameras, record);
-    let world = world.map_err(Failure::bad_input)?;
+    let world = world.map_err(|error| {
+        // The same command finds the folder as it was.
+        folder.remove_logs();
+        folder.remove_if_empty();
+        Failure::bad_input(error)
+    })?;
     if !arguments.quiet {
         print(introduction(arguments, &scenario, &timing));
     }

@@ -156,7 +156,8 @@ impl Client {
         };
         let answer = match question.map(serde_json::from_slice) {
             Some(Ok(question)) => contained(|| answer(question)).unwrap_or_else(|| {
-                let reason = "answering this is a defect of gerono, which has reported it at its own terminal; the flight goes on";
+                let reason =
+                    "this met a defect of gerono, which the terminal of the flight shows; the flight goes on";
                 Answer::Refused(reason.to_owned())
             }),
             Some(Err(error)) => Answer::Refused(format!("this cannot be understood: {error}")),

@@ -138,7 +138,7 @@ fn errno(error: &io::Error) -> Errno {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Read;
+    use std::io::{Read, Seek, SeekFrom};
 
     use rustix::net::{AddressFamily, SocketFlags, SocketType};
 
@@ -208,6 +208,7 @@ mod tests {
         let (mine, theirs) = pair();
         let sent = text(PACKET_LIMIT + 5);
         let mut file = std::fs::File::from(sealed(&sent).unwrap());
+        file.seek(SeekFrom::Start(10)).unwrap();
         file.read_exact(&mut [0; 100]).unwrap();
         send_packet(mine.as_fd(), IN_FILE, &[file.as_fd()], SendFlags::NOSIGNAL).unwrap();
         assert!(receive(&theirs, RecvFlags::empty()).unwrap().text == sent);

@@ -313,12 +313,15 @@ mod tests {
 
     #[test]
     fn a_folder_in_which_no_place_can_be_made_is_found_before_one_is() {
-        // Nobody can write to these file systems, root neither.
-        for folder in ["/proc/gerono-0", "/proc/self/fdinfo"] {
-            let refusal = check_writable_at(Path::new(folder)).unwrap_err().to_string();
-            assert!(refusal.starts_with("/proc"), "{refusal}");
-        }
         let above = tempfile::tempdir().unwrap();
+        // Root may write to every folder of a file system that can be written; these are none.
+        fs::write(above.path().join("file"), "no folder").unwrap();
+        for folder in ["file", "missing"].map(|name| above.path().join(name)) {
+            let refusal = check_writable_at(&folder.join("gerono-0"))
+                .unwrap_err()
+                .to_string();
+            assert!(refusal.starts_with(folder.to_str().unwrap()), "{refusal}");
+        }
         check_writable_at(&folder(&above, 0o700)).unwrap();
         check_writable_at(&above.path().join("to be made")).unwrap();
     }
