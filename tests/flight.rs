@@ -236,6 +236,38 @@ fn the_rig_takes_off_flies_the_eight_and_lands() {
     assert_whole_flight(RIG, &[], 0.05);
 }
 
+/// A marker is hidden while the motors idle, and found again 15 s later.
+#[test]
+fn a_vehicle_that_was_not_ready_does_not_take_off_by_itself_later() {
+    let flight = fly(RIG, &["cameras.occlusion=[{at=2.5, lasts=15.0}]"]);
+    assert_eq!(
+        flight.order(),
+        [FlightPhase::Disarmed, FlightPhase::Armed, FlightPhase::Disarmed]
+    );
+    let (_, disarmed_at) = flight.phases[2];
+    assert!((2500..2600).contains(&disarmed_at), "{disarmed_at} ms");
+    assert_eq!(
+        flight.references.last().unwrap().cause,
+        PathReference::CAUSE_NOT_READY
+    );
+    assert_eq!(flight.highest(), 0.0);
+    let after = flight
+        .frames
+        .iter()
+        .filter(|frame| frame.header.tick > disarmed_at + 50);
+    assert!(after.clone().count() > 1000 && after.clone().all(|frame| frame.failsafe.is_set()));
+}
+
+/// The request to arm comes while a marker is hidden.
+#[test]
+fn a_planned_request_to_arm_waits_half_a_second_and_no_longer() {
+    for (found_at, expected) in [(2.4, WHOLE.as_slice()), (2.7, &WHOLE[..1])] {
+        let occlusion = format!("cameras.occlusion=[{{at=1.0, lasts={:?}}}]", found_at - 1.0);
+        let flight = fly(RIG, &[&occlusion]);
+        assert_eq!(flight.order(), expected, "found at {found_at} s");
+    }
+}
+
 #[test]
 fn the_ideal_vehicle_takes_off_flies_the_eight_and_lands() {
     assert_whole_flight("fig1", &IDEAL, 0.05);

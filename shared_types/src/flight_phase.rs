@@ -7,6 +7,9 @@
 //! The rows of a phase are tested in their order, and the first that holds applies; if none holds the phase stays. A
 //! kill or a disarming disarms from every phase, in the air too. The transmitter stops the motors then; the phases only
 //! report it.
+//!
+//! Each row states its [`Cause`], which the path generator publishes with the phase. No reader derives the cause of a
+//! transition from what else holds at that time.
 
 use crate::samples::PathReference;
 
@@ -14,6 +17,9 @@ use crate::samples::PathReference;
 ///
 /// A vehicle falls 20 m in this time, more than the height of any laboratory.
 pub const GROUNDED_AFTER: f64 = 2.0;
+
+/// Time for which a request to arm waits until all is ready, s. After it the request lapses.
+pub const ARM_WITHIN: f64 = 0.5;
 
 /// Phase of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +43,7 @@ pub struct Conditions {
     pub armed: bool,
     /// The operator or the envelope killed.
     pub killed: bool,
-    /// The operator's arming has not been used by a flight.
+    /// There is a request to arm that was made while disarmed, has not been used and has not lapsed.
     pub arming_is_new: bool,
     /// The operator or the envelope demands a landing.
     pub land: bool,
@@ -57,6 +63,27 @@ pub struct Conditions {
     pub found_flying: bool,
 }
 
+/// Cause of a transition, as the row states it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The next phase of an ordinary flight: armed, take-off, fly.
+    Progress,
+    /// A path generator after a cold start found the vehicle in the air.
+    FoundFlying,
+    /// The operator or the envelope killed.
+    Killed,
+    /// The operator disarmed.
+    Disarmed,
+    /// The operator or the envelope demanded a landing.
+    LandingDemanded,
+    /// An input was missing, late or bad: the vehicle must be armed again.
+    NotReady,
+    /// The take-off exceeded its time.
+    Overdue,
+    /// The vehicle touched down.
+    TouchedDown,
+}
+
 /// Row of the table: a transition from one phase to another, under a condition.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
@@ -68,14 +95,17 @@ pub struct Row {
     pub when: fn(&Conditions) -> bool,
     /// The phase after.
     pub to: FlightPhase,
+    /// The cause that references state from then on.
+    pub cause: Cause,
 }
 
 /// The table.
-pub const ROWS: [Row; 13] = {
+pub const ROWS: [Row; 20] = {
     use FlightPhase::{Armed, Disarmed, Fly, Land, TakeOff};
     const fn row(
         from: FlightPhase,
         to: FlightPhase,
+        cause: Cause,
         words: &'static str,
         when: fn(&Conditions) -> bool,
     ) -> Row {
@@ -84,74 +114,95 @@ pub const ROWS: [Row; 13] = {
             words,
             when,
             to,
+            cause,
         }
+    }
+    const fn killed(from: FlightPhase) -> Row {
+        row(from, Disarmed, Cause::Killed, "killed", |now| now.killed)
+    }
+    const fn disarmed(from: FlightPhase) -> Row {
+        let words = "disarmed by the operator";
+        row(from, Disarmed, Cause::Disarmed, words, |now| !now.armed)
     }
     [
         row(
             Disarmed,
             TakeOff,
+            Cause::FoundFlying,
             "found in the air by a path generator after a cold start",
             |now| !now.stops() && now.found_flying,
         ),
         row(
             Disarmed,
             Armed,
-            "armed again, all is ready, and no landing is demanded",
+            Cause::Progress,
+            "a new request to arm, all is ready, and no landing is demanded",
             |now| !now.stops() && now.arming_is_new && now.ready && !now.land,
         ),
+        killed(Armed),
+        disarmed(Armed),
         row(
             Armed,
             Disarmed,
-            "killed, or the arming is taken back",
-            Conditions::stops,
+            Cause::NotReady,
+            "something is no longer ready",
+            |now| !now.ready,
         ),
-        row(
-            Armed,
-            Disarmed,
-            "something is no longer ready, or it is to land",
-            |now| !now.ready || now.land,
-        ),
-        row(Armed, TakeOff, "the motors have idled long enough", |now| {
-            now.spooled_up
+        row(Armed, Disarmed, Cause::LandingDemanded, "it is to land", |now| {
+            now.land
         }),
         row(
+            Armed,
+            TakeOff,
+            Cause::Progress,
+            "the motors have idled long enough",
+            |now| now.spooled_up,
+        ),
+        killed(TakeOff),
+        disarmed(TakeOff),
+        row(
             TakeOff,
             Disarmed,
-            "killed, or the arming is taken back",
-            Conditions::stops,
+            Cause::LandingDemanded,
+            "it is to land, and has not lifted off",
+            |now| now.land && !now.airborne,
         ),
         row(
             TakeOff,
             Disarmed,
-            "it is to land or overdue, and has not lifted off",
-            |now| (now.land || now.overdue) && !now.airborne,
+            Cause::Overdue,
+            "it is overdue, and has not lifted off",
+            |now| now.overdue && !now.airborne,
         ),
         row(
             TakeOff,
             Land,
-            "it is to land or overdue, and is airborne",
-            |now| now.land || now.overdue,
+            Cause::LandingDemanded,
+            "it is to land, and is airborne",
+            |now| now.land,
+        ),
+        row(
+            TakeOff,
+            Land,
+            Cause::Overdue,
+            "it is overdue, and is airborne",
+            |now| now.overdue,
         ),
         row(
             TakeOff,
             Fly,
+            Cause::Progress,
             "it is airborne and has arrived at the path",
             |now| now.airborne && now.arrived,
         ),
-        row(
-            Fly,
-            Disarmed,
-            "killed, or the arming is taken back",
-            Conditions::stops,
-        ),
-        row(Fly, Land, "it is to land", |now| now.land),
-        row(
-            Land,
-            Disarmed,
-            "killed, or the arming is taken back",
-            Conditions::stops,
-        ),
-        row(Land, Disarmed, "it has touched down", |now| now.touched_down),
+        killed(Fly),
+        disarmed(Fly),
+        row(Fly, Land, Cause::LandingDemanded, "it is to land", |now| now.land),
+        killed(Land),
+        disarmed(Land),
+        row(Land, Disarmed, Cause::TouchedDown, "it has touched down", |now| {
+            now.touched_down
+        }),
     ]
 };
 
@@ -165,11 +216,11 @@ impl FlightPhase {
     /// All phases, in the order of a flight.
     pub const ALL: [Self; 5] = [Self::Disarmed, Self::Armed, Self::TakeOff, Self::Fly, Self::Land];
 
-    /// Returns the phase that follows.
+    /// Returns the row that applies, if the phase changes.
     #[must_use]
-    pub fn next(self, conditions: &Conditions) -> Self {
+    pub fn transition(self, conditions: &Conditions) -> Option<&'static Row> {
         let mut rows = ROWS.iter().filter(|row| row.from == self);
-        rows.find(|row| (row.when)(conditions)).map_or(self, |row| row.to)
+        rows.find(|row| (row.when)(conditions))
     }
 
     /// Returns the phase's code in references.
@@ -202,6 +253,23 @@ impl FlightPhase {
             Self::TakeOff => "take-off",
             Self::Fly => "fly",
             Self::Land => "land",
+        }
+    }
+}
+
+impl Cause {
+    /// Returns its name in docs/safety.md.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Progress => "–",
+            Self::FoundFlying => "found flying",
+            Self::Killed => "killed",
+            Self::Disarmed => "disarmed",
+            Self::LandingDemanded => "landing demanded",
+            Self::NotReady => "not ready",
+            Self::Overdue => "overdue",
+            Self::TouchedDown => "touched down",
         }
     }
 }

@@ -7,7 +7,7 @@
 
 use zerocopy::{FromBytes, IntoBytes};
 
-pub use crate::moment::{Now, Operator, nanoseconds, seconds};
+pub use crate::moment::{ARM_COUNTS, Now, Operator, nanoseconds, seconds};
 pub use crate::ports::{Input, InputView, Inputs, Output, OutputSlot, Outputs, SampleKind, header_of};
 use crate::sample::Record;
 use crate::tuning::Gains;

@@ -163,16 +163,11 @@ impl RecordedSteps {
 
 impl From<&ServiceStep> for RecordedStep {
     fn from(step: &ServiceStep) -> Self {
-        let has = |bit: u32| step.operator & bit != 0;
         Self {
             tick: step.tick,
             is_finished: step.published_ns != 0,
             previous: step.previous.checked_sub(1),
-            operator: Operator {
-                armed: has(1),
-                land: has(2),
-                killed: has(4),
-            },
+            operator: Operator::from_bits(step.operator as u8),
             tuning: u64::from(step.operator >> TUNING_SHIFT),
             seen: std::array::from_fn(|input| {
                 let is_fresh = step.fresh_inputs & 1 << input != 0;

@@ -81,8 +81,8 @@ shared_types::sample! {
         pub late_inputs: u32,
         /// Inputs of which it saw another sample than the step before: bit i for input i.
         pub fresh_inputs: u32,
-        /// The operator's requests: bit 0 armed, bit 1 land, bit 2 killed; from bit 8 on the number of the last change of
-        /// gains that held.
+        /// The operator's requests: bit 0 armed, bit 1 land, bit 2 killed; from bit 3 on the number of requests to arm,
+        /// modulo 32; from bit 8 on the number of the last change of gains that held.
         pub operator: u32,
         /// Explicit padding.
         pub pad0: u32,

@@ -16,15 +16,16 @@
 //! descent begins there.
 //!
 //! Failure policy: while the place of the vehicle is not known, everything stands still and no condition of motion
-//! becomes true. An arming is valid for one take-off: after a landing, or an abandoned take-off, the operator must arm
-//! again.
+//! becomes true. A request to arm is valid in the state in which it was made: for one change from disarmed to armed, at
+//! most [`ARM_WITHIN`] later. Once `armed` has been left, for whatever cause, the operator must arm again; so must the
+//! operator of a path generator that has lost its state.
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
-use shared_types::flight_phase::{Conditions, FlightPhase};
+use shared_types::flight_phase::{ARM_WITHIN, Cause, Conditions, FlightPhase, Row};
 use shared_types::rotation::from_row_major;
 use shared_types::sample::Flag;
-use shared_types::samples::{RcFrame, VehicleState};
+use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::{Operator, nanoseconds};
 use shared_types::{Now, ServiceId, Topic};
 use zerocopy::FromZeros;
@@ -70,6 +71,8 @@ shared_types::sample! {
         pub stop_acceleration: f64,
         /// Duration of the stop so far, s.
         pub stopping_for: f64,
+        /// Time since which a request to arm has waited for readiness, ns.
+        pub waiting_since_ns: u64,
         /// z of the vehicle in {I} when it was armed, m.
         pub ground: f64,
         /// Mean of the thrust that carries the vehicle, N.
@@ -85,12 +88,18 @@ shared_types::sample! {
         pub airborne: Flag,
         /// `true` if the parameter is being brought to rest.
         pub stopping: Flag,
-        /// `true` if the operator's arming has been used.
-        pub spent: Flag,
         /// `true` if the first step has decided if the vehicle was in the air.
         pub begun: Flag,
+        /// Cause of the phase, as references state it.
+        pub cause: u8,
+        /// `true` after the first step.
+        pub stepped: Flag,
+        /// Number of the newest request to arm that has been used or has lapsed.
+        pub spent: u8,
+        /// Number of the request to arm that waits for readiness.
+        pub waiting: u8,
         /// Explicit padding.
-        pub pad0: [u8; 2],
+        pub pad0: [u8; 7],
     }
 }
 
@@ -130,6 +139,8 @@ pub struct Phases {
     fresh_ns: [u64; 2],
     /// Thrust below which even the lightest vehicle cannot fly, N.
     airborne_thrust: f64,
+    /// Tick of the first step of a flight. A first step after it is a cold start.
+    first_tick: u64,
     /// State of the phases.
     pub memory: PhasesMemory,
 }
@@ -143,6 +154,7 @@ impl Phases {
             stated: stated.clone(),
             fresh_ns: topics.map(|topic| scenario.fresh_age_ns(topic, ServiceId::PathGenerator)),
             airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
+            first_tick: first_tick(scenario),
             memory: PhasesMemory::new_zeroed(),
         })
     }
@@ -151,6 +163,12 @@ impl Phases {
     #[must_use]
     pub fn phase(&self) -> FlightPhase {
         FlightPhase::from_code(self.memory.phase)
+    }
+
+    /// Returns the cause of the phase, as references state it.
+    #[must_use]
+    pub fn cause(&self) -> u8 {
+        self.memory.cause
     }
 
     /// Returns whether the vehicle is airborne, as far as its motion shows.
@@ -173,15 +191,43 @@ impl Phases {
             self.memory.standing_for = 0.0;
         }
         self.go_along(elapsed, sight);
+        if !self.memory.stepped.is_set() {
+            self.memory.stepped = true.into();
+            if now.tick > self.first_tick {
+                // A request that the lost state may have used.
+                self.memory.spent = now.operator.arm_count;
+            }
+        }
+        let before = self.phase();
         let conditions = self.conditions(now, sight);
-        let (before, after) = (self.phase(), self.phase().next(&conditions));
+        let row = before.transition(&conditions);
         let has_seen = sight.frame.is_some_and(|frame| frame.failsafe.is_set()) || self.memory.begun.is_set();
         self.memory.begun = (has_seen || conditions.found_flying).into();
-        if !now.operator.armed {
-            self.memory.spent = false.into();
+        if let Some(row) = row {
+            self.enter(now, row.to, sight);
+            self.memory.cause = published_cause(row, now, sight);
         }
-        if after != before {
-            self.enter(now, after, sight);
+        self.spend_arming(now, before, &conditions);
+    }
+
+    /// Spends a request to arm that was made in another state than disarmed, that has armed, or that has waited for
+    /// [`ARM_WITHIN`].
+    fn spend_arming(&mut self, now: &Now, before: FlightPhase, conditions: &Conditions) {
+        let count = now.operator.arm_count;
+        let is_on_the_ground = before == FlightPhase::Disarmed && self.phase() == FlightPhase::Disarmed;
+        if !is_on_the_ground || conditions.killed || conditions.land || !conditions.armed {
+            self.memory.spent = count;
+        }
+        if self.memory.spent == count {
+            (self.memory.waiting, self.memory.waiting_since_ns) = (count, now.time_ns);
+            return;
+        }
+        if self.memory.waiting != count {
+            (self.memory.waiting, self.memory.waiting_since_ns) = (count, now.time_ns);
+        }
+        if now.time_ns - self.memory.waiting_since_ns >= nanoseconds(ARM_WITHIN) {
+            self.memory.spent = count;
+            self.memory.cause = PathReference::CAUSE_NOT_READY;
         }
     }
 
@@ -262,7 +308,12 @@ impl Phases {
     }
 
     fn conditions(&self, now: &Now, sight: &PhaseInput<'_>) -> Conditions {
-        let Operator { armed, land, killed } = now.operator;
+        let Operator {
+            armed,
+            arm_count,
+            land,
+            killed,
+        } = now.operator;
         let memory = &self.memory;
         let action = sight.frame.map_or(RcFrame::ACTION_NONE, |frame| frame.action);
         let in_phase = now.time_ns.saturating_sub(memory.began_ns);
@@ -272,7 +323,7 @@ impl Phases {
         Conditions {
             armed,
             killed: killed || action == RcFrame::ACTION_KILL,
-            arming_is_new: armed && !memory.spent.is_set(),
+            arming_is_new: armed && arm_count != memory.spent,
             land: land || action == RcFrame::ACTION_LAND,
             ready: self.is_ready(sight),
             spooled_up: in_phase >= nanoseconds(self.stated.spool_up),
@@ -315,8 +366,8 @@ impl Phases {
             FlightPhase::Disarmed => {
                 self.memory = PhasesMemory {
                     began_ns: now.time_ns,
-                    spent: (self.memory.spent.is_set() || before != FlightPhase::Armed).into(),
                     begun: true.into(),
+                    stepped: true.into(),
                     ..PhasesMemory::new_zeroed()
                 };
             }
@@ -325,7 +376,6 @@ impl Phases {
                 self.memory.ground = place[2];
             }
             FlightPhase::TakeOff => {
-                self.memory.spent = true.into();
                 let from = sight
                     .vehicle
                     .map_or(sight.path, |vehicle| Vector3::from(vehicle.position_world));
@@ -388,5 +438,35 @@ impl Phases {
             return Some(descent.at(self.memory.along));
         }
         self.leg().map(|leg| leg.at(self.memory.along))
+    }
+}
+
+/// Returns the tick of the first step of the path generator in a flight without failures.
+fn first_tick(scenario: &Scenario) -> u64 {
+    let schedule = scenario.schedule();
+    schedule.map_or(0, |schedule| {
+        schedule.service_rate(ServiceId::PathGenerator).phase
+    })
+}
+
+/// Returns the cause of a transition as references state it: the row's, with the origin of a demand. A kill or landing
+/// that the newest frame demands for a limit is the envelope's, since the transmitter has acted on it before.
+fn published_cause(row: &Row, now: &Now, sight: &PhaseInput<'_>) -> u8 {
+    let of_envelope = |action: u8, base: u8| {
+        let frame = sight.frame.filter(|frame| frame.action == action)?;
+        (frame.limit != RcFrame::LIMIT_NONE).then_some(base | frame.limit % 16)
+    };
+    match row.cause {
+        Cause::Progress => PathReference::CAUSE_NONE,
+        Cause::FoundFlying => PathReference::CAUSE_FOUND_FLYING,
+        Cause::Disarmed => PathReference::CAUSE_OPERATOR_DISARMS,
+        Cause::NotReady => PathReference::CAUSE_NOT_READY,
+        Cause::Overdue => PathReference::CAUSE_OVERDUE,
+        Cause::TouchedDown => PathReference::CAUSE_TOUCHED_DOWN,
+        Cause::Killed => of_envelope(RcFrame::ACTION_KILL, PathReference::CAUSE_ENVELOPE_KILLS)
+            .unwrap_or(PathReference::CAUSE_OPERATOR_KILLS),
+        Cause::LandingDemanded => of_envelope(RcFrame::ACTION_LAND, PathReference::CAUSE_ENVELOPE_LANDS)
+            .filter(|_| !now.operator.land)
+            .unwrap_or(PathReference::CAUSE_OPERATOR_LANDS),
     }
 }

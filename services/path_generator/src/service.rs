@@ -220,6 +220,12 @@ impl PathLeader {
         self.phases.as_ref().map_or(FlightPhase::Fly, Phases::phase)
     }
 
+    fn cause(&self) -> u8 {
+        self.phases
+            .as_ref()
+            .map_or(PathReference::CAUSE_NONE, Phases::cause)
+    }
+
     fn is_airborne(&self) -> bool {
         self.phases.as_ref().is_none_or(Phases::is_airborne)
     }
@@ -307,7 +313,7 @@ impl Service for PathGeneratorService {
                 vehicle_known: known.is_some().into(),
                 phase: self.leader.phase().code(),
                 airborne: self.leader.is_airborne().into(),
-                pad0: 0,
+                cause: self.leader.cause(),
             };
         }
     }

@@ -29,7 +29,8 @@ typedef struct {
     uint8_t armed;       /* not 0 if the motors may turn */
     uint8_t land;        /* not 0 if the vehicle must land */
     uint8_t killed;      /* not 0 if the motors stop for ever */
-    uint8_t pad[5];
+    uint8_t arm_count;   /* number of requests to arm so far, modulo 32 */
+    uint8_t pad[4];
 } gerono_now;
 
 /* The newest sample of an input. */
@@ -167,15 +168,25 @@ typedef struct {
     uint8_t vehicle_known;
     uint8_t phase;
     uint8_t airborne;
-    uint8_t pad0;
+    uint8_t cause;
 } gerono_path_reference;
 #define GERONO_PATH_REFERENCE_PHASE_DISARMED 0
 #define GERONO_PATH_REFERENCE_PHASE_ARMED 1
 #define GERONO_PATH_REFERENCE_PHASE_TAKE_OFF 2
 #define GERONO_PATH_REFERENCE_PHASE_FLY 3
 #define GERONO_PATH_REFERENCE_PHASE_LAND 4
+#define GERONO_PATH_REFERENCE_CAUSE_NONE 0
+#define GERONO_PATH_REFERENCE_CAUSE_OPERATOR_KILLS 1
+#define GERONO_PATH_REFERENCE_CAUSE_OPERATOR_DISARMS 2
+#define GERONO_PATH_REFERENCE_CAUSE_OPERATOR_LANDS 3
+#define GERONO_PATH_REFERENCE_CAUSE_NOT_READY 4
+#define GERONO_PATH_REFERENCE_CAUSE_OVERDUE 5
+#define GERONO_PATH_REFERENCE_CAUSE_TOUCHED_DOWN 6
+#define GERONO_PATH_REFERENCE_CAUSE_FOUND_FLYING 7
+#define GERONO_PATH_REFERENCE_CAUSE_ENVELOPE_LANDS 16
+#define GERONO_PATH_REFERENCE_CAUSE_ENVELOPE_KILLS 32
 GERONO_ASSERT(sizeof(gerono_path_reference) == 200, "another layout of gerono_path_reference");
-#define GERONO_PATH_REFERENCE_LAYOUT "d1bf73622e0a7c719d576dc2f73d1130"
+#define GERONO_PATH_REFERENCE_LAYOUT "99593e3dba3fcce7c4dc8a493504c968"
 
 /* A sample of `control/command`. */
 typedef struct {

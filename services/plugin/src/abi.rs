@@ -27,8 +27,10 @@ pub struct Now {
     pub land: u8,
     /// Not 0 if the motors stop for ever.
     pub killed: u8,
+    /// Number of requests to arm so far, modulo 32.
+    pub arm_count: u8,
     /// Zero.
-    pub pad: [u8; 5],
+    pub pad: [u8; 4],
 }
 
 /// `gerono_input`: the newest sample of a topic.

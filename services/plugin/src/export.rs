@@ -152,6 +152,7 @@ unsafe extern "C" fn step<S: Plugin>(
             armed: now.armed != 0,
             land: now.land != 0,
             killed: now.killed != 0,
+            arm_count: now.arm_count,
         },
     };
     let mut views = [InputView::default(); MAX_PORTS];

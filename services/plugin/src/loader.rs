@@ -317,7 +317,8 @@ impl ErasedService for PluginService {
             armed: now.operator.armed.into(),
             land: now.operator.land.into(),
             killed: now.operator.killed.into(),
-            pad: [0; 5],
+            arm_count: now.operator.arm_count,
+            pad: [0; 4],
         };
         let mut seen = [abi::Input {
             sample: std::ptr::null(),

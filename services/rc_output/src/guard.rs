@@ -4,6 +4,7 @@
 //! | condition | consequence |
 //! | --- | --- |
 //! | the operator has not armed | failsafe frames |
+//! | in a flight with phases the motors have not turned for [`GROUNDED_AFTER`] since the operator armed, or have stopped for that long | failsafe frames until the operator arms again |
 //! | in a flight with phases the inputs have not been recent since the arming, or since a cold start of the transmitter | failsafe frames |
 //! | the operator killed | failsafe frames for ever |
 //! | a limit is exceeded for [`after`](scenario::Envelope::after), action *warn* | frames say so as long as that lasts |
@@ -44,8 +45,12 @@ shared_types::sample! {
         pub passes: Flag,
         /// `true` if a command has moved the vehicle, and the motors have not rested for [`GROUNDED_AFTER`] since.
         pub moves: Flag,
+        /// Number of the newest request to arm.
+        pub arm_count: u8,
+        /// `true` if that request has lapsed.
+        pub lapsed: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 4],
+        pub pad0: [u8; 2],
     }
 }
 
@@ -91,28 +96,43 @@ impl GuardMemory {
         action: RcFrame::ACTION_NONE,
         passes: Flag::CLEAR,
         moves: Flag::CLEAR,
-        pad0: [0; 4],
+        arm_count: 0,
+        lapsed: Flag::CLEAR,
+        pad0: [0; 2],
     };
 }
 
 impl GuardMemory {
-    /// Records whether the motors move now. The state of the limits is reset once they have stopped for
-    /// [`GROUNDED_AFTER`] without a break: a matter of time, which no command can shorten.
-    fn note_motion(&mut self, now: &Now, moves: bool) {
+    /// Records whether the motors move now. Returns whether they have now stopped for [`GROUNDED_AFTER`] without a break,
+    /// since the arming or since they moved: a matter of time, which no command can shorten.
+    fn note_motion(&mut self, now: &Now, moves: bool) -> bool {
         if moves {
             (self.moves, self.resting_since_ns) = (true.into(), 0);
-        } else if self.moves.is_set() {
-            if self.resting_since_ns == 0 {
-                self.resting_since_ns = now.time_ns + 1;
-            }
-            if now.time_ns + 1 - self.resting_since_ns >= nanoseconds(GROUNDED_AFTER) {
-                let passes = self.passes;
-                *self = Self {
-                    passes,
-                    ..Self::NOTHING
-                };
-            }
+            return false;
         }
+        if self.resting_since_ns == 0 {
+            self.resting_since_ns = now.time_ns + 1;
+        }
+        now.time_ns + 1 - self.resting_since_ns >= nanoseconds(GROUNDED_AFTER)
+    }
+
+    /// Takes the operator's requests to arm: a new one restarts the time at rest.
+    fn note_arming(&mut self, now: &Now) {
+        if self.arm_count != now.operator.arm_count {
+            self.arm_count = now.operator.arm_count;
+            self.lapsed = false.into();
+            self.resting_since_ns = 0;
+        }
+    }
+
+    /// Resets the limits of a vehicle that is on the ground; whether its arming goes on.
+    fn reset(&mut self, arming_goes_on: bool) {
+        *self = Self {
+            passes: (self.passes.is_set() && arming_goes_on).into(),
+            lapsed: (self.lapsed.is_set() || !arming_goes_on).into(),
+            arm_count: self.arm_count,
+            ..Self::NOTHING
+        };
     }
 }
 
@@ -139,17 +159,25 @@ impl Guard {
             self.kill(RcFrame::LIMIT_NONE);
         }
         let is_killed = self.memory.action == RcFrame::ACTION_KILL;
+        self.memory.note_arming(now);
         if !is_killed && !now.operator.armed {
-            self.memory = GuardMemory::NOTHING;
+            self.memory.reset(false);
         }
-        let may_begin = !self.has_phases || case.inputs_are_fresh;
+        let may_begin = !self.has_phases || case.inputs_are_fresh && !self.memory.lapsed.is_set();
         if now.operator.armed && may_begin {
             self.memory.passes = true.into();
         }
         if is_killed || !self.memory.passes.is_set() {
             return self.decision(None);
         }
-        let warned = self.check(now, case);
+        let moving = case
+            .command
+            .filter(|command| command.mode != ControlCommand::MODE_FAILSAFE);
+        if self.memory.note_motion(now, moving.is_some()) {
+            // A flight without phases has no other arming than its first.
+            self.memory.reset(!self.has_phases);
+        }
+        let warned = self.check(now, case, moving);
         self.decision(warned)
     }
 
@@ -161,12 +189,8 @@ impl Guard {
     }
 
     /// Checks the limits and takes their actions; returns the limit that only has a warning.
-    fn check(&mut self, now: &Now, case: &GuardInput<'_>) -> Option<u8> {
+    fn check(&mut self, now: &Now, case: &GuardInput<'_>, moving: Option<&ControlCommand>) -> Option<u8> {
         let envelope = self.envelope.as_ref()?;
-        let moving = case
-            .command
-            .filter(|command| command.mode != ControlCommand::MODE_FAILSAFE);
-        self.memory.note_motion(now, moving.is_some());
         if !self.memory.moves.is_set() {
             return None;
         }

@@ -132,11 +132,6 @@ pub struct ServiceContext<'a> {
     pub crash: CrashPoint,
 }
 
-fn bits_of(operator: Operator) -> u64 {
-    let Operator { armed, land, killed } = operator;
-    u64::from(armed) | u64::from(land) << 1 | u64::from(killed) << 2
-}
-
 /// Returns whether a service is about to publish that the vehicle is disarmed and at rest.
 #[cold]
 fn tells_of_rest(timetable: &Timetable, slots: &Slots<'_>) -> bool {
@@ -368,7 +363,7 @@ impl ServiceContext<'_> {
         if let Some(gains) = self.tuning.due(&self.page.control_block().tuning, tick) {
             service.tune(Some(&gains));
         }
-        record.operator = bits_of(now.operator) | self.tuning.number() << TUNING_SHIFT;
+        record.operator = u64::from(now.operator.to_bits()) | self.tuning.number() << TUNING_SHIFT;
         record.previous = previous.map_or(0, |previous| previous + 1);
         let RealTimePorts { queues, outputs } = &mut self.ports;
         let mut views = Views::default();

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use rustix::thread::futex;
 use serde::{Deserialize, Serialize};
 use shared_types::schedule::MAX_PORTS;
-use shared_types::service::Operator;
+use shared_types::service::{ARM_COUNTS, Operator};
 use shared_types::{ServiceId, Topic};
 
 use crate::shared_file::SharedFile;
@@ -125,6 +125,8 @@ const ARMED: u32 = 1;
 const DISARMED: u32 = 2;
 const LAND: u32 = 4;
 const KILLED: u32 = 8;
+/// Lowest bit of the number of requests to arm, which fills the word from here on.
+const ARM_COUNT: u32 = 1 << 8;
 
 /// Owner of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,6 +163,7 @@ impl ControlBlock {
         let has = |bit| bits & bit != 0;
         Operator {
             armed: (planned.armed || has(ARMED)) && !has(DISARMED),
+            arm_count: arm_count(planned, bits),
             land: planned.land || has(LAND),
             killed: planned.killed || has(KILLED),
         }
@@ -174,13 +177,20 @@ impl ControlBlock {
     }
 }
 
+/// Returns the number of requests to arm, planned and asked for.
+#[inline]
+fn arm_count(planned: Operator, bits: u32) -> u8 {
+    let count = (bits / ARM_COUNT + u32::from(planned.arm_count)) % u32::from(ARM_COUNTS);
+    u8::try_from(count).unwrap_or_default()
+}
+
 /// Adds a request to the earlier ones.
 ///
 /// One atomic read-modify-write: with a separate load and store, a kill of another process between the two would be
 /// lost.
 fn add(requests: &AtomicU32, request: Request) {
     let change = |bits: u32| match request {
-        Request::Arm => bits & !DISARMED | ARMED,
+        Request::Arm => (bits & !DISARMED | ARMED).wrapping_add(ARM_COUNT),
         Request::Disarm => bits & !ARMED | DISARMED,
         Request::Land => bits | LAND,
         Request::Kill => bits | KILLED,
@@ -286,6 +296,34 @@ mod tests {
     }
 
     #[test]
+    fn every_request_to_arm_has_a_number_of_its_own_and_leaves_the_other_requests() {
+        let block = ControlBlock::default();
+        let counts: Vec<_> = (0..u32::from(ARM_COUNTS))
+            .map(|_| {
+                block.ask(Request::Arm);
+                block.operator(Operator::default()).arm_count
+            })
+            .collect();
+        let expected: Vec<_> = (1..ARM_COUNTS).chain([0]).collect();
+        assert_eq!(counts, expected);
+        assert_eq!(
+            block.operator(Operator::FLYING).arm_count,
+            1,
+            "after a planned one"
+        );
+        // The count overflows its bits, and no other request comes of it.
+        block.requests.store(!(LAND | KILLED), Ordering::Relaxed);
+        block.ask(Request::Arm);
+        assert_eq!(
+            block.operator(Operator::default()),
+            Operator {
+                arm_count: 0,
+                ..Operator::FLYING
+            }
+        );
+    }
+
+    #[test]
     fn a_request_needs_only_the_file_of_the_page() {
         let page = SharedPage::create().unwrap();
         ask_in(page.file(), Request::Kill).unwrap();
@@ -298,7 +336,7 @@ mod tests {
     fn a_request_to_disarm_overrides_the_plan() {
         let block = ControlBlock::default();
         block.ask(Request::Disarm);
-        assert_eq!(block.operator(Operator::FLYING), Operator::default());
+        assert!(!block.operator(Operator::FLYING).armed);
         block.ask(Request::Land);
         block.ask(Request::Arm);
         let landing = Operator {

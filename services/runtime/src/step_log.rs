@@ -8,6 +8,7 @@ use std::os::fd::{BorrowedFd, OwnedFd};
 
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
+use shared_types::service::Operator;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::seqlock::{LookUp, Ring};
@@ -17,7 +18,7 @@ use crate::shared_file::SharedFile;
 pub const DEPTH: u64 = 4096;
 
 /// Bit of the operator's requests from which on the number of a change of gains is.
-pub const TUNING_SHIFT: u32 = 8;
+pub const TUNING_SHIFT: u32 = Operator::BITS;
 
 const WORDS: usize = size_of::<StepRecord>() / size_of::<u64>();
 
@@ -46,8 +47,8 @@ pub struct StepRecord {
     pub late_inputs: u64,
     /// Inputs of which it saw another sample than the step before: bit i for input i.
     pub fresh_inputs: u64,
-    /// Requests of the operator: bit 0 armed, bit 1 land, bit 2 killed; from bit [`TUNING_SHIFT`] on the number of the
-    /// last change of gains that holds for the step.
+    /// Requests of the operator ([`Operator::to_bits`]); from bit [`TUNING_SHIFT`] on the number of the last change of
+    /// gains that holds for the step.
     pub operator: u64,
     /// 1 + the tick of the step before it in the state of the service; 0 if there is none.
     pub previous: u64,

@@ -12,8 +12,8 @@ use shared_types::schedule::OperatorPlan;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Flight {
-    /// Time at which the operator arms, s: the vehicle takes off as soon as all is ready; by command only unless
-    /// stated.
+    /// Time of the operator's only request to arm, s: it lapses if not all is ready within 0.5 s; by command only
+    /// unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arm_at: Option<f64>,
     /// Time at which the operator demands a landing, s; by command only unless stated.

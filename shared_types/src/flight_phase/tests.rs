@@ -1,6 +1,12 @@
 use super::FlightPhase::{Armed, Disarmed, Fly, Land, TakeOff};
 use super::*;
 
+impl FlightPhase {
+    fn next(self, conditions: &Conditions) -> Self {
+        self.transition(conditions).map_or(self, |row| row.to)
+    }
+}
+
 /// Flight without any condition: no row of `TakeOff`, `Fly` and `Land` holds.
 const CALM: Conditions = Conditions {
     armed: true,
@@ -135,6 +141,44 @@ fn every_row_is_the_first_that_holds_for_some_conditions() {
             every_condition().any(|now| (row.when)(&now) && !earlier().any(|other| (other.when)(&now)));
         assert!(counts, "{:?}: {}", row.from, row.words);
     }
+}
+
+#[test]
+fn the_cause_of_a_transition_is_a_condition_that_holds_and_no_graver_one_does() {
+    for phase in FlightPhase::ALL {
+        for now in every_condition() {
+            let Some(row) = phase.transition(&now) else {
+                continue;
+            };
+            let expected = match row.to {
+                Disarmed | Land if now.killed => Cause::Killed,
+                Disarmed | Land if !now.armed => Cause::Disarmed,
+                Disarmed if phase == Armed && !now.ready => Cause::NotReady,
+                Disarmed if phase == Land => Cause::TouchedDown,
+                Disarmed | Land if now.land => Cause::LandingDemanded,
+                Disarmed | Land => Cause::Overdue,
+                TakeOff if phase == Disarmed => Cause::FoundFlying,
+                Armed | TakeOff | Fly => Cause::Progress,
+            };
+            assert_eq!(row.cause, expected, "from {phase:?} with {now:?}");
+        }
+    }
+}
+
+#[test]
+fn the_table_of_the_documentation_is_this_table() {
+    let page = include_str!("../../../docs/safety.md");
+    let rows = page.lines().filter_map(|line| {
+        let cells: Vec<_> = line.split('|').map(str::trim).collect();
+        let [_, from, words, to, cause, _] = cells[..] else {
+            return None;
+        };
+        let phases = FlightPhase::ALL.map(FlightPhase::name);
+        (phases.contains(&from) && phases.contains(&to)).then_some([from, words, to, cause])
+    });
+    let stated: Vec<_> = rows.collect();
+    let ours = ROWS.map(|row| [row.from.name(), row.words, row.to.name(), row.cause.name()]);
+    assert_eq!(stated, ours);
 }
 
 #[test]

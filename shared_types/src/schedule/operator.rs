@@ -25,8 +25,10 @@ impl OperatorPlan {
     #[must_use]
     #[inline]
     pub fn at(&self, tick: u64) -> Operator {
+        let armed = tick >= self.armed_from;
         Operator {
-            armed: tick >= self.armed_from,
+            armed,
+            arm_count: armed.into(),
             land: tick >= self.land_from,
             killed: tick >= self.killed_from,
         }

@@ -104,7 +104,9 @@ impl<'a> Watchers<'a> {
     }
 
     fn snapshot(&self, supervisor: &Supervisor<'_>, recorder: &Recorder) -> Snapshot {
-        let Operator { armed, land, killed } = self.schedule.operator().at(recorder.ticks());
+        let Operator {
+            armed, land, killed, ..
+        } = self.schedule.operator().at(recorder.ticks());
         Snapshot {
             time: self.time(recorder),
             armed,

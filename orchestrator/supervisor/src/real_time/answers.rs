@@ -186,7 +186,9 @@ impl Flight<'_> {
     fn snapshot(&self) -> Snapshot {
         let planned = self.schedule.operator().at(self.clock.tick());
         let block = self.supervisor.page().control_block();
-        let Operator { armed, land, killed } = block.operator(planned);
+        let Operator {
+            armed, land, killed, ..
+        } = block.operator(planned);
         let elapsed_ns = self.clock.elapsed_ns();
         let (radio_link, cameras) = self.laboratory.snapshot(block, elapsed_ns);
         Snapshot {

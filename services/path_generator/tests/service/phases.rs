@@ -20,6 +20,11 @@ const DISARMED: Operator = Operator {
     ..ARMED
 };
 const TO_LAND: Operator = Operator { land: true, ..ARMED };
+/// A second request to arm.
+const ARMED_AGAIN: Operator = Operator {
+    arm_count: 2,
+    ..ARMED
+};
 
 fn phased(path: Path) -> Scenario {
     Scenario {
@@ -332,8 +337,162 @@ fn a_take_off_that_does_not_lift_off_is_given_up_and_needs_a_new_arming() {
     assert!((flown.tick - from) as f64 * H > PATIENCE);
     flown.for_seconds(ARMED, 3.0);
     assert_eq!(flown.reference.phase, PathReference::PHASE_DISARMED);
-    flown.for_seconds(DISARMED, 0.01);
+    assert_eq!(flown.reference.cause, PathReference::CAUSE_OVERDUE);
+    flown.until(ARMED_AGAIN, PathReference::PHASE_ARMED);
+}
+
+#[test]
+fn once_armed_has_been_left_nothing_arms_without_a_new_request() {
+    let mut flown = FlownPath::eight();
     flown.until(ARMED, PathReference::PHASE_ARMED);
+    flown.vehicle.tracked = false.into();
+    flown.for_seconds(ARMED, 0.3);
+    assert_eq!(
+        (flown.reference.phase, flown.reference.cause),
+        (PathReference::PHASE_DISARMED, PathReference::CAUSE_NOT_READY)
+    );
+    flown.vehicle.tracked = true.into();
+    flown.for_seconds(ARMED, 20.0);
+    assert_eq!(
+        flown.phases,
+        [PathReference::PHASE_ARMED, PathReference::PHASE_DISARMED]
+    );
+    flown.until(ARMED_AGAIN, PathReference::PHASE_TAKE_OFF);
+}
+
+#[test]
+fn a_request_to_arm_waits_half_a_second_for_readiness_and_lapses_then() {
+    for (blind_ticks, expected) in [
+        (499, PathReference::PHASE_ARMED),
+        (501, PathReference::PHASE_DISARMED),
+    ] {
+        let mut flown = FlownPath::eight();
+        flown.for_seconds(Operator::default(), 1.0);
+        flown.vehicle.tracked = false.into();
+        flown.for_seconds(ARMED, blind_ticks as f64 * H + 0.1 * H);
+        flown.vehicle.tracked = true.into();
+        flown.step(ARMED);
+        assert_eq!(flown.reference.phase, expected, "{blind_ticks}");
+        let lapsed = expected == PathReference::PHASE_DISARMED;
+        assert_eq!(flown.reference.cause == PathReference::CAUSE_NOT_READY, lapsed);
+        if lapsed {
+            flown.for_seconds(ARMED, 5.0);
+            assert_eq!(flown.phases, [PathReference::PHASE_DISARMED]);
+            flown.until(ARMED_AGAIN, PathReference::PHASE_ARMED);
+        }
+    }
+}
+
+#[test]
+fn a_request_to_arm_made_in_the_air_does_not_arm_after_the_landing() {
+    for made_in in [
+        PathReference::PHASE_ARMED,
+        PathReference::PHASE_TAKE_OFF,
+        PathReference::PHASE_FLY,
+        PathReference::PHASE_LAND,
+    ] {
+        let mut flown = FlownPath::eight();
+        let mut operator = ARMED;
+        for phase in PathReference::PHASE_ARMED..=PathReference::PHASE_LAND {
+            operator.land = phase == PathReference::PHASE_LAND;
+            flown.until(operator, phase);
+            if phase == made_in {
+                operator.arm_count = 2;
+                flown.step(operator);
+            }
+        }
+        flown.until(operator, PathReference::PHASE_DISARMED);
+        assert_eq!(flown.reference.cause, PathReference::CAUSE_TOUCHED_DOWN);
+        operator.land = false;
+        flown.for_seconds(operator, 3.0);
+        assert_eq!(
+            flown.reference.phase,
+            PathReference::PHASE_DISARMED,
+            "made in {made_in}"
+        );
+    }
+}
+
+#[test]
+fn a_path_generator_that_has_lost_its_state_takes_no_earlier_request_to_arm() {
+    let mut flown = FlownPath::eight();
+    flown.for_seconds(Operator::default(), 1.0);
+    flown.generator = PathGeneratorService::new(&flown.scenario).unwrap();
+    flown.for_seconds(ARMED, 5.0);
+    assert_eq!(flown.phases, [PathReference::PHASE_DISARMED]);
+    flown.until(ARMED_AGAIN, PathReference::PHASE_TAKE_OFF);
+}
+
+#[test]
+fn the_reference_states_which_of_several_conditions_has_disarmed_or_landed() {
+    let killed = Operator {
+        killed: true,
+        ..ARMED
+    };
+    let disarmed_and_killed = Operator {
+        armed: false,
+        ..killed
+    };
+    let box_kill = (RcFrame::ACTION_KILL, RcFrame::LIMIT_BOX);
+    let box_land = (RcFrame::ACTION_LAND, RcFrame::LIMIT_BOX);
+    let none = (RcFrame::ACTION_NONE, RcFrame::LIMIT_NONE);
+    let silent_kill = (RcFrame::ACTION_KILL, RcFrame::LIMIT_NONE);
+    for (operator, (action, limit), cause) in [
+        (killed, none, PathReference::CAUSE_OPERATOR_KILLS),
+        (ARMED, silent_kill, PathReference::CAUSE_OPERATOR_KILLS),
+        (killed, silent_kill, PathReference::CAUSE_OPERATOR_KILLS),
+        (disarmed_and_killed, none, PathReference::CAUSE_OPERATOR_KILLS),
+        (DISARMED, none, PathReference::CAUSE_OPERATOR_DISARMS),
+        (DISARMED, box_land, PathReference::CAUSE_OPERATOR_DISARMS),
+        (
+            killed,
+            box_kill,
+            PathReference::CAUSE_ENVELOPE_KILLS + RcFrame::LIMIT_BOX,
+        ),
+        (TO_LAND, none, PathReference::CAUSE_OPERATOR_LANDS),
+        (TO_LAND, box_land, PathReference::CAUSE_OPERATOR_LANDS),
+        (
+            ARMED,
+            box_land,
+            PathReference::CAUSE_ENVELOPE_LANDS + RcFrame::LIMIT_BOX,
+        ),
+    ] {
+        let mut flown = FlownPath::eight();
+        flown.until(ARMED, PathReference::PHASE_FLY);
+        assert_eq!(flown.reference.cause, PathReference::CAUSE_NONE);
+        (flown.frame.action, flown.frame.limit) = (action, limit);
+        assert_eq!(flown.step(operator).cause, cause, "{operator:?} {action} {limit}");
+    }
+}
+
+#[test]
+fn a_kill_at_the_step_of_the_touch_down_is_a_kill() {
+    let mut flown = FlownPath::eight();
+    flown.until(ARMED, PathReference::PHASE_FLY);
+    flown.until(TO_LAND, PathReference::PHASE_LAND);
+    while flown.reference.airborne.is_set() {
+        flown.step(TO_LAND);
+    }
+    // One step before the touch-down is complete.
+    flown.for_seconds(TO_LAND, STANDING - 2.5 * H);
+    assert_eq!(flown.reference.phase, PathReference::PHASE_LAND);
+    let mut undisturbed = flown.step(TO_LAND);
+    while undisturbed.phase == PathReference::PHASE_LAND {
+        let memory = Service::save(&flown.generator);
+        let mut killed = PathGeneratorService::new(&flown.scenario).unwrap();
+        Service::restore(&mut killed, &memory);
+        std::mem::swap(&mut flown.generator, &mut killed);
+        let (tick, vehicle, frame) = (flown.tick, flown.vehicle, flown.frame);
+        let at_the_kill = flown.step(Operator {
+            killed: true,
+            ..TO_LAND
+        });
+        assert_eq!(at_the_kill.cause, PathReference::CAUSE_OPERATOR_KILLS);
+        flown.generator = killed;
+        (flown.tick, flown.vehicle, flown.frame) = (tick, vehicle, frame);
+        undisturbed = flown.step(TO_LAND);
+    }
+    assert_eq!(undisturbed.cause, PathReference::CAUSE_TOUCHED_DOWN);
 }
 
 #[test]

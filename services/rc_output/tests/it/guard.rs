@@ -18,6 +18,10 @@ const DISARMED: Operator = Operator {
     armed: false,
     ..ARMED
 };
+const ARMED_AGAIN: Operator = Operator {
+    arm_count: 2,
+    ..ARMED
+};
 const KILLED: Operator = Operator {
     killed: true,
     ..ARMED
@@ -132,7 +136,17 @@ impl Transmitter {
     }
 
     fn steps(&mut self, count: u64, command: &ControlCommand, state: &VehicleState) -> RcFrame {
-        let frames = (0..count).map(|_| self.step(ARMED, command, state));
+        self.steps_of(ARMED, count, command, state)
+    }
+
+    fn steps_of(
+        &mut self,
+        operator: Operator,
+        count: u64,
+        command: &ControlCommand,
+        state: &VehicleState,
+    ) -> RcFrame {
+        let frames = (0..count).map(|_| self.step(operator, command, state));
         frames.last().unwrap()
     }
 }
@@ -148,7 +162,11 @@ fn only_failsafe_frames_are_sent_before_the_arming_and_when_it_is_taken_back() {
     for sections in ["", FLIGHT, &envelope("warn")] {
         let mut transmitter = Transmitter::new(sections);
         for _ in 0..50 {
-            assert!(rests(&transmitter.step(DISARMED, &command(2.0), &state())));
+            assert!(rests(&transmitter.step(
+                Operator::default(),
+                &command(2.0),
+                &state()
+            )));
         }
         assert_eq!(transmitter.step(ARMED, &command(2.0), &state()).thrust, 2.0);
         assert!(rests(&transmitter.step(DISARMED, &command(2.0), &state())));
@@ -510,11 +528,45 @@ fn limits_are_not_checked_before_the_vehicle_moves_and_after_it_has_rested() {
         transmitter.steps(500, &failsafe_command(), &outside).action,
         RcFrame::ACTION_NONE
     );
-    transmitter.steps(21, &command(2.0), &outside);
+    transmitter.steps_of(ARMED_AGAIN, 21, &command(2.0), &outside);
     assert_eq!(
-        transmitter.steps(1, &failsafe_command(), &state()).action,
+        transmitter
+            .steps_of(ARMED_AGAIN, 1, &failsafe_command(), &state())
+            .action,
         RcFrame::ACTION_KILL
     );
+}
+
+#[test]
+fn an_arming_lapses_once_the_motors_have_rested() {
+    let rest = (GROUNDED_AFTER * 1e3) as u64;
+    for sections in [FLIGHT, &envelope("warn")] {
+        for flown_for in [0, 300] {
+            let mut transmitter = Transmitter::new(sections);
+            if flown_for > 0 {
+                transmitter.steps(flown_for, &command(2.0), &state());
+            }
+            transmitter.steps(rest, &failsafe_command(), &state());
+            assert!(!rests(&transmitter.step(ARMED, &command(2.0), &state())));
+            transmitter.steps(rest + 1, &failsafe_command(), &state());
+            // Whatever the controller commands.
+            assert!(rests(&transmitter.steps(5000, &command(2.0), &state())));
+            assert!(!rests(&transmitter.step(ARMED_AGAIN, &command(2.0), &state())));
+        }
+    }
+    // Without phases the flight is armed from its first tick to its last.
+    let mut transmitter = Transmitter::new("");
+    transmitter.steps(3 * rest, &failsafe_command(), &state());
+    assert!(!rests(&transmitter.step(ARMED, &command(2.0), &state())));
+}
+
+#[test]
+fn a_new_arming_has_all_of_its_time() {
+    let rest = (GROUNDED_AFTER * 1e3) as u64;
+    let mut transmitter = Transmitter::new(FLIGHT);
+    transmitter.steps(rest - 1, &failsafe_command(), &state());
+    transmitter.steps_of(ARMED_AGAIN, rest, &failsafe_command(), &state());
+    assert!(!rests(&transmitter.step(ARMED_AGAIN, &command(2.0), &state())));
 }
 
 #[test]

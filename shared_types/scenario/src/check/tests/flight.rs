@@ -79,7 +79,12 @@ fn a_flight_with_phases_and_an_envelope_is_accepted() {
 fn the_operator_asks_at_the_stated_ticks_and_flies_all_along_without_phases() {
     let plan = phased().schedule().unwrap().operator();
     let at = |tick| plan.at(tick);
-    let asks = |armed, land, killed| Operator { armed, land, killed };
+    let asks = |armed, land, killed| Operator {
+        armed,
+        land,
+        killed,
+        arm_count: u8::from(armed),
+    };
     assert_eq!(
         [at(999), at(1000)],
         [asks(false, false, false), asks(true, false, false)]
