@@ -10,9 +10,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use common::logs::host_samples;
-use common::pilot::{
-    ask, await_phase, flight_on_the_ground, may_arm, take_off_from_the_ground, wait_on_the_ground,
-};
+use common::pilot::{ask, await_phase, flight_on_the_ground, take_off_from_the_ground, wait_on_the_ground};
 use common::processes::{await_successor, pid_of, processes_of, services_of, signal};
 use common::{Begun, Place, assert_flown_to_the_end, begin, finish, output, said, scenario, succeed, until};
 use live::Snapshot;
@@ -406,11 +404,6 @@ fn who_computes_a_number_that_is_not_finite_is_replaced_until_that_is_in_vain() 
     place.assert_nothing_is_left_of(orchestrator);
 }
 
-/// Asks until it is granted: arming is refused until the estimator has converged.
-fn arm(place: &Place) {
-    until("arming", || may_arm(place).then_some(()));
-}
-
 #[test]
 fn arming_warns_of_cameras_that_scatter_more_than_stated() {
     let _machine = the_machine();
@@ -467,7 +460,13 @@ fn a_kill_outlives_the_service_that_obeys_it() {
     signal(pid, Signal::KILL);
     await_successor(child.id(), ServiceId::RcOutput, pid);
     // Nothing lets the motors turn again.
-    arm(&place);
+    let refused = place.gerono(&["arm"]).output().unwrap();
+    assert_eq!(refused.status.code(), Some(7), "{}", said(&refused));
+    assert!(
+        said(&refused).contains("a kill stopped the motors"),
+        "{}",
+        said(&refused)
+    );
     let flown = |snapshot: &Snapshot| snapshot.services[ServiceId::RcOutput.index()].flies;
     let restarted_by = until("the new transmitter", || place.look().filter(flown)).time;
     until("half a second more", || {

@@ -41,10 +41,16 @@ fn a_vehicle_that_leaves_its_path_is_lost_in_every_host_and_in_the_log_alone() {
     for host in ["inprocess", "lockstep"] {
         let flown = run(&place, "fig3_6", host, &ADRIFT, &["--host", host]);
         assert_eq!(flown.status.code(), LOST, "{}", complaint(&flown));
-        assert!(said(&flown).contains("completed\nLOST at "), "{}", said(&flown));
+        assert!(
+            said(&flown).contains("\nthe vehicle was lost\nLOST at "),
+            "{}",
+            said(&flown)
+        );
     }
     let [one, other] = ["inprocess", "lockstep"].map(|out| place.summary(out));
-    assert_eq!(one["outcome"], "completed");
+    assert_eq!(one["outcome"], "lost");
+    let reason = one["reason"].as_str().unwrap();
+    assert!(reason.contains("m from the path, more than 5.00 m"), "{reason}");
     assert_eq!(one["simulated_seconds"], 8.0, "it is flown to its end");
     for key in ["lost", "metrics", "phases"] {
         assert_eq!(one[key], other[key], "{key}");
@@ -119,7 +125,7 @@ fn the_scenario_says_what_is_lost() {
 }
 
 #[test]
-fn a_vehicle_that_is_killed_in_the_air_has_hit_the_ground() {
+fn a_vehicle_whose_motors_are_stopped_in_the_air_is_lost() {
     let place = Place::new();
     let settings = ["flight.kill_at=18.0", "duration=20.0", "flight.land_at=19.0"];
     let flown = run(
@@ -131,8 +137,25 @@ fn a_vehicle_that_is_killed_in_the_air_has_hit_the_ground() {
     );
     assert_eq!(flown.status.code(), LOST, "{}", complaint(&flown));
     let lost = &place.summary("out")["lost"];
-    assert_eq!(lost["reason"], "hit_ground");
-    assert!(lost["value"].as_f64().unwrap() > 2.0, "{lost}");
+    assert_eq!(
+        (&lost["reason"], &lost["cause"]),
+        (&Value::from("motors_stopped"), &Value::from("the operator kills"))
+    );
+    let time = lost["time"].as_f64().unwrap();
+    assert!((18.0..18.05).contains(&time), "{lost}");
+    let text = "LOST at 18.0";
+    assert!(
+        said(&flown).contains("\nthe vehicle was lost\n"),
+        "{}",
+        said(&flown)
+    );
+    assert!(said(&flown).contains(text), "{}", said(&flown));
+    let summary = place.summary("out");
+    assert_eq!(summary["outcome"], "lost");
+    assert_eq!(
+        summary["reason"],
+        "the motors were stopped in the air: the operator kills"
+    );
     let landed = run(
         &place,
         "takeoff_and_land",

@@ -151,10 +151,11 @@ pub enum Command {
     Doctor(Doctor),
     /// Listen to a motion-capture system, or emulate one.
     Mocap(Mocap),
-    /// Arm a flight in real time: motors may turn, and the vehicle takes off when all services are ready.
+    /// Arm a flight in real time: the motors idle, and then the vehicle takes off.
     ///
     /// Only a scenario with `[flight]` can be armed. Refused while a service does not fly, the vehicle is not
-    /// tracked, its state is old, or the estimator has not converged.
+    /// tracked, its state is old, or the estimator has not converged, and unless the vehicle is disarmed. A vehicle
+    /// that is not ready within 0.5 s, or no longer before take-off, is disarmed and must be armed again.
     Arm(Operate),
     /// Stop the motors immediately, even in the air. `gerono arm` re-enables them.
     Disarm(Operate),

@@ -133,7 +133,7 @@ impl Observer {
             self.observe(&moment);
         }
         FlightResult {
-            report: self.watch.finish(schedule).pop(),
+            report: self.watch.finish(schedule, self.loss.loss()).pop(),
             loss: self.loss.loss().cloned(),
             ended,
             digest: self.digest.map(ExperimentDigest::finish),
@@ -148,6 +148,11 @@ impl TickSink for Observer {
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
         if let Some(moment) = self.tracker.observe(topic, bytes) {
             self.observe(&moment);
+        }
+        match topic {
+            Topic::PathReference => metrics::view(bytes, |reference| self.loss.observe_reference(reference)),
+            Topic::RcFrame => metrics::view(bytes, |frame| self.loss.observe_frame(frame)),
+            _ => {}
         }
         self.watch.observe(topic, bytes);
         if let Some(digest) = &mut self.digest {

@@ -84,6 +84,7 @@ fn loss(flown: &FlightResult) -> Option<MatrixLoss> {
                 Reason::LeftPath => "left the path",
                 Reason::TippedOver => "tipped over",
                 Reason::HitGround => "hit the ground",
+                Reason::MotorsStopped => "motors stopped",
                 Reason::NotFinite => "not finite",
             },
             details: Some(format!("lost at {} s: {loss}", loss.time)),
@@ -149,6 +150,8 @@ mod tests {
                 time: 1.05,
                 value: Some(1.6),
                 limit: Some(1.5),
+                stopped_by: 0,
+                cause: None,
                 source: metrics::tracker::StateSource::Truth,
             }),
             ..near.clone()

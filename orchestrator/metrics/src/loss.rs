@@ -1,7 +1,7 @@
 //! Whether the vehicle was lost: the same rules for every flight, in every host and for every controller.
 //!
-//! A vehicle is lost when it is too far from its path, has tipped over, or touches the ground in flight or too hard. The first
-//! of them counts, and a vehicle that comes back afterwards stays lost. The limits are the scenario's `[judge]`;
+//! A vehicle is lost when it is too far from its path, has tipped over, touches the ground in flight or too hard, or when its
+//! motors are stopped in the air. The first of them counts, and a vehicle that comes back afterwards stays lost. The limits are the scenario's `[judge]`;
 //! docs/metrics.md says when they apply.
 
 use std::fmt::{Display, Formatter, Result};
@@ -9,7 +9,9 @@ use std::fmt::{Display, Formatter, Result};
 use scenario::{Judge, Scenario, Vector};
 use serde::Serialize;
 use shared_types::FlightPhase;
-use shared_types::service::seconds;
+use shared_types::flight_phase::GROUNDED_AFTER;
+use shared_types::samples::{PathReference, RcFrame};
+use shared_types::service::{nanoseconds, seconds};
 
 use super::tracker::{Moment, StateSource, Vehicle};
 
@@ -36,6 +38,8 @@ pub enum Reason {
     TippedOver,
     /// It touched the ground while it should have flown, or too hard.
     HitGround,
+    /// Its motors were stopped in the air: by a kill, by disarming, or because no command came.
+    MotorsStopped,
     /// A number was not finite: where it was, or something that a service computed.
     NotFinite,
 }
@@ -51,6 +55,12 @@ pub struct Loss {
     pub value: Option<f64>,
     /// The limit that it exceeded, in the same unit; none where any value is too large.
     pub limit: Option<f64>,
+    /// Cause of a stop of the motors, as [`PathReference`] has it.
+    #[serde(skip)]
+    pub stopped_by: u8,
+    /// That cause in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cause: Option<String>,
     /// The source of the vehicle's position.
     pub source: StateSource,
 }
@@ -68,6 +78,10 @@ pub struct LossWatch {
     has_arrived: bool,
     /// `true` if it has been upright and near its path. Sound flights that start far away or upside down tip over on their way.
     has_settled: bool,
+    /// `true` if the vehicle is airborne by the newest reference.
+    is_airborne: bool,
+    /// Time of the first of the newest frames that all stop the motors, ns.
+    stopped_since_ns: Option<u64>,
     loss: Option<Loss>,
 }
 
@@ -103,6 +117,8 @@ impl LossWatch {
             distance_at_start: None,
             has_arrived: false,
             has_settled: false,
+            is_airborne: false,
+            stopped_since_ns: None,
             loss: None,
         }
     }
@@ -127,9 +143,58 @@ impl LossWatch {
                 time: seconds(moment.vehicle.time_ns),
                 value,
                 limit,
+                stopped_by: PathReference::CAUSE_NONE,
+                cause: None,
                 source: self.source,
             });
         }
+    }
+
+    /// Takes a reference into account: it states whether the vehicle is airborne, and why it was disarmed.
+    #[inline]
+    pub fn observe_reference(&mut self, reference: &PathReference) {
+        let was_airborne = std::mem::replace(&mut self.is_airborne, reference.airborne.is_set());
+        let stops = match reference.cause {
+            PathReference::CAUSE_OPERATOR_KILLS | PathReference::CAUSE_OPERATOR_DISARMS => true,
+            cause => cause >= PathReference::CAUSE_ENVELOPE_KILLS,
+        };
+        if was_airborne && stops && FlightPhase::from_code(reference.phase) == FlightPhase::Disarmed {
+            self.motors_stopped(reference.header.stamp_ns, reference.cause);
+        }
+    }
+
+    /// Takes a frame into account: a kill stops the motors for ever, and other failsafe frames count once the vehicle must
+    /// have fallen to the ground.
+    #[inline]
+    pub fn observe_frame(&mut self, frame: &RcFrame) {
+        if !frame.failsafe.is_set() || !self.is_airborne {
+            self.stopped_since_ns = None;
+            return;
+        }
+        let now_ns = frame.header.stamp_ns;
+        let since_ns = *self.stopped_since_ns.get_or_insert(now_ns);
+        if frame.action == RcFrame::ACTION_KILL {
+            let by = match frame.limit {
+                RcFrame::LIMIT_NONE => PathReference::CAUSE_OPERATOR_KILLS,
+                limit => PathReference::CAUSE_ENVELOPE_KILLS | (limit % 16),
+            };
+            self.motors_stopped(now_ns, by);
+        } else if now_ns.saturating_sub(since_ns) >= nanoseconds(GROUNDED_AFTER) {
+            self.motors_stopped(since_ns, PathReference::CAUSE_NONE);
+        }
+    }
+
+    fn motors_stopped(&mut self, stamp_ns: u64, stopped_by: u8) {
+        let source = self.source;
+        self.loss.get_or_insert_with(|| Loss {
+            reason: Reason::MotorsStopped,
+            time: seconds(stamp_ns),
+            value: None,
+            limit: None,
+            stopped_by,
+            cause: None,
+            source,
+        });
     }
 
     #[inline]
@@ -193,6 +258,8 @@ impl Loss {
             time,
             value: None,
             limit: None,
+            stopped_by: PathReference::CAUSE_NONE,
+            cause: None,
             source,
         }
     }
@@ -237,6 +304,10 @@ impl Display for Loss {
             }
             (Reason::HitGround, None) => {
                 write!(formatter, "touched the ground in flight, at {value:.2} m/s")
+            }
+            (Reason::MotorsStopped, _) => {
+                let cause = self.cause.as_deref().unwrap_or("failsafe frames for 2 s");
+                write!(formatter, "the motors were stopped in the air: {cause}")
             }
             (Reason::NotFinite, _) => write!(formatter, "a number was not finite"),
         }

@@ -17,7 +17,7 @@ use serde::Serialize;
 use shared_types::samples::{
     ControlAdaptation, PathReference, RcFrame, RunEvent, VehicleState, VehicleTruth,
 };
-use shared_types::service::{header_of, seconds};
+use shared_types::service::{header_of, nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};
 
 use self::restart::Restart;
@@ -27,8 +27,8 @@ use crate::tracker::{StateSource, Tracker, Vehicle};
 use crate::{read, view};
 pub use at_bound::AtBound;
 use faults::{FaultReport, FaultWatch, PlannedFault};
-pub use flight::FlightPhaseBegin;
 use flight::FlightWatch;
+pub use flight::{FlightPhaseBegin, cause_in_words, limit_in_words};
 use laboratory::LaboratoryReport;
 use phase::PhaseRecords;
 use timing::TimingReport;
@@ -69,9 +69,11 @@ impl AgainstBound {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// The last tick was flown.
+    /// The last tick was flown, and the vehicle was not lost.
     #[default]
     Completed,
+    /// The run did not fail, and the vehicle was lost.
+    Lost,
     /// The user asked for the end.
     Interrupted,
     /// It could not go on.
@@ -87,7 +89,7 @@ pub struct RunFacts {
     pub host: String,
     /// The outcome of the run.
     pub outcome: Outcome,
-    /// Reason why it ended, in words; empty when it was completed.
+    /// Reason for the outcome, in words; empty when it was completed.
     pub reason: String,
     /// Tick at which a service computed a number that is not finite, if that ended it.
     #[serde(skip)]
@@ -208,8 +210,9 @@ pub struct FlightSummary {
     phases: PhaseRecords,
     /// Only where faults are planned: who plans none does not pay for them.
     faults: Option<Box<FaultWatch>>,
-    /// Only of a flight with phases.
-    flight: Option<FlightWatch>,
+    flight: FlightWatch,
+    /// `true` of a flight with phases.
+    has_phases: bool,
     counts: [SequenceCount; Topic::ALL.len()],
     first_tick: u64,
     last_tick: Option<u64>,
@@ -244,7 +247,8 @@ impl FlightSummary {
             is_on_path: false,
             phases: PhaseRecords::new(scenario, schedule),
             faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, &changes, schedule))),
-            flight: scenario.flight.as_ref().map(|_| FlightWatch::default()),
+            flight: FlightWatch::default(),
+            has_phases: scenario.flight.is_some(),
             counts: Recorded::of_topics(scenario).map(SequenceCount::new),
             first_tick: 0,
             last_tick: None,
@@ -333,9 +337,8 @@ impl FlightSummary {
     fn observe_reference(&mut self, reference: &PathReference) {
         self.tracker.observe_reference(reference);
         self.phases.at(reference.header.tick).gamma = Some(reference.gamma);
-        if let Some(flight) = &mut self.flight {
-            flight.observe(reference);
-        }
+        self.loss.observe_reference(reference);
+        self.flight.observe(reference);
     }
 
     #[inline]
@@ -350,9 +353,7 @@ impl FlightSummary {
 
     #[inline]
     fn observe_frame(&mut self, frame: &RcFrame) {
-        if let Some(flight) = &mut self.flight {
-            flight.observe_frame(frame);
-        }
+        self.loss.observe_frame(frame);
         if self.is_on_path {
             self.phases.at(frame.header.tick).stretch.observe_frame(frame);
         }
@@ -363,9 +364,7 @@ impl FlightSummary {
         if event.kind == RunEvent::KIND_OPERATOR_TUNES {
             self.bound = None;
         }
-        if let Some(flight) = &mut self.flight {
-            flight.observe_event(event);
-        }
+        self.flight.observe_event(event);
     }
 
     /// Returns the loss of the vehicle so far, if it was lost.
@@ -378,6 +377,7 @@ impl FlightSummary {
     #[must_use]
     pub fn finish(mut self, run: RunFacts) -> Summary {
         self.end_moment();
+        let lost = self.lost(&run);
         let source = self.tracker.source();
         let simulated_ticks = self
             .last_tick
@@ -404,31 +404,43 @@ impl FlightSummary {
             } else {
                 0.0
             },
-            lost: self.loss.loss().cloned().or_else(|| {
-                let tick = run.not_finite_at?;
-                Some(Loss::not_finite(
-                    seconds(self.schedule.time_ns(tick)),
-                    self.tracker.source(),
-                ))
-            }),
             source,
             metrics: whole.finish(),
             ultimate_bound: self.bound,
             at_bound: at_bound.collect(),
             phases,
-            flight: self.flight.as_ref().map(FlightWatch::finish).unwrap_or_default(),
+            flight: if self.has_phases {
+                self.flight.finish()
+            } else {
+                Vec::new()
+            },
             faults: self
                 .faults
                 .as_ref()
-                .map(|faults| faults.finish(&self.schedule))
+                .map(|faults| faults.finish(&self.schedule, lost.as_ref()))
                 .unwrap_or_default(),
             topics: Topic::ALL
                 .into_iter()
                 .filter(|&topic| self.schedule.has_topic(topic))
                 .map(|topic| self.topic_count(topic, run.timing.as_ref()))
                 .collect(),
-            run,
+            run: verdict(run, lost.as_ref()),
+            lost,
         }
+    }
+
+    /// Returns the loss of the vehicle, if it was lost, with the origin of a request that stopped its motors.
+    fn lost(&self, run: &RunFacts) -> Option<Loss> {
+        if let Some(loss) = self.loss.loss() {
+            return Some(Loss {
+                cause: self
+                    .flight
+                    .cause_in_words(loss.stopped_by, nanoseconds(loss.time)),
+                ..loss.clone()
+            });
+        }
+        let seconds = seconds(self.schedule.time_ns(run.not_finite_at?));
+        Some(Loss::not_finite(seconds, self.tracker.source()))
     }
 
     /// Returns the recorded samples of a topic; of the orchestrator's own topics only gaps can be told.
@@ -454,6 +466,21 @@ impl FlightSummary {
             not_flown: missing - not_recorded,
             not_recorded,
         }
+    }
+}
+
+/// Returns the facts of a run with the verdict on it: lost rather than completed, and that the machine was late beside the
+/// reason.
+fn verdict(run: RunFacts, lost: Option<&Loss>) -> RunFacts {
+    let Some(loss) = lost else { return run };
+    let late = run.timing.as_ref().and_then(TimingReport::lateness);
+    let late = late.map(|lateness| format!("the machine was late: {lateness}"));
+    let is_lost = run.outcome == Outcome::Completed;
+    let reason = if is_lost { loss.to_string() } else { run.reason };
+    RunFacts {
+        outcome: if is_lost { Outcome::Lost } else { run.outcome },
+        reason: std::iter::once(reason).chain(late).collect::<Vec<_>>().join("; "),
+        ..run
     }
 }
 

@@ -101,6 +101,9 @@ impl FlightResult<'_> {
         }
         if let Outcome::Failed(failure) = &ending.outcome {
             eprintln!("{:?}", report_of(failure));
+            if let Some(lateness) = summary.lateness() {
+                note(&lateness);
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use scenario::Scenario;
 use shared_types::flight_phase::FlightPhase;
-use shared_types::samples::{ControlAdaptation, PathReference, VehicleState, VehicleTruth};
+use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState, VehicleTruth};
 use shared_types::{Published, Schedule, Topic};
 
 use live::{NewestSamples, Snapshot};
@@ -30,6 +30,12 @@ pub trait Newest {
         Some(reference.map_or(FlightPhase::Disarmed, |reference| {
             FlightPhase::from_code(reference.phase)
         }))
+    }
+
+    /// Returns whether the newest frame stops the motors for ever.
+    fn has_killed(&self) -> bool {
+        let frame = self.newest::<RcFrame>();
+        frame.is_some_and(|frame| frame.action == RcFrame::ACTION_KILL)
     }
 
     /// Returns the distance of the vehicle from the path, m: the true one, or in a laboratory the estimated one.

@@ -9,6 +9,7 @@
 //! restarted until it has landed, and then the flight ends with that failure (`shutdown.rs`).
 
 mod answers;
+mod decisions;
 mod heartbeat;
 mod kill_switch;
 mod laboratory;
@@ -29,7 +30,7 @@ use runtime::ports::Delivery;
 use runtime::shared_page::Request;
 use runtime::step_log::StepRecord;
 use scenario::Scenario;
-use shared_types::samples::{RcFrame, RunEvent};
+use shared_types::samples::{PathReference, RcFrame, RunEvent};
 use shared_types::schedule::Edge;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};
@@ -164,6 +165,7 @@ where
     flight.monitor.begin_now(flight.supervisor.step_log());
     flight.inherit_tuning();
     flight.inherit_kill_switch();
+    flight.inherit_landing();
     Ok(flight.conduct(sink, &mut server, Vec::new()))
 }
 
@@ -201,6 +203,10 @@ struct Flight<'a> {
     happened: Vec<(u64, u32, Cow<'static, str>)>,
     /// The scenario with the gains that the operator has changed; `None` before the first change.
     tuned: Option<Scenario>,
+    /// Action of the newest frame.
+    last_action: u8,
+    /// Phase and cause of the newest reference.
+    last_decision: (u8, u8),
     /// The last events, for people at other terminals.
     events: LiveEvents,
 }
@@ -235,6 +241,8 @@ impl<'a> Flight<'a> {
             failure: None,
             happened: Vec::new(),
             tuned: None,
+            last_action: RcFrame::ACTION_NONE,
+            last_decision: (PathReference::PHASE_DISARMED, PathReference::CAUSE_NONE),
             events: LiveEvents::default(),
         }
     }
@@ -402,6 +410,7 @@ impl<'a> Flight<'a> {
         let received = self.recorder.receive();
         let frame = self.recorder.newest::<RcFrame>();
         self.motors.observe(frame.as_ref(), self.clock.elapsed_ns());
+        self.tell_of_decisions();
         self.supervisor
             .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
         self.observe_steps();

@@ -454,7 +454,7 @@ fn first_tick(scenario: &Scenario) -> u64 {
 fn published_cause(row: &Row, now: &Now, sight: &PhaseInput<'_>) -> u8 {
     let of_envelope = |action: u8, base: u8| {
         let frame = sight.frame.filter(|frame| frame.action == action)?;
-        (frame.limit != RcFrame::LIMIT_NONE).then_some(base | frame.limit % 16)
+        (frame.limit != RcFrame::LIMIT_NONE).then_some(base | (frame.limit % 16))
     };
     match row.cause {
         Cause::Progress => PathReference::CAUSE_NONE,

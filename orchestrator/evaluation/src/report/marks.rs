@@ -7,6 +7,7 @@ use shared_types::service::{header_of, seconds};
 use shared_types::{FlightPhase, Topic};
 
 use metrics::read;
+use metrics::summary::cause_in_words;
 
 /// Most marks of a flight: more cannot be told apart.
 const MOST_MARKS: usize = 300;
@@ -97,7 +98,7 @@ fn untold(scenario: &Scenario) -> impl Iterator<Item = Mark> {
 #[derive(Clone, Default)]
 pub struct Marks {
     marks: Vec<Mark>,
-    phase: Option<FlightPhase>,
+    phase: Option<(FlightPhase, u8)>,
     stage: Option<u8>,
     link: Option<Link>,
 }
@@ -138,8 +139,13 @@ impl Marks {
     /// A flight without phases is in one all the time.
     fn phase_begins(&mut self, reference: &PathReference) -> Option<(MarkKind, String)> {
         let phase = FlightPhase::from_code(reference.phase);
-        let before = self.phase.replace(phase)?;
-        (before != phase).then(|| (MarkKind::Phase, format!("phase: {}", phase.name())))
+        let now = (phase, reference.cause);
+        let before = self.phase.replace(now)?;
+        (before != now).then(|| {
+            let cause =
+                cause_in_words(reference.cause).map_or_else(String::new, |cause| format!(" ({cause})"));
+            (MarkKind::Phase, format!("phase: {}{cause}", phase.name()))
+        })
     }
 
     fn stage_changes(&mut self, adaptation: &ControlAdaptation) -> Option<(MarkKind, String)> {

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use run_log::test_flight::scenario;
 use scenario::Flight;
 use shared_types::rotation::{from_roll_pitch_yaw, to_row_major};
+use zerocopy::FromZeros;
 
 /// The moment of a step of 10 ms each.
 fn moment(step: u64, distance: Option<f64>, phase: FlightPhase) -> Moment {
@@ -170,4 +171,91 @@ proptest! {
             || after.iter().any(|&distance| distance > 5.0);
         prop_assert_eq!(loss_of(None, &distances).is_some(), is_lost);
     }
+}
+
+/// A watch over an airborne vehicle whose position is estimated.
+fn airborne() -> LossWatch {
+    let mut watch = LossWatch::new(&scenario(0.01, 10.0), StateSource::Estimate);
+    watch.observe_reference(&reference(PathReference::PHASE_FLY, 0, true));
+    watch
+}
+
+fn reference(phase: u8, cause: u8, airborne: bool) -> PathReference {
+    let mut reference = PathReference::new_zeroed();
+    reference.header.stamp_ns = 3_000_000_000;
+    (reference.phase, reference.cause) = (phase, cause);
+    reference.airborne = airborne.into();
+    reference
+}
+
+fn failsafe_frame(milliseconds: u64, action: u8, limit: u8) -> RcFrame {
+    let mut frame = RcFrame::new_zeroed();
+    frame.header.stamp_ns = milliseconds * 1_000_000;
+    frame.failsafe = true.into();
+    (frame.action, frame.limit) = (action, limit);
+    frame
+}
+
+#[test]
+fn a_vehicle_whose_motors_are_stopped_in_the_air_is_lost_in_a_laboratory_too() {
+    let kills = PathReference::CAUSE_ENVELOPE_KILLS + RcFrame::LIMIT_BOX;
+    for cause in [
+        PathReference::CAUSE_OPERATOR_KILLS,
+        PathReference::CAUSE_OPERATOR_DISARMS,
+        kills,
+    ] {
+        let mut watch = airborne();
+        watch.observe_reference(&reference(PathReference::PHASE_DISARMED, cause, false));
+        let loss = watch.loss().unwrap();
+        assert_eq!(
+            (loss.reason, loss.time, loss.stopped_by),
+            (Reason::MotorsStopped, 3.0, cause)
+        );
+    }
+    // Without phases the frames state it.
+    let mut watch = airborne();
+    watch.observe_frame(&failsafe_frame(500, RcFrame::ACTION_KILL, RcFrame::LIMIT_BOX));
+    let loss = watch.loss().unwrap();
+    assert_eq!((loss.time, loss.stopped_by), (0.5, kills));
+}
+
+#[test]
+fn a_vehicle_that_is_disarmed_on_the_ground_is_not_lost() {
+    let mut landed = airborne();
+    landed.observe_reference(&reference(
+        PathReference::PHASE_DISARMED,
+        PathReference::CAUSE_TOUCHED_DOWN,
+        false,
+    ));
+    landed.observe_frame(&failsafe_frame(500, RcFrame::ACTION_KILL, RcFrame::LIMIT_NONE));
+    assert_eq!(landed.loss(), None);
+    let mut standing = airborne();
+    standing.observe_reference(&reference(PathReference::PHASE_LAND, 3, false));
+    standing.observe_reference(&reference(
+        PathReference::PHASE_DISARMED,
+        PathReference::CAUSE_OPERATOR_KILLS,
+        false,
+    ));
+    assert_eq!(standing.loss(), None);
+}
+
+#[test]
+fn failsafe_frames_count_as_a_stop_once_they_have_lasted_for_a_fall() {
+    let mut watch = airborne();
+    let steps = |watch: &mut LossWatch, milliseconds: std::ops::RangeInclusive<u64>| {
+        for at in milliseconds.step_by(20) {
+            watch.observe_frame(&failsafe_frame(at, RcFrame::ACTION_NONE, RcFrame::LIMIT_NONE));
+        }
+    };
+    steps(&mut watch, 0..=1980);
+    watch.observe_frame(&RcFrame::new_zeroed());
+    steps(&mut watch, 2000..=3980);
+    assert_eq!(watch.loss(), None);
+    steps(&mut watch, 4000..=4000);
+    let loss = watch.loss().unwrap();
+    assert_eq!((loss.reason, loss.time), (Reason::MotorsStopped, 2.0));
+    assert_eq!(
+        loss.to_string(),
+        "the motors were stopped in the air: failsafe frames for 2 s"
+    );
 }

@@ -12,6 +12,7 @@ use serde::Serialize;
 use shared_types::service::header_of;
 use shared_types::{Schedule, ServiceId, Topic};
 
+use crate::loss::Loss;
 use crate::tracker::Moment;
 use record::FaultRecord;
 use signs::Observers;
@@ -146,9 +147,9 @@ impl FaultWatch {
         }
     }
 
-    /// Returns the effects of the faults, as far as they were flown.
+    /// Returns the effects of the faults, as far as they were flown. A vehicle that was lost does not come back.
     #[must_use]
-    pub fn finish(&self, schedule: &Schedule) -> Vec<FaultReport> {
+    pub fn finish(&self, schedule: &Schedule, lost: Option<&Loss>) -> Vec<FaultReport> {
         let Some(last_tick) = self.last_tick else {
             return Vec::new();
         };
@@ -156,6 +157,13 @@ impl FaultWatch {
         flown
             .filter(|record| record.begins_by(last_tick))
             .map(|record| record.finish(last_tick, schedule))
+            .map(|report| {
+                let is_lost = lost.is_some_and(|loss| loss.time <= report.watched_until);
+                FaultReport {
+                    back_after: report.back_after.filter(|_| !is_lost),
+                    ..report
+                }
+            })
             .collect()
     }
 

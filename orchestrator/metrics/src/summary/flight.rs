@@ -20,25 +20,21 @@ pub struct FlightPhaseBegin {
     pub reason: Option<String>,
 }
 
-/// Watches the phases.
+/// Watches the phases and the operator's requests.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FlightWatch {
-    phase: Option<FlightPhase>,
+    /// The phase and its cause.
+    newest: Option<(FlightPhase, u8)>,
     changes: Vec<Change>,
     requests: Vec<Request>,
-    /// Action of the newest frame, and the limit of the envelope that it is taken for.
-    action: u8,
-    limit: u8,
 }
 
-/// A change of the phase, and what the radio link did then.
+/// A change of the phase or of its cause.
 #[derive(Clone, Debug)]
 struct Change {
-    from: Option<FlightPhase>,
     to: FlightPhase,
+    cause: u8,
     stamp_ns: u64,
-    action: u8,
-    limit: u8,
 }
 
 /// A request of the operator.
@@ -54,21 +50,15 @@ impl FlightWatch {
     /// Takes a reference into account.
     pub(super) fn observe(&mut self, reference: &PathReference) {
         let to = FlightPhase::from_code(reference.phase);
-        if self.phase != Some(to) && self.changes.len() < MOST {
+        let newest = Some((to, reference.cause));
+        if self.newest != newest && self.changes.len() < MOST {
             self.changes.push(Change {
-                from: self.phase,
                 to,
+                cause: reference.cause,
                 stamp_ns: reference.header.stamp_ns,
-                action: self.action,
-                limit: self.limit,
             });
         }
-        self.phase = Some(to);
-    }
-
-    /// Takes a frame into account.
-    pub(super) fn observe_frame(&mut self, frame: &RcFrame) {
-        (self.action, self.limit) = (frame.action, frame.limit);
+        self.newest = newest;
     }
 
     /// Takes an event into account, if it is a request of the operator.
@@ -99,57 +89,59 @@ impl FlightWatch {
         begins.collect()
     }
 
-    /// Returns why the vehicle was landed or disarmed. Requests are looked at only now: those of a tick come after its samples.
+    /// Returns why the vehicle was landed or disarmed, as the path generator recorded it. Requests are looked at only now:
+    /// those of a tick come after its samples.
     fn reason(&self, change: &Change) -> Option<String> {
-        let from = change.from?;
-        match change.to {
-            FlightPhase::Land => Some(self.reason_to_land(change)),
-            FlightPhase::Disarmed => Some(self.reason_to_disarm(from, change)),
-            _ => None,
-        }
+        let states_reason = matches!(change.to, FlightPhase::Land | FlightPhase::Disarmed);
+        states_reason
+            .then(|| self.cause_in_words(change.cause, change.stamp_ns))
+            .flatten()
     }
 
-    fn reason_to_land(&self, change: &Change) -> String {
-        if change.action == RcFrame::ACTION_LAND {
-            return limit_in_words(change.limit);
-        }
-        match self.request_before(change, &[RunEvent::KIND_OPERATOR_LANDS]) {
-            Some(request) => request.by.clone(),
-            None => "the take-off took too long".to_owned(),
-        }
-    }
-
-    fn reason_to_disarm(&self, from: FlightPhase, change: &Change) -> String {
-        if change.action == RcFrame::ACTION_KILL && change.limit != RcFrame::LIMIT_NONE {
-            return format!("killed: {}", limit_in_words(change.limit));
-        }
-        let stops = [RunEvent::KIND_OPERATOR_DISARMS, RunEvent::KIND_OPERATOR_KILLS];
-        if let Some(request) = self.request_before(change, &stops) {
-            return request.by.clone();
-        }
-        if change.action == RcFrame::ACTION_KILL {
-            return "the operator killed".to_owned();
-        }
-        let reason = match from {
-            FlightPhase::Land => "touched down",
-            FlightPhase::TakeOff => "not lifted off",
-            _ => "not ready, or to land",
+    /// A cause in words, with the origin of the operator's request that led to it at a time.
+    pub(super) fn cause_in_words(&self, cause: u8, stamp_ns: u64) -> Option<String> {
+        let kind = match cause {
+            PathReference::CAUSE_OPERATOR_KILLS => RunEvent::KIND_OPERATOR_KILLS,
+            PathReference::CAUSE_OPERATOR_DISARMS => RunEvent::KIND_OPERATOR_DISARMS,
+            PathReference::CAUSE_OPERATOR_LANDS => RunEvent::KIND_OPERATOR_LANDS,
+            _ => return cause_in_words(cause),
         };
-        reason.to_owned()
-    }
-
-    /// The last request of some kinds up to a change, since the operator last armed.
-    fn request_before(&self, change: &Change, kinds: &[u32]) -> Option<&Request> {
-        let before = self.requests.iter().rev();
-        let mut since_armed = before
-            .skip_while(|request| request.stamp_ns > change.stamp_ns)
-            .take_while(|request| request.kind != RunEvent::KIND_OPERATOR_ARMS);
-        since_armed.find(|request| kinds.contains(&request.kind))
+        // A request may have an effect some ticks before or after that of its event. Its cause is recorded: only its
+        // origin is looked up here.
+        let of_kind = self.requests.iter().filter(|request| request.kind == kind);
+        let nearest = of_kind.min_by_key(|request| request.stamp_ns.abs_diff(stamp_ns));
+        nearest.map_or_else(|| cause_in_words(cause), |request| Some(request.by.clone()))
     }
 }
 
-/// A limit of the envelope by its key.
-fn limit_in_words(limit: u8) -> String {
+/// A cause of [`PathReference`] in words; none for the next phase of an ordinary flight.
+#[must_use]
+pub fn cause_in_words(cause: u8) -> Option<String> {
+    let words = match cause {
+        PathReference::CAUSE_NONE => return None,
+        PathReference::CAUSE_OPERATOR_KILLS => "the operator killed",
+        PathReference::CAUSE_OPERATOR_DISARMS => "the operator disarmed",
+        // Every other request to land has an event.
+        PathReference::CAUSE_OPERATOR_LANDS => "no orchestrator was there",
+        PathReference::CAUSE_NOT_READY => "was not ready: arm again",
+        PathReference::CAUSE_OVERDUE => "the take-off took too long",
+        PathReference::CAUSE_TOUCHED_DOWN => "touched down",
+        PathReference::CAUSE_FOUND_FLYING => "found in the air",
+        cause if cause >= PathReference::CAUSE_ENVELOPE_KILLS => {
+            let limit = limit_in_words(cause - PathReference::CAUSE_ENVELOPE_KILLS);
+            return Some(format!("killed: {limit}"));
+        }
+        cause if cause >= PathReference::CAUSE_ENVELOPE_LANDS => {
+            return Some(limit_in_words(cause - PathReference::CAUSE_ENVELOPE_LANDS));
+        }
+        _ => return None,
+    };
+    Some(words.to_owned())
+}
+
+/// States that a limit of the envelope was exceeded, by its key.
+#[must_use]
+pub fn limit_in_words(limit: u8) -> String {
     let key = match limit {
         RcFrame::LIMIT_BOX => "box",
         RcFrame::LIMIT_TILT => "tilt",
@@ -199,19 +191,16 @@ mod tests {
     }
 
     impl Watched {
-        fn phase(mut self, phase: FlightPhase) -> Self {
+        fn phase(self, phase: FlightPhase) -> Self {
+            self.caused(phase, PathReference::CAUSE_NONE)
+        }
+
+        fn caused(mut self, phase: FlightPhase, cause: u8) -> Self {
             self.tick += 1;
             let mut reference = PathReference::new_zeroed();
             reference.header.stamp_ns = self.tick;
-            reference.phase = phase.code();
+            (reference.phase, reference.cause) = (phase.code(), cause);
             self.watch.observe(&reference);
-            self
-        }
-
-        fn frame(mut self, action: u8, limit: u8) -> Self {
-            let mut frame = RcFrame::new_zeroed();
-            (frame.action, frame.limit) = (action, limit);
-            self.watch.observe_frame(&frame);
             self
         }
 
@@ -255,51 +244,72 @@ mod tests {
     }
 
     #[test]
-    fn a_landing_is_told_with_who_asked_for_it_and_ends_on_the_ground() {
+    fn a_reason_is_the_recorded_cause_whatever_was_requested_meanwhile() {
         let asked = flying()
-            .phase(LAND)
+            .caused(LAND, PathReference::CAUSE_OPERATOR_LANDS)
             .request(RunEvent::KIND_OPERATOR_LANDS, "gerono stop");
         assert_reason(&asked, "gerono stop");
-        assert_reason(&asked.phase(DISARMED), "touched down");
-        let demanded = flying()
-            .frame(RcFrame::ACTION_LAND, RcFrame::LIMIT_BOX)
-            .phase(LAND);
-        assert_reason(&demanded, "`envelope.box` was exceeded");
-        let overdue = Watched::default().phase(FlightPhase::TakeOff).phase(LAND);
-        assert_reason(&overdue, "the take-off took too long");
-    }
-
-    #[test]
-    fn a_kill_is_told_with_its_limit_or_the_operator() {
-        let limit = flying()
-            .frame(RcFrame::ACTION_KILL, RcFrame::LIMIT_TILT)
-            .phase(DISARMED);
-        assert_reason(&limit, "killed: `envelope.tilt` was exceeded");
-        let silent = flying()
-            .frame(RcFrame::ACTION_KILL, RcFrame::LIMIT_NONE)
-            .phase(DISARMED);
-        assert_reason(&silent, "the operator killed");
+        // The kill came at the tick of the touch-down, and a tick too late.
+        let landed = asked
+            .request(RunEvent::KIND_OPERATOR_KILLS, "gerono kill")
+            .caused(DISARMED, PathReference::CAUSE_TOUCHED_DOWN);
+        assert_reason(&landed, "touched down");
+        let limit = PathReference::CAUSE_ENVELOPE_LANDS + RcFrame::LIMIT_BOX;
+        assert_reason(&flying().caused(LAND, limit), "`envelope.box` was exceeded");
         assert_reason(
-            &silent.request(RunEvent::KIND_OPERATOR_KILLS, "gerono kill"),
-            "gerono kill",
+            &flying().caused(LAND, PathReference::CAUSE_OVERDUE),
+            "the take-off took too long",
+        );
+        assert_reason(
+            &flying().caused(LAND, PathReference::CAUSE_OPERATOR_LANDS),
+            "no orchestrator was there",
+        );
+        let limit = PathReference::CAUSE_ENVELOPE_KILLS + RcFrame::LIMIT_TILT;
+        assert_reason(
+            &flying().caused(DISARMED, limit),
+            "killed: `envelope.tilt` was exceeded",
         );
     }
 
     #[test]
-    fn what_the_operator_asked_for_before_the_last_arming_or_later_is_no_reason() {
-        let earlier = flying()
-            .request(RunEvent::KIND_OPERATOR_DISARMS, "gerono disarm")
-            .phase(DISARMED);
-        assert_reason(&earlier, "gerono disarm");
-        let again = earlier
-            .request(RunEvent::KIND_OPERATOR_ARMS, "gerono arm")
+    fn a_request_whose_event_is_recorded_some_ticks_later_is_the_origin() {
+        let killed = flying()
+            .phase(LAND)
+            .caused(DISARMED, PathReference::CAUSE_OPERATOR_KILLS);
+        assert_reason(&killed, "the operator killed");
+        let mut recorded = killed.caused(DISARMED, PathReference::CAUSE_OPERATOR_KILLS);
+        recorded.tick += 22;
+        let recorded = recorded.request(RunEvent::KIND_OPERATOR_KILLS, "gerono kill");
+        assert_reason(&recorded, "gerono kill");
+    }
+
+    #[test]
+    fn the_nearest_request_of_its_kind_is_the_origin() {
+        let mut first = flying()
+            .request(RunEvent::KIND_OPERATOR_DISARMS, "the first")
+            .caused(DISARMED, PathReference::CAUSE_OPERATOR_DISARMS)
             .phase(FlightPhase::Armed);
-        let again = again.phase(FLY).phase(LAND).phase(DISARMED);
-        let mut later = again.phase(DISARMED);
-        later.tick += 1;
-        assert_reason(
-            &later.request(RunEvent::KIND_OPERATOR_DISARMS, "gerono disarm"),
-            "touched down",
+        first.tick += 100;
+        let second = first
+            .request(RunEvent::KIND_OPERATOR_DISARMS, "the second")
+            .caused(DISARMED, PathReference::CAUSE_OPERATOR_DISARMS);
+        let reasons: Vec<_> = second
+            .watch
+            .finish()
+            .into_iter()
+            .filter_map(|begin| begin.reason)
+            .collect();
+        assert_eq!(reasons, ["the first", "the second"]);
+    }
+
+    #[test]
+    fn a_request_to_arm_that_has_lapsed_is_stated() {
+        let lapsed = Watched::default()
+            .phase(DISARMED)
+            .caused(DISARMED, PathReference::CAUSE_NOT_READY);
+        assert_eq!(
+            in_words(&lapsed.watch.finish()),
+            "flight: disarmed at 0.000000001 s, disarmed at 0.000000002 s (was not ready: arm again)"
         );
     }
 }

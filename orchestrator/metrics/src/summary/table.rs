@@ -74,9 +74,7 @@ impl Summary {
         writeln!(formatter, "{}", wrapped(&flown))?;
         let is_whole = self.phases.last().is_none_or(|phase| phase.is_complete);
         match run.outcome {
-            Outcome::Completed if self.lost.is_some() && !is_whole => {
-                writeln!(formatter, "ended when the vehicle was lost")?;
-            }
+            Outcome::Lost if !is_whole => writeln!(formatter, "ended when the vehicle was lost")?,
             Outcome::Interrupted => {
                 let text = format!("interrupted: {}", run.reason);
                 writeln!(formatter, "{}", wrapped(&text))?;
@@ -92,21 +90,12 @@ impl Summary {
     }
 
     /// That the machine was late in a flight that was lost.
-    fn lateness(&self) -> Option<String> {
+    #[must_use]
+    pub fn lateness(&self) -> Option<String> {
         let timing = self.run.timing.as_ref().filter(|_| self.lost.is_some())?;
-        let worst = timing.worst_wake();
-        let [left_out, late] = [timing.steps_left_out(), timing.late_inputs()];
-        let counts = match (left_out, late) {
-            (0, 0) => return None,
-            (0, late) => format!("{late} inputs came late"),
-            (left_out, 0) => format!("{left_out} steps were left out"),
-            (left_out, late) => format!("{left_out} steps were left out and {late} inputs came late"),
-        };
-        let worst = worst.map_or_else(String::new, |worst| {
-            format!(", the worst step began {:.1} ms after it could have", 1e3 * worst)
-        });
+        let lateness = timing.lateness()?;
         Some(format!(
-            "The machine was late: {counts}{worst}. Judge the flight accordingly; `gerono doctor` says what to do about the machine."
+            "The machine was late: {lateness}. Judge the flight accordingly; `gerono doctor` says what to do about the machine."
         ))
     }
 
@@ -124,6 +113,10 @@ impl Summary {
         if let Some(bound) = self.ultimate_bound {
             let text = format!("The theorem bounds the distance for t → ∞ by {}.", length(bound));
             writeln!(formatter, "{}", wrapped(&text))?;
+        }
+        if self.lost.is_some() {
+            let text = "The numbers include what was flown after the loss.";
+            writeln!(formatter, "{}", wrapped(text))?;
         }
         for estimate in &self.at_bound {
             writeln!(formatter, "{}", wrapped(&estimate.to_string()))?;
@@ -212,10 +205,10 @@ const ROWS: [Row; 17] = [
         Some(settled.map_or_else(|| "not settled".to_owned(), |time| format!("{time:.3} s")))
     }),
     ("thrust, mean", |column| {
-        Some(format!("{:.3} N", column.metrics?.thrust_mean))
+        Some(physical(column.metrics?.thrust_mean, "N"))
     }),
     ("body rate, rms", |column| {
-        Some(format!("{:.3} rad/s", column.metrics?.body_rate_rms))
+        Some(physical(column.metrics?.body_rate_rms, "rad/s"))
     }),
     ("frames at a limit", |column| {
         let share = column.metrics?.saturated_share?;
@@ -271,6 +264,18 @@ pub(super) fn length(metres: f64) -> String {
     format!("{value} {unit}")
 }
 
+/// Value above which neither a thrust in N nor a body rate in rad/s is one of a small vehicle.
+const DIVERGED: f64 = 1e3;
+
+/// A value with its unit, as long as it can be one of a vehicle.
+fn physical(value: f64, unit: &str) -> String {
+    if value.abs() < DIVERGED {
+        format!("{value:.3} {unit}")
+    } else {
+        "diverged".to_owned()
+    }
+}
+
 /// Four digits that mean something.
 fn significant(value: f64) -> String {
     let size = value.abs();
@@ -319,6 +324,7 @@ impl Display for Outcome {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
         formatter.pad(match self {
             Self::Completed => "completed",
+            Self::Lost => "the vehicle was lost",
             Self::Interrupted => "interrupted",
             Self::Failed => "failed",
         })

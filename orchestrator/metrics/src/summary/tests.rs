@@ -354,6 +354,11 @@ fn a_flight_that_is_lost_while_the_machine_is_late_says_so_first() {
     let (scenario, schedule) = flight();
     let summary = FlightSummary::new(&scenario, &schedule).finish(not_finite);
     assert!(summary.to_string().starts_with("The machine was late: 4 steps"));
+    let reason = &summary.run.reason;
+    assert!(
+        reason.contains("; the machine was late: 4 steps were left out"),
+        "{reason}"
+    );
     assert_eq!(summary.lost.unwrap().time, 0.03);
 }
 

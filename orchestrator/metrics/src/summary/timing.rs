@@ -136,6 +136,21 @@ impl Quantiles {
 }
 
 impl TimingReport {
+    /// Returns how late the machine was, in words, if steps were left out or inputs came late.
+    #[must_use]
+    pub fn lateness(&self) -> Option<String> {
+        let counts = match (self.steps_left_out(), self.late_inputs()) {
+            (0, 0) => return None,
+            (0, late) => format!("{late} inputs came late"),
+            (left_out, 0) => format!("{left_out} steps were left out"),
+            (left_out, late) => format!("{left_out} steps were left out and {late} inputs came late"),
+        };
+        let worst = self.worst_wake().map_or_else(String::new, |worst| {
+            format!(", the worst step began {:.1} ms after it could have", 1e3 * worst)
+        });
+        Some(format!("{counts}{worst}"))
+    }
+
     /// Steps that services left out because their time had passed.
     #[must_use]
     pub fn steps_left_out(&self) -> u64 {

@@ -111,7 +111,7 @@ impl<'a> Watchers<'a> {
             time: self.time(recorder),
             armed,
             landing: land,
-            killed,
+            killed: killed || recorder.has_killed(),
             services: self.services(supervisor),
             recorded: recorder.received_in_all(),
             events: self.events.all(),

@@ -128,6 +128,9 @@ impl Flight<'_> {
                 "the scenario has no phases (`[flight]`), the vehicle flies from the start".to_owned(),
             );
         };
+        if let Some(reason) = self.end_of_arming() {
+            return Some(reason);
+        }
         if let Some(missing) = ServiceId::ALL
             .into_iter()
             .find(|&service| !self.supervisor.flies(service))
@@ -184,18 +187,15 @@ impl Flight<'_> {
     }
 
     fn snapshot(&self) -> Snapshot {
-        let planned = self.schedule.operator().at(self.clock.tick());
         let block = self.supervisor.page().control_block();
-        let Operator {
-            armed, land, killed, ..
-        } = block.operator(planned);
+        let Operator { land, killed, .. } = self.operator();
         let elapsed_ns = self.clock.elapsed_ns();
         let (radio_link, cameras) = self.laboratory.snapshot(block, elapsed_ns);
         Snapshot {
             time: seconds(elapsed_ns),
-            armed,
+            armed: self.is_armed(),
             landing: land,
-            killed,
+            killed: killed || self.recorder.has_killed(),
             services: self.services(),
             capture_to_frame: self.monitor.capture_to_frame(),
             cameras,

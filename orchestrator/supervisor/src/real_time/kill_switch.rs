@@ -128,13 +128,12 @@ impl Flight<'_> {
 
     /// Does what the scenario states for a flight without its kill switch, once a loss, while the vehicle is armed.
     fn react_to_lost_kill_switch(&mut self) {
-        let planned = self.schedule.operator().at(self.clock.tick());
-        let operator = self.supervisor.page().control_block().operator(planned);
+        let may_fly = self.is_armed() && !self.operator().killed;
         let is_open = |switch: &&mut KillSwitch| switch.lost.is_some() && !switch.is_handled;
         let Some(switch) = self.kill_switch.as_mut().filter(is_open) else {
             return;
         };
-        if !operator.armed || operator.killed {
+        if !may_fly {
             return;
         }
         switch.is_handled = true;

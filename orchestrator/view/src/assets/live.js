@@ -111,11 +111,10 @@ function takeStatus({ snapshot, speed }) {
   drawEvents();
 }
 
-/** What the motors may do. On the ground the phase says that they rest, and this only whether they are permitted to turn. */
+/** What the motors may do; in the phase `disarmed` the phase says it. */
 function motors({ phase, armed, killed }) {
   if (killed) return "killed";
-  if (phase === null) return "";
-  if (phase === "disarmed") return armed ? "may arm" : "";
+  if (phase === null || phase === "disarmed") return "";
   return armed ? "armed" : "disarmed";
 }
 

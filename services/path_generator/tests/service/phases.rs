@@ -369,7 +369,7 @@ fn a_request_to_arm_waits_half_a_second_for_readiness_and_lapses_then() {
         let mut flown = FlownPath::eight();
         flown.for_seconds(Operator::default(), 1.0);
         flown.vehicle.tracked = false.into();
-        flown.for_seconds(ARMED, blind_ticks as f64 * H + 0.1 * H);
+        flown.for_seconds(ARMED, f64::from(blind_ticks) * H + 0.1 * H);
         flown.vehicle.tracked = true.into();
         flown.step(ARMED);
         assert_eq!(flown.reference.phase, expected, "{blind_ticks}");

@@ -43,6 +43,18 @@ fn reports_beside(
     undisturbed: impl Fn(u64) -> Option<f64>,
     change: impl Fn(u64, &mut Tick),
 ) -> Vec<FaultReport> {
+    reports_of_lost(faults, changes, last_tick, None, undisturbed, change)
+}
+
+/// The same of a vehicle that was lost at a time, s.
+fn reports_of_lost(
+    faults: &[PlannedFault],
+    changes: &[u64],
+    last_tick: u64,
+    lost_at: Option<f64>,
+    undisturbed: impl Fn(u64) -> Option<f64>,
+    change: impl Fn(u64, &mut Tick),
+) -> Vec<FaultReport> {
     let schedule = schedule();
     let mut watch = FaultWatch::new(faults.to_vec(), changes, &schedule);
     let mut tracker = Tracker::new(&schedule, false);
@@ -104,7 +116,8 @@ fn reports_beside(
     if let Some(moment) = tracker.last() {
         watch.observe_moment(&moment, undisturbed(moment.vehicle.tick));
     }
-    watch.finish(&schedule)
+    let lost = lost_at.map(|time| Loss::not_finite(time, crate::tracker::StateSource::Truth));
+    watch.finish(&schedule, lost.as_ref())
 }
 
 fn report(fault: PlannedFault, change: impl Fn(u64, &mut Tick)) -> FaultReport {
@@ -381,5 +394,19 @@ fn a_summary_tells_of_faults_only_where_some_were_planned() {
             assert_eq!(json["faults"][0]["outage"], 0.1);
             assert_eq!(json["faults"][0]["detection"], serde_json::Value::Null);
         }
+    }
+}
+
+#[test]
+fn a_vehicle_that_was_lost_is_not_back() {
+    let faults = [fault(500, Some(510)), fault(1000, Some(1010))];
+    for (lost_at, back) in [
+        (None, [true, true]),
+        (Some(12.0), [true, false]),
+        (Some(7.0), [false, false]),
+    ] {
+        let reports = reports_of_lost(&faults, &[], 2000, lost_at, |_| None, |_, _| {});
+        let are_back: Vec<_> = reports.iter().map(|report| report.back_after.is_some()).collect();
+        assert_eq!(are_back, back, "lost at {lost_at:?}");
     }
 }

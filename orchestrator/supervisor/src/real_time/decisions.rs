@@ -1,0 +1,108 @@
+//! Arming, and the decisions of transmitter and path generator: which requests still have an effect, and what people read.
+
+use metrics::summary::{cause_in_words, limit_in_words};
+use shared_types::flight_phase::{FlightPhase, GROUNDED_AFTER};
+use shared_types::samples::{PathReference, RcFrame};
+use shared_types::service::Operator;
+
+use super::Flight;
+use super::shutdown::Shutdown;
+use crate::newest::Newest;
+
+impl Flight<'_> {
+    /// Returns why a request to arm can have no effect now, if it cannot: it would be spent at once.
+    pub(super) fn end_of_arming(&self) -> Option<String> {
+        let Operator { land, killed, .. } = self.operator();
+        if killed {
+            return Some("a kill stopped the motors for the rest of the run; start another run".to_owned());
+        }
+        if land || self.shutdown != Shutdown::None {
+            return Some(
+                "a landing was requested, which holds until the end of the run; start another run".to_owned(),
+            );
+        }
+        let phase = self.phase()?;
+        if phase != FlightPhase::Disarmed {
+            return Some(format!(
+                "the vehicle is armed already, in the phase `{}`",
+                phase.name()
+            ));
+        }
+        let frame = self.recorder.newest::<RcFrame>()?;
+        let limit = || limit_in_words(frame.limit);
+        match frame.action {
+            RcFrame::ACTION_KILL => Some(format!(
+                "{}, and a kill stopped the motors for the rest of the run; start another run",
+                limit()
+            )),
+            RcFrame::ACTION_LAND => Some(format!(
+                "{}, and the demand to land lasts until the motors have rested for {GROUNDED_AFTER} s",
+                limit()
+            )),
+            _ => None,
+        }
+    }
+
+    /// Ends a flight that is taken over once it has landed, if its predecessor was asked to: the request holds in the page.
+    pub(super) fn inherit_landing(&mut self) {
+        let asked = self
+            .supervisor
+            .page()
+            .control_block()
+            .operator(Operator::default());
+        if asked.land {
+            self.shutdown = Shutdown::requested(self.scenario.flight.is_some());
+        }
+    }
+
+    /// The operator's requests, planned and asked for.
+    pub(super) fn operator(&self) -> Operator {
+        let planned = self.schedule.operator().at(self.clock.tick());
+        self.supervisor.page().control_block().operator(planned)
+    }
+
+    /// Returns whether the motors may turn: the operator armed, and the vehicle is not disarmed since.
+    pub(super) fn is_armed(&self) -> bool {
+        self.operator().armed && self.phase() != Some(FlightPhase::Disarmed)
+    }
+
+    /// States each decision of the transmitter and of the path generator that ends a flight or an arming, with its cause.
+    pub(super) fn tell_of_decisions(&mut self) {
+        if let Some(frame) = self.recorder.newest::<RcFrame>()
+            && std::mem::replace(&mut self.last_action, frame.action) != frame.action
+            && frame.limit != RcFrame::LIMIT_NONE
+        {
+            let limit = limit_in_words(frame.limit);
+            match frame.action {
+                RcFrame::ACTION_LAND => self.tell(&format!("{limit}: the vehicle lands")),
+                RcFrame::ACTION_KILL => self.tell(&format!("{limit}: the motors are stopped for good")),
+                _ => {}
+            }
+        }
+        let Some(reference) = self.recorder.newest::<PathReference>() else {
+            return;
+        };
+        let decision = (reference.phase, reference.cause);
+        if self.scenario.flight.is_none() || std::mem::replace(&mut self.last_decision, decision) == decision
+        {
+            return;
+        }
+        match reference.cause {
+            PathReference::CAUSE_NOT_READY => {
+                self.tell("disarmed: the vehicle was not ready");
+                let run = &self.run;
+                let text =
+                    format!("The vehicle was not ready and is disarmed. Arm again: gerono arm --run {run}");
+                self.people.messages.say(text);
+            }
+            PathReference::CAUSE_OVERDUE | PathReference::CAUSE_TOUCHED_DOWN => {
+                let phase = FlightPhase::from_code(reference.phase).name();
+                if let Some(cause) = cause_in_words(reference.cause) {
+                    self.tell(&format!("{phase}: {cause}"));
+                }
+            }
+            // Requests and the envelope's demands have been stated.
+            _ => {}
+        }
+    }
+}
