@@ -2,10 +2,13 @@
 
 mod common;
 
+use std::net::UdpSocket;
 use std::process::{Child, Output};
+use std::time::Duration;
 
 use common::laboratory::free_port;
 use common::{Place, output, said};
+use motion_capture::natnet::{ServerInfo, Version};
 
 /// A process that is ended with the test.
 struct Sender(Child);
@@ -56,6 +59,7 @@ fn every_system_that_is_sent_is_heard_and_believed() {
         ("vrpn", &[][..]),
         ("natnet", &["--natnet", "3.1"]),
         ("natnet", &["--natnet", "4.1"]),
+        ("natnet", &["--natnet", "4.2"]),
         ("vicon", &[]),
     ] {
         let output = probed(&place, system, send, &["--object", "quad"]);
@@ -65,7 +69,90 @@ fn every_system_that_is_sent_is_heard_and_believed() {
             text.contains("believed") && text.contains("malformed 0, from strangers 0"),
             "{text}"
         );
+        // One row for the body, whose name is shown in quotes.
+        assert!(text.contains(" `quad` ") && !text.contains("no name"), "{text}");
     }
+}
+
+#[test]
+fn a_name_that_is_nearly_the_sent_one_is_offered() {
+    let place = Place::new();
+    for (system, offered) in [
+        ("vrpn", "announced: `Quad `"),
+        ("natnet", "announced: `Quad `, which is `#1`"),
+        ("vicon", "announced: `Quad `"),
+    ] {
+        let output = probed(&place, system, &["--object", "Quad "], &["--object", "quad"]);
+        let text = said(&output);
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        assert!(text.contains(&format!("could be believed; {offered}")), "{text}");
+    }
+}
+
+/// A probe refuses what `gerono check` refuses in a scenario.
+#[test]
+fn what_a_scenario_may_not_state_cannot_be_probed() {
+    let place = Place::new();
+    for (arguments, words) in [
+        (
+            ["--source", "vicon", "--object", "quadcopter_experiment_number_01"],
+            "a name of 31 bytes, more than 24",
+        ),
+        (
+            ["--source", "vrpn", "--interface", "0.0.0.0"],
+            "all interfaces at once",
+        ),
+        (
+            ["--source", "natnet", "--object", "quad#one"],
+            "no number stands behind the #",
+        ),
+    ] {
+        let output = output(&mut place.gerono(&[&["mocap", "probe"], &arguments[..]].concat()));
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(said(&output).contains(words), "{}", said(&output));
+    }
+}
+
+/// A Motive of a version that is not understood, which answers every request until the test ends.
+#[test]
+fn a_version_of_natnet_that_is_not_understood_is_named() {
+    let place = Place::new();
+    let server = UdpSocket::bind("127.0.0.1:0").unwrap();
+    server.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    let port = server.local_addr().unwrap().port().to_string();
+    let info = ServerInfo {
+        version: Version { major: 2, minor: 8 },
+        clock_frequency: 1_000_000,
+        data_port: 1511,
+        multicast: None,
+    };
+    let mut probe = place.gerono(&[
+        "mocap",
+        "probe",
+        "--source",
+        "natnet",
+        "--port",
+        &port,
+        "--seconds",
+        "2",
+    ]);
+    let probe = std::thread::spawn(move || output(&mut probe));
+    let mut question = [0; 64];
+    while !probe.is_finished() {
+        let Ok((_, client)) = server.recv_from(&mut question) else {
+            break;
+        };
+        server
+            .send_to(&motion_capture::sender::natnet::server_info(&info), client)
+            .unwrap();
+        server.set_read_timeout(Some(Duration::from_secs(1))).unwrap();
+    }
+    let text = said(&probe.join().unwrap());
+    assert!(
+        text.contains("no frame of them could be read")
+            && text.contains("Motive speaks NatNet 2.8; 3.x and 4.x are understood"),
+        "{text}"
+    );
 }
 
 #[test]

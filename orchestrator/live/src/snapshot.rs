@@ -101,6 +101,9 @@ pub struct CamerasSnapshot {
     pub frames: u64,
     /// Those whose pose was believed.
     pub believed: u64,
+    /// Reasons of refused packets and poses in words, each with its count; none if nothing was refused.
+    #[serde(default)]
+    pub refused: Option<String>,
 }
 
 /// The state of a laboratory's radio link; counts are since the start of the process that drives it.

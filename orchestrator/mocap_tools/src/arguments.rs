@@ -139,6 +139,6 @@ fn natnet_version(text: &str) -> Result<Version, ValueError> {
         .and_then(|(major, minor)| Some((major.parse().ok()?, minor.parse().ok()?)));
     match parts {
         Some((major @ (3 | 4), minor)) => Ok(Version { major, minor }),
-        _ => Err(ValueError::unfit("give 3.0, 3.1, 4.0 or 4.1")),
+        _ => Err(ValueError::unfit("give 3.0, 3.1, 4.0, 4.1 or 4.2")),
     }
 }

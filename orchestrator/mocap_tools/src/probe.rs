@@ -5,10 +5,11 @@ use std::fmt::Write;
 
 use comfy_table::{Table, presets};
 use motion_capture::conventions::axes;
+use motion_capture::diagnosis::{Diagnosis, FAR};
 use motion_capture::feed::Feed;
 use motion_capture::figures::Moments;
 use motion_capture::transport::{Address, CaptureSource};
-use motion_capture::wire::{CapturePose, Frame, WireBody};
+use motion_capture::wire::{CapturePose, Frame, Name, PoseError, WireBody};
 use nalgebra::{Matrix3, Vector3};
 use runtime::flight_clock::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -27,6 +28,9 @@ const SLEEP_NS: u64 = 50_000_000;
 /// Deviation of the position above which a body is taken to move, m.
 const AT_REST: f64 = 2e-3;
 
+/// Deviation of the position of a body at rest below which no cameras can have measured it, m.
+const NO_NOISE: f64 = 1e-6;
+
 /// Most bodies and delays that are kept.
 const BODIES: usize = 1000;
 const DELAYS: usize = 1 << 20;
@@ -35,20 +39,28 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
     let system = CaptureSystem::from(arguments.source);
     let stated = stated(system, arguments);
     let bad = |problem: Problem| Failure::bad_input(problem.to_string());
+    if let Some(problem) = stated.problems().into_iter().next() {
+        return Err(bad(problem));
+    }
     let address = Address::new(system, &stated).map_err(bad)?;
     let mut feed = match &arguments.object {
         Some(_) => Some(Feed::new(system, &stated).map_err(bad)?),
         None => None,
     };
+    let mut diagnosis = Diagnosis::new(system, &stated).map_err(bad)?;
     let mut source = CaptureSource::open(&address).map_err(Failure::trouble)?;
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
-    let mut heard = ReceivedPackets::default();
+    let mut heard = ReceivedPackets {
+        is_motive: system == CaptureSystem::Natnet,
+        ..ReceivedPackets::default()
+    };
     let signal = listen(
         arguments.seconds,
         &mut source,
         &interrupt,
         &mut |frame, now_ns| {
             heard.take(frame, now_ns);
+            diagnosis.take(frame);
             if let Some(feed) = &mut feed {
                 feed.take(frame, now_ns);
             }
@@ -58,35 +70,40 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
         return Ok(Exit::Signal(signal));
     }
     print(heard.describe(&source));
+    // Without `--object` every body counts as another one.
+    let findings = diagnosis.with(&source).to_string();
     if heard.frames == 0 {
-        let reason = format!(
-            "nothing came from {} in {} s; see docs/motion_capture.md for what to check first",
-            address.server, arguments.seconds
-        );
-        return Err(Failure::trouble(reason));
+        return Err(Failure::trouble(nothing_came(
+            &address,
+            &source,
+            &findings,
+            arguments.seconds,
+        )));
     }
     let Some(feed) = feed else {
+        print(paragraph(&findings));
         return Ok(Exit::Success);
     };
     print(describe_feed(&feed));
     if feed.counts().believed == 0 {
-        let reason = format!(
-            "no pose of `{}` could be believed; the bodies that came stand above",
-            stated.object
-        );
+        let because = if findings.is_empty() {
+            "the bodies that came stand above".to_owned()
+        } else {
+            findings
+        };
+        let reason = format!("no pose of `{}` could be believed; {because}", stated.object);
         return Err(Failure::trouble(reason));
     }
+    print(paragraph(&findings));
     if let Some(path) = &arguments.calibrate {
         let name = stated.name_and_number().map_or("", |(name, _)| name);
-        let body = heard.bodies.iter().find(|((known, number), _)| {
-            (name.is_empty() || known == name)
+        let body = heard.bodies.values().find(|body| {
+            (name.is_empty() || body.name.as_bytes() == name.as_bytes())
                 && stated
                     .name_and_number()
-                    .is_none_or(|(_, wanted)| wanted.is_none_or(|wanted| wanted == *number))
+                    .is_none_or(|(_, wanted)| wanted.is_none_or(|wanted| wanted == body.number))
         });
-        let body = body
-            .map(|(_, body)| body)
-            .filter(|body| body.deviation() <= AT_REST);
+        let body = body.filter(|body| body.deviation() <= AT_REST);
         let body = body.ok_or_else(|| {
             let reason = "the body moves: put the vehicle level at the origin of {I}, its nose along x, and let it rest";
             Failure::trouble(reason)
@@ -95,6 +112,25 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
         print(format!("calibration written to {}\n", path.display()));
     }
     Ok(Exit::Success)
+}
+
+/// Returns why no frame came.
+fn nothing_came(address: &Address, source: &CaptureSource, findings: &str, seconds: f64) -> String {
+    let server = address.server;
+    if source.counts().malformed.total() > 0 {
+        return format!("packets came from {server}, and no frame of them could be read; {findings}");
+    }
+    let advice = "see docs/motion_capture.md for what to check first";
+    format!("nothing came from {server} in {seconds} s; {advice}")
+}
+
+/// Returns a text as a line of its own; an empty one stays empty.
+fn paragraph(text: &str) -> String {
+    if text.is_empty() {
+        String::new()
+    } else {
+        format!("{text}\n")
+    }
 }
 
 fn stated(system: CaptureSystem, arguments: &MocapProbe) -> MotionCapture {
@@ -155,8 +191,12 @@ fn sleep(source: &CaptureSource, end_ns: u64) {
 }
 
 /// The poses of a body.
-#[derive(Default)]
 struct Body {
+    /// Its last name; a Motive names its bodies after the first frames.
+    name: Name,
+    number: i32,
+    refused: u64,
+    reason: Option<PoseError>,
     frames: u64,
     seen: u64,
     position: [Moments; 3],
@@ -166,8 +206,42 @@ struct Body {
 }
 
 impl Body {
+    fn new(number: i32) -> Self {
+        Self {
+            name: Name::EMPTY,
+            number,
+            refused: 0,
+            reason: None,
+            frames: 0,
+            seen: 0,
+            position: [Moments::default(); 3],
+            rotation: Matrix3::zeros(),
+            turned: Moments::default(),
+            first: None,
+        }
+    }
+
+    /// Returns the reason to doubt the body's poses, if there is one.
+    fn doubt(&self) -> Option<String> {
+        if let Some(reason) = self.reason {
+            return Some(format!("{} times {reason}", self.refused));
+        }
+        if self.seen > 1 && self.place().norm() > FAR {
+            let distance = self.place().norm();
+            return Some(format!(
+                "{distance:.0} m from the origin: centimetres or millimetres?"
+            ));
+        }
+        (self.seen > 1 && self.deviation() < NO_NOISE).then(|| {
+            "noise below 1 µm, which no cameras have: metres for millimetres, or a pose that stands still?".to_owned()
+        })
+    }
+
     fn take(&mut self, body: &WireBody) {
         self.frames += 1;
+        if body.name != Name::EMPTY {
+            self.name = body.name;
+        }
         let Some(pose) = &body.pose else {
             return;
         };
@@ -208,7 +282,9 @@ struct ReceivedPackets {
     /// Time from stamp to arrival beyond the soonest, s.
     delays: Vec<f64>,
     soonest: Option<i64>,
-    bodies: BTreeMap<(String, i32), Body>,
+    /// The bodies by what tells them apart: Motive's by their ids, others by names and sensors.
+    bodies: BTreeMap<(Vec<u8>, i32), Body>,
+    is_motive: bool,
 }
 
 impl ReceivedPackets {
@@ -232,11 +308,23 @@ impl ReceivedPackets {
             }
         }
         for body in frame.bodies() {
-            let key = (body.name.to_string(), body.number);
+            let key = self.key(body);
             if self.bodies.len() < BODIES || self.bodies.contains_key(&key) {
-                self.bodies.entry(key).or_default().take(body);
+                let known = self.bodies.entry(key).or_insert_with(|| Body::new(body.number));
+                known.take(body);
             }
         }
+        for (body, reason) in frame.refused() {
+            if let Some(known) = self.bodies.get_mut(&self.key(body)) {
+                known.refused += 1;
+                known.reason = Some(reason);
+            }
+        }
+    }
+
+    fn key(&self, body: &WireBody) -> (Vec<u8>, i32) {
+        let name = if self.is_motive { &[] } else { body.name.as_bytes() };
+        (name.to_vec(), body.number)
     }
 
     /// Frames a second.
@@ -252,12 +340,27 @@ impl ReceivedPackets {
             "packets {}, frames {}, malformed {}, from strangers {}, connections {}, failures {}\n",
             counts.packets,
             counts.frames,
-            counts.malformed,
+            counts.malformed.total(),
             counts.foreign,
             counts.connections,
             counts.failures
         );
-        let announced: Vec<String> = source.announced().iter().map(ToString::to_string).collect();
+        if let Some(server) = source.natnet_server() {
+            let to = match server.multicast {
+                Some([a, b, c, d]) => format!("multicast to {a}.{b}.{c}.{d}:{}", server.data_port),
+                None => format!("unicast to port {}", server.data_port),
+            };
+            writeln!(text, "Motive speaks NatNet {}, {to}", server.version).expect("a String takes all");
+        }
+        if counts.continued > 0 {
+            writeln!(
+                text,
+                "{} datagrams continued the frame before: choose a larger block in Tracker",
+                counts.continued
+            )
+            .expect("a String takes all");
+        }
+        let announced: Vec<String> = source.announced().map(|name| format!("`{name}`")).collect();
         if !announced.is_empty() {
             writeln!(text, "announced: {}", announced.join(", ")).expect("a String takes all");
         }
@@ -282,6 +385,9 @@ impl ReceivedPackets {
         }
         if !self.bodies.is_empty() {
             writeln!(text, "{}", self.table()).expect("a String takes all");
+            for body in self.bodies.values() {
+                text.push_str(&self.doubts(body));
+            }
         }
         text
     }
@@ -298,6 +404,32 @@ impl ReceivedPackets {
             .to_vec()
     }
 
+    /// Lines about what cannot work with a body.
+    fn doubts(&self, body: &Body) -> String {
+        let label = if body.name == Name::EMPTY {
+            format!("#{}", body.number)
+        } else {
+            body.name.to_string()
+        };
+        let mut text = String::new();
+        if let Some(doubt) = body.doubt() {
+            writeln!(text, "`{label}`: {doubt}").expect("a String takes all");
+        }
+        if std::str::from_utf8(body.name.as_bytes()).is_err() {
+            let way = if self.is_motive {
+                format!("choose it by `#{}`", body.number)
+            } else {
+                "rename it".to_owned()
+            };
+            writeln!(
+                text,
+                "`{label}` is not UTF-8, so that its name cannot be written: {way}"
+            )
+            .expect("a String takes all");
+        }
+        text
+    }
+
     fn table(&self) -> Table {
         let mut table = Table::new();
         table.load_style(presets::UTF8_HORIZONTAL_ONLY);
@@ -310,7 +442,7 @@ impl ReceivedPackets {
             "position σ [mm]",
             "attitude [mrad]",
         ]);
-        for ((name, number), body) in &self.bodies {
+        for body in self.bodies.values() {
             #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
             let (frames, seen) = (body.frames as f64, body.seen as f64);
             let place = body.place();
@@ -326,8 +458,12 @@ impl ReceivedPackets {
                 String::new()
             };
             table.add_row([
-                name.clone(),
-                number.to_string(),
+                if body.name == Name::EMPTY {
+                    "no name".to_owned()
+                } else {
+                    format!("`{}`", body.name)
+                },
+                body.number.to_string(),
                 format!("{:.1}", frames / seconds(self.last_ns - self.first_ns).max(1e-9)),
                 format!("{:.1}", 100.0 * seen / frames),
                 format!("{:.3} {:.3} {:.3}", place.x, place.y, place.z),

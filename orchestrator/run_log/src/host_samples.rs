@@ -119,8 +119,8 @@ shared_types::sample! {
         /// Nobody has listened yet, nothing has come, no frame had the vehicle, its poses were not believed yet; the last
         /// frame had a pose that was believed, or none.
         pub health: u32,
-        /// Explicit padding.
-        pub pad0: u32,
+        /// Length of the reason, bytes.
+        pub reason_length: u32,
         /// Time at which the last pose that was believed arrived, ns since the start of the flight; 0 before the first.
         pub believed_at_ns: u64,
         /// Frames a second in the last whole second in which any came, Hz; 0 before the first.
@@ -165,14 +165,20 @@ shared_types::sample! {
         pub settled: u64,
         /// Seconds whose rate was outside the stated band.
         pub rate_warnings: u64,
-        /// Packets, or pieces of a stream, that could not be read.
+        /// Packets, or messages of a stream, that could not be read.
         pub malformed: u64,
+        /// Poses of the vehicle that were refused for their values: not a number, no rotation, no place in a laboratory.
+        pub refused: u64,
+        /// The same of other bodies.
+        pub others_refused: u64,
         /// Packets from others than the server.
         pub foreign: u64,
         /// Connections that were made, or servers that answered.
         pub connections: u64,
         /// Connections that ended or could not be made, and errors of a socket.
         pub failures: u64,
+        /// Reasons of the refusals in words, each with its count; after the text zeros.
+        pub reason: [u8; 200],
     }
 
     /// The performance of a laboratory's radio link; all counts since the start of the process that drives it.
@@ -209,6 +215,15 @@ const _: () = assert!(
     shared_types::schedule::MAX_PORTS == 4,
     "a step tells of each input"
 );
+
+impl CaptureFigures {
+    /// Returns the reasons of the refusals in words; empty if nothing was refused.
+    #[must_use]
+    pub fn reason(&self) -> std::borrow::Cow<'_, str> {
+        let length = (self.reason_length as usize).min(self.reason.len());
+        String::from_utf8_lossy(&self.reason[..length])
+    }
+}
 
 impl HostEvent {
     /// An event of a service or, without one, of the run; a text too long for its place is cut.

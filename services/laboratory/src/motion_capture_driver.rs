@@ -6,9 +6,11 @@
 //!
 //! A restarted driver begins to listen without memory: it knows neither the server's clock nor the vehicle's place.
 
+use std::fmt::Write;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use motion_capture::diagnosis::Diagnosis;
 use motion_capture::feed::{Feed, Health, VehiclePose};
 use motion_capture::figures::Second;
 use motion_capture::transport::{Address, CaptureSource};
@@ -25,6 +27,9 @@ use run_log::CaptureFigures;
 /// Pause between two attempts to open a socket that a dead process had, ns.
 const RETRY_NS: u64 = 500_000_000;
 
+/// Time between two texts about refusals, ns.
+const REASON_NS: u64 = 100_000_000;
+
 /// Cameras of a laboratory.
 pub(super) struct MotionCaptureDriver {
     address: Address,
@@ -32,6 +37,8 @@ pub(super) struct MotionCaptureDriver {
     source: Option<CaptureSource>,
     retry_at_ns: u64,
     feed: Feed,
+    diagnosis: Diagnosis,
+    reason: Reason,
     hand: Hand,
     /// Arrival of the last accepted pose, ns of `CLOCK_MONOTONIC`.
     believed_at_ns: Option<u64>,
@@ -59,6 +66,8 @@ impl MotionCaptureDriver {
             source,
             retry_at_ns: 0,
             feed: Feed::new(system, stated)?,
+            diagnosis: Diagnosis::new(system, stated)?,
+            reason: Reason::default(),
             hand: Hand::default(),
             believed_at_ns: None,
             page,
@@ -76,6 +85,8 @@ impl MotionCaptureDriver {
         let Self {
             source: Some(source),
             feed,
+            diagnosis,
+            reason,
             hand,
             believed_at_ns,
             ..
@@ -84,11 +95,13 @@ impl MotionCaptureDriver {
             return;
         };
         source.poll(now_ns, &mut |frame| {
+            diagnosis.take(frame);
             if let Some(pose) = feed.take(frame, now_ns) {
                 hand.take(pose, tick_ns);
                 *believed_at_ns = Some(pose.arrived_ns);
             }
         });
+        reason.update(now_ns, diagnosis, source);
     }
 
     fn figures(&self, start_ns: u64) -> CaptureFigures {
@@ -114,7 +127,7 @@ impl MotionCaptureDriver {
                 Health::Good => CaptureFigures::HEALTH_GOOD,
                 Health::Doubtful => CaptureFigures::HEALTH_DOUBTFUL,
             },
-            pad0: 0,
+            reason_length: self.reason.length as u32,
             believed_at_ns: self.believed_at_ns.map_or(0, |at| at.saturating_sub(start_ns)),
             rate,
             latency,
@@ -137,10 +150,13 @@ impl MotionCaptureDriver {
             restarted: counts.restarted,
             settled: counts.settled,
             rate_warnings: counts.rate_warnings,
-            malformed: wire.malformed,
+            malformed: wire.malformed.total(),
+            refused: self.diagnosis.vehicle().total(),
+            others_refused: self.diagnosis.others().total(),
             foreign: wire.foreign,
             connections: wire.connections,
             failures: wire.failures,
+            reason: self.reason.bytes,
         }
     }
 }
@@ -171,6 +187,50 @@ impl ErasedService for MotionCaptureDriver {
     }
 
     fn restore(&mut self, _bytes: &[u8]) {}
+}
+
+/// Text about refusals, without an allocation.
+struct Reason {
+    bytes: [u8; 200],
+    length: usize,
+    due_ns: u64,
+}
+
+impl Default for Reason {
+    fn default() -> Self {
+        Self {
+            bytes: [0; 200],
+            length: 0,
+            due_ns: 0,
+        }
+    }
+}
+
+impl Reason {
+    /// Writes what is known now, a few times a second.
+    fn update(&mut self, now_ns: u64, diagnosis: &Diagnosis, source: &CaptureSource) {
+        if now_ns < self.due_ns {
+            return;
+        }
+        *self = Self {
+            due_ns: now_ns + REASON_NS,
+            ..Self::default()
+        };
+        // An error means that the text is full.
+        let _ = write!(self, "{}", diagnosis.with(source));
+    }
+}
+
+impl Write for Reason {
+    fn write_str(&mut self, text: &str) -> std::fmt::Result {
+        let length = text.floor_char_boundary(self.bytes.len() - self.length);
+        self.bytes[self.length..][..length].copy_from_slice(&text.as_bytes()[..length]);
+        self.length += length;
+        if length < text.len() {
+            return Err(std::fmt::Error);
+        }
+        Ok(())
+    }
 }
 
 /// Poses that wait for delivery.

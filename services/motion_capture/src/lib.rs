@@ -6,18 +6,21 @@
 //! * [`clock`]: the estimate of the sender's clock;
 //! * [`conventions`]: from the capture system's axes to the paper's;
 //! * [`feed`]: from frames to accepted poses of the vehicle, with their capture times;
+//! * [`refusals`]: what was refused, by reason, and [`diagnosis`]: why the vehicle is not seen, in words;
 //! * [`figures`]: rate, latency, jitter and noise of what arrives;
 //! * [`sender`]: the same formats the other way, for tests and simulated laboratories.
 //!
-//! Failure policy: a packet that cannot be read, accepted or timed is counted and dropped, and ends nothing. All
+//! Failure policy: a packet that cannot be read, accepted or timed is counted by reason and dropped, and ends nothing. All
 //! modules but the transports are functions of bytes and arrival times.
 
 pub mod clock;
 pub mod conventions;
 mod counts;
+pub mod diagnosis;
 pub mod feed;
 pub mod figures;
 pub mod natnet;
+pub mod refusals;
 pub mod sender;
 pub mod transport;
 pub mod vicon_udp;

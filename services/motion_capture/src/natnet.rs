@@ -2,8 +2,9 @@
 //!
 //! A client asks on the command port: CONNECT is answered by SERVERINFO, which states the version of everything else;
 //! REQUEST_MODELDEF by MODELDEF, which gives rigid bodies their names. FRAMEs come by multicast, or to clients that
-//! have asked. From 4.1 on a number of bytes precedes each section of a frame and each description, so that unknown
-//! ones can be skipped.
+//! have asked. From 4.1 on a number of bytes precedes each section of a frame and each description, so that all but the
+//! rigid bodies is skipped. The versions before 3 state neither their clock nor the exposure; they and those from 5 on
+//! are refused by name.
 
 mod frame;
 mod model;
@@ -48,12 +49,29 @@ impl Version {
         self >= Self { major: 4, minor: 1 }
     }
 
+    /// The newest version that was tried against programs of others.
+    pub const NEWEST_TRIED: Self = Self { major: 4, minor: 2 };
+
     fn check(self) -> Result<Self, WireError> {
         if matches!(self.major, 3 | 4) {
             Ok(self)
         } else {
-            Err(WireError::Invalid("the version of the bit stream"))
+            Err(WireError::Version(self.major, self.minor))
         }
+    }
+
+    /// Returns a version whose frames are laid out in the other way.
+    fn other_layout(self) -> Self {
+        match self.has_lengths() {
+            true => Self { major: 3, minor: 1 },
+            false => Self { major: 4, minor: 1 },
+        }
+    }
+}
+
+impl std::fmt::Display for Version {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "{}.{}", self.major, self.minor)
     }
 }
 
@@ -98,13 +116,41 @@ pub struct Times {
     pub sent: u64,
 }
 
+/// A rigid body by its description.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Described {
+    /// Its streaming id.
+    pub id: i32,
+    /// Its name, of which the first [`LONGEST_NAME`](crate::wire::LONGEST_NAME) bytes are kept.
+    pub name: Name,
+    /// `true` if another body has its name or its id.
+    pub is_shared: bool,
+    /// `true` if its name is longer than what is kept.
+    pub is_cut: bool,
+}
+
+impl Described {
+    /// Returns the name of the body in a frame; empty if the name stands for no single body.
+    #[must_use]
+    pub fn unique_name(&self) -> Name {
+        if self.is_shared || self.is_cut {
+            Name::EMPTY
+        } else {
+            self.name
+        }
+    }
+}
+
 /// Content of a datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Received {
     /// The description of the server.
     ServerInfo(ServerInfo),
     /// The names of the bodies, which the decoder knows now.
-    Names,
+    Names {
+        /// Error of a description that gave no name, if there is one.
+        unreadable: Option<WireError>,
+    },
     /// A frame, which the caller's frame holds now.
     Frame {
         /// `true` if the names should be requested again: the server says that the bodies have changed, or there is one
@@ -119,7 +165,9 @@ pub enum Received {
 #[derive(Clone, Debug)]
 pub struct Decoder {
     server: Option<ServerInfo>,
-    names: Vec<(i32, Name)>,
+    bodies: Vec<Described>,
+    /// Memory into which a message is read before it replaces the known bodies.
+    reading: Vec<Described>,
 }
 
 impl Default for Decoder {
@@ -134,7 +182,8 @@ impl Decoder {
     pub fn new() -> Self {
         Self {
             server: None,
-            names: Vec::with_capacity(crate::wire::MOST_BODIES),
+            bodies: Vec::with_capacity(crate::wire::MOST_BODIES),
+            reading: Vec::with_capacity(crate::wire::MOST_BODIES),
         }
     }
 
@@ -144,16 +193,16 @@ impl Decoder {
         self.server.as_ref()
     }
 
-    /// Returns the rigid bodies that have names.
+    /// Returns the rigid bodies that have been described.
     #[must_use]
-    pub fn names(&self) -> &[(i32, Name)] {
-        &self.names
+    pub fn bodies(&self) -> &[Described] {
+        &self.bodies
     }
 
     /// Reads a datagram.
     ///
     /// # Errors
-    /// [`WireError`]; nothing of the datagram is used then, and the frame is empty.
+    /// [`WireError`]; nothing of the datagram is used then, the frame is empty, and known names stay.
     pub fn decode(&mut self, datagram: &[u8], frame: &mut Frame) -> Result<Received, WireError> {
         frame.clear();
         let mut cursor = Cursor::new(datagram);
@@ -170,17 +219,31 @@ impl Decoder {
         }
         let server = self.server.ok_or(WireError::Early("the server's version"))?;
         if kind == message::MODELDEF {
-            let read = model::read(&mut payload, server.version, &mut self.names);
-            if read.is_err() {
-                self.names.clear();
-            }
-            return read.map(|()| Received::Names);
+            let unreadable = model::read(&mut payload, server.version, &mut self.reading)?;
+            std::mem::swap(&mut self.bodies, &mut self.reading);
+            return Ok(Received::Names { unreadable });
         }
         let mut names_are_old = false;
-        frame.fill(|frame| {
-            names_are_old = frame::read(&mut payload, &server, &self.names, frame)?;
-            Ok(())
-        })?;
+        let mut read = |server: &ServerInfo, frame: &mut Frame| {
+            frame.fill(|frame| {
+                let mut payload = payload;
+                names_are_old = frame::read(&mut payload, server, &self.bodies, frame)?;
+                Ok(())
+            })
+        };
+        if let Err(error) = read(&server, frame) {
+            let version = server.version.other_layout();
+            let is_other = read(&ServerInfo { version, ..server }, frame).is_ok();
+            frame.clear();
+            return Err(if is_other {
+                WireError::OtherVersion {
+                    said: [server.version.major, server.version.minor],
+                    sent: [version.major, version.minor],
+                }
+            } else {
+                error
+            });
+        }
         Ok(Received::Frame { names_are_old })
     }
 }

@@ -18,7 +18,9 @@ use std::os::fd::BorrowedFd;
 
 use scenario::{CaptureSystem, Key, MotionCapture, Problem};
 
-use crate::wire::{Frame, Name};
+use crate::natnet::{Described, ServerInfo};
+use crate::refusals::Tally;
+use crate::wire::{Frame, Name, WireError};
 
 /// Most packets that one poll takes from a socket, so that a flood does not hold up the caller.
 const MOST_PACKETS: usize = 64;
@@ -97,8 +99,10 @@ pub struct WireCounts {
     pub packets: u64,
     /// Frames that they held.
     pub frames: u64,
-    /// Packets, or poses of a stream, that could not be read.
-    pub malformed: u64,
+    /// Packets, or messages of a stream, that could not be read, by reason.
+    pub malformed: Tally<WireError>,
+    /// Datagrams that continued a frame of the datagram before.
+    pub continued: u64,
     /// Packets that were dropped because they came from other machines than the server, or too many at once; counted a
     /// few times a second.
     pub foreign: u64,
@@ -112,7 +116,7 @@ pub struct WireCounts {
 #[derive(Debug)]
 pub enum CaptureSource {
     /// Vicon Tracker's UDP object stream.
-    ViconUdp(vicon_udp::ViconUdp),
+    ViconUdp(Box<vicon_udp::ViconUdp>),
     /// A VRPN server.
     Vrpn(Box<vrpn::Vrpn>),
     /// Motive.
@@ -126,7 +130,7 @@ impl CaptureSource {
     /// If a socket cannot be opened.
     pub fn open(address: &Address) -> Result<Self, TransportError> {
         Ok(match address.system {
-            CaptureSystem::ViconUdp => Self::ViconUdp(vicon_udp::ViconUdp::open(address)?),
+            CaptureSystem::ViconUdp => Self::ViconUdp(Box::new(vicon_udp::ViconUdp::open(address)?)),
             CaptureSystem::Vrpn => Self::Vrpn(Box::new(vrpn::Vrpn::new(address.server))),
             CaptureSystem::Natnet => Self::Natnet(Box::new(natnet::Natnet::open(address)?)),
         })
@@ -173,14 +177,31 @@ impl CaptureSource {
         }
     }
 
-    /// Returns the names that the server has announced ahead of poses, for people: VRPN's senders, Motive's rigid
-    /// bodies.
+    /// Returns the names that the server has announced ahead of poses: VRPN's senders, Motive's rigid bodies.
+    pub fn announced(&self) -> impl Iterator<Item = &Name> {
+        let senders = match self {
+            Self::Vrpn(source) => Some(source.announced()),
+            Self::ViconUdp(_) | Self::Natnet(_) => None,
+        };
+        let described = self.described().iter().map(|body| &body.name);
+        senders.into_iter().flatten().chain(described)
+    }
+
+    /// Returns Motive's rigid bodies by their descriptions.
     #[must_use]
-    pub fn announced(&self) -> Vec<Name> {
+    pub fn described(&self) -> &[Described] {
         match self {
-            Self::ViconUdp(_) => Vec::new(),
-            Self::Vrpn(source) => source.announced(),
-            Self::Natnet(source) => source.announced(),
+            Self::Natnet(source) => source.described(),
+            Self::ViconUdp(_) | Self::Vrpn(_) => &[],
+        }
+    }
+
+    /// Returns the description of Motive, if it has answered.
+    #[must_use]
+    pub fn natnet_server(&self) -> Option<&ServerInfo> {
+        match self {
+            Self::Natnet(source) => source.server(),
+            Self::ViconUdp(_) | Self::Vrpn(_) => None,
         }
     }
 }

@@ -2,12 +2,13 @@
 //!
 //! `u32 frame, u8 items`, then per item `u8 id (0: object), u16 size (72), char name[24], f64 translation[3]` in mm and
 //! `f64 rotation[3]` in rad with R = Rx Ry Rz, right-handed. Datagrams are filled up to 256, 512 or 1024 bytes. There is
-//! no time stamp and no quality. A hidden object is absent, repeats what it was, or is all zero.
+//! no time stamp and no quality. A hidden object is absent, repeats what it was, or is all zero. Objects with one name,
+//! also two whose names are equal in their first 24 bytes, count as not seen: nothing tells them apart.
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::exp;
 
-use crate::wire::{CapturePose, Cursor, Frame, Name, WireBody, WireError};
+use crate::wire::{CapturePose, Cursor, Frame, Name, PoseError, WireError};
 
 /// Port to which Tracker sends by default.
 pub const PORT: u16 = 51001;
@@ -17,6 +18,8 @@ pub const NAME_LENGTH: usize = 24;
 
 /// Kind of an item that is an object.
 pub(crate) const OBJECT: u8 = 0;
+/// Largest angle, rad: no program computes several turns.
+const LARGEST_ANGLE: f64 = 10.0;
 /// Length of an object without kind and length, bytes.
 pub(crate) const OBJECT_LENGTH: u16 = 72;
 
@@ -33,14 +36,16 @@ pub struct Object {
 
 impl Object {
     /// Returns its pose in SI units; `None` if it says that it is not seen.
-    fn pose(&self) -> Result<Option<CapturePose>, WireError> {
+    fn pose(&self) -> Result<Option<CapturePose>, PoseError> {
         let numbers = self.translation_mm.iter().chain(&self.rotation);
         if numbers.clone().all(|&number| number == 0.0) {
             return Ok(None);
         }
-        // No program computes angles of several turns.
-        if !self.rotation.iter().all(|angle| angle.abs() <= 10.0) {
-            return Err(WireError::Invalid("a rotation"));
+        if !self.rotation.iter().all(|angle| angle.is_finite()) {
+            return Err(PoseError::NotFinite);
+        }
+        if let Some(angle) = self.rotation.iter().find(|angle| angle.abs() > LARGEST_ANGLE) {
+            return Err(PoseError::Angle(*angle));
         }
         CapturePose::new(
             self.translation_mm.map(|millimetres| millimetres / 1000.0),
@@ -76,14 +81,14 @@ pub fn decode(datagram: &[u8], frame: &mut Frame) -> Result<(), WireError> {
             }
             let object = object(&mut cursor)?;
             let name = Name::new(&object.name)?;
-            if frame.bodies().iter().any(|body| body.name == name) {
-                return Err(WireError::Invalid("a name that two objects have"));
-            }
-            frame.push(WireBody {
-                name,
-                number: 0,
-                pose: object.pose()?,
-            })?;
+            let pose = match frame.bodies().iter().position(|body| body.name == name) {
+                Some(twin) => {
+                    frame.refuse(twin, PoseError::SharedName);
+                    Err(PoseError::SharedName)
+                }
+                None => object.pose(),
+            };
+            frame.push_pose(name, 0, pose)?;
         }
         Ok(())
     })

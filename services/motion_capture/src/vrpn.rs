@@ -4,10 +4,14 @@
 //! which is filled up to a multiple of 8. Senders (type −1) and types (−2) are given their names first. A pose is a
 //! message of the type `vrpn_Tracker Pos_Quat`: `i32 sensor, i32, f64 position[3]` in m, `f64 quaternion[4]` x y z w.
 //!
-//! Bytes arrive in pieces of any length. A stream that has become invalid cannot be resumed: the error ends the
-//! connection.
+//! Bytes arrive in pieces of any length. A message that cannot be read is left out. A stream whose lengths have become
+//! invalid cannot be resumed: the error ends the connection. A pose whose values cannot be true is one of a body that is not seen, and has no time: its stamp must not
+//! count for the server's clock.
 
-use crate::wire::{CapturePose, Cursor, Frame, MOST_BODIES, Name, Stamp, WireBody, WireError};
+use std::ops::Range;
+
+use crate::refusals::Tally;
+use crate::wire::{CapturePose, Cursor, Frame, MOST_BODIES, Name, PoseError, Stamp, WireError};
 
 /// Port on which a server listens by default.
 pub const PORT: u16 = 3883;
@@ -51,7 +55,7 @@ pub struct Decoder {
     senders: Vec<Name>,
     pose_type: Option<i32>,
     frame: Frame,
-    refused: u64,
+    refusals: Tally<WireError>,
 }
 
 impl Default for Decoder {
@@ -71,7 +75,7 @@ impl Decoder {
             senders: vec![Name::EMPTY; MOST_BODIES],
             pose_type: None,
             frame: Frame::new(),
-            refused: 0,
+            refusals: Tally::default(),
         }
     }
 
@@ -94,11 +98,10 @@ impl Decoder {
         self.senders.iter().filter(|name| **name != Name::EMPTY)
     }
 
-    /// Returns the number of impossible poses in otherwise valid streams; some servers send zeros for bodies that they
-    /// do not see.
+    /// Returns the reasons for which messages and streams were refused.
     #[must_use]
-    pub fn refused(&self) -> u64 {
-        self.refused
+    pub fn refusals(&self) -> &Tally<WireError> {
+        &self.refusals
     }
 
     /// Takes the next bytes, and hands out a frame of one body for every pose among them, in order.
@@ -113,7 +116,8 @@ impl Decoder {
             self.buffer[self.filled..self.filled + taken].copy_from_slice(now);
             self.filled += taken;
             bytes = later;
-            self.drain(&mut sink)?;
+            self.drain(&mut sink)
+                .inspect_err(|error| self.refusals.add(*error))?;
         }
         Ok(())
     }
@@ -136,17 +140,81 @@ impl Decoder {
                 break;
             }
             self.frame.clear();
-            let message = &self.buffer[from..from + length];
-            match read(message, &mut self.senders, &mut self.pose_type, &mut self.frame)? {
-                VrpnMessage::Pose => sink(&self.frame),
-                VrpnMessage::NoPose => self.refused += 1,
-                VrpnMessage::Other => {}
+            match self.read(from..from + length) {
+                Ok(true) => sink(&self.frame),
+                Ok(false) => {}
+                // The message's length was right, so that the next one begins where it must.
+                Err(error) => self.refusals.add(error),
             }
             from += length;
         }
         self.buffer.copy_within(from..self.filled, 0);
         self.filled -= from;
         Ok(())
+    }
+
+    /// Reads a whole message; returns whether it was a pose, which the frame then holds.
+    fn read(&mut self, message: Range<usize>) -> Result<bool, WireError> {
+        let Self {
+            buffer,
+            senders,
+            pose_type,
+            frame,
+            refusals,
+            ..
+        } = self;
+        let mut cursor = Cursor::new(&buffer[message]);
+        let length = cursor.u32_be("a message's length")?;
+        let seconds = cursor.u32_be("a message's time")?;
+        let microseconds = cursor.u32_be("a message's time")?;
+        let sender = cursor.i32_be("a message's sender")?;
+        let kind = cursor.i32_be("a message's type")?;
+        cursor.skip(1, 4, "a message's head")?;
+        // The payload without its padding; a length of less than a head was refused before.
+        let payload = cursor.slice((length as usize).saturating_sub(HEAD), "a message")?;
+        let mut payload = Cursor::new(payload);
+        let sender_index = usize::try_from(sender)
+            .ok()
+            .filter(|&index| index < senders.len());
+        match kind {
+            SENDER_DESCRIPTION => {
+                let name = described_name(&mut payload)?;
+                match (sender_index, Name::new(name)) {
+                    (Some(index), Ok(name)) => senders[index] = name,
+                    // A tracker without a name is never the vehicle.
+                    (Some(index), Err(error)) => {
+                        senders[index] = Name::EMPTY;
+                        refusals.add(error);
+                    }
+                    (None, _) => refusals.add(WireError::Oversized("the number of trackers")),
+                }
+            }
+            TYPE_DESCRIPTION => {
+                let name = described_name(&mut payload)?;
+                if name.split(|&byte| byte == 0).next() == Some(POSE_TYPE.as_bytes()) {
+                    *pose_type = Some(sender);
+                }
+            }
+            kind if Some(kind) == *pose_type => {
+                let Some(index) = sender_index else {
+                    return Ok(false);
+                };
+                let report = report(&mut payload)?;
+                let pose = pose(&report, microseconds, index, senders);
+                if let Ok(Some(_)) = pose {
+                    let at_ns = i64::from(seconds) * 1_000_000_000 + i64::from(microseconds) * 1000;
+                    frame.stamp = Some(Stamp {
+                        exposed_ns: at_ns,
+                        sent_ns: at_ns,
+                    });
+                }
+                frame.is_complete = false;
+                frame.push_pose(senders[index], report.sensor, pose)?;
+                return Ok(true);
+            }
+            _ => {}
+        }
+        Ok(false)
     }
 }
 
@@ -165,77 +233,32 @@ fn message_length(bytes: &[u8]) -> Result<Option<usize>, WireError> {
     Ok(Some(length.next_multiple_of(8)))
 }
 
-/// Kind of a message.
-enum VrpnMessage {
-    /// A pose, which the frame now holds.
-    Pose,
-    /// Of a pose's type, but with invalid numbers.
-    NoPose,
-    /// Something else.
-    Other,
-}
-
-/// Reads a whole message.
-fn read(
-    message: &[u8],
-    senders: &mut [Name],
-    pose_type: &mut Option<i32>,
-    frame: &mut Frame,
-) -> Result<VrpnMessage, WireError> {
-    let mut cursor = Cursor::new(message);
-    let length = cursor.u32_be("a message's length")?;
-    let seconds = cursor.u32_be("a message's time")?;
-    let microseconds = cursor.u32_be("a message's time")?;
-    let sender = cursor.i32_be("a message's sender")?;
-    let kind = cursor.i32_be("a message's type")?;
-    cursor.skip(1, 4, "a message's head")?;
-    // The payload without its padding; a length of less than a head was refused before.
-    let payload = cursor.slice((length as usize).saturating_sub(HEAD), "a message")?;
-    let mut payload = Cursor::new(payload);
-    let sender_index = usize::try_from(sender)
-        .ok()
-        .filter(|&index| index < senders.len());
-    match kind {
-        SENDER_DESCRIPTION => {
-            // Trackers beyond the limit stay without a name and are skipped.
-            if let Some(index) = sender_index {
-                senders[index] = described_name(&mut payload)?;
-            }
-        }
-        TYPE_DESCRIPTION if described_name(&mut payload)?.as_bytes() == POSE_TYPE.as_bytes() => {
-            *pose_type = Some(sender);
-        }
-        kind if Some(kind) == *pose_type => {
-            let Some(index) = sender_index else {
-                return Ok(VrpnMessage::Other);
-            };
-            let report = report(&mut payload)?;
-            let pose = CapturePose::from_quaternion(report.position, report.quaternion);
-            let (Ok(pose), true) = (pose, microseconds < 1_000_000) else {
-                return Ok(VrpnMessage::NoPose);
-            };
-            let at_ns = i64::from(seconds) * 1_000_000_000 + i64::from(microseconds) * 1000;
-            frame.is_complete = false;
-            frame.stamp = Some(Stamp {
-                exposed_ns: at_ns,
-                sent_ns: at_ns,
-            });
-            frame.push(WireBody {
-                name: senders[index],
-                number: report.sensor,
-                pose: Some(pose),
-            })?;
-            return Ok(VrpnMessage::Pose);
-        }
-        _ => {}
+/// Returns the pose of a report; `None` of zeros, which some servers send for what they do not see.
+fn pose(
+    report: &PoseReport,
+    microseconds: u32,
+    index: usize,
+    senders: &[Name],
+) -> Result<Option<CapturePose>, PoseError> {
+    let numbers = report.position.iter().chain(&report.quaternion);
+    if numbers.into_iter().all(|&number| number == 0.0) {
+        return Ok(None);
     }
-    Ok(VrpnMessage::Other)
+    let has_twin = |(other, name): (usize, &Name)| other != index && *name == senders[index];
+    if senders[index] != Name::EMPTY && senders.iter().enumerate().any(has_twin) {
+        return Err(PoseError::SharedName);
+    }
+    if microseconds >= 1_000_000 {
+        return Err(PoseError::Stamp);
+    }
+    CapturePose::from_quaternion(report.position, report.quaternion).map(Some)
 }
 
-fn described_name(payload: &mut Cursor<'_>) -> Result<Name, WireError> {
+/// Returns the bytes of a name; up to its first zero it is the name.
+fn described_name<'a>(payload: &mut Cursor<'a>) -> Result<&'a [u8], WireError> {
     let length = payload.u32_be("the length of a name")?;
     let length = usize::try_from(length).map_err(|_| WireError::Oversized("a name"))?;
-    Name::new(payload.slice(length, "a name")?)
+    payload.slice(length, "a name")
 }
 
 fn report(payload: &mut Cursor<'_>) -> Result<PoseReport, WireError> {

@@ -1,7 +1,8 @@
 //! Common parts of the decoders: a cursor that cannot leave its bytes, and the frame that they fill.
 //!
-//! All input from strangers has limits: names, bodies, lengths. A packet that exceeds one gives a [`WireError`], and
-//! nothing of it is used.
+//! All input from strangers has limits: names, bodies, lengths. A packet whose *structure* is wrong gives a
+//! [`WireError`], and nothing of it is used. Bodies of independent parties share a packet, so a *value* that cannot be
+//! true gives a [`PoseError`] of that body alone: it counts as not seen, and the others are used.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -32,6 +33,46 @@ pub enum WireError {
     /// It can be read only after another packet, which has not come.
     #[error("the packet came before {0}")]
     Early(&'static str),
+    /// The server speaks a version of `NatNet` that is not understood: major and minor.
+    #[error("Motive speaks NatNet {0}.{1}; 3.x and 4.x are understood")]
+    Version(u8, u8),
+    /// The server states one version of `NatNet` (major, minor), and its frames are laid out as another one's.
+    #[error(
+        "the server says NatNet {}.{}, and its frames are laid out as {}.{}: set one bit stream version in Motive",
+        .said[0], .said[1], .sent[0], .sent[1]
+    )]
+    OtherVersion {
+        /// The stated version.
+        said: [u8; 2],
+        /// A version with the layout of the frames.
+        sent: [u8; 2],
+    },
+}
+
+/// Error of one body's pose in a packet whose structure is right.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum PoseError {
+    /// A coordinate or an angle is NaN or infinite.
+    #[error("a coordinate or an angle is not a number")]
+    NotFinite,
+    /// Distance of a coordinate from the origin that no laboratory has, m.
+    #[error("{0:.0} m from the origin: millimetres?")]
+    Far(f64),
+    /// Norm of a quaternion that is no rotation.
+    #[error("a quaternion of norm {0:.4} is no rotation")]
+    Norm(f64),
+    /// Angle of several turns, rad.
+    #[error("an angle of {0:.1} rad: degrees?")]
+    Angle(f64),
+    /// Another body has the same name.
+    #[error("two bodies have its name: rename one in the capture program")]
+    SharedName,
+    /// Another body has the same id.
+    #[error("two bodies have its id: give one another streaming id in the capture program")]
+    SharedId,
+    /// The time stamp of the pose has more microseconds than a second.
+    #[error("its time stamp has more than 999,999 µs")]
+    Stamp,
 }
 
 /// A name of up to [`LONGEST_NAME`] bytes, without an allocation.
@@ -54,11 +95,19 @@ impl Name {
     /// If it is too long.
     pub fn new(bytes: &[u8]) -> Result<Self, WireError> {
         let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
-        let length = u8::try_from(end).map_err(|_| WireError::Oversized("a name"))?;
+        if end > LONGEST_NAME {
+            return Err(WireError::Oversized("a name"));
+        }
+        Ok(Self::cut(&bytes[..end]))
+    }
+
+    /// Makes a name of the first [`LONGEST_NAME`] bytes.
+    pub(crate) fn cut(bytes: &[u8]) -> Self {
+        let bytes = &bytes[..bytes.len().min(LONGEST_NAME)];
         let mut name = Self::EMPTY;
-        name.length = length;
-        name.bytes[..end].copy_from_slice(&bytes[..end]);
-        Ok(name)
+        name.length = u8::try_from(bytes.len()).unwrap_or(u8::MAX);
+        name.bytes[..bytes.len()].copy_from_slice(bytes);
+        name
     }
 
     /// Its bytes.
@@ -103,11 +152,13 @@ impl CapturePose {
     ///
     /// # Errors
     /// If a number is not that of a place in a laboratory, or the quaternion is no rotation.
-    pub fn from_quaternion(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Result<Self, WireError> {
+    pub fn from_quaternion(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Result<Self, PoseError> {
         let squared = x * x + y * y + z * z + w * w;
-        let defect = (squared - 1.0).abs();
-        if defect.is_nan() || defect > QUATERNION_DEFECT {
-            return Err(WireError::Invalid("a quaternion"));
+        if !squared.is_finite() {
+            return Err(PoseError::NotFinite);
+        }
+        if (squared - 1.0).abs() > QUATERNION_DEFECT {
+            return Err(PoseError::Norm(squared.sqrt()));
         }
         let s = 2.0 / squared;
         #[rustfmt::skip]
@@ -123,12 +174,15 @@ impl CapturePose {
     ///
     /// # Errors
     /// If a number is not that of a place in a laboratory.
-    pub fn new(position: [f64; 3], capture_from_markers: Matrix3<f64>) -> Result<Self, WireError> {
-        let is_place = position
+    pub fn new(position: [f64; 3], capture_from_markers: Matrix3<f64>) -> Result<Self, PoseError> {
+        if !position.iter().all(|coordinate| coordinate.is_finite()) {
+            return Err(PoseError::NotFinite);
+        }
+        let farthest = position
             .iter()
-            .all(|coordinate| coordinate.abs() <= LARGEST_COORDINATE);
-        if !is_place {
-            return Err(WireError::Invalid("a position"));
+            .fold(0.0_f64, |most, coordinate| most.max(coordinate.abs()));
+        if farthest > LARGEST_COORDINATE {
+            return Err(PoseError::Far(farthest));
         }
         Ok(Self {
             position: Vector3::from(position),
@@ -167,6 +221,8 @@ pub struct Frame {
     /// `true` if it contains all bodies that are seen; if not it contains one, and says nothing of the others.
     pub is_complete: bool,
     bodies: Vec<WireBody>,
+    /// Index of each body whose pose was refused, with the reason.
+    refusals: Vec<(usize, PoseError)>,
 }
 
 impl Default for Frame {
@@ -184,6 +240,7 @@ impl Frame {
             stamp: None,
             is_complete: true,
             bodies: Vec::with_capacity(MOST_BODIES),
+            refusals: Vec::with_capacity(MOST_BODIES),
         }
     }
 
@@ -193,12 +250,19 @@ impl Frame {
         &self.bodies
     }
 
+    /// Returns the bodies whose pose was refused, with the reasons. They count as not seen.
+    pub fn refused(&self) -> impl Iterator<Item = (&WireBody, PoseError)> {
+        let refused = self.refusals.iter();
+        refused.map(|&(index, reason)| (&self.bodies[index], reason))
+    }
+
     /// Removes all content.
     pub fn clear(&mut self) {
         self.number = None;
         self.stamp = None;
         self.is_complete = true;
         self.bodies.clear();
+        self.refusals.clear();
     }
 
     /// Adds a body.
@@ -211,6 +275,36 @@ impl Frame {
         }
         self.bodies.push(body);
         Ok(())
+    }
+
+    /// Adds a body whose pose was seen, not seen, or refused for its values.
+    ///
+    /// # Errors
+    /// If there are too many.
+    pub(crate) fn push_pose(
+        &mut self,
+        name: Name,
+        number: i32,
+        pose: Result<Option<CapturePose>, PoseError>,
+    ) -> Result<(), WireError> {
+        self.push(WireBody {
+            name,
+            number,
+            pose: pose.unwrap_or_default(),
+        })?;
+        if let Err(reason) = pose {
+            self.refusals.push((self.bodies.len() - 1, reason));
+        }
+        Ok(())
+    }
+
+    /// Refuses the pose of a body that was added before, for another reason than its own.
+    pub(crate) fn refuse(&mut self, index: usize, reason: PoseError) {
+        self.bodies[index].pose = None;
+        match self.refusals.iter_mut().find(|(known, _)| *known == index) {
+            Some(known) => known.1 = reason,
+            None => self.refusals.push((index, reason)),
+        }
     }
 
     /// Lets a decoder fill the frame; a failure leaves it empty.
@@ -340,5 +434,27 @@ mod tests {
         for coordinate in [f64::NAN, f64::INFINITY, 1e4] {
             assert!(CapturePose::from_quaternion([0.0, coordinate, 0.0], level).is_err());
         }
+    }
+
+    #[test]
+    fn a_refusal_says_what_was_wrong() {
+        let level = [0.0, 0.0, 0.0, 1.0];
+        for (position, quaternion, words) in [
+            ([0.0, 1234.0, 0.0], level, "1234 m from the origin: millimetres?"),
+            ([0.0; 3], [0.0; 4], "a quaternion of norm 0.0000 is no rotation"),
+            (
+                [0.0; 3],
+                [0.0, 0.0, 0.0, 1.001],
+                "a quaternion of norm 1.0010 is no rotation",
+            ),
+            ([f64::NAN, 0.0, 0.0], level, "not a number"),
+        ] {
+            let reason = CapturePose::from_quaternion(position, quaternion).unwrap_err();
+            assert!(reason.to_string().contains(words), "{reason}");
+        }
+        assert_eq!(
+            WireError::Version(2, 8).to_string(),
+            "Motive speaks NatNet 2.8; 3.x and 4.x are understood"
+        );
     }
 }

@@ -10,15 +10,21 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
 
 /// Numbers of a status cell, of 8 bytes each.
-pub const LENGTH: usize = 32;
+pub const LENGTH: usize = 64;
 
 /// Bytes of a number.
 const WORD: usize = size_of::<u64>();
 
 /// The numbers. All are 0 before the first write.
 #[repr(C, align(64))]
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct StatusCell([AtomicU64; LENGTH]);
+
+impl Default for StatusCell {
+    fn default() -> Self {
+        Self([const { AtomicU64::new(0) }; LENGTH])
+    }
+}
 
 impl StatusCell {
     /// Writes a record of whole words over the one before.

@@ -255,9 +255,13 @@ impl MotionCapture {
         }
     }
 
-    /// Returns name and number of the vehicle's body, each if stated; `None` if the text after `#` is not a number.
+    /// Returns name and number of the vehicle's body, each if stated; `None` if the text after `#` is not a number. Bodies
+    /// of Vicon have no numbers, so that their names may contain a `#`.
     #[must_use]
     pub fn name_and_number(&self) -> Option<(&str, Option<i32>)> {
+        if self.source == PoseSource::ViconUdp {
+            return Some((&self.object, None));
+        }
         match self.object.rsplit_once('#') {
             None => Some((&self.object, None)),
             Some((name, number)) => Some((name, Some(number.parse().ok()?))),

@@ -34,6 +34,9 @@ pub struct CaptureReport {
     pub believed: u64,
     /// The number of other happenings, by the words of docs/motion_capture.md; only those that occurred.
     pub happened: BTreeMap<&'static str, u64>,
+    /// Reasons of refused packets and poses in words, each with its count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
 }
 
 /// The performance of the radio link.
@@ -85,6 +88,8 @@ impl CaptureReport {
             ("restarted", figures.restarted),
             ("rate warnings", figures.rate_warnings),
             ("malformed", figures.malformed),
+            ("refused", figures.refused),
+            ("others refused", figures.others_refused),
             ("foreign", figures.foreign),
             ("failures", figures.failures),
         ];
@@ -95,6 +100,7 @@ impl CaptureReport {
             frames: figures.frames,
             believed: figures.believed,
             happened: happened.into_iter().filter(|(_, count)| *count > 0).collect(),
+            refused: Some(figures.reason().into_owned()).filter(|reason| !reason.is_empty()),
         }
     }
 }
@@ -144,6 +150,9 @@ impl Display for CaptureReport {
         if !happened.is_empty() {
             write!(formatter, " {}.", happened.join(", "))?;
         }
+        if let Some(reason) = &self.refused {
+            write!(formatter, " Reasons: {reason}.")?;
+        }
         Ok(())
     }
 }
@@ -186,7 +195,16 @@ mod tests {
             text.contains("12 frames, 10 believed") && text.ends_with(" occluded 2."),
             "{text}"
         );
-        assert!(!text.contains("Radio link"));
+        assert!(!text.contains("Radio link") && !text.contains("Reasons"));
+        let mut spoilt = figures;
+        let reason = b"packets refused: 3 times Motive speaks NatNet 2.8; 3.x and 4.x are understood";
+        spoilt.reason[..reason.len()].copy_from_slice(reason);
+        spoilt.reason_length = reason.len() as u32;
+        let text = LaboratoryReport::of(Some(&spoilt), None).unwrap().to_string();
+        assert!(
+            text.ends_with("Motive speaks NatNet 2.8; 3.x and 4.x are understood."),
+            "{text}"
+        );
         let link = LinkFigures {
             sent: 7,
             ..LinkFigures::new_zeroed()

@@ -68,6 +68,7 @@ impl<'a> Laboratory<'a> {
             jitter: figures.jitter,
             frames: figures.frames,
             believed: figures.believed,
+            refused: Some(figures.reason().into_owned()).filter(|reason| !reason.is_empty()),
         });
         (link, cameras)
     }
@@ -131,21 +132,32 @@ fn unseen(
     let (name, server, object) = (system.name(), &stated.server, &stated.object);
     let age = seconds(elapsed_ns.saturating_sub(figures.believed_at_ns));
     let [least, most] = stated.rate;
+    let reason = figures.reason();
+    let because = if reason.is_empty() {
+        String::new()
+    } else {
+        format!("; so far {reason}")
+    };
     match figures.health {
+        CaptureFigures::HEALTH_UNKNOWN | CaptureFigures::HEALTH_SILENT if figures.malformed > 0 => {
+            Some(format!(
+                "packets come from the `{name}` server {server}, and no frame of them can be read{because}"
+            ))
+        }
         CaptureFigures::HEALTH_UNKNOWN | CaptureFigures::HEALTH_SILENT => Some(format!(
             "nothing has come from the `{name}` server {server} yet; `gerono mocap probe` shows what comes"
         )),
         CaptureFigures::HEALTH_ABSENT => Some(format!(
-            "`{name}` frames come from {server}, but none has seen a body `{object}` yet"
+            "`{name}` frames come from {server}, but none has seen a body `{object}` yet{because}"
         )),
-        CaptureFigures::HEALTH_SETTLING => {
-            Some(format!("poses of `{object}` come, but are not believed yet"))
-        }
+        CaptureFigures::HEALTH_SETTLING => Some(format!(
+            "poses of `{object}` come, but are not believed yet{because}"
+        )),
         _ if age > STALE => Some(format!(
-            "the last pose of `{object}` that can be believed is {age:.1} s old"
+            "the last pose of `{object}` that can be believed is {age:.1} s old{because}"
         )),
         CaptureFigures::HEALTH_DOUBTFUL => Some(format!(
-            "the last frame has no pose of `{object}` that can be believed"
+            "the last frame has no pose of `{object}` that can be believed{because}"
         )),
         _ if figures.rate == 0.0 => Some("the rate of frames has not been measured yet".to_owned()),
         _ if !(least..=most).contains(&figures.rate) => Some(format!(
@@ -254,6 +266,17 @@ mod tests {
         }
         let old = with(&|figures| figures.believed_at_ns = NOW_NS - 2_000_000_000);
         assert!(old.contains("is 2.0 s old"), "{old}");
+        let words = "packets refused: 9 times Motive speaks NatNet 2.8; 3.x and 4.x are understood";
+        let refused = with(&|figures| {
+            figures.health = CaptureFigures::HEALTH_SILENT;
+            figures.malformed = 9;
+            figures.reason[..words.len()].copy_from_slice(words.as_bytes());
+            figures.reason_length = words.len() as u32;
+        });
+        assert!(
+            refused.starts_with("packets come") && refused.ends_with(words),
+            "{refused}"
+        );
         let slow = with(&|figures| figures.rate = 20.0);
         assert!(slow.contains("20.0 frames come a second"), "{slow}");
         for (state, piece) in [

@@ -15,6 +15,9 @@ pub(super) fn line(snapshot: &Snapshot, width: u16) -> Option<Vec<Span<'static>>
     if let Some(cameras) = &snapshot.cameras {
         troubles.extend(cameras.trouble.clone());
         figures.push(Span::raw(in_words(cameras)));
+        // A trouble says its reason itself.
+        let refused = cameras.refused.iter().filter(|_| cameras.trouble.is_none());
+        figures.extend(refused.map(|reason| Span::raw(cut(reason, width.into())).yellow()));
     }
     if let Some(link) = &snapshot.radio_link {
         troubles.extend(link.trouble.clone());

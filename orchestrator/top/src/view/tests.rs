@@ -150,7 +150,7 @@ fn the_view_in_the_documentation_is_the_one_of_80_by_24() {
 
 #[test]
 fn what_is_in_a_laboratory_has_a_line_and_what_is_the_matter_comes_first() {
-    let drawn = |cameras: Option<CamerasSnapshot>| {
+    let drawn_in = |width: u16, cameras: Option<CamerasSnapshot>| {
         let snapshot = Snapshot {
             cameras,
             radio_link: Some(LinkSnapshot {
@@ -167,8 +167,9 @@ fn what_is_in_a_laboratory_has_a_line_and_what_is_the_matter_comes_first() {
             controls: &selecting(3),
             silence: None,
         };
-        view.without_keys(80).lines().nth(3).unwrap().to_owned()
+        view.without_keys(width).lines().nth(3).unwrap().to_owned()
     };
+    let drawn = |cameras| drawn_in(80, cameras);
     let cameras = CamerasSnapshot {
         rate: 99.96,
         latency: 4.2e-3,
@@ -176,6 +177,7 @@ fn what_is_in_a_laboratory_has_a_line_and_what_is_the_matter_comes_first() {
         frames: 9012,
         believed: 9000,
         trouble: None,
+        refused: None,
     };
     let well = drawn(Some(cameras.clone()));
     assert_eq!(
@@ -185,9 +187,19 @@ fn what_is_in_a_laboratory_has_a_line_and_what_is_the_matter_comes_first() {
     let trouble = "the last pose of `quad` that can be believed is 2.0 s old".to_owned();
     let blind = drawn(Some(CamerasSnapshot {
         trouble: Some(trouble.clone()),
-        ..cameras
+        ..cameras.clone()
     }));
     assert!(blind.starts_with(&trouble), "{blind}");
+    let reason = "poses of other bodies refused: 3 times a coordinate or an angle is not a number";
+    let stranger = CamerasSnapshot {
+        refused: Some(reason.to_owned()),
+        ..cameras
+    };
+    let stranger = drawn_in(200, Some(stranger));
+    assert!(
+        stranger.starts_with("cameras 100.0 Hz") && stranger.contains(reason),
+        "{stranger}"
+    );
     assert_eq!(drawn(None), "link 812 sent, 3 lost");
 }
 

@@ -197,6 +197,7 @@ function drawLaboratory({ cameras, radio_link: link, capture_to_frame: chain }) 
   if (cameras !== null) {
     lines.push(["", `cameras: ${cameras.rate.toFixed(1)} Hz, ${inUnits(cameras.latency)} old, ${cameras.believed} of ${cameras.frames} accepted`]);
     if (cameras.trouble !== null) lines.push(["trouble", cameras.trouble]);
+    else if (cameras.refused !== null) lines.push(["", cameras.refused]);
   }
   if (link !== null) {
     lines.push(["", `radio link: ${link.sent} sent, ${link.lost} lost`]);

@@ -1,7 +1,7 @@
 //! FRAME: its rigid bodies and times are read, its other sections skipped.
 
-use super::{RigidBody, ServerInfo, Times, Version};
-use crate::wire::{CapturePose, Cursor, Frame, MOST_BODIES, Name, Stamp, WireBody, WireError};
+use super::{Described, RigidBody, ServerInfo, Times, Version};
+use crate::wire::{CapturePose, Cursor, Frame, MOST_BODIES, Name, PoseError, Stamp, WireError};
 
 /// Length of a rigid body, also of a skeleton's bone, bytes.
 pub(crate) const RIGID_BODY_LENGTH: usize = 38;
@@ -20,7 +20,7 @@ const MODELS_CHANGED: u16 = 2;
 pub(super) fn read(
     payload: &mut Cursor<'_>,
     server: &ServerInfo,
-    names: &[(i32, Name)],
+    described: &[Described],
     frame: &mut Frame,
 ) -> Result<bool, WireError> {
     let version = server.version;
@@ -29,16 +29,10 @@ pub(super) fn read(
     section(payload, version, "the other markers", |markers, count| {
         markers.skip(count, 12, "the other markers")
     })?;
-    let mut has_unnamed = false;
-    section(payload, version, "the rigid bodies", |bodies, count| {
-        has_unnamed = rigid_bodies(bodies, count, names, frame)?;
-        Ok(())
-    })?;
+    let has_unnamed = rigid_bodies(payload, version, described, frame)?;
     section(payload, version, "the skeletons", skeletons)?;
     if version.has_lengths() {
-        payload.u32_le("the number of assets")?;
-        let length = payload.u32_le("the assets")? as usize;
-        payload.skip(1, length, "the assets")?;
+        section(payload, version, "the assets", |_, _| Ok(()))?;
     }
     section(payload, version, "the labelled markers", |markers, count| {
         markers.skip(count, LABELED_MARKER_LENGTH, "the labelled markers")
@@ -52,11 +46,15 @@ pub(super) fn read(
     let flags = payload.u16_le("the frame's flags")?;
     // The last four bytes only mark the end of the frame.
     payload.skip(1, 4, "the end of the frame")?;
+    // A later version may have more at the end. Without lengths, bytes left over mean that all before was misread.
+    if !version.has_lengths() && payload.remaining() > 0 {
+        return Err(WireError::Invalid("the end of the frame"));
+    }
     frame.stamp = Some(stamp(&times, server.clock_frequency)?);
     Ok(has_unnamed || flags & MODELS_CHANGED != 0)
 }
 
-/// Reads a section: the number of its elements, from 4.1 on its length, and the elements.
+/// Skips a section: the number of its elements and, from 4.1 on, its length; before, `read` skips the elements.
 fn section<'a>(
     payload: &mut Cursor<'a>,
     version: Version,
@@ -68,12 +66,7 @@ fn section<'a>(
         return read(payload, count);
     }
     let length = payload.u32_le(what)? as usize;
-    let mut inner = Cursor::new(payload.slice(length, what)?);
-    read(&mut inner, count)?;
-    if inner.remaining() > 0 {
-        return Err(WireError::Invalid(what));
-    }
-    Ok(())
+    payload.skip(1, length, what)
 }
 
 fn marker_sets(sets: &mut Cursor<'_>, count: usize) -> Result<(), WireError> {
@@ -85,30 +78,38 @@ fn marker_sets(sets: &mut Cursor<'_>, count: usize) -> Result<(), WireError> {
     Ok(())
 }
 
+/// Reads the rigid bodies; returns whether there is one that has not been described.
 fn rigid_bodies(
-    bodies: &mut Cursor<'_>,
-    count: usize,
-    names: &[(i32, Name)],
+    payload: &mut Cursor<'_>,
+    version: Version,
+    described: &[Described],
     frame: &mut Frame,
 ) -> Result<bool, WireError> {
+    const WHAT: &str = "the rigid bodies";
+    let count = payload.u32_le(WHAT)? as usize;
+    if version.has_lengths() && payload.u32_le(WHAT)? as usize != count.saturating_mul(RIGID_BODY_LENGTH) {
+        return Err(WireError::Invalid("the length of the rigid bodies"));
+    }
     if count > MOST_BODIES {
         return Err(WireError::Oversized("the number of rigid bodies"));
     }
     let mut has_unnamed = false;
     for index in 0..count {
-        let body = rigid_body(bodies)?;
-        if frame.bodies().iter().any(|other| other.number == body.id) {
-            return Err(WireError::Invalid("an id that two rigid bodies have"));
-        }
-        // Names mostly stand in the same order.
-        let here = names.get(index).filter(|(id, _)| *id == body.id);
-        let named = here.or_else(|| names.iter().find(|(id, _)| *id == body.id));
-        has_unnamed |= named.is_none();
-        frame.push(WireBody {
-            name: named.map_or(Name::EMPTY, |(_, name)| *name),
-            number: body.id,
-            pose: pose(&body)?,
-        })?;
+        let body = rigid_body(payload)?;
+        // Descriptions mostly stand in the same order.
+        let here = described.get(index).filter(|known| known.id == body.id);
+        let known = here.or_else(|| described.iter().find(|known| known.id == body.id));
+        has_unnamed |= known.is_none() && described.len() < MOST_BODIES;
+        let name = known.map_or(Name::EMPTY, Described::unique_name);
+        let twin = frame.bodies().iter().position(|other| other.number == body.id);
+        let pose = match twin {
+            Some(twin) => {
+                frame.refuse(twin, PoseError::SharedId);
+                Err(PoseError::SharedId)
+            }
+            None => pose(&body),
+        };
+        frame.push_pose(name, body.id, pose)?;
     }
     Ok(has_unnamed)
 }
@@ -129,7 +130,7 @@ fn rigid_body(bodies: &mut Cursor<'_>) -> Result<RigidBody, WireError> {
     })
 }
 
-fn pose(body: &RigidBody) -> Result<Option<CapturePose>, WireError> {
+fn pose(body: &RigidBody) -> Result<Option<CapturePose>, PoseError> {
     if !body.tracked {
         return Ok(None);
     }

@@ -1,52 +1,71 @@
 //! MODELDEF: the names of the rigid bodies.
 
-use super::Version;
-use crate::wire::{Cursor, MOST_BODIES, Name, WireError};
+use super::{Described, Version};
+use crate::wire::{Cursor, LONGEST_NAME, MOST_BODIES, Name, WireError};
 
 /// Kinds of descriptions.
 const MARKER_SET: i32 = 0;
 const RIGID_BODY: i32 = 1;
 const SKELETON: i32 = 2;
 
-/// Reads the names of all rigid bodies, which replace the known ones.
+/// Reads the names of all rigid bodies.
+///
+/// From 4.1 on a description states its length. Name and id come first in all versions, so that what stands behind them
+/// is not read: 4.2 put a rotation there, and later versions may put more. Returns the error of a description that has no
+/// name and id, if there is one: the others are used.
 ///
 /// Before 4.1 a description of an unknown kind has no length: the rest after it cannot be read, and is ignored. Motive
 /// sends rigid bodies before force plates, devices and cameras.
+///
+/// # Errors
+/// If the structure of the whole is wrong.
 pub(super) fn read(
     payload: &mut Cursor<'_>,
     version: Version,
-    names: &mut Vec<(i32, Name)>,
-) -> Result<(), WireError> {
-    names.clear();
+    bodies: &mut Vec<Described>,
+) -> Result<Option<WireError>, WireError> {
+    bodies.clear();
+    let mut unreadable = None;
     for _ in 0..payload.u32_le("the number of descriptions")? {
         let kind = payload.i32_le("the kind of a description")?;
-        let mut description = if version.has_lengths() {
-            let length = payload.u32_le("the length of a description")?;
-            Cursor::new(payload.slice(length as usize, "a description")?)
-        } else {
-            *payload
-        };
-        match kind {
-            MARKER_SET => marker_set(&mut description)?,
-            RIGID_BODY => {
-                let named = rigid_body(&mut description, version)?;
-                if names.len() == MOST_BODIES {
-                    return Err(WireError::Oversized("the number of rigid bodies"));
+        if version.has_lengths() {
+            let length = payload.u32_le("the length of a description")? as usize;
+            let mut description = Cursor::new(payload.slice(length, "a description")?);
+            if kind == RIGID_BODY {
+                match name_and_id(&mut description) {
+                    Ok(described) => add(described, bodies),
+                    Err(error) => unreadable = Some(error),
                 }
-                if names.iter().any(|(id, name)| *id == named.0 || *name == named.1) {
-                    return Err(WireError::Invalid("an id or a name that two rigid bodies have"));
-                }
-                names.push(named);
             }
-            SKELETON if !version.has_lengths() => skeleton(&mut description)?,
-            _ if !version.has_lengths() => return Ok(()),
-            _ => {}
+            continue;
         }
-        if !version.has_lengths() {
-            *payload = description;
+        match kind {
+            MARKER_SET => marker_set(payload)?,
+            RIGID_BODY => {
+                let described = name_and_id(payload)?;
+                skip_rigid_body(payload, version)?;
+                add(described, bodies);
+            }
+            SKELETON => skeleton(payload)?,
+            _ => break,
         }
     }
-    Ok(())
+    Ok(unreadable)
+}
+
+/// Adds a body. Bodies that share an id or a name with another one are all ambiguous, and no others.
+fn add(mut new: Described, bodies: &mut Vec<Described>) {
+    for known in bodies.iter_mut() {
+        if (known.id, known.name) == (new.id, new.name) {
+            return;
+        }
+        let is_twin = known.id == new.id || known.name == new.name;
+        known.is_shared |= is_twin;
+        new.is_shared |= is_twin;
+    }
+    if bodies.len() < MOST_BODIES {
+        bodies.push(new);
+    }
 }
 
 fn marker_set(description: &mut Cursor<'_>) -> Result<(), WireError> {
@@ -57,9 +76,18 @@ fn marker_set(description: &mut Cursor<'_>) -> Result<(), WireError> {
     Ok(())
 }
 
-fn rigid_body(description: &mut Cursor<'_>, version: Version) -> Result<(i32, Name), WireError> {
-    let name = Name::new(description.text("the name of a rigid body")?)?;
-    let id = description.i32_le("the id of a rigid body")?;
+fn name_and_id(description: &mut Cursor<'_>) -> Result<Described, WireError> {
+    let name = description.text("the name of a rigid body")?;
+    Ok(Described {
+        id: description.i32_le("the id of a rigid body")?,
+        name: Name::cut(name),
+        is_shared: false,
+        is_cut: name.len() > LONGEST_NAME,
+    })
+}
+
+/// Skips the rest of a rigid body's description of a version without lengths.
+fn skip_rigid_body(description: &mut Cursor<'_>, version: Version) -> Result<(), WireError> {
     // Its parent's id, and its place relative to it.
     description.skip(4, 4, "a rigid body's description")?;
     let markers = description.u32_le("the number of markers")?;
@@ -70,7 +98,7 @@ fn rigid_body(description: &mut Cursor<'_>, version: Version) -> Result<(i32, Na
             description.text("the name of a marker")?;
         }
     }
-    Ok((id, name))
+    Ok(())
 }
 
 fn skeleton(description: &mut Cursor<'_>) -> Result<(), WireError> {

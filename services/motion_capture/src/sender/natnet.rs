@@ -16,19 +16,26 @@ pub fn server_info(server: &ServerInfo) -> Vec<u8> {
     datagram(message::SERVERINFO, &payload)
 }
 
+/// Rotation offset of the described rigid bodies, from 4.2 on. Not the identity, whose zeros would be read rightly by a
+/// reader that does not know of it.
+const ROTATION_OFFSET: [f32; 4] = [0.1, 0.0, 0.0, 0.994_987_4];
+
 /// Encodes a datagram of MODELDEF with rigid bodies and, as Motive does, the marker set of all of them.
 #[must_use]
-pub fn names(version: Version, bodies: &[(i32, &str)]) -> Vec<u8> {
+pub fn names(version: Version, bodies: &[(i32, impl AsRef<[u8]>)]) -> Vec<u8> {
     let mut payload = Vec::new();
     extend_count(&mut payload, bodies.len() + 1);
     let set = [&b"all\0"[..], &0_u32.to_le_bytes()].concat();
     description(version, 0, &set, &mut payload);
     for (id, name) in bodies {
         let mut body = Vec::new();
-        body.extend(name.bytes());
+        body.extend(name.as_ref());
         body.push(0);
         body.extend(id.to_le_bytes());
         body.extend([0; 16]);
+        if version >= (Version { major: 4, minor: 2 }) {
+            body.extend(ROTATION_OFFSET.iter().flat_map(|part| part.to_le_bytes()));
+        }
         let markers = 3_u32;
         body.extend(markers.to_le_bytes());
         body.extend(vec![0; 16 * markers as usize]);

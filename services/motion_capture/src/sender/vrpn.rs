@@ -6,13 +6,25 @@ use crate::vrpn::{HEAD, POSE_TYPE, PoseReport, SENDER_DESCRIPTION, TYPE_DESCRIPT
 const POSES: i32 = 4;
 
 /// Appends the name of a sender.
-pub fn sender(number: i32, name: &str, stream: &mut Vec<u8>) {
-    message([0, 0], number, SENDER_DESCRIPTION, &described(name), stream);
+pub fn sender(number: i32, name: impl AsRef<[u8]>, stream: &mut Vec<u8>) {
+    message(
+        [0, 0],
+        number,
+        SENDER_DESCRIPTION,
+        &described(name.as_ref()),
+        stream,
+    );
 }
 
 /// Appends the names of the types.
 pub fn types(stream: &mut Vec<u8>) {
-    message([0, 0], POSES, TYPE_DESCRIPTION, &described(POSE_TYPE), stream);
+    message(
+        [0, 0],
+        POSES,
+        TYPE_DESCRIPTION,
+        &described(POSE_TYPE.as_bytes()),
+        stream,
+    );
 }
 
 /// Appends a pose of a sender at a time, s and µs.
@@ -42,7 +54,7 @@ pub fn message(time: [u32; 2], sender: i32, kind: i32, payload: &[u8], stream: &
     );
 }
 
-fn described(name: &str) -> Vec<u8> {
+fn described(name: &[u8]) -> Vec<u8> {
     let length = u32::try_from(name.len() + 1).unwrap_or(u32::MAX);
-    [&length.to_be_bytes()[..], name.as_bytes(), &[0]].concat()
+    [&length.to_be_bytes()[..], name, &[0]].concat()
 }

@@ -6,8 +6,8 @@ use std::os::fd::BorrowedFd;
 
 use super::udp::Udp;
 use super::{Address, TransportError, WireCounts};
-use crate::natnet::{Decoder, Received, ServerInfo, message};
-use crate::wire::{Frame, Name};
+use crate::natnet::{Decoder, Described, Received, ServerInfo, message};
+use crate::wire::Frame;
 
 /// Time between two unanswered requests, and between two signs of life to a server of unicast, ns.
 const ASK_NS: u64 = 500_000_000;
@@ -64,8 +64,12 @@ impl Natnet {
         &self.counts
     }
 
-    pub(super) fn announced(&self) -> Vec<Name> {
-        self.decoder.names().iter().map(|(_, name)| *name).collect()
+    pub(super) fn described(&self) -> &[Described] {
+        self.decoder.bodies()
+    }
+
+    pub(super) fn server(&self) -> Option<&ServerInfo> {
+        self.decoder.server()
     }
 
     pub(super) fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
@@ -80,11 +84,16 @@ impl Natnet {
                         counts.frames += 1;
                         sink(frame);
                     }
-                    Received::Names => *names_are_old = false,
+                    Received::Names { unreadable } => {
+                        *names_are_old = false;
+                        if let Some(error) = unreadable {
+                            counts.malformed.add(error);
+                        }
+                    }
                     Received::ServerInfo(_) | Received::Other => {}
                 }
             }
-            Err(_) => counts.malformed += 1,
+            Err(error) => counts.malformed.add(error),
         };
         self.commands.receive(&mut self.counts, &mut take);
         if let Some(data) = &mut self.data {

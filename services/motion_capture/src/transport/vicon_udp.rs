@@ -1,4 +1,7 @@
 //! Vicon's stream, which is sent without a request.
+//!
+//! A block that is full may be followed by another datagram with the same number and other objects. A frame in several
+//! datagrams is incomplete in each of them: none says that a body is hidden.
 
 use std::net::SocketAddrV4;
 use std::os::fd::BorrowedFd;
@@ -6,14 +9,57 @@ use std::os::fd::BorrowedFd;
 use super::udp::Udp;
 use super::{Address, TransportError, WireCounts};
 use crate::vicon_udp::decode;
-use crate::wire::Frame;
+use crate::wire::{Frame, MOST_BODIES, Name};
+
+/// Datagrams without a continuation after which frames count as complete again.
+const WHOLE_AFTER: u32 = 1000;
 
 /// Receiver of the stream.
 #[derive(Debug)]
 pub struct ViconUdp {
     socket: Udp,
     frame: Frame,
+    blocks: Blocks,
     counts: WireCounts,
+}
+
+/// Detector of frames that are spread over several datagrams.
+#[derive(Debug)]
+struct Blocks {
+    number: Option<u32>,
+    /// Objects of the datagrams with this number.
+    names: Vec<Name>,
+    since_continued: u32,
+}
+
+impl Blocks {
+    fn new() -> Self {
+        Self {
+            number: None,
+            names: Vec::with_capacity(MOST_BODIES),
+            since_continued: WHOLE_AFTER,
+        }
+    }
+
+    /// Takes the next datagram's frame, and marks it if it is a part; returns whether it continues the one before.
+    fn take(&mut self, frame: &mut Frame) -> bool {
+        let is_known = |name: &Name| self.names.contains(name);
+        let continues = self.number == frame.number
+            && !frame.bodies().is_empty()
+            && !frame.bodies().iter().any(|body| is_known(&body.name));
+        if continues {
+            self.since_continued = 0;
+        } else {
+            self.names.clear();
+            self.since_continued = self.since_continued.saturating_add(1);
+        }
+        self.number = frame.number;
+        let room = MOST_BODIES - self.names.len();
+        self.names
+            .extend(frame.bodies().iter().take(room).map(|body| body.name));
+        frame.is_complete = self.since_continued >= WHOLE_AFTER;
+        continues
+    }
 }
 
 impl ViconUdp {
@@ -22,6 +68,7 @@ impl ViconUdp {
         Ok(Self {
             socket: Udp::open(at, *address.server.ip())?,
             frame: Frame::new(),
+            blocks: Blocks::new(),
             counts: WireCounts::default(),
         })
     }
@@ -40,15 +87,82 @@ impl ViconUdp {
     }
 
     pub(super) fn poll(&mut self, sink: &mut dyn FnMut(&Frame)) {
-        let frame = &mut self.frame;
+        let (frame, blocks) = (&mut self.frame, &mut self.blocks);
         self.socket.receive(&mut self.counts, |datagram, counts| {
             match decode(datagram, frame) {
                 Ok(()) => {
                     counts.frames += 1;
+                    counts.continued += u64::from(blocks.take(frame));
                     sink(frame);
                 }
-                Err(_) => counts.malformed += 1,
+                Err(error) => counts.malformed.add(error),
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::WireBody;
+
+    fn datagram(number: u32, names: &[&str]) -> Frame {
+        let mut frame = Frame::new();
+        frame.number = Some(number);
+        for name in names {
+            let body = WireBody {
+                name: Name::new(name.as_bytes()).unwrap(),
+                number: 0,
+                pose: None,
+            };
+            frame.push(body).unwrap();
+        }
+        frame
+    }
+
+    /// Returns whether each datagram continues the one before, and whether its frame is complete.
+    fn taken(blocks: &mut Blocks, datagrams: &[(u32, &[&str])]) -> Vec<(bool, bool)> {
+        let taken = datagrams.iter().map(|(number, names)| {
+            let mut frame = datagram(*number, names);
+            (blocks.take(&mut frame), frame.is_complete)
+        });
+        taken.collect()
+    }
+
+    #[test]
+    fn a_frame_in_two_datagrams_is_complete_in_neither() {
+        let mut blocks = Blocks::new();
+        let (first, second): (&[&str], &[&str]) = (&["a", "b"], &["quad"]);
+        let frames = [
+            (1, first),
+            (1, second),
+            (2, first),
+            (2, second),
+            (3, second),
+            (3, first),
+        ];
+        assert_eq!(
+            taken(&mut blocks, &frames),
+            [
+                (false, true),
+                (true, false),
+                (false, false),
+                (true, false),
+                (false, false),
+                (true, false)
+            ]
+        );
+        // Until the block was made larger.
+        let whole: &[&str] = &["a", "b", "quad"];
+        let frames: Vec<(u32, &[&str])> = (4..2000).map(|number| (number, whole)).collect();
+        assert_eq!(taken(&mut blocks, &frames).last(), Some(&(false, true)));
+    }
+
+    #[test]
+    fn a_datagram_that_the_network_repeats_is_no_continuation() {
+        let mut blocks = Blocks::new();
+        let both: &[&str] = &["quad", "wand"];
+        let frames = [(1, both), (1, both), (2, both), (2, &[][..])];
+        assert_eq!(taken(&mut blocks, &frames), [(false, true); 4]);
     }
 }

@@ -76,13 +76,13 @@ impl Vrpn {
 
     pub(super) fn counts(&self) -> WireCounts {
         WireCounts {
-            malformed: self.counts.malformed + self.decoder.refused(),
+            malformed: *self.decoder.refusals(),
             ..self.counts
         }
     }
 
-    pub(super) fn announced(&self) -> Vec<Name> {
-        self.decoder.senders().copied().collect()
+    pub(super) fn announced(&self) -> impl Iterator<Item = &Name> {
+        self.decoder.senders()
     }
 
     pub(super) fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
@@ -135,7 +135,6 @@ impl Vrpn {
                         sink(frame);
                     });
                     if pushed.is_err() {
-                        self.counts.malformed += 1;
                         self.close(now_ns);
                     } else if self.decoder.is_greeted() {
                         self.opened();

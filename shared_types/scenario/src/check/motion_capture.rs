@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 
 use super::Findings;
-use crate::{CaptureSystem, FrameTransform, Key, MotionCapture, PoseSource, Scenario};
+use crate::{CaptureSystem, FrameTransform, Key, MotionCapture, PoseSource, Problem, Scenario};
 
 /// Longest name of a body on the wire, bytes.
 const LONGEST_NAME: usize = 255;
@@ -28,8 +28,21 @@ impl Scenario {
 }
 
 impl MotionCapture {
+    /// Returns the problems of the section, whatever else is in the scenario. A server or an object that is not stated
+    /// is none.
+    #[must_use]
+    pub fn problems(&self) -> Vec<Problem> {
+        let mut found = Findings::default();
+        self.check_values(&Key::root().then("motion_capture"), &mut found);
+        found.problems
+    }
+
     fn check(&self, at: &Key, found: &mut Findings) {
         self.check_source(&at.then("source"), found);
+        self.check_values(at, found);
+    }
+
+    fn check_values(&self, at: &Key, found: &mut Findings) {
         if !self.server.is_empty() {
             check_address(&at.then("server"), &self.server, found);
         }
@@ -108,9 +121,6 @@ impl MotionCapture {
         {
             let fix = "give the body's name as the motion-capture program shows it";
             found.add(key.clone(), "the vehicle's body has no name", fix);
-        } else if number.is_some() && system == Some(CaptureSystem::ViconUdp) {
-            let fix = "leave # and the number out";
-            found.add(key.clone(), "bodies of Vicon have no numbers", fix);
         } else if name.len() > longest {
             let reason = format!("a name of {} bytes, more than {longest}", name.len());
             found.add(key.clone(), reason, "give the body a shorter name");

@@ -1,0 +1,405 @@
+//! Diagnosis: why a capture system's packets give no pose of the vehicle, in words.
+//!
+//! One text for all places where it is shown: `gerono mocap probe`, the refusal to arm, live views, the log and the
+//! summary. It costs nothing in a good flight, and has a fixed size in a bad one.
+
+use std::fmt::{Display, Formatter, Result};
+
+use scenario::{CaptureSystem, MotionCapture, Problem};
+
+use crate::feed::Selector;
+use crate::natnet::Version;
+use crate::refusals::Tally;
+use crate::transport::CaptureSource;
+use crate::wire::{Frame, Name, PoseError};
+
+/// Distance from the origin beyond which the unit is in doubt, m.
+pub const FAR: f64 = 30.0;
+
+/// Frames of the vehicle with one stamp after which the server's time stands still.
+const STANDING: u32 = 20;
+
+/// Facts about the frames so far.
+#[derive(Clone, Debug)]
+pub struct Diagnosis {
+    selector: Selector,
+    name: Name,
+    /// Refused poses of the vehicle.
+    vehicle: Tally<PoseError>,
+    /// Refused poses of other bodies.
+    others: Tally<PoseError>,
+    is_seen: bool,
+    /// Name of a body that is nearly the vehicle's.
+    near: Option<Name>,
+    /// Distance of the vehicle's last pose from the origin, m.
+    distance: f64,
+    last_stamp_ns: Option<i64>,
+    /// Frames of the vehicle with the stamp of the one before, and with another.
+    standing: u32,
+    moving: u32,
+}
+
+impl Diagnosis {
+    /// Makes a diagnosis without facts for a checked scenario.
+    ///
+    /// # Errors
+    /// If it was not checked.
+    pub fn new(system: CaptureSystem, stated: &MotionCapture) -> std::result::Result<Self, Problem> {
+        let name = stated.name_and_number().map_or("", |(name, _)| name);
+        Ok(Self {
+            selector: Selector::new(system, stated)?,
+            name: Name::cut(name.as_bytes()),
+            vehicle: Tally::default(),
+            others: Tally::default(),
+            is_seen: false,
+            near: None,
+            distance: 0.0,
+            last_stamp_ns: None,
+            standing: 0,
+            moving: 0,
+        })
+    }
+
+    /// Takes the next frame.
+    pub fn take(&mut self, frame: &Frame) {
+        for (body, reason) in frame.refused() {
+            if self.selector.is(body) {
+                self.vehicle.add(reason);
+            } else {
+                self.others.add(reason);
+            }
+        }
+        if let Some(body) = frame.bodies().iter().find(|body| self.selector.is(body)) {
+            self.is_seen = true;
+            if let Some(pose) = &body.pose {
+                self.distance = pose.position.norm();
+            }
+            self.time(frame);
+        } else if !self.is_seen && self.near.is_none() {
+            let mut names = frame.bodies().iter().map(|body| &body.name);
+            self.near = names.find(|name| is_near(name, &self.name)).copied();
+        }
+    }
+
+    fn time(&mut self, frame: &Frame) {
+        let Some(stamp) = frame.stamp else {
+            return;
+        };
+        if self.last_stamp_ns.replace(stamp.sent_ns) == Some(stamp.sent_ns) {
+            self.standing = self.standing.saturating_add(1);
+        } else {
+            self.moving = self.moving.saturating_add(1);
+        }
+    }
+
+    /// Returns the refused poses of the vehicle, by reason.
+    #[must_use]
+    pub fn vehicle(&self) -> &Tally<PoseError> {
+        &self.vehicle
+    }
+
+    /// Returns the refused poses of all other bodies, by reason.
+    #[must_use]
+    pub fn others(&self) -> &Tally<PoseError> {
+        &self.others
+    }
+
+    /// Returns the stamp that all frames have, if the server's time stands still, ns.
+    #[must_use]
+    pub fn standing_stamp(&self) -> Option<i64> {
+        let is_standing = self.standing >= STANDING && self.standing / STANDING >= self.moving;
+        self.last_stamp_ns.filter(|_| is_standing)
+    }
+
+    /// Returns the findings with what the source knows, for display; empty if there are none.
+    #[must_use]
+    pub fn with<'a>(&'a self, source: &'a CaptureSource) -> Findings<'a> {
+        Findings {
+            diagnosis: self,
+            source,
+        }
+    }
+}
+
+/// Returns whether a name differs from the wanted one in case, blanks, punctuation and letters beyond ASCII only.
+fn is_near(name: &Name, wanted: &Name) -> bool {
+    fn letters(name: &Name) -> impl Iterator<Item = u8> {
+        let bytes = name.as_bytes().iter();
+        bytes
+            .filter(|byte| byte.is_ascii_alphanumeric())
+            .map(u8::to_ascii_lowercase)
+    }
+    name != wanted && letters(wanted).next().is_some() && letters(name).eq(letters(wanted))
+}
+
+/// The findings, separated by semicolons, the gravest first.
+#[derive(Clone, Copy, Debug)]
+pub struct Findings<'a> {
+    diagnosis: &'a Diagnosis,
+    source: &'a CaptureSource,
+}
+
+impl Display for Findings<'_> {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        let diagnosis = self.diagnosis;
+        let mut list = List {
+            formatter,
+            is_first: true,
+        };
+        let malformed = self.source.counts().malformed;
+        if malformed.total() > 0 {
+            list.add(format_args!("packets refused: {malformed}"))?;
+        }
+        if diagnosis.vehicle.total() > 0 {
+            list.add(format_args!(
+                "poses of the vehicle refused: {}",
+                diagnosis.vehicle
+            ))?;
+        }
+        if !diagnosis.is_seen {
+            self.names(&mut list)?;
+        }
+        if let Some(stamp_ns) = diagnosis.standing_stamp() {
+            #[expect(clippy::cast_precision_loss, reason = "shown to a millisecond")]
+            let stamp = stamp_ns as f64 * 1e-9;
+            list.add(format_args!(
+                "the server sends no time: its stamp stands still at {stamp:.3} s"
+            ))?;
+        }
+        if diagnosis.distance > FAR {
+            list.add(format_args!(
+                "the vehicle is {:.0} m from the origin: centimetres or millimetres?",
+                diagnosis.distance
+            ))?;
+        }
+        if let Some(server) = self.source.natnet_server()
+            && server.version > Version::NEWEST_TRIED
+        {
+            list.add(format_args!(
+                "NatNet {} is newer than {}, the newest that was tried",
+                server.version,
+                Version::NEWEST_TRIED
+            ))?;
+        }
+        if diagnosis.others.total() > 0 {
+            list.add(format_args!(
+                "poses of other bodies refused: {}",
+                diagnosis.others
+            ))?;
+        }
+        Ok(())
+    }
+}
+
+impl Findings<'_> {
+    /// Why the vehicle's name is in no frame.
+    fn names(&self, list: &mut List<'_, '_>) -> Result {
+        let wanted = self.diagnosis.name;
+        let described = self.source.described();
+        let mut own = described.iter().filter(|body| body.name == wanted);
+        if let Some(body) = own.find(|body| body.is_shared || body.is_cut) {
+            let why = if body.is_cut {
+                "its name is too long"
+            } else {
+                "another body has its name or its id"
+            };
+            return list.add(format_args!("{why}: choose it by `#{}`, or rename it", body.id));
+        }
+        let mut announced = self.source.announced();
+        let near = announced.find(|name| is_near(name, &wanted));
+        let Some(near) = near.or(self.diagnosis.near.as_ref()) else {
+            return Ok(());
+        };
+        match described.iter().find(|body| body.name == *near) {
+            Some(body) => list.add(format_args!("announced: `{near}`, which is `#{}`", body.id)),
+            None => list.add(format_args!("announced: `{near}`")),
+        }
+    }
+}
+
+/// Parts of a sentence.
+struct List<'a, 'b> {
+    formatter: &'a mut Formatter<'b>,
+    is_first: bool,
+}
+
+impl List<'_, '_> {
+    fn add(&mut self, part: std::fmt::Arguments<'_>) -> Result {
+        if !std::mem::replace(&mut self.is_first, false) {
+            self.formatter.write_str("; ")?;
+        }
+        self.formatter.write_fmt(part)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
+
+    use nalgebra::Matrix3;
+
+    use super::*;
+    use crate::natnet::{ServerInfo, message};
+    use crate::sender;
+    use crate::transport::Address;
+    use crate::wire::{CapturePose, Stamp, WireBody};
+
+    fn stated(system: CaptureSystem, object: &str) -> MotionCapture {
+        MotionCapture::new(system, Ipv4Addr::LOCALHOST, object)
+    }
+
+    /// A source to which nothing has been sent.
+    fn silent(system: CaptureSystem, port: u16) -> CaptureSource {
+        let address = Address {
+            system,
+            server: SocketAddrV4::new(Ipv4Addr::LOCALHOST, port),
+            interface: Ipv4Addr::LOCALHOST,
+        };
+        CaptureSource::open(&address).unwrap()
+    }
+
+    fn frame(name: &str, position: [f64; 3], stamp_ns: i64) -> Frame {
+        let mut frame = Frame::new();
+        frame.stamp = Some(Stamp {
+            exposed_ns: stamp_ns,
+            sent_ns: stamp_ns,
+        });
+        let name = Name::new(name.as_bytes()).unwrap();
+        let pose = CapturePose::new(position, Matrix3::identity()).map(Some);
+        frame.push_pose(name, 0, pose).unwrap();
+        frame
+    }
+
+    /// Returns the text after these frames.
+    fn said(object: &str, frames: &[Frame]) -> String {
+        let source = silent(CaptureSystem::Vrpn, 9);
+        let mut diagnosis =
+            Diagnosis::new(CaptureSystem::Vrpn, &stated(CaptureSystem::Vrpn, object)).unwrap();
+        for frame in frames {
+            diagnosis.take(frame);
+        }
+        diagnosis.with(&source).to_string()
+    }
+
+    #[test]
+    fn a_good_stream_has_no_findings() {
+        let frames: Vec<Frame> = (0..100)
+            .map(|k| frame("quad", [1.0, 2.0, 3.0], k * 10_000_000))
+            .collect();
+        assert_eq!(said("quad", &frames), "");
+    }
+
+    #[test]
+    fn units_names_and_stamps_that_cannot_work_are_named() {
+        let near = frame("Quad ", [0.0; 3], 0);
+        assert_eq!(said("quad", &[near]), "announced: `Quad `");
+        let millimetres = frame("quad", [0.0, 1234.0, 0.0], 0);
+        assert_eq!(
+            said("quad", &[millimetres]),
+            "poses of the vehicle refused: 1 times 1234 m from the origin: millimetres?"
+        );
+        let centimetres = frame("quad", [0.0, 118.0, 0.0], 0);
+        assert_eq!(
+            said("quad", &[centimetres]),
+            "the vehicle is 118 m from the origin: centimetres or millimetres?"
+        );
+        let untimed = vec![frame("quad", [0.0; 3], 0); 50];
+        assert_eq!(
+            said("quad", &untimed),
+            "the server sends no time: its stamp stands still at 0.000 s"
+        );
+        let stranger = frame("wand", [2000.0, 0.0, 0.0], 0);
+        assert_eq!(
+            said("quad", &[stranger, frame("quad", [0.0; 3], 1)]),
+            "poses of other bodies refused: 1 times 2000 m from the origin: millimetres?"
+        );
+    }
+
+    #[test]
+    fn bodies_of_one_stamp_are_not_a_time_that_stands_still() {
+        let mut frames = Vec::new();
+        for k in 0..100 {
+            frames.extend((0..40).map(|body| frame(&format!("body{body}"), [0.0; 3], k)));
+            frames.push(frame("quad", [0.0; 3], k));
+        }
+        assert_eq!(said("quad", &frames), "");
+    }
+
+    /// Returns the text after a server of a version has answered, and described these bodies.
+    fn said_by_motive(version: Version, described: &[(i32, &str)], object: &str) -> String {
+        let server = UdpSocket::bind("127.0.0.1:0").unwrap();
+        server
+            .set_read_timeout(Some(std::time::Duration::from_secs(60)))
+            .unwrap();
+        let mut source = silent(CaptureSystem::Natnet, server.local_addr().unwrap().port());
+        let info = ServerInfo {
+            version,
+            clock_frequency: 1_000_000,
+            data_port: UdpSocket::bind("127.0.0.1:0")
+                .unwrap()
+                .local_addr()
+                .unwrap()
+                .port(),
+            multicast: None,
+        };
+        let mut question = [0; 64];
+        let mut now_ns = 0;
+        let mut packets = 0;
+        let wanted = if described.is_empty() { 1 } else { 2 };
+        while packets < wanted {
+            source.poll(now_ns, &mut |_| ());
+            let (_, client) = server.recv_from(&mut question).unwrap();
+            let answer = match u16::from_le_bytes([question[0], question[1]]) {
+                message::CONNECT => sender::natnet::server_info(&info),
+                _ => sender::natnet::names(version, described),
+            };
+            server.send_to(&answer, client).unwrap();
+            while source.counts().packets == packets {
+                source.poll(now_ns, &mut |_| ());
+            }
+            packets = source.counts().packets;
+            now_ns += 1_000_000_000;
+        }
+        let system = CaptureSystem::Natnet;
+        let diagnosis = Diagnosis::new(system, &stated(system, object)).unwrap();
+        diagnosis.with(&source).to_string()
+    }
+
+    #[test]
+    fn a_version_that_is_not_understood_is_named() {
+        for (major, minor) in [(2, 8), (5, 0)] {
+            let said = said_by_motive(Version { major, minor }, &[], "quad");
+            let words = format!(
+                "packets refused: 1 times Motive speaks NatNet {major}.{minor}; 3.x and 4.x are understood"
+            );
+            assert_eq!(said, words);
+        }
+        let newer = said_by_motive(Version { major: 4, minor: 9 }, &[], "quad");
+        assert_eq!(newer, "NatNet 4.9 is newer than 4.2, the newest that was tried");
+    }
+
+    #[test]
+    fn a_name_that_cannot_be_chosen_is_offered_by_its_number() {
+        let version = Version { major: 4, minor: 1 };
+        let shared = said_by_motive(version, &[(7, "quad"), (8, "quad")], "quad");
+        assert_eq!(
+            shared,
+            "another body has its name or its id: choose it by `#7`, or rename it"
+        );
+        let blank = said_by_motive(version, &[(7, "Quad ")], "quad");
+        assert_eq!(blank, "announced: `Quad `, which is `#7`");
+    }
+
+    #[test]
+    fn a_body_that_is_not_the_vehicle_gives_no_distance() {
+        let mut frame = frame("wand", [100.0, 0.0, 0.0], 0);
+        frame
+            .push(WireBody {
+                name: Name::new(b"quad").unwrap(),
+                number: 0,
+                pose: None,
+            })
+            .unwrap();
+        assert_eq!(said("quad", &[frame]), "");
+    }
+}
