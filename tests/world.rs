@@ -11,12 +11,12 @@ use std::path::Path;
 use common::laboratory::free_port;
 use common::pilot::{ask, comes_to_the_path};
 use common::processes::{await_end, fill_the_disk_of, services_of, signal};
-use common::{Begun, Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
-use run_log::LogReader;
+use common::world::{World, arguments, kept_time, samples};
+use common::{Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
 use rustix::process::Signal;
 use serde_json::Value;
+use shared_types::ServiceId;
 use shared_types::samples::{RcFrame, VehicleTruth};
-use shared_types::{Published, ServiceId};
 
 /// The paper's error in Fig. 7, root mean square, m.
 const PAPER: f64 = 0.017;
@@ -30,51 +30,6 @@ const FAN: f64 = 14.0;
 
 /// Time for which the vehicle flies in its jet, s.
 const IN_THE_JET: f64 = 14.0;
-
-/// For how long the machine may stand still, s: half of what the oldest state may be before the vehicle is levelled.
-const STANDSTILL: f64 = 0.1;
-
-/// A world that is ended with the test.
-struct World(Option<Begun>);
-
-impl World {
-    fn begin(place: &Place, settings: &[String], more: &[&str]) -> Self {
-        let mut world = place.gerono(&arguments("world", settings, more));
-        Self(Some(begin(&mut world)))
-    }
-
-    /// Ends it as its user would.
-    fn end(mut self) {
-        let child = self.0.take().unwrap();
-        signal(child.id(), Signal::INT);
-        let ended = finish(child);
-        assert!(ended.status.success(), "{}", said(&ended));
-    }
-}
-
-impl Drop for World {
-    fn drop(&mut self) {
-        if let Some(mut child) = self.0.take() {
-            signal(child.id(), Signal::INT);
-            wait(&mut child);
-        }
-    }
-}
-
-/// `gerono COMMAND` of the simulated laboratory.
-fn arguments<'a>(command: &'a str, settings: &'a [String], more: &[&'a str]) -> Vec<&'a str> {
-    let file = Box::leak(
-        scenario("laboratory_simulated")
-            .into_os_string()
-            .into_string()
-            .unwrap()
-            .into_boxed_str(),
-    );
-    let mut arguments = vec![command, &*file];
-    arguments.extend(settings.iter().flat_map(|setting| ["--set", setting.as_str()]));
-    arguments.extend(more);
-    arguments
-}
 
 /// A place in the network and on the disk of this test's own, and an operator who does not dawdle.
 fn settings(place: &Place, port: u16) -> Vec<String> {
@@ -118,8 +73,7 @@ fn flown(place: &Place, flight: &str, world: &str) -> bool {
     simulated.end();
     assert!(!place.path("radio").exists());
 
-    let [.., latest] = [0, 1, 2].map(|quantile| place.summary(world)["late"][quantile].as_f64().unwrap());
-    let kept_time = latest < STANDSTILL;
+    let kept_time = kept_time(place, world);
     assert!(stayed || !kept_time, "{}", said(&ended));
     kept_time
 }
@@ -175,14 +129,6 @@ fn a_flight_whose_world_is_another_program_keeps_to_its_path_in_a_jet_and_while_
     assert!(replayed.contains("identical: "), "{replayed}");
 }
 
-fn samples<T: Published>(log: &Path) -> Vec<T> {
-    LogReader::open(log)
-        .unwrap()
-        .samples()
-        .map(Result::unwrap)
-        .collect()
-}
-
 /// The world's own log says so, and what frames began to act.
 fn assert_it_came_from_the_ground_and_returned(log: &Path) {
     let truths = samples::<VehicleTruth>(log);
@@ -229,8 +175,7 @@ fn lands_when_its_disk_is_full(place: &Place, flight: &str, world: &str) -> bool
     fill_the_disk_of(run.id());
     let ended = finish(run);
     simulated.end();
-    let [.., latest] = [0, 1, 2].map(|quantile| place.summary(world)["late"][quantile].as_f64().unwrap());
-    let kept_time = latest < STANDSTILL;
+    let kept_time = kept_time(place, world);
     if kept_time {
         assert!(came_to_the_path, "{}", said(&ended));
         assert_eq!(ended.status.code(), Some(4), "{}", said(&ended));

@@ -7,6 +7,7 @@ pub(crate) mod pilot;
 pub(crate) mod processes;
 mod rig;
 pub(crate) mod terminal;
+pub(crate) mod world;
 
 use std::ops::{Deref, DerefMut};
 use std::os::unix::fs::DirBuilderExt;

@@ -4,6 +4,7 @@
 #     tests/interop/motion_capture.sh
 #
 # * NatNet 3.1 and 4.1, and VRPN: `gerono mocap send` against the client of PyPI's `motioncapture`;
+# * NatNet 3.0 to 4.2: the packets of `gerono mocap send`, read by PyPI's `natnet`;
 # * VRPN: `gerono mocap probe` against `vrpn_server`, built from the source package of the same.
 #
 # The program is $GERONO, or the release build of this tree. Everything else lives in target/mocap-venv and
@@ -63,6 +64,14 @@ for version in 3.1 4.1; do
     kill "$other"
     wait "$other" || true
     echo "NatNet $version: the client sees the eight"
+done
+
+for version in 3.0 3.1 4.0 4.1 4.2; do
+    "$GERONO" mocap send --as natnet --natnet $version --seconds 20 &
+    other=$!
+    timeout 60 "$venv/bin/python" "$here/natnet_reader.py" $version
+    kill "$other"
+    wait "$other" || true
 done
 
 "$GERONO" mocap send --as vrpn --noise 0 --seconds 40 &

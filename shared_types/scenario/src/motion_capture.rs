@@ -294,4 +294,30 @@ mod tests {
         assert_eq!(between(40.0, PoseSource::Replay), (25_000_000, 0));
         assert_eq!(between(40.0, PoseSource::Simulated), (10_000_000, 0));
     }
+
+    #[test]
+    fn a_number_is_behind_the_name_but_with_vicon_it_is_part_of_it() {
+        let stated = |system| MotionCapture::new(system, Ipv4Addr::LOCALHOST, "quad#2");
+        let [vicon, natnet] = [CaptureSystem::ViconUdp, CaptureSystem::Natnet].map(stated);
+        assert_eq!(vicon.name_and_number(), Some(("quad#2", None)));
+        assert_eq!(natnet.name_and_number(), Some(("quad", Some(2))));
+        assert!(vicon.problems().is_empty() && natnet.problems().is_empty());
+    }
+
+    #[test]
+    fn a_section_alone_is_checked_as_in_a_scenario() {
+        let long = "quadcopter_experiment_number_01";
+        let vicon = MotionCapture::new(CaptureSystem::ViconUdp, Ipv4Addr::LOCALHOST, long);
+        let everywhere = MotionCapture {
+            interface: "0.0.0.0".to_owned(),
+            ..MotionCapture::new(CaptureSystem::Vrpn, Ipv4Addr::LOCALHOST, "")
+        };
+        for (stated, key) in [(vicon, "object"), (everywhere, "interface")] {
+            let problems = stated.problems();
+            assert!(
+                problems.len() == 1 && problems[0].to_string().contains(key),
+                "{problems:?}"
+            );
+        }
+    }
 }

@@ -1,0 +1,319 @@
+//! The packets that `gerono mocap probe` has received, by body.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use comfy_table::{Table, presets};
+use motion_capture::diagnosis::FAR;
+use motion_capture::figures::Moments;
+use motion_capture::transport::CaptureSource;
+use motion_capture::wire::{CapturePose, Frame, Name, PoseError, WireBody};
+use nalgebra::{Matrix3, Vector3};
+use scenario::CaptureSystem;
+use shared_types::rotation::orthonormalized;
+
+use super::AT_REST;
+
+/// Deviation of the position of a body at rest below which no cameras can have measured it, m.
+const NO_NOISE: f64 = 1e-6;
+
+/// Most bodies and delays that are kept.
+const BODIES: usize = 1000;
+const DELAYS: usize = 1 << 20;
+
+/// The poses of a body.
+pub(super) struct Body {
+    /// Its last name; a Motive names its bodies after the first frames.
+    pub(super) name: Name,
+    pub(super) number: i32,
+    refused: u64,
+    reason: Option<PoseError>,
+    frames: u64,
+    seen: u64,
+    position: [Moments; 3],
+    rotation: Matrix3<f64>,
+    turned: Moments,
+    first: Option<CapturePose>,
+}
+
+impl Body {
+    fn new(number: i32) -> Self {
+        Self {
+            name: Name::EMPTY,
+            number,
+            refused: 0,
+            reason: None,
+            frames: 0,
+            seen: 0,
+            position: [Moments::default(); 3],
+            rotation: Matrix3::zeros(),
+            turned: Moments::default(),
+            first: None,
+        }
+    }
+
+    /// Returns the reason to doubt the body's poses, if there is one.
+    fn doubt(&self) -> Option<String> {
+        if let Some(reason) = self.reason {
+            return Some(format!("{} times {reason}", self.refused));
+        }
+        if self.seen > 1 && self.place().norm() > FAR {
+            let distance = self.place().norm();
+            return Some(format!(
+                "{distance:.0} m from the origin: centimetres or millimetres?"
+            ));
+        }
+        (self.seen > 1 && self.deviation() < NO_NOISE).then(|| {
+            "noise below 1 µm, which no cameras have: metres for millimetres, or a pose that stands still?".to_owned()
+        })
+    }
+
+    fn take(&mut self, body: &WireBody) {
+        self.frames += 1;
+        if body.name != Name::EMPTY {
+            self.name = body.name;
+        }
+        let Some(pose) = &body.pose else {
+            return;
+        };
+        self.seen += 1;
+        for (moments, coordinate) in self.position.iter_mut().zip(pose.position.iter()) {
+            moments.push(*coordinate);
+        }
+        self.rotation += pose.capture_from_markers;
+        let first = self.first.get_or_insert(*pose);
+        // For small angles |R1 − R2|F = √2 times the angle.
+        let turned = (pose.capture_from_markers - first.capture_from_markers).norm() / 2.0_f64.sqrt();
+        self.turned.push(turned);
+    }
+
+    pub(super) fn place(&self) -> Vector3<f64> {
+        Vector3::from(self.position.map(|moments| moments.mean()))
+    }
+
+    /// Largest standard deviation of a coordinate, m.
+    pub(super) fn deviation(&self) -> f64 {
+        self.position.iter().map(Moments::deviation).fold(0.0, f64::max)
+    }
+
+    pub(super) fn mean_rotation(&self) -> Matrix3<f64> {
+        #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
+        let mean = self.rotation / self.seen.max(1) as f64;
+        (0..8).fold(mean, |rotation, _| orthonormalized(&rotation))
+    }
+}
+
+/// The packets received.
+#[derive(Default)]
+pub(super) struct ReceivedPackets {
+    pub(super) frames: u64,
+    first_ns: u64,
+    last_ns: u64,
+    between: Moments,
+    /// Time from stamp to arrival beyond the soonest, s.
+    delays: Vec<f64>,
+    soonest: Option<i64>,
+    /// The bodies by what tells them apart: Motive's by their ids, others by names and sensors.
+    pub(super) bodies: BTreeMap<(Vec<u8>, i32), Body>,
+    is_motive: bool,
+}
+
+impl ReceivedPackets {
+    pub(super) fn new(system: CaptureSystem) -> Self {
+        Self {
+            is_motive: system == CaptureSystem::Natnet,
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn take(&mut self, frame: &Frame, now_ns: u64) {
+        if self.frames == 0 {
+            self.first_ns = now_ns;
+        } else {
+            self.between.push(seconds(now_ns - self.last_ns));
+        }
+        self.frames += 1;
+        self.last_ns = now_ns;
+        if let Some(stamp) = frame.stamp {
+            let delay = now_ns.cast_signed().saturating_sub(stamp.sent_ns);
+            let soonest = *self.soonest.get_or_insert(delay);
+            self.soonest = Some(soonest.min(delay));
+            #[expect(clippy::cast_precision_loss, reason = "ms in ns are exact")]
+            let delay = delay.saturating_sub(soonest) as f64 * 1e-9;
+            // A server may send as much as it likes, and call it what it likes.
+            if self.delays.len() < DELAYS {
+                self.delays.push(delay);
+            }
+        }
+        for body in frame.bodies() {
+            let key = self.key(body);
+            if self.bodies.len() < BODIES || self.bodies.contains_key(&key) {
+                let known = self.bodies.entry(key).or_insert_with(|| Body::new(body.number));
+                known.take(body);
+            }
+        }
+        for (body, reason) in frame.refused() {
+            if let Some(known) = self.bodies.get_mut(&self.key(body)) {
+                known.refused += 1;
+                known.reason = Some(reason);
+            }
+        }
+    }
+
+    fn key(&self, body: &WireBody) -> (Vec<u8>, i32) {
+        let name = if self.is_motive { &[] } else { body.name.as_bytes() };
+        (name.to_vec(), body.number)
+    }
+
+    /// Frames a second.
+    pub(super) fn rate(&self) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
+        let frames = self.frames.saturating_sub(1) as f64;
+        frames / seconds(self.last_ns - self.first_ns).max(1e-9)
+    }
+
+    pub(super) fn describe(&self, source: &CaptureSource, has_time: bool) -> String {
+        let counts = source.counts();
+        let mut text = format!(
+            "packets {}, frames {}, malformed {}, from strangers {}, connections {}, failures {}\n",
+            counts.packets,
+            counts.frames,
+            counts.malformed.total(),
+            counts.foreign,
+            counts.connections,
+            counts.failures
+        );
+        if let Some(server) = source.natnet_server() {
+            let to = match server.multicast {
+                Some([a, b, c, d]) => format!("multicast to {a}.{b}.{c}.{d}:{}", server.data_port),
+                None => format!("unicast to port {}", server.data_port),
+            };
+            writeln!(text, "Motive speaks NatNet {}, {to}", server.version).expect("a String takes all");
+        }
+        if counts.continued > 0 {
+            writeln!(
+                text,
+                "{} datagrams continued the frame before: choose a larger block in Tracker",
+                counts.continued
+            )
+            .expect("a String takes all");
+        }
+        let announced: Vec<String> = source.announced().map(|name| format!("`{name}`")).collect();
+        if !announced.is_empty() {
+            writeln!(text, "announced: {}", announced.join(", ")).expect("a String takes all");
+        }
+        if self.frames > 1 {
+            writeln!(
+                text,
+                "{:.2} packets of poses a second, jitter of the arrival {:.3} ms (one standard deviation)",
+                self.rate(),
+                1e3 * self.between.deviation()
+            )
+            .expect("a String takes all");
+        }
+        if let ([p50, p99, most], true) = (&self.delay_percentiles()[..], has_time) {
+            writeln!(
+                text,
+                "later than the soonest by its stamp: p50 {:.3} ms, p99 {:.3} ms, at most {:.3} ms",
+                1e3 * p50,
+                1e3 * p99,
+                1e3 * most
+            )
+            .expect("a String takes all");
+        }
+        if !self.bodies.is_empty() {
+            writeln!(text, "{}", self.table()).expect("a String takes all");
+            for body in self.bodies.values() {
+                text.push_str(&self.doubts(body));
+            }
+        }
+        text
+    }
+
+    fn delay_percentiles(&self) -> Vec<f64> {
+        let Some(soonest) = self.delays.iter().copied().reduce(f64::min) else {
+            return Vec::new();
+        };
+        let mut delays: Vec<f64> = self.delays.iter().map(|delay| delay - soonest).collect();
+        delays.sort_by(f64::total_cmp);
+        let last = delays.len() - 1;
+        [last / 2, last - last / 100, last]
+            .map(|index| delays[index])
+            .to_vec()
+    }
+
+    /// Lines about what cannot work with a body.
+    fn doubts(&self, body: &Body) -> String {
+        let label = if body.name == Name::EMPTY {
+            format!("#{}", body.number)
+        } else {
+            body.name.to_string()
+        };
+        let mut text = String::new();
+        if let Some(doubt) = body.doubt() {
+            writeln!(text, "`{label}`: {doubt}").expect("a String takes all");
+        }
+        if std::str::from_utf8(body.name.as_bytes()).is_err() {
+            let way = if self.is_motive {
+                format!("choose it by `#{}`", body.number)
+            } else {
+                "rename it".to_owned()
+            };
+            writeln!(
+                text,
+                "`{label}` is not UTF-8, so that its name cannot be written: {way}"
+            )
+            .expect("a String takes all");
+        }
+        text
+    }
+
+    fn table(&self) -> Table {
+        let mut table = Table::new();
+        table.load_style(presets::UTF8_HORIZONTAL_ONLY);
+        table.set_header([
+            "body",
+            "number",
+            "rate [Hz]",
+            "seen [%]",
+            "place, capture frame [m]",
+            "position σ [mm]",
+            "attitude [mrad]",
+        ]);
+        for body in self.bodies.values() {
+            #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
+            let (frames, seen) = (body.frames as f64, body.seen as f64);
+            let place = body.place();
+            let rests = body.deviation() <= AT_REST;
+            let noise = if rests {
+                format!("{:.3}", 1e3 * body.deviation())
+            } else {
+                "moves".to_owned()
+            };
+            let turned = if rests {
+                format!("{:.2}", 1e3 * body.turned.mean())
+            } else {
+                String::new()
+            };
+            table.add_row([
+                if body.name == Name::EMPTY {
+                    "no name".to_owned()
+                } else {
+                    format!("`{}`", body.name)
+                },
+                body.number.to_string(),
+                format!("{:.1}", frames / seconds(self.last_ns - self.first_ns).max(1e-9)),
+                format!("{:.1}", 100.0 * seen / frames),
+                format!("{:.3} {:.3} {:.3}", place.x, place.y, place.z),
+                noise,
+                turned,
+            ]);
+        }
+        table
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "an hour in ns is exact")]
+fn seconds(ns: u64) -> f64 {
+    ns as f64 * 1e-9
+}

@@ -1,0 +1,331 @@
+//! Storms over the cameras: the simulated laboratory flies behind an adversary, which spoils what the cameras send. The
+//! vehicle never falls, and strangers in the room take no pose away.
+//!
+//! The storm's size is in variables of the environment; `.ci/full` flies the long one.
+//!
+//! * `GERONO_CAMERA_MINUTES`: minutes in the air;
+//! * `GERONO_CAMERA_SEED`: the first minute's seed, the next one has the next;
+//! * `GERONO_CAMERA_KINDS`: `turns`, `freezes`, `strangers`, `network`, with commas between; all unless stated;
+//! * `GERONO_CAMERA_FIFO`: flies with real-time priorities if it is 1.
+
+#[path = "common/adversary/mod.rs"]
+mod adversary;
+mod common;
+
+use std::fmt::{Display, Formatter};
+
+use adversary::{Adversary, Event, KINDS, Kind, Ports, Record, Served, Spoil, plan};
+use common::laboratory::free_port;
+use common::pilot::{ask, comes_to_the_path};
+use common::world::{World, arguments, latest, samples};
+use common::{Place, begin, finish, said, until};
+use runtime::flight_clock::monotonic_ns;
+use scenario::CaptureSystem;
+use shared_types::samples::{MocapPose, VehicleTruth};
+
+const SYSTEMS: [CaptureSystem; 3] = [
+    CaptureSystem::Vrpn,
+    CaptureSystem::Natnet,
+    CaptureSystem::ViconUdp,
+];
+
+/// Fastest touch-down that is a landing and no fall, m/s.
+const TOUCH_DOWN: f64 = 1.0;
+
+/// Least share of the poses beside strangers that are believed, of that when nobody else is in the room.
+const BELIEVED: f64 = 0.99;
+
+/// Longest time for which the machine may stand still in a minute that counts, s.
+const STANDSTILL: f64 = 0.05;
+
+/// Time after a spoiled part in which poses may still be refused, ns.
+const RECOVERY_NS: u64 = 2_000_000_000;
+
+/// What a flight is.
+#[derive(Clone, Copy)]
+struct Flight<'a> {
+    seed: u64,
+    system: CaptureSystem,
+    is_moving: bool,
+    kinds: &'a [Kind],
+    seconds: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Outcome {
+    /// It was on its path until its end.
+    Flew,
+    /// It was down before, and came down as a landing does.
+    Landed,
+    /// It came down with this speed, m/s.
+    Fell(f64),
+    /// The machine did not let it come to the path.
+    Grounded,
+}
+
+/// What became of a flight.
+struct Minute {
+    outcome: Outcome,
+    /// Believed and sent poses beside strangers, and with nobody else in the room.
+    beside: [u64; 2],
+    alone: [u64; 2],
+    /// Largest lateness of the world's steps, s.
+    late: f64,
+    record: Record,
+    plan: Vec<Event>,
+    shown: String,
+}
+
+impl Minute {
+    /// Returns whether the machine let the flight show something.
+    fn counts(&self) -> bool {
+        self.late < STANDSTILL
+            && 1e-9 * (self.record.longest_gap_ns as f64) < STANDSTILL + 0.01
+            && self.outcome != Outcome::Grounded
+    }
+}
+
+impl Display for Minute {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        let share = |[believed, sent]: [u64; 2]| {
+            let percent = 100.0 * believed as f64 / sent.max(1) as f64;
+            format!("{percent:.1} % of {sent}")
+        };
+        write!(
+            formatter,
+            "{:?}; believed beside strangers {}, alone {}; the machine: world late {:.1} ms, longest gap of frames {:.1} ms, \
+             lost {:.2} s{}",
+            self.outcome,
+            share(self.beside),
+            share(self.alone),
+            1e3 * self.late,
+            1e-6 * self.record.longest_gap_ns as f64,
+            1e-9 * self.record.machine_ns as f64,
+            if self.counts() { "" } else { " (does not count)" },
+        )
+    }
+}
+
+/// Settings of both ends: those of the world or those of the flight.
+fn settings(place: &Place, flight: &Flight<'_>, port: u16) -> Vec<String> {
+    let mut settings = vec![
+        format!("motion_capture.source={}", flight.system.name()),
+        format!("motion_capture.port={port}"),
+        format!("rc_output.transmitter.device='{}'", place.path("radio").display()),
+        format!("duration={:?}", flight.seconds + 60.0),
+        "vehicle.fan.on_at=1000.0".to_owned(),
+        "flight.spool_up=0.2".to_owned(),
+    ];
+    if flight.system == CaptureSystem::Natnet {
+        // Its stamps are those of the exposure.
+        settings.push("motion_capture.latency=0.0".to_owned());
+    }
+    if flight.is_moving {
+        let circle = "path.curve={circle = {center = [0.0, 0.0, -1.2], radius = 0.6, frequency = 1.0}}";
+        settings.push(circle.to_owned());
+    }
+    settings
+}
+
+fn fly(place: &Place, name: &str, flight: &Flight<'_>) -> Minute {
+    let ports = Ports {
+        system: free_port(),
+        flight: free_port(),
+        frames: free_port(),
+    };
+    let plan = plan(flight.seed, flight.kinds, (1e9 * flight.seconds) as u64);
+    let [run_name, world_name] = ["flight", "world"].map(|end| format!("{name}-{end}"));
+    let adversary = Adversary::start(flight.system, ports, plan.clone());
+    let simulated = World::begin(
+        place,
+        &settings(place, flight, ports.system),
+        &["--out", &world_name],
+    );
+    until("the device", || place.path("radio").exists().then_some(()));
+    let mut more = vec!["--host", "realtime", "--out", &run_name];
+    if std::env::var("GERONO_CAMERA_FIFO").is_ok_and(|value| value == "1") {
+        more.push("--fifo");
+    }
+    let stated = settings(place, flight, ports.flight);
+    let run = begin(&mut place.gerono(&arguments("run", &stated, &more)));
+    let has_come = comes_to_the_path(place);
+    let began_ns = monotonic_ns();
+    adversary.begin();
+    let is_over = || 1e-9 * (monotonic_ns() - began_ns) as f64 >= flight.seconds;
+    let stayed = has_come
+        && ask("the end of the storm", || {
+            let phase = place.look()?.phase?;
+            let is_down = matches!(phase.as_str(), "land" | "disarmed");
+            (is_down || is_over()).then_some(!is_down)
+        });
+    // The clock of the flight, to some ms: the look takes as long.
+    let start_ns = place.look().map(|look| monotonic_ns() - (1e9 * look.time) as u64);
+    let stopped = place.gerono(&["stop"]).output().unwrap();
+    let ended = finish(run);
+    let record = adversary.end();
+    simulated.end();
+    let speed = touch_down(&samples(&place.log(&world_name)));
+    let outcome = match (has_come, stayed, speed) {
+        (false, ..) => Outcome::Grounded,
+        (_, _, Some(speed)) if speed > TOUCH_DOWN => Outcome::Fell(speed),
+        (_, true, _) => Outcome::Flew,
+        (_, false, _) => Outcome::Landed,
+    };
+    let poses: Vec<u64> = samples::<MocapPose>(&place.log(&run_name))
+        .iter()
+        .filter(|pose| pose.tracked.is_set())
+        .map(|pose| pose.header.stamp_ns + start_ns.unwrap_or(0))
+        .collect();
+    let [beside, alone] = believed(&record.served, &plan, &poses);
+    Minute {
+        outcome,
+        beside,
+        alone,
+        late: latest(place, &world_name),
+        record,
+        plan,
+        shown: format!("{}{}", said(&ended), said(&stopped)),
+    }
+}
+
+/// Returns the speed with which a vehicle that was in the air last came to the ground, m/s.
+fn touch_down(truths: &[VehicleTruth]) -> Option<f64> {
+    let height = |truth: &VehicleTruth| -truth.position_world[2];
+    let last = truths.iter().rposition(|truth| height(truth) > 0.0)?;
+    let [x, y, z] = truths[last].velocity_body;
+    // One that is still in the air when its world ends has not come down.
+    (last + 1 < truths.len()).then(|| (x * x + y * y + z * z).sqrt())
+}
+
+/// Returns how many poses were believed and sent beside strangers, and with nobody else in the room, while nothing
+/// spoiled the vehicle's own.
+fn believed(served: &[Served], plan: &[Event], poses: &[u64]) -> [[u64; 2]; 2] {
+    let mut counts = [[0; 2]; 2];
+    let is_stranger = |index: usize| matches!(plan[index].spoil, Spoil::Strange(_));
+    let mut spoiled_ns = None;
+    for piece in served.chunk_by(|first, second| first.event == second.event) {
+        let (first, last) = (piece[0].at_ns, piece[piece.len() - 1].at_ns);
+        let kind = match piece[0].event {
+            Some(index) if is_stranger(index) => 0,
+            Some(_) => {
+                spoiled_ns = Some(last);
+                continue;
+            }
+            None => 1,
+        };
+        if spoiled_ns.is_some_and(|spoiled_ns| first < spoiled_ns + RECOVERY_NS) {
+            continue;
+        }
+        let within = poses.partition_point(|at| *at <= last) - poses.partition_point(|at| *at < first);
+        counts[kind][0] += (within as u64).min(piece.len() as u64);
+        counts[kind][1] += piece.len() as u64;
+    }
+    counts
+}
+
+fn share([believed, sent]: [u64; 2]) -> f64 {
+    believed as f64 / sent.max(1) as f64
+}
+
+/// Some seconds of every system, with strangers and with what a network does.
+#[test]
+fn strangers_take_no_pose_away_and_a_network_lands_at_worst() {
+    let place = Place::new();
+    for (index, system) in SYSTEMS.into_iter().enumerate() {
+        for (kinds, seconds) in [(&[Kind::Strangers][..], 15.0), (&[Kind::Network], 15.0)] {
+            let flown = (0..5).find_map(|attempt| {
+                let flight = Flight {
+                    seed: 1 + index as u64,
+                    system,
+                    is_moving: index == 1,
+                    kinds,
+                    seconds,
+                };
+                let minute = fly(
+                    &place,
+                    &format!("{}-{:?}-{attempt}", system.name(), kinds[0]),
+                    &flight,
+                );
+                println!("{} {kinds:?}: {minute}", system.name());
+                minute.counts().then_some(minute)
+            });
+            let Some(minute) = flown else {
+                panic!("the machine stands still in every flight");
+            };
+            assert!(
+                !matches!(minute.outcome, Outcome::Fell(_)),
+                "{:#?}\n{}",
+                minute.plan,
+                minute.shown
+            );
+            if kinds == [Kind::Strangers] {
+                assert_eq!(
+                    minute.outcome,
+                    Outcome::Flew,
+                    "{:#?}\n{}",
+                    minute.plan,
+                    minute.shown
+                );
+                let control = share(minute.alone);
+                assert!(
+                    share(minute.beside) >= BELIEVED * control,
+                    "{minute}\n{:#?}",
+                    minute.plan
+                );
+            }
+        }
+    }
+}
+
+/// As many minutes as the environment states; none without it.
+#[test]
+fn minutes_of_everything() {
+    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().unwrap());
+    let minutes = number("GERONO_CAMERA_MINUTES").unwrap_or(0);
+    let first_seed = number("GERONO_CAMERA_SEED").unwrap_or(1);
+    let stated = std::env::var("GERONO_CAMERA_KINDS").unwrap_or_default();
+    let kinds: Vec<Kind> = KINDS
+        .into_iter()
+        .filter(|(name, _)| stated.is_empty() || stated.split(',').any(|stated| stated == *name))
+        .map(|(_, kind)| kind)
+        .collect();
+    let mut fallen = Vec::new();
+    let (mut counted, mut flew, mut beside, mut alone) = (0, 0, [0; 2], [0; 2]);
+    for seed in first_seed..first_seed + minutes {
+        let place = Place::new();
+        let flight = Flight {
+            seed,
+            system: SYSTEMS[(seed % 3) as usize],
+            is_moving: seed / 3 % 2 == 1,
+            kinds: &kinds,
+            seconds: 60.0,
+        };
+        let minute = fly(&place, "minute", &flight);
+        let course = if flight.is_moving { "circle" } else { "hover" };
+        println!("seed {seed}, {}, {course}: {minute}", flight.system.name());
+        if !minute.counts() {
+            continue;
+        }
+        counted += 1;
+        flew += u64::from(minute.outcome == Outcome::Flew);
+        for part in 0..2 {
+            beside[part] += minute.beside[part];
+            alone[part] += minute.alone[part];
+        }
+        if let Outcome::Fell(speed) = minute.outcome {
+            fallen.push((seed, speed));
+            println!("{:#?}\n{}", minute.plan, minute.shown);
+        }
+    }
+    println!(
+        "{minutes} minutes, {counted} of them count: {flew} flew to the end, {} fell {fallen:?}; believed beside strangers \
+         {:.2} % of {}, alone {:.2} % of {}",
+        fallen.len(),
+        100.0 * share(beside),
+        beside[1],
+        100.0 * share(alone),
+        alone[1]
+    );
+    assert!(fallen.is_empty(), "{fallen:?}");
+    assert!(share(beside) >= BELIEVED * share(alone));
+}
