@@ -3,7 +3,7 @@
 //!
 //! The storm's size is in variables of the environment; `.ci/full` flies the long one.
 //!
-//! * `GERONO_CAMERA_MINUTES`: minutes in the air;
+//! * `GERONO_CAMERA_MINUTES`: minutes in the air, 1 unless stated;
 //! * `GERONO_CAMERA_SEED`: the first minute's seed, the next one has the next;
 //! * `GERONO_CAMERA_KINDS`: `turns`, `freezes`, `strangers`, `network`, with commas between; all unless stated;
 //! * `GERONO_CAMERA_FIFO`: flies with real-time priorities if it is 1.
@@ -32,7 +32,7 @@ const SYSTEMS: [CaptureSystem; 3] = [
 /// Fastest touch-down that is a landing and no fall, m/s.
 const TOUCH_DOWN: f64 = 1.0;
 
-/// Least share of the poses beside strangers that are believed, of that when nobody else is in the room.
+/// Least share of the poses beside strangers that are believed, of that without strangers.
 const BELIEVED: f64 = 0.99;
 
 /// Longest time for which the machine may stand still in a minute that counts, s.
@@ -66,7 +66,7 @@ enum Outcome {
 /// What became of a flight.
 struct Minute {
     outcome: Outcome,
-    /// Believed and sent poses beside strangers, and with nobody else in the room.
+    /// Believed and sent poses beside strangers, and without any.
     beside: [u64; 2],
     alone: [u64; 2],
     /// Largest lateness of the world's steps, s.
@@ -113,7 +113,7 @@ fn settings(place: &Place, flight: &Flight<'_>, port: u16) -> Vec<String> {
         format!("motion_capture.port={port}"),
         format!("rc_output.transmitter.device='{}'", place.path("radio").display()),
         format!("duration={:?}", flight.seconds + 60.0),
-        "vehicle.fan.on_at=1000.0".to_owned(),
+        format!("vehicle.fan.on_at={:?}", flight.seconds + 50.0),
         "flight.spool_up=0.2".to_owned(),
     ];
     if flight.system == CaptureSystem::Natnet {
@@ -197,14 +197,19 @@ fn touch_down(truths: &[VehicleTruth]) -> Option<f64> {
     (last + 1 < truths.len()).then(|| (x * x + y * y + z * z).sqrt())
 }
 
-/// Returns how many poses were believed and sent beside strangers, and with nobody else in the room, while nothing
+/// Returns how many poses were believed and sent beside strangers, and without strangers, while nothing
 /// spoiled the vehicle's own.
 fn believed(served: &[Served], plan: &[Event], poses: &[u64]) -> [[u64; 2]; 2] {
     let mut counts = [[0; 2]; 2];
     let is_stranger = |index: usize| matches!(plan[index].spoil, Spoil::Strange(_));
     let mut spoiled_ns = None;
-    for piece in served.chunk_by(|first, second| first.event == second.event) {
+    let mut pieces = served
+        .chunk_by(|first, second| first.event == second.event)
+        .peekable();
+    while let Some(piece) = pieces.next() {
         let (first, last) = (piece[0].at_ns, piece[piece.len() - 1].at_ns);
+        // The pose of a frame is published before the next frame comes.
+        let end = pieces.peek().map_or(last, |next| next[0].at_ns);
         let kind = match piece[0].event {
             Some(index) if is_stranger(index) => 0,
             Some(_) => {
@@ -216,7 +221,7 @@ fn believed(served: &[Served], plan: &[Event], poses: &[u64]) -> [[u64; 2]; 2] {
         if spoiled_ns.is_some_and(|spoiled_ns| first < spoiled_ns + RECOVERY_NS) {
             continue;
         }
-        let within = poses.partition_point(|at| *at <= last) - poses.partition_point(|at| *at < first);
+        let within = poses.partition_point(|at| *at < end) - poses.partition_point(|at| *at < first);
         counts[kind][0] += (within as u64).min(piece.len() as u64);
         counts[kind][1] += piece.len() as u64;
     }
@@ -277,11 +282,12 @@ fn strangers_take_no_pose_away_and_a_network_lands_at_worst() {
     }
 }
 
-/// As many minutes as the environment states; none without it.
+/// As many minutes as the environment states.
 #[test]
+#[ignore = "takes minutes on a machine that has nothing else to do: see .ci/full"]
 fn minutes_of_everything() {
     let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().unwrap());
-    let minutes = number("GERONO_CAMERA_MINUTES").unwrap_or(0);
+    let minutes = number("GERONO_CAMERA_MINUTES").unwrap_or(1);
     let first_seed = number("GERONO_CAMERA_SEED").unwrap_or(1);
     let stated = std::env::var("GERONO_CAMERA_KINDS").unwrap_or_default();
     let kinds: Vec<Kind> = KINDS
@@ -327,5 +333,6 @@ fn minutes_of_everything() {
         alone[1]
     );
     assert!(fallen.is_empty(), "{fallen:?}");
+    assert!(counted > 0, "the machine stands still in every minute");
     assert!(share(beside) >= BELIEVED * share(alone));
 }

@@ -162,7 +162,7 @@ fn a_body_that_nobody_sends_is_named_with_those_that_came() {
     let text = said(&output);
     assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(
-        text.contains("no pose of `drone` could be believed") && text.contains(" quad "),
+        text.contains("no pose of `drone` could be believed") && text.contains(" `quad` "),
         "{text}"
     );
 }

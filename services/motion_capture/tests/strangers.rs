@@ -1,4 +1,4 @@
-//! A body of somebody else, its name or its values never take the vehicle's poses away: in each format, whatever the
+//! Another body in the room, its name or its values never take the vehicle's poses away: in each format, whatever the
 //! stranger is, the vehicle is in the frame with its pose, and the stranger's refusal is named.
 
 use motion_capture::natnet::{Received, RigidBody, ServerInfo, Times, Version};

@@ -288,7 +288,7 @@ impl Spoiler {
                 Spoil::ClockStep(_) => {}
             }
         }
-        // Between the strangers: the order of bodies is nobody's promise.
+        // Between the strangers: no protocol promises an order.
         let place = bodies.len().min(1);
         bodies.insert(place, OutBody::new(VEHICLE, VEHICLE_ID, pose.as_ref()));
         let stamp = frame
@@ -321,7 +321,8 @@ fn strange(stranger: Stranger, name: &[u8], id: i32, near: Option<&CapturePose>,
         capture_from_markers: Matrix3::identity(),
     });
     let phase = 1e-9 * since_ns as f64;
-    place.position += Vector3::new(1.5 + 0.5 * phase.sin(), 0.5 * phase.cos(), 0.1 * f64::from(id));
+    let (sine, cosine) = libm::sincos(phase);
+    place.position += Vector3::new(1.5 + 0.5 * sine, 0.5 * cosine, 0.1 * f64::from(id));
     let mut body = OutBody::new(name, id, Some(&place));
     match stranger {
         Stranger::NotANumber => {

@@ -11,7 +11,7 @@ pub(crate) enum Part {
     Both,
 }
 
-/// Kind of a body of somebody else.
+/// Kind of another body in the room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stranger {
     NotANumber,
@@ -99,7 +99,7 @@ struct Dice(ChaCha8Rng);
 
 impl Dice {
     fn below(&mut self, limit: u64) -> u64 {
-        u64::from(self.0.next_u32()) * limit >> 32
+        (u64::from(self.0.next_u32()) * limit) >> 32
     }
 
     fn between(&mut self, least: f64, most: f64) -> f64 {
