@@ -20,6 +20,7 @@
 //! error, here with rotation matrices and without an accelerometer; equation numbers in this module are his.
 //!
 //! * [`attitude`]: logarithm and right Jacobian of SO(3);
+//! * [`attitude_trust`]: the attitudes that a vehicle can have reached;
 //! * [`commands`]: the commands that thrust and rates follow, by time;
 //! * [`motion`]: the nominal state and its step;
 //! * [`error_state`]: the transition of its error, and the process noise;
@@ -28,6 +29,7 @@
 //! * [`filter`]: selection of captures, restarts of the filter, prediction.
 
 pub mod attitude;
+pub mod attitude_trust;
 pub mod commands;
 pub mod error_state;
 pub mod filter;

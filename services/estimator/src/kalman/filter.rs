@@ -9,6 +9,8 @@
 //!   model shows as innovations that are too large, and to refuse them would leave the state to that model;
 //! * one still too far, as after a jump, is refused and counted; when all have been refused for
 //!   [`restart_after`](Kalman::restart_after), the newest one is accepted instead and the filter restarts;
+//! * one whose attitude no vehicle can have reached is refused and counted, however long that lasts, because the
+//!   capture system has confused the markers: [`attitude_trust`](super::attitude_trust);
 //! * one that is no pose at all, or from the future, is refused and counted, and the filter never starts from it;
 //! * when impossible numbers (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next accepted
 //!   capture starts the filter from nothing;
@@ -28,6 +30,7 @@ use shared_types::samples::{MocapPose, RcFrame};
 use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
+use super::attitude_trust::AttitudeTrust;
 use super::commands::{CAPACITY, CommandHistory};
 use super::error_state::ProcessNoise;
 use super::filter_state::{FilterState, Innovation, MEASURED, MarkerOffset, Pose, PoseNoise, ProcessModel};
@@ -40,6 +43,10 @@ const ROUNDING: f64 = 1e-9;
 
 /// Time for which the motors of a vehicle that hardly moves must stop before it counts as standing on the ground, ns.
 const LANDED_AFTER_NS: u64 = 300_000_000;
+/// Time for which the vehicle turns as the last frame states, ns: a receiver that hears nothing then acts by itself.
+const TURN_KNOWN_NS: u64 = 250_000_000;
+/// Time after a start in which the rate bias, and with it the predicted attitude, is not known well, ns.
+const SETTLED_NS: u64 = 2_000_000_000;
 /// Speed below which it hardly moves, m/s.
 const HARDLY: f64 = 0.1;
 
@@ -90,6 +97,8 @@ pub(super) struct Memory {
     pub history: CommandHistory,
     /// Time since which all frames have stopped the motors, ns since the start of the flight.
     pub rests_since_ns: Option<u64>,
+    /// Time from which the newest frame with body rates acts, ns since the start of the flight.
+    pub rates_stated_ns: Option<u64>,
     /// The estimate with its times; `None` before the first capture.
     pub track: Option<Track>,
     /// Captures refused since the start of the flight.
@@ -107,6 +116,10 @@ pub(super) struct Track {
     pub used_at_ns: u64,
     /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
     pub refused_since_ns: Option<u64>,
+    /// Time at which the filter started or restarted, ns since the start of the flight.
+    pub started_ns: u64,
+    /// The last attitude that the vehicle can have reached.
+    pub trust: AttitudeTrust,
 }
 
 impl KalmanFilter {
@@ -143,6 +156,7 @@ impl KalmanFilter {
                     CommandHistory::hovering(model.mass)
                 },
                 rests_since_ns: None,
+                rates_stated_ns: None,
                 track: None,
                 captures_refused: 0,
                 scatter: Scatter::new(PoseNoise::new(kalman)),
@@ -158,17 +172,19 @@ impl KalmanFilter {
         if !frame.is_whole() || !self.can_be_sent(frame) {
             return;
         }
-        let is_lost = self.is_lost(now_ns);
         let Memory { history, track, .. } = &mut self.memory;
         if history.is_full() {
             let second_begins = history.commands()[1].acts_from_ns.min(now_ns);
-            if let Some(track) = track.as_mut().filter(|_| !is_lost) {
+            if let Some(track) = track {
                 track.state.propagate(second_begins, &self.process, history);
             }
             history.forget_oldest();
         }
         let acts_from_ns = frame.header.stamp_ns.saturating_add(self.radio_latency_ns);
         history.push(history.meaning(acts_from_ns, frame));
+        if frame.mode == RcFrame::MODE_RATES && !frame.failsafe.is_set() {
+            self.memory.rates_stated_ns = Some(acts_from_ns);
+        }
         let rests_since_ns = &mut self.memory.rests_since_ns;
         *rests_since_ns = rests_since_ns
             .or(Some(acts_from_ns))
@@ -200,17 +216,28 @@ impl KalmanFilter {
         if exposure_ns <= track.state.time_ns {
             return Outcome::Ignored;
         }
-        if self.is_lost(now_ns) {
-            return if track.state.stands {
-                self.start_from(now_ns, exposure_ns, &pose)
-            } else {
-                self.restart(now_ns, exposure_ns, &pose, &track.state)
-            };
+        if self.is_lost(now_ns) && track.state.stands {
+            return self.start_from(now_ns, exposure_ns, &pose);
         }
         let history = &mut self.memory.history;
         let turn_if_missed = history.turn_if_missed(track.state.time_ns, exposure_ns);
         track.state.propagate(exposure_ns, &self.process, history);
         history.forget_before(exposure_ns);
+        let predicted = track.state.nominal.world_from_body;
+        let flies = !track.state.stands && !self.has_come_to_rest(exposure_ns);
+        let has_settled = exposure_ns >= track.started_ns.saturating_add(SETTLED_NS);
+        if flies
+            && has_settled
+            && self.is_turn_known(exposure_ns)
+            && !track.trust.test(exposure_ns, &predicted, &pose.world_from_body)
+        {
+            self.memory.track = Some(track);
+            return self.refuse();
+        }
+        track.trust = AttitudeTrust::new(exposure_ns, &predicted, &pose.world_from_body);
+        if self.is_lost(now_ns) {
+            return self.restart(now_ns, exposure_ns, &pose, &track.state);
+        }
         let (residual, stated) = (track.state.residual(&pose), self.pose_noise);
         let scatter = &mut self.memory.scatter;
         scatter.observe(&residual, &track.state.pose_covariance(), stated);
@@ -238,6 +265,8 @@ impl KalmanFilter {
             }
             track.used_at_ns = now_ns;
             track.refused_since_ns = None;
+            let corrected = &track.state.nominal.world_from_body;
+            track.trust = AttitudeTrust::new(exposure_ns, corrected, &pose.world_from_body);
             self.memory.track = Some(track);
             return Outcome::Used(innovation.whitened());
         }
@@ -331,9 +360,21 @@ impl KalmanFilter {
 
     /// Returns whether a vehicle that flew stands on the ground again.
     fn has_landed(&self, state: &FilterState) -> bool {
-        let rests_since_ns = self.memory.rests_since_ns.filter(|_| self.has_ground);
-        rests_since_ns.is_some_and(|since| state.time_ns >= since.saturating_add(LANDED_AFTER_NS))
+        self.has_ground
+            && self.has_come_to_rest(state.time_ns)
             && state.nominal.velocity_world.norm() < HARDLY
+    }
+
+    /// Returns whether recent frames state the rates at which the vehicle turns.
+    fn is_turn_known(&self, time_ns: u64) -> bool {
+        let rates_stated_ns = self.memory.rates_stated_ns;
+        rates_stated_ns.is_some_and(|at| time_ns <= at.saturating_add(TURN_KNOWN_NS))
+    }
+
+    /// Returns whether the motors have been stopped for so long that a vehicle on the ground stands still.
+    fn has_come_to_rest(&self, time_ns: u64) -> bool {
+        let rests_since_ns = self.memory.rests_since_ns;
+        rests_since_ns.is_some_and(|since| time_ns >= since.saturating_add(LANDED_AFTER_NS))
     }
 
     fn restart(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &FilterState) -> Outcome {
@@ -345,7 +386,10 @@ impl KalmanFilter {
     fn start(&mut self, now_ns: u64, state: FilterState) -> Outcome {
         self.memory.history.forget_before(state.time_ns);
         self.memory.scatter.innovation = SVector::zeros();
+        let attitude = &state.nominal.world_from_body;
         self.memory.track = Some(Track {
+            started_ns: state.time_ns,
+            trust: AttitudeTrust::new(state.time_ns, attitude, attitude),
             state,
             used_at_ns: now_ns,
             refused_since_ns: None,

@@ -5,6 +5,7 @@ use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::sample::Flag;
 use zerocopy::FromZeros;
 
+use super::attitude_trust::AttitudeTrust;
 use super::commands::{CAPACITY, Command, CommandHistory};
 use super::error_state::{Covariance, ERRORS};
 use super::filter::{KalmanFilter, Memory, Track};
@@ -23,6 +24,8 @@ shared_types::sample! {
         pub refused_since_ns: u64,
         /// Time since which all frames have stopped the motors, ns since the start of the flight.
         pub rests_since_ns: u64,
+        /// Time from which the newest frame with body rates acts, ns since the start of the flight; all ones for none.
+        pub rates_stated_ns: u64,
         /// p, position in {I}, m.
         pub position_world: [f64; 3],
         /// v, linear velocity in {I}, m/s.
@@ -45,6 +48,14 @@ shared_types::sample! {
         pub scatter: [f64; 2],
         /// Innovation of the capture before: position, m, and attitude, rad.
         pub innovation: [f64; 6],
+        /// Time at which the filter started or restarted, ns since the start of the flight.
+        pub started_ns: u64,
+        /// R_captured R_estimatedᵀ of the last trusted capture, row-major.
+        pub captured_from_estimated: [f64; 9],
+        /// Time of the last trusted capture, ns since the start of the flight.
+        pub trusted_ns: u64,
+        /// Time from the last trusted capture to the first one after it, ns.
+        pub unseen_ns: u64,
         /// The commands that act or are under way, oldest first.
         pub commands: [Command; 64],
         /// Number of these commands.
@@ -79,6 +90,7 @@ impl KalmanFilter {
         state.innovation = innovation.into();
         state.rests = self.memory.rests_since_ns.is_some().into();
         state.rests_since_ns = self.memory.rests_since_ns.unwrap_or(0);
+        state.rates_stated_ns = self.memory.rates_stated_ns.unwrap_or(u64::MAX);
         if let Some(track) = &self.memory.track {
             save_track(track, &mut state);
         }
@@ -92,6 +104,7 @@ impl KalmanFilter {
             history: CommandHistory::restored(state.commands, count),
             track: state.started.is_set().then(|| restored_track(state)),
             rests_since_ns: state.rests.is_set().then_some(state.rests_since_ns),
+            rates_stated_ns: Some(state.rates_stated_ns).filter(|&at| at != u64::MAX),
             captures_refused: state.captures_refused,
             scatter: Scatter {
                 seen: PoseNoise {
@@ -123,6 +136,10 @@ fn save_track(track: &Track, state: &mut KalmanState) {
     state
         .covariance
         .copy_from_slice(track.state.covariance.as_slice());
+    state.captured_from_estimated = to_row_major(&track.trust.captured_from_estimated);
+    state.started_ns = track.started_ns;
+    state.trusted_ns = track.trust.trusted_ns;
+    state.unseen_ns = track.trust.unseen_ns;
 }
 
 fn restored_track(state: &KalmanState) -> Track {
@@ -146,5 +163,11 @@ fn restored_track(state: &KalmanState) -> Track {
         },
         used_at_ns: state.used_at_ns,
         refused_since_ns: state.refusing.is_set().then_some(state.refused_since_ns),
+        started_ns: state.started_ns,
+        trust: AttitudeTrust {
+            captured_from_estimated: from_row_major(&state.captured_from_estimated),
+            trusted_ns: state.trusted_ns,
+            unseen_ns: state.unseen_ns,
+        },
     }
 }

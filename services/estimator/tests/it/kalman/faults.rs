@@ -53,7 +53,7 @@ fn a_short_jump_is_refused_as_a_whole_and_leaves_the_state_where_it_was() {
 
 #[test]
 fn a_lasting_jump_is_accepted_after_the_stated_time_and_again_at_its_end() {
-    // Of the position alone: with the axes swapped too the body would no longer turn as the frames say.
+    // Of the position alone: a turned attitude is never accepted.
     let mut rig = laboratory(|world| {
         world.swapped = 1000..2000;
         world.swapped_rotation = nalgebra::Vector3::zeros();
@@ -74,9 +74,44 @@ fn a_lasting_jump_is_accepted_after_the_stated_time_and_again_at_its_end() {
     assert!(position < 2e-3 && velocity < 0.05 && attitude < 0.01);
 }
 
+/// A body whose markers were confused, after a gap or without one.
+#[test]
+fn a_lasting_turn_of_the_captures_is_never_accepted_and_the_truth_is_after_it() {
+    for (gap, degrees) in [
+        (0, 30.0),
+        (100, 30.0),
+        (500, 30.0),
+        (0, 90.0),
+        (100, 180.0),
+        (500, 180.0),
+    ] {
+        for axis in [nalgebra::Vector3::x(), nalgebra::Vector3::z()] {
+            let mut rig = laboratory(|world| {
+                world.hidden = 2500..2500 + gap;
+                world.swapped = 2500 + gap..4500;
+                world.swapped_position = nalgebra::Vector3::zeros();
+                world.swapped_rotation = axis * f64::to_radians(degrees);
+            });
+            let seen = outcomes(&mut rig, 4500);
+            let late = seen.iter().filter(|(tick, _)| *tick > 2510 + gap);
+            for (tick, outcome) in late {
+                assert!(
+                    matches!(outcome, Outcome::Refused),
+                    "{degrees}° about {axis} after {gap} ms: {outcome:?} at {tick}"
+                );
+            }
+            assert!(!rig.filter.is_tracking(rig.now_ns()));
+        }
+    }
+}
+
 #[test]
 fn a_restart_keeps_disturbance_and_rate_bias() {
-    let mut rig = laboratory(|world| world.swapped = 1000..2000).starting(|truth| {
+    let mut rig = laboratory(|world| {
+        world.swapped = 1000..2000;
+        world.swapped_rotation = nalgebra::Vector3::zeros();
+    })
+    .starting(|truth| {
         truth.disturbance_world = nalgebra::Vector3::new(0.5, -0.9, 0.3);
         truth.rate_bias_body = nalgebra::Vector3::new(0.1, 0.2, -0.1);
     });

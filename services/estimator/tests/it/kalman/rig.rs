@@ -93,7 +93,9 @@ pub struct World {
     pub hidden: std::ops::Range<u64>,
     /// Wrong captures, by the tick of exposure.
     pub swapped: std::ops::Range<u64>,
-    /// Rotation by which the attitude is wrong then; the position is wrong by a tenth of a metre.
+    /// Way by which the position is wrong then, m.
+    pub swapped_position: Vector3<f64>,
+    /// Rotation by which the attitude is wrong then.
     pub swapped_rotation: Vector3<f64>,
 }
 
@@ -115,6 +117,7 @@ impl World {
             capture_noise: false,
             hidden: 0..0,
             swapped: 0..0,
+            swapped_position: Vector3::new(0.0, 0.1, 0.05),
             swapped_rotation: Vector3::new(0.0, 0.0, 1.5),
         }
     }
@@ -289,7 +292,7 @@ impl Rig {
             attitude *= exp(&(draws.normal3() * self.kalman.attitude_deviation));
         }
         if self.world.swapped.contains(&self.tick) {
-            position += Vector3::new(0.0, 0.1, 0.05);
+            position += self.world.swapped_position;
             attitude *= exp(&self.world.swapped_rotation);
         }
         pose.position_world = position.into();

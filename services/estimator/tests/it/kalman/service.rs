@@ -46,11 +46,13 @@ fn saved(service: &EstimatorService) -> Vec<u8> {
     state
 }
 
-/// A flight with all events that the filter's memory records: a drop-out, a jump that ends in a restart.
-fn eventful() -> Rig {
+/// A flight with all events that the filter's memory records: a drop-out, a jump that ends in a restart if the attitude
+/// is not turned, and is refused to its end if it is.
+fn eventful(swapped_rotation: nalgebra::Vector3<f64>) -> Rig {
     let world = World {
         hidden: 200..300,
         swapped: 400..800,
+        swapped_rotation,
         ..World::laboratory(50)
     };
     Rig::new(world, &Kalman::default(), &Model::default())
@@ -58,28 +60,30 @@ fn eventful() -> Rig {
 
 #[test]
 fn restored_at_every_step_it_goes_on_with_the_same_bytes() {
-    let mut steady = service(&Kalman::default());
-    let mut rig = eventful();
-    while rig.tick < 1000 {
-        let tick = rig.tick;
-        let before = saved(&steady);
-        let moment = rig.step(pilot_on_the_eight);
-        let (pose, frame) = (moment.seen.as_ref(), moment.heard.as_ref());
-        let expected = step(&mut steady, tick, pose, frame);
-        let mut restarted = service(&Kalman::default());
-        ErasedService::restore(&mut restarted, &before);
-        let got = step(&mut restarted, tick, pose, frame);
-        assert_eq!(got.as_bytes(), expected.as_bytes(), "at tick {tick}");
-        assert_eq!(saved(&restarted), saved(&steady), "at tick {tick}");
+    // 30 until the jump is accepted, 20 between its end and that of the flight; or all of a turned attitude.
+    for (turn, refused) in [(0.0, 50), (1.5, 50)] {
+        let mut steady = service(&Kalman::default());
+        let mut rig = eventful(nalgebra::Vector3::z() * turn);
+        while rig.tick < 1000 {
+            let tick = rig.tick;
+            let before = saved(&steady);
+            let moment = rig.step(pilot_on_the_eight);
+            let (pose, frame) = (moment.seen.as_ref(), moment.heard.as_ref());
+            let expected = step(&mut steady, tick, pose, frame);
+            let mut restarted = service(&Kalman::default());
+            ErasedService::restore(&mut restarted, &before);
+            let got = step(&mut restarted, tick, pose, frame);
+            assert_eq!(got.as_bytes(), expected.as_bytes(), "at tick {tick}");
+            assert_eq!(saved(&restarted), saved(&steady), "at tick {tick}");
+        }
+        assert_eq!(rig.filter.captures_refused(), refused);
     }
-    // 30 until the jump is accepted, 20 between its end and that of the flight.
-    assert_eq!(rig.filter.captures_refused(), 50);
 }
 
 #[test]
 fn the_service_publishes_the_filters_estimate() {
     let mut service = service(&Kalman::default());
-    let mut rig = eventful();
+    let mut rig = eventful(nalgebra::Vector3::zeros());
     while rig.tick < 1000 {
         let (tick, now_ns) = (rig.tick, rig.now_ns());
         let moment = rig.step(pilot_on_the_eight);

@@ -1,0 +1,131 @@
+//! Attitudes that the vehicle can have reached.
+//!
+//! Capture systems confuse the markers of a body, mostly after an occlusion, and then report a turned attitude for any
+//! time. The vehicle turns as its commands say, within the errors of its rate loop, so an attitude that departs from
+//! that turn at once is a false one. One that departs steadily, as of a vehicle that tips over or was hit, is true.
+//!
+//! The test compares each capture with the last trusted one, turned as the filter has turned since:
+//!
+//! ```text
+//!     angle(R_expected, R_captured) ≤ 0.1 rad + min(10 rad/s · t, 0.3 rad) + min(0.2 rad/s · b, 0.6 rad)
+//! ```
+//!
+//! with the time t since the last trusted capture, and the time b from it to the first capture after it. Further captures
+//! that are not trusted do not extend b: a false attitude that lasts is never believed, nor is a turn of 30° at once
+//! after a gap of up to half a second.
+
+use nalgebra::Matrix3;
+use shared_types::service::seconds;
+
+/// Error of a captured attitude, rad.
+const NOISE: f64 = 0.1;
+/// Largest rate at which the vehicle departs from its commands, rad/s, and the largest such turn, rad.
+const DEPARTURE_RATE: f64 = 10.0;
+const LARGEST_DEPARTURE: f64 = 0.3;
+/// Drift of the predicted attitude while the body is not seen, rad/s, and the largest such error, rad.
+const DRIFT_RATE: f64 = 0.2;
+const LARGEST_DRIFT: f64 = 0.6;
+
+/// The last trusted attitude, and the times that limit the next one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AttitudeTrust {
+    /// R_captured R_estimatedᵀ of the last trusted capture.
+    pub captured_from_estimated: Matrix3<f64>,
+    /// Time of the last trusted capture, ns since the start of the flight.
+    pub trusted_ns: u64,
+    /// Time from the last trusted capture to the first one after it, ns; 0 while there is none.
+    pub unseen_ns: u64,
+}
+
+impl AttitudeTrust {
+    /// Makes the trust in a captured attitude beside the estimated one.
+    #[must_use]
+    pub fn new(time_ns: u64, estimated: &Matrix3<f64>, captured: &Matrix3<f64>) -> Self {
+        Self {
+            captured_from_estimated: captured * estimated.transpose(),
+            trusted_ns: time_ns,
+            unseen_ns: 0,
+        }
+    }
+
+    /// Returns whether the vehicle can have reached a captured attitude, beside the one predicted for that time.
+    pub fn test(&mut self, time_ns: u64, predicted: &Matrix3<f64>, captured: &Matrix3<f64>) -> bool {
+        let since_ns = time_ns.saturating_sub(self.trusted_ns);
+        if self.unseen_ns == 0 {
+            self.unseen_ns = since_ns;
+        }
+        let since = seconds(since_ns);
+        let reach = NOISE
+            + (DEPARTURE_RATE * since).min(LARGEST_DEPARTURE)
+            + (DRIFT_RATE * seconds(self.unseen_ns)).min(LARGEST_DRIFT);
+        let expected = self.captured_from_estimated * predicted;
+        // |R1 − R2|F = √8 sin(angle / 2), and the reach is below π.
+        (expected - captured).norm() <= 8.0_f64.sqrt() * libm::sin(reach / 2.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use proptest::prelude::*;
+    use shared_types::rotation::exp;
+
+    use super::*;
+
+    const FRAME_NS: u64 = 10_000_000;
+
+    /// Trust in a level attitude at time 0, and the prediction of a vehicle that turns at a rate.
+    fn at_rest() -> AttitudeTrust {
+        AttitudeTrust::new(0, &Matrix3::identity(), &Matrix3::identity())
+    }
+
+    proptest! {
+        #[test]
+        fn a_turn_at_once_is_never_trusted_however_long_it_lasts(
+            axis in prop::array::uniform3(-1.0..1.0f64),
+            degrees in 30.0..180.0f64,
+            rate in prop::array::uniform3(-6.0..6.0f64),
+            gap_ns in 0..490_000_000u64,
+            noise in 0.0..0.01f64,
+            period_ns in 5_000_000..200_000_000u64,
+        ) {
+            let axis = Vector3::from(axis);
+            prop_assume!(axis.norm() > 0.1);
+            let turn = exp(&(axis.normalize() * degrees.to_radians()));
+            let mut trust = at_rest();
+            for frame in 0..1000 {
+                let time_ns = FRAME_NS + gap_ns + frame * period_ns;
+                let predicted = exp(&(Vector3::from(rate) * seconds(time_ns)));
+                let shaken = exp(&Vector3::new(noise * libm::sin(frame as f64), 0.0, noise));
+                let captured = predicted * turn * shaken;
+                prop_assert!(!trust.test(time_ns, &predicted, &captured), "frame {}", frame);
+            }
+            let time_ns = FRAME_NS + gap_ns + 1000 * period_ns;
+            let predicted = exp(&(Vector3::from(rate) * seconds(time_ns)));
+            prop_assert!(trust.test(time_ns, &predicted, &predicted), "the true attitude is trusted at once");
+        }
+
+        #[test]
+        fn a_vehicle_that_tips_over_against_its_commands_is_trusted(
+            axis in prop::array::uniform3(-1.0..1.0f64),
+            rate in 0.0..18.0f64,
+        ) {
+            let axis = Vector3::from(axis);
+            prop_assume!(axis.norm() > 0.1);
+            let mut trust = at_rest();
+            for frame in 1..200 {
+                let time_ns = frame * FRAME_NS;
+                let captured = exp(&(axis.normalize() * rate * seconds(time_ns)));
+                prop_assert!(trust.test(time_ns, &Matrix3::identity(), &captured));
+                trust = AttitudeTrust::new(time_ns, &Matrix3::identity(), &captured);
+            }
+        }
+    }
+
+    #[test]
+    fn a_body_that_was_not_seen_for_seconds_may_have_drifted() {
+        let captured = exp(&Vector3::new(0.9, 0.0, 0.0));
+        assert!(!at_rest().test(1_000_000_000, &Matrix3::identity(), &captured));
+        assert!(at_rest().test(3_000_000_000, &Matrix3::identity(), &captured));
+    }
+}
